@@ -1,0 +1,121 @@
+"""Convex polygons of normals on the unit sphere, one per mesh vertex."""
+
+import math
+
+import numpy as np
+
+from grasp3d._kernels.compiling import kernel
+
+HEMISPHERE = 0.02
+"""Cosine to the centre below which a set is taken to span every direction."""
+
+FLAT = 1e-12
+
+
+@kernel
+def _centre(normals, first, count):
+    """Middle of the normals: their mean, or the centre of the smallest cap around them."""
+    centre = np.zeros(3)
+    for i in range(first, first + count):
+        centre += normals[i]
+    length = math.sqrt(np.dot(centre, centre))
+    if length < 1e-9:
+        return normals[first].copy()
+    centre /= length
+    nearest = 1.0
+    for i in range(first, first + count):
+        nearest = min(nearest, np.dot(centre, normals[i]))
+    if nearest > HEMISPHERE:
+        return centre
+    for step in range(2, 400):  # Badoiu & Clarkson 2003: walk to the farthest, ever less
+        far, least = first, 2.0
+        for i in range(first, first + count):
+            cosine = np.dot(centre, normals[i])
+            if cosine < least:
+                far, least = i, cosine
+        centre += (normals[far] - centre) / step
+        centre /= max(math.sqrt(np.dot(centre, centre)), 1e-300)
+    return centre
+
+
+@kernel
+def _hull(points):
+    """Corners of the planar convex hull, counter-clockwise (Andrew's monotone chain)."""
+    count = points.shape[0]
+    order = np.arange(count)
+    for i in range(1, count):
+        j = i
+        while j > 0:
+            a, b = order[j - 1], order[j]
+            if points[a, 0] < points[b, 0] or (
+                points[a, 0] == points[b, 0] and points[a, 1] <= points[b, 1]
+            ):
+                break
+            order[j - 1], order[j] = b, a
+            j -= 1
+    chain = np.empty(2 * count, dtype=np.int64)
+    size = 0
+    for turn in range(2):
+        base = size
+        for step in range(count):
+            new = order[step] if turn == 0 else order[count - 1 - step]
+            while size - base >= 2:
+                a, b = chain[size - 2], chain[size - 1]
+                cross = (points[b, 0] - points[a, 0]) * (points[new, 1] - points[a, 1]) - (
+                    points[b, 1] - points[a, 1]
+                ) * (points[new, 0] - points[a, 0])
+                if cross > FLAT:
+                    break
+                size -= 1
+            chain[size] = new
+            size += 1
+        size -= 1
+    return chain[: max(size, 1)]
+
+
+@kernel
+def order_normal_sets(start, normals, counts, centres, radii):
+    """Turn each vertex's distinct normals into a convex polygon, in place.
+
+    Args:
+        start: First row of each vertex in `normals`, shape (V + 1,).
+        normals: Unit normals (K, 3); reordered, the polygon's corners first.
+        counts: Written, corners of each polygon (V,): 0 none or every direction, 1 a smooth
+            place, 2 an arc, more a polygon, counter-clockwise about its centre.
+        centres: Written, middle of each set (V, 3).
+        radii: Written, largest angle from the centre to a normal [rad] (V,); pi where the set
+            spans every direction; -1 where there is no normal at all.
+    """
+    for v in range(start.shape[0] - 1):
+        first, count = start[v], start[v + 1] - start[v]
+        if count == 0:
+            counts[v], radii[v] = 0, -1.0
+            continue
+        if count == 1:
+            counts[v], radii[v] = 1, 0.0
+            centres[v] = normals[first]
+            continue
+        centre = _centre(normals, first, count)
+        centres[v] = centre
+        nearest = 1.0
+        for i in range(first, first + count):
+            nearest = min(nearest, np.dot(centre, normals[i]))
+        if nearest < HEMISPHERE:
+            counts[v], radii[v] = 0, math.pi
+            continue
+        radii[v] = math.acos(min(1.0, nearest))
+        axis = np.zeros(3)
+        axis[np.argmin(np.abs(centre))] = 1.0
+        e1 = np.cross(axis, centre)
+        e1 /= math.sqrt(np.dot(e1, e1))
+        e2 = np.cross(centre, e1)
+        plane = np.empty((count, 2))
+        for i in range(count):
+            normal = normals[first + i]
+            height = np.dot(centre, normal)
+            plane[i, 0] = np.dot(e1, normal) / height
+            plane[i, 1] = np.dot(e2, normal) / height
+        corners = _hull(plane)
+        chosen = normals[first : first + count][corners].copy()
+        normals[first : first + chosen.shape[0]] = chosen
+        counts[v] = chosen.shape[0]

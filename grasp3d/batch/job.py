@@ -1,0 +1,111 @@
+"""What is done for one mesh: a pure function of the file and the settings."""
+
+import time
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from grasp3d.errors import GraspError
+from grasp3d.settings import GraspModel, MeshOptions, Sampling
+
+
+@dataclass(frozen=True)
+class BatchSettings:
+    """The settings of every mesh of a batch."""
+
+    model: GraspModel = field(default_factory=GraspModel)
+    sampling: Sampling = field(default_factory=Sampling)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
+
+
+@dataclass(frozen=True)
+class Job:
+    """One mesh to label."""
+
+    name: str
+    """How the mesh is called in the summary: its path below the folder that was given."""
+    source: Path
+    target: Path
+    """Labelled file to write; the suffix chooses the format."""
+
+
+@dataclass(frozen=True)
+class Row:
+    """One line of the summary; `error` is empty for a mesh that was labelled."""
+
+    mesh: str
+    error: str = ""
+    labeled: str = ""
+    """Name of the labelled file, below the output folder."""
+    vertices: int | None = None
+    faces: int | None = None
+    size: float | None = None
+    """Diameter of the ball around the surface, in the mesh's unit."""
+    unit: str | None = None
+    closed: bool | None = None
+    stable: float | None = None
+    """Share of the surface labelled S, by area."""
+    ambiguous: float | None = None
+    """Share labelled M."""
+    no_grasp_found: float | None = None
+    """Share labelled U."""
+    critical_angle_p10: float | None = None
+    """Quantiles of the critical friction angle over the surface [rad]; inf: no grasp found."""
+    critical_angle_p50: float | None = None
+    critical_angle_p90: float | None = None
+    repairs: str = ""
+    warnings: str = ""
+    seconds: float = 0.0
+
+
+def label_file(job: Job, settings: BatchSettings) -> Row:
+    """Label one mesh file and write the labelled file.
+
+    Args:
+        job: The file and where its labels go.
+        settings: Model, sampling and mesh options.
+
+    Returns:
+        The mesh's row of the summary; a mesh that cannot be labelled has its reason in `error`.
+    """
+    begun = time.perf_counter()
+    try:
+        row = _labeled(job, settings)
+    except GraspError as error:
+        row = Row(job.name, error=str(error))
+    return replace(row, seconds=time.perf_counter() - begun)
+
+
+def _labeled(job: Job, settings: BatchSettings) -> Row:
+    # Loaded here: whoever plans a batch or reads its rows needs no rays and no compiler.
+    from grasp3d.export import writer_for  # noqa: PLC0415
+    from grasp3d.mesh import load_mesh  # noqa: PLC0415
+    from grasp3d.surface import label_surface  # noqa: PLC0415
+
+    options = settings.mesh
+    mesh = load_mesh(
+        job.source,
+        unit=options.unit,
+        max_edge=options.max_edge,
+        crease_angle=options.crease_angle,
+    )
+    labels = label_surface(mesh, settings.model, sampling=settings.sampling, threads=1)
+    writer_for(job.target)(job.target, labels)
+    fractions = labels.fractions()
+    low, middle, high = (float(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
+    return Row(
+        mesh=job.name,
+        labeled=job.target.name,
+        vertices=len(mesh.vertices),
+        faces=len(mesh.faces),
+        size=mesh.size,
+        unit=mesh.unit,
+        closed=mesh.report.closed,
+        stable=fractions["S"],
+        ambiguous=fractions["M"],
+        no_grasp_found=fractions["U"],
+        critical_angle_p10=low,
+        critical_angle_p50=middle,
+        critical_angle_p90=high,
+        repairs="; ".join(mesh.report.repairs),
+        warnings="; ".join(mesh.report.warnings),
+    )

@@ -1,0 +1,73 @@
+"""Which files to label, and what the labelled files are called."""
+
+from collections import Counter
+from collections.abc import Iterable
+from pathlib import Path
+
+from grasp3d.batch.job import Job
+from grasp3d.errors import MeshError
+from grasp3d.mesh.loading import mesh_suffixes
+
+
+def plan(inputs: Iterable[Path], output: Path) -> list[Job]:
+    """List the meshes in files and folders, with a name of its own for each result.
+
+    Args:
+        inputs: Mesh files, and folders that are searched with all below them.
+        output: Folder for the results; meshes in it are not taken for inputs.
+
+    Returns:
+        The jobs in alphabetical order; folders below an input folder are kept below `output`.
+
+    Raises:
+        MeshError: An input is missing, or there is no mesh among them.
+    """
+    inputs = list(inputs)
+    found: dict[Path, Path] = {}
+    for item in inputs:
+        if not item.exists():
+            raise MeshError(f"{item}: there is no such file or folder")
+        if item.is_dir():
+            for path in _meshes_below(item, output):
+                found.setdefault(path.resolve(), path.relative_to(item))
+        else:
+            found.setdefault(item.resolve(), Path(item.name))
+    if not found:
+        known = " ".join(sorted(mesh_suffixes()))
+        folders = ", ".join(str(item) for item in inputs)
+        raise MeshError(f"{folders}: no mesh in it; files named {known} are read")
+    return _named(found, output)
+
+
+def _meshes_below(folder: Path, output: Path) -> list[Path]:
+    suffixes = mesh_suffixes()
+    own = output.resolve()
+    return sorted(
+        path
+        for path in folder.rglob("*")
+        if path.suffix.lower() in suffixes
+        and path.is_file()
+        and not path.resolve().is_relative_to(own)
+    )
+
+
+def _named(found: dict[Path, Path], output: Path) -> list[Job]:
+    """Name the results: `mug_labeled.ply`, with the suffix where stems meet, with a number else."""
+    short = Counter(_key(name.with_suffix("")) for name in found.values())
+    taken: set[str] = set()
+    jobs = []
+    for source, name in sorted(found.items(), key=lambda item: (str(item[1]), str(item[0]))):
+        stem = name.stem if short[_key(name.with_suffix(""))] == 1 else name.name.replace(".", "_")
+        target = name.with_name(f"{stem}_labeled.ply")
+        number = 2
+        while _key(target) in taken:
+            target = name.with_name(f"{stem}_{number}_labeled.ply")
+            number += 1
+        taken.add(_key(target))
+        jobs.append(Job(name=str(name), source=source, target=output / target))
+    return jobs
+
+
+def _key(path: Path) -> str:
+    """What a file system that ignores case takes for the same name."""
+    return str(path).casefold()

@@ -1,0 +1,53 @@
+"""The summary of a batch as a Parquet table."""
+
+import json
+from collections.abc import Sequence
+from dataclasses import asdict
+from pathlib import Path
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+
+from grasp3d.batch.job import BatchSettings, Row
+from grasp3d.files import written_whole
+
+_SCHEMA = pa.schema(
+    [
+        ("mesh", pa.string()),
+        ("error", pa.string()),
+        ("labeled", pa.string()),
+        ("vertices", pa.int64()),
+        ("faces", pa.int64()),
+        ("size", pa.float64()),
+        ("unit", pa.string()),
+        ("closed", pa.bool_()),
+        ("stable", pa.float64()),
+        ("ambiguous", pa.float64()),
+        ("no_grasp_found", pa.float64()),
+        ("critical_angle_p10", pa.float64()),
+        ("critical_angle_p50", pa.float64()),
+        ("critical_angle_p90", pa.float64()),
+        ("repairs", pa.string()),
+        ("warnings", pa.string()),
+        ("seconds", pa.float64()),
+    ]
+)
+
+
+def write_summary(path: Path, rows: Sequence[Row], settings: BatchSettings) -> None:
+    """Write the rows, sorted by mesh; the settings are in the schema's metadata as JSON.
+
+    Args:
+        path: Parquet file to make or replace.
+        rows: One per mesh.
+        settings: What all meshes were labelled with; angles in radians.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    table = pa.Table.from_pylist(
+        [asdict(row) for row in sorted(rows, key=lambda row: row.mesh)], schema=_SCHEMA
+    )
+    metadata = {"grasp3d": json.dumps(asdict(settings))}
+    with written_whole(path) as part:
+        pq.write_table(table.replace_schema_metadata(metadata), part)

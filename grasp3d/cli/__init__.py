@@ -1,0 +1,40 @@
+"""The command line: it parses, calls one function, prints, and returns a code.
+
+Nothing heavy is imported here, so that `grasp3d --help` answers at once.
+"""
+
+import sys
+from typing import Annotated
+
+import tyro
+
+from grasp3d.cli.batch import Batch
+from grasp3d.cli.label import Label
+from grasp3d.errors import GraspError
+
+Command = (
+    Annotated[Label, tyro.conf.subcommand("label")]
+    | Annotated[Batch, tyro.conf.subcommand("batch")]
+)
+
+BAD_INPUT = 2
+INTERRUPTED = 130
+
+
+def main(arguments: list[str] | None = None) -> int:
+    """Run the command line; returns the exit code: 0 done, 1 some meshes failed, 2 bad input."""
+    try:
+        command = tyro.cli(
+            Command,
+            prog="grasp3d",
+            description="Where on an object is a grasp reliable for a tactile fingertip?",
+            args=arguments,
+            config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+        )
+        return command.run()
+    except GraspError as error:
+        print(f"grasp3d: {error}", file=sys.stderr)  # noqa: T201
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("grasp3d: interrupted", file=sys.stderr)  # noqa: T201
+        return INTERRUPTED

@@ -1,0 +1,70 @@
+"""`grasp3d batch`: a folder of meshes in, a folder of labelled meshes and a summary out."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from grasp3d.cli.options import ModelOptions, SamplingOptions, SurfaceOptions
+from grasp3d.errors import OutputError, SettingError
+from grasp3d.settings import GraspModel, MeshOptions, Sampling
+
+SUMMARY = "summary.parquet"
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Label every mesh of a library: one labelled PLY each, and a summary table."""
+
+    inputs: tyro.conf.Positional[tuple[Path, ...]]
+    """Mesh files, and folders that are searched with all below them."""
+
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    """Folder for the labelled meshes and summary.parquet."""
+
+    workers: int | None = None
+    """Processes to use; none: one per processor."""
+
+    model: ModelOptions = field(default_factory=GraspModel)
+    """Friction and touch."""
+
+    sampling: SamplingOptions = field(default_factory=Sampling)
+    """How candidate grasps are searched."""
+
+    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    """How the mesh is read and prepared."""
+
+    quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
+    """Print nothing but errors."""
+
+    def __post_init__(self) -> None:
+        if not self.inputs:
+            raise SettingError("no input: name a folder of meshes, or mesh files")
+        if self.workers is not None and self.workers < 1:
+            raise SettingError(f"workers must be at least 1; got {self.workers}")
+
+    def run(self) -> int:
+        """Do it; returns the exit code."""
+        from grasp3d.batch.job import BatchSettings  # noqa: PLC0415
+        from grasp3d.batch.plan import plan  # noqa: PLC0415
+        from grasp3d.batch.run import run  # noqa: PLC0415
+        from grasp3d.batch.store import write_summary  # noqa: PLC0415
+        from grasp3d.cli import report  # noqa: PLC0415
+        from grasp3d.processors import available_processors  # noqa: PLC0415
+
+        jobs = plan(self.inputs, self.output)
+        try:
+            self.output.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{self.output}: cannot be made ({error.strerror})") from error
+        settings = BatchSettings(self.model, self.sampling, self.mesh)
+        rows = []
+        with report.counter("labelling", len(jobs), quiet=self.quiet) as advance:
+            for row in run(jobs, settings, workers=self.workers or available_processors()):
+                rows.append(row)
+                advance(row)
+        write_summary(self.output / SUMMARY, rows, settings)
+        if not self.quiet:
+            report.print_batch(rows, self.output)
+        return 1 if any(row.error for row in rows) else 0

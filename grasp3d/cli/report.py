@@ -1,0 +1,127 @@
+"""What the commands show: progress on standard error, tables on standard output."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+from rich.table import Table
+
+from grasp3d.batch.job import Row
+from grasp3d.stability import COLORS
+from grasp3d.stability import Label as Code
+from grasp3d.surface import Reason, SurfaceLabels
+
+MEANING = {
+    Code.S: "surely stable",
+    Code.M: "the sensor cannot tell",
+    Code.U: "no grasp found",
+}
+_WHY = {
+    Reason.NO_PARTNER: "no place for the second finger within the search cone",
+    Reason.OPENING: "every second place is outside the opening limits",
+    Reason.OFF_SURFACE: "not on the surface",
+}
+
+
+@contextmanager
+def progress(text: str, *, quiet: bool) -> Iterator[Callable[[float], None]]:
+    """Show a bar for one piece of work; gives a function that takes the share done."""
+    with _bar(TextColumn("{task.percentage:>3.0f} %"), quiet=quiet) as bar:
+        task = bar.add_task(escape(text), total=1.0)
+        yield lambda share: bar.update(task, completed=share)
+
+
+@contextmanager
+def counter(text: str, total: int, *, quiet: bool) -> Iterator[Callable[[Row], None]]:
+    """Show a bar that counts meshes and names the failed ones; gives a function of a row."""
+    with _bar(MofNCompleteColumn(), quiet=quiet) as bar:
+        task = bar.add_task(text, total=total)
+
+        def advance(row: Row) -> None:
+            if row.error:
+                bar.console.print(f"[red]failed[/] {escape(row.mesh)}: {escape(row.error)}")
+            bar.advance(task)
+
+        yield advance
+
+
+def _bar(column: TextColumn | MofNCompleteColumn, *, quiet: bool) -> Progress:
+    console = Console(stderr=True, quiet=quiet, soft_wrap=True)
+    return Progress(
+        TextColumn("{task.description}"), BarColumn(), column, TimeElapsedColumn(),
+        console=console, transient=True, disable=quiet or not console.is_terminal,
+    )  # fmt: skip
+
+
+def print_labels(labels: SurfaceLabels, output: Path) -> None:
+    """Print how much of a surface is S, M and U, and what the labels rest on."""
+    console = Console()
+    mesh, model = labels.mesh, labels.model
+    console.print(
+        f"[bold]{escape(mesh.report.source)}[/]: {len(mesh.vertices)} vertices, "
+        f"size {mesh.size:.4g} {mesh.unit or '(unit not stated)'}; friction {model.friction:g}, "
+        f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
+    )
+    table = Table("label", "", "share of area", box=None, pad_edge=False)
+    for name, share in labels.fractions().items():
+        code = Code[name]
+        color = "#{:02X}{:02X}{:02X}".format(*COLORS[code])
+        table.add_row(f"[{color}]■[/] {name}", MEANING[code], f"{100.0 * share:.1f} %")
+    console.print(table)
+    console.print(
+        "critical friction angle, 10/50/90 % of the area: "
+        + ", ".join(_angle(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
+    )
+    counts = np.bincount(labels.reason, minlength=len(Reason))
+    for reason, why in _WHY.items():
+        if counts[reason]:
+            console.print(f"{counts[reason]} vertices: {why}")
+    for line in mesh.report.repairs:
+        console.print(f"repaired: {line}")
+    for line in mesh.report.warnings:
+        console.print(f"[yellow]warning:[/] {line}")
+    console.print(f"written: {escape(str(output))}", soft_wrap=True)
+
+
+def print_batch(rows: Sequence[Row], output: Path) -> None:
+    """Print the summary of a batch: one line per mesh, then what failed and why."""
+    console = Console()
+    table = Table(box=None, pad_edge=False)
+    table.add_column("mesh", overflow="fold")
+    for heading in ("vertices", "S %", "M %", "U %", "β* 10/50/90 %", "s"):
+        table.add_column(heading, justify="right", no_wrap=True)
+    table.add_column("remarks", overflow="fold")
+    for row in sorted(rows, key=lambda row: row.mesh):
+        table.add_row(*_cells(row))
+    console.print(table)
+    legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING.items())
+    failed = sum(1 for row in rows if row.error)
+    console.print(f"{legend}; shares of the area; β* critical friction angle")
+    console.print(
+        f"{len(rows) - failed} labelled, {failed} failed; written: {escape(str(output))}",
+        soft_wrap=True,
+    )
+
+
+def _cells(row: Row) -> list[str]:
+    if row.error:
+        return [escape(row.mesh), *[""] * 5, f"{row.seconds:.1f}", f"[red]{escape(row.error)}[/]"]
+    shares = (row.stable, row.ambiguous, row.no_grasp_found)
+    angles = (row.critical_angle_p10, row.critical_angle_p50, row.critical_angle_p90)
+    return [
+        escape(row.mesh),
+        str(row.vertices),
+        *(f"{100.0 * share:.1f}" for share in shares if share is not None),
+        " ".join(_angle(angle) for angle in angles if angle is not None),
+        f"{row.seconds:.1f}",
+        escape(row.warnings),
+    ]
+
+
+def _angle(angle: float) -> str:
+    return "none" if math.isinf(angle) else f"{math.degrees(angle):.1f}°"

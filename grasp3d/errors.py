@@ -1,0 +1,21 @@
+"""The one family of errors: each message says what is wrong, where, and what would be right."""
+
+
+class GraspError(Exception):
+    """Anything that a user can cause and mend; the command line prints it as one line."""
+
+
+class SettingError(GraspError):
+    """A setting outside its range, or settings that contradict each other."""
+
+
+class MeshError(GraspError):
+    """A mesh file or array that cannot be read as a surface."""
+
+
+class SearchCoverageError(GraspError):
+    """A question that the grasps searched so far cannot answer."""
+
+
+class OutputError(GraspError):
+    """A result that cannot be written where it was asked for."""

@@ -1,0 +1,188 @@
+"""Labelled surfaces as files: PLY for every tool, GLB to look at, NPZ and VTP with everything.
+
+Heavy writers are imported when they are used.
+"""
+
+import math
+from collections.abc import Callable
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import trimesh
+
+from grasp3d.arrays import Bytes
+from grasp3d.errors import OutputError
+from grasp3d.files import written_whole
+from grasp3d.stability import COLORS, Label
+from grasp3d.surface import SurfaceLabels
+
+_PLY_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
+
+
+def label_colors(labels: SurfaceLabels) -> Bytes:
+    """Colour of each vertex by its label, red, green, blue, shape (V, 3)."""
+    table = np.array([COLORS[label] for label in sorted(COLORS)], dtype=np.uint8)
+    return table[labels.label]
+
+
+def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -> None:
+    """Write a labelled PLY: the mesh with one label, colour and set of numbers per vertex.
+
+    Per vertex: x y z (double), outward nx ny nz, red green blue, `label` (uchar: 0 U, 1 M, 2 S),
+    `critical_angle`, `critical_angle_best` and `max_resolution` (float, radians; inf and 0 where
+    there is no grasp). The settings stand in comments that begin with `grasp3d`.
+
+    Args:
+        path: File to make or replace.
+        labels: The labels.
+        binary: Little-endian binary; otherwise text.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    mesh = labels.mesh
+    outward = -mesh.normals
+    colors = label_colors(labels)
+    columns = {
+        **{name: mesh.vertices[:, k].astype("<f8") for k, name in enumerate(("x", "y", "z"))},
+        **{name: outward[:, k].astype("<f4") for k, name in enumerate(("nx", "ny", "nz"))},
+        **{name: colors[:, k] for k, name in enumerate(("red", "green", "blue"))},
+        "label": labels.label,
+        "critical_angle": labels.critical_angle.astype("<f4"),
+        "critical_angle_best": labels.critical_angle_best.astype("<f4"),
+        "max_resolution": labels.max_resolution.astype("<f4"),
+    }
+    vertices = np.empty(
+        len(mesh.vertices), dtype=[(name, column.dtype) for name, column in columns.items()]
+    )
+    for name, column in columns.items():
+        vertices[name] = column
+    faces = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
+    faces["count"], faces["corners"] = 3, mesh.faces
+    header = "\n".join(
+        [
+            "ply",
+            f"format {'binary_little_endian' if binary else 'ascii'} 1.0",
+            *(f"comment grasp3d {key} {value}" for key, value in settings_of(labels).items()),
+            f"element vertex {len(vertices)}",
+            *(f"property {_PLY_TYPES[c.dtype.str]} {name}" for name, c in columns.items()),
+            f"element face {len(faces)}",
+            "property list uchar int vertex_indices",
+            "end_header\n",
+        ]
+    )
+    with written_whole(Path(path)) as part, part.open("wb") as stream:
+        stream.write(header.encode("ascii", "backslashreplace"))
+        if binary:
+            vertices.tofile(stream)
+            faces.tofile(stream)
+        else:
+            for row in vertices:
+                stream.write((" ".join(str(value) for value in row) + "\n").encode())
+            np.savetxt(stream, np.column_stack([faces["count"], faces["corners"]]), fmt="%d")
+
+
+def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
+    """Write a GLB coloured by label, for any 3-D viewer. Raises OutputError."""
+    shade = label_colors(labels) / 255.0
+    # glTF's vertex colours are linear light, the colours of the legend are sRGB.
+    linear = np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)  # noqa: PLR2004
+    mesh = trimesh.Trimesh(
+        labels.mesh.vertices,
+        labels.mesh.faces,
+        vertex_normals=-labels.mesh.normals,
+        vertex_colors=np.round(255.0 * linear).astype(np.uint8),
+        process=False,
+    )
+    with written_whole(Path(path)) as part:
+        part.write_bytes(trimesh.exchange.gltf.export_glb(mesh.scene(), include_normals=True))
+
+
+def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
+    """Write every array as compressed NumPy, with the settings as strings. Raises OutputError."""
+    settings = {f"setting_{key}": str(value) for key, value in settings_of(labels).items()}
+    with written_whole(Path(path)) as part, part.open("wb") as stream:
+        arrays: dict[str, Any] = {
+            "vertices": labels.mesh.vertices,
+            "faces": labels.mesh.faces,
+            **vertex_arrays(labels),
+            **settings,
+        }
+        np.savez_compressed(stream, **arrays)
+
+
+def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
+    """Write a VTP for ParaView with every array; no grasp is nan there. Raises OutputError."""
+    import pyvista  # noqa: PLC0415
+
+    data = pyvista.PolyData.from_regular_faces(labels.mesh.vertices, labels.mesh.faces.astype(int))
+    for name, values in vertex_arrays(labels).items():
+        # An infinite value would stretch ParaView's colour map; nan has a colour of its own.
+        data.point_data[name] = (
+            np.where(np.isinf(values), math.nan, values) if values.dtype.kind == "f" else values
+        )
+    for key, value in settings_of(labels).items():
+        data.field_data[key] = [str(value)]
+    with written_whole(Path(path)) as part:
+        data.save(part)
+
+
+def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
+    """Collect all that is known of each vertex, by name."""
+    return {
+        "normal": -labels.mesh.normals,
+        "color": label_colors(labels),
+        "label": labels.label,
+        "critical_angle": labels.critical_angle,
+        "critical_angle_best": labels.critical_angle_best,
+        "max_resolution": labels.max_resolution,
+        "partner": labels.partner,
+        "partner_normal": -labels.partner_normal,
+        "opening": labels.opening,
+        "grip": labels.grip,
+        "reason": labels.reason,
+    }
+
+
+def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int]:
+    """Say what the labels were made with; angles in radians."""
+    mesh, search = labels.mesh, labels.search
+    u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
+    return {
+        "version": version("grasp3d"),
+        "source": mesh.report.source,
+        "mode": labels.mode,
+        "friction": labels.model.friction,
+        "sensor_resolution": labels.model.sensor_resolution,
+        "fingers": 2,
+        "search_angle": search.cone,
+        "rays": search.rays,
+        "unit": mesh.unit or "unknown",
+        "file_vertices": mesh.file_vertices,
+        "label_codes": f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)",
+    }
+
+
+WRITERS: dict[str, Callable[[Path, SurfaceLabels], None]] = {
+    ".ply": write_ply,
+    ".glb": write_glb,
+    ".npz": write_npz,
+    ".vtp": write_vtp,
+}
+
+
+def writer_for(path: Path) -> Callable[[Path, SurfaceLabels], None]:
+    """Choose the writer by the file's suffix.
+
+    Raises:
+        OutputError: No writer has that suffix.
+    """
+    writer = WRITERS.get(path.suffix.lower())
+    if writer is None:
+        raise OutputError(
+            f"{path}: no format is called {path.suffix!r}; known: {' '.join(WRITERS)}"
+        )
+    return writer

@@ -1,0 +1,191 @@
+"""Contact normals: interpolated where the surface is smooth, one set per side at creases."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from grasp3d._kernels.normal_sets import order_normal_sets
+from grasp3d.arrays import Bools, Floats, Ints, unit_rows
+
+SAME_DIGITS = 6
+"""Unit normals at one vertex that agree to so many digits count as one."""
+
+
+@dataclass(frozen=True, eq=False)
+class CornerNormals:
+    """Inward unit normals at the corners of the faces; corners on one smooth patch share one."""
+
+    corners: Ints
+    """Row of `normals` for each corner of each face, shape (F, 3)."""
+    normals: Floats
+    """Inward unit normals, shape (C, 3)."""
+    vertices: Ints
+    """Vertex at which each normal stands, shape (C,)."""
+
+
+@dataclass(frozen=True, eq=False)
+class NormalSets:
+    """All normals that a contact at a vertex may have (one where smooth, a polygon at creases)."""
+
+    start: Ints
+    """First row of each vertex in `normals`, shape (V + 1,)."""
+    counts: Ints
+    """Corners of each polygon, shape (V,); 0 with a radius of pi: any direction at all."""
+    normals: Floats
+    """Inward unit normals, shape (K, 3)."""
+    centres: Floats
+    """Middle of each set, shape (V, 3)."""
+    radii: Floats
+    """Largest angle from the middle to a normal [rad], shape (V,); -1 without any normal."""
+
+
+def inward_normals(vertices: Floats, faces: Ints) -> Floats:
+    """Inward unit normals of the faces, shape (F, 3)."""
+    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    return unit_rows(np.cross(c - a, b - a))
+
+
+def corner_normals(vertices: Floats, faces: Ints, crease_angle: float) -> CornerNormals:
+    """Average the face normals around each vertex, but never across a crease.
+
+    Faces around a vertex are one patch when they hang together by edges that bend by at most
+    `crease_angle`. A patch that as a whole bends more (the tip of a cone) keeps its face normals.
+    The average is weighted by the angle at the vertex, which does not depend on the tessellation.
+
+    Args:
+        vertices: Positions (V, 3).
+        faces: Faces (F, 3), counter-clockwise from outside, all with an area.
+        crease_angle: Largest bend of a smooth edge [rad].
+    """
+    flat = inward_normals(vertices, faces)
+    patch = _patches(faces, _smooth_edges(faces, flat, crease_angle))
+    face_of_corner = np.repeat(np.arange(len(faces)), 3)
+    weights = corner_angles(vertices, faces).ravel()
+    sums = [np.bincount(patch, weights * flat[face_of_corner, k]) for k in range(3)]
+    mean = unit_rows(np.stack(sums, axis=1).astype(np.float64))
+    cosine = np.einsum("ij,ij->i", mean[patch], flat[face_of_corner])
+    least = np.full(len(mean), np.inf)
+    np.minimum.at(least, patch, cosine)
+    bent = least < np.cos(crease_angle) - 1e-9
+    vertex = np.zeros(len(mean), dtype=np.int64)
+    vertex[patch] = faces.ravel()
+    own = bent[patch]  # corners that keep their face's normal
+    row = np.where(own, len(mean) + np.cumsum(own) - 1, patch)
+    normals = np.concatenate([mean, flat[face_of_corner[own]]])
+    vertices_of = np.concatenate([vertex, faces.ravel()[own]])
+    used, row = np.unique(row, return_inverse=True)
+    return CornerNormals(
+        corners=row.reshape(-1, 3).astype(np.int64),
+        normals=normals[used],
+        vertices=vertices_of[used],
+    )
+
+
+def corner_angles(vertices: Floats, faces: Ints) -> Floats:
+    """Angle of each face at each of its corners [rad], shape (F, 3)."""
+    corners = vertices[faces]
+    after = np.roll(corners, -1, axis=1) - corners
+    before = np.roll(corners, 1, axis=1) - corners
+    sine = np.linalg.norm(np.cross(after, before), axis=2)
+    return np.asarray(np.arctan2(sine, np.einsum("fij,fij->fi", after, before)))
+
+
+def paired_edges(faces: Ints) -> tuple[Ints, Ints]:
+    """Pair the half-edges that lie on one undirected edge with exactly two faces.
+
+    Half-edge 3 f + i of face f lies opposite its corner i.
+
+    Returns:
+        The first and the second half-edge of each pair, (E,) each.
+    """
+    edges = np.sort(faces[:, [1, 2, 2, 0, 0, 1]].reshape(-1, 2), axis=1)
+    order = np.lexsort((edges[:, 1], edges[:, 0]))
+    ordered = edges[order]
+    new = np.ones(len(ordered), dtype=bool)
+    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
+    first = np.flatnonzero(new)
+    size = np.diff(np.append(first, len(ordered)))
+    pairs = first[size == 2]  # noqa: PLR2004
+    return order[pairs], order[pairs + 1]
+
+
+def _smooth_edges(faces: Ints, flat: Floats, crease_angle: float) -> tuple[Ints, Ints]:
+    """Pairs of half-edges whose faces meet at no more than the crease angle."""
+    one, two = paired_edges(faces)
+    a, b = flat[one // 3], flat[two // 3]
+    bend = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+    smooth = bend <= crease_angle + 1e-9
+    return one[smooth], two[smooth]
+
+
+def _matched_corners(faces: Ints, one: Ints, two: Ints) -> tuple[Ints, Ints]:
+    """Corner numbers (3 f + i) that lie at one vertex across each pair of half-edges."""
+    left = np.stack([3 * (one // 3) + (one + k) % 3 for k in (1, 2)])  # next, next but one
+    right = np.stack([3 * (two // 3) + (two + k) % 3 for k in (1, 2)])
+    flat = faces.ravel()
+    swap = flat[left[0]] != flat[right[0]]
+    right[:, swap] = right[::-1, swap]
+    return left, right
+
+
+def _patches(faces: Ints, smooth: tuple[Ints, Ints]) -> Ints:
+    """Number the smooth patches of corners around the vertices, shape (3 F,)."""
+    left, right = _matched_corners(faces, *smooth)
+    size = 3 * len(faces)
+    links = coo_array(
+        (np.ones(left.size, dtype=np.int8), (left.ravel(), right.ravel())), shape=(size, size)
+    )
+    _, patch = connected_components(links, directed=False)
+    return np.asarray(patch, dtype=np.int64)
+
+
+def crease_twins(faces: Ints, corners: Ints) -> Ints:
+    """Rows of the corner normals on the other side of each crease, shape (F, 3, 2).
+
+    Entry [f, i] belongs to the edge opposite corner i of face f, its two columns to the corners
+    i + 1 and i + 2; -1 where the normals run on smoothly or the surface ends.
+    """
+    twins = np.full((3 * len(faces), 2), -1, dtype=np.int64)
+    one, two = paired_edges(faces)
+    left, right = _matched_corners(faces, one, two)
+    rows = corners.ravel()
+    crease = (rows[left] != rows[right]).any(axis=0)
+    one, two, left, right = one[crease], two[crease], left[:, crease], right[:, crease]
+    twins[one] = rows[right].T
+    # Seen from the second face the same two corners come in its own order.
+    own = 3 * (two // 3) + (two + 1) % 3
+    straight = own == right[0]
+    twins[two] = np.where(straight[:, None], rows[left].T, rows[left[::-1]].T)
+    return twins.reshape(-1, 3, 2)
+
+
+def normal_sets(count: int, normals: CornerNormals) -> NormalSets:
+    """Collect the distinct corner normals at each vertex into a convex polygon of normals.
+
+    Args:
+        count: Number of vertices.
+        normals: The corner normals.
+    """
+    order = np.argsort(normals.vertices, kind="stable")
+    vertex, rows = normals.vertices[order], normals.normals[order]
+    kept = _distinct(vertex, rows)
+    vertex, rows = vertex[kept], np.ascontiguousarray(rows[kept])
+    start = np.searchsorted(vertex, np.arange(count + 1)).astype(np.int64)
+    counts = np.zeros(count, dtype=np.int64)
+    centres = np.zeros((count, 3))
+    radii = np.zeros(count)
+    order_normal_sets(start, rows, counts, centres, radii)
+    return NormalSets(start, counts, rows, centres, radii)
+
+
+def _distinct(vertex: Ints, rows: Floats) -> Bools:
+    """Mark the first of every group of equal normals at one vertex, shape (C,)."""
+    kept = np.ones(len(vertex), dtype=bool)
+    several = np.flatnonzero(np.bincount(vertex)[vertex] > 1)
+    keys = np.column_stack([vertex[several], np.round(rows[several], SAME_DIGITS) + 0.0])
+    _, first = np.unique(keys, axis=0, return_index=True)
+    kept[several] = False
+    kept[several[first]] = True
+    return kept

@@ -1,0 +1,106 @@
+"""ObjectMesh: the surface that contacts lie on, and the report of how it was made."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats, Ints, unit_rows
+from grasp3d.mesh.normals import CornerNormals, NormalSets
+from grasp3d.settings import Unit
+
+
+@dataclass(frozen=True)
+class MeshReport:
+    """What was found in a mesh file and what was done about it."""
+
+    source: str
+    """Name of the file, or 'arrays'."""
+    format: str
+    """Suffix of the file, or 'arrays'."""
+    unit: Unit | None
+    """Unit of positions and openings; None where neither the file nor the user says."""
+    file_vertices: int
+    file_faces: int
+    vertices: int
+    """Vertices after refinement, the file's own included."""
+    faces: int
+    """Faces after cleaning and refinement."""
+    bodies: int
+    closed: bool
+    """The faces bound a volume: every edge is passed as often one way as the other."""
+    center_mass_from: str
+    """'volume' (uniform density) or, where the mesh is open, 'surface'."""
+    repairs: tuple[str, ...]
+    """What was changed, a sentence each."""
+    warnings: tuple[str, ...]
+    """What a user should know before trusting the labels, a sentence each."""
+
+
+@dataclass(frozen=True, eq=False)
+class ObjectMesh:
+    """An object's surface, with the normals that a contact may have at each place.
+
+    Positions are in the file's own unit and frame; normals point into the object.
+    """
+
+    vertices: Floats
+    """Shape (V, 3): the file's vertices in their own order, then those added by refinement."""
+    faces: Ints
+    """Shape (F, 3), counter-clockwise from outside; duplicates of a vertex are not used."""
+    canonical: Ints
+    """For every vertex the one that stands for its position, shape (V,)."""
+    file_vertices: int
+    """How many of the vertices are the file's own; they come first."""
+    corner_normals: CornerNormals
+    normal_sets: NormalSets
+    center: Floats
+    """Centre of the surface, shape (3,): origin of the normalised frame."""
+    size: float
+    """Diameter of the ball about `center` that holds the surface: unit of the normalised frame."""
+    center_mass: Floats
+    """Centre of mass at uniform density, shape (3,)."""
+    volume: float
+    """Enclosed volume; nan where the surface is open."""
+    report: MeshReport
+
+    @property
+    def unit(self) -> Unit | None:
+        """Unit of positions and openings."""
+        return self.report.unit
+
+    @cached_property
+    def on_surface(self) -> Bools:
+        """Tell the vertices whose position belongs to a face, shape (V,)."""
+        used = np.zeros(len(self.vertices), dtype=bool)
+        used[self.faces] = True
+        return used[self.canonical]
+
+    @cached_property
+    def normals(self) -> Floats:
+        """Inward unit normal at each vertex, the middle of its set at creases, shape (V, 3)."""
+        return unit_rows(self.normal_sets.centres)[self.canonical]
+
+    @cached_property
+    def vertex_areas(self) -> Floats:
+        """A third of the area around each vertex, shape (V,); duplicates count as zero."""
+        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
+        third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+        areas = np.zeros(len(self.vertices))
+        np.add.at(areas, self.faces, third[:, None])
+        return areas
+
+    @cached_property
+    def torque_scale(self) -> float:
+        """Largest distance of a surface vertex from the centre of mass (rho)."""
+        used = self.vertices[np.unique(self.faces)]
+        return float(np.linalg.norm(used - self.center_mass, axis=1).max())
+
+    @cached_property
+    def normalized(self) -> Floats:
+        """Positions centred and divided by `size`, shape (V, 3)."""
+        return (self.vertices - self.center) / self.size
+
+    def from_normalized(self, points: Floats) -> Floats:
+        """Take points (..., 3) of the normalised frame back to the file's frame and unit."""
+        return points * self.size + self.center

@@ -1,0 +1,71 @@
+"""Dividing long edges, so that labels are told apart within a large flat face."""
+
+from dataclasses import dataclass
+
+import numpy as np
+import trimesh
+
+from grasp3d.arrays import Floats, Ints, unit_rows
+from grasp3d.errors import MeshError
+from grasp3d.mesh.cleaning import first_at_place
+from grasp3d.mesh.normals import CornerNormals
+
+MAX_FACES = 20_000_000
+MAX_ROUNDS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class RefinedSurface:
+    """The same surface with no edge longer than asked; given vertices first."""
+
+    vertices: Floats
+    """Shape (V', 3); the first V are the vertices that were given, unchanged."""
+    faces: Ints
+    """Shape (F', 3)."""
+    normals: CornerNormals
+    """Interpolated along with the positions, so that a coarse round surface stays round."""
+
+
+def refine(
+    vertices: Floats, faces: Ints, normals: CornerNormals, max_edge: float
+) -> RefinedSurface:
+    """Bisect every edge longer than `max_edge`, until none is left.
+
+    Args:
+        vertices: Positions (V, 3).
+        faces: Faces (F, 3).
+        normals: Normals at the corners of the faces.
+        max_edge: Longest edge allowed, in the unit of `vertices`.
+
+    Raises:
+        MeshError: The result would not fit in memory.
+    """
+    _check_size(vertices, faces, max_edge)
+    # Position and normal travel together, one row per patch at a vertex: the columns behind the
+    # first three are interpolated but do not count for an edge's length.
+    rows = np.hstack([vertices[normals.vertices], normals.normals])
+    rows, corners = trimesh.remesh.subdivide_to_size(
+        rows, normals.corners, max_edge * (1.0 + 1e-9), max_iter=MAX_ROUNDS
+    )
+    added = rows[len(normals.vertices) :, :3]
+    first = first_at_place(added)  # the two sides of a crease make the same midpoints
+    own = first == np.arange(len(added))
+    number = np.cumsum(own) - 1
+    vertex_of_row = np.concatenate([normals.vertices, len(vertices) + number[first]])
+    return RefinedSurface(
+        vertices=np.concatenate([vertices, added[own]]),
+        faces=vertex_of_row[corners],
+        normals=CornerNormals(corners, unit_rows(rows[:, 3:]), vertex_of_row),
+    )
+
+
+def _check_size(vertices: Floats, faces: Ints, max_edge: float) -> None:
+    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    longest = np.max([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)
+    expected = 2.0 * area / max_edge**2 + (2.0 * longest / max_edge).sum() + len(faces)
+    if expected > MAX_FACES:
+        raise MeshError(
+            f"edges of at most {max_edge:.3g} of the object's size would need about "
+            f"{expected:.2g} faces; give a longer max_edge"
+        )

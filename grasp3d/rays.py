@@ -1,0 +1,58 @@
+"""Every crossing of many rays with a surface: Embree finds the face, 64 bits settle the rest."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from grasp3d._kernels.antipodal import Grasps, Rays, Sets, Surface, aim, settle
+
+
+class SurfaceRays:
+    """Traces rays from vertices through a surface and hands every crossing to `settle`.
+
+    Positions are in the normalised frame (centred, size 1), so that 32 bits of Embree resolve an
+    object of any size, anywhere in space. Several threads may use one instance.
+    """
+
+    def __init__(self, surface: Surface, sets: Sets) -> None:
+        self._surface = surface
+        self._sets = sets
+        self._scene = EmbreeScene(robust=True)
+        TriangleMesh(self._scene, surface.points.astype(np.float32), surface.faces.astype(np.int32))
+        # The first ray makes Embree build its tree, which must not happen in two threads at once.
+        self.hits(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+
+    def hits(
+        self, origins: npt.NDArray[np.float32], directions: npt.NDArray[np.float32]
+    ) -> dict[str, npt.NDArray[Any]]:
+        """First face that each ray meets, as Embree answers it."""
+        answer: dict[str, npt.NDArray[Any]] = self._scene.run(origins, directions, output=1)
+        return answer
+
+    def settle_all(self, rays: Rays, limits: tuple[float, float], grasps: Grasps) -> int:
+        """Follow every ray through all its crossings and keep each vertex's best grasps.
+
+        Args:
+            rays: The rays; used up.
+            limits: (smallest, largest) opening in the normalised frame.
+            grasps: Written: the best grasps so far.
+
+        Returns:
+            How many rays were traced, those that went on behind a crossing included.
+        """
+        count = len(rays.owner)
+        origins = np.empty((count, 3), dtype=np.float32)
+        directions = np.empty((count, 3), dtype=np.float32)
+        traced = 0
+        while count:
+            traced += count
+            aim(count, rays, self._surface.points, origins, directions)
+            answer = self.hits(origins[:count], directions[:count])
+            count = settle(
+                count, answer["primID"], answer["tfar"], rays, self._surface, self._sets, limits,
+                grasps,
+            )  # fmt: skip
+        return traced

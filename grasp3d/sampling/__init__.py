@@ -1,0 +1,1 @@
+"""Candidate grasps through a place on the surface."""

@@ -1,0 +1,276 @@
+"""The best two-finger grasp through every vertex.
+
+Rays from a vertex find the places that a second finger can take; the critical friction angle of
+each pair is exact, so the search can only miss a grasp, never make one up. The best one found is
+then improved: partners of the neighbours are tried, and ever narrower rings of rays about it.
+"""
+
+import math
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array
+
+from grasp3d._kernels import antipodal as kernels
+from grasp3d.arrays import Bytes, Floats, Ints, unit_rows
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.normals import crease_twins
+from grasp3d.rays import SurfaceRays
+from grasp3d.settings import Sampling
+
+CHUNK = 100_000
+"""Rays in flight per thread: bounds the memory and stays in the processor's cache."""
+
+PROPOSALS = 13
+"""Most rays per vertex in one round of refinement."""
+
+SHARING_ROUNDS = (0, 3)
+"""Rounds that begin with the partners of the neighbours."""
+
+CLEAR = 1e-3
+"""Length across the normal, in object sizes, from which a reference direction counts."""
+
+Progress = Callable[[float], None]
+
+
+@dataclass(frozen=True, eq=False)
+class AntipodalGrasps:
+    """The best two-finger grasp found at each vertex, in the mesh's own frame and unit."""
+
+    worst: Floats
+    """Critical friction angle over the contacts' worst normals [rad], inf: none found. (V,)"""
+    best: Floats
+    """The same over the contacts' best normals, of a grasp of its own. (V,)"""
+    partner: Floats
+    """Second contact of the grasp of `worst`, nan where there is none. (V, 3)"""
+    partner_normal: Floats
+    """Inward unit normal there. (V, 3)"""
+    grip: np.ndarray[Any, np.dtype[np.int8]]
+    """+1 squeeze, -1 expand, 0 none. (V,)"""
+    reason: Bytes
+    """0 found, 1 no partner met, 2 every partner outside the opening limits. (V,)"""
+    rays: int
+    """Rays traced in all."""
+    rounds: int
+    """Rounds of refinement."""
+    still_falling: float
+    """Share of the vertices whose critical angle fell by more than the tolerance at last."""
+
+
+def best_grasps(
+    mesh: ObjectMesh,
+    sampling: Sampling,
+    cone: float,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> AntipodalGrasps:
+    """Search the best two-finger grasp through every vertex of the surface.
+
+    The result does not depend on the number of threads.
+
+    Args:
+        mesh: The surface.
+        sampling: Rays, grip, opening limits and tolerance.
+        cone: Half-angle of the cone of directions about the inward normals [rad].
+        threads: Threads to use.
+        progress: Called with the share of the work done, from 0 to 1.
+    """
+    search = _Search(mesh, sampling, cone, threads, progress or _ignore)
+    return search.run()
+
+
+def _ignore(share: float) -> None:
+    """Report progress to nobody."""
+
+
+def contact_normals(mesh: ObjectMesh) -> kernels.Sets:
+    """The vertices' normal sets, as the kernels take them."""
+    sets = mesh.normal_sets
+    return kernels.Sets(sets.start, sets.counts, sets.normals)
+
+
+def contact_surface(mesh: ObjectMesh) -> kernels.Surface:
+    """The surface in the normalised frame, as the kernels take it."""
+    corners = mesh.corner_normals
+    return kernels.Surface(
+        points=np.ascontiguousarray(mesh.normalized),
+        faces=mesh.faces,
+        corners=corners.corners,
+        normals=corners.normals,
+        twins=crease_twins(mesh.faces, corners.corners),
+    )
+
+
+def tangents(mesh: ObjectMesh) -> Floats:
+    """A direction across each vertex's normal that turns with the object, shape (V, 3).
+
+    Taken from the mesh's own geometry, so that the same object turned, moved, scaled or with its
+    vertices in another order is searched along the same lines: the direction away from the centre;
+    where that is the normal itself, the object's lopsidedness, its main axes, and at last, for
+    objects as regular as a ball, an edge.
+    """
+    centres = mesh.normal_sets.centres
+    points = mesh.normalized
+    weights = mesh.vertex_areas / mesh.vertex_areas.sum()
+    squares = np.einsum("ij,ij->i", points, points)
+    moments = (points * weights[:, None]).T @ points
+    lopsided = ((weights * squares)[:, None] * points).sum(axis=0)
+    _, axes = np.linalg.eigh(moments)
+    signs = np.sign(((points @ axes) ** 3 * weights[:, None]).sum(axis=0))
+    edge = np.zeros_like(points)
+    for k in (2, 1, 0):
+        edge[mesh.faces[:, k]] = points[mesh.faces[:, (k + 1) % 3]] - points[mesh.faces[:, k]]
+    fixed = [lopsided, axes[:, 2] * signs[2], axes[:, 0] * signs[0]]
+    result = np.zeros_like(points)
+    missing = np.ones(len(points), dtype=bool)
+    for reference in (points, *fixed, unit_rows(edge)):
+        across = reference - (reference * centres).sum(axis=1, keepdims=True) * centres
+        clear = missing & (np.linalg.norm(across, axis=1) > CLEAR)
+        result[clear] = across[clear]
+        missing &= ~clear
+    return unit_rows(result)
+
+
+def neighbours(mesh: ObjectMesh) -> tuple[Ints, Ints]:
+    """(first, index): the vertices around each vertex, as the kernels take them."""
+    one, two = mesh.faces[:, [0, 1, 2]].ravel(), mesh.faces[:, [1, 2, 0]].ravel()
+    links = coo_array(
+        (
+            np.ones(2 * len(one), dtype=np.int8),
+            (np.concatenate([one, two]), np.concatenate([two, one])),
+        ),
+        shape=(len(mesh.vertices),) * 2,
+    ).tocsr()
+    return links.indptr.astype(np.int64), links.indices.astype(np.int64)
+
+
+@dataclass(eq=False)
+class _Search:
+    mesh: ObjectMesh
+    sampling: Sampling
+    cone: float
+    threads: int
+    progress: Progress
+    traced: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        mesh = self.mesh
+        count = len(mesh.vertices)
+        self.places = np.unique(mesh.faces)
+        self.limits = (self.sampling.min_opening / mesh.size, self.sampling.max_opening / mesh.size)
+        self.sets = contact_normals(mesh)
+        self.surface = contact_surface(mesh)
+        self.frames = kernels.Frames(
+            mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii
+        )
+        self.tracer = SurfaceRays(self.surface, self.sets)
+        self.grasps = kernels.Grasps(
+            worst=np.full(count, math.inf),
+            best=np.full(count, math.inf),
+            closing=np.zeros((count, 3)),
+            closing_best=np.zeros((count, 3)),
+            partner=np.full((count, 3), math.nan),
+            partner_normal=np.full((count, 3), math.nan),
+            signs=np.zeros(count, dtype=np.int8),
+            signs_best=np.zeros(count, dtype=np.int8),
+            reason=np.full(count, kernels.NO_PARTNER, dtype=np.uint8),
+        )
+
+    def run(self) -> AntipodalGrasps:
+        spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
+        rounds = max(1, math.ceil(math.log2(spacing / self.sampling.tolerance)))
+        self._seed(share=0.5)
+        falling = 0.0
+        for number in range(rounds):
+            before = self.grasps.worst.copy()
+            if number in SHARING_ROUNDS:
+                self._share()
+            self._refine(spacing / 2.0 ** (number + 1), turn=0.5 * (number % 2))
+            self.progress(0.5 + 0.5 * (number + 1) / rounds)
+            fell = self.grasps.worst < before - self.sampling.tolerance
+            falling = float(fell.sum()) / len(self.places)
+        return self._result(rounds, falling)
+
+    def _seed(self, share: float) -> None:
+        signs = {"squeeze": (1,), "expand": (-1,), "both": (1, -1)}[self.sampling.grip]
+        count = self.sampling.rays
+        for number, sign in enumerate(signs):
+            self._trace(
+                self.places,
+                lambda places, sign=sign: kernels.seed_rays(  # type: ignore[misc]
+                    places, count, self.cone, sign, self.frames, self.sets
+                ),
+                count,
+                (share * number / len(signs), share / len(signs)),
+            )
+
+    def _share(self) -> None:
+        """Try the partners that the neighbours had found when the round began."""
+        before = self.grasps._replace(
+            signs=self.grasps.signs.copy(),
+            partner=self.grasps.partner.copy(),
+            reason=self.grasps.reason.copy(),
+        )
+        around = neighbours(self.mesh)
+        self._trace(
+            self._open_places(),
+            lambda places: kernels.shared_rays(
+                places, self.cone, self.surface.points, around, self.sets, before
+            ),
+            PROPOSALS,
+        )
+
+    def _refine(self, radius: float, turn: float) -> None:
+        places = self._open_places()
+        self._trace(
+            places[self.grasps.reason[places] == kernels.FOUND],
+            lambda chunk: kernels.refining_rays(
+                chunk, radius, turn, self.cone, self.frames, self.sets, self.grasps
+            ),
+            PROPOSALS,
+        )
+
+    def _open_places(self) -> Ints:
+        """Places whose grasp is not yet as good as a grasp can be, to the tolerance."""
+        smooth = self.mesh.normal_sets.counts[self.places] == 1
+        bound = np.where(smooth, self.grasps.worst[self.places], math.inf)
+        return self.places[bound > self.sampling.tolerance]
+
+    def _trace(
+        self,
+        places: Ints,
+        lay: Callable[[Ints], kernels.Rays],
+        rays_per_place: int,
+        progress: tuple[float, float] | None = None,
+    ) -> None:
+        """Lay out and settle the rays of all places, chunk by chunk in the threads."""
+        size = max(1, CHUNK // rays_per_place)
+        chunks = [places[i : i + size] for i in range(0, len(places), size)]
+
+        def settle(chunk: Ints) -> int:
+            return self.tracer.settle_all(lay(chunk), self.limits, self.grasps)
+
+        with ThreadPoolExecutor(self.threads) as pool:
+            for done, traced in enumerate(pool.map(settle, chunks), start=1):
+                self.traced += traced
+                if progress is not None:
+                    start, share = progress
+                    self.progress(start + share * done / len(chunks))
+
+    def _result(self, rounds: int, still_falling: float) -> AntipodalGrasps:
+        stands_for = self.mesh.canonical
+        return AntipodalGrasps(
+            worst=self.grasps.worst[stands_for],
+            best=self.grasps.best[stands_for],
+            partner=self.mesh.from_normalized(self.grasps.partner[stands_for]),
+            partner_normal=self.grasps.partner_normal[stands_for],
+            grip=self.grasps.signs[stands_for],
+            reason=self.grasps.reason[stands_for],
+            rays=self.traced,
+            rounds=rounds,
+            still_falling=still_falling,
+        )

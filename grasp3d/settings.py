@@ -1,0 +1,142 @@
+"""The settings: frozen dataclasses that Python, the command line and batch runs share.
+
+Field docstrings are the command line's help. Angles are radians here; the command line
+reads and prints the fields of type `Radians` in degrees.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Annotated, Literal, get_args
+
+from grasp3d.errors import SettingError
+
+ANGLE = "angle"
+Radians = Annotated[float, ANGLE]
+
+Unit = Literal["m", "cm", "mm", "in"]
+Grip = Literal["squeeze", "expand", "both"]
+MIN_RAYS = 8
+DEGREE = math.pi / 180.0
+
+
+@dataclass(frozen=True)
+class GraspModel:
+    """Friction and touch: what decides whether a grasp is surely stable."""
+
+    friction: float = 0.5
+    """Coulomb coefficient of friction between fingertip and object, above 0."""
+
+    sensor_resolution: Radians = 22.6 * DEGREE
+    """Sensor resolution alpha: the angle between the two extreme normals that the fingertip
+    cannot tell apart, from 0 to below 180 degrees."""
+
+    def __post_init__(self) -> None:
+        if not (self.friction > 0.0 and math.isfinite(self.friction)):
+            raise SettingError(f"friction must be a finite number above 0; got {self.friction:g}")
+        if not 0.0 <= self.sensor_resolution < math.pi:
+            degrees = math.degrees(self.sensor_resolution)
+            raise SettingError(
+                "sensor resolution must be at least 0 and below 180 degrees (pi radians); "
+                f"got {degrees:g} degrees"
+            )
+
+    @property
+    def friction_angle(self) -> float:
+        """Half-angle beta of the friction cone [rad]."""
+        return math.atan(self.friction)
+
+    @property
+    def tilt(self) -> float:
+        """How far the true normal may lie from the perceived one, alpha / 2 [rad]."""
+        return self.sensor_resolution / 2.0
+
+
+@dataclass(frozen=True)
+class Sampling:
+    """How candidate grasps are searched."""
+
+    rays: int = 64
+    """Directions tried from every vertex before the search is refined, at least 8."""
+
+    grip: Grip = "squeeze"
+    """squeeze: fingers outside, pushing toward each other; expand: fingers inside a ring or a
+    mug, pushing apart; both: whichever is better."""
+
+    min_opening: float = 0.0
+    """Smallest distance between the two contacts, in the mesh's unit."""
+
+    max_opening: float = math.inf
+    """Largest distance between the two contacts (the gripper's stroke), in the mesh's unit."""
+
+    search_angle: Radians | None = None
+    """Half-angle of the cone of directions about the inward normal, up to 90 degrees; none: just
+    what friction and resolution need. Labels can be asked again for any friction and resolution
+    with atan(friction) + alpha/2 up to this angle."""
+
+    tolerance: Radians = 1e-3
+    """The search around a vertex's best grasp stops at steps of this size."""
+
+    def __post_init__(self) -> None:
+        if self.rays < MIN_RAYS:
+            raise SettingError(f"rays must be at least {MIN_RAYS}; got {self.rays}")
+        if self.grip not in get_args(Grip):
+            known = ", ".join(get_args(Grip))
+            raise SettingError(f"no grip is called {self.grip!r}; known: {known}")
+        if not 0.0 <= self.min_opening < self.max_opening:
+            raise SettingError(
+                "openings must satisfy 0 <= min_opening < max_opening; "
+                f"got {self.min_opening:g} and {self.max_opening:g}"
+            )
+        if self.search_angle is not None and not 0.0 < self.search_angle <= math.pi / 2.0:
+            degrees = math.degrees(self.search_angle)
+            raise SettingError(
+                f"search angle must be above 0 and at most 90 degrees; got {degrees:g} degrees"
+            )
+        if not 0.0 < self.tolerance <= math.radians(5.0):
+            degrees = math.degrees(self.tolerance)
+            raise SettingError(
+                f"tolerance must be above 0 and at most 5 degrees; got {degrees:g} degrees"
+            )
+
+
+@dataclass(frozen=True)
+class MeshOptions:
+    """How a mesh file is read and prepared."""
+
+    unit: Unit | None = None
+    """Unit of the file's numbers; none: as the file says, if it does. Nothing is scaled: openings
+    and positions stay in this unit."""
+
+    max_edge: float | None = None
+    """Longer edges are divided, in the mesh's unit; none: 1/32 of the object's size."""
+
+    crease_angle: Radians = 30.0 * DEGREE
+    """Faces that meet at more than this angle keep their own normals: the edge is a crease."""
+
+    def __post_init__(self) -> None:
+        if self.unit is not None and self.unit not in get_args(Unit):
+            known = ", ".join(get_args(Unit))
+            raise SettingError(f"no unit is called {self.unit!r}; known: {known}")
+        if self.max_edge is not None and not self.max_edge > 0.0:
+            raise SettingError(f"max_edge must be above 0; got {self.max_edge:g}")
+        if not 0.0 <= self.crease_angle <= math.pi:
+            degrees = math.degrees(self.crease_angle)
+            raise SettingError(f"crease angle must be from 0 to 180 degrees; got {degrees:g}")
+
+
+def search_cone(model: GraspModel, sampling: Sampling) -> float:
+    """Half-angle of the cone in which candidate grasps are searched [rad].
+
+    A partner seen at beta + alpha/2 or more from the normal makes no grasp better than U, so
+    nothing outside needs a ray.
+    """
+    needed = min(model.friction_angle + model.tilt, math.pi / 2.0)
+    if sampling.search_angle is None:
+        return needed
+    if sampling.search_angle < needed - 1e-12:
+        raise SettingError(
+            f"search angle {math.degrees(sampling.search_angle):.4g} degrees is narrower than "
+            f"atan(friction) + alpha/2 = {math.degrees(needed):.4g} degrees; "
+            "widen it or leave it out"
+        )
+    return sampling.search_angle

@@ -1,0 +1,66 @@
+"""S, M or U: the thresholds on a grasp's critical friction angle.
+
+A grasp is in force closure exactly when the friction angle exceeds its critical friction angle
+beta*. Tilting each normal anywhere within a = alpha/2 can take away, or give, at most a: with
+circular cones the worst tilt acts like the friction angle beta - a and the best like beta + a.
+Hence S iff beta* < beta - a and U iff beta* >= beta + a, for every mu and alpha at once, where
+Wan & Howe 2018 (Sec. III) sample extreme normals.
+"""
+
+from enum import IntEnum
+
+import numpy as np
+
+from grasp3d.arrays import Bytes, Floats
+from grasp3d.settings import GraspModel
+
+
+class Label(IntEnum):
+    """How reliable a grasp is, ordered; the letters are those of Wan & Howe 2018."""
+
+    U = 0
+    """Surely unstable; on a labelled surface: no grasp found."""
+    M = 1
+    """The sensor cannot tell."""
+    S = 2
+    """Surely stable: whatever the true normals within the sensor's resolution."""
+
+
+COLORS: dict[Label, tuple[int, int, int]] = {
+    Label.U: (0xD5, 0x5E, 0x00),
+    Label.M: (0xF0, 0xE4, 0x42),
+    Label.S: (0x00, 0x9E, 0x73),
+}
+"""Red, green, blue (0-255); told apart by colour-blind readers as well."""
+
+
+def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:
+    """Label grasps by their critical friction angles.
+
+    Args:
+        worst: Critical angle over the normals that hurt most [rad], any shape; inf for no grasp.
+        best: Critical angle over the normals that help most [rad]; equal to `worst` except at
+            creases.
+        model: Friction and sensor resolution.
+
+    Returns:
+        Label codes, uint8, same shape.
+    """
+    beta, tilt = model.friction_angle, model.tilt
+    labels = np.full(np.shape(worst), Label.M, dtype=np.uint8)
+    labels[best >= beta + tilt] = Label.U
+    labels[worst < beta - tilt] = Label.S
+    return labels
+
+
+def max_resolution(worst: Floats, model: GraspModel) -> Floats:
+    """Coarsest sensor resolution below which the grasp is S [rad]: alpha* = 2 (beta - beta*).
+
+    Args:
+        worst: Critical angle over the normals that hurt most [rad], any shape.
+        model: Friction; the resolution in it does not matter.
+
+    Returns:
+        Same shape; 0 where no sensor is fine enough.
+    """
+    return np.maximum(0.0, 2.0 * (model.friction_angle - worst))

@@ -1,0 +1,56 @@
+import math
+
+import pytest
+
+from grasp3d import GraspModel, MeshOptions, Sampling, SettingError
+from grasp3d.settings import search_cone
+
+
+@pytest.mark.parametrize("friction", [0.0, -1.0, math.nan, math.inf])
+def test_friction_must_be_a_finite_number_above_zero(friction: float) -> None:
+    with pytest.raises(SettingError, match="friction must be a finite number above 0"):
+        GraspModel(friction=friction)
+
+
+@pytest.mark.parametrize("degrees", [-1.0, 180.0, 400.0, math.nan])
+def test_resolution_lies_between_0_and_180_degrees(degrees: float) -> None:
+    with pytest.raises(SettingError, match="below 180 degrees"):
+        GraspModel(sensor_resolution=math.radians(degrees))
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"rays": 3}, "rays must be at least 8"),
+        ({"grip": "pinch"}, "known: squeeze, expand, both"),
+        ({"min_opening": 2.0, "max_opening": 1.0}, "min_opening < max_opening"),
+        ({"max_opening": math.nan}, "min_opening < max_opening"),
+        ({"search_angle": 2.0}, "at most 90 degrees"),
+        ({"tolerance": 0.0}, "tolerance must be above 0"),
+    ],
+)
+def test_sampling_says_what_would_be_right(options: dict[str, float], message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        Sampling(**options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"unit": "km"}, "known: m, cm, mm, in"),
+        ({"max_edge": 0.0}, "max_edge must be above 0"),
+        ({"crease_angle": -0.1}, "crease angle must be from 0"),
+    ],
+)
+def test_mesh_options_say_what_would_be_right(options: dict[str, float], message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        MeshOptions(**options)  # type: ignore[arg-type]
+
+
+def test_search_cone_is_what_friction_and_resolution_need() -> None:
+    model = GraspModel(friction=0.5, sensor_resolution=0.2)
+    assert search_cone(model, Sampling()) == pytest.approx(math.atan(0.5) + 0.1)
+    assert search_cone(model, Sampling(search_angle=1.2)) == pytest.approx(1.2)
+    assert search_cone(GraspModel(friction=10.0, sensor_resolution=1.0), Sampling()) == math.pi / 2
+    with pytest.raises(SettingError, match="narrower"):
+        search_cone(model, Sampling(search_angle=0.5))

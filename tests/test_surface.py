@@ -1,0 +1,231 @@
+import json
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+
+from grasp3d import (
+    GraspError,
+    GraspModel,
+    Label,
+    Reason,
+    Sampling,
+    SearchCoverageError,
+    SettingError,
+    SurfaceLabels,
+    label_surface,
+    mesh_from_arrays,
+    scan_surface,
+)
+from tests import oracles, shapes
+
+degrees = math.radians
+
+
+@cache
+def ball() -> SurfaceLabels:
+    mesh = mesh_from_arrays(*shapes.sphere(5))
+    return label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=math.pi / 2.0))
+
+
+@pytest.mark.parametrize(("friction", "resolution"), [(0.5, 22.6), (0.2, 20.0), (1.0, 80.0)])
+def test_a_ball_is_reliable_everywhere_while_the_tilt_is_below_the_friction_angle(
+    friction: float, resolution: float
+) -> None:
+    labels = ball().relabel(friction=friction, sensor_resolution=degrees(resolution))
+    assert (labels.label == Label.S).all()
+
+
+@pytest.mark.parametrize(("friction", "resolution"), [(0.2, 22.7), (0.5, 60.0), (1.0, 90.0)])
+def test_a_ball_is_reliable_nowhere_from_there_on(friction: float, resolution: float) -> None:
+    labels = ball().relabel(friction=friction, sensor_resolution=degrees(resolution))
+    assert (labels.label == Label.M).all()
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
+def test_a_box_is_reliable_on_its_faces_and_not_on_edges_and_corners(friction: float) -> None:
+    mesh = mesh_from_arrays(*shapes.box((1.0, 1.5, 2.0)))
+    labels = label_surface(mesh, GraspModel(friction=friction, sensor_resolution=degrees(10.0)))
+    on_face = mesh.normal_sets.counts == 1
+    assert (labels.label[on_face] == Label.S).all()
+    assert (labels.label[~on_face] <= Label.M).all()
+    assert labels.critical_angle[on_face] == pytest.approx(0.0, abs=1e-9)
+    assert labels.critical_angle[~on_face].min() >= math.pi / 4.0 - 1e-9
+
+
+@pytest.mark.parametrize("half_angle", [5.0, 14.0, 25.0])
+def test_a_long_cone_needs_friction_of_its_own_slope(half_angle: float) -> None:
+    gamma = degrees(half_angle)
+    mesh = mesh_from_arrays(*shapes.cone(gamma, height=1.0, sections=256))
+    labels = label_surface(mesh, GraspModel(friction=math.tan(gamma + 0.1)))
+    flank = (mesh.vertices[:, 2] > 0.4) & (mesh.vertices[:, 2] < 0.8)
+    assert flank.sum() > 100
+    assert labels.critical_angle[flank].min() > gamma - degrees(0.05)
+    assert np.median(labels.critical_angle[flank]) == pytest.approx(gamma, abs=degrees(0.05))
+    assert labels.critical_angle[flank].max() < gamma + degrees(0.3)
+
+
+def test_a_ring_is_held_from_inside_without_friction() -> None:
+    mesh = mesh_from_arrays(*shapes.tube(0.4, 0.5, 0.2))
+    labels = label_surface(mesh, GraspModel(), sampling=Sampling(grip="expand"))
+    radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
+    inside = (radius < 0.41) & (np.abs(mesh.vertices[:, 2]) < 0.08)
+    assert labels.critical_angle[inside].max() < degrees(0.2)
+    assert (labels.grip[inside] == -1).all()
+    assert labels.opening[inside] == pytest.approx(0.8, abs=2e-3)
+    outside = (radius > 0.49) & (np.abs(mesh.vertices[:, 2]) < 0.08)
+    assert (labels.reason[outside] == Reason.NO_PARTNER).all()
+    assert (labels.label[outside] == Label.U).all()
+
+
+def tube_openings(**limits: float) -> np.ndarray:
+    mesh = mesh_from_arrays(*shapes.tube(0.4, 0.5, 1.0))
+    labels = label_surface(mesh, GraspModel(), sampling=Sampling(**limits))  # type: ignore[arg-type]
+    radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
+    outside = (radius > 0.49) & (np.abs(mesh.vertices[:, 2]) < 0.3)
+    assert (labels.label[outside] == Label.S).all()
+    opening: np.ndarray = labels.opening[outside]
+    return opening
+
+
+def test_a_hollow_cylinder_is_held_by_its_wall_or_across() -> None:
+    assert tube_openings(max_opening=0.95) == pytest.approx(0.1, abs=2e-3)
+    assert tube_openings(min_opening=0.95) == pytest.approx(1.0, abs=2e-3)
+    either = tube_openings()
+    assert (np.isclose(either, 0.1, atol=2e-3) | np.isclose(either, 1.0, atol=2e-3)).all()
+
+
+def test_openings_that_nothing_fits_are_the_reason() -> None:
+    mesh = mesh_from_arrays(*shapes.sphere(3))
+    labels = label_surface(mesh, sampling=Sampling(max_opening=0.5))
+    assert (labels.label == Label.U).all()
+    assert (labels.reason == Reason.OPENING).all()
+    assert np.isinf(labels.critical_angle).all()
+    assert np.isnan(labels.partner).all()
+    assert (labels.max_resolution == 0.0).all()
+    assert labels.fractions() == {"S": 0.0, "M": 0.0, "U": pytest.approx(1.0)}
+
+
+def planar_settings() -> list[tuple[float, float]]:
+    cases = json.loads(shapes.shared("reference", "planar.json").read_text())["circle"]
+    return [(case["mu"], degrees(case["alpha_deg"])) for case in cases]
+
+
+def test_scanning_a_ball_gives_the_closed_form_fractions() -> None:
+    """40,962 vertices, finger 1 at a pole: caps around the antipode."""
+    mesh = mesh_from_arrays(*shapes.sphere(6))
+    scan = scan_surface(mesh, fixed=(0.0, 0.0, 1.0))
+    for friction, resolution in planar_settings():
+        beta, tilt = math.atan(friction), resolution / 2.0
+        fractions = scan.relabel(friction=friction, sensor_resolution=resolution).fractions()
+        stable = (1.0 - math.cos(2.0 * max(0.0, beta - tilt))) / 2.0
+        not_unstable = (1.0 - math.cos(2.0 * min(beta + tilt, math.pi / 2.0))) / 2.0
+        assert fractions["S"] == pytest.approx(stable, abs=5e-3)
+        assert fractions["S"] + fractions["M"] == pytest.approx(not_unstable, abs=5e-3)
+
+
+def test_scan_against_the_definition_on_a_real_shape() -> None:
+    mesh = mesh_from_arrays(*shapes.lopsided())
+    start = mesh.vertices[100]
+    scan = scan_surface(mesh, fixed=start + 0.01 * mesh.normals[100])
+    place, normal = scan.partner[0], scan.partner_normal[0]
+    assert np.linalg.norm(place - start) < 0.02
+    for v in range(0, len(mesh.vertices), 61):
+        expected = oracles.critical_angle(place, normal, mesh.vertices[v], mesh.normals[v])
+        assert scan.critical_angle[v] == pytest.approx(expected, abs=1e-9)
+        assert scan.opening[v] == pytest.approx(np.linalg.norm(place - mesh.vertices[v]))
+
+
+def test_scan_from_a_vertex_skips_that_vertex_and_from_a_corner_takes_its_normals() -> None:
+    mesh = mesh_from_arrays(*shapes.box())
+    scan = scan_surface(mesh, fixed=mesh.vertices[0])
+    assert scan.reason[0] == Reason.SAME_PLACE
+    assert scan.label[0] == Label.U
+    across = int(np.argmax(scan.opening))  # the opposite corner: both see the diagonal
+    assert scan.critical_angle_best[across] == 0.0
+    assert scan.critical_angle[across] == pytest.approx(math.acos(1.0 / math.sqrt(3.0)))
+    face = scan_surface(mesh, fixed=(0.0, 0.0, 0.5))
+    below = int(np.argmin(np.linalg.norm(mesh.vertices - [0.0, 0.0, -0.5], axis=1)))
+    assert face.critical_angle[below] == pytest.approx(0.0, abs=0.05)
+    edge = scan_surface(mesh, fixed=(0.5, 0.02, 0.5))
+    opposite = int(np.argmin(np.linalg.norm(mesh.vertices - [-0.5, 0.0, -0.5], axis=1)))
+    assert edge.critical_angle[opposite] == pytest.approx(math.pi / 4.0, abs=0.05)
+    assert edge.critical_angle_best[opposite] == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("fixed", [(0.0, 0.0), [[0, 0, 1], [0, 0, -1]], (math.nan, 0.0, 0.0)])
+def test_scan_wants_one_point(fixed: object) -> None:
+    mesh = mesh_from_arrays(*shapes.box())
+    with pytest.raises(GraspError, match="one point of three finite numbers"):
+        scan_surface(mesh, fixed=fixed)  # type: ignore[arg-type]
+
+
+def test_relabelling_is_labelling_anew() -> None:
+    mesh = mesh_from_arrays(*shapes.lopsided())
+    wide = label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=1.0))
+    for friction, resolution in ((0.3, 0.2), (0.8, 0.5), (0.1, 0.0)):
+        model = GraspModel(friction=friction, sensor_resolution=resolution)
+        again = label_surface(mesh, model, sampling=Sampling(search_angle=1.0))
+        threshold = wide.relabel(friction=friction, sensor_resolution=resolution)
+        assert np.array_equal(threshold.label, again.label)
+        assert threshold.model == model
+        assert np.array_equal(threshold.max_resolution, again.max_resolution)
+
+
+def test_relabelling_beyond_the_search_is_an_error_that_tells_the_way() -> None:
+    labels = label_surface(mesh_from_arrays(*shapes.sphere(2)), GraspModel(friction=0.3))
+    with pytest.raises(SearchCoverageError, match=r"Sampling\(search_angle="):
+        labels.relabel(friction=0.5)
+    with pytest.raises(SearchCoverageError, match="searched only up to"):
+        labels.relabel(sensor_resolution=1.0)
+    with pytest.raises(SettingError):
+        labels.relabel(friction=-1.0)
+    assert labels.relabel(friction=0.2).model.friction == 0.2
+
+
+def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
+    mesh = mesh_from_arrays(*shapes.cone(0.3))
+    labels = label_surface(mesh)
+    for weights in ("area", "vertex"):
+        fractions = labels.fractions(weights=weights)  # type: ignore[arg-type]
+        assert list(fractions) == ["S", "M", "U"]
+        assert sum(fractions.values()) == pytest.approx(1.0)
+    counts = np.bincount(labels.label, minlength=3) / len(labels.label)
+    assert labels.fractions(weights="vertex")["S"] == pytest.approx(counts[Label.S])
+    low, high = labels.angle_quantiles([0.0, 1.0])
+    assert (low, high) == (labels.critical_angle.min(), labels.critical_angle.max())
+    assert labels.angle_quantiles([0.5], weights="vertex") == pytest.approx(
+        np.quantile(labels.critical_angle, 0.5, method="inverted_cdf")
+    )
+    with pytest.raises(SettingError, match="known: area, vertex"):
+        labels.fractions(weights="face")  # type: ignore[arg-type]
+
+
+def test_duplicates_carry_their_place_and_strays_are_off_the_surface() -> None:
+    vertices, faces = shapes.sphere(3)
+    more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
+    mesh = mesh_from_arrays(more, faces)
+    labels = label_surface(mesh)
+    plain = label_surface(mesh_from_arrays(vertices, faces))
+    count = len(vertices)
+    assert np.array_equal(labels.critical_angle[count : count + 5], labels.critical_angle[:5])
+    assert labels.reason[count + 5] == Reason.OFF_SURFACE
+    assert labels.label[count + 5] == Label.U
+    assert labels.fractions() == pytest.approx(plain.fractions())
+    assert labels.fractions(weights="vertex") == pytest.approx(plain.fractions(weights="vertex"))
+
+
+def test_the_search_reports_how_far_it_went() -> None:
+    search = label_surface(mesh_from_arrays(*shapes.lopsided())).search
+    assert search.rays > 64 * 2562
+    assert search.rounds > 3
+    assert 0.0 <= search.still_falling < 0.01
+
+
+def test_labels_cannot_be_written_to() -> None:
+    labels = ball()
+    with pytest.raises(ValueError, match="read-only"):
+        labels.critical_angle[0] = 0.0
+    with pytest.raises(AttributeError):
+        labels.model = GraspModel()  # type: ignore[misc]
