@@ -52,7 +52,7 @@ class SearchReport:
     rounds: int
     """Rounds of refinement about the best grasps."""
     still_falling: float
-    """Share of the vertices whose critical angle fell by more than the tolerance at last."""
+    """Share of the vertices that the last trial of their neighbours' partners still improved."""
 
 
 @dataclass(frozen=True, eq=False)

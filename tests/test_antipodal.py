@@ -42,7 +42,7 @@ def test_the_search_finds_what_an_exhaustive_one_finds(shape: shapes.Surface) ->
         if oracle < cone:
             behind.append(grasps.worst[vertex] - oracle)
     assert len(behind) > 200
-    assert np.mean(np.array(behind) < 2e-3) >= 0.99
+    assert np.mean(np.array(behind) < 5e-3) >= 0.99
     assert np.median(behind) <= 1e-4
 
 

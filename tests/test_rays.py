@@ -59,6 +59,10 @@ def empty_grasps(count: int) -> antipodal.Grasps:
         np.zeros(count, dtype=np.int8),
         np.zeros(count, dtype=np.int8),
         np.full(count, antipodal.NO_PARTNER, dtype=np.uint8),
+        np.zeros((count, 1, 3)),
+        np.full((count, 1), np.inf),
+        np.zeros((count, 1), dtype=np.int8),
+        1.0,
     )
 
 

@@ -86,6 +86,14 @@ class Grasps(NamedTuple):
     """The same for the grasp of `best`."""
     reason: npt.NDArray[np.uint8]
     """FOUND, NO_PARTNER or OPENING."""
+    starts: npt.NDArray[np.float64]
+    """Closing directions of the best grasps that lie apart, ordered (V, k, 3)."""
+    start_angles: npt.NDArray[np.float64]
+    """Their critical angles over the worst normals [rad] (V, k)."""
+    start_signs: npt.NDArray[np.int8]
+    """+1 squeeze, -1 expand (V, k)."""
+    apart: float
+    """Cosine of the angle from which two closing directions lie apart."""
 
 
 class Rays(NamedTuple):
@@ -295,14 +303,14 @@ def _ring(size, v, sign, around, radius, turn, tangent, cone, sets, owner, closi
 
 
 @kernel
-def refining_rays(places, radius, turn, cone, frames, sets, grasps):
+def refining_rays(places, radii, turn, cone, frames, sets, grasps):
     """Directions near each place's best grasp: a ring, and the bisector of the two normals.
 
     The bisector of n1 and -n2 is the optimum wherever the partner's surface is locally flat.
 
     Args:
         places: Vertices that have a candidate (n,).
-        radius: Angle of the ring [rad].
+        radii: Angle of the ring about the grasp of each vertex [rad] (V,).
         turn: Rotation of the ring in sixths of a turn.
         cone: Half-angle of the search cone [rad].
         frames: `Frames`.
@@ -320,6 +328,7 @@ def refining_rays(places, radius, turn, cone, frames, sets, grasps):
     size = 0
     for v in places:
         sign, around, tangent = grasps.signs[v], grasps.closing[v], frames.tangents[v]
+        radius = radii[v]
         middle = frames.centres[v] - grasps.partner_normal[v]
         length = math.sqrt(np.dot(middle, middle))
         if length > 1e-9:
@@ -337,6 +346,38 @@ def refining_rays(places, radius, turn, cone, frames, sets, grasps):
             size = _ring(
                 size, v, sign, other, radius, turn, tangent, cone, sets, owner, closing, signs
             )
+    return _rays(owner, closing, signs, size)
+
+
+@kernel
+def exploring_rays(places, radius, turn, cone, frames, sets, grasps):
+    """Rings about the starts of each place that are not its best grasp.
+
+    Args:
+        places: Vertices (n,).
+        radius: Angle of the rings [rad].
+        turn: Rotation of the rings in sixths of a turn.
+        cone: Half-angle of the search cone [rad].
+        frames: `Frames`.
+        sets: `Sets`.
+        grasps: `Grasps`.
+
+    Returns:
+        The `Rays`.
+    """
+    room = places.shape[0] * 6 * grasps.starts.shape[1]
+    owner = np.empty(room, dtype=np.int32)
+    closing = np.empty((room, 3))
+    signs = np.empty(room, dtype=np.int8)
+    size = 0
+    for v in places:
+        for k in range(1, grasps.starts.shape[1]):
+            if grasps.start_angles[v, k] < math.inf:
+                around, sign = grasps.starts[v, k].copy(), grasps.start_signs[v, k]
+                tangent = frames.tangents[v]
+                size = _ring(
+                    size, v, sign, around, radius, turn, tangent, cone, sets, owner, closing, signs
+                )
     return _rays(owner, closing, signs, size)
 
 
@@ -394,6 +435,26 @@ def aim(count, rays, points, origins, directions):
 
 
 @kernel
+def _remember(v, sign, x, y, z, angle, grasps):
+    """Keep a vertex's best closing directions that lie apart from each other, in order."""
+    directions, angles, signs = grasps.starts[v], grasps.start_angles[v], grasps.start_signs[v]
+    row = angles.shape[0] - 1
+    for k in range(angles.shape[0]):  # a start close by gives way to a better one, or stays
+        cosine = x * directions[k, 0] + y * directions[k, 1] + z * directions[k, 2]
+        if angles[k] < math.inf and signs[k] == sign and cosine > grasps.apart:
+            row = k
+            break
+    if angle >= angles[row] - TIE:
+        return
+    while row > 0 and angle < angles[row - 1] - TIE:
+        angles[row], signs[row] = angles[row - 1], signs[row - 1]
+        directions[row] = directions[row - 1]
+        row -= 1
+    angles[row], signs[row] = angle, sign
+    directions[row, 0], directions[row, 1], directions[row, 2] = x, y, z
+
+
+@kernel
 def _consider(v, sign, partner, opening, face, weights, surface, sets, grasps, found):
     """Weigh the grasp of a vertex and a place on a face; keep it where it is the best so far."""
     start, counts, normals = sets.start, sets.counts, sets.normals
@@ -414,6 +475,8 @@ def _consider(v, sign, partner, opening, face, weights, surface, sets, grasps, f
     else:
         low = max(low, smallest_angle(found, 0, count, -x, -y, -z))
         high = max(high, largest_angle(found, 0, count, -x, -y, -z))
+    if high < grasps.start_angles[v, -1]:
+        _remember(v, sign, x, y, z, high, grasps)
     if high < grasps.worst[v] - TIE:
         grasps.worst[v] = high
         grasps.reason[v] = FOUND

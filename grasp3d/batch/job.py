@@ -24,8 +24,15 @@ class Job:
     name: str
     """How the mesh is called in the summary: its path below the folder that was given."""
     source: Path
-    target: Path
-    """Labelled file to write; the suffix chooses the format."""
+    output: Path
+    """Folder for the results."""
+    labeled: str
+    """Labelled file to write, below `output`; the suffix chooses the format."""
+
+    @property
+    def target(self) -> Path:
+        """Labelled file to write."""
+        return self.output / self.labeled
 
 
 @dataclass(frozen=True)
@@ -94,7 +101,7 @@ def _labeled(job: Job, settings: BatchSettings) -> Row:
     low, middle, high = (float(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
     return Row(
         mesh=job.name,
-        labeled=job.target.name,
+        labeled=job.labeled,
         vertices=len(mesh.vertices),
         faces=len(mesh.faces),
         size=mesh.size,

@@ -23,20 +23,20 @@ def plan(inputs: Iterable[Path], output: Path) -> list[Job]:
         MeshError: An input is missing, or there is no mesh among them.
     """
     inputs = list(inputs)
-    found: dict[Path, Path] = {}
+    found: dict[Path, tuple[Path, Path]] = {}  # by its real place: how it was given, its name
     for item in inputs:
         if not item.exists():
             raise MeshError(f"{item}: there is no such file or folder")
         if item.is_dir():
             for path in _meshes_below(item, output):
-                found.setdefault(path.resolve(), path.relative_to(item))
+                found.setdefault(path.resolve(), (path, path.relative_to(item)))
         else:
-            found.setdefault(item.resolve(), Path(item.name))
+            found.setdefault(item.resolve(), (item, Path(item.name)))
     if not found:
         known = " ".join(sorted(mesh_suffixes()))
         folders = ", ".join(str(item) for item in inputs)
         raise MeshError(f"{folders}: no mesh in it; files named {known} are read")
-    return _named(found, output)
+    return _named(list(found.values()), output)
 
 
 def _meshes_below(folder: Path, output: Path) -> list[Path]:
@@ -51,12 +51,12 @@ def _meshes_below(folder: Path, output: Path) -> list[Path]:
     )
 
 
-def _named(found: dict[Path, Path], output: Path) -> list[Job]:
+def _named(found: list[tuple[Path, Path]], output: Path) -> list[Job]:
     """Name the results: `mug_labeled.ply`, with the suffix where stems meet, with a number else."""
-    short = Counter(_key(name.with_suffix("")) for name in found.values())
+    short = Counter(_key(name.with_suffix("")) for _, name in found)
     taken: set[str] = set()
     jobs = []
-    for source, name in sorted(found.items(), key=lambda item: (str(item[1]), str(item[0]))):
+    for source, name in sorted(found, key=lambda item: (str(item[1]), str(item[0]))):
         stem = name.stem if short[_key(name.with_suffix(""))] == 1 else name.name.replace(".", "_")
         target = name.with_name(f"{stem}_labeled.ply")
         number = 2
@@ -64,7 +64,7 @@ def _named(found: dict[Path, Path], output: Path) -> list[Job]:
             target = name.with_name(f"{stem}_{number}_labeled.ply")
             number += 1
         taken.add(_key(target))
-        jobs.append(Job(name=str(name), source=source, target=output / target))
+        jobs.append(Job(name=str(name), source=source, output=output, labeled=str(target)))
     return jobs
 
 

@@ -63,7 +63,7 @@ class Batch:
         with report.counter("labelling", len(jobs), quiet=self.quiet) as advance:
             for row in run(jobs, settings, workers=self.workers or available_processors()):
                 rows.append(row)
-                advance(row)
+                advance()
         write_summary(self.output / SUMMARY, rows, settings)
         if not self.quiet:
             report.print_batch(rows, self.output)

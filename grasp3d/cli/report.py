@@ -37,17 +37,12 @@ def progress(text: str, *, quiet: bool) -> Iterator[Callable[[float], None]]:
 
 
 @contextmanager
-def counter(text: str, total: int, *, quiet: bool) -> Iterator[Callable[[Row], None]]:
-    """Show a bar that counts meshes and names the failed ones; gives a function of a row."""
+def counter(text: str, total: int, *, quiet: bool) -> Iterator[Callable[[], None]]:
+    """Show a bar that counts meshes; gives a function to call after each."""
     with _bar(MofNCompleteColumn(), quiet=quiet) as bar:
         task = bar.add_task(text, total=total)
 
-        def advance(row: Row) -> None:
-            if row.error:
-                bar.console.print(f"[red]failed[/] {escape(row.mesh)}: {escape(row.error)}")
-            bar.advance(task)
-
-        yield advance
+        yield lambda: bar.advance(task)
 
 
 def _bar(column: TextColumn | MofNCompleteColumn, *, quiet: bool) -> Progress:
@@ -89,19 +84,23 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
 
 
 def print_batch(rows: Sequence[Row], output: Path) -> None:
-    """Print the summary of a batch: one line per mesh, then what failed and why."""
+    """Print the summary of a batch: one line per mesh, then what failed, and what to mind."""
     console = Console()
     table = Table(box=None, pad_edge=False)
     table.add_column("mesh", overflow="fold")
     for heading in ("vertices", "S %", "M %", "U %", "β* 10/50/90 %", "s"):
         table.add_column(heading, justify="right", no_wrap=True)
-    table.add_column("remarks", overflow="fold")
     for row in sorted(rows, key=lambda row: row.mesh):
         table.add_row(*_cells(row))
     console.print(table)
     legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING.items())
-    failed = sum(1 for row in rows if row.error)
     console.print(f"{legend}; shares of the area; β* critical friction angle")
+    for row in sorted(rows, key=lambda row: row.mesh):
+        if row.error:
+            console.print(f"[red]failed:[/] {escape(row.error)}", soft_wrap=True)
+        elif row.warnings:
+            console.print(f"[yellow]warning:[/] {escape(row.mesh)}: {row.warnings}", soft_wrap=True)
+    failed = sum(1 for row in rows if row.error)
     console.print(
         f"{len(rows) - failed} labelled, {failed} failed; written: {escape(str(output))}",
         soft_wrap=True,
@@ -110,7 +109,7 @@ def print_batch(rows: Sequence[Row], output: Path) -> None:
 
 def _cells(row: Row) -> list[str]:
     if row.error:
-        return [escape(row.mesh), *[""] * 5, f"{row.seconds:.1f}", f"[red]{escape(row.error)}[/]"]
+        return [escape(row.mesh), "[red]failed[/]", *[""] * 4, f"{row.seconds:.1f}"]
     shares = (row.stable, row.ambiguous, row.no_grasp_found)
     angles = (row.critical_angle_p10, row.critical_angle_p50, row.critical_angle_p90)
     return [
@@ -119,7 +118,6 @@ def _cells(row: Row) -> list[str]:
         *(f"{100.0 * share:.1f}" for share in shares if share is not None),
         " ".join(_angle(angle) for angle in angles if angle is not None),
         f"{row.seconds:.1f}",
-        escape(row.warnings),
     ]
 
 

@@ -94,7 +94,23 @@ def _parsed(path: Path, kind: str, data: bytes) -> trimesh.Scene:
     return trimesh.load_scene(source, file_type=kind, process=False)
 
 
+def check_finite(vertices: Floats, where: str) -> None:
+    """Refuse positions that are no numbers.
+
+    Raises:
+        MeshError: A coordinate is nan or infinite.
+    """
+    bad = np.flatnonzero(~np.isfinite(vertices).all(axis=1))
+    if len(bad):
+        raise MeshError(
+            f"{where}: vertex {bad[0]} has a coordinate that is not a finite number "
+            f"({len(bad)} such vertices); export the mesh again"
+        )
+
+
 def _flattened(path: Path, kind: str, scene: trimesh.Scene) -> RawMesh:
+    for part in scene.geometry.values():
+        check_finite(np.asarray(part.vertices, dtype=np.float64), str(path))
     try:
         mesh = scene.to_mesh()
         vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)

@@ -9,7 +9,7 @@ import numpy.typing as npt
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import MeshError
 from grasp3d.mesh.cleaning import CleanFaces, clean_faces, has_area
-from grasp3d.mesh.loading import RawMesh, read_mesh
+from grasp3d.mesh.loading import RawMesh, check_finite, read_mesh
 from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.orientation import OrientedFaces, orient_faces, signed_volumes
@@ -139,12 +139,7 @@ def _prepared(raw: RawMesh, options: MeshOptions, *, name: str, where: str) -> O
 
 
 def _check_numbers(raw: RawMesh, where: str) -> None:
-    bad = np.flatnonzero(~np.isfinite(raw.vertices).all(axis=1))
-    if len(bad):
-        raise MeshError(
-            f"{where}: vertex {bad[0]} has a coordinate that is not a finite number "
-            f"({len(bad)} such vertices); export the mesh again"
-        )
+    check_finite(raw.vertices, where)
     if len(raw.faces) == 0:
         raise MeshError(f"{where}: holds no faces")
     outside = (raw.faces < 0) | (raw.faces >= len(raw.vertices))

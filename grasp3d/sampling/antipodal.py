@@ -1,21 +1,22 @@
 """The best two-finger grasp through every vertex.
 
 Rays from a vertex find the places that a second finger can take; the critical friction angle of
-each pair is exact, so the search can only miss a grasp, never make one up. The best one found is
-then improved: partners of the neighbours are tried, and ever narrower rings of rays about it.
+each pair is exact, so the search can only miss a grasp, never make one up. The best ones found are
+then improved: by ever narrower rings of rays about them, and by the partners of the neighbours.
 """
 
 import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
+from functools import partial
 from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
 
 from grasp3d._kernels import antipodal as kernels
-from grasp3d.arrays import Bytes, Floats, Ints, unit_rows
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import crease_twins
 from grasp3d.rays import SurfaceRays
@@ -27,8 +28,20 @@ CHUNK = 100_000
 PROPOSALS = 13
 """Most rays per vertex in one round of refinement."""
 
-SHARING_ROUNDS = (0, 3)
-"""Rounds that begin with the partners of the neighbours."""
+STARTS = 3
+"""Grasps per vertex, apart from each other, around which the search begins."""
+
+EXPLORING_ROUNDS = 3
+"""Rounds in which all starts are tried before the best one alone goes on."""
+
+SWEEPS = 3
+"""How often the neighbours' partners are tried and what they improve is refined again."""
+
+MAX_ROUNDS = 30
+"""Most rounds of refinement in one sweep; rings shrink to the tolerance long before."""
+
+FALL = 0.1
+"""Share of the tolerance by which a critical angle must fall for its ring to keep its size."""
 
 CLEAR = 1e-3
 """Length across the normal, in object sizes, from which a reference direction counts."""
@@ -57,7 +70,7 @@ class AntipodalGrasps:
     rounds: int
     """Rounds of refinement."""
     still_falling: float
-    """Share of the vertices whose critical angle fell by more than the tolerance at last."""
+    """Share of the vertices that the last trial of their neighbours' partners still improved."""
 
 
 def best_grasps(
@@ -160,6 +173,7 @@ class _Search:
     def __post_init__(self) -> None:
         mesh = self.mesh
         count = len(mesh.vertices)
+        self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
         self.places = np.unique(mesh.faces)
         self.limits = (self.sampling.min_opening / mesh.size, self.sampling.max_opening / mesh.size)
         self.sets = contact_normals(mesh)
@@ -178,22 +192,48 @@ class _Search:
             signs=np.zeros(count, dtype=np.int8),
             signs_best=np.zeros(count, dtype=np.int8),
             reason=np.full(count, kernels.NO_PARTNER, dtype=np.uint8),
+            starts=np.zeros((count, STARTS, 3)),
+            start_angles=np.full((count, STARTS), math.inf),
+            start_signs=np.zeros((count, STARTS), dtype=np.int8),
+            apart=math.cos(self.spacing),
         )
 
     def run(self) -> AntipodalGrasps:
-        spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
-        rounds = max(1, math.ceil(math.log2(spacing / self.sampling.tolerance)))
+        spacing = self.spacing
         self._seed(share=0.5)
-        falling = 0.0
-        for number in range(rounds):
-            before = self.grasps.worst.copy()
-            if number in SHARING_ROUNDS:
-                self._share()
-            self._refine(spacing / 2.0 ** (number + 1), turn=0.5 * (number % 2))
-            self.progress(0.5 + 0.5 * (number + 1) / rounds)
-            fell = self.grasps.worst < before - self.sampling.tolerance
+        for number in range(EXPLORING_ROUNDS):
+            self._explore(spacing / 2.0 ** (number + 1), turn=0.5 * (number % 2))
+        radii = np.full(len(self.mesh.vertices), 0.5 * spacing)
+        rounds, falling = 0, 0.0
+        for sweep in range(SWEEPS):
+            fell = self._falls(self._share)
             falling = float(fell.sum()) / len(self.places)
+            if sweep:
+                radii[fell] = 0.25 * spacing
+            rounds += self._descend(radii)
+            self.progress(0.5 + 0.5 * (sweep + 1) / SWEEPS)
         return self._result(rounds, falling)
+
+    def _descend(self, radii: Floats) -> int:
+        """Shrink the rings about the grasps wherever they find nothing better; returns rounds."""
+        for number in range(MAX_ROUNDS):
+            places = self._open_places()
+            places = places[
+                (radii[places] > self.sampling.tolerance)
+                & (self.grasps.reason[places] == kernels.FOUND)
+            ]
+            if len(places) == 0:
+                return number
+            fell = self._falls(partial(self._refine, places, radii, turn=0.5 * (number % 2)))
+            radii[places[~fell[places]]] *= 0.5
+        return MAX_ROUNDS
+
+    def _falls(self, improve: Callable[[], None]) -> Bools:
+        """Tell the vertices whose critical angles some work lowers by more than rounding."""
+        worst, best = self.grasps.worst.copy(), self.grasps.best.copy()
+        improve()
+        enough = FALL * self.sampling.tolerance
+        return (self.grasps.worst < worst - enough) | (self.grasps.best < best - enough)
 
     def _seed(self, share: float) -> None:
         signs = {"squeeze": (1,), "expand": (-1,), "both": (1, -1)}[self.sampling.grip]
@@ -224,12 +264,20 @@ class _Search:
             PROPOSALS,
         )
 
-    def _refine(self, radius: float, turn: float) -> None:
-        places = self._open_places()
+    def _explore(self, radius: float, turn: float) -> None:
         self._trace(
-            places[self.grasps.reason[places] == kernels.FOUND],
-            lambda chunk: kernels.refining_rays(
+            self._open_places(),
+            lambda chunk: kernels.exploring_rays(
                 chunk, radius, turn, self.cone, self.frames, self.sets, self.grasps
+            ),
+            PROPOSALS,
+        )
+
+    def _refine(self, places: Ints, radii: Floats, turn: float) -> None:
+        self._trace(
+            places,
+            lambda chunk: kernels.refining_rays(
+                chunk, radii, turn, self.cone, self.frames, self.sets, self.grasps
             ),
             PROPOSALS,
         )

@@ -1,0 +1,127 @@
+import json
+import math
+import os
+import signal
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import trimesh
+
+from grasp3d import GraspModel, MeshError, MeshOptions, Sampling, label_surface, load_mesh
+from grasp3d.batch import run as runner
+from grasp3d.batch.job import BatchSettings, Job, Row, label_file
+from grasp3d.batch.plan import plan
+from grasp3d.batch.store import write_summary
+from tests import shapes
+
+SETTINGS = BatchSettings(GraspModel(friction=0.4), Sampling(rays=16), MeshOptions(unit="cm"))
+
+
+def ball(path: Path) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    vertices, faces = shapes.sphere(2)
+    trimesh.Trimesh(vertices, faces, process=False).export(path)
+    return path
+
+
+def test_every_mesh_below_a_folder_gets_a_name_of_its_own(tmp_path: Path) -> None:
+    library, out = tmp_path / "library", tmp_path / "library" / "out"
+    for name in ("mug.stl", "mug.ply", "MUG.off", "deep/mug.stl", "a b.PLY", "out/mug_labeled.ply"):
+        ball(library / name)
+    (library / "notes.txt").write_text("no mesh", encoding="ascii")
+    (library / "folder.stl").mkdir()
+    jobs = plan([library, library / "mug.stl", library / "deep"], out)
+    assert [job.name for job in jobs] == [
+        "MUG.off",
+        "a b.PLY",
+        "deep/mug.stl",
+        "mug.ply",
+        "mug.stl",
+    ]
+    targets = [job.labeled for job in jobs]
+    assert targets == [
+        "MUG_off_labeled.ply",
+        "a b_labeled.ply",
+        "deep/mug_labeled.ply",
+        "mug_ply_labeled.ply",
+        "mug_stl_labeled.ply",
+    ]
+    assert len({target.casefold() for target in targets}) == len(targets)
+
+
+def test_names_that_meet_all_the_same_are_numbered(tmp_path: Path) -> None:
+    one, two = ball(tmp_path / "one" / "mug.stl"), ball(tmp_path / "two" / "mug.stl")
+    targets = [job.labeled for job in plan([one, two], tmp_path / "out")]
+    assert targets == ["mug_stl_labeled.ply", "mug_stl_2_labeled.ply"]
+
+
+def test_nothing_to_do_is_an_error_and_not_an_empty_result(tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match="no mesh in it"):
+        plan([tmp_path], tmp_path / "out")
+    with pytest.raises(MeshError, match="there is no such file or folder"):
+        plan([tmp_path / "missing"], tmp_path / "out")
+
+
+def test_one_job_is_what_labelling_the_file_gives(tmp_path: Path) -> None:
+    source = ball(tmp_path / "ball.ply")
+    row = label_file(Job("ball.ply", source, tmp_path, "out.ply"), SETTINGS)
+    labels = label_surface(load_mesh(source, unit="cm"), SETTINGS.model, sampling=SETTINGS.sampling)
+    assert (row.stable, row.ambiguous, row.no_grasp_found) == tuple(labels.fractions().values())
+    assert row.critical_angle_p50 == labels.angle_quantiles([0.5])[0]
+    assert (row.error, row.unit, row.closed, row.labeled) == ("", "cm", True, "out.ply")
+    assert row.vertices == len(labels.mesh.vertices)
+    assert row.seconds > 0.0
+    written = trimesh.load_mesh(tmp_path / "out.ply", process=False)
+    raw = written.metadata["_ply_raw"]["vertex"]["data"]
+    assert np.array_equal(raw["label"], labels.label)
+
+
+def test_a_mesh_that_cannot_be_read_is_a_row_with_the_reason(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.stl"
+    bad.write_text("not a mesh", encoding="ascii")
+    row = label_file(Job("bad.stl", bad, tmp_path, "out.ply"), SETTINGS)
+    assert "holds no triangles" in row.error
+    assert row.stable is None
+    assert not (tmp_path / "out.ply").exists()
+
+
+def test_the_summary_keeps_every_field_and_the_settings(tmp_path: Path) -> None:
+    rows = [Row("b", error="broken"), Row("a", stable=0.5, critical_angle_p90=math.inf)]
+    write_summary(tmp_path / "summary.parquet", rows, SETTINGS)
+    table = pq.read_table(tmp_path / "summary.parquet")
+    assert table.column("mesh").to_pylist() == ["a", "b"]
+    assert table.column("error").to_pylist() == ["", "broken"]
+    assert table.column("critical_angle_p90").to_pylist() == [math.inf, None]
+    assert set(table.column_names) == set(Row.__dataclass_fields__)
+    settings = json.loads(table.schema.metadata[b"grasp3d"])
+    assert settings["model"]["friction"] == 0.4
+    assert settings["mesh"]["unit"] == "cm"
+
+
+def killed(job: Job, settings: BatchSettings) -> Row:
+    """A job whose process dies on one mesh, and that fails strangely on another."""
+    if "deadly" in job.name:
+        os.kill(os.getpid(), signal.SIGKILL)
+    if "strange" in job.name:
+        raise ValueError("no one thought of this")
+    return label_file(job, settings)
+
+
+@pytest.mark.slow
+def test_a_mesh_that_kills_its_process_harms_no_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name in ("1.ply", "2_deadly.ply", "3.ply", "4_strange.ply", "5.ply", "6.ply"):
+        ball(tmp_path / "in" / name)
+    jobs = plan([tmp_path / "in"], tmp_path / "out")
+    monkeypatch.setattr(runner, "label_file", killed)
+    rows = {row.mesh: row for row in runner.run(jobs, SETTINGS, workers=2)}
+    assert len(rows) == 6
+    assert "died" in rows["2_deadly.ply"].error
+    assert "unexpected ValueError: no one thought of this" in rows["4_strange.ply"].error
+    assert [name for name, row in rows.items() if row.error] == [
+        name for name in rows if "deadly" in name or "strange" in name
+    ]
+    assert len(list((tmp_path / "out").glob("*.ply"))) == 4

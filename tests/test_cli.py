@@ -1,0 +1,160 @@
+"""The real command in a process of its own."""
+
+import math
+import os
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import trimesh
+
+from tests import shapes
+
+COMMAND = Path(sys.executable).with_name("grasp3d")
+
+
+def grasp3d(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(COMMAND), *map(str, arguments)],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, "COLUMNS": "160"},
+    )
+
+
+def export(path: Path, shape: shapes.Surface) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trimesh.Trimesh(*shape, process=False).export(path)
+    return path
+
+
+def test_label_writes_the_ply_and_prints_the_fractions(tmp_path: Path) -> None:
+    export(tmp_path / "in" / "my box.stl", shapes.box((0.06, 0.04, 0.1)))
+    run = grasp3d("label", "in/my box.stl", "--unit", "m", "--friction", "1", cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "S  surely stable" in run.stdout.replace("   ", " ").replace("  ", "  ")
+    assert "no grasp found" in run.stdout
+    mesh = trimesh.load_mesh(tmp_path / "my box_labeled.ply", process=False)
+    labels = mesh.metadata["_ply_raw"]["vertex"]["data"]["label"]
+    assert set(labels) == {1, 2}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["in", "my box_labeled.ply"]
+
+
+def test_angles_are_degrees_on_the_command_line(tmp_path: Path) -> None:
+    source = export(tmp_path / "ball.ply", shapes.sphere(2))
+    arguments = ("--sensor-resolution", "30", "--friction", "0.2", "--search-angle", "40")
+    run = grasp3d("label", source, "-o", "out.npz", *arguments, cwd=tmp_path)
+    assert run.returncode == 0
+    with np.load(tmp_path / "out.npz") as data:
+        assert float(str(data["setting_sensor_resolution"])) == pytest.approx(math.radians(30.0))
+        assert float(str(data["setting_search_angle"])) == pytest.approx(math.radians(40.0))
+        assert set(data["label"]) == {1}  # 15 degrees of tilt against 11.3 of friction
+
+
+def test_every_output_format_can_be_asked_for(tmp_path: Path) -> None:
+    source = export(tmp_path / "ball.ply", shapes.sphere(2))
+    for suffix in ("ply", "glb", "npz", "vtp"):
+        run = grasp3d("label", source, "-o", f"out.{suffix}", "-q", cwd=tmp_path)
+        assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+        assert (tmp_path / f"out.{suffix}").stat().st_size > 1000
+
+
+BAD: dict[str, tuple[list[str], str]] = {
+    "missing": (["label", "nothing.stl"], "there is no such file"),
+    "folder": (["label", "."], "is a folder"),
+    "empty": (["label", "empty.stl"], "the file is empty"),
+    "prose": (["label", "prose.stl"], "holds no triangles"),
+    "no faces": (["label", "points.ply"], "holds no triangles"),
+    "nan": (["label", "nan.off"], "not a finite number"),
+    "infinite": (["label", "inf.obj"], "not a finite number"),
+    "friction": (["label", "ball.ply", "--friction", "0"], "friction must be"),
+    "negative friction": (["label", "ball.ply", "--friction", "-0.5"], "friction must be"),
+    "resolution": (["label", "ball.ply", "--sensor-resolution", "-1"], "below 180 degrees"),
+    "coarse": (["label", "ball.ply", "--sensor-resolution", "180"], "below 180 degrees"),
+    "format": (["label", "ball.ply", "-o", "x.docx"], "known: .ply"),
+    "output": (["label", "ball.ply", "-o", "no/where.ply"], "cannot be written"),
+    "no input": (["batch", "-o", "out"], "no input"),
+    "no mesh": (["batch", "void", "-o", "out"], "no mesh in it"),
+    "no folder": (["batch", "nowhere", "-o", "out"], "no such file or folder"),
+    "output is a file": (["batch", "ball.ply", "-o", "ball.ply"], "cannot be made"),
+    "workers": (["batch", "ball.ply", "-o", "out", "--workers", "0"], "workers must be"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(
+    tmp_path: Path, name: str
+) -> None:
+    export(tmp_path / "ball.ply", shapes.sphere(2))
+    (tmp_path / "void").mkdir()
+    (tmp_path / "empty.stl").touch()
+    (tmp_path / "prose.stl").write_text("Not a mesh at all.\n" * 9, encoding="ascii")
+    (tmp_path / "points.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n0 0 0\n",
+        encoding="ascii",
+    )
+    triangle = "0 0 0\n1 0 0\n0 {} 0\n"
+    (tmp_path / "nan.off").write_text(
+        "OFF\n3 1 0\n" + triangle.format("nan") + "3 0 1 2\n", encoding="ascii"
+    )
+    (tmp_path / "inf.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n", encoding="ascii")
+    before = sorted(p for p in tmp_path.rglob("*"))
+    arguments, message = BAD[name]
+    run = grasp3d(*arguments, cwd=tmp_path)
+    assert run.returncode == 2
+    assert message in run.stderr
+    assert run.stderr.count("\n") == 1
+    assert run.stderr.startswith("grasp3d: ")
+    assert "Traceback" not in run.stderr
+    assert run.stdout == ""
+    assert sorted(p for p in tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["label"], ["label", "x", "--frict", "1"], ["bake"], ["label", "x", "--friction", "high"]],
+)
+def test_bad_usage_exits_with_2_and_points_to_the_help(
+    tmp_path: Path, arguments: list[str]
+) -> None:
+    run = grasp3d(*arguments, cwd=tmp_path)
+    assert run.returncode == 2
+    assert "--help" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+@pytest.mark.slow
+def test_batch_labels_a_folder_and_goes_on_past_failures(tmp_path: Path) -> None:
+    export(tmp_path / "in" / "ball.ply", shapes.sphere(2))
+    export(tmp_path / "in" / "deep" / "box.stl", shapes.box())
+    (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
+    run = grasp3d("batch", "in", "-o", "out", "--workers", "2", "--friction", "1", cwd=tmp_path)
+    assert run.returncode == 1
+    assert "2 labelled, 1 failed" in run.stdout
+    assert "no grasp found" in run.stdout
+    assert "Traceback" not in run.stderr
+    made = {str(p.relative_to(tmp_path / "out")) for p in (tmp_path / "out").rglob("*.p*")}
+    assert made == {"ball_labeled.ply", "deep/box_labeled.ply", "summary.parquet"}
+    rows = {row["mesh"]: row for row in pq.read_table(tmp_path / "out/summary.parquet").to_pylist()}
+    assert rows["ball.ply"]["stable"] == pytest.approx(1.0)
+    assert rows["deep/box.stl"]["labeled"] == "deep/box_labeled.ply"
+    assert "holds no triangles" in rows["bad.obj"]["error"]
+    good = grasp3d("batch", "in/ball.ply", "-o", "out2", "-q", cwd=tmp_path)
+    assert (good.returncode, good.stdout, good.stderr) == (0, "", "")
+
+
+def test_help_answers_quickly_and_names_the_settings(tmp_path: Path) -> None:
+    begun = time.perf_counter()
+    run = grasp3d("label", "--help", cwd=tmp_path)
+    assert time.perf_counter() - begun < 5.0  # what is loaded is tested in test_layers
+    for option in ("--friction", "--sensor-resolution", "--grip", "--max-opening", "--unit"):
+        assert option in run.stdout
+    assert "22.6" in run.stdout
+    assert "type: ignore" not in run.stdout

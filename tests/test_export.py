@@ -1,0 +1,195 @@
+import math
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyvista
+import trimesh
+
+from grasp3d import (
+    COLORS,
+    GraspModel,
+    Label,
+    OutputError,
+    Sampling,
+    SurfaceLabels,
+    label_surface,
+    mesh_from_arrays,
+    scan_surface,
+    write_glb,
+    write_npz,
+    write_ply,
+    write_vtp,
+)
+from grasp3d.export import WRITERS, writer_for
+from tests import shapes
+
+FIELDS = (
+    "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue",
+    "label", "critical_angle", "critical_angle_best", "max_resolution",
+)  # fmt: skip
+
+
+@cache
+def labels() -> SurfaceLabels:
+    """S, M and U, creases, and vertices without any grasp."""
+    mesh = mesh_from_arrays(*shapes.cone(0.35), unit="cm")
+    found = label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening=0.3))
+    assert set(found.label) == {0, 1, 2}
+    assert np.isinf(found.critical_angle).any()
+    return found
+
+
+@pytest.mark.parametrize("binary", [True, False])
+def test_ply_holds_exactly_the_documented_properties(tmp_path: Path, binary: bool) -> None:
+    plyfile = shapes.reader("plyfile")
+    write_ply(tmp_path / "out.ply", labels(), binary=binary)
+    data = plyfile.PlyData.read(tmp_path / "out.ply")
+    vertex = data["vertex"].data
+    assert vertex.dtype.names == FIELDS
+    assert data.byte_order == "<" if binary else data.text
+    mesh = labels().mesh
+    for k, name in enumerate("xyz"):
+        assert np.array_equal(vertex[name], mesh.vertices[:, k])
+        assert vertex[f"n{name}"] == pytest.approx(-mesh.normals[:, k], abs=1e-6)
+    assert vertex["label"].dtype == np.uint8
+    assert np.array_equal(vertex["label"], labels().label)
+    for name in ("critical_angle", "critical_angle_best", "max_resolution"):
+        assert vertex[name].dtype == np.float32
+        assert np.array_equal(vertex[name], np.float32(getattr(labels(), name)))
+    assert np.array_equal(np.vstack(data["face"]["vertex_indices"]), mesh.faces)
+    colors = np.stack([vertex[name] for name in ("red", "green", "blue")], axis=1)
+    for label in Label:
+        assert (colors[vertex["label"] == label] == COLORS[label]).all()
+
+
+def test_ply_comments_tell_the_settings(tmp_path: Path) -> None:
+    write_ply(tmp_path / "out.ply", labels())
+    header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
+    assert "comment grasp3d friction 0.75\n" in header
+    assert f"comment grasp3d sensor_resolution {GraspModel().sensor_resolution}\n" in header
+    assert "comment grasp3d unit cm\n" in header
+    assert "0=U(no_grasp_found)" in header
+    scan = scan_surface(labels().mesh, fixed=(0.0, 0.0, 0.0))
+    write_ply(tmp_path / "scan.ply", scan)
+    assert b"0=U(surely_unstable)" in (tmp_path / "scan.ply").read_bytes()
+
+
+def test_trimesh_reads_the_ply(tmp_path: Path) -> None:
+    write_ply(tmp_path / "out.ply", labels())
+    mesh = trimesh.load_mesh(tmp_path / "out.ply", process=False)
+    assert np.array_equal(mesh.faces, labels().mesh.faces)
+    raw = mesh.metadata["_ply_raw"]["vertex"]["data"]
+    assert np.array_equal(raw["label"], labels().label)
+    assert np.array_equal(raw["critical_angle"], np.float32(labels().critical_angle))
+
+
+def test_open3d_reads_the_ply_with_its_fields(tmp_path: Path) -> None:
+    open3d = shapes.reader("open3d")
+    write_ply(tmp_path / "out.ply", labels())
+    cloud = open3d.t.io.read_point_cloud(str(tmp_path / "out.ply"))
+    assert np.array_equal(cloud.point["label"].numpy().ravel(), labels().label)
+    angles = cloud.point["critical_angle"].numpy().ravel()
+    assert np.array_equal(angles, np.float32(labels().critical_angle))
+    mesh = open3d.io.read_triangle_mesh(str(tmp_path / "out.ply"))
+    assert len(mesh.triangles) == len(labels().mesh.faces)
+    assert mesh.has_vertex_colors()
+
+
+def test_meshlab_reads_surface_and_colours_of_the_ply(tmp_path: Path) -> None:
+    """MeshLab's reader passes over properties that it has no name for."""
+    pymeshlab = shapes.reader("pymeshlab")
+    write_ply(tmp_path / "out.ply", labels())
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(str(tmp_path / "out.ply"))
+    mesh = meshes.current_mesh()
+    assert mesh.vertex_matrix() == pytest.approx(labels().mesh.vertices)
+    assert np.array_equal(mesh.face_matrix(), labels().mesh.faces)
+    colors = np.round(mesh.vertex_color_matrix()[:, :3] * 255.0)
+    assert (colors[labels().label == Label.S] == COLORS[Label.S]).all()
+
+
+def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_path: Path) -> None:
+    write_ply(tmp_path / "out.ply", labels())
+    mesh = pyvista.read(tmp_path / "out.ply")
+    assert mesh.n_points == len(labels().mesh.vertices)
+    assert np.array_equal(mesh.regular_faces, labels().mesh.faces)
+    assert (mesh.point_data["RGB"][labels().label == Label.S] == COLORS[Label.S]).all()
+    write_vtp(tmp_path / "out.vtp", labels())
+    full = pyvista.read(tmp_path / "out.vtp")
+    assert np.array_equal(full.points, labels().mesh.vertices)
+    assert np.array_equal(full.point_data["label"], labels().label)
+    found = np.isfinite(labels().critical_angle)
+    assert np.array_equal(full.point_data["critical_angle"][found], labels().critical_angle[found])
+    assert np.isnan(full.point_data["critical_angle"][~found]).all()
+    assert full.point_data["partner"].shape == (mesh.n_points, 3)
+    assert full.field_data["friction"][0] == "0.75"
+
+
+def test_glb_shows_the_colours_of_the_legend(tmp_path: Path) -> None:
+    write_glb(tmp_path / "out.glb", labels())
+    mesh = trimesh.load_scene(tmp_path / "out.glb", process=False).to_mesh()
+    assert len(mesh.faces) == len(labels().mesh.faces)
+    linear = mesh.visual.vertex_colors[labels().label == Label.S][0, :3] / 255.0
+    shown = [12.92 * c if c <= 0.0031308 else 1.055 * c ** (1 / 2.4) - 0.055 for c in linear]
+    assert np.array(shown) * 255.0 == pytest.approx(np.array(COLORS[Label.S]), abs=3.0)
+
+
+def test_npz_holds_every_array(tmp_path: Path) -> None:
+    write_npz(tmp_path / "out.npz", labels())
+    with np.load(tmp_path / "out.npz") as data:
+        for name in ("label", "critical_angle", "partner", "opening", "grip", "reason"):
+            assert np.array_equal(data[name], getattr(labels(), name), equal_nan=True)
+        assert np.array_equal(data["faces"], labels().mesh.faces)
+        assert str(data["setting_friction"]) == "0.75"
+
+
+def test_coordinates_far_from_the_origin_keep_their_digits(tmp_path: Path) -> None:
+    vertices, faces = shapes.sphere(2)
+    far = label_surface(mesh_from_arrays(vertices + 1e6, faces))
+    write_ply(tmp_path / "far.ply", far)
+    mesh = trimesh.load_mesh(tmp_path / "far.ply", process=False)
+    assert np.array_equal(mesh.vertices[: len(vertices)], vertices + 1e6)
+
+
+@pytest.mark.parametrize("suffix", WRITERS)
+def test_a_folder_that_is_missing_or_in_the_way_is_an_error(tmp_path: Path, suffix: str) -> None:
+    write = writer_for(Path(f"x{suffix}"))
+    with pytest.raises(OutputError, match="cannot be written"):
+        write(tmp_path / "nowhere" / f"out{suffix}", labels())
+    (tmp_path / f"taken{suffix}").mkdir()
+    with pytest.raises(OutputError, match="is a folder"):
+        write(tmp_path / f"taken{suffix}", labels())
+
+
+def test_an_unknown_suffix_names_the_known_ones() -> None:
+    with pytest.raises(OutputError, match=r"known: \.ply \.glb \.npz \.vtp"):
+        writer_for(Path("labels.docx"))
+
+
+def test_an_interrupted_writing_leaves_the_old_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = tmp_path / "out.npz"
+    path.write_text("old", encoding="ascii")
+
+    def interrupted(stream: Any, **_: Any) -> None:
+        stream.write(b"half a file")
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(np, "savez_compressed", interrupted)
+    with pytest.raises(KeyboardInterrupt):
+        write_npz(path, labels())
+    assert path.read_text(encoding="ascii") == "old"
+    assert list(tmp_path.iterdir()) == [path]
+
+
+def test_infinite_angles_stay_infinite_in_ply(tmp_path: Path) -> None:
+    plyfile = shapes.reader("plyfile")
+    write_ply(tmp_path / "out.ply", labels())
+    vertex = plyfile.PlyData.read(tmp_path / "out.ply")["vertex"].data
+    none = np.isinf(labels().critical_angle)
+    assert (vertex["critical_angle"][none] == math.inf).all()
+    assert (vertex["max_resolution"][none] == 0.0).all()
