@@ -19,7 +19,7 @@ from pathlib import Path
 from rich.console import Console
 from rich.table import Table
 
-MUG = Path(__file__).parents[1] / "meshes" / "mug.stl"
+MUG = Path(__file__).parents[1] / "meshes" / "mug.glb"
 
 
 def measure(path: Path, vertices: int, threads: int) -> dict[str, float]:
@@ -40,8 +40,8 @@ def measure(path: Path, vertices: int, threads: int) -> dict[str, float]:
     SurfaceRays.hits = timed
     coarse = load_mesh(path)
     label_surface(coarse, threads=threads)  # compile
-    edge = coarse.size / 32.0
     mesh = coarse
+    edge = coarse.size / 32.0 * 1.2 * (len(coarse.vertices) / vertices) ** 0.5
     while len(mesh.vertices) < vertices:
         edge *= 0.95
         mesh = load_mesh(path, max_edge=edge)

@@ -41,7 +41,9 @@ def rendered(labels: SurfaceLabels, colors: Image, azimuth: float, pixels: int) 
     """Picture of a surface with one colour per vertex, seen from above and the side."""
     surface = pyvista.PolyData.from_regular_faces(labels.mesh.vertices, labels.mesh.faces)
     surface.point_data["rgb"] = colors
-    plotter = pyvista.Plotter(off_screen=True, window_size=(pixels, pixels), lighting="three lights")
+    plotter = pyvista.Plotter(
+        off_screen=True, window_size=(pixels, pixels), lighting="three lights"
+    )
     plotter.set_background("white")
     plotter.add_mesh(
         surface, scalars="rgb", rgb=True, split_sharp_edges=True, ambient=0.35, diffuse=0.75
@@ -49,7 +51,7 @@ def rendered(labels: SurfaceLabels, colors: Image, azimuth: float, pixels: int) 
     plotter.view_isometric()
     plotter.camera.azimuth = azimuth
     plotter.reset_camera()
-    plotter.camera.zoom(1.15)
+    plotter.camera.zoom(1.02)
     picture: Image = plotter.screenshot(return_img=True)
     plotter.close()
     return picture
@@ -79,7 +81,10 @@ def figure(paths: list[Path], azimuth: float) -> plt.Figure:
         axis.set_xticks([])
         axis.set_yticks([])
         axis.spines[:].set_visible(False)
-    titles = [*(f"sensor resolution {angle:g}°" for angle in RESOLUTIONS), "coarsest that still works"]
+    titles = [
+        *(f"sensor resolution {angle:g}°" for angle in RESOLUTIONS),
+        "coarsest that still works",
+    ]
     for axis, title in zip(grid[0], titles, strict=True):
         axis.set_title(title, fontsize=11)
     for row, path in zip(grid, paths, strict=True):
@@ -103,7 +108,7 @@ def main() -> None:
     parser.add_argument("-o", "--output", type=Path, default=Path("labels.png"))
     parser.add_argument("--azimuth", type=float, default=30.0, help="degrees")
     options = parser.parse_args()
-    figure(options.meshes, options.azimuth).savefig(options.output, dpi=110)
+    figure(options.meshes, options.azimuth).savefig(options.output, dpi=95)
 
 
 if __name__ == "__main__":

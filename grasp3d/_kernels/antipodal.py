@@ -6,12 +6,11 @@ toward finger 2 when squeezing (sign +1), away from it when expanding (sign -1).
 """
 
 import math
-from typing import NamedTuple
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d._kernels.compiling import kernel
+from grasp3d._kernels.records import Rays
 
 TIE = 1e-7
 """A candidate must be better by this angle, so that rounding does not choose among equals."""
@@ -26,91 +25,6 @@ GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 
 FOUND, NO_PARTNER, OPENING = 0, 1, 2
 """Why a vertex has a grasp or none."""
-
-
-class Sets(NamedTuple):
-    """All normals that a contact at a vertex may have; see `normal_sets`."""
-
-    start: npt.NDArray[np.int64]
-    """First row of each vertex in `normals` (V + 1,)."""
-    counts: npt.NDArray[np.int64]
-    """Corners of each polygon of normals (V,)."""
-    normals: npt.NDArray[np.float64]
-    """Unit normals (K, 3)."""
-
-
-class Frames(NamedTuple):
-    """Where the directions about each vertex are laid out."""
-
-    centres: npt.NDArray[np.float64]
-    """Middle of the vertex's normals (V, 3)."""
-    tangents: npt.NDArray[np.float64]
-    """A direction across it (V, 3)."""
-    radii: npt.NDArray[np.float64]
-    """Largest angle from the middle to a normal [rad] (V,)."""
-
-
-class Surface(NamedTuple):
-    """The faces that rays meet, with the normals along them."""
-
-    points: npt.NDArray[np.float64]
-    """Positions of the vertices (V, 3)."""
-    faces: npt.NDArray[np.int64]
-    """Vertices of each face (F, 3)."""
-    corners: npt.NDArray[np.int64]
-    """Row of `normals` at each corner of each face (F, 3)."""
-    normals: npt.NDArray[np.float64]
-    """Unit normals at the corners (C, 3)."""
-    twins: npt.NDArray[np.int64]
-    """Rows of `normals` across each crease (F, 3, 2), -1 where smooth or open."""
-
-
-class Grasps(NamedTuple):
-    """The best grasps so far, a row per vertex; written in place."""
-
-    worst: npt.NDArray[np.float64]
-    """Critical angle over the worst normals [rad]."""
-    best: npt.NDArray[np.float64]
-    """Critical angle over the best normals, of a grasp of its own [rad]."""
-    closing: npt.NDArray[np.float64]
-    """Closing direction of the grasp of `worst` (V, 3)."""
-    closing_best: npt.NDArray[np.float64]
-    """Closing direction of the grasp of `best` (V, 3)."""
-    partner: npt.NDArray[np.float64]
-    """Second contact of the grasp of `worst` (V, 3)."""
-    partner_normal: npt.NDArray[np.float64]
-    """Normal there (V, 3)."""
-    signs: npt.NDArray[np.int8]
-    """+1 squeeze, -1 expand, of the grasp of `worst`."""
-    signs_best: npt.NDArray[np.int8]
-    """The same for the grasp of `best`."""
-    reason: npt.NDArray[np.uint8]
-    """FOUND, NO_PARTNER or OPENING."""
-    starts: npt.NDArray[np.float64]
-    """Closing directions of the best grasps that lie apart, ordered (V, k, 3)."""
-    start_angles: npt.NDArray[np.float64]
-    """Their critical angles over the worst normals [rad] (V, k)."""
-    start_signs: npt.NDArray[np.int8]
-    """+1 squeeze, -1 expand (V, k)."""
-    apart: float
-    """Cosine of the angle from which two closing directions lie apart."""
-
-
-class Rays(NamedTuple):
-    """Rays from vertices, compacted in place as they end."""
-
-    owner: npt.NDArray[np.int32]
-    """Vertex that each starts from (r,)."""
-    closing: npt.NDArray[np.float64]
-    """Closing direction (r, 3)."""
-    signs: npt.NDArray[np.int8]
-    """+1: the ray runs along the closing direction, -1: against it (r,)."""
-    along: npt.NDArray[np.float64]
-    """Distance from the vertex at which the ray goes on (r,)."""
-    step: npt.NDArray[np.float64]
-    """How much farther it starts when it meets the same face again (r,)."""
-    last: npt.NDArray[np.int32]
-    """Face crossed last, -1 none (r,)."""
 
 
 @kernel
@@ -182,32 +96,31 @@ def normals_at(face, weights, surface, sets, found):
         (count, vertex): one normal or an arc in `found` with vertex -1; or the vertex whose own
         set holds, when the contact is that vertex.
     """
-    for i in range(3):
-        if weights[(i + 1) % 3] <= ON_EDGE and weights[(i + 2) % 3] <= ON_EDGE:
-            vertex = surface.faces[face, i]
-            if sets.counts[vertex] != 1:
-                return 0, vertex
     normals, corners, twins = surface.normals, surface.corners, surface.twins
+    b0, b1, b2 = weights
+    c0, c1, c2 = corners[face, 0], corners[face, 1], corners[face, 2]
     for k in range(3):
-        found[0, k] = 0.0
-        for i in range(3):
-            found[0, k] += weights[i] * normals[corners[face, i], k]
+        found[0, k] = b0 * normals[c0, k] + b1 * normals[c1, k] + b2 * normals[c2, k]
     count = 1
-    for i in range(3):
-        if weights[i] <= ON_EDGE and twins[face, i, 0] >= 0:
+    if min(b0, b1, b2) <= ON_EDGE:
+        for i in range(3):
             after, before = weights[(i + 1) % 3], weights[(i + 2) % 3]
-            for k in range(3):
-                found[1, k] = after * normals[twins[face, i, 0], k]
-                found[1, k] += before * normals[twins[face, i, 1], k]
-            count = 2
-            break
+            if after <= ON_EDGE and before <= ON_EDGE:
+                vertex = surface.faces[face, i]
+                if sets.counts[vertex] != 1:
+                    return 0, vertex
+            if weights[i] <= ON_EDGE and twins[face, i, 0] >= 0:
+                for k in range(3):
+                    found[1, k] = after * normals[twins[face, i, 0], k]
+                    found[1, k] += before * normals[twins[face, i, 1], k]
+                count = 2
     for row in range(count):
-        n = found[row]
-        length = math.sqrt(n[0] * n[0] + n[1] * n[1] + n[2] * n[2])
-        if length < 1e-12:
-            found[row] = normals[corners[face, 0]]
+        x, y, z = found[row, 0], found[row, 1], found[row, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 1e-12:
+            found[row, 0], found[row, 1], found[row, 2] = x / length, y / length, z / length
         else:
-            found[row] /= length
+            found[row] = normals[c0]
     return count, -1
 
 
@@ -225,29 +138,35 @@ def _rays(owner, closing, signs, size):
 
 
 @kernel
-def seed_rays(places, rays, cone, sign, frames, sets):
+def seed_rays(places, rays, batch, cone, sign, frames, sets, grasps):
     """Lay out the first directions about each place's own normals.
 
     A sunflower spiral over the cap of half-angle `cone` about the normal, the first ray along it.
     At a crease the cap is about the middle of the normals and wide enough for all of them, the
-    normals themselves come next, and what lies outside the union of their cones is left out.
+    normals themselves come next, and what lies outside the union of their cones is left out. So is
+    a direction that is farther from the normal than all the grasps that are kept need: no partner
+    could make it better.
 
     Args:
         places: Vertices (n,).
         rays: Directions per vertex.
+        batch: (first, last): which of them; last not included.
         cone: Half-angle of the search cone [rad].
         sign: +1 squeeze, -1 expand.
         frames: `Frames`.
         sets: `Sets`.
+        grasps: `Grasps`.
 
     Returns:
         The `Rays`.
     """
     start, counts, normals = sets.start, sets.counts, sets.normals
-    owner = np.empty(places.shape[0] * rays, dtype=np.int32)
-    closing = np.empty((places.shape[0] * rays, 3))
+    room = places.shape[0] * (batch[1] - batch[0])
+    owner = np.empty(room, dtype=np.int32)
+    closing = np.empty((room, 3))
     size = 0
     for v in places:
+        bound = min(cone, grasps.start_angles[v, -1])
         c, t = frames.centres[v], frames.tangents[v]
         bx, by, bz = (
             c[1] * t[2] - c[2] * t[1],
@@ -257,7 +176,7 @@ def seed_rays(places, rays, cone, sign, frames, sets):
         cap = 1.0 - math.cos(min(cone + frames.radii[v], math.pi))
         direct = 0 if counts[v] == 1 else min(counts[v], rays // 4)
         spread = rays - direct
-        for k in range(rays):
+        for k in range(batch[0], batch[1]):
             if 0 < k <= direct:
                 n = normals[start[v] + k - 1]
                 x, y, z = n[0], n[1], n[2]
@@ -269,8 +188,8 @@ def seed_rays(places, rays, cone, sign, frames, sets):
                 x = cosine * c[0] + p * t[0] + q * bx
                 y = cosine * c[1] + p * t[1] + q * by
                 z = cosine * c[2] + p * t[2] + q * bz
-                if counts[v] != 1 and smallest_angle(normals, start[v], counts[v], x, y, z) > cone:
-                    continue
+            if smallest_angle(normals, start[v], counts[v], x, y, z) > bound:
+                continue
             owner[size] = v
             closing[size, 0], closing[size, 1], closing[size, 2] = x, y, z
             size += 1
@@ -278,8 +197,8 @@ def seed_rays(places, rays, cone, sign, frames, sets):
 
 
 @kernel
-def _ring(size, v, sign, around, radius, turn, tangent, cone, sets, owner, closing, signs):
-    """Add six directions at `radius` about one; returns the new number of rays."""
+def _ring(size, v, sign, around, radius, turn, tangent, bound, sets, owner, closing, signs):
+    """Add six directions at `radius` about one, within `bound` of the normals; returns the size."""
     start, counts, normals = sets.start, sets.counts, sets.normals
     dot = np.dot(around, tangent)
     e1 = tangent - dot * around
@@ -295,7 +214,7 @@ def _ring(size, v, sign, around, radius, turn, tangent, cone, sets, owner, closi
         azimuth = (k + turn) * math.pi / 3.0
         p, q = math.sin(radius) * math.cos(azimuth), math.sin(radius) * math.sin(azimuth)
         d = math.cos(radius) * around + p * e1 + q * e2
-        if smallest_angle(normals, start[v], counts[v], d[0], d[1], d[2]) <= cone:
+        if smallest_angle(normals, start[v], counts[v], d[0], d[1], d[2]) <= bound:
             owner[size], signs[size] = v, sign
             closing[size] = d
             size += 1
@@ -328,23 +247,23 @@ def refining_rays(places, radii, turn, cone, frames, sets, grasps):
     size = 0
     for v in places:
         sign, around, tangent = grasps.signs[v], grasps.closing[v], frames.tangents[v]
-        radius = radii[v]
+        radius, bound = radii[v], min(cone, grasps.worst[v])
         middle = frames.centres[v] - grasps.partner_normal[v]
         length = math.sqrt(np.dot(middle, middle))
         if length > 1e-9:
             x, y, z = middle[0] / length, middle[1] / length, middle[2] / length
-            if smallest_angle(normals, start[v], counts[v], x, y, z) <= cone:
+            if smallest_angle(normals, start[v], counts[v], x, y, z) <= bound:
                 owner[size], signs[size] = v, sign
                 closing[size, 0], closing[size, 1], closing[size, 2] = x, y, z
                 size += 1
         size = _ring(
-            size, v, sign, around, radius, turn, tangent, cone, sets, owner, closing, signs
+            size, v, sign, around, radius, turn, tangent, bound, sets, owner, closing, signs
         )
         other = grasps.closing_best[v]
         if counts[v] != 1 and np.dot(around, other) < math.cos(0.5 * radius):
             sign = grasps.signs_best[v]
             size = _ring(
-                size, v, sign, other, radius, turn, tangent, cone, sets, owner, closing, signs
+                size, v, sign, other, radius, turn, tangent, bound, sets, owner, closing, signs
             )
     return _rays(owner, closing, signs, size)
 
@@ -371,12 +290,13 @@ def exploring_rays(places, radius, turn, cone, frames, sets, grasps):
     signs = np.empty(room, dtype=np.int8)
     size = 0
     for v in places:
+        bound = min(cone, grasps.start_angles[v, -1])
         for k in range(1, grasps.starts.shape[1]):
             if grasps.start_angles[v, k] < math.inf:
                 around, sign = grasps.starts[v, k].copy(), grasps.start_signs[v, k]
                 tangent = frames.tangents[v]
                 size = _ring(
-                    size, v, sign, around, radius, turn, tangent, cone, sets, owner, closing, signs
+                    size, v, sign, around, radius, turn, tangent, bound, sets, owner, closing, signs
                 )
     return _rays(owner, closing, signs, size)
 
@@ -406,6 +326,7 @@ def shared_rays(places, cone, points, neighbours, sets, grasps):
     signs = np.empty(room, dtype=np.int8)
     size = 0
     for v in places:
+        bound = min(cone, grasps.worst[v])
         for k in range(first[v], first[v + 1]):
             other = index[k]
             if grasps.reason[other] != FOUND:
@@ -416,7 +337,7 @@ def shared_rays(places, cone, points, neighbours, sets, grasps):
             if length < 1e-6:
                 continue
             d /= length
-            if smallest_angle(normals, start[v], counts[v], d[0], d[1], d[2]) <= cone:
+            if smallest_angle(normals, start[v], counts[v], d[0], d[1], d[2]) <= bound:
                 owner[size], signs[size] = v, sign
                 closing[size] = d
                 size += 1
@@ -463,6 +384,8 @@ def _consider(v, sign, partner, opening, face, weights, surface, sets, grasps, f
     y = scale * (partner[1] - surface.points[v, 1])
     z = scale * (partner[2] - surface.points[v, 2])
     low = smallest_angle(normals, start[v], counts[v], x, y, z)
+    if low > grasps.start_angles[v, -1]:
+        return  # as good as it could be, it is worse than all that are kept
     high = low
     if counts[v] != 1:
         high = largest_angle(normals, start[v], counts[v], x, y, z)

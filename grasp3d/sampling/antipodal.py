@@ -10,12 +10,14 @@ from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
 from functools import partial
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
 from scipy.sparse import coo_array
 
 from grasp3d._kernels import antipodal as kernels
+from grasp3d._kernels.records import Frames, Grasps, Rays, Sets, Surface
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import crease_twins
@@ -24,6 +26,9 @@ from grasp3d.settings import Sampling
 
 CHUNK = 100_000
 """Rays in flight per thread: bounds the memory and stays in the processor's cache."""
+
+SEED_BATCHES = (0.0, 0.125, 0.375, 1.0)
+"""How the first directions are parted; from batch to batch more of them need no ray."""
 
 PROPOSALS = 13
 """Most rays per vertex in one round of refinement."""
@@ -100,16 +105,16 @@ def _ignore(share: float) -> None:
     """Report progress to nobody."""
 
 
-def contact_normals(mesh: ObjectMesh) -> kernels.Sets:
+def contact_normals(mesh: ObjectMesh) -> Sets:
     """The vertices' normal sets, as the kernels take them."""
     sets = mesh.normal_sets
-    return kernels.Sets(sets.start, sets.counts, sets.normals)
+    return Sets(sets.start, sets.counts, sets.normals)
 
 
-def contact_surface(mesh: ObjectMesh) -> kernels.Surface:
+def contact_surface(mesh: ObjectMesh) -> Surface:
     """The surface in the normalised frame, as the kernels take it."""
     corners = mesh.corner_normals
-    return kernels.Surface(
+    return Surface(
         points=np.ascontiguousarray(mesh.normalized),
         faces=mesh.faces,
         corners=corners.corners,
@@ -178,11 +183,9 @@ class _Search:
         self.limits = (self.sampling.min_opening / mesh.size, self.sampling.max_opening / mesh.size)
         self.sets = contact_normals(mesh)
         self.surface = contact_surface(mesh)
-        self.frames = kernels.Frames(
-            mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii
-        )
+        self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
         self.tracer = SurfaceRays(self.surface, self.sets)
-        self.grasps = kernels.Grasps(
+        self.grasps = Grasps(
             worst=np.full(count, math.inf),
             best=np.full(count, math.inf),
             closing=np.zeros((count, 3)),
@@ -236,17 +239,24 @@ class _Search:
         return (self.grasps.worst < worst - enough) | (self.grasps.best < best - enough)
 
     def _seed(self, share: float) -> None:
-        signs = {"squeeze": (1,), "expand": (-1,), "both": (1, -1)}[self.sampling.grip]
+        """Try the first directions, those near the normal first: they may settle the matter."""
         count = self.sampling.rays
-        for number, sign in enumerate(signs):
+        signs = {"squeeze": (1,), "expand": (-1,), "both": (1, -1)}[self.sampling.grip]
+        edges = [round(count * part) for part in SEED_BATCHES]
+        tasks = [(batch, sign) for batch in pairwise(edges) for sign in signs]
+        for number, (batch, sign) in enumerate(tasks):
             self._trace(
                 self.places,
-                lambda places, sign=sign: kernels.seed_rays(  # type: ignore[misc]
-                    places, count, self.cone, sign, self.frames, self.sets
-                ),
-                count,
-                (share * number / len(signs), share / len(signs)),
+                partial(self._seed_rays, batch, sign),
+                batch[1] - batch[0],
+                (share * number / len(tasks), share / len(tasks)),
             )
+
+    def _seed_rays(self, batch: tuple[int, int], sign: int, places: Ints) -> Rays:
+        rays: Rays = kernels.seed_rays(
+            places, self.sampling.rays, batch, self.cone, sign, self.frames, self.sets, self.grasps
+        )
+        return rays
 
     def _share(self) -> None:
         """Try the partners that the neighbours had found when the round began."""
@@ -291,12 +301,13 @@ class _Search:
     def _trace(
         self,
         places: Ints,
-        lay: Callable[[Ints], kernels.Rays],
+        lay: Callable[[Ints], Rays],
         rays_per_place: int,
         progress: tuple[float, float] | None = None,
     ) -> None:
         """Lay out and settle the rays of all places, chunk by chunk in the threads."""
-        size = max(1, CHUNK // rays_per_place)
+        evenly = -(-len(places) // (4 * self.threads))  # so that no thread waits for another
+        size = max(1, min(CHUNK // rays_per_place, evenly))
         chunks = [places[i : i + size] for i in range(0, len(places), size)]
 
         def settle(chunk: Ints) -> int:
