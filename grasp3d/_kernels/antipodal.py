@@ -9,7 +9,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling import kernel
+from grasp3d._kernels.compiling import inlined, kernel
 from grasp3d._kernels.records import Rays
 
 TIE = 1e-7
@@ -81,8 +81,8 @@ def largest_angle(normals, first, count, x, y, z):
     return math.pi - smallest_angle(normals, first, count, -x, -y, -z)
 
 
-@kernel
-def normals_at(face, weights, surface, sets, found):
+@inlined
+def _normals_at(face, weights, surface, sets, found):
     """Write the normals that a contact inside or on the border of a face may have.
 
     Args:
@@ -122,6 +122,12 @@ def normals_at(face, weights, surface, sets, found):
         else:
             found[row] = normals[c0]
     return count, -1
+
+
+@kernel
+def normals_at(face, weights, surface, sets, found):
+    """Do the same for callers from Python."""
+    return _normals_at(face, weights, surface, sets, found)
 
 
 @kernel
@@ -355,7 +361,7 @@ def aim(count, rays, points, origins, directions):
             directions[i, k] = d
 
 
-@kernel
+@inlined
 def _remember(v, sign, x, y, z, angle, grasps):
     """Keep a vertex's best closing directions that lie apart from each other, in order."""
     directions, angles, signs = grasps.starts[v], grasps.start_angles[v], grasps.start_signs[v]
@@ -375,7 +381,7 @@ def _remember(v, sign, x, y, z, angle, grasps):
     directions[row, 0], directions[row, 1], directions[row, 2] = x, y, z
 
 
-@kernel
+@inlined
 def _consider(v, sign, partner, opening, face, weights, surface, sets, grasps, found):
     """Weigh the grasp of a vertex and a place on a face; keep it where it is the best so far."""
     start, counts, normals = sets.start, sets.counts, sets.normals
@@ -389,7 +395,7 @@ def _consider(v, sign, partner, opening, face, weights, surface, sets, grasps, f
     high = low
     if counts[v] != 1:
         high = largest_angle(normals, start[v], counts[v], x, y, z)
-    count, vertex = normals_at(face, weights, surface, sets, found)
+    count, vertex = _normals_at(face, weights, surface, sets, found)
     if vertex >= 0:
         first, count = start[vertex], counts[vertex]
         low = max(low, smallest_angle(normals, first, count, -x, -y, -z))
@@ -447,16 +453,17 @@ def settle(count, hit, far, rays, surface, sets, limits, grasps):
         v, sign = owner[i], signs[i]
         ox, oy, oz = points[v, 0], points[v, 1], points[v, 2]
         dx, dy, dz = sign * closing[i, 0], sign * closing[i, 1], sign * closing[i, 2]
-        a, b, c = points[faces[face, 0]], points[faces[face, 1]], points[faces[face, 2]]
-        ux, uy, uz = b[0] - a[0], b[1] - a[1], b[2] - a[2]
-        wx, wy, wz = c[0] - a[0], c[1] - a[1], c[2] - a[2]
+        f0, f1, f2 = faces[face, 0], faces[face, 1], faces[face, 2]
+        ax, ay, az = points[f0, 0], points[f0, 1], points[f0, 2]
+        ux, uy, uz = points[f1, 0] - ax, points[f1, 1] - ay, points[f1, 2] - az
+        wx, wy, wz = points[f2, 0] - ax, points[f2, 1] - ay, points[f2, 2] - az
         nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
         square = nx * nx + ny * ny + nz * nz
         slope = dx * nx + dy * ny + dz * nz
         coarse = along[i] + far[i]
         t = coarse
         if abs(slope) > 1e-7 * math.sqrt(square):  # else the ray runs along the face
-            exact = ((a[0] - ox) * nx + (a[1] - oy) * ny + (a[2] - oz) * nz) / slope
+            exact = ((ax - ox) * nx + (ay - oy) * ny + (az - oz) * nz) / slope
             if abs(exact - coarse) < 1e-3:
                 t = exact
         if face == last[i] or t <= STEP:  # the face just left, or one at the vertex itself
@@ -466,7 +473,7 @@ def settle(count, hit, far, rays, surface, sets, limits, grasps):
             along[i] = max(along[i], t) + STEP
             step[i], last[i] = STEP, face
             if sign * slope > 0.0:
-                rx, ry, rz = ox + t * dx - a[0], oy + t * dy - a[1], oz + t * dz - a[2]
+                rx, ry, rz = ox + t * dx - ax, oy + t * dy - ay, oz + t * dz - az
                 b1 = (ry * wz - rz * wy) * nx + (rz * wx - rx * wz) * ny + (rx * wy - ry * wx) * nz
                 b2 = (uy * rz - uz * ry) * nx + (uz * rx - ux * rz) * ny + (ux * ry - uy * rx) * nz
                 b1, b2 = max(b1 / square, 0.0), max(b2 / square, 0.0)
@@ -474,7 +481,7 @@ def settle(count, hit, far, rays, surface, sets, limits, grasps):
                 total = b0 + b1 + b2
                 b0, b1, b2 = b0 / total, b1 / total, b2 / total
                 qx, qy, qz = b1 * ux + b2 * wx, b1 * uy + b2 * wy, b1 * uz + b2 * wz
-                partner = (a[0] + qx, a[1] + qy, a[2] + qz)
+                partner = (ax + qx, ay + qy, az + qz)
                 opening = math.sqrt(
                     (partner[0] - ox) ** 2 + (partner[1] - oy) ** 2 + (partner[2] - oz) ** 2
                 )

@@ -1,4 +1,4 @@
-"""The one decorator of the compiled loops."""
+"""The decorators of the compiled loops."""
 
 from collections.abc import Callable
 from typing import Any
@@ -16,3 +16,8 @@ def kernel(function: Callable[..., object]) -> Any:
         return numba.njit(cache=True, nogil=True, error_model="numpy")(function)
     except RuntimeError:  # no folder that can hold a cache: a read-only installation
         return numba.njit(nogil=True, error_model="numpy")(function)
+
+
+def inlined(function: Callable[..., object]) -> Any:
+    """Write a kernel out where it is called: handing over many arrays costs more than the work."""
+    return numba.njit(inline="always", nogil=True, error_model="numpy")(function)
