@@ -75,7 +75,7 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         ]
     )
     with written_whole(Path(path)) as part, part.open("wb") as stream:
-        stream.write(header.encode("ascii", "backslashreplace"))
+        stream.write(header.encode("ascii"))
         if binary:
             vertices.tofile(stream)
             faces.tofile(stream)
@@ -117,6 +117,7 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
 def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
     """Write a VTP for ParaView with every array; no grasp is nan there. Raises OutputError."""
     import pyvista  # noqa: PLC0415
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter  # noqa: PLC0415
 
     data = pyvista.PolyData.from_regular_faces(labels.mesh.vertices, labels.mesh.faces.astype(int))
     for name, values in vertex_arrays(labels).items():
@@ -126,8 +127,14 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
         )
     for key, value in settings_of(labels).items():
         data.field_data[key] = [str(value)]
+    # VTK writes to memory: where a disk is full, its own files end the process.
+    writer = vtkXMLPolyDataWriter()
+    writer.SetInputData(data)
+    writer.SetDataModeToBinary()
+    writer.WriteToOutputStringOn()
+    writer.Write()
     with written_whole(Path(path)) as part:
-        data.save(part)
+        part.write_text(writer.GetOutputString(), encoding="ascii")
 
 
 def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
@@ -153,7 +160,8 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int]:
     u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
     return {
         "version": version("grasp3d"),
-        "source": mesh.report.source,
+        # In a header it must be one line of plain characters.
+        "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
         "mode": labels.mode,
         "friction": labels.model.friction,
         "sensor_resolution": labels.model.sensor_resolution,

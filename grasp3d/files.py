@@ -10,11 +10,12 @@ from grasp3d.errors import OutputError
 
 
 @contextmanager
-def written_whole(path: Path) -> Iterator[Path]:
+def written_whole(path: Path, *, keep: bool = True) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to; it takes the name only when all went well.
 
     Args:
         path: The file to make or replace.
+        keep: Whether it takes the name at all.
 
     Raises:
         OutputError: The folder is missing or cannot be written to.
@@ -23,7 +24,7 @@ def written_whole(path: Path) -> Iterator[Path]:
         raise OutputError(f"{path}: is a folder; name a file")
     try:
         handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=f".{path.name[:64]}.", suffix=f".part{path.suffix}"
+            dir=path.parent, prefix=".grasp3d-", suffix=f".part{path.suffix}"
         )
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
@@ -31,12 +32,23 @@ def written_whole(path: Path) -> Iterator[Path]:
     part = Path(name)
     try:
         yield part
-        part.chmod(0o666 & ~_umask())
-        part.replace(path)
+        if keep:
+            part.chmod(0o666 & ~_umask())
+            part.replace(path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
         part.unlink(missing_ok=True)
+
+
+def check_writable(path: Path) -> None:
+    """Tell before the work whether a file could be written after it.
+
+    Raises:
+        OutputError: It could not.
+    """
+    with written_whole(path, keep=False):
+        pass
 
 
 def _umask() -> int:

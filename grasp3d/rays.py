@@ -7,8 +7,7 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from grasp3d._kernels.antipodal import aim, settle
-from grasp3d._kernels.records import Grasps, Rays, Sets, Surface
+from grasp3d._kernels.antipodal import Grasps, Rays, Sets, Surface, aim, settle
 
 
 class SurfaceRays:

@@ -70,8 +70,8 @@ class Sampling:
 
     search_angle: Radians | None = None
     """Half-angle of the cone of directions about the inward normal, up to 90 degrees; none: just
-    what friction and resolution need. Labels can be asked again for any friction and resolution
-    with atan(friction) + alpha/2 up to this angle."""
+    what friction and resolution need. Wider: labels can be asked again for any friction and
+    resolution with atan(friction) + alpha/2 up to this angle. Narrower: a limit to the search."""
 
     tolerance: Radians = 1e-3
     """The search around a vertex's best grasp stops at steps of this size."""
@@ -82,9 +82,9 @@ class Sampling:
         if self.grip not in get_args(Grip):
             known = ", ".join(get_args(Grip))
             raise SettingError(f"no grip is called {self.grip!r}; known: {known}")
-        if not 0.0 <= self.min_opening < self.max_opening:
+        if not 0.0 <= self.min_opening <= self.max_opening or self.max_opening == 0.0:
             raise SettingError(
-                "openings must satisfy 0 <= min_opening < max_opening; "
+                "openings must satisfy 0 <= min_opening <= max_opening, and max_opening above 0; "
                 f"got {self.min_opening:g} and {self.max_opening:g}"
             )
         if self.search_angle is not None and not 0.0 < self.search_angle <= math.pi / 2.0:
@@ -130,13 +130,6 @@ def search_cone(model: GraspModel, sampling: Sampling) -> float:
     A partner seen at beta + alpha/2 or more from the normal makes no grasp better than U, so
     nothing outside needs a ray.
     """
-    needed = min(model.friction_angle + model.tilt, math.pi / 2.0)
-    if sampling.search_angle is None:
-        return needed
-    if sampling.search_angle < needed - 1e-12:
-        raise SettingError(
-            f"search angle {math.degrees(sampling.search_angle):.4g} degrees is narrower than "
-            f"atan(friction) + alpha/2 = {math.degrees(needed):.4g} degrees; "
-            "widen it or leave it out"
-        )
-    return sampling.search_angle
+    if sampling.search_angle is not None:
+        return sampling.search_angle
+    return min(model.friction_angle + model.tilt, math.pi / 2.0)

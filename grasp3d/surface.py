@@ -9,12 +9,12 @@ from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
-import trimesh
 
 from grasp3d._kernels import antipodal as kernels
 from grasp3d.arrays import Bytes, Floats, locked
-from grasp3d.errors import GraspError, SearchCoverageError, SettingError
+from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.places import nearest_place
 from grasp3d.processors import available_processors
 from grasp3d.sampling.antipodal import best_grasps, contact_normals, contact_surface
 from grasp3d.settings import GraspModel, Sampling, search_cone
@@ -87,12 +87,12 @@ class SurfaceLabels:
     @cached_property
     def label(self) -> Bytes:
         """`Label` codes, shape (V,): 0 U, 1 M, 2 S."""
-        return label_angles(self.critical_angle, self.critical_angle_best, self.model)
+        return locked(label_angles(self.critical_angle, self.critical_angle_best, self.model))
 
     @cached_property
     def max_resolution(self) -> Floats:
         """Coarsest sensor resolution below which the grasp is S [rad], shape (V,); 0: none."""
-        return max_resolution(self.critical_angle, self.model)
+        return locked(max_resolution(self.critical_angle, self.model))
 
     def relabel(
         self, *, friction: float | None = None, sensor_resolution: float | None = None
@@ -114,7 +114,7 @@ class SurfaceLabels:
             ),
         )
         needed = search_cone(model, Sampling())
-        if needed > self.search.cone + ROUNDING:
+        if needed > max(self.search.cone, search_cone(self.model, Sampling())) + ROUNDING:
             raise SearchCoverageError(
                 f"atan(friction) + alpha/2 is {math.degrees(needed):.4g} degrees, but grasps were "
                 f"searched only up to {math.degrees(self.search.cone):.4g}; label the surface "
@@ -141,10 +141,16 @@ class SurfaceLabels:
         Args:
             levels: From 0 to 1, shape (k,).
             weights: As in `fractions`.
+
+        Raises:
+            SettingError: A level is outside its range.
         """
+        shares = np.asarray(levels, dtype=np.float64)
+        if not ((shares >= 0.0) & (shares <= 1.0)).all():
+            raise SettingError(f"quantile levels must be from 0 to 1; got {levels!r}")
         order = np.argsort(self.critical_angle, kind="stable")
         reached = np.cumsum(self._weights(weights)[order])
-        index = np.searchsorted(reached, np.asarray(levels, dtype=np.float64) * reached[-1])
+        index = np.searchsorted(reached, shares * reached[-1])
         return np.asarray(self.critical_angle[order][np.minimum(index, len(order) - 1)])
 
     def _weights(self, weights: Literal["area", "vertex"]) -> Floats:
@@ -178,10 +184,11 @@ def label_surface(
         SettingError: The settings contradict each other.
     """
     model, sampling = model or GraspModel(), sampling or Sampling()
+    threads = available_processors() if threads is None else threads
+    if threads < 1:
+        raise SettingError(f"threads must be at least 1; got {threads}")
     cone = search_cone(model, sampling)
-    grasps = best_grasps(
-        mesh, sampling, cone, threads=threads or available_processors(), progress=progress
-    )
+    grasps = best_grasps(mesh, sampling, cone, threads=threads, progress=progress)
     return SurfaceLabels(
         mesh=mesh,
         model=model,
@@ -212,13 +219,14 @@ def scan_surface(
             surface.
 
     Raises:
-        GraspError: `fixed` is not one finite point.
+        SettingError: `fixed` is not one finite point.
     """
     model = model or GraspModel()
     point = np.asarray(fixed, dtype=np.float64).reshape(-1)
     if point.shape != (3,) or not np.isfinite(point).all():
-        raise GraspError(f"fixed must be one point of three finite numbers; got {fixed!r}")
-    place, normals = _snap(mesh, (point - mesh.center) / mesh.size)
+        raise SettingError(f"fixed must be one point of three finite numbers; got {fixed!r}")
+    place, face, weights = nearest_place(mesh, (point - mesh.center) / mesh.size)
+    normals = _normals_at(mesh, face, weights)
     count = len(mesh.vertices)
     worst, best = np.empty(count), np.empty(count)
     grip = np.empty(count, dtype=np.int8)
@@ -239,22 +247,6 @@ def scan_surface(
         reason=locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8),
         search=SearchReport(cone=math.pi, rays=0, rounds=0, still_falling=0.0),
     )
-
-
-def _snap(mesh: ObjectMesh, point: Floats) -> tuple[Floats, Floats]:
-    """Nearest place of the surface and its normals (k, 3), in the normalised frame."""
-    points, faces = mesh.normalized, mesh.faces
-    corners = points[faces]  # (F, 3, 3)
-    middles = corners.mean(axis=1)
-    reach = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
-    distance = np.linalg.norm(middles - point, axis=1)
-    near = np.flatnonzero(distance - reach <= (distance + reach).min())
-    closest = trimesh.triangles.closest_point(corners[near], np.tile(point, (len(near), 1)))
-    nearest = int(np.argmin(((closest - point) ** 2).sum(axis=1)))
-    place, face = closest[nearest], int(near[nearest])
-    weights = trimesh.triangles.points_to_barycentric(corners[face][None], place[None])[0]
-    weights = np.clip(weights, 0.0, None) / np.clip(weights, 0.0, None).sum()
-    return place, _normals_at(mesh, face, weights)
 
 
 def _normals_at(mesh: ObjectMesh, face: int, weights: Floats) -> Floats:

@@ -3,7 +3,8 @@ import math
 import numpy as np
 import pytest
 
-from grasp3d import ObjectMesh, Sampling, mesh_from_arrays
+from grasp3d import ObjectMesh, Sampling, load_mesh, mesh_from_arrays
+from grasp3d.sampling import antipodal
 from grasp3d.sampling.antipodal import best_grasps, tangents
 from tests import oracles, shapes
 
@@ -92,6 +93,16 @@ def test_more_rays_find_no_worse_grasps() -> None:
     many = best_grasps(mesh, Sampling(rays=256), 0.7).worst
     assert np.mean(many) <= np.mean(few) + 1e-4
     assert np.mean(many > few + 2e-3) < 0.01
+
+
+def test_several_starts_find_better_grasps_than_one(monkeypatch: pytest.MonkeyPatch) -> None:
+    mesh = load_mesh(shapes.LIBRARY / "banana.ply")
+    several = best_grasps(mesh, Sampling(), 0.66)
+    monkeypatch.setattr(antipodal, "EXPLORING_ROUNDS", 0)
+    one = best_grasps(mesh, Sampling(), 0.66)
+    gain = np.minimum(one.worst, 2.0) - np.minimum(several.worst, 2.0)
+    assert gain.mean() > 2e-4
+    assert np.mean(gain > 0.01) > 2.0 * np.mean(gain < -0.01)
 
 
 def test_search_directions_turn_with_the_object() -> None:

@@ -9,10 +9,18 @@ import pyarrow.parquet as pq
 import pytest
 import trimesh
 
-from grasp3d import GraspModel, MeshError, MeshOptions, Sampling, label_surface, load_mesh
+from grasp3d import (
+    GraspModel,
+    MeshError,
+    MeshOptions,
+    OutputError,
+    Sampling,
+    label_surface,
+    load_mesh,
+)
 from grasp3d.batch import run as runner
 from grasp3d.batch.job import BatchSettings, Job, Row, label_file
-from grasp3d.batch.plan import plan
+from grasp3d.batch.plan import make_folders, plan
 from grasp3d.batch.store import write_summary
 from tests import shapes
 
@@ -100,6 +108,22 @@ def test_the_summary_keeps_every_field_and_the_settings(tmp_path: Path) -> None:
     assert settings["mesh"]["unit"] == "cm"
 
 
+def test_results_beside_the_meshes_are_not_labelled_again(tmp_path: Path) -> None:
+    for name in ("mug.stl", "mug_labeled.ply", "._mug.stl"):
+        ball(tmp_path / name)
+    assert [job.name for job in plan([tmp_path], tmp_path)] == ["mug.stl"]
+    make_folders(plan([tmp_path], tmp_path / "new" / "deep"))
+    assert (tmp_path / "new" / "deep").is_dir()
+    (tmp_path / "taken").touch()
+    with pytest.raises(OutputError, match="cannot be made"):
+        make_folders(plan([tmp_path], tmp_path / "taken"))
+
+
+def test_names_that_are_no_unicode_are_written_out(tmp_path: Path) -> None:
+    write_summary(tmp_path / "s.parquet", [Row(os.fsdecode(b"mug\xff.stl"))], SETTINGS)
+    assert pq.read_table(tmp_path / "s.parquet").column("mesh").to_pylist() == ["mug\\xff.stl"]
+
+
 def killed(job: Job, settings: BatchSettings) -> Row:
     """A job whose process dies on one mesh, and that fails strangely on another."""
     if "deadly" in job.name:
@@ -117,6 +141,7 @@ def test_a_mesh_that_kills_its_process_harms_no_other(
         ball(tmp_path / "in" / name)
     jobs = plan([tmp_path / "in"], tmp_path / "out")
     monkeypatch.setattr(runner, "label_file", killed)
+    make_folders(jobs)
     rows = {row.mesh: row for row in runner.run(jobs, SETTINGS, workers=2)}
     assert len(rows) == 6
     assert "died" in rows["2_deadly.ply"].error

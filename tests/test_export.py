@@ -16,6 +16,7 @@ from grasp3d import (
     Sampling,
     SurfaceLabels,
     label_surface,
+    load_mesh,
     mesh_from_arrays,
     scan_surface,
     write_glb,
@@ -126,6 +127,18 @@ def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_
     assert np.isnan(full.point_data["critical_angle"][~found]).all()
     assert full.point_data["partner"].shape == (mesh.n_points, 3)
     assert full.field_data["friction"][0] == "0.75"
+
+
+@pytest.mark.parametrize("name", ["tasse\u00e9 \u7269.ply", "two\nlines.ply"])
+def test_names_with_odd_characters_break_no_header(tmp_path: Path, name: str) -> None:
+    plyfile = shapes.reader("plyfile")
+    trimesh.creation.icosphere(2).export(tmp_path / name)
+    found = label_surface(load_mesh(tmp_path / name))
+    for suffix, write in WRITERS.items():
+        write(tmp_path / f"out{suffix}", found)
+    data = plyfile.PlyData.read(tmp_path / "out.ply")
+    assert f"grasp3d source {name.encode('unicode_escape').decode()}" in data.comments
+    assert pyvista.read(tmp_path / "out.vtp").n_points == len(found.label)
 
 
 def test_glb_shows_the_colours_of_the_legend(tmp_path: Path) -> None:

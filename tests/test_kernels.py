@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d._kernels import antipodal, records
+from grasp3d._kernels import antipodal
 from grasp3d._kernels.normal_sets import order_normal_sets
 from tests import oracles, shapes
 
@@ -79,7 +79,7 @@ def test_opposite_normals_allow_every_direction() -> None:
 
 
 def critical_angle(p1: np.ndarray, n1: np.ndarray, p2: np.ndarray, n2: np.ndarray) -> float:
-    sets = records.Sets(np.array([0, 1]), np.array([1]), n2[None].copy())
+    sets = antipodal.Sets(np.array([0, 1]), np.array([1]), n2[None].copy())
     worst, best, signs = np.empty(1), np.empty(1), np.empty(1, dtype=np.int8)
     antipodal.scan(p1, n1[None].copy(), p2[None].copy(), sets, worst, best, signs)
     assert worst == best
@@ -112,9 +112,9 @@ def test_contacts_at_one_place_have_no_angle() -> None:
     assert critical_angle(p, n, p, n) == math.inf
 
 
-def no_grasps() -> records.Grasps:
+def no_grasps() -> antipodal.Grasps:
     """Nothing found yet at one vertex."""
-    return records.Grasps(
+    return antipodal.Grasps(
         np.full(1, np.inf),
         np.full(1, np.inf),
         np.zeros((1, 3)),
@@ -133,8 +133,8 @@ def no_grasps() -> records.Grasps:
 
 def test_seed_directions_fill_their_cone_and_begin_with_the_normal() -> None:
     normal = np.array([[0.0, 0.0, 1.0]])
-    sets = records.Sets(np.array([0, 1]), np.array([1]), normal)
-    frames = records.Frames(normal, np.array([[1.0, 0.0, 0.0]]), np.zeros(1))
+    sets = antipodal.Sets(np.array([0, 1]), np.array([1]), normal)
+    frames = antipodal.Frames(normal, np.array([[1.0, 0.0, 0.0]]), np.zeros(1))
     cone = 0.7
     rays = antipodal.seed_rays(np.array([0]), 500, (0, 500), cone, 1, frames, sets, no_grasps())
     closing = rays.closing
@@ -152,8 +152,8 @@ def test_seed_directions_fill_their_cone_and_begin_with_the_normal() -> None:
 
 def test_seed_directions_at_a_crease_cover_both_cones() -> None:
     rows, corners, centre, radius = polygon(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
-    sets = records.Sets(np.array([0, 2]), np.array([corners]), rows)
-    frames = records.Frames(centre[None], np.array([[0.0, 1.0, 0.0]]), np.array([radius]))
+    sets = antipodal.Sets(np.array([0, 2]), np.array([corners]), rows)
+    frames = antipodal.Frames(centre[None], np.array([[0.0, 1.0, 0.0]]), np.array([radius]))
     cone = 0.5
     closing = antipodal.seed_rays(
         np.array([0]), 400, (0, 400), cone, 1, frames, sets, no_grasps()

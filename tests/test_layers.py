@@ -24,10 +24,11 @@ FLOORS = [
 ENGINES = {
     "embreex": {"rays"},
     "numba": {"_kernels"},
-    "trimesh": {"mesh", "surface", "export"},
+    "trimesh": {"mesh", "export"},
     "distributed": {"batch"},
     "pyarrow": {"batch"},
     "pyvista": {"export"},
+    "vtkmodules": {"export"},
     "rich": {"cli"},
     "tyro": {"cli"},
 }

@@ -40,8 +40,8 @@ def test_an_stl_has_each_place_once_in_the_order_of_the_file(tmp_path: Path) -> 
     raw = read_mesh(path)
     assert len(raw.vertices) == len(vertices)
     assert np.array_equal(raw.vertices[raw.faces], vertices[faces])
-    first_use = raw.faces.ravel()[np.unique(raw.faces.ravel(), return_index=True)[1]]
-    assert np.array_equal(np.sort(first_use), np.arange(len(vertices)))
+    first_use = list(dict.fromkeys(raw.faces.ravel().tolist()))
+    assert first_use == list(range(len(vertices)))
 
 
 def test_a_textured_obj_keeps_its_vertices(tmp_path: Path) -> None:
@@ -87,16 +87,17 @@ def test_common_formats_are_read() -> None:
     assert {".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf"} <= mesh_suffixes()
 
 
+POINTS = (
+    b"ply\nformat ascii 1.0\nelement vertex 1\n"
+    b"property float x\nproperty float y\nproperty float z\nend_header\n0 0 0\n"
+)
 BAD = {
     "empty.stl": (b"", "the file is empty"),
     "prose.stl": (b"This is not a mesh.\n" * 40, "holds no triangles"),
     "prose.obj": (b"f a b c\n", "holds no triangles"),
     "beyond.obj": (b"v 0 0 0\nf 1 2 3\n", "cannot be read as OBJ|uses vertex"),
     "prose.ply": (b"plyx", "cannot be read as PLY"),
-    "points.ply": (
-        b"ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nend_header\n0\n",
-        "holds no triangles",
-    ),
+    "points.ply": (POINTS, "holds no triangles"),
     "cut.glb": (b"glTF\x02\x00\x00\x00", "cannot be read as GLB"),
     "drawing.dxf": (b"0", r"files named \*\.dxf are not read"),
     "noname": (b"0", r"files named \* are not read"),
@@ -119,3 +120,18 @@ def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
     (tmp_path / "folder.stl").mkdir()
     with pytest.raises(MeshError, match="is a folder"):
         read_mesh(tmp_path / "folder.stl")
+
+
+def test_a_file_that_may_not_be_read_and_a_name_that_no_system_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(MeshError, match="no such file"):
+        read_mesh(tmp_path / ("x" * 300 + ".ply"))
+    exported(tmp_path / "locked.ply")
+
+    def refuse(path: Path) -> bytes:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    with pytest.raises(MeshError, match=r"cannot be opened \(Permission denied\)"):
+        read_mesh(tmp_path / "locked.ply")

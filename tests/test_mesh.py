@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from grasp3d import MeshError, load_mesh, mesh_from_arrays
-from grasp3d.mesh.cleaning import clean_faces, has_area
+from grasp3d import MeshError, ObjectMesh, load_mesh, mesh_from_arrays
+from grasp3d.mesh.cleaning import clean_faces, has_area, rounding_of
 from grasp3d.mesh.normals import corner_normals, crease_twins, paired_edges
 from grasp3d.mesh.orientation import is_closed, signed_volumes
 from tests import oracles, shapes
@@ -154,9 +154,10 @@ def test_area_is_judged_by_the_rounding_of_the_coordinates() -> None:
     flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1e-18, 0.0]])
     thin = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1e-9, 0.0]])
     face = np.array([[0, 1, 2]])
-    assert not has_area(flat, face)[0]
-    assert has_area(thin, face)[0]
-    assert not has_area(thin + 1e9, face)[0]
+    assert not has_area(flat, face, rounding_of(flat))[0]
+    assert has_area(thin, face, rounding_of(thin + 0.1))[0]
+    assert not has_area(thin, face, rounding_of(thin + 1e9))[0]
+    assert not has_area(thin, face, rounding_of(np.float64(np.float32(thin + 0.1))))[0]
 
 
 @pytest.mark.parametrize("shape", [shapes.sphere(2), shapes.box(), shapes.tube(), shapes.torus()])
@@ -186,6 +187,91 @@ def test_one_inside_out_body_beside_another_is_turned() -> None:
     mesh = mesh_from_arrays(both, np.vstack([faces, faces[:, ::-1] + len(vertices)]))
     assert mesh.report.bodies == 2
     assert mesh.volume == pytest.approx(2.0 * mesh_from_arrays(vertices, faces).volume)
+
+
+def ball_at(place: list[float], radius: float) -> Surface:
+    vertices, faces = shapes.sphere(3)
+    return vertices * radius + place, faces
+
+
+def joined(*surfaces: Surface) -> Surface:
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
+    return (
+        np.vstack([vertices for vertices, _ in surfaces]),
+        np.vstack([faces + start for (_, faces), start in zip(surfaces, starts, strict=False)]),
+    )
+
+
+def outward_share(mesh: ObjectMesh, first: int, middle: list[float]) -> float:
+    own = slice(first, mesh.file_vertices)
+    outward = -mesh.normals[own] * (mesh.vertices[own] - middle)
+    return float((outward.sum(axis=1) > 0.0).mean())
+
+
+def test_an_inside_out_ball_in_the_hole_of_a_ring_is_no_cavity() -> None:
+    ring = shapes.torus(1.0, 0.3)
+    vertices, faces = ball_at([0.0, 0.0, 0.0], 0.2)
+    mesh = mesh_from_arrays(*joined(ring, (vertices, faces[:, ::-1])))
+    assert outward_share(mesh, len(ring[0]), [0.0, 0.0, 0.0]) == 1.0
+    good = mesh_from_arrays(*joined(ring, (vertices, faces)))
+    assert mesh.volume == pytest.approx(good.volume)
+
+
+def test_a_closed_body_beside_an_open_one_is_judged_by_itself() -> None:
+    bowl, rim = shapes.sphere(3)
+    rim = rim[bowl[rim].mean(axis=1)[:, 2] < 0.0]
+    vertices, faces = ball_at([5.0, 0.0, 0.0], 1.0)
+    mesh = mesh_from_arrays(*joined((bowl, rim), (vertices, faces[:, ::-1])))
+    assert not mesh.report.closed
+    assert outward_share(mesh, len(bowl), [5.0, 0.0, 0.0]) == 1.0
+
+
+def test_a_body_within_another_and_wound_alike_is_warned_of() -> None:
+    mesh = mesh_from_arrays(*joined(shapes.sphere(3), ball_at([0.1, 0.0, 0.0], 0.5)))
+    assert "1 bodies lie within others" in mesh.report.warnings[0]
+
+
+def test_a_tray_is_not_closed_to_a_box() -> None:
+    vertices, faces = shapes.box()
+    top = (vertices[faces][:, :, 2] == 0.5).all(axis=1)
+    mesh = mesh_from_arrays(vertices, faces[~top])
+    assert not mesh.report.closed
+    assert mesh.report.repairs == ()
+    assert "open" in mesh.report.warnings[0]
+
+
+def test_a_needle_in_a_flat_face_makes_no_crease() -> None:
+    """Its third corner is moved off the line by the rounding of 32 bits only."""
+    vertices, faces = shapes.box((0.1, 0.1, 0.1))
+    a, b, c = faces[0]
+    other = next(f for f in faces[1:] if {a, b, c} & set(f) and len({a, b, c} & set(f)) == 2)
+    p, q = sorted({a, b, c} & set(other))
+    middle = len(vertices)
+    points = np.vstack([vertices, 0.3 * vertices[p] + 0.7 * vertices[q]])
+    opposite = next(iter({a, b, c} - {p, q}))
+    forward = any((faces[0][k], faces[0][(k + 1) % 3]) == (p, q) for k in range(3))
+    first, last = (p, q) if forward else (q, p)
+    cut = [[first, middle, opposite], [middle, last, opposite], [first, last, middle]]
+    bent = np.vstack([faces[1:], cut])
+    for seed in range(20):
+        turned = np.float64(np.float32(points @ shapes.rotation(seed).T))
+        mesh = mesh_from_arrays(turned, bent)
+        sharp = mesh.normal_sets.counts >= 2
+        back = np.abs(mesh.vertices @ shapes.rotation(seed))
+        assert ((np.abs(back[sharp] - 0.05) < 1e-6).sum(axis=1) >= 2).all()
+
+
+def test_a_sheet_with_two_sides_has_normals_whatever_the_crease_angle() -> None:
+    vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
+    mesh = mesh_from_arrays(vertices, [[0, 1, 2], [0, 2, 1]], crease_angle=math.pi)
+    assert np.linalg.norm(mesh.corner_normals.normals, axis=1) == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize("scale", [1e100, 1e-100])
+def test_sizes_beyond_all_reason_are_refused(scale: float) -> None:
+    vertices, faces = shapes.box()
+    with pytest.raises(MeshError, match="scale the mesh"):
+        mesh_from_arrays(vertices * scale, faces)
 
 
 def test_a_cavity_stays_a_cavity() -> None:
@@ -272,6 +358,8 @@ def test_normals_average_by_angle_whatever_the_tessellation() -> None:
         ([[0, 0, 0], [1, 0, 0]], np.empty((0, 3)), "holds no faces"),
         ([[0, 0], [1, 0]], [[0, 1, 1]], "vertices must have shape"),
         ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, -1]], "uses vertex -1"),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0.9, 1.2, 2.7]], "numbers of the right kind"),
+        ([["a", "b", "c"]], [[0, 0, 0]], "numbers of the right kind"),
     ],
 )
 def test_arrays_that_are_no_surface_are_refused(

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from grasp3d import mesh_from_arrays
-from grasp3d._kernels import antipodal, records
+from grasp3d._kernels import antipodal
 from grasp3d.rays import SurfaceRays
 from grasp3d.sampling.antipodal import contact_normals, contact_surface
 from tests import oracles, shapes
@@ -31,7 +31,7 @@ def exits_found(shape: Surface, seed: int, count: int) -> tuple[int, int]:
         ]
         for t in exits:
             grasps = empty_grasps(len(mesh.vertices))
-            rays = records.Rays(
+            rays = antipodal.Rays(
                 np.array([v], dtype=np.int32),
                 direction[None].copy(),
                 np.ones(1, dtype=np.int8),
@@ -48,8 +48,8 @@ def exits_found(shape: Surface, seed: int, count: int) -> tuple[int, int]:
     return expected, found
 
 
-def empty_grasps(count: int) -> records.Grasps:
-    return records.Grasps(
+def empty_grasps(count: int) -> antipodal.Grasps:
+    return antipodal.Grasps(
         np.full(count, np.inf),
         np.full(count, np.inf),
         np.zeros((count, 3)),

@@ -23,8 +23,9 @@ def test_resolution_lies_between_0_and_180_degrees(degrees: float) -> None:
     [
         ({"rays": 3}, "rays must be at least 8"),
         ({"grip": "pinch"}, "known: squeeze, expand, both"),
-        ({"min_opening": 2.0, "max_opening": 1.0}, "min_opening < max_opening"),
-        ({"max_opening": math.nan}, "min_opening < max_opening"),
+        ({"min_opening": 2.0, "max_opening": 1.0}, "min_opening <= max_opening"),
+        ({"max_opening": 0.0}, "max_opening above 0"),
+        ({"max_opening": math.nan}, "min_opening <= max_opening"),
         ({"search_angle": 2.0}, "at most 90 degrees"),
         ({"tolerance": 0.0}, "tolerance must be above 0"),
     ],
@@ -52,5 +53,4 @@ def test_search_cone_is_what_friction_and_resolution_need() -> None:
     assert search_cone(model, Sampling()) == pytest.approx(math.atan(0.5) + 0.1)
     assert search_cone(model, Sampling(search_angle=1.2)) == pytest.approx(1.2)
     assert search_cone(GraspModel(friction=10.0, sensor_resolution=1.0), Sampling()) == math.pi / 2
-    with pytest.raises(SettingError, match="narrower"):
-        search_cone(model, Sampling(search_angle=0.5))
+    assert search_cone(model, Sampling(search_angle=0.3)) == pytest.approx(0.3)

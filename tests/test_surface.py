@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from grasp3d import (
-    GraspError,
     GraspModel,
     Label,
     Reason,
@@ -96,6 +95,71 @@ def test_a_hollow_cylinder_is_held_by_its_wall_or_across() -> None:
     assert (np.isclose(either, 0.1, atol=2e-3) | np.isclose(either, 1.0, atol=2e-3)).all()
 
 
+@pytest.mark.parametrize("width", [0.04, 0.1, 0.3])
+@pytest.mark.parametrize("offset", [0.0, 0.123, 40.0])
+def test_a_gripper_that_just_fits_fits_wherever_the_object_lies(
+    width: float, offset: float
+) -> None:
+    vertices, faces = shapes.box((width, 1.5 * width, 2.0 * width))
+    sides = np.abs(np.abs(mesh_from_arrays(vertices, faces).vertices[:, 0]) - width / 2.0) < 1e-9
+    for turn in (np.eye(3), shapes.rotation(1), shapes.rotation(2)):
+        mesh = mesh_from_arrays(vertices @ turn.T + offset, faces)
+        sampling = Sampling(max_opening=width, min_opening=width)
+        labels = label_surface(mesh, sampling=sampling)
+        inside = sides & (mesh.normal_sets.counts == 1)
+        assert (labels.label[inside] == Label.S).all()
+        assert labels.opening[inside] == pytest.approx(width, rel=1e-5)
+
+
+def test_pushing_apart_stops_at_the_first_wall() -> None:
+    """A ring within a ring: the fingers inside the small one do not reach the large one."""
+    inner, faces = shapes.tube(0.2, 0.3, 0.2)
+    outer, more = shapes.tube(0.4, 0.5, 0.2)
+    mesh = mesh_from_arrays(np.vstack([inner, outer]), np.vstack([faces, more + len(inner)]))
+    sampling = Sampling(grip="expand", min_opening=0.5)
+    labels = label_surface(mesh, sampling=sampling)
+    radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
+    inside = (radius < 0.21) & (np.abs(mesh.vertices[:, 2]) < 0.08)
+    assert inside.sum() > 50
+    assert (labels.reason[inside] == Reason.OPENING).all()
+    either = label_surface(mesh, sampling=Sampling(grip="expand"))
+    assert (either.opening[inside] < 0.41).all()
+
+
+def test_a_contact_on_an_edge_of_four_faces_may_have_any_normal() -> None:
+    vertices, faces = shapes.box()
+    both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
+    mesh = mesh_from_arrays(both, np.vstack([faces, faces + 8]))
+    scan = scan_surface(mesh, GraspModel(friction=1.0), fixed=(0.5, 0.5, 0.03))
+    assert scan.fractions()["S"] == 0.0
+    others = scan.reason == Reason.FOUND
+    assert scan.critical_angle[others].min() == math.pi
+
+
+def test_a_corner_that_cuts_an_edge_from_one_side_is_on_a_crease() -> None:
+    """A T-junction: a vertex in the middle of an edge that only one of the two faces has."""
+    vertices, faces = shapes.box()
+    a, b = next(
+        (f[k], f[(k + 1) % 3])
+        for f in faces
+        for k in range(3)
+        if (vertices[f[k]] == vertices[f[(k + 1) % 3]]).sum() == 2
+    )
+    cut = len(vertices)
+    vertices = np.vstack([vertices, vertices[[a, b]].mean(axis=0)])
+    split = []
+    for face in faces:
+        turned = next(
+            (np.roll(face, -k) for k in range(3) if (np.roll(face, -k)[:2] == (a, b)).all()), None
+        )
+        split += [face] if turned is None else [[a, cut, turned[2]], [cut, b, turned[2]]]
+    mesh = mesh_from_arrays(vertices, np.array(split))
+    assert len(np.unique(mesh.vertices.round(12), axis=0)) == len(mesh.vertices)
+    labels = label_surface(mesh, GraspModel(friction=0.9))
+    on_edge = (np.abs(mesh.vertices) == 0.5).sum(axis=1) >= 2
+    assert (labels.label[on_edge] <= Label.M).all()
+
+
 def test_openings_that_nothing_fits_are_the_reason() -> None:
     mesh = mesh_from_arrays(*shapes.sphere(3))
     labels = label_surface(mesh, sampling=Sampling(max_opening=0.5))
@@ -157,7 +221,7 @@ def test_scan_from_a_vertex_skips_that_vertex_and_from_a_corner_takes_its_normal
 @pytest.mark.parametrize("fixed", [(0.0, 0.0), [[0, 0, 1], [0, 0, -1]], (math.nan, 0.0, 0.0)])
 def test_scan_wants_one_point(fixed: object) -> None:
     mesh = mesh_from_arrays(*shapes.box())
-    with pytest.raises(GraspError, match="one point of three finite numbers"):
+    with pytest.raises(SettingError, match="one point of three finite numbers"):
         scan_surface(mesh, fixed=fixed)  # type: ignore[arg-type]
 
 
@@ -225,7 +289,12 @@ def test_the_search_reports_how_far_it_went() -> None:
 
 def test_labels_cannot_be_written_to() -> None:
     labels = ball()
-    with pytest.raises(ValueError, match="read-only"):
-        labels.critical_angle[0] = 0.0
+    arrays = (
+        labels.critical_angle, labels.label, labels.max_resolution, labels.mesh.normals,
+        labels.mesh.vertex_areas, labels.mesh.normalized, labels.mesh.normal_sets.normals,
+    )  # fmt: skip
+    for array in arrays:
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
     with pytest.raises(AttributeError):
         labels.model = GraspModel()  # type: ignore[misc]

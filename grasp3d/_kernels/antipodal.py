@@ -6,11 +6,12 @@ toward finger 2 when squeezing (sign +1), away from it when expanding (sign -1).
 """
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from grasp3d._kernels.compiling import inlined, kernel
-from grasp3d._kernels.records import Rays
 
 TIE = 1e-7
 """A candidate must be better by this angle, so that rounding does not choose among equals."""
@@ -18,13 +19,108 @@ TIE = 1e-7
 STEP = 3e-7
 """How far behind a crossing the next ray starts; a few roundings of a 32-bit coordinate."""
 
+PROPOSALS = 13
+"""Most rays per vertex that a round of refinement proposes: two rings and a bisector."""
+
 ON_EDGE = 1e-9
 """Barycentric coordinate below which a contact lies on the opposite edge."""
+
+ANY_NORMAL = -2
+"""Mark of an edge at which more than two faces meet."""
+
+SMALLEST = 1e-6
+"""Smallest opening, in object sizes, that the rounding of 32-bit rays lets us see."""
 
 GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
 
 FOUND, NO_PARTNER, OPENING = 0, 1, 2
 """Why a vertex has a grasp or none."""
+
+
+class Sets(NamedTuple):
+    """All normals that a contact at a vertex may have; see `normal_sets`."""
+
+    start: npt.NDArray[np.int64]
+    """First row of each vertex in `normals` (V + 1,)."""
+    counts: npt.NDArray[np.int64]
+    """Corners of each polygon of normals (V,)."""
+    normals: npt.NDArray[np.float64]
+    """Unit normals (K, 3)."""
+
+
+class Frames(NamedTuple):
+    """Where the directions about each vertex are laid out."""
+
+    centres: npt.NDArray[np.float64]
+    """Middle of the vertex's normals (V, 3)."""
+    tangents: npt.NDArray[np.float64]
+    """A direction across it (V, 3)."""
+    radii: npt.NDArray[np.float64]
+    """Largest angle from the middle to a normal [rad] (V,)."""
+
+
+class Surface(NamedTuple):
+    """The faces that rays meet, with the normals along them."""
+
+    points: npt.NDArray[np.float64]
+    """Positions of the vertices (V, 3)."""
+    faces: npt.NDArray[np.int64]
+    """Vertices of each face (F, 3)."""
+    corners: npt.NDArray[np.int64]
+    """Row of `normals` at each corner of each face (F, 3)."""
+    normals: npt.NDArray[np.float64]
+    """Unit normals at the corners (C, 3)."""
+    twins: npt.NDArray[np.int64]
+    """Rows of `normals` across each crease (F, 3, 2); -1 where smooth or open, -2 where more than
+    two faces meet and any normal may be."""
+
+
+class Grasps(NamedTuple):
+    """The best grasps so far, a row per vertex; written in place."""
+
+    worst: npt.NDArray[np.float64]
+    """Critical angle over the worst normals [rad]."""
+    best: npt.NDArray[np.float64]
+    """Critical angle over the best normals, of a grasp of its own [rad]."""
+    closing: npt.NDArray[np.float64]
+    """Closing direction of the grasp of `worst` (V, 3)."""
+    closing_best: npt.NDArray[np.float64]
+    """Closing direction of the grasp of `best` (V, 3)."""
+    partner: npt.NDArray[np.float64]
+    """Second contact of the grasp of `worst` (V, 3)."""
+    partner_normal: npt.NDArray[np.float64]
+    """Normal there (V, 3)."""
+    signs: npt.NDArray[np.int8]
+    """+1 squeeze, -1 expand, of the grasp of `worst`."""
+    signs_best: npt.NDArray[np.int8]
+    """The same for the grasp of `best`."""
+    reason: npt.NDArray[np.uint8]
+    """FOUND, NO_PARTNER or OPENING."""
+    starts: npt.NDArray[np.float64]
+    """Closing directions of the best grasps that lie apart, ordered (V, k, 3)."""
+    start_angles: npt.NDArray[np.float64]
+    """Their critical angles over the worst normals [rad] (V, k)."""
+    start_signs: npt.NDArray[np.int8]
+    """+1 squeeze, -1 expand (V, k)."""
+    apart: float
+    """Cosine of the angle from which two closing directions lie apart."""
+
+
+class Rays(NamedTuple):
+    """Rays from vertices, compacted in place as they end."""
+
+    owner: npt.NDArray[np.int32]
+    """Vertex that each starts from (r,)."""
+    closing: npt.NDArray[np.float64]
+    """Closing direction (r, 3)."""
+    signs: npt.NDArray[np.int8]
+    """+1: the ray runs along the closing direction, -1: against it (r,)."""
+    along: npt.NDArray[np.float64]
+    """Distance from the vertex at which the ray goes on (r,)."""
+    step: npt.NDArray[np.float64]
+    """How much farther it starts when it meets the same face again (r,)."""
+    last: npt.NDArray[np.int32]
+    """Face crossed last, -1 none (r,)."""
 
 
 @kernel
@@ -93,8 +189,8 @@ def _normals_at(face, weights, surface, sets, found):
         found: Written, room for two normals (2, 3).
 
     Returns:
-        (count, vertex): one normal or an arc in `found` with vertex -1; or the vertex whose own
-        set holds, when the contact is that vertex.
+        (count, vertex): one normal or an arc in `found`, or 0 for any direction at all, with
+        vertex -1; or the vertex whose own set holds, when the contact is that vertex.
     """
     normals, corners, twins = surface.normals, surface.corners, surface.twins
     b0, b1, b2 = weights
@@ -109,6 +205,8 @@ def _normals_at(face, weights, surface, sets, found):
                 vertex = surface.faces[face, i]
                 if sets.counts[vertex] != 1:
                     return 0, vertex
+            if weights[i] <= ON_EDGE and twins[face, i, 0] == ANY_NORMAL:
+                return 0, -1
             if weights[i] <= ON_EDGE and twins[face, i, 0] >= 0:
                 for k in range(3):
                     found[1, k] = after * normals[twins[face, i, 0], k]
@@ -246,7 +344,7 @@ def refining_rays(places, radii, turn, cone, frames, sets, grasps):
         The `Rays`.
     """
     start, counts, normals = sets.start, sets.counts, sets.normals
-    room = places.shape[0] * 13
+    room = places.shape[0] * PROPOSALS
     owner = np.empty(room, dtype=np.int32)
     closing = np.empty((room, 3))
     signs = np.empty(room, dtype=np.int8)
@@ -290,7 +388,7 @@ def exploring_rays(places, radius, turn, cone, frames, sets, grasps):
     Returns:
         The `Rays`.
     """
-    room = places.shape[0] * 6 * grasps.starts.shape[1]
+    room = places.shape[0] * 6 * (grasps.starts.shape[1] - 1)
     owner = np.empty(room, dtype=np.int32)
     closing = np.empty((room, 3))
     signs = np.empty(room, dtype=np.int8)
@@ -485,11 +583,11 @@ def settle(count, hit, far, rays, surface, sets, limits, grasps):
                 opening = math.sqrt(
                     (partner[0] - ox) ** 2 + (partner[1] - oy) ** 2 + (partner[2] - oz) ** 2
                 )
-                if max(limits[0], 1e-6) <= opening <= limits[1]:
+                if limits[0] <= opening <= limits[1]:
                     _consider(
                         v, sign, partner, opening, face, (b0, b1, b2), surface, sets, grasps, found
                     )
-                elif grasps.reason[v] == NO_PARTNER:
+                elif opening >= SMALLEST and grasps.reason[v] == NO_PARTNER:
                     grasps.reason[v] = OPENING
             # Pushing apart, what lies behind the first wall is not reached from here.
             if sign < 0 or along[i] > limits[1]:

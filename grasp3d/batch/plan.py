@@ -1,12 +1,15 @@
 """Which files to label, and what the labelled files are called."""
 
+import stat
 from collections import Counter
 from collections.abc import Iterable
 from pathlib import Path
 
 from grasp3d.batch.job import Job
-from grasp3d.errors import MeshError
+from grasp3d.errors import MeshError, OutputError
 from grasp3d.mesh.loading import mesh_suffixes
+
+RESULT = "_labeled.ply"
 
 
 def plan(inputs: Iterable[Path], output: Path) -> list[Job]:
@@ -14,7 +17,7 @@ def plan(inputs: Iterable[Path], output: Path) -> list[Job]:
 
     Args:
         inputs: Mesh files, and folders that are searched with all below them.
-        output: Folder for the results; meshes in it are not taken for inputs.
+        output: Folder for the results; what is in it already is not taken for inputs.
 
     Returns:
         The jobs in alphabetical order; folders below an input folder are kept below `output`.
@@ -25,9 +28,13 @@ def plan(inputs: Iterable[Path], output: Path) -> list[Job]:
     inputs = list(inputs)
     found: dict[Path, tuple[Path, Path]] = {}  # by its real place: how it was given, its name
     for item in inputs:
-        if not item.exists():
-            raise MeshError(f"{item}: there is no such file or folder")
-        if item.is_dir():
+        try:
+            mode = item.stat().st_mode
+        except OSError as error:
+            raise MeshError(
+                f"{item}: there is no such file or folder ({error.strerror})"
+            ) from error
+        if stat.S_ISDIR(mode):
             for path in _meshes_below(item, output):
                 found.setdefault(path.resolve(), (path, path.relative_to(item)))
         else:
@@ -42,13 +49,29 @@ def plan(inputs: Iterable[Path], output: Path) -> list[Job]:
 def _meshes_below(folder: Path, output: Path) -> list[Path]:
     suffixes = mesh_suffixes()
     own = output.resolve()
-    return sorted(
-        path
-        for path in folder.rglob("*")
-        if path.suffix.lower() in suffixes
-        and path.is_file()
-        and not path.resolve().is_relative_to(own)
-    )
+    results_apart = own != folder.resolve() and own.is_relative_to(folder.resolve())
+
+    def is_input(path: Path) -> bool:
+        if path.suffix.lower() not in suffixes or path.name.startswith(".") or not path.is_file():
+            return False
+        if results_apart and path.resolve().is_relative_to(own):
+            return False
+        return not path.name.endswith(RESULT)
+
+    return sorted(path for path in folder.rglob("*") if is_input(path))
+
+
+def make_folders(jobs: Iterable[Job]) -> None:
+    """Make the folders that the results go to.
+
+    Raises:
+        OutputError: One cannot be made.
+    """
+    for folder in sorted({job.target.parent for job in jobs}):
+        try:
+            folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
 
 
 def _named(found: list[tuple[Path, Path]], output: Path) -> list[Job]:
@@ -58,10 +81,10 @@ def _named(found: list[tuple[Path, Path]], output: Path) -> list[Job]:
     jobs = []
     for source, name in sorted(found, key=lambda item: (str(item[1]), str(item[0]))):
         stem = name.stem if short[_key(name.with_suffix(""))] == 1 else name.name.replace(".", "_")
-        target = name.with_name(f"{stem}_labeled.ply")
+        target = name.with_name(f"{stem}{RESULT}")
         number = 2
         while _key(target) in taken:
-            target = name.with_name(f"{stem}_{number}_labeled.ply")
+            target = name.with_name(f"{stem}_{number}{RESULT}")
             number += 1
         taken.add(_key(target))
         jobs.append(Job(name=str(name), source=source, output=output, labeled=str(target)))

@@ -1,6 +1,8 @@
 """Running jobs in processes of this machine; a mesh that kills its process harms no other."""
 
 import logging
+import signal
+import threading
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
@@ -26,12 +28,10 @@ def run(jobs: Sequence[Job], settings: BatchSettings, *, workers: int) -> Iterat
     """Label the jobs' meshes and yield each row when it is done.
 
     Args:
-        jobs: The meshes.
+        jobs: The meshes; the folders of their results exist.
         settings: Model, sampling and mesh options.
         workers: Processes to use, one thread each.
     """
-    for folder in {job.target.parent for job in jobs}:
-        folder.mkdir(parents=True, exist_ok=True)
     with _client(min(workers, len(jobs))) as client:
         futures = client.map(label_file, jobs, settings=settings, pure=False, batch_size=None)
         names = {future.key: job.name for future, job in zip(futures, jobs, strict=True)}
@@ -49,16 +49,28 @@ def _told(error: BaseException) -> str:
 
 
 @contextmanager
+def _interrupts_left_to_us() -> Iterator[None]:
+    """Start processes that ignore Ctrl-C: it is for the one that plans, which then ends them."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    try:
+        yield
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+@contextmanager
 def _client(workers: int) -> Iterator[Client]:
     with dask.config.set(_CONFIG):
         logging.getLogger("distributed").setLevel(logging.CRITICAL)
-        with (
-            LocalCluster(
+        with _interrupts_left_to_us():
+            cluster = LocalCluster(
                 n_workers=workers,
                 threads_per_worker=1,
                 dashboard_address=None,
                 silence_logs=logging.CRITICAL,
-            ) as cluster,
-            Client(cluster) as client,
-        ):
+            )
+        with cluster, Client(cluster) as client:
             yield client

@@ -4,6 +4,7 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
+from typing import Any
 
 import pyarrow as pa
 import pyarrow.parquet as pq
@@ -46,8 +47,18 @@ def write_summary(path: Path, rows: Sequence[Row], settings: BatchSettings) -> N
         OutputError: The file cannot be written.
     """
     table = pa.Table.from_pylist(
-        [asdict(row) for row in sorted(rows, key=lambda row: row.mesh)], schema=_SCHEMA
+        [_printable(asdict(row)) for row in sorted(rows, key=lambda row: row.mesh)], schema=_SCHEMA
     )
     metadata = {"grasp3d": json.dumps(asdict(settings))}
     with written_whole(path) as part:
         pq.write_table(table.replace_schema_metadata(metadata), part)
+
+
+def _printable(row: dict[str, Any]) -> dict[str, Any]:
+    """Write out the bytes of file names that are no Unicode."""
+    return {
+        key: value.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+        if isinstance(value, str)
+        else value
+        for key, value in row.items()
+    }

@@ -4,6 +4,7 @@ Nothing heavy is imported here, so that `grasp3d --help` answers at once.
 """
 
 import sys
+from io import TextIOWrapper
 from typing import Annotated
 
 import tyro
@@ -23,6 +24,9 @@ INTERRUPTED = 130
 
 def main(arguments: list[str] | None = None) -> int:
     """Run the command line; returns the exit code: 0 done, 1 some meshes failed, 2 bad input."""
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, TextIOWrapper):  # a terminal that knows fewer characters
+            stream.reconfigure(errors="backslashreplace")
     try:
         command = tyro.cli(
             Command,
@@ -33,7 +37,8 @@ def main(arguments: list[str] | None = None) -> int:
         )
         return command.run()
     except GraspError as error:
-        print(f"grasp3d: {error}", file=sys.stderr)  # noqa: T201
+        message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(error))
+        print(f"grasp3d: {message}", file=sys.stderr)  # noqa: T201
         return BAD_INPUT
     except KeyboardInterrupt:
         print("grasp3d: interrupted", file=sys.stderr)  # noqa: T201

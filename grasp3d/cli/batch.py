@@ -7,7 +7,7 @@ from typing import Annotated
 import tyro
 
 from grasp3d.cli.options import ModelOptions, SamplingOptions, SurfaceOptions
-from grasp3d.errors import OutputError, SettingError
+from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 SUMMARY = "summary.parquet"
@@ -47,24 +47,25 @@ class Batch:
     def run(self) -> int:
         """Do it; returns the exit code."""
         from grasp3d.batch.job import BatchSettings  # noqa: PLC0415
-        from grasp3d.batch.plan import plan  # noqa: PLC0415
+        from grasp3d.batch.plan import make_folders, plan  # noqa: PLC0415
         from grasp3d.batch.run import run  # noqa: PLC0415
         from grasp3d.batch.store import write_summary  # noqa: PLC0415
         from grasp3d.cli import report  # noqa: PLC0415
+        from grasp3d.files import check_writable  # noqa: PLC0415
         from grasp3d.processors import available_processors  # noqa: PLC0415
 
         jobs = plan(self.inputs, self.output)
-        try:
-            self.output.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{self.output}: cannot be made ({error.strerror})") from error
+        make_folders(jobs)
+        check_writable(self.output / SUMMARY)
         settings = BatchSettings(self.model, self.sampling, self.mesh)
         rows = []
         with report.counter("labelling", len(jobs), quiet=self.quiet) as advance:
-            for row in run(jobs, settings, workers=self.workers or available_processors()):
-                rows.append(row)
-                advance()
-        write_summary(self.output / SUMMARY, rows, settings)
+            try:
+                for row in run(jobs, settings, workers=self.workers or available_processors()):
+                    rows.append(row)
+                    advance()
+            finally:  # also when interrupted: what is done is done
+                write_summary(self.output / SUMMARY, rows, settings)
         if not self.quiet:
             report.print_batch(rows, self.output)
         return 1 if any(row.error for row in rows) else 0

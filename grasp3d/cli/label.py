@@ -35,12 +35,18 @@ class Label:
     def run(self) -> int:
         """Do it; returns the exit code."""
         from grasp3d.cli import report  # noqa: PLC0415
+        from grasp3d.errors import OutputError  # noqa: PLC0415
         from grasp3d.export import writer_for  # noqa: PLC0415
+        from grasp3d.files import check_writable  # noqa: PLC0415
         from grasp3d.mesh import load_mesh  # noqa: PLC0415
         from grasp3d.surface import label_surface  # noqa: PLC0415
 
         output = self.output or Path(f"{self.file.stem}_labeled.ply")
         write = writer_for(output)
+        if output.exists() and self.file.exists() and output.samefile(self.file):
+            raise OutputError(f"{output}: is the mesh itself; name another file with -o")
+        if self.file.exists():
+            check_writable(output)
         mesh = load_mesh(
             self.file,
             unit=self.mesh.unit,

@@ -62,15 +62,27 @@ def _smallest_first(faces: Ints) -> Ints:
     return np.take_along_axis(faces, columns, axis=1)
 
 
-def has_area(vertices: Floats, faces: Ints) -> Bools:
+def rounding_of(vertices: Floats) -> float:
+    """How far rounding may have moved a coordinate; more for files that hold 32 bits only."""
+    single = np.array_equal(vertices, vertices.astype(np.float32))
+    step = np.finfo(np.float32 if single else np.float64).eps
+    return float(step * np.abs(vertices).max(initial=0.0))
+
+
+def has_area(vertices: Floats, faces: Ints, rounding: float) -> Bools:
     """Tell the faces with an area from the needles and caps without one, shape (F,).
 
-    A face counts as flat when its height is lost in the rounding of its coordinates.
+    A face counts as flat when its height is lost in the rounding of its coordinates: its normal
+    would be anyone's guess.
+
+    Args:
+        vertices: Positions (V, 3).
+        faces: Faces (F, 3).
+        rounding: How far a coordinate may be off, in the same unit.
     """
     corners = vertices[faces]  # (F, 3 corners, 3)
     sides = np.roll(corners, -1, axis=1) - corners
     longest = np.linalg.norm(sides, axis=2).max(axis=1)
     doubled = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    rounding = 4.0 * np.finfo(np.float64).eps * np.abs(corners).max(axis=(1, 2))
     height = np.divide(doubled, longest, out=np.zeros_like(doubled), where=longest > 0.0)
-    return np.asarray(height > rounding)
+    return np.asarray(height > 4.0 * rounding)

@@ -2,6 +2,7 @@
 
 import io
 import re
+import stat
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -51,7 +52,10 @@ def read_mesh(path: Path) -> RawMesh:
             triangles.
     """
     kind = _checked_kind(path)
-    data = path.read_bytes()
+    try:
+        data = path.read_bytes()
+    except OSError as error:
+        raise MeshError(f"{path}: cannot be opened ({error.strerror})") from error
     if not data:
         raise MeshError(f"{path}: the file is empty; export the mesh again")
     try:
@@ -68,10 +72,14 @@ def read_mesh(path: Path) -> RawMesh:
 
 
 def _checked_kind(path: Path) -> str:
-    if path.is_dir():
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        raise MeshError(f"{path}: there is no such file ({error.strerror})") from error
+    if stat.S_ISDIR(mode):
         raise MeshError(f"{path}: is a folder, not a mesh file; `grasp3d batch` takes folders")
-    if not path.is_file():
-        raise MeshError(f"{path}: there is no such file")
+    if not stat.S_ISREG(mode):
+        raise MeshError(f"{path}: is not a file")
     suffix = path.suffix.lower()
     if suffix not in mesh_suffixes():
         known = " ".join(sorted(mesh_suffixes()))

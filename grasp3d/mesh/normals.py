@@ -6,8 +6,12 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
+from grasp3d._kernels.antipodal import ANY_NORMAL
 from grasp3d._kernels.normal_sets import order_normal_sets
-from grasp3d.arrays import Bools, Floats, Ints, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
+
+HALF = 0.5
+"""Between the lengths of a mean with a direction, 1, and of one without, 0."""
 
 SAME_DIGITS = 6
 """Unit normals at one vertex that agree to so many digits count as one."""
@@ -68,7 +72,7 @@ def corner_normals(vertices: Floats, faces: Ints, crease_angle: float) -> Corner
     cosine = np.einsum("ij,ij->i", mean[patch], flat[face_of_corner])
     least = np.full(len(mean), np.inf)
     np.minimum.at(least, patch, cosine)
-    bent = least < np.cos(crease_angle) - 1e-9
+    bent = (least < np.cos(crease_angle) - 1e-9) | (np.linalg.norm(mean, axis=1) < HALF)
     vertex = np.zeros(len(mean), dtype=np.int64)
     vertex[patch] = faces.ravel()
     own = bent[patch]  # corners that keep their face's normal
@@ -100,15 +104,26 @@ def paired_edges(faces: Ints) -> tuple[Ints, Ints]:
     Returns:
         The first and the second half-edge of each pair, (E,) each.
     """
+    order, first, size = _by_edge(faces)
+    pairs = first[size == 2]  # noqa: PLR2004
+    return order[pairs], order[pairs + 1]
+
+
+def crowded_edges(faces: Ints) -> Ints:
+    """Half-edges that lie on an undirected edge with more than two faces."""
+    order, _, size = _by_edge(faces)
+    return order[np.repeat(size, size) > 2]  # noqa: PLR2004
+
+
+def _by_edge(faces: Ints) -> tuple[Ints, Ints, Ints]:
+    """Half-edges ordered by their edge; where each edge's begin, and how many there are."""
     edges = np.sort(faces[:, [1, 2, 2, 0, 0, 1]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     ordered = edges[order]
     new = np.ones(len(ordered), dtype=bool)
     new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
     first = np.flatnonzero(new)
-    size = np.diff(np.append(first, len(ordered)))
-    pairs = first[size == 2]  # noqa: PLR2004
-    return order[pairs], order[pairs + 1]
+    return order, first, np.diff(np.append(first, len(ordered)))
 
 
 def _smooth_edges(faces: Ints, flat: Floats, crease_angle: float) -> tuple[Ints, Ints]:
@@ -145,9 +160,11 @@ def crease_twins(faces: Ints, corners: Ints) -> Ints:
     """Rows of the corner normals on the other side of each crease, shape (F, 3, 2).
 
     Entry [f, i] belongs to the edge opposite corner i of face f, its two columns to the corners
-    i + 1 and i + 2; -1 where the normals run on smoothly or the surface ends.
+    i + 1 and i + 2; -1 where the normals run on smoothly or the surface ends, -2 where more than
+    two faces meet.
     """
     twins = np.full((3 * len(faces), 2), -1, dtype=np.int64)
+    twins[crowded_edges(faces)] = ANY_NORMAL
     one, two = paired_edges(faces)
     left, right = _matched_corners(faces, one, two)
     rows = corners.ravel()
@@ -177,7 +194,7 @@ def normal_sets(count: int, normals: CornerNormals) -> NormalSets:
     centres = np.zeros((count, 3))
     radii = np.zeros(count)
     order_normal_sets(start, rows, counts, centres, radii)
-    return NormalSets(start, counts, rows, centres, radii)
+    return NormalSets(*(locked(array) for array in (start, counts, rows, centres, radii)))
 
 
 def _distinct(vertex: Ints, rows: Floats) -> Bools:

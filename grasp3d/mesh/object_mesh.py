@@ -5,7 +5,7 @@ from functools import cached_property
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, Ints, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
 from grasp3d.mesh.normals import CornerNormals, NormalSets
 from grasp3d.settings import Unit
 
@@ -74,12 +74,12 @@ class ObjectMesh:
         """Tell the vertices whose position belongs to a face, shape (V,)."""
         used = np.zeros(len(self.vertices), dtype=bool)
         used[self.faces] = True
-        return used[self.canonical]
+        return locked(used[self.canonical])
 
     @cached_property
     def normals(self) -> Floats:
         """Inward unit normal at each vertex, the middle of its set at creases, shape (V, 3)."""
-        return unit_rows(self.normal_sets.centres)[self.canonical]
+        return locked(unit_rows(self.normal_sets.centres)[self.canonical])
 
     @cached_property
     def vertex_areas(self) -> Floats:
@@ -88,7 +88,7 @@ class ObjectMesh:
         third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
         areas = np.zeros(len(self.vertices))
         np.add.at(areas, self.faces, third[:, None])
-        return areas
+        return locked(areas)
 
     @cached_property
     def torque_scale(self) -> float:
@@ -99,7 +99,7 @@ class ObjectMesh:
     @cached_property
     def normalized(self) -> Floats:
         """Positions centred and divided by `size`, shape (V, 3)."""
-        return (self.vertices - self.center) / self.size
+        return locked((self.vertices - self.center) / self.size)
 
     def from_normalized(self, points: Floats) -> Floats:
         """Take points (..., 3) of the normalised frame back to the file's frame and unit."""

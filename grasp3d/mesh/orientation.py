@@ -11,7 +11,10 @@ from scipy.spatial import ConvexHull, QhullError
 from grasp3d.arrays import Bools, Floats, Ints, unit_rows
 
 CLEAR_VOTE = 0.5
-"""An open mesh is turned when its outermost faces look inward by this much; see `_hull_vote`."""
+"""An open body is turned when its outermost faces look inward by this much; see `_hull_vote`."""
+
+SMALL_HOLES = 0.01
+"""Holes are filled when the faces that fill them add at most this share to the area."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -30,6 +33,8 @@ class OrientedFaces:
     """Faces of bodies that were inside out and have been turned."""
     filled: int
     """Faces added in holes of three or four edges."""
+    doubled: int
+    """Bodies that lie within another and are wound alike: counted twice in the volume."""
 
 
 def orient_faces(vertices: Floats, faces: Ints) -> OrientedFaces:
@@ -39,27 +44,42 @@ def orient_faces(vertices: Floats, faces: Ints) -> OrientedFaces:
         vertices: Positions (V, 3), centred and of size about 1, so that volumes keep their digits.
         faces: Welded faces (F, 3).
     """
-    mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False)
-    rewound = filled = 0
-    if not (is_closed(faces) or mesh.is_winding_consistent):
-        trimesh.repair.fix_winding(mesh)
-        rewound = int((np.asarray(mesh.faces) != faces).any(axis=1).sum())
-    if not is_closed(np.asarray(mesh.faces)):
-        trimesh.repair.fill_holes(mesh)
-        filled = len(mesh.faces) - len(faces)
-    result = np.array(mesh.faces, dtype=np.int64)
-    closed = is_closed(result)
-    body = _body_of_face(result)
-    flip = _inside_out(vertices, result, body, closed=closed)
-    result[flip] = result[flip][:, ::-1]
+    wound = _consistent(vertices, faces)
+    whole = _without_small_holes(vertices, wound)
+    body = _body_of_face(whole)
+    bodies = _Bodies(vertices, whole, body)
+    flip = bodies.inside_out()[body]
+    result = np.where(flip[:, None], whole[:, ::-1], whole)
     return OrientedFaces(
         faces=result,
-        closed=closed,
+        closed=is_closed(result),
         bodies=int(body.max()) + 1,
-        rewound=rewound,
+        rewound=int((wound != faces).any(axis=1).sum()),
         inverted=int(flip.sum()),
-        filled=filled,
+        filled=len(whole) - len(wound),
+        doubled=_Bodies(vertices, result, body).doubled(),
     )
+
+
+def _consistent(vertices: Floats, faces: Ints) -> Ints:
+    """Turn faces that disagree with their neighbours."""
+    mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False)
+    if is_closed(faces) or mesh.is_winding_consistent:
+        return faces
+    trimesh.repair.fix_winding(mesh)
+    return np.array(mesh.faces, dtype=np.int64)
+
+
+def _without_small_holes(vertices: Floats, faces: Ints) -> Ints:
+    """Fill holes of three or four edges, if that hardly changes the surface."""
+    if is_closed(faces):
+        return faces
+    mesh = trimesh.Trimesh(vertices, faces, process=False, validate=False)
+    trimesh.repair.fill_holes(mesh)
+    filled = np.array(mesh.faces, dtype=np.int64)
+    areas = face_areas(vertices, filled)
+    small = areas[len(faces) :].sum() <= SMALL_HOLES * areas[: len(faces)].sum()
+    return filled if small else faces
 
 
 def is_closed(faces: Ints) -> bool:
@@ -67,12 +87,22 @@ def is_closed(faces: Ints) -> bool:
 
     Then the signed volume does not depend on the origin, even where more than two faces meet.
     """
+    return not _unbalanced_vertices(faces).size
+
+
+def _unbalanced_vertices(faces: Ints) -> Ints:
+    """First vertices of the edges that are passed more often one way than the other."""
     edges = faces[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2)
     forward = edges[:, 0] < edges[:, 1]
-    ordered = np.sort(edges, axis=1)
-    _, inverse = np.unique(ordered, axis=0, return_inverse=True)
+    unique, inverse = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
     balance = np.bincount(inverse.ravel(), weights=np.where(forward, 1.0, -1.0))
-    return not balance.any()
+    return np.asarray(unique[balance != 0.0, 0])
+
+
+def face_areas(vertices: Floats, faces: Ints) -> Floats:
+    """Areas of the faces, shape (F,)."""
+    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
 
 
 def signed_volumes(vertices: Floats, faces: Ints) -> Floats:
@@ -96,35 +126,64 @@ def _body_of_face(faces: Ints) -> Ints:
     return np.asarray(body, dtype=np.int64).ravel()
 
 
-def _inside_out(vertices: Floats, faces: Ints, body: Ints, *, closed: bool) -> Bools:
-    """Tell the faces whose body is inside out; a cavity within another body is rightly so."""
-    if not closed:
-        return np.full(len(faces), _hull_vote(vertices, faces) < -CLEAR_VOTE)
-    middle = vertices[faces].mean(axis=(0, 1))
-    pieces = signed_volumes(vertices - middle, faces)
-    all_flipped = pieces.sum() < 0.0
-    volumes = np.bincount(body, weights=pieces) * (-1.0 if all_flipped else 1.0)
-    flip = np.full(len(faces), all_flipped)
-    negative = np.flatnonzero(volumes < 0.0)
-    if len(negative):
-        lower, upper = _boxes(vertices, faces, body)
-        outer = volumes > 0.0
-        for part in negative:
-            around = (lower[outer] <= lower[part]).all(axis=1)
-            around &= (upper[outer] >= upper[part]).all(axis=1)
-            if not around.any():
-                flip[body == part] ^= True
-    return np.asarray(flip)
+class _Bodies:
+    """The connected parts of a surface, and which of them lie within others."""
+
+    def __init__(self, vertices: Floats, faces: Ints, body: Ints) -> None:
+        self.vertices, self.faces, self.body = vertices, faces, body
+        count = int(body.max()) + 1
+        part_of_vertex = np.zeros(len(vertices), dtype=np.int64)
+        part_of_vertex[faces] = body[:, None]
+        self.open = np.zeros(count, dtype=bool)
+        self.open[part_of_vertex[_unbalanced_vertices(faces)]] = True
+        corners = vertices[faces]
+        self.volumes = np.bincount(body, weights=signed_volumes(vertices, faces))
+        self.lower = np.full((count, 3), np.inf)
+        self.upper = np.full((count, 3), -np.inf)
+        np.minimum.at(self.lower, body, corners.min(axis=1))
+        np.maximum.at(self.upper, body, corners.max(axis=1))
+
+    def inside_out(self) -> Bools:
+        """Tell the bodies to turn; a cavity within another body is rightly wound inward."""
+        flip = np.zeros(len(self.open), dtype=bool)
+        for part in np.flatnonzero(self.open):
+            flip[part] = _hull_vote(self.vertices, self.faces[self.body == part]) < -CLEAR_VOTE
+        closed = ~self.open
+        if self.volumes[closed].sum() < 0.0:  # the whole object, cavities and all
+            flip[closed] = True
+        negative = np.where(flip, -self.volumes, self.volumes) < 0.0
+        for part in np.flatnonzero(closed & negative):
+            if not self._lies_within(part, np.flatnonzero(closed & ~negative)):
+                flip[part] = not flip[part]
+        return flip
+
+    def doubled(self) -> int:
+        """Count the closed bodies that lie within another of the same winding."""
+        solid = np.flatnonzero(~self.open & (self.volumes > 0.0))
+        return sum(self._lies_within(part, solid[solid != part]) for part in solid)
+
+    def _lies_within(self, part: np.integer, others: Ints) -> bool:
+        """Tell whether a body lies in one of the others, by the winding number at its corner."""
+        around = (self.lower[others] < self.lower[part]).all(axis=1)
+        around &= (self.upper[others] > self.upper[part]).all(axis=1)
+        if not around.any():
+            return False
+        point = self.vertices[self.faces[np.argmax(self.body == part), 0]]
+        for other in others[around]:
+            corners = self.vertices[self.faces[self.body == other]] - point
+            if abs(_winding_number(corners)) > 0.5:  # noqa: PLR2004
+                return True
+        return False
 
 
-def _boxes(vertices: Floats, faces: Ints, body: Ints) -> tuple[Floats, Floats]:
-    """Bounding boxes of the bodies, (bodies, 3) each."""
-    corners = vertices[faces]
-    lower = np.full((int(body.max()) + 1, 3), np.inf)
-    upper = -lower
-    np.minimum.at(lower, body, corners.min(axis=1))
-    np.maximum.at(upper, body, corners.max(axis=1))
-    return lower, upper
+def _winding_number(corners: Floats) -> float:
+    """How often triangles (F, 3, 3) wind around the origin (van Oosterom & Strackee 1983)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    determinant = np.einsum("ij,ij->i", a, np.cross(b, c))
+    dots = [np.einsum("ij,ij->i", u, v) * w for u, v, w in ((a, b, lc), (b, c, la), (c, a, lb))]
+    angles = 2.0 * np.arctan2(determinant, la * lb * lc + sum(dots))
+    return float(angles.sum() / (4.0 * np.pi))
 
 
 def _hull_vote(vertices: Floats, faces: Ints) -> float:

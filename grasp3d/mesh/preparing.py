@@ -8,7 +8,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import MeshError
-from grasp3d.mesh.cleaning import CleanFaces, clean_faces, has_area
+from grasp3d.mesh.cleaning import CleanFaces, clean_faces, has_area, rounding_of
 from grasp3d.mesh.loading import RawMesh, check_finite, read_mesh
 from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
@@ -22,6 +22,9 @@ PLAUSIBLE = (0.002, 2.0)
 
 DEFAULT_EDGE = 1.0 / 32.0
 """Longest edge as a share of the object's size."""
+
+LARGEST = 1e60
+"""Largest coordinate, and one over the smallest size, whose powers stay finite."""
 
 FLAT_VOLUME = 1e-9
 """Share of size cubed below which a closed surface encloses nothing."""
@@ -75,13 +78,17 @@ def mesh_from_arrays(
         SettingError: An option is outside its range.
     """
     options = MeshOptions(unit=unit, max_edge=max_edge, crease_angle=crease_angle)
-    points = np.asarray(vertices, dtype=np.float64)
-    corners = np.asarray(faces, dtype=np.int64)
-    for name, array in (("vertices", points), ("faces", corners)):
+    points, corners = np.asarray(vertices), np.asarray(faces)
+    for name, array, kinds in (("vertices", points, "fiu"), ("faces", corners, "iu")):
         if array.ndim != 2 or array.shape[1] != 3:  # noqa: PLR2004
             raise MeshError(f"{name} must have shape (n, 3); got {array.shape}")
+        if array.dtype.kind not in kinds and array.size:
+            raise MeshError(f"{name} must be numbers of the right kind; got {array.dtype}")
     return _prepared(
-        RawMesh(points, corners, "arrays", None), options, name="arrays", where="arrays"
+        RawMesh(points.astype(np.float64), corners.astype(np.int64), "arrays", None),
+        options,
+        name="arrays",
+        where="arrays",
     )
 
 
@@ -93,14 +100,15 @@ def _prepared(raw: RawMesh, options: MeshOptions, *, name: str, where: str) -> O
     center, size = _extent(raw.vertices, clean.faces, where)
     points = (raw.vertices - center) / size
     oriented = orient_faces(points, clean.faces)
-    solid = has_area(points, oriented.faces)
+    rounding = rounding_of(raw.vertices) / size
+    solid = has_area(points, oriented.faces, rounding)
     faces = oriented.faces[solid]
     if len(faces) == 0:
         raise MeshError(f"{where}: no face has an area")
     flat = int((~solid).sum())
     normals = corner_normals(points, faces, options.crease_angle)
     edge = DEFAULT_EDGE if options.max_edge is None else options.max_edge / size
-    refined = refine(points, faces, normals, edge)
+    refined = refine(points, faces, normals, edge, rounding)
     added = refined.vertices[len(points) :] * size + center
     vertices = np.concatenate([raw.vertices, added])
     center_mass, volume = _mass(points, oriented)
@@ -153,6 +161,13 @@ def _check_numbers(raw: RawMesh, where: str) -> None:
 
 def _extent(vertices: Floats, faces: Ints, where: str) -> tuple[Floats, float]:
     """Centre and diameter of the surface; both turn and move with the object."""
+    largest = float(np.abs(vertices[faces]).max())
+    spread = float(np.ptp(vertices[faces].reshape(-1, 3), axis=0).max())
+    if largest > LARGEST or 0.0 < spread < 1.0 / LARGEST:
+        raise MeshError(
+            f"{where}: coordinates up to {largest:.3g} and a size of {spread:.3g} are beyond what "
+            f"can be computed with ({1.0 / LARGEST:.0e} to {LARGEST:.0e}); scale the mesh"
+        )
     middle = vertices[faces].mean(axis=(0, 1))
     a, b, c = (vertices[faces[:, k]] - middle for k in range(3))
     area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
@@ -197,7 +212,12 @@ def _warnings(
             "the surface is open: inside and outside are taken from the winding of its faces, "
             "and the centre of mass from the surface"
         )
-    elif math.isnan(volume):
+    if oriented.doubled:
+        warnings.append(
+            f"{oriented.doubled} bodies lie within others and are wound like them: "
+            "the volume counts them twice; cavities must be wound inward"
+        )
+    if oriented.closed and math.isnan(volume):
         warnings.append(
             "the surface is closed but encloses no volume; the centre of mass is the surface's"
         )

@@ -4,11 +4,14 @@ from dataclasses import dataclass
 
 import numpy as np
 import trimesh
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.errors import MeshError
 from grasp3d.mesh.cleaning import first_at_place
-from grasp3d.mesh.normals import CornerNormals
+from grasp3d.mesh.normals import CornerNormals, paired_edges
 
 MAX_FACES = 20_000_000
 MAX_ROUNDS = 40
@@ -27,7 +30,7 @@ class RefinedSurface:
 
 
 def refine(
-    vertices: Floats, faces: Ints, normals: CornerNormals, max_edge: float
+    vertices: Floats, faces: Ints, normals: CornerNormals, max_edge: float, rounding: float
 ) -> RefinedSurface:
     """Bisect every edge longer than `max_edge`, until none is left.
 
@@ -36,6 +39,7 @@ def refine(
         faces: Faces (F, 3).
         normals: Normals at the corners of the faces.
         max_edge: Longest edge allowed, in the unit of `vertices`.
+        rounding: How far a coordinate may be off, in the same unit.
 
     Raises:
         MeshError: The result would not fit in memory.
@@ -47,16 +51,33 @@ def refine(
     rows, corners = trimesh.remesh.subdivide_to_size(
         rows, normals.corners, max_edge * (1.0 + 1e-9), max_iter=MAX_ROUNDS
     )
-    added = rows[len(normals.vertices) :, :3]
-    first = first_at_place(added)  # the two sides of a crease make the same midpoints
-    own = first == np.arange(len(added))
-    number = np.cumsum(own) - 1
-    vertex_of_row = np.concatenate([normals.vertices, len(vertices) + number[first]])
+    count = len(normals.vertices)
+    first = first_at_place(rows[:, :3])  # the two sides of a crease make the same midpoints
+    if len(paired_edges(faces)[0]) * 2 < faces.size:
+        first = _first_nearby(rows[:, :3], count, 8.0 * max(rounding, np.finfo(np.float64).eps))
+    own = (first == np.arange(len(rows))) & (np.arange(len(rows)) >= count)
+    number = np.concatenate([normals.vertices, len(vertices) + np.cumsum(own)[count:] - 1])
+    vertex_of_row = number[first]
     return RefinedSurface(
-        vertices=np.concatenate([vertices, added[own]]),
+        vertices=np.concatenate([vertices, rows[own, :3]]),
         faces=vertex_of_row[corners],
         normals=CornerNormals(corners, unit_rows(rows[:, 3:]), vertex_of_row),
     )
+
+
+def _first_nearby(points: Floats, given: int, tolerance: float) -> Ints:
+    """For each added point the first one within a tolerance, shape (n,).
+
+    At a T-junction one face has a vertex in the middle of another's edge, and the midpoints of the
+    one lie on those of the other only up to rounding.
+    """
+    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points),) * 2)
+    _, part = connected_components(links, directed=False)
+    _, first, inverse = np.unique(part, return_index=True, return_inverse=True)
+    result = first[inverse]
+    result[:given] = np.arange(given)  # given vertices stay apart
+    return np.asarray(result, dtype=np.int64)
 
 
 def _check_size(vertices: Floats, faces: Ints, max_edge: float) -> None:

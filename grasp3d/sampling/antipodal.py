@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from grasp3d._kernels import antipodal as kernels
-from grasp3d._kernels.records import Frames, Grasps, Rays, Sets, Surface
+from grasp3d._kernels.antipodal import Frames, Grasps, Rays, Sets, Surface
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import crease_twins
@@ -29,9 +29,6 @@ CHUNK = 100_000
 
 SEED_BATCHES = (0.0, 0.125, 0.375, 1.0)
 """How the first directions are parted; from batch to batch more of them need no ray."""
-
-PROPOSALS = 13
-"""Most rays per vertex in one round of refinement."""
 
 STARTS = 3
 """Grasps per vertex, apart from each other, around which the search begins."""
@@ -47,6 +44,9 @@ MAX_ROUNDS = 30
 
 FALL = 0.1
 """Share of the tolerance by which a critical angle must fall for its ring to keep its size."""
+
+SLACK = 1e-6
+"""What an opening may exceed its limits by, in object sizes: more than a file's rounding."""
 
 CLEAR = 1e-3
 """Length across the normal, in object sizes, from which a reference direction counts."""
@@ -168,6 +168,8 @@ def neighbours(mesh: ObjectMesh) -> tuple[Ints, Ints]:
 
 @dataclass(eq=False)
 class _Search:
+    """The state of one search over all vertices of a mesh, in its normalised frame."""
+
     mesh: ObjectMesh
     sampling: Sampling
     cone: float
@@ -180,7 +182,10 @@ class _Search:
         count = len(mesh.vertices)
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
         self.places = np.unique(mesh.faces)
-        self.limits = (self.sampling.min_opening / mesh.size, self.sampling.max_opening / mesh.size)
+        self.limits = (
+            max(self.sampling.min_opening / mesh.size - SLACK, kernels.SMALLEST),
+            self.sampling.max_opening / mesh.size + SLACK,
+        )
         self.sets = contact_normals(mesh)
         self.surface = contact_surface(mesh)
         self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
@@ -202,6 +207,7 @@ class _Search:
         )
 
     def run(self) -> AntipodalGrasps:
+        """Seed, explore several starts, and refine the best until neighbours add nothing."""
         spacing = self.spacing
         self._seed(share=0.5)
         for number in range(EXPLORING_ROUNDS):
@@ -271,7 +277,7 @@ class _Search:
             lambda places: kernels.shared_rays(
                 places, self.cone, self.surface.points, around, self.sets, before
             ),
-            PROPOSALS,
+            kernels.PROPOSALS,
         )
 
     def _explore(self, radius: float, turn: float) -> None:
@@ -280,7 +286,7 @@ class _Search:
             lambda chunk: kernels.exploring_rays(
                 chunk, radius, turn, self.cone, self.frames, self.sets, self.grasps
             ),
-            PROPOSALS,
+            kernels.PROPOSALS,
         )
 
     def _refine(self, places: Ints, radii: Floats, turn: float) -> None:
@@ -289,7 +295,7 @@ class _Search:
             lambda chunk: kernels.refining_rays(
                 chunk, radii, turn, self.cone, self.frames, self.sets, self.grasps
             ),
-            PROPOSALS,
+            kernels.PROPOSALS,
         )
 
     def _open_places(self) -> Ints:
