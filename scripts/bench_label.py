@@ -46,8 +46,8 @@ def measure(path: Path, vertices: int, threads: int) -> dict[str, float]:
     SurfaceRays.hits = timed
     coarse = load_mesh(path)
     label_surface(coarse, threads=threads)  # compile
-    mesh = coarse
     edge = coarse.size / 32.0 * 1.2 * (len(coarse.vertices) / vertices) ** 0.5
+    mesh = load_mesh(path, max_edge=edge)
     while len(mesh.vertices) < vertices:
         edge *= 0.95
         mesh = load_mesh(path, max_edge=edge)

@@ -97,8 +97,9 @@ def best_grasps(
         threads: Threads to use.
         progress: Called with the share of the work done, from 0 to 1.
     """
-    search = _Search(mesh, sampling, cone, threads, progress or _ignore)
-    return search.run()
+    with ThreadPoolExecutor(threads) as pool:
+        search = _Search(mesh, sampling, cone, threads, pool, progress or _ignore)
+        return search.run()
 
 
 def _ignore(share: float) -> None:
@@ -174,6 +175,7 @@ class _Search:
     sampling: Sampling
     cone: float
     threads: int
+    pool: ThreadPoolExecutor
     progress: Progress
     traced: int = field(default=0, init=False)
 
@@ -189,6 +191,7 @@ class _Search:
         self.sets = contact_normals(mesh)
         self.surface = contact_surface(mesh)
         self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
+        self.around = neighbours(mesh)
         self.tracer = SurfaceRays(self.surface, self.sets)
         self.grasps = Grasps(
             worst=np.full(count, math.inf),
@@ -271,11 +274,10 @@ class _Search:
             partner=self.grasps.partner.copy(),
             reason=self.grasps.reason.copy(),
         )
-        around = neighbours(self.mesh)
         self._trace(
             self._open_places(),
             lambda places: kernels.shared_rays(
-                places, self.cone, self.surface.points, around, self.sets, before
+                places, self.cone, self.surface.points, self.around, self.sets, before
             ),
             kernels.PROPOSALS,
         )
@@ -319,12 +321,11 @@ class _Search:
         def settle(chunk: Ints) -> int:
             return self.tracer.settle_all(lay(chunk), self.limits, self.grasps)
 
-        with ThreadPoolExecutor(self.threads) as pool:
-            for done, traced in enumerate(pool.map(settle, chunks), start=1):
-                self.traced += traced
-                if progress is not None:
-                    start, share = progress
-                    self.progress(start + share * done / len(chunks))
+        for done, traced in enumerate(self.pool.map(settle, chunks), start=1):
+            self.traced += traced
+            if progress is not None:
+                start, share = progress
+                self.progress(start + share * done / len(chunks))
 
     def _result(self, rounds: int, still_falling: float) -> AntipodalGrasps:
         stands_for = self.mesh.canonical
