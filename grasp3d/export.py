@@ -138,7 +138,7 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
 
 
 def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
-    """Collect all that is known of each vertex, by name."""
+    """Collect all that is known of each vertex, by name; normals outward, as files have them."""
     return {
         "normal": -labels.mesh.normals,
         "color": label_colors(labels),

@@ -20,9 +20,9 @@ def written_whole(path: Path, *, keep: bool = True) -> Iterator[Path]:
     Raises:
         OutputError: The folder is missing or cannot be written to.
     """
-    if path.is_dir():
-        raise OutputError(f"{path}: is a folder; name a file")
     try:
+        if path.is_dir():
+            raise OutputError(f"{path}: is a folder; name a file")
         handle, name = tempfile.mkstemp(
             dir=path.parent, prefix=".grasp3d-", suffix=f".part{path.suffix}"
         )
@@ -41,14 +41,19 @@ def written_whole(path: Path, *, keep: bool = True) -> Iterator[Path]:
         part.unlink(missing_ok=True)
 
 
-def check_writable(path: Path) -> None:
+def check_writable(path: Path, *, source: Path | None = None) -> None:
     """Tell before the work whether a file could be written after it.
 
+    Args:
+        path: The file to make or replace.
+        source: A file that it must not replace.
+
     Raises:
-        OutputError: It could not.
+        OutputError: It could not, or it is the source.
     """
     with written_whole(path, keep=False):
-        pass
+        if source is not None and path.exists() and path.samefile(source):
+            raise OutputError(f"{path}: is the mesh itself; name another file")
 
 
 def _umask() -> int:

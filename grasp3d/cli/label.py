@@ -35,7 +35,6 @@ class Label:
     def run(self) -> int:
         """Do it; returns the exit code."""
         from grasp3d.cli import report  # noqa: PLC0415
-        from grasp3d.errors import OutputError  # noqa: PLC0415
         from grasp3d.export import writer_for  # noqa: PLC0415
         from grasp3d.files import check_writable  # noqa: PLC0415
         from grasp3d.mesh import load_mesh  # noqa: PLC0415
@@ -43,16 +42,13 @@ class Label:
 
         output = self.output or Path(f"{self.file.stem}_labeled.ply")
         write = writer_for(output)
-        if output.exists() and self.file.exists() and output.samefile(self.file):
-            raise OutputError(f"{output}: is the mesh itself; name another file with -o")
-        if self.file.exists():
-            check_writable(output)
         mesh = load_mesh(
             self.file,
             unit=self.mesh.unit,
             max_edge=self.mesh.max_edge,
             crease_angle=self.mesh.crease_angle,
         )
+        check_writable(output, source=self.file)
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
             labels = label_surface(mesh, self.model, sampling=self.sampling, progress=progress)
         write(output, labels)

@@ -41,7 +41,6 @@ def counter(text: str, total: int, *, quiet: bool) -> Iterator[Callable[[], None
     """Show a bar that counts meshes; gives a function to call after each."""
     with _bar(MofNCompleteColumn(), quiet=quiet) as bar:
         task = bar.add_task(text, total=total)
-
         yield lambda: bar.advance(task)
 
 

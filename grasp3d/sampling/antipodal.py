@@ -51,6 +51,9 @@ SLACK = 1e-6
 CLEAR = 1e-3
 """Length across the normal, in object sizes, from which a reference direction counts."""
 
+EVEN = 1e-9
+"""Third moment, in object sizes cubed, below which the ends of an axis are not told apart."""
+
 Progress = Callable[[float], None]
 
 
@@ -139,7 +142,8 @@ def tangents(mesh: ObjectMesh) -> Floats:
     moments = (points * weights[:, None]).T @ points
     lopsided = ((weights * squares)[:, None] * points).sum(axis=0)
     _, axes = np.linalg.eigh(moments)
-    signs = np.sign(((points @ axes) ** 3 * weights[:, None]).sum(axis=0))
+    skew = ((points @ axes) ** 3 * weights[:, None]).sum(axis=0)
+    signs = np.where(np.abs(skew) > EVEN, np.sign(skew), 0.0)
     edge = np.zeros_like(points)
     for k in (2, 1, 0):
         edge[mesh.faces[:, k]] = points[mesh.faces[:, (k + 1) % 3]] - points[mesh.faces[:, k]]
