@@ -5,6 +5,7 @@ Heavy writers are imported when they are used.
 
 import math
 from collections.abc import Callable
+from dataclasses import asdict
 from importlib.metadata import version
 from pathlib import Path
 from typing import Any
@@ -154,21 +155,23 @@ def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
     }
 
 
-def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int]:
+def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
     """Say what the labels were made with; angles in radians."""
     mesh, search = labels.mesh, labels.search
+    sampling = {} if labels.sampling is None else asdict(labels.sampling)
     u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
     return {
         "version": version("grasp3d"),
         # In a header it must be one line of plain characters.
         "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
         "mode": labels.mode,
-        "friction": labels.model.friction,
-        "sensor_resolution": labels.model.sensor_resolution,
         "fingers": 2,
-        "search_angle": search.cone,
-        "rays": search.rays,
+        **asdict(labels.model),
+        **sampling,
+        **asdict(mesh.options),
         "unit": mesh.unit or "unknown",
+        "search_angle": search.cone,
+        "rays_traced": search.rays,
         "file_vertices": mesh.file_vertices,
         "label_codes": f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)",
     }

@@ -15,7 +15,7 @@ Radians = Annotated[float, ANGLE]
 
 Unit = Literal["m", "cm", "mm", "in"]
 Grip = Literal["squeeze", "expand", "both"]
-MIN_RAYS = 8
+MIN_RAYS, MAX_RAYS = 8, 65_536
 DEGREE = math.pi / 180.0
 
 
@@ -37,7 +37,7 @@ class GraspModel:
             degrees = math.degrees(self.sensor_resolution)
             raise SettingError(
                 "sensor resolution must be at least 0 and below 180 degrees (pi radians); "
-                f"got {degrees:g} degrees"
+                f"got {degrees:g} degrees (in Python angles are radians)"
             )
 
     @property
@@ -56,7 +56,7 @@ class Sampling:
     """How candidate grasps are searched."""
 
     rays: int = 64
-    """Directions tried from every vertex before the search is refined, at least 8."""
+    """Directions tried from every vertex before the search is refined, 8 to 65536."""
 
     grip: Grip = "squeeze"
     """squeeze: fingers outside, pushing toward each other; expand: fingers inside a ring or a
@@ -77,8 +77,8 @@ class Sampling:
     """The search around a vertex's best grasp stops at steps of this size."""
 
     def __post_init__(self) -> None:
-        if self.rays < MIN_RAYS:
-            raise SettingError(f"rays must be at least {MIN_RAYS}; got {self.rays}")
+        if not MIN_RAYS <= self.rays <= MAX_RAYS:
+            raise SettingError(f"rays must be from {MIN_RAYS} to {MAX_RAYS}; got {self.rays}")
         if self.grip not in get_args(Grip):
             known = ", ".join(get_args(Grip))
             raise SettingError(f"no grip is called {self.grip!r}; known: {known}")

@@ -67,6 +67,8 @@ class SurfaceLabels:
 
     mesh: ObjectMesh
     model: GraspModel
+    sampling: Sampling | None
+    """How grasps were searched; None in a scan, where they are given."""
     mode: Literal["label", "scan"]
     critical_angle: Floats
     """Critical friction angle over the worst normals of the contacts [rad]; inf: no grasp. (V,)"""
@@ -192,6 +194,7 @@ def label_surface(
     return SurfaceLabels(
         mesh=mesh,
         model=model,
+        sampling=sampling,
         mode="label",
         critical_angle=locked(grasps.worst),
         critical_angle_best=locked(grasps.best),
@@ -237,6 +240,7 @@ def scan_surface(
     return SurfaceLabels(
         mesh=mesh,
         model=model,
+        sampling=None,
         mode="scan",
         critical_angle=locked(worst[mesh.canonical]),
         critical_angle_best=locked(best[mesh.canonical]),

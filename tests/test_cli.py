@@ -181,3 +181,4 @@ def test_help_answers_quickly_and_names_the_settings(tmp_path: Path) -> None:
         assert option in run.stdout
     assert "22.6" in run.stdout
     assert "type: ignore" not in run.stdout
+    assert grasp3d("--version", cwd=tmp_path).stdout.startswith("grasp3d 0.")

@@ -71,7 +71,10 @@ def test_ply_comments_tell_the_settings(tmp_path: Path) -> None:
     header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
     assert "comment grasp3d friction 0.75\n" in header
     assert f"comment grasp3d sensor_resolution {GraspModel().sensor_resolution}\n" in header
-    assert "comment grasp3d unit cm\n" in header
+    for line in ("unit cm", "max_opening 0.3", "min_opening 0.0", "rays 64", "grip squeeze"):
+        assert f"comment grasp3d {line}\n" in header
+    assert f"comment grasp3d rays_traced {labels().search.rays}\n" in header
+    assert "comment grasp3d crease_angle 0.52" in header
     assert "0=U(no_grasp_found)" in header
     scan = scan_surface(labels().mesh, fixed=(0.0, 0.0, 0.0))
     write_ply(tmp_path / "scan.ply", scan)

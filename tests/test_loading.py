@@ -100,7 +100,7 @@ BAD = {
     "points.ply": (POINTS, "holds no triangles"),
     "cut.glb": (b"glTF\x02\x00\x00\x00", "cannot be read as GLB"),
     "drawing.dxf": (b"0", r"files named \*\.dxf are not read"),
-    "noname": (b"0", r"files named \* are not read"),
+    "noname": (b"0", "has no suffix"),
 }
 
 

@@ -21,7 +21,8 @@ def test_resolution_lies_between_0_and_180_degrees(degrees: float) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        ({"rays": 3}, "rays must be at least 8"),
+        ({"rays": 3}, "rays must be from 8 to 65536"),
+        ({"rays": 10**9}, "rays must be from 8 to 65536"),
         ({"grip": "pinch"}, "known: squeeze, expand, both"),
         ({"min_opening": 2.0, "max_opening": 1.0}, "min_opening <= max_opening"),
         ({"max_opening": 0.0}, "max_opening above 0"),

@@ -40,6 +40,8 @@ class Row:
     """One line of the summary; `error` is empty for a mesh that was labelled."""
 
     mesh: str
+    source: str = ""
+    """The file, as it was given."""
     error: str = ""
     labeled: str = ""
     """Name of the labelled file, below the output folder."""
@@ -79,7 +81,7 @@ def label_file(job: Job, settings: BatchSettings) -> Row:
         row = _labeled(job, settings)
     except GraspError as error:
         row = Row(job.name, error=str(error))
-    return replace(row, seconds=time.perf_counter() - begun)
+    return replace(row, source=str(job.source), seconds=time.perf_counter() - begun)
 
 
 def _labeled(job: Job, settings: BatchSettings) -> Row:

@@ -34,11 +34,15 @@ def run(jobs: Sequence[Job], settings: BatchSettings, *, workers: int) -> Iterat
     """
     with _client(min(workers, len(jobs))) as client:
         futures = client.map(label_file, jobs, settings=settings, pure=False, batch_size=None)
-        names = {future.key: job.name for future, job in zip(futures, jobs, strict=True)}
+        job_of = {future.key: job for future, job in zip(futures, jobs, strict=True)}
         for future in as_completed(futures):
             error = future.exception()
-            yield future.result() if error is None else Row(names[future.key], error=_told(error))
+            yield future.result() if error is None else _lost(job_of[future.key], error)
             future.release()
+
+
+def _lost(job: Job, error: BaseException) -> Row:
+    return Row(job.name, str(job.source), f"{job.source}: {_told(error)}")
 
 
 def _told(error: BaseException) -> str:

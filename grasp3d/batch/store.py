@@ -15,6 +15,7 @@ from grasp3d.files import written_whole
 _SCHEMA = pa.schema(
     [
         ("mesh", pa.string()),
+        ("source", pa.string()),
         ("error", pa.string()),
         ("labeled", pa.string()),
         ("vertices", pa.int64()),

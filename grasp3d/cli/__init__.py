@@ -4,6 +4,7 @@ Nothing heavy is imported here, so that `grasp3d --help` answers at once.
 """
 
 import sys
+from importlib.metadata import version
 from io import TextIOWrapper
 from typing import Annotated
 
@@ -27,6 +28,9 @@ def main(arguments: list[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # a terminal that knows fewer characters
             stream.reconfigure(errors="backslashreplace")
+    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
+        print(f"grasp3d {version('grasp3d')}")  # noqa: T201
+        return 0
     try:
         command = tyro.cli(
             Command,

@@ -17,7 +17,7 @@ SUMMARY = "summary.parquet"
 class Batch:
     """Label every mesh of a library: one labelled PLY each, and a summary table."""
 
-    inputs: tyro.conf.Positional[tuple[Path, ...]]
+    inputs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FOLDER|FILE")]
     """Mesh files, and folders that are searched with all below them."""
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]

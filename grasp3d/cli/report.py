@@ -3,6 +3,7 @@
 import math
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from grasp3d.batch.job import Row
+from grasp3d.settings import Sampling
 from grasp3d.stability import COLORS
 from grasp3d.stability import Label as Code
 from grasp3d.surface import Reason, SurfaceLabels
@@ -24,7 +26,7 @@ MEANING = {
 _WHY = {
     Reason.NO_PARTNER: "no place for the second finger within the search cone",
     Reason.OPENING: "every second place is outside the opening limits",
-    Reason.OFF_SURFACE: "not on the surface",
+    Reason.OFF_SURFACE: "of the file belong to no face, their label is U and counts nowhere",
 }
 
 
@@ -61,6 +63,8 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         f"size {mesh.size:.4g} {mesh.unit or '(unit not stated)'}; friction {model.friction:g}, "
         f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
     )
+    if labels.sampling is not None and labels.sampling != Sampling():
+        console.print("searched with " + _differences(labels.sampling))
     table = Table("label", "", "share of area", box=None, pad_edge=False)
     for name, share in labels.fractions().items():
         code = Code[name]
@@ -80,6 +84,16 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     for line in mesh.report.warnings:
         console.print(f"[yellow]warning:[/] {line}")
     console.print(f"written: {escape(str(output))}", soft_wrap=True)
+
+
+def _differences(sampling: Sampling) -> str:
+    """Name the settings of the search that are not the usual ones."""
+    usual, angles = asdict(Sampling()), ("search_angle", "tolerance")
+    return ", ".join(
+        f"{name} {math.degrees(value):.4g}°" if name in angles else f"{name} {value}"
+        for name, value in asdict(sampling).items()
+        if value != usual[name]
+    )
 
 
 def print_batch(rows: Sequence[Row], output: Path) -> None:

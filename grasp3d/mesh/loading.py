@@ -81,6 +81,8 @@ def _checked_kind(path: Path) -> str:
     if not stat.S_ISREG(mode):
         raise MeshError(f"{path}: is not a file")
     suffix = path.suffix.lower()
+    if not suffix:
+        raise MeshError(f"{path}: its name has no suffix that tells the format, such as .stl")
     if suffix not in mesh_suffixes():
         known = " ".join(sorted(mesh_suffixes()))
         raise MeshError(f"{path}: files named *{suffix} are not read; known: {known}")

@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
 from grasp3d.mesh.normals import CornerNormals, NormalSets
-from grasp3d.settings import Unit
+from grasp3d.settings import MeshOptions, Unit
 
 
 @dataclass(frozen=True)
@@ -62,6 +62,8 @@ class ObjectMesh:
     """Centre of mass at uniform density, shape (3,)."""
     volume: float
     """Enclosed volume; nan where the surface is open."""
+    options: MeshOptions
+    """How the mesh was read and prepared."""
     report: MeshReport
 
     @property

@@ -26,6 +26,9 @@ DEFAULT_EDGE = 1.0 / 32.0
 LARGEST = 1e60
 """Largest coordinate, and one over the smallest size, whose powers stay finite."""
 
+MOST_ROUNDING = 1e-6
+"""Largest rounding believed, as a share of the size: whole numbers fit in 32 bits as well."""
+
 FLAT_VOLUME = 1e-9
 """Share of size cubed below which a closed surface encloses nothing."""
 
@@ -100,7 +103,7 @@ def _prepared(raw: RawMesh, options: MeshOptions, *, name: str, where: str) -> O
     center, size = _extent(raw.vertices, clean.faces, where)
     points = (raw.vertices - center) / size
     oriented = orient_faces(points, clean.faces)
-    rounding = rounding_of(raw.vertices) / size
+    rounding = min(rounding_of(raw.vertices) / size, MOST_ROUNDING)
     solid = has_area(points, oriented.faces, rounding)
     faces = oriented.faces[solid]
     if len(faces) == 0:
@@ -125,7 +128,7 @@ def _prepared(raw: RawMesh, options: MeshOptions, *, name: str, where: str) -> O
         closed=oriented.closed,
         center_mass_from="surface" if math.isnan(volume) else "volume",
         repairs=_repairs(clean, oriented, flat),
-        warnings=_warnings(oriented, volume, size, unit),
+        warnings=_warnings(oriented, volume, size, unit, raw.unit),
     )
     return ObjectMesh(
         vertices=locked(vertices),
@@ -142,6 +145,7 @@ def _prepared(raw: RawMesh, options: MeshOptions, *, name: str, where: str) -> O
         size=size,
         center_mass=locked(center_mass * size + center),
         volume=volume * size**3,
+        options=options,
         report=report,
     )
 
@@ -204,7 +208,7 @@ def _repairs(clean: CleanFaces, oriented: OrientedFaces, flat: int) -> tuple[str
 
 
 def _warnings(
-    oriented: OrientedFaces, volume: float, size: float, unit: Unit | None
+    oriented: OrientedFaces, volume: float, size: float, unit: Unit | None, declared: Unit | None
 ) -> tuple[str, ...]:
     warnings = []
     if not oriented.closed:
@@ -221,6 +225,8 @@ def _warnings(
         warnings.append(
             "the surface is closed but encloses no volume; the centre of mass is the surface's"
         )
+    if declared not in {None, unit}:
+        warnings.append(f"the file says its unit is {declared}, but {unit} was asked for")
     if unit is not None:
         metres = size * METRES[unit]
         if not PLAUSIBLE[0] <= metres <= PLAUSIBLE[1]:
