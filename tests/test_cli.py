@@ -173,6 +173,15 @@ def test_an_interrupted_batch_keeps_what_is_done_and_says_so_in_one_line(tmp_pat
     assert not any(row["error"] for row in rows)
 
 
+def test_a_reader_that_has_seen_enough_is_no_error(tmp_path: Path) -> None:
+    run = subprocess.run(  # noqa: S602
+        f"'{COMMAND}' batch --help | head -n 1",
+        check=False, capture_output=True, text=True, shell=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert run.stdout.startswith("usage: grasp3d batch")
+    assert run.stderr == ""
+
+
 def test_help_answers_quickly_and_names_the_settings(tmp_path: Path) -> None:
     begun = time.perf_counter()
     run = grasp3d("label", "--help", cwd=tmp_path)

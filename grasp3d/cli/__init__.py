@@ -3,6 +3,7 @@
 Nothing heavy is imported here, so that `grasp3d --help` answers at once.
 """
 
+import os
 import sys
 from importlib.metadata import version
 from io import TextIOWrapper
@@ -44,6 +45,9 @@ def main(arguments: list[str] | None = None) -> int:
         message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(error))
         print(f"grasp3d: {message}", file=sys.stderr)  # noqa: T201
         return BAD_INPUT
+    except BrokenPipeError:  # whoever reads has seen enough, as in `grasp3d batch ... | head`
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
     except KeyboardInterrupt:
         print("grasp3d: interrupted", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
