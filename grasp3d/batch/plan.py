@@ -30,10 +30,10 @@ def plan(inputs: Iterable[Path], output: Path) -> list[Job]:
     for item in inputs:
         try:
             mode = item.stat().st_mode
+        except FileNotFoundError as error:
+            raise MeshError(f"{item}: there is no such file or folder") from error
         except OSError as error:
-            raise MeshError(
-                f"{item}: there is no such file or folder ({error.strerror})"
-            ) from error
+            raise MeshError(f"{item}: cannot be opened ({error.strerror})") from error
         if stat.S_ISDIR(mode):
             for path in _meshes_below(item, output):
                 found.setdefault(path.resolve(), (path, path.relative_to(item)))

@@ -29,18 +29,11 @@ def main(arguments: list[str] | None = None) -> int:
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, TextIOWrapper):  # a terminal that knows fewer characters
             stream.reconfigure(errors="backslashreplace")
-    if (sys.argv[1:] if arguments is None else arguments) == ["--version"]:
-        print(f"grasp3d {version('grasp3d')}")  # noqa: T201
-        return 0
     try:
-        command = tyro.cli(
-            Command,
-            prog="grasp3d",
-            description="Where on an object is a grasp reliable for a tactile fingertip?",
-            args=arguments,
-            config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
-        )
-        return command.run()
+        try:
+            return _run(sys.argv[1:] if arguments is None else arguments)
+        finally:
+            sys.stdout.flush()
     except GraspError as error:
         message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(error))
         print(f"grasp3d: {message}", file=sys.stderr)  # noqa: T201
@@ -51,3 +44,17 @@ def main(arguments: list[str] | None = None) -> int:
     except KeyboardInterrupt:
         print("grasp3d: interrupted", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
+
+
+def _run(arguments: list[str]) -> int:
+    if arguments == ["--version"]:
+        print(f"grasp3d {version('grasp3d')}")  # noqa: T201
+        return 0
+    command = tyro.cli(
+        Command,
+        prog="grasp3d",
+        description="Where on an object is a grasp reliable for a tactile fingertip?",
+        args=arguments,
+        config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
+    )
+    return command.run()

@@ -74,8 +74,10 @@ def read_mesh(path: Path) -> RawMesh:
 def _checked_kind(path: Path) -> str:
     try:
         mode = path.stat().st_mode
+    except FileNotFoundError as error:
+        raise MeshError(f"{path}: there is no such file") from error
     except OSError as error:
-        raise MeshError(f"{path}: there is no such file ({error.strerror})") from error
+        raise MeshError(f"{path}: cannot be opened ({error.strerror})") from error
     if stat.S_ISDIR(mode):
         raise MeshError(f"{path}: is a folder, not a mesh file; `grasp3d batch` takes folders")
     if not stat.S_ISREG(mode):
