@@ -7,6 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
 from grasp3d.mesh.normals import CornerNormals, NormalSets
+from grasp3d.mesh.orientation import face_areas
 from grasp3d.settings import MeshOptions, Unit
 
 
@@ -86,8 +87,7 @@ class ObjectMesh:
     @cached_property
     def vertex_areas(self) -> Floats:
         """A third of the area around each vertex, shape (V,); duplicates count as zero."""
-        a, b, c = (self.vertices[self.faces[:, k]] for k in range(3))
-        third = np.linalg.norm(np.cross(b - a, c - a), axis=1) / 6.0
+        third = face_areas(self.vertices, self.faces) / 3.0
         areas = np.zeros(len(self.vertices))
         np.add.at(areas, self.faces, third[:, None])
         return locked(areas)

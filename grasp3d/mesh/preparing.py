@@ -12,7 +12,7 @@ from grasp3d.mesh.cleaning import CleanFaces, clean_faces, has_area, rounding_of
 from grasp3d.mesh.loading import RawMesh, check_finite, read_mesh
 from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
-from grasp3d.mesh.orientation import OrientedFaces, orient_faces, signed_volumes
+from grasp3d.mesh.orientation import OrientedFaces, face_areas, orient_faces, signed_volumes
 from grasp3d.mesh.refinement import refine
 from grasp3d.settings import MeshOptions, Unit
 
@@ -173,11 +173,11 @@ def _extent(vertices: Floats, faces: Ints, where: str) -> tuple[Floats, float]:
             f"can be computed with ({1.0 / LARGEST:.0e} to {LARGEST:.0e}); scale the mesh"
         )
     middle = vertices[faces].mean(axis=(0, 1))
-    a, b, c = (vertices[faces[:, k]] - middle for k in range(3))
-    area = np.linalg.norm(np.cross(b - a, c - a), axis=1)
+    centred = vertices - middle
+    area = face_areas(centred, faces)
     if not area.sum() > 0.0:
         raise MeshError(f"{where}: no face has an area")
-    offset = ((a + b + c) / 3.0 * area[:, None]).sum(axis=0) / area.sum()
+    offset = (centred[faces].mean(axis=1) * area[:, None]).sum(axis=0) / area.sum()
     radius = np.linalg.norm(vertices[np.unique(faces)] - middle - offset, axis=1).max()
     return middle + offset, float(2.0 * radius)
 

@@ -12,6 +12,7 @@ from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.errors import MeshError
 from grasp3d.mesh.cleaning import first_at_place
 from grasp3d.mesh.normals import CornerNormals, paired_edges
+from grasp3d.mesh.orientation import face_areas
 
 MAX_FACES = 20_000_000
 MAX_ROUNDS = 40
@@ -82,7 +83,7 @@ def _first_nearby(points: Floats, given: int, tolerance: float) -> Ints:
 
 def _check_size(vertices: Floats, faces: Ints, max_edge: float) -> None:
     a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    area = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1).sum()
+    area = face_areas(vertices, faces).sum()
     longest = np.max([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)
     expected = 2.0 * area / max_edge**2 + (2.0 * longest / max_edge).sum() + len(faces)
     if expected > MAX_FACES:
