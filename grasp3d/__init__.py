@@ -7,7 +7,10 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from grasp3d.contacts import Contacts
+    from grasp3d.critical import critical_friction_angle
     from grasp3d.errors import (
+        ContactError,
         GraspError,
         MeshError,
         OutputError,
@@ -15,39 +18,88 @@ if TYPE_CHECKING:
         SettingError,
     )
     from grasp3d.export import write_glb, write_npz, write_ply, write_vtp
+    from grasp3d.labels import Reason, SurfaceLabels
     from grasp3d.mesh import MeshReport, ObjectMesh, load_mesh, mesh_from_arrays
+    from grasp3d.quality import (
+        Certificate,
+        Closure,
+        Epsilon,
+        Minimum,
+        Status,
+        epsilon,
+        epsilon_of_wrenches,
+        force_closure,
+        minimum,
+    )
     from grasp3d.settings import GraspModel, MeshOptions, Sampling
     from grasp3d.stability import COLORS, Label
-    from grasp3d.surface import Reason, SurfaceLabels, label_surface, scan_surface
+    from grasp3d.surface import label_surface, scan_surface
+    from grasp3d.tilting import EpsilonRange, epsilon_range
 
 _HOMES = {
-    "errors": ("GraspError", "MeshError", "OutputError", "SearchCoverageError", "SettingError"),
+    "contacts": ("Contacts",),
+    "critical": ("critical_friction_angle",),
+    "errors": (
+        "ContactError",
+        "GraspError",
+        "MeshError",
+        "OutputError",
+        "SearchCoverageError",
+        "SettingError",
+    ),
     "export": ("write_glb", "write_npz", "write_ply", "write_vtp"),
+    "labels": ("Reason", "SurfaceLabels"),
     "mesh": ("MeshReport", "ObjectMesh", "load_mesh", "mesh_from_arrays"),
+    "quality": (
+        "Certificate",
+        "Closure",
+        "Epsilon",
+        "Minimum",
+        "Status",
+        "epsilon",
+        "epsilon_of_wrenches",
+        "force_closure",
+        "minimum",
+    ),
     "settings": ("GraspModel", "MeshOptions", "Sampling"),
     "stability": ("COLORS", "Label"),
-    "surface": ("Reason", "SurfaceLabels", "label_surface", "scan_surface"),
+    "surface": ("label_surface", "scan_surface"),
+    "tilting": ("EpsilonRange", "epsilon_range"),
 }
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "COLORS",
+    "Certificate",
+    "Closure",
+    "ContactError",
+    "Contacts",
+    "Epsilon",
+    "EpsilonRange",
     "GraspError",
     "GraspModel",
     "Label",
     "MeshError",
     "MeshOptions",
     "MeshReport",
+    "Minimum",
     "ObjectMesh",
     "OutputError",
     "Reason",
     "Sampling",
     "SearchCoverageError",
     "SettingError",
+    "Status",
     "SurfaceLabels",
+    "critical_friction_angle",
+    "epsilon",
+    "epsilon_of_wrenches",
+    "epsilon_range",
+    "force_closure",
     "label_surface",
     "load_mesh",
     "mesh_from_arrays",
+    "minimum",
     "scan_surface",
     "write_glb",
     "write_npz",

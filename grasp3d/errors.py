@@ -9,6 +9,10 @@ class SettingError(GraspError):
     """A setting outside its range, or settings that contradict each other."""
 
 
+class ContactError(GraspError):
+    """Contacts, or wrenches, that are no grasp: wrong shapes, numbers that are none."""
+
+
 class MeshError(GraspError):
     """A mesh file or array that cannot be read as a surface."""
 

@@ -17,8 +17,8 @@ import trimesh
 from grasp3d.arrays import Bytes
 from grasp3d.errors import OutputError
 from grasp3d.files import written_whole
+from grasp3d.labels import EPSILON_RTOL, SurfaceLabels
 from grasp3d.stability import COLORS, Label
-from grasp3d.surface import SurfaceLabels
 
 _PLY_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
 
@@ -34,7 +34,9 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
 
     Per vertex: x y z (double), outward nx ny nz, red green blue, `label` (uchar: 0 U, 1 M, 2 S),
     `critical_angle`, `critical_angle_best` and `max_resolution` (float, radians; inf and 0 where
-    there is no grasp). The settings stand in comments that begin with `grasp3d`.
+    there is no grasp), `epsilon`, `epsilon_min` and `epsilon_max` (float; nan where there is no
+    grasp). The settings stand in comments that begin with `grasp3d`; of these `epsilon_min` and
+    `epsilon_max` tell how the two are taken.
 
     Args:
         path: File to make or replace.
@@ -55,6 +57,9 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         "critical_angle": labels.critical_angle.astype("<f4"),
         "critical_angle_best": labels.critical_angle_best.astype("<f4"),
         "max_resolution": labels.max_resolution.astype("<f4"),
+        "epsilon": labels.epsilon.astype("<f4"),
+        "epsilon_min": labels.epsilon_min.astype("<f4"),
+        "epsilon_max": labels.epsilon_max.astype("<f4"),
     }
     vertices = np.empty(
         len(mesh.vertices), dtype=[(name, column.dtype) for name, column in columns.items()]
@@ -147,6 +152,9 @@ def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
         "critical_angle": labels.critical_angle,
         "critical_angle_best": labels.critical_angle_best,
         "max_resolution": labels.max_resolution,
+        "epsilon": labels.epsilon,
+        "epsilon_min": labels.epsilon_min,
+        "epsilon_max": labels.epsilon_max,
         "partner": labels.partner,
         "partner_normal": -labels.partner_normal,
         "opening": labels.opening,
@@ -173,6 +181,11 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
         "search_angle": search.cone,
         "rays_traced": search.rays,
         "file_vertices": mesh.file_vertices,
+        "torque_scale": mesh.torque_scale,
+        "epsilon_rank": labels.model.epsilon_rank,
+        "epsilon_rtol": EPSILON_RTOL,
+        "epsilon_min": labels.model.tilts,
+        "epsilon_max": "upper_bound",
         "label_codes": f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)",
     }
 

@@ -7,7 +7,11 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from grasp3d._kernels.antipodal import Grasps, Rays, Sets, Surface, aim, settle
+from grasp3d._kernels.candidates import Grasps
+from grasp3d._kernels.crossings import settle
+from grasp3d._kernels.faces import Surface
+from grasp3d._kernels.normal_sets import Sets
+from grasp3d._kernels.rays import Rays, aim
 
 
 class SurfaceRays:

@@ -15,7 +15,10 @@ Radians = Annotated[float, ANGLE]
 
 Unit = Literal["m", "cm", "mm", "in"]
 Grip = Literal["squeeze", "expand", "both"]
+Actuation = Literal["total", "per_finger"]
+Tilts = Literal["exact", "effective_friction", "sampled_tilts"]
 MIN_RAYS, MAX_RAYS = 8, 65_536
+MIN_EDGES, MAX_EDGES = 3, 360
 DEGREE = math.pi / 180.0
 
 
@@ -30,6 +33,19 @@ class GraspModel:
     """Sensor resolution alpha: the angle between the two extreme normals that the fingertip
     cannot tell apart, from 0 to below 180 degrees."""
 
+    edges: int | None = None
+    """Edges of polygonal friction cones for epsilon, 3 to 360; none: circular cones. Labels and
+    critical angles always come from circular ones."""
+
+    actuation: Actuation = "total"
+    """What is at most 1 in epsilon. total: the sum of all fingers' forces; per_finger: each
+    finger's force."""
+
+    torsion_radius: float = 0.0
+    """Soft fingers: largest torsional moment about the normal per normal force, in the mesh's unit;
+    2/3 x friction x r for an evenly pressed disc of radius r. 0: hard fingers. It counts in epsilon
+    only."""
+
     def __post_init__(self) -> None:
         if not (self.friction > 0.0 and math.isfinite(self.friction)):
             raise SettingError(f"friction must be a finite number above 0; got {self.friction:g}")
@@ -38,6 +54,20 @@ class GraspModel:
             raise SettingError(
                 "sensor resolution must be at least 0 and below 180 degrees (pi radians); "
                 f"got {degrees:g} degrees (in Python angles are radians)"
+            )
+        if self.edges is not None and not (
+            isinstance(self.edges, int) and MIN_EDGES <= self.edges <= MAX_EDGES
+        ):
+            raise SettingError(
+                f"edges must be from {MIN_EDGES} to {MAX_EDGES}, or none for circular cones; "
+                f"got {self.edges}"
+            )
+        if self.actuation not in get_args(Actuation):
+            known = ", ".join(get_args(Actuation))
+            raise SettingError(f"no actuation is called {self.actuation!r}; known: {known}")
+        if not (self.torsion_radius >= 0.0 and math.isfinite(self.torsion_radius)):
+            raise SettingError(
+                f"torsion radius must be a finite length of at least 0; got {self.torsion_radius:g}"
             )
 
     @property
@@ -49,6 +79,21 @@ class GraspModel:
     def tilt(self) -> float:
         """How far the true normal may lie from the perceived one, alpha / 2 [rad]."""
         return self.sensor_resolution / 2.0
+
+    @property
+    def tilts(self) -> Tilts:
+        """How epsilon's minimum over all tilts is taken; see `tilting.epsilon_range`."""
+        if self.torsion_radius > 0.0:
+            return "sampled_tilts"
+        return "exact" if self.edges is None else "effective_friction"
+
+    @property
+    def epsilon_rank(self) -> int:
+        """Dimensions of the wrenches in which epsilon of two fingers is taken.
+
+        Hard fingers resist no torque about the line through them.
+        """
+        return 6 if self.torsion_radius > 0.0 else 5
 
 
 @dataclass(frozen=True)

@@ -6,6 +6,9 @@ import math
 import numpy as np
 from numpy.typing import NDArray
 from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
+
+from grasp3d import Contacts
 
 Floats = NDArray[np.float64]
 
@@ -76,3 +79,75 @@ def smallest_angle(normals: Floats, direction: Floats) -> float:
         if abs(np.linalg.det(matrix)) > 1e-9 and (np.linalg.solve(matrix, direction) >= 0.0).all():
             return 0.0
     return best
+
+
+def turned(normal: Floats, goal: Floats, most: float) -> Floats:
+    """Turn a unit vector by `most` toward a goal, but not past it; away from it if negative."""
+    gap = angle(normal, goal)
+    across = goal - np.dot(goal, normal) * normal
+    if np.linalg.norm(across) < 1e-12 * np.linalg.norm(goal):
+        across = cone_edges(normal, math.pi / 2.0, 3)[0]
+    across = across / np.linalg.norm(across)
+    turn = max(min(most, gap), gap - math.pi)
+    return np.asarray(math.cos(turn) * normal + math.sin(turn) * across)
+
+
+def works(contacts: Contacts, u: Floats, torque_scale: float = 1.0) -> Floats:
+    """The forces that do work in a direction, one for each contact: u_f + (u_tau x p) / rho."""
+    return np.asarray(u[:3] + np.cross(u[3:], contacts.points) / torque_scale)
+
+
+def support(
+    contacts: Contacts,
+    u: Floats,
+    *,
+    widen: float = 0.0,
+    actuation: str = "total",
+    torque_scale: float = 1.0,
+) -> float:
+    """Farthest wrench of circular cones in a direction, straight from the angles."""
+    heights = []
+    for i, g in enumerate(works(contacts, u, torque_scale)):
+        beta = max(float(contacts.friction_angle[i]) + widen, 0.0)
+        off = max(0.0, angle(g, contacts.normals[i]) - beta)
+        height = float(np.linalg.norm(g)) * math.cos(off)
+        twist = abs(np.dot(u[3:], contacts.normals[i])) * contacts.torsion_radius[i] / torque_scale
+        if twist > 0.0:
+            height = max(height, float(np.dot(g, contacts.normals[i]) + twist))
+        heights.append(max(height, 0.0))
+    return max(heights) if actuation == "total" else sum(heights)
+
+
+def epsilon_of_hull(rows: Floats) -> float:
+    """Distance from the origin to the nearest facet of the whole convex hull, by Qhull.
+
+    Negative where the origin is outside. Raises scipy.spatial.QhullError where Qhull gives up.
+    """
+    _, sizes, basis = np.linalg.svd(rows)
+    rank = int((sizes > 1e-7 * sizes[0]).sum())
+    return float(-ConvexHull(rows @ basis[:rank].T).equations[:, -1].max())
+
+
+def minkowski_sum(bodies: Floats) -> Floats:
+    """Every sum of one row, or of nothing, from each of the bodies (n, m, 6)."""
+    sums = np.zeros((1, bodies.shape[-1]))
+    for rows in bodies:
+        some = np.vstack([np.zeros((1, rows.shape[-1])), rows])
+        sums = (sums[:, None] + some).reshape(-1, rows.shape[-1])
+    return sums
+
+
+def hull_holds_origin(rows: Floats) -> bool:
+    """Whether the origin is inside the hull, by a linear program: all rows weigh something."""
+    count = len(rows)
+    answer = linprog(
+        np.zeros(count), A_eq=rows.T, b_eq=np.zeros(rows.shape[1]), bounds=[(1.0, None)] * count
+    )
+    return bool(answer.status == 0)
+
+
+def smallest_angles_of_work(points: Floats, normals: Floats, directions: Floats) -> Floats:
+    """For each direction the smallest angle between a contact's work and its normal."""
+    work = directions[:, None, :3] + np.cross(directions[:, None, 3:], points)  # (k, n, 3)
+    across = np.linalg.norm(np.cross(work, normals), axis=-1)
+    return np.asarray(np.arctan2(across, (work * normals).sum(axis=-1)).min(axis=-1))

@@ -24,7 +24,9 @@ from grasp3d.batch.plan import make_folders, plan
 from grasp3d.batch.store import write_summary
 from tests import shapes
 
-SETTINGS = BatchSettings(GraspModel(friction=0.4), Sampling(rays=16), MeshOptions(unit="cm"))
+SETTINGS = BatchSettings(
+    GraspModel(friction=0.4, edges=8), Sampling(rays=16), MeshOptions(unit="cm")
+)
 
 
 def ball(path: Path) -> Path:
@@ -78,12 +80,18 @@ def test_one_job_is_what_labelling_the_file_gives(tmp_path: Path) -> None:
     labels = label_surface(load_mesh(source, unit="cm"), SETTINGS.model, sampling=SETTINGS.sampling)
     assert (row.stable, row.ambiguous, row.no_grasp_found) == tuple(labels.fractions().values())
     assert row.critical_angle_p50 == labels.angle_quantiles([0.5])[0]
+    quantiles = (row.epsilon_p10, row.epsilon_p50, row.epsilon_p90)
+    assert quantiles == tuple(labels.epsilon_quantiles([0.1, 0.5, 0.9]))
+    quantiles = (row.epsilon_min_p10, row.epsilon_min_p50, row.epsilon_min_p90)
+    assert quantiles == tuple(labels.epsilon_quantiles([0.1, 0.5, 0.9], of="minimum"))
+    assert row.torque_scale == labels.mesh.torque_scale
     assert (row.error, row.unit, row.closed, row.labeled) == ("", "cm", True, "out.ply")
     assert row.vertices == len(labels.mesh.vertices)
     assert row.seconds > 0.0
     written = trimesh.load_mesh(tmp_path / "out.ply", process=False)
     raw = written.metadata["_ply_raw"]["vertex"]["data"]
     assert np.array_equal(raw["label"], labels.label)
+    assert np.array_equal(raw["epsilon_min"], np.float32(labels.epsilon_min))
 
 
 def test_a_mesh_that_cannot_be_read_is_a_row_with_the_reason(tmp_path: Path) -> None:
@@ -106,6 +114,7 @@ def test_the_summary_keeps_every_field_and_the_settings(tmp_path: Path) -> None:
     settings = json.loads(table.schema.metadata[b"grasp3d"])
     assert settings["model"]["friction"] == 0.4
     assert settings["mesh"]["unit"] == "cm"
+    assert (settings["epsilon_min"], settings["epsilon_rank"]) == ("effective_friction", 5)
 
 
 def test_results_beside_the_meshes_are_not_labelled_again(tmp_path: Path) -> None:

@@ -59,10 +59,48 @@ def test_angles_are_degrees_on_the_command_line(tmp_path: Path) -> None:
         assert set(data["label"]) == {1}  # 15 degrees of tilt against 11.3 of friction
 
 
+OPTIONS: dict[str, tuple[list[str], str, dict[str, str]]] = {
+    "usual": ([], "smallest over all tilts", {"epsilon_min": "exact", "edges": "None"}),
+    "circular": (["--edges", "none"], "smallest over all tilts", {"edges": "None"}),
+    "polygons": (
+        ["--edges", "8"],
+        "at the effective friction",
+        {"edges": "8", "epsilon_min": "effective_friction", "epsilon_rank": "5"},
+    ),
+    "per finger": (
+        ["--actuation", "per_finger"],
+        "smallest over all tilts",
+        {"actuation": "per_finger", "epsilon_rank": "5"},
+    ),
+    "soft": (
+        ["--torsion-radius", "0.05"],
+        "smallest over sampled tilts",
+        {"torsion_radius": "0.05", "epsilon_min": "sampled_tilts", "epsilon_rank": "6"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_epsilon_is_written_and_told_as_the_options_say(tmp_path: Path, name: str) -> None:
+    source = export(tmp_path / "ball.ply", shapes.sphere(2))
+    options, over, settings = OPTIONS[name]
+    run = grasp3d("label", source, "-o", "out.npz", "--max-edge", "9", *options, cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (0, "")
+    numbers = r"(\d\.\d{3}), (\d\.\d{3}), (\d\.\d{3})"
+    told = re.search(f"epsilon, 10/50/90 % of the area: {numbers}; {over}: {numbers}", run.stdout)
+    assert told
+    with np.load(tmp_path / "out.npz") as data:
+        for key, value in settings.items():
+            assert str(data[f"setting_{key}"]) == value
+        assert (data["epsilon_min"] > 0.0).all()
+        assert data["epsilon"].min() - 1e-3 <= float(told[2]) <= data["epsilon"].max() + 1e-3
+        assert float(told[5]) < float(told[2])
+
+
 def test_every_output_format_can_be_asked_for(tmp_path: Path) -> None:
     source = export(tmp_path / "ball.ply", shapes.sphere(2))
     for suffix in ("ply", "glb", "npz", "vtp"):
-        run = grasp3d("label", source, "-o", f"out.{suffix}", "-q", cwd=tmp_path)
+        run = grasp3d("label", source, "-o", f"out.{suffix}", "--edges", "8", "-q", cwd=tmp_path)
         assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
         assert (tmp_path / f"out.{suffix}").stat().st_size > 1000
 
@@ -79,6 +117,8 @@ BAD: dict[str, tuple[list[str], str]] = {
     "negative friction": (["label", "ball.ply", "--friction", "-0.5"], "friction must be"),
     "resolution": (["label", "ball.ply", "--sensor-resolution", "-1"], "below 180 degrees"),
     "coarse": (["label", "ball.ply", "--sensor-resolution", "180"], "below 180 degrees"),
+    "edges": (["label", "ball.ply", "--edges", "2"], "edges must be from 3 to 360"),
+    "torsion": (["label", "ball.ply", "--torsion-radius", "-1"], "torsion radius must be"),
     "format": (["label", "ball.ply", "-o", "x.docx"], "known: .ply"),
     "output": (["label", "ball.ply", "-o", "no/where.ply"], "cannot be written"),
     "no input": (["batch", "-o", "out"], "no input"),
@@ -122,7 +162,14 @@ def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(
 
 @pytest.mark.parametrize(
     "arguments",
-    [["label"], ["label", "x", "--frict", "1"], ["bake"], ["label", "x", "--friction", "high"]],
+    [
+        ["label"],
+        ["label", "x", "--frict", "1"],
+        ["bake"],
+        ["label", "x", "--friction", "high"],
+        ["label", "x", "--edges", "some"],
+        ["label", "x", "--actuation", "both"],
+    ],
 )
 def test_bad_usage_exits_with_2_and_points_to_the_help(
     tmp_path: Path, arguments: list[str]
@@ -148,6 +195,7 @@ def test_batch_labels_a_folder_and_goes_on_past_failures(tmp_path: Path) -> None
     rows = {row["mesh"]: row for row in pq.read_table(tmp_path / "out/summary.parquet").to_pylist()}
     assert rows["ball.ply"]["stable"] == pytest.approx(1.0)
     assert rows["deep/box.stl"]["labeled"] == "deep/box_labeled.ply"
+    assert 0.0 < rows["ball.ply"]["epsilon_min_p50"] < rows["ball.ply"]["epsilon_p50"] < 1.0
     assert "holds no triangles" in rows["bad.obj"]["error"]
     good = grasp3d("batch", "in/ball.ply", "-o", "out2", "-q", cwd=tmp_path)
     assert (good.returncode, good.stdout, good.stderr) == (0, "", "")
@@ -186,7 +234,17 @@ def test_help_answers_quickly_and_names_the_settings(tmp_path: Path) -> None:
     begun = time.perf_counter()
     run = grasp3d("label", "--help", cwd=tmp_path)
     assert time.perf_counter() - begun < 5.0  # what is loaded is tested in test_layers
-    for option in ("--friction", "--sensor-resolution", "--grip", "--max-opening", "--unit"):
+    assert "INT|none" in run.stdout
+    for option in (
+        "--edges",
+        "--actuation",
+        "--torsion-radius",
+        "--friction",
+        "--sensor-resolution",
+        "--grip",
+        "--max-opening",
+        "--unit",
+    ):
         assert option in run.stdout
     assert "22.6" in run.stdout
     assert "type: ignore" not in run.stdout

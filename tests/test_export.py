@@ -30,6 +30,7 @@ from tests import shapes
 FIELDS = (
     "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue",
     "label", "critical_angle", "critical_angle_best", "max_resolution",
+    "epsilon", "epsilon_min", "epsilon_max",
 )  # fmt: skip
 
 
@@ -57,9 +58,10 @@ def test_ply_holds_exactly_the_documented_properties(tmp_path: Path, binary: boo
         assert vertex[f"n{name}"] == pytest.approx(-mesh.normals[:, k], abs=1e-6)
     assert vertex["label"].dtype == np.uint8
     assert np.array_equal(vertex["label"], labels().label)
-    for name in ("critical_angle", "critical_angle_best", "max_resolution"):
+    for name in FIELDS[FIELDS.index("critical_angle") :]:
         assert vertex[name].dtype == np.float32
-        assert np.array_equal(vertex[name], np.float32(getattr(labels(), name)))
+        assert np.array_equal(vertex[name], np.float32(getattr(labels(), name)), equal_nan=True)
+    assert np.array_equal(np.isnan(vertex["epsilon"]), labels().grip == 0)
     assert np.array_equal(np.vstack(data["face"]["vertex_indices"]), mesh.faces)
     colors = np.stack([vertex[name] for name in ("red", "green", "blue")], axis=1)
     for label in Label:
@@ -75,10 +77,26 @@ def test_ply_comments_tell_the_settings(tmp_path: Path) -> None:
         assert f"comment grasp3d {line}\n" in header
     assert f"comment grasp3d rays_traced {labels().search.rays}\n" in header
     assert "comment grasp3d crease_angle 0.52" in header
+    for line in (
+        "edges None", "actuation total", "torsion_radius 0.0", "epsilon_rank 5",
+        "epsilon_rtol 0.01", "epsilon_min exact", "epsilon_max upper_bound",
+        f"torque_scale {labels().mesh.torque_scale}",
+    ):  # fmt: skip
+        assert f"comment grasp3d {line}\n" in header
     assert "0=U(no_grasp_found)" in header
     scan = scan_surface(labels().mesh, fixed=(0.0, 0.0, 0.0))
     write_ply(tmp_path / "scan.ply", scan)
     assert b"0=U(surely_unstable)" in (tmp_path / "scan.ply").read_bytes()
+
+
+def test_files_tell_how_the_minimum_over_the_tilts_is_taken(tmp_path: Path) -> None:
+    soft = GraspModel(edges=6, torsion_radius=0.1, actuation="per_finger")
+    mesh = mesh_from_arrays(*shapes.sphere(2), max_edge=9.0)
+    write_ply(tmp_path / "out.ply", label_surface(mesh, soft))
+    header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
+    for line in ("edges 6", "torsion_radius 0.1", "actuation per_finger", "epsilon_rank 6"):
+        assert f"comment grasp3d {line}\n" in header
+    assert "comment grasp3d epsilon_min sampled_tilts\n" in header
 
 
 def test_trimesh_reads_the_ply(tmp_path: Path) -> None:
@@ -128,6 +146,9 @@ def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_
     found = np.isfinite(labels().critical_angle)
     assert np.array_equal(full.point_data["critical_angle"][found], labels().critical_angle[found])
     assert np.isnan(full.point_data["critical_angle"][~found]).all()
+    for name in ("epsilon", "epsilon_min", "epsilon_max"):
+        assert np.array_equal(full.point_data[name], getattr(labels(), name), equal_nan=True)
+    assert full.field_data["epsilon_min"][0] == "exact"
     assert full.point_data["partner"].shape == (mesh.n_points, 3)
     assert full.field_data["friction"][0] == "0.75"
 
@@ -136,7 +157,7 @@ def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_
 def test_names_with_odd_characters_break_no_header(tmp_path: Path, name: str) -> None:
     plyfile = shapes.reader("plyfile")
     trimesh.creation.icosphere(2).export(tmp_path / name)
-    found = label_surface(load_mesh(tmp_path / name))
+    found = label_surface(load_mesh(tmp_path / name), GraspModel(edges=8))
     for suffix, write in WRITERS.items():
         write(tmp_path / f"out{suffix}", found)
     data = plyfile.PlyData.read(tmp_path / "out.ply")
@@ -156,15 +177,19 @@ def test_glb_shows_the_colours_of_the_legend(tmp_path: Path) -> None:
 def test_npz_holds_every_array(tmp_path: Path) -> None:
     write_npz(tmp_path / "out.npz", labels())
     with np.load(tmp_path / "out.npz") as data:
-        for name in ("label", "critical_angle", "partner", "opening", "grip", "reason"):
+        for name in (
+            "label", "critical_angle", "partner", "opening", "grip", "reason",
+            "epsilon", "epsilon_min", "epsilon_max",
+        ):  # fmt: skip
             assert np.array_equal(data[name], getattr(labels(), name), equal_nan=True)
         assert np.array_equal(data["faces"], labels().mesh.faces)
         assert str(data["setting_friction"]) == "0.75"
+        assert str(data["setting_epsilon_min"]) == "exact"
 
 
 def test_coordinates_far_from_the_origin_keep_their_digits(tmp_path: Path) -> None:
     vertices, faces = shapes.sphere(2)
-    far = label_surface(mesh_from_arrays(vertices + 1e6, faces))
+    far = label_surface(mesh_from_arrays(vertices + 1e6, faces), GraspModel(edges=8))
     write_ply(tmp_path / "far.ply", far)
     mesh = trimesh.load_mesh(tmp_path / "far.ply", process=False)
     assert np.array_equal(mesh.vertices[: len(vertices)], vertices + 1e6)

@@ -9,8 +9,11 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d._kernels import antipodal
-from grasp3d._kernels.normal_sets import order_normal_sets
+from grasp3d._kernels.angles import largest_angle, smallest_angle
+from grasp3d._kernels.candidates import NO_PARTNER, Grasps
+from grasp3d._kernels.normal_sets import Sets, order_normal_sets
+from grasp3d._kernels.scan import scan
+from grasp3d._kernels.seeds import Frames, seed_rays
 from tests import oracles, shapes
 
 seeds = st.integers(0, 100_000)
@@ -39,8 +42,8 @@ def test_smallest_and_largest_angle_to_a_set_of_normals(
     normals = np.array([oracles.tilted(middle, spread, rng) for _ in range(count)])
     rows, corners, _, _ = polygon(normals)
     direction = unit(rng)
-    least = antipodal.smallest_angle(rows, 0, corners, *direction)
-    most = antipodal.largest_angle(rows, 0, corners, *direction)
+    least = smallest_angle(rows, 0, corners, *direction)
+    most = largest_angle(rows, 0, corners, *direction)
     assert least == pytest.approx(oracles.smallest_angle(normals, direction), abs=2e-3)
     assert most == pytest.approx(math.pi - oracles.smallest_angle(normals, -direction), abs=2e-3)
 
@@ -49,8 +52,8 @@ def test_angles_are_exact_where_the_cosine_is_flat() -> None:
     for tiny in (0.0, 1e-12, 1e-9):
         normal = np.array([[1.0, 0.0, 0.0]])
         turned = (math.cos(tiny), math.sin(tiny), 0.0)
-        assert antipodal.smallest_angle(normal, 0, 1, *turned) == pytest.approx(tiny, rel=1e-9)
-        assert antipodal.largest_angle(normal, 0, 1, -1.0, 0.0, 0.0) == math.pi
+        assert smallest_angle(normal, 0, 1, *turned) == pytest.approx(tiny, rel=1e-9)
+        assert largest_angle(normal, 0, 1, -1.0, 0.0, 0.0) == math.pi
 
 
 def test_the_normals_of_a_box_corner_span_a_right_angled_triangle() -> None:
@@ -58,30 +61,28 @@ def test_the_normals_of_a_box_corner_span_a_right_angled_triangle() -> None:
     assert corners == 3
     assert centre == pytest.approx(np.full(3, 1 / math.sqrt(3)))
     assert radius == pytest.approx(math.acos(1 / math.sqrt(3)))
-    assert antipodal.smallest_angle(rows, 0, corners, *centre) == 0.0
-    assert antipodal.largest_angle(rows, 0, corners, *centre) == pytest.approx(radius)
+    assert smallest_angle(rows, 0, corners, *centre) == 0.0
+    assert largest_angle(rows, 0, corners, *centre) == pytest.approx(radius)
 
 
 def test_normals_on_one_great_circle_are_an_arc() -> None:
     turns = np.radians([0.0, 10.0, 25.0, 40.0])
     rows, corners, _, _ = polygon(np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1))
     assert corners == 2
-    assert antipodal.smallest_angle(rows, 0, corners, 0.0, 1.0, 0.0) == pytest.approx(
-        math.radians(50.0)
-    )
+    assert smallest_angle(rows, 0, corners, 0.0, 1.0, 0.0) == pytest.approx(math.radians(50.0))
 
 
 def test_opposite_normals_allow_every_direction() -> None:
     rows, corners, _, radius = polygon(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
     assert (corners, radius) == (0, math.pi)
-    assert antipodal.smallest_angle(rows, 0, corners, 1.0, 0.0, 0.0) == 0.0
-    assert antipodal.largest_angle(rows, 0, corners, 1.0, 0.0, 0.0) == math.pi
+    assert smallest_angle(rows, 0, corners, 1.0, 0.0, 0.0) == 0.0
+    assert largest_angle(rows, 0, corners, 1.0, 0.0, 0.0) == math.pi
 
 
 def critical_angle(p1: np.ndarray, n1: np.ndarray, p2: np.ndarray, n2: np.ndarray) -> float:
-    sets = antipodal.Sets(np.array([0, 1]), np.array([1]), n2[None].copy())
+    sets = Sets(np.array([0, 1]), np.array([1]), n2[None].copy())
     worst, best, signs = np.empty(1), np.empty(1), np.empty(1, dtype=np.int8)
-    antipodal.scan(p1, n1[None].copy(), p2[None].copy(), sets, worst, best, signs)
+    scan(p1, n1[None].copy(), p2[None].copy(), sets, worst, best, signs)
     assert worst == best
     return float(worst[0])
 
@@ -112,9 +113,9 @@ def test_contacts_at_one_place_have_no_angle() -> None:
     assert critical_angle(p, n, p, n) == math.inf
 
 
-def no_grasps() -> antipodal.Grasps:
+def no_grasps() -> Grasps:
     """Nothing found yet at one vertex."""
-    return antipodal.Grasps(
+    return Grasps(
         np.full(1, np.inf),
         np.full(1, np.inf),
         np.zeros((1, 3)),
@@ -123,7 +124,7 @@ def no_grasps() -> antipodal.Grasps:
         np.zeros((1, 3)),
         np.zeros(1, dtype=np.int8),
         np.zeros(1, dtype=np.int8),
-        np.full(1, antipodal.NO_PARTNER, dtype=np.uint8),
+        np.full(1, NO_PARTNER, dtype=np.uint8),
         np.zeros((1, 3, 3)),
         np.full((1, 3), np.inf),
         np.zeros((1, 3), dtype=np.int8),
@@ -133,10 +134,10 @@ def no_grasps() -> antipodal.Grasps:
 
 def test_seed_directions_fill_their_cone_and_begin_with_the_normal() -> None:
     normal = np.array([[0.0, 0.0, 1.0]])
-    sets = antipodal.Sets(np.array([0, 1]), np.array([1]), normal)
-    frames = antipodal.Frames(normal, np.array([[1.0, 0.0, 0.0]]), np.zeros(1))
+    sets = Sets(np.array([0, 1]), np.array([1]), normal)
+    frames = Frames(normal, np.array([[1.0, 0.0, 0.0]]), np.zeros(1))
     cone = 0.7
-    rays = antipodal.seed_rays(np.array([0]), 500, (0, 500), cone, 1, frames, sets, no_grasps())
+    rays = seed_rays(np.array([0]), 500, (0, 500), cone, 1, frames, sets, no_grasps())
     closing = rays.closing
     assert len(rays.owner) == 500
     assert set(rays.signs) == {1}
@@ -152,13 +153,11 @@ def test_seed_directions_fill_their_cone_and_begin_with_the_normal() -> None:
 
 def test_seed_directions_at_a_crease_cover_both_cones() -> None:
     rows, corners, centre, radius = polygon(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
-    sets = antipodal.Sets(np.array([0, 2]), np.array([corners]), rows)
-    frames = antipodal.Frames(centre[None], np.array([[0.0, 1.0, 0.0]]), np.array([radius]))
+    sets = Sets(np.array([0, 2]), np.array([corners]), rows)
+    frames = Frames(centre[None], np.array([[0.0, 1.0, 0.0]]), np.array([radius]))
     cone = 0.5
-    closing = antipodal.seed_rays(
-        np.array([0]), 400, (0, 400), cone, 1, frames, sets, no_grasps()
-    ).closing
-    gaps = [antipodal.smallest_angle(rows, 0, corners, *d) for d in closing]
+    closing = seed_rays(np.array([0]), 400, (0, 400), cone, 1, frames, sets, no_grasps()).closing
+    gaps = [smallest_angle(rows, 0, corners, *d) for d in closing]
     assert max(gaps) <= cone
     for normal in rows[:2]:
         assert np.abs(closing - normal).sum(axis=1).min() < 1e-12

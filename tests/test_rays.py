@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from grasp3d import mesh_from_arrays
-from grasp3d._kernels import antipodal
+from grasp3d._kernels.candidates import FOUND, NO_PARTNER, Grasps
+from grasp3d._kernels.rays import STEP, Rays
 from grasp3d.rays import SurfaceRays
 from grasp3d.sampling.antipodal import contact_normals, contact_surface
 from tests import oracles, shapes
@@ -31,25 +32,25 @@ def exits_found(shape: Surface, seed: int, count: int) -> tuple[int, int]:
         ]
         for t in exits:
             grasps = empty_grasps(len(mesh.vertices))
-            rays = antipodal.Rays(
+            rays = Rays(
                 np.array([v], dtype=np.int32),
                 direction[None].copy(),
                 np.ones(1, dtype=np.int8),
-                np.full(1, antipodal.STEP),
-                np.full(1, antipodal.STEP),
+                np.full(1, STEP),
+                np.full(1, STEP),
                 np.full(1, -1, dtype=np.int32),
             )
             tracer.settle_all(rays, (t - 1e-5, t + 1e-5), grasps)
             expected += 1
-            found += grasps.reason[v] == antipodal.FOUND
-            if grasps.reason[v] == antipodal.FOUND:
+            found += grasps.reason[v] == FOUND
+            if grasps.reason[v] == FOUND:
                 place = surface.points[v] + t * direction
                 assert np.abs(grasps.partner[v] - place).max() < 1e-6
     return expected, found
 
 
-def empty_grasps(count: int) -> antipodal.Grasps:
-    return antipodal.Grasps(
+def empty_grasps(count: int) -> Grasps:
+    return Grasps(
         np.full(count, np.inf),
         np.full(count, np.inf),
         np.zeros((count, 3)),
@@ -58,7 +59,7 @@ def empty_grasps(count: int) -> antipodal.Grasps:
         np.zeros((count, 3)),
         np.zeros(count, dtype=np.int8),
         np.zeros(count, dtype=np.int8),
-        np.full(count, antipodal.NO_PARTNER, dtype=np.uint8),
+        np.full(count, NO_PARTNER, dtype=np.uint8),
         np.zeros((count, 1, 3)),
         np.full((count, 1), np.inf),
         np.zeros((count, 1), dtype=np.int8),

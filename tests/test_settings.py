@@ -21,6 +21,41 @@ def test_resolution_lies_between_0_and_180_degrees(degrees: float) -> None:
 @pytest.mark.parametrize(
     ("options", "message"),
     [
+        ({"edges": 2}, "edges must be from 3 to 360, or none for circular cones; got 2"),
+        ({"edges": 361}, "edges must be from 3 to 360"),
+        ({"actuation": "both"}, "known: total, per_finger"),
+        ({"torsion_radius": -1.0}, "torsion radius must be a finite length of at least 0; got -1"),
+        ({"torsion_radius": math.inf}, "torsion radius must be a finite length"),
+        ({"torsion_radius": math.nan}, "torsion radius must be a finite length"),
+    ],
+)
+def test_the_model_of_epsilon_says_what_would_be_right(
+    options: dict[str, float], message: str
+) -> None:
+    with pytest.raises(SettingError, match=message):
+        GraspModel(**options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("options", "tilts", "rank"),
+    [
+        ({}, "exact", 5),
+        ({"actuation": "per_finger"}, "exact", 5),
+        ({"edges": 3}, "effective_friction", 5),
+        ({"torsion_radius": 0.01}, "sampled_tilts", 6),
+        ({"torsion_radius": 0.01, "edges": 8}, "sampled_tilts", 6),
+    ],
+)
+def test_the_model_tells_how_epsilon_is_taken(
+    options: dict[str, float], tilts: str, rank: int
+) -> None:
+    model = GraspModel(**options)  # type: ignore[arg-type]
+    assert (model.tilts, model.epsilon_rank) == (tilts, rank)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
         ({"rays": 3}, "rays must be from 8 to 65536"),
         ({"rays": 10**9}, "rays must be from 8 to 65536"),
         ({"grip": "pinch"}, "known: squeeze, expand, both"),

@@ -1,11 +1,14 @@
 import json
 import math
+from dataclasses import replace
 from functools import cache
+from typing import Any
 
 import numpy as np
 import pytest
 
 from grasp3d import (
+    Contacts,
     GraspModel,
     Label,
     Reason,
@@ -13,6 +16,7 @@ from grasp3d import (
     SearchCoverageError,
     SettingError,
     SurfaceLabels,
+    epsilon,
     label_surface,
     mesh_from_arrays,
     scan_surface,
@@ -237,6 +241,138 @@ def test_relabelling_is_labelling_anew() -> None:
         assert np.array_equal(threshold.max_resolution, again.max_resolution)
 
 
+@cache
+def blob() -> SurfaceLabels:
+    return label_surface(mesh_from_arrays(*shapes.lopsided()), sampling=Sampling(search_angle=1.0))
+
+
+def with_model(labels: SurfaceLabels, **changes: Any) -> SurfaceLabels:
+    """The same grasps under another model."""
+    return replace(labels, model=replace(labels.model, **changes))
+
+
+SOFT_OR_HARD = [
+    {},
+    {"edges": 8},
+    {"actuation": "per_finger"},
+    {"torsion_radius": 0.05},
+    {"torsion_radius": 0.05, "edges": 8},
+]
+
+
+@pytest.mark.parametrize("changes", SOFT_OR_HARD, ids=str)
+def test_epsilon_lies_between_its_minimum_and_its_maximum(changes: dict[str, Any]) -> None:
+    labels = with_model(blob(), **changes)
+    assert (labels.epsilon_min <= labels.epsilon).all()
+    assert (labels.epsilon <= labels.epsilon_max).all()
+    assert (labels.epsilon > 0.0).mean() > 0.9
+    assert np.array_equal(labels.label, blob().label)
+    assert np.array_equal(labels.critical_angle, blob().critical_angle)
+
+
+@pytest.mark.parametrize("resolution", [0.0, 10.0, 22.6, 40.0])
+def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(resolution: float) -> None:
+    labels = blob().relabel(sensor_resolution=degrees(resolution))
+    model = labels.model
+    beta = labels.critical_angle
+    near = np.abs(beta - (model.friction_angle - model.tilt)) < 1e-4
+    assert np.array_equal((labels.epsilon_min > 0.0)[~near], (labels.label == Label.S)[~near])
+    assert (labels.epsilon[beta < model.friction_angle - 1e-4] > 0.0).all()
+    assert (labels.epsilon_max[labels.label == Label.U] == 0.0).all()
+    assert near.mean() < 0.01
+
+
+def test_epsilon_is_that_of_the_named_grasp() -> None:
+    labels = blob()
+    mesh, model = labels.mesh, labels.model
+    for v in range(0, len(mesh.vertices), 400):
+        contacts = Contacts(
+            [mesh.vertices[v] - mesh.center_mass, labels.partner[v] - mesh.center_mass],
+            [mesh.normals[v], labels.partner_normal[v]],
+        )
+        for value, widen in ((labels.epsilon, 0.0), (labels.epsilon_min, -model.tilt)):
+            expected = epsilon(contacts, widen=widen, torque_scale=mesh.torque_scale)
+            assert 0.98 * expected.lower <= value[v] <= expected.upper
+
+
+def test_a_ball_has_one_epsilon_in_closed_form() -> None:
+    labels = label_surface(mesh_from_arrays(*shapes.sphere(4), max_edge=9.0))
+
+    def pole_to_pole(angle: float) -> float:
+        across = math.sqrt(2.0) * math.tan(angle / 2.0)
+        return across / math.hypot(1.0, across)
+
+    model = labels.model
+    beta, tilt = model.friction_angle, model.tilt
+    assert labels.epsilon == pytest.approx(pole_to_pole(beta), rel=0.03)
+    assert labels.epsilon_min == pytest.approx(pole_to_pole(beta - tilt), rel=0.04)
+    assert labels.epsilon_max == pytest.approx(pole_to_pole(beta + tilt), rel=0.03)
+
+
+def test_epsilon_does_not_depend_on_the_unit_nor_on_threads() -> None:
+    vertices, faces = shapes.lopsided()
+    own = label_surface(mesh_from_arrays(vertices, faces), threads=1)
+    inches = label_surface(mesh_from_arrays(vertices / 25.4, faces), threads=2)
+    same = np.isclose(own.critical_angle, inches.critical_angle, atol=1e-6)
+    assert same.mean() > 0.99
+    for name in ("epsilon", "epsilon_min", "epsilon_max"):
+        one, other = getattr(own, name)[same], getattr(inches, name)[same]
+        assert other == pytest.approx(one, rel=0.02, abs=1e-6)
+    apart = replace(own, threads=2)
+    assert np.array_equal(apart.epsilon, own.epsilon)
+
+
+def test_relabelling_asks_epsilon_of_the_new_model_at_the_same_grasps() -> None:
+    labels = with_model(blob(), edges=8)
+    before = labels.epsilon
+    finer = labels.relabel(friction=0.7, sensor_resolution=0.1)
+    assert finer.model == GraspModel(friction=0.7, sensor_resolution=0.1, edges=8)
+    assert "epsilon_range" not in vars(finer)  # computed when first asked for
+    assert np.array_equal(finer.partner, labels.partner)
+    closed = before > 0.0
+    assert (finer.epsilon[closed] != before[closed]).all()
+    assert labels.epsilon is before
+
+
+def test_without_a_grasp_there_is_no_epsilon() -> None:
+    vertices, faces = shapes.sphere(3)
+    more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
+    labels = label_surface(mesh_from_arrays(more, faces), GraspModel(edges=8))
+    count = len(vertices)
+    assert np.array_equal(labels.epsilon[count : count + 5], labels.epsilon[:5])
+    assert np.isnan(labels.epsilon[count + 5])
+    assert np.isfinite(labels.epsilon[:count]).all()
+    narrow = label_surface(labels.mesh, labels.model, sampling=Sampling(max_opening=0.5))
+    for values in (narrow.epsilon, narrow.epsilon_min, narrow.epsilon_max):
+        assert np.isnan(values).all()
+    assert narrow.epsilon_quantiles([0.5]) == [0.0]
+    box = mesh_from_arrays(*shapes.box())
+    scan = scan_surface(box, GraspModel(edges=8), fixed=box.vertices[0])
+    assert np.isnan(scan.epsilon[0])
+    assert np.isfinite(scan.epsilon[scan.reason == Reason.FOUND]).all()
+
+
+def test_epsilon_can_be_measured_ahead_and_tells_its_progress() -> None:
+    labels = with_model(blob(), edges=8)
+    shares: list[float] = []
+    labels.measure(shares.append)
+    assert shares[-1] == 1.0
+    first = labels.epsilon
+    labels.measure(shares.append)
+    assert labels.epsilon is first
+    assert shares.count(1.0) == 1
+
+
+def test_quantiles_of_epsilon() -> None:
+    labels = with_model(blob(), edges=8)
+    low, high = labels.epsilon_quantiles([0.0, 1.0], of="minimum")
+    assert (low, high) == (labels.epsilon_min.min(), labels.epsilon_min.max())
+    middle = labels.epsilon_quantiles([0.5], weights="vertex")
+    assert middle == pytest.approx(np.quantile(labels.epsilon, 0.5, method="inverted_cdf"))
+    with pytest.raises(SettingError, match="known: nominal, minimum, maximum"):
+        labels.epsilon_quantiles([0.5], of="best")  # type: ignore[arg-type]
+
+
 def test_relabelling_beyond_the_search_is_an_error_that_tells_the_way() -> None:
     labels = label_surface(mesh_from_arrays(*shapes.sphere(2)), GraspModel(friction=0.3))
     with pytest.raises(SearchCoverageError, match=r"Sampling\(search_angle="):
@@ -292,6 +428,7 @@ def test_labels_cannot_be_written_to() -> None:
     arrays = (
         labels.critical_angle, labels.label, labels.max_resolution, labels.mesh.normals,
         labels.mesh.vertex_areas, labels.mesh.normalized, labels.mesh.normal_sets.normals,
+        blob().epsilon, blob().epsilon_min, blob().epsilon_max,
     )  # fmt: skip
     for array in arrays:
         with pytest.raises(ValueError, match="read-only"):

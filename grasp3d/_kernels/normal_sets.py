@@ -1,8 +1,10 @@
 """Convex polygons of normals on the unit sphere, one per mesh vertex."""
 
 import math
+from typing import NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from grasp3d._kernels.compiling import kernel
 
@@ -10,6 +12,17 @@ HEMISPHERE = 0.02
 """Cosine to the centre below which a set is taken to span every direction."""
 
 FLAT = 1e-12
+
+
+class Sets(NamedTuple):
+    """All normals that a contact at a vertex may have; see `order_normal_sets`."""
+
+    start: npt.NDArray[np.int64]
+    """First row of each vertex in `normals` (V + 1,)."""
+    counts: npt.NDArray[np.int64]
+    """Corners of each polygon of normals (V,)."""
+    normals: npt.NDArray[np.float64]
+    """Unit normals (K, 3)."""
 
 
 @kernel

@@ -1,11 +1,15 @@
 """What is done for one mesh: a pure function of the file and the settings."""
 
 import time
+from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
 from pathlib import Path
+from typing import Any
 
 from grasp3d.errors import GraspError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
+
+DECILES = (0.1, 0.5, 0.9)
 
 
 @dataclass(frozen=True)
@@ -61,6 +65,16 @@ class Row:
     """Quantiles of the critical friction angle over the surface [rad]; inf: no grasp found."""
     critical_angle_p50: float | None = None
     critical_angle_p90: float | None = None
+    epsilon_p10: float | None = None
+    """Quantiles of epsilon at the nominal normals over the surface; 0: no grasp found."""
+    epsilon_p50: float | None = None
+    epsilon_p90: float | None = None
+    epsilon_min_p10: float | None = None
+    """Quantiles of the smallest epsilon over all tilts."""
+    epsilon_min_p50: float | None = None
+    epsilon_min_p90: float | None = None
+    torque_scale: float | None = None
+    """Length that torques in epsilon are divided by, in the mesh's unit."""
     repairs: str = ""
     warnings: str = ""
     seconds: float = 0.0
@@ -100,7 +114,6 @@ def _labeled(job: Job, settings: BatchSettings) -> Row:
     labels = label_surface(mesh, settings.model, sampling=settings.sampling, threads=1)
     writer_for(job.target)(job.target, labels)
     fractions = labels.fractions()
-    low, middle, high = (float(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
     return Row(
         mesh=job.name,
         labeled=job.labeled,
@@ -112,9 +125,18 @@ def _labeled(job: Job, settings: BatchSettings) -> Row:
         stable=fractions["S"],
         ambiguous=fractions["M"],
         no_grasp_found=fractions["U"],
-        critical_angle_p10=low,
-        critical_angle_p50=middle,
-        critical_angle_p90=high,
+        **_deciles("critical_angle", labels.angle_quantiles(DECILES)),
+        **_deciles("epsilon", labels.epsilon_quantiles(DECILES)),
+        **_deciles("epsilon_min", labels.epsilon_quantiles(DECILES, of="minimum")),
+        torque_scale=mesh.torque_scale,
         repairs="; ".join(mesh.report.repairs),
         warnings="; ".join(mesh.report.warnings),
     )
+
+
+def _deciles(name: str, values: Iterable[float]) -> dict[str, Any]:
+    """Name the quantiles of one quantity as the summary has them."""
+    return {
+        f"{name}_p{100.0 * level:.0f}": float(value)
+        for level, value in zip(DECILES, values, strict=True)
+    }

@@ -29,6 +29,13 @@ _SCHEMA = pa.schema(
         ("critical_angle_p10", pa.float64()),
         ("critical_angle_p50", pa.float64()),
         ("critical_angle_p90", pa.float64()),
+        ("epsilon_p10", pa.float64()),
+        ("epsilon_p50", pa.float64()),
+        ("epsilon_p90", pa.float64()),
+        ("epsilon_min_p10", pa.float64()),
+        ("epsilon_min_p50", pa.float64()),
+        ("epsilon_min_p90", pa.float64()),
+        ("torque_scale", pa.float64()),
         ("repairs", pa.string()),
         ("warnings", pa.string()),
         ("seconds", pa.float64()),
@@ -38,6 +45,8 @@ _SCHEMA = pa.schema(
 
 def write_summary(path: Path, rows: Sequence[Row], settings: BatchSettings) -> None:
     """Write the rows, sorted by mesh; the settings are in the schema's metadata as JSON.
+
+    With them stand the rank of epsilon, and how its minimum over all tilts was taken.
 
     Args:
         path: Parquet file to make or replace.
@@ -50,7 +59,9 @@ def write_summary(path: Path, rows: Sequence[Row], settings: BatchSettings) -> N
     table = pa.Table.from_pylist(
         [_printable(asdict(row)) for row in sorted(rows, key=lambda row: row.mesh)], schema=_SCHEMA
     )
-    metadata = {"grasp3d": json.dumps(asdict(settings))}
+    model = settings.model
+    told = {"epsilon_rank": model.epsilon_rank, "epsilon_min": model.tilts}
+    metadata = {"grasp3d": json.dumps({**asdict(settings), **told})}
     with written_whole(path) as part:
         pq.write_table(table.replace_schema_metadata(metadata), part)
 

@@ -51,6 +51,8 @@ class Label:
         check_writable(output, source=self.file)
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
             labels = label_surface(mesh, self.model, sampling=self.sampling, progress=progress)
+        with report.progress("measuring epsilon", quiet=self.quiet) as progress:
+            labels.measure(progress)
         write(output, labels)
         if not self.quiet:
             report.print_labels(labels, output)

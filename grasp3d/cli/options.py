@@ -29,6 +29,17 @@ _DEGREES = tyro.constructors.PrimitiveConstructorSpec(
 )
 
 
+def _optional(number: type[int] | type[float]) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
+    """Read a number, or none."""
+    return tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=f"{number.__name__.upper()}|{_NONE}",
+        instance_from_str=lambda words: None if words[0].lower() == _NONE else number(words[0]),
+        is_instance=lambda value: value is None or isinstance(value, number),
+        str_from_instance=lambda value: [_NONE if value is None else str(value)],
+    )
+
+
 def _on_command_line(settings: type) -> Any:  # noqa: ANN401
     """Make a settings class read and show its angles in degrees, its docstrings being the help.
 
@@ -66,7 +77,10 @@ def _on_command_line(settings: type) -> Any:  # noqa: ANN401
 
 def _reading(hints: dict[str, Any], field: "dataclasses.Field[Any]") -> tuple[Any, ...]:
     """How a field is read from the command line where its type alone does not say it."""
-    return (_DEGREES,) if _is_angle(hints[field.name]) else ()
+    hint = hints[field.name]
+    if _is_angle(hint):
+        return (_DEGREES,)
+    return tuple(_optional(number) for number in (int, float) if hint == number | None)
 
 
 def _is_angle(hint: Any) -> bool:  # noqa: ANN401

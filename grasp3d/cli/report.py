@@ -13,10 +13,10 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from grasp3d.batch.job import Row
-from grasp3d.settings import Sampling
+from grasp3d.labels import Reason, SurfaceLabels
+from grasp3d.settings import Sampling, Tilts
 from grasp3d.stability import COLORS
 from grasp3d.stability import Label as Code
-from grasp3d.surface import Reason, SurfaceLabels
 
 MEANING = {
     Code.S: "surely stable",
@@ -27,6 +27,11 @@ _WHY = {
     Reason.NO_PARTNER: "no place for the second finger within the search cone",
     Reason.OPENING: "every second place is outside the opening limits",
     Reason.OFF_SURFACE: "of the file belong to no face, their label is U and counts nowhere",
+}
+_OVER: dict[Tilts, str] = {
+    "exact": "smallest over all tilts",
+    "effective_friction": "at the effective friction",
+    "sampled_tilts": "smallest over sampled tilts",
 }
 
 
@@ -63,8 +68,8 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         f"size {mesh.size:.4g} {mesh.unit or '(unit not stated)'}; friction {model.friction:g}, "
         f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
     )
-    if labels.sampling is not None and labels.sampling != Sampling():
-        console.print("searched with " + _differences(labels.sampling))
+    if labels.sampling is not None and (differences := _differences(labels.sampling)):
+        console.print("searched with " + differences)
     table = Table("label", "", "share of area", box=None, pad_edge=False)
     for name, share in labels.fractions().items():
         code = Code[name]
@@ -75,6 +80,7 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         "critical friction angle, 10/50/90 % of the area: "
         + ", ".join(_angle(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
     )
+    console.print(_told_epsilon(labels))
     counts = np.bincount(labels.reason, minlength=len(Reason))
     for reason, why in _WHY.items():
         if counts[reason]:
@@ -84,6 +90,15 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     for line in mesh.report.warnings:
         console.print(f"[yellow]warning:[/] {line}")
     console.print(f"written: {escape(str(output))}", soft_wrap=True)
+
+
+def _told_epsilon(labels: SurfaceLabels) -> str:
+    """Say what epsilon is on the surface, and over which tilts its minimum is taken."""
+    nominal, least = (
+        ", ".join(f"{value:.3f}" for value in labels.epsilon_quantiles([0.1, 0.5, 0.9], of=of))
+        for of in ("nominal", "minimum")
+    )
+    return f"epsilon, 10/50/90 % of the area: {nominal}; {_OVER[labels.model.tilts]}: {least}"
 
 
 def _differences(sampling: Sampling) -> str:
@@ -101,13 +116,16 @@ def print_batch(rows: Sequence[Row], output: Path) -> None:
     console = Console()
     table = Table(box=None, pad_edge=False)
     table.add_column("mesh", overflow="fold")
-    for heading in ("vertices", "S %", "M %", "U %", "β* 10/50/90 %", "s"):
+    for heading in ("vertices", "S %", "M %", "U %", "β* 10/50/90 %", "ε_min", "s"):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in sorted(rows, key=lambda row: row.mesh):
         table.add_row(*_cells(row))
     console.print(table)
     legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING.items())
-    console.print(f"{legend}; shares of the area; β* critical friction angle")
+    console.print(
+        f"{legend}; shares of the area; β* critical friction angle; "
+        "ε_min: smallest epsilon over the tilts, at half of the area"
+    )
     for row in sorted(rows, key=lambda row: row.mesh):
         if row.error:
             console.print(f"[red]failed:[/] {escape(row.error)}", soft_wrap=True)
@@ -122,7 +140,7 @@ def print_batch(rows: Sequence[Row], output: Path) -> None:
 
 def _cells(row: Row) -> list[str]:
     if row.error:
-        return [escape(row.mesh), "[red]failed[/]", *[""] * 4, f"{row.seconds:.1f}"]
+        return [escape(row.mesh), "[red]failed[/]", *[""] * 5, f"{row.seconds:.1f}"]
     shares = (row.stable, row.ambiguous, row.no_grasp_found)
     angles = (row.critical_angle_p10, row.critical_angle_p50, row.critical_angle_p90)
     return [
@@ -130,6 +148,7 @@ def _cells(row: Row) -> list[str]:
         str(row.vertices),
         *(f"{100.0 * share:.1f}" for share in shares if share is not None),
         " ".join(_angle(angle) for angle in angles if angle is not None),
+        "" if row.epsilon_min_p50 is None else f"{row.epsilon_min_p50:.3f}",
         f"{row.seconds:.1f}",
     ]
 

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from grasp3d._kernels.antipodal import ANY_NORMAL
+from grasp3d._kernels.faces import ANY_NORMAL
 from grasp3d._kernels.normal_sets import order_normal_sets
 from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
 

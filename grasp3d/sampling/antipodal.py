@@ -16,8 +16,14 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_array
 
-from grasp3d._kernels import antipodal as kernels
-from grasp3d._kernels.antipodal import Frames, Grasps, Rays, Sets, Surface
+from grasp3d._kernels.candidates import FOUND, NO_PARTNER, Grasps
+from grasp3d._kernels.crossings import SMALLEST
+from grasp3d._kernels.faces import Surface
+from grasp3d._kernels.neighbours import shared_rays
+from grasp3d._kernels.normal_sets import Sets
+from grasp3d._kernels.rays import Rays
+from grasp3d._kernels.rings import PROPOSALS, exploring_rays, refining_rays
+from grasp3d._kernels.seeds import Frames, seed_rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import crease_twins
@@ -189,7 +195,7 @@ class _Search:
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
         self.places = np.unique(mesh.faces)
         self.limits = (
-            max(self.sampling.min_opening / mesh.size - SLACK, kernels.SMALLEST),
+            max(self.sampling.min_opening / mesh.size - SLACK, SMALLEST),
             self.sampling.max_opening / mesh.size + SLACK,
         )
         self.sets = contact_normals(mesh)
@@ -206,7 +212,7 @@ class _Search:
             partner_normal=np.full((count, 3), math.nan),
             signs=np.zeros(count, dtype=np.int8),
             signs_best=np.zeros(count, dtype=np.int8),
-            reason=np.full(count, kernels.NO_PARTNER, dtype=np.uint8),
+            reason=np.full(count, NO_PARTNER, dtype=np.uint8),
             starts=np.zeros((count, STARTS, 3)),
             start_angles=np.full((count, STARTS), math.inf),
             start_signs=np.zeros((count, STARTS), dtype=np.int8),
@@ -235,8 +241,7 @@ class _Search:
         for number in range(MAX_ROUNDS):
             places = self._open_places()
             places = places[
-                (radii[places] > self.sampling.tolerance)
-                & (self.grasps.reason[places] == kernels.FOUND)
+                (radii[places] > self.sampling.tolerance) & (self.grasps.reason[places] == FOUND)
             ]
             if len(places) == 0:
                 return number
@@ -266,7 +271,7 @@ class _Search:
             )
 
     def _seed_rays(self, batch: tuple[int, int], sign: int, places: Ints) -> Rays:
-        rays: Rays = kernels.seed_rays(
+        rays: Rays = seed_rays(
             places, self.sampling.rays, batch, self.cone, sign, self.frames, self.sets, self.grasps
         )
         return rays
@@ -280,28 +285,28 @@ class _Search:
         )
         self._trace(
             self._open_places(),
-            lambda places: kernels.shared_rays(
+            lambda places: shared_rays(
                 places, self.cone, self.surface.points, self.around, self.sets, before
             ),
-            kernels.PROPOSALS,
+            PROPOSALS,
         )
 
     def _explore(self, radius: float, turn: float) -> None:
         self._trace(
             self._open_places(),
-            lambda chunk: kernels.exploring_rays(
+            lambda chunk: exploring_rays(
                 chunk, radius, turn, self.cone, self.frames, self.sets, self.grasps
             ),
-            kernels.PROPOSALS,
+            PROPOSALS,
         )
 
     def _refine(self, places: Ints, radii: Floats, turn: float) -> None:
         self._trace(
             places,
-            lambda chunk: kernels.refining_rays(
+            lambda chunk: refining_rays(
                 chunk, radii, turn, self.cone, self.frames, self.sets, self.grasps
             ),
-            kernels.PROPOSALS,
+            PROPOSALS,
         )
 
     def _open_places(self) -> Ints:

@@ -1,0 +1,82 @@
+"""The faces of a surface, and the normals that a contact on one may have."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling import inlined, kernel
+
+ON_EDGE = 1e-9
+"""Barycentric coordinate below which a contact lies on the opposite edge."""
+
+ANY_NORMAL = -2
+"""Mark of an edge at which more than two faces meet."""
+
+
+class Surface(NamedTuple):
+    """The faces that rays meet, with the normals along them."""
+
+    points: npt.NDArray[np.float64]
+    """Positions of the vertices (V, 3)."""
+    faces: npt.NDArray[np.int64]
+    """Vertices of each face (F, 3)."""
+    corners: npt.NDArray[np.int64]
+    """Row of `normals` at each corner of each face (F, 3)."""
+    normals: npt.NDArray[np.float64]
+    """Unit normals at the corners (C, 3)."""
+    twins: npt.NDArray[np.int64]
+    """Rows of `normals` across each crease (F, 3, 2); -1 where smooth or open, -2 where more than
+    two faces meet and any normal may be."""
+
+
+@inlined
+def write_normals(face, weights, surface, sets, found):
+    """Write the normals that a contact inside or on the border of a face may have.
+
+    Args:
+        face: The face.
+        weights: Barycentric coordinates of the contact, three numbers.
+        surface: `Surface`.
+        sets: `Sets`.
+        found: Written, room for two normals (2, 3).
+
+    Returns:
+        (count, vertex): one normal or an arc in `found`, or 0 for any direction at all, with
+        vertex -1; or the vertex whose own set holds, when the contact is that vertex.
+    """
+    normals, corners, twins = surface.normals, surface.corners, surface.twins
+    b0, b1, b2 = weights
+    c0, c1, c2 = corners[face, 0], corners[face, 1], corners[face, 2]
+    for k in range(3):
+        found[0, k] = b0 * normals[c0, k] + b1 * normals[c1, k] + b2 * normals[c2, k]
+    count = 1
+    if min(b0, b1, b2) <= ON_EDGE:
+        for i in range(3):
+            after, before = weights[(i + 1) % 3], weights[(i + 2) % 3]
+            if after <= ON_EDGE and before <= ON_EDGE:
+                vertex = surface.faces[face, i]
+                if sets.counts[vertex] != 1:
+                    return 0, vertex
+            if weights[i] <= ON_EDGE and twins[face, i, 0] == ANY_NORMAL:
+                return 0, -1
+            if weights[i] <= ON_EDGE and twins[face, i, 0] >= 0:
+                for k in range(3):
+                    found[1, k] = after * normals[twins[face, i, 0], k]
+                    found[1, k] += before * normals[twins[face, i, 1], k]
+                count = 2
+    for row in range(count):
+        x, y, z = found[row, 0], found[row, 1], found[row, 2]
+        length = math.sqrt(x * x + y * y + z * z)
+        if length > 1e-12:
+            found[row, 0], found[row, 1], found[row, 2] = x / length, y / length, z / length
+        else:
+            found[row] = normals[c0]
+    return count, -1
+
+
+@kernel
+def normals_at(face, weights, surface, sets, found):
+    """Do what `write_normals` does, for callers from Python."""
+    return write_normals(face, weights, surface, sets, found)

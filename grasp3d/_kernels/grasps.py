@@ -1,0 +1,243 @@
+"""Whole grasps: from the wrenches of their contacts to epsilon, closure and proof."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.hull import EXHAUSTED, STALLED, grow
+from grasp3d._kernels.proofs import equilibrium
+from grasp3d._kernels.spans import span
+from grasp3d._kernels.supports import PER_FINGER, ROWS, TOTAL, Body
+
+SIX = (0, 0, 0, 0, 0, 0)
+"""As long as the most common rank, whose loops are laid out when compiled."""
+
+SIGN = (0.0, 1e4, 0.0, 1.0)
+"""Goal of a closure test; see `grow`."""
+
+
+class Desk(NamedTuple):
+    """Room to lay out one grasp in the coordinates of its span; n contacts or rows."""
+
+    rows: npt.NDArray[np.float64]
+    """Wrenches that span the grasp (4 n, 6), or the n rows (n, 6)."""
+    work: npt.NDArray[np.float64]
+    """Scratch of that shape."""
+    basis: npt.NDArray[np.float64]
+    """Basis of the span (6, 6)."""
+    axes: npt.NDArray[np.float64]
+    """As in `Body`."""
+    sizes: npt.NDArray[np.float64]
+    """How far the wrenches reach along each row of the basis (6,)."""
+    metric: npt.NDArray[np.float64]
+    """As in `grow` (6,)."""
+    dims: npt.NDArray[np.int64]
+    """Six numbers, of which as many are handed on as the rank says (6,)."""
+
+
+class Answers(NamedTuple):
+    """What is known of each grasp (b, ...); written."""
+
+    lower: npt.NDArray[np.float64]
+    upper: npt.NDArray[np.float64]
+    rank: npt.NDArray[np.int64]
+    status: npt.NDArray[np.uint8]
+    closed: npt.NDArray[np.bool_]
+    direction: npt.NDArray[np.float64]
+    """Direction of `upper`, or in which no wrench lies (b, 6)."""
+    forces: npt.NDArray[np.float64]
+    """Equilibrium, in the contacts' axes (b, n, 4); nan where there is none."""
+
+
+def make_desk(kind: int, count: int) -> Desk:
+    """Allocate a desk for `count` contacts or rows."""
+    rows = count if kind == ROWS else 4 * count
+    return Desk(
+        rows=np.zeros((rows, 6)),
+        work=np.zeros((rows, 6)),
+        basis=np.zeros((6, 6)),
+        axes=np.zeros((1, 6, count) if kind == ROWS else (count, 4, 6)),
+        sizes=np.zeros(6),
+        metric=np.zeros(6),
+        dims=np.zeros(6, dtype=np.int64),
+    )
+
+
+@merged
+def _lay_rows(wrenches, desk):
+    """Lay out given wrenches (n, 6)."""
+    rows = desk.rows
+    for i in range(rows.shape[0]):
+        for k in range(6):
+            rows[i, k] = wrenches[i, k]
+
+
+@merged
+def _lay_contacts(axes, reach, soft, desk):
+    """Lay out the axes (n, 4, 6) of contacts, tangential ones as far as friction reaches (n,)."""
+    rows = desk.rows
+    for i in range(axes.shape[0]):
+        for j in range(4):
+            factor = 1.0
+            if 1 <= j <= 2:
+                factor = reach[i]
+            elif j == 3 and not soft:
+                factor = 0.0
+            for k in range(6):
+                rows[4 * i + j, k] = factor * axes[i, j, k]
+
+
+@merged
+def _along(basis, plain, k, wrench):
+    """Coordinate of a wrench along a row of the basis; `plain`: they are the unit vectors."""
+    if plain:
+        return wrench[k]
+    value = 0.0
+    for c in range(6):
+        value += basis[k, c] * wrench[c]
+    return value
+
+
+@merged
+def _project(kind, source, desk, rank):
+    """Write the wrenches in coordinates of their span, balanced: each reaches 1 somewhere."""
+    basis, sizes, metric, count = desk.basis, desk.sizes, desk.metric, source.shape[0]
+    plain = True
+    for k in range(6):
+        sizes[k] = 0.0
+        plain = plain and basis[k, k] == 1.0
+    for i in range(desk.rows.shape[0]):
+        for k in range(rank):
+            sizes[k] = max(sizes[k], abs(_along(basis, plain, k, desk.rows[i])))
+    for k in range(6):
+        if kind == PER_FINGER:
+            sizes[k] *= count
+        metric[k] = 1.0 / (sizes[k] * sizes[k]) if sizes[k] > 0.0 else 0.0
+    for i in range(count):
+        for j in range(1 if kind == ROWS else 4):
+            for k in range(6):
+                value = 0.0
+                if sizes[k] > 0.0:
+                    value = _along(basis, plain, k, source[i, j]) / sizes[k]
+                if kind == ROWS:
+                    desk.axes[0, k, i] = value
+                else:
+                    desk.axes[i, j, k] = value
+
+
+@merged
+def _grow(body, rank, desk, goal, room):
+    if rank == 6:
+        return grow(body, SIX, desk.metric, goal, room)
+    return grow(body, desk.dims[:rank], desk.metric, goal, room)
+
+
+@merged
+def _direction(rank, desk, room, out):
+    """Write the best direction in the six dimensions of wrenches, of length 1."""
+    square = 0.0
+    for k in range(6):
+        out[k] = 0.0
+        for j in range(rank):
+            out[k] += desk.basis[j, k] * room.vectors[16, j] / desk.sizes[j]
+        square += out[k] * out[k]
+    for k in range(6):
+        out[k] /= math.sqrt(square)
+
+
+@merged
+def _reach(desk):
+    """Length that no wrench exceeds."""
+    square = 0.0
+    for k in range(6):
+        square += desk.sizes[k] * desk.sizes[k]
+    return math.sqrt(square)
+
+
+@merged
+def _clear(answers, g):
+    """Say of a grasp what holds before anything is known."""
+    answers.lower[g] = answers.upper[g] = 0.0
+    answers.rank[g], answers.status[g], answers.closed[g] = 0, 0, False
+    for k in range(6):
+        answers.direction[g, k] = 1.0 if k == 0 else 0.0
+    for i in range(answers.forces.shape[1]):
+        for k in range(4):
+            answers.forces[g, i, k] = math.nan
+
+
+@scratch_kernel
+def epsilons(form, wrenches, reach, cones, rim, goal, group, prove, first, desk, room, answers):
+    """Epsilon, closure and proof of many grasps.
+
+    Args:
+        form: (kind, spherical, soft) of `Body`.
+        wrenches: Axes of contacts (b, n, 4, 6) or rows (b, n, 1, 6).
+        reach: Tangential part of the forces that make the span (b, n).
+        cones: As in `Body` (b, n, 2).
+        rim: As in `Body` (m, 2).
+        goal: As in `grow`; its cutoff is 0 or inf.
+        group: How many grasps in a row are candidates for the same smallest epsilon; each is given
+            up when it cannot be smaller than those before it. 1: all are wanted.
+        prove: Whether equilibria are asked for.
+        first: Grasp to begin with.
+        desk: `Desk`.
+        room: `Polytope`.
+        answers: `Answers`.
+
+    Returns:
+        The first grasp that the room was too small for, b if none; its bounds hold.
+    """
+    kind, spherical, soft = form
+    rtol, atol, cutoff, sign = goal
+    least = math.inf
+    for g in range(first - first % group, first):
+        least = min(least, answers.upper[g])
+    for g in range(first, wrenches.shape[0]):
+        if g % group == 0:
+            least = math.inf
+        _clear(answers, g)
+        if group > 1 and least <= 0.0:
+            answers.lower[g] = answers.upper[g] = math.inf
+            continue
+        if kind == ROWS:
+            _lay_rows(wrenches[g, :, 0], desk)
+        else:
+            _lay_contacts(wrenches[g], reach[g], soft, desk)
+        rank = span(desk.rows, desk.work, desk.basis)
+        answers.rank[g] = rank
+        if rank == 0:
+            least = 0.0
+            continue
+        _project(kind, wrenches[g], desk, rank)
+        body = Body(kind, spherical, soft, desk.axes, cones[g], rim)
+        limit = min(cutoff, least) if group > 1 else cutoff
+        status, lower, upper, vertices, used = _grow(
+            body, rank, desk, (rtol, atol, limit, sign), room
+        )
+        closed = used > 0 and lower > 0.0
+        if math.isinf(lower) and limit == math.inf:  # numbers so far apart that planes broke down
+            status, lower, upper, closed = STALLED, 0.0, _reach(desk), False
+        lower = min(lower, upper)
+        answers.lower[g], answers.upper[g] = max(0.0, lower), upper
+        answers.status[g], answers.closed[g] = status, closed
+        if status != STALLED or closed:
+            _direction(rank, desk, room, answers.direction[g])
+        least = min(least, upper)
+        if prove and closed:
+            if kind == PER_FINGER:  # the hull of all contacts closes where their sum does
+                body = Body(TOTAL, spherical, soft, desk.axes, cones[g], rim)
+                _, _, _, vertices, used = _grow(body, rank, desk, SIGN, room)
+            balanced = used > 0 and equilibrium(
+                body, desk.dims[:rank], room, vertices, used, answers.forces[g]
+            )
+            if not balanced:
+                for i in range(answers.forces.shape[1]):
+                    for k in range(4):
+                        answers.forces[g, i, k] = math.nan
+        if status == EXHAUSTED:
+            return g
+    return wrenches.shape[0]

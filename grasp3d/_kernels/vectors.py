@@ -1,0 +1,19 @@
+"""Small vectors in scratch memory."""
+
+from grasp3d._kernels.compiling import merged
+
+
+@merged
+def dot6(a, b):
+    """Inner product of two vectors of six numbers."""
+    return ((a[0] * b[0] + a[1] * b[1]) + (a[2] * b[2] + a[3] * b[3])) + (a[4] * b[4] + a[5] * b[5])
+
+
+@merged
+def leave(basis, size, vector, parts):
+    """Take out of a vector what lies along the first rows of a basis; `parts` is written."""
+    for j in range(size):
+        parts[j] = dot6(basis[j], vector)
+    for j in range(size):
+        for k in range(6):
+            vector[k] -= parts[j] * basis[j, k]

@@ -1,0 +1,69 @@
+"""Compare epsilon with Qhull on many grasps: `python scripts/compare_qhull.py --grasps 10000`.
+
+Random grasps of every shape, and regular ones with noise from 1e-14 to 1e-3 among them. Prints the
+largest difference, disagreements on closure, and how often Qhull gave up. Ends with 1 when a
+difference exceeds 1e-9.
+"""
+
+import argparse
+import sys
+from concurrent.futures import ProcessPoolExecutor
+
+import numpy as np
+from bench_epsilon import qhull
+from random_grasps import REGULAR, SHAPES, random_contacts, regular_contacts
+
+import grasp3d
+from grasp3d.wrenches import wrenches
+
+BAND = 1e-9
+NOISES = (0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3)
+
+
+def compare(name: str, contacts: grasp3d.Contacts, edges: int, pool: ProcessPoolExecutor) -> bool:
+    """Print one line; whether all agree."""
+    answer = grasp3d.epsilon(contacts, edges=edges, threads=None)
+    sign = grasp3d.force_closure(contacts, edges=edges, threads=None)
+    hulls = np.array(list(pool.map(qhull, wrenches(contacts, edges=edges), chunksize=50)))
+    known = ~np.isnan(hulls)
+    apart = float(np.abs(answer.value - hulls)[known].max(initial=0.0))
+    clear = known & (hulls > BAND)
+    wrong = int((clear & ~(answer.closed & sign.closed)).sum())
+    wrong += int((known & (hulls == 0.0) & (answer.value > BAND)).sum())
+    print(
+        f"{name:32} {len(hulls):6} grasps, {int(answer.closed.sum()):6} closed, "
+        f"largest difference {apart:.1e}, closure differs {wrong}, "
+        f"Qhull failed {int((~known).sum())}, not converged {int((answer.status > 0).sum())}",
+        flush=True,
+    )
+    return apart <= BAND and wrong == 0
+
+
+def main() -> int:
+    """Compare all shapes."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--grasps", type=int, default=10_000, help="random grasps of each shape")
+    parser.add_argument("--seed", type=int, default=1)
+    options = parser.parse_args()
+    with ProcessPoolExecutor() as pool:
+        agree = [
+            compare(str(shape), random_contacts(shape, options.grasps, options.seed), shape.edges,
+                    pool)
+            for shape in SHAPES
+        ]  # fmt: skip
+        agree += [
+            compare(
+                f"{name} x {edges}, noise {noise:g}",
+                regular_contacts(name, max(options.grasps // 100, 10), noise, options.seed),
+                edges,
+                pool,
+            )
+            for name in REGULAR
+            for edges in (8, 16)
+            for noise in NOISES
+        ]
+    return 0 if all(agree) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

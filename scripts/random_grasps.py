@@ -1,0 +1,66 @@
+"""Grasps to measure and to test with: random ones, and regular ones with a little noise."""
+
+import math
+from typing import NamedTuple
+
+import numpy as np
+
+import grasp3d
+
+
+class Shape(NamedTuple):
+    """A kind of grasp: how many contacts, edges of their cones, and whether they are soft."""
+
+    contacts: int
+    edges: int
+    soft: bool
+
+    def __str__(self) -> str:
+        """Name it for a table."""
+        return f"{self.contacts} {'soft' if self.soft else 'hard'} x {self.edges}"
+
+
+SHAPES = [
+    Shape(2, 8, soft=True),
+    Shape(3, 8, soft=False),
+    Shape(4, 8, soft=False),
+    Shape(5, 8, soft=False),
+    Shape(2, 16, soft=True),
+    Shape(3, 16, soft=False),
+    Shape(5, 16, soft=False),
+]
+
+TORSION_RADIUS = 0.3
+"""Of soft fingers, for contacts about 1 from the centre."""
+
+
+def random_contacts(shape: Shape, count: int, seed: int) -> grasp3d.Contacts:
+    """Contacts about the surface of a ball, normals roughly toward its centre, mu 0.3 to 1."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(count, shape.contacts, 3))
+    points /= np.linalg.norm(points, axis=-1, keepdims=True)
+    if shape.contacts == 2:
+        points[:, 1] = -points[:, 0] + 0.1 * rng.normal(size=(count, 3))
+    inward = -points / np.linalg.norm(points, axis=-1, keepdims=True)
+    normals = inward + 0.25 * rng.normal(size=points.shape)
+    points *= rng.uniform(0.7, 1.3, size=(count, shape.contacts, 1))
+    friction = rng.uniform(0.3, 1.0, size=(count, 1))
+    return grasp3d.Contacts(points, normals, friction, TORSION_RADIUS * shape.soft)
+
+
+REGULAR = {
+    "antipodal pair": np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]),
+    "three at 120 deg": np.array(
+        [[math.cos(t), math.sin(t), 0.0] for t in np.arange(3) * 2.0 * math.pi / 3.0]
+    ),
+    "tetrahedron": np.array([[1.0, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / math.sqrt(3.0),
+}
+
+
+def regular_contacts(name: str, count: int, noise: float, seed: int) -> grasp3d.Contacts:
+    """Regular grasps of a unit ball, every coordinate off by `noise`; the pair is soft."""
+    rng = np.random.default_rng(seed)
+    exact = np.broadcast_to(REGULAR[name], (count, *REGULAR[name].shape))
+    points = exact + noise * rng.normal(size=exact.shape)
+    normals = -exact + noise * rng.normal(size=exact.shape)
+    return grasp3d.Contacts(points, normals, 0.5, TORSION_RADIUS * (len(REGULAR[name]) == 2))
