@@ -115,17 +115,17 @@ def _project(kind, source, desk, rank):
     for k in range(6):
         if kind == PER_FINGER:
             sizes[k] *= count
-        metric[k] = 1.0 / (sizes[k] * sizes[k]) if sizes[k] > 0.0 else 0.0
+        metric[k] = 1.0 / sizes[k] if sizes[k] > 0.0 else 0.0
     for i in range(count):
         for j in range(1 if kind == ROWS else 4):
             for k in range(6):
-                value = 0.0
-                if sizes[k] > 0.0:
-                    value = _along(basis, plain, k, source[i, j]) / sizes[k]
+                value = metric[k] * _along(basis, plain, k, source[i, j])
                 if kind == ROWS:
                     desk.axes[0, k, i] = value
                 else:
                     desk.axes[i, j, k] = value
+    for k in range(6):
+        metric[k] *= metric[k]
 
 
 @merged

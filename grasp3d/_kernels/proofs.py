@@ -80,15 +80,15 @@ def equilibrium(body, dims, room, vertices, used, forces):
             forces[room.owners[i], k] += room.mixes[i, k]
         for k in range(6):
             rest[k] -= points[i, k]
-    nearest = math.inf
+    ways, nearest = room.heights, math.inf
     for f in range(used):
         along = _along(planes, f, rest)
-        if along > 0.0 and planes[6, f] < nearest * along:
-            nearest = planes[6, f] / along
+        ways[f] = planes[6, f] / along if along > 0.0 else math.inf
+    for f in range(used):
+        nearest = min(nearest, ways[f]) if ways[f] >= 0.0 else nearest
     nearest *= 1.0 + TIED
     for f in range(used):
-        along = _along(planes, f, rest)
-        if not (along > 0.0 and planes[6, f] <= nearest * along):
+        if not ways[f] <= nearest:
             continue
         # Facets in one plane are hit alike; the ray runs through the one that it is a sum of.
         for k in range(dim):

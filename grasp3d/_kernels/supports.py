@@ -80,10 +80,7 @@ def _farthest_force(body, i, u):
     m3 = 0.0
     if body.soft:
         z3 = dot6(axes[3], u)
-        resists = False
-        for k in range(6):
-            resists = resists or axes[3, k] != 0.0
-        if resists and z0 + abs(z3) > height:
+        if z0 + abs(z3) > height and dot6(axes[3], axes[3]) > 0.0:  # else it is a hard one
             height = z0 + abs(z3)
             m0, m1, m2, m3 = 1.0, 0.0, 0.0, math.copysign(1.0, z3)
             name = count if z3 >= 0.0 else count + 1
