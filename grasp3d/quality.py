@@ -51,7 +51,8 @@ class Certificate:
     equilibrium: Floats
     """Where the grasp is closed, forces that balance, every one of them inside its friction cone
     and none zero, shape (..., n, 4): force along x, y, z, and torsional moment about the normal
-    [mesh unit]. For given wrenches their weights, shape (..., n). nan where not closed."""
+    [mesh unit]. For given wrenches their weights, shape (..., n). nan where not closed, and where
+    cones are widened to 90 degrees or more."""
 
 
 @dataclass(frozen=True, eq=False)

@@ -164,12 +164,14 @@ class Problem:
             )  # fmt: skip
 
         self._in_parts(work, group, threads)
-        if prove:
-            for g in np.flatnonzero(answers.closed & np.isnan(answers.forces[:, 0, 0])):
-                answers.forces[g] = self._balance(slice(g, g + 1))
+        # Cones of 90 degrees or more are not convex: no forces inside them need balance.
+        unproven = answers.closed & np.isnan(answers.forces[:, 0, 0]) & prove
+        unproven &= (self.cones[..., 0] > 0.0).all(axis=-1)
+        for g in np.flatnonzero(unproven):
+            answers.forces[g] = self._balance(slice(g, g + 1))
         # What closes without friction may still lose it by the tilts beyond: seven contacts can.
         # And what closes by no more than rounding has no forces to prove it.
-        unsure = answers.closed & (self.beyond | (prove & np.isnan(answers.forces[:, 0, 0])))
+        unsure = answers.closed & self.beyond | unproven & np.isnan(answers.forces[:, 0, 0])
         answers.lower[unsure], answers.closed[unsure] = 0.0, False
         answers.status[unsure], answers.forces[unsure] = UNDECIDED, math.nan
         return answers
