@@ -994,3 +994,25 @@ def test_closure_and_the_critical_angle_agree() -> None:
     gap = contacts.friction_angle[:, 0] - critical_friction_angle(contacts)
     clear = np.abs(gap) > 1e-3
     np.testing.assert_array_equal(force_closure(contacts).closed[clear], gap[clear] > 0.0)
+
+
+def test_hard_grasps_do_not_gain_from_soft_ones_beside_them() -> None:
+    alone = grasps.around_a_ball("triangle")
+    mixed = Contacts(
+        np.stack([alone.points] * 2), np.stack([alone.normals] * 2), 0.5, [[0.0] * 3, [0.3] * 3]
+    )
+    together = epsilon(mixed, edges=4)
+    assert together.value[0] == pytest.approx(epsilon(alone, edges=4).value, abs=1e-12)
+    assert together.value[1] > together.value[0] + 1e-3
+    hulls = epsilon_of_wrenches(wrenches(mixed, edges=4))
+    np.testing.assert_allclose(hulls.value, together.value, atol=1e-12)
+
+
+@pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
+def test_closure_depends_neither_on_place_nor_on_size(size: float) -> None:
+    contacts = grasps.around_a_ball("tetrahedron", friction=0.2)
+    moved = grasps.changed(contacts, points=size * contacts.points + 1e3 * size)
+    answer = force_closure(moved)
+    assert answer.closed
+    assert answer.rank == 6
+    check_certificate(moved, answer)
