@@ -47,7 +47,8 @@ class Certificate:
     direction: Floats
     """Unit direction, shape (..., 6). Where the grasp is not closed it separates: no wrench of any
     contact has a positive product with it. Where it is closed, the wrench that is hardest to
-    resist lies against it: the largest product with a wrench is `upper`."""
+    resist lies against it: the support of the grasp wrench space there is `upper`. In a `Closure`
+    it says so only where not closed."""
     equilibrium: Floats
     """Where the grasp is closed, forces that balance, every one of them inside its friction cone
     and none zero, shape (..., n, 4): force along x, y, z, and torsional moment about the normal

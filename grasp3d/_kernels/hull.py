@@ -164,7 +164,7 @@ def _lay_through(room, dim, f, metric):
 
 @merged
 def _join(room, dim, ridge, new, vertex, metric):
-    """Make the facet of a ridge of the horizon and the new vertex; returns its height."""
+    """Make the facet of a ridge of the horizon and the new vertex."""
     planes, corners, across = room.planes, room.corners, room.across
     v, k = ridge >> THREE, ridge & SEVEN
     link = across[v, k]
@@ -185,10 +185,7 @@ def _join(room, dim, ridge, new, vertex, metric):
     n4 = s * planes[4, other] + t * planes[4, v]
     n5 = s * planes[5, other] + t * planes[5, v]
     height = s * planes[6, other] + t * planes[6, v]
-    set_plane(planes, new, n0, n1, n2, n3, n4, n5, height, metric)
-    square = (
-        (n0 * n0 * metric[0] + n1 * n1 * metric[1]) + (n2 * n2 * metric[2] + n3 * n3 * metric[3])
-    ) + (n4 * n4 * metric[4] + n5 * n5 * metric[5])
+    square = set_plane(planes, new, n0, n1, n2, n3, n4, n5, height, metric)
     if not square > FLAT * FLAT * (s + t) * (s + t):
         _lay_through(room, dim, np.int64(new), metric)
 

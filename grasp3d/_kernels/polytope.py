@@ -11,7 +11,7 @@ from grasp3d._kernels.compiling import merged
 TOLERANCE = 1e-12
 """Height above a facet that counts as none, in units of the wrenches' own size."""
 
-VECTORS = 24
+VECTORS = 18
 """Rows of scratch."""
 
 
@@ -49,8 +49,8 @@ class Polytope(NamedTuple):
     near: npt.NDArray[np.uint32]
     """Facets that may be the nearest (2 f,)."""
     vectors: npt.NDArray[np.float64]
-    """Small vectors (VECTORS, 8): 0-15 the first simplex, 16 the best direction, 17 the plane at
-    hand, 18-23 proofs."""
+    """Small vectors (VECTORS, 8): 0-15 the first simplex and proofs, 16 the best direction, 17 the
+    plane at hand."""
 
 
 def make_room(facets: int) -> Polytope:
@@ -85,7 +85,7 @@ def height_above(planes, f, x):
 
 @merged
 def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric):
-    """Write a facet's plane, of length 1 in the metric, with its tolerance."""
+    """Write a plane, scaled to length 1 in the metric; returns the square of what it was."""
     square = (
         (n0 * n0 * metric[0] + n1 * n1 * metric[1]) + (n2 * n2 * metric[2] + n3 * n3 * metric[3])
     ) + (n4 * n4 * metric[4] + n5 * n5 * metric[5])
@@ -96,3 +96,4 @@ def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric):
     planes[3, f], planes[4, f], planes[5, f] = n3, n4, n5
     planes[6, f] = height * factor
     planes[7, f] = TOLERANCE * (((abs(n0) + abs(n1)) + (abs(n2) + abs(n3))) + (abs(n4) + abs(n5)))
+    return square
