@@ -7,8 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from grasp3d import planar
+    from grasp3d.classification import Stability, classify
+    from grasp3d.cones import effective_friction
     from grasp3d.contacts import Contacts
     from grasp3d.critical import critical_friction_angle
+    from grasp3d.distributions import AngleDistribution, SphereAngles, accuracy_ceiling
     from grasp3d.errors import (
         ContactError,
         GraspError,
@@ -37,8 +41,11 @@ if TYPE_CHECKING:
     from grasp3d.tilting import EpsilonRange, epsilon_range
 
 _HOMES = {
+    "classification": ("Stability", "classify"),
+    "cones": ("effective_friction",),
     "contacts": ("Contacts",),
     "critical": ("critical_friction_angle",),
+    "distributions": ("AngleDistribution", "SphereAngles", "accuracy_ceiling"),
     "errors": (
         "ContactError",
         "GraspError",
@@ -66,10 +73,12 @@ _HOMES = {
     "surface": ("label_surface", "scan_surface"),
     "tilting": ("EpsilonRange", "epsilon_range"),
 }
+_ROOMS = ("planar",)
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 
 __all__ = [
     "COLORS",
+    "AngleDistribution",
     "Certificate",
     "Closure",
     "ContactError",
@@ -89,9 +98,14 @@ __all__ = [
     "Sampling",
     "SearchCoverageError",
     "SettingError",
+    "SphereAngles",
+    "Stability",
     "Status",
     "SurfaceLabels",
+    "accuracy_ceiling",
+    "classify",
     "critical_friction_angle",
+    "effective_friction",
     "epsilon",
     "epsilon_of_wrenches",
     "epsilon_range",
@@ -100,6 +114,7 @@ __all__ = [
     "load_mesh",
     "mesh_from_arrays",
     "minimum",
+    "planar",
     "scan_surface",
     "write_glb",
     "write_npz",
@@ -110,6 +125,8 @@ __all__ = [
 
 def __getattr__(name: str) -> object:
     """Import a public name when it is first asked for, so that `grasp3d --help` stays quick."""
+    if name in _ROOMS:
+        return import_module(f"grasp3d.{name}")
     if name not in _HOME_OF:
         raise AttributeError(f"module 'grasp3d' has no attribute {name!r}")
     value = getattr(import_module(f"grasp3d.{_HOME_OF[name]}"), name)

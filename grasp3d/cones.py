@@ -12,6 +12,9 @@ from grasp3d.errors import SettingError
 STEEP = 0.9
 """Component along x of a normal from which tangents are laid out from the y-axis instead."""
 
+STRAIGHT = 1e-12
+"""Sine of the angle to a goal below which the way to it is not told by it."""
+
 
 def tangents(normals: npt.ArrayLike) -> tuple[Floats, Floats]:
     """Two tangents of each normal, from which the edges of a cone are counted.
@@ -79,34 +82,89 @@ def cone_edges(
     return forces
 
 
-def tilted_normals(normals: npt.ArrayLike, tilt: float, *, count: int = 8) -> Floats:
+def tilted_normals(
+    normals: npt.ArrayLike, tilt: npt.ArrayLike, *, count: int = 8, rings: int = 1
+) -> Floats:
     """Extreme normals: those at an angle from the given ones (Wan & Howe 2018, Sec. III).
 
     Args:
         normals: Unit normals, shape (..., 3).
-        tilt: The angle, half the sensor's resolution [rad].
+        tilt: The angle, half the sensor's resolution [rad], one or shape (...).
         count: How many, evenly around each.
+        rings: Rings of so many, at even steps up to the tilt.
 
     Returns:
-        Shape (..., count + 1, 3), the given normal first.
+        Shape (..., 1 + rings * count, 3), the given normal first, the innermost ring next.
 
     Raises:
         SettingError: Fewer than 3 around.
     """
     n = np.asarray(normals, dtype=np.float64)
-    return np.concatenate([n[..., None, :], cone_edges(n, tilt, edges=count)], axis=-2)
+    steps = [np.asarray(tilt) * ring / rings for ring in range(1, rings + 1)]
+    around = [cone_edges(n, step, edges=count) for step in steps]
+    return np.concatenate([n[..., None, :], *around], axis=-2)
 
 
-def effective_friction(friction: float, sensor_resolution: float) -> float:
+def turned(normals: Floats, goals: Floats, tilt: Floats) -> Floats:
+    """Turn unit normals toward goals, by at most a tilt and not past them.
+
+    Args:
+        normals: Shape (..., 3).
+        goals: Directions of any length, shape (..., 3); nan gives nan.
+        tilt: Most that each may turn [rad], shape (...).
+
+    Returns:
+        Shape (..., 3).
+    """
+    known = np.isfinite(goals).all(axis=-1, keepdims=True)
+    goals = unit_rows(goals)
+    along = (normals * goals).sum(axis=-1, keepdims=True)
+    across = goals - along * normals
+    far = np.linalg.norm(across, axis=-1, keepdims=True)
+    # Any way round leads to a goal straight behind.
+    across = unit_rows(np.where(far < STRAIGHT, tangents(normals)[0], across))
+    gap = np.arctan2(far, along)
+    turn = np.minimum(tilt[..., None], gap)
+    return np.where(known, np.cos(turn) * normals + np.sin(turn) * across, math.nan)
+
+
+def on_arcs(first: Floats, second: Floats, shares: Floats) -> Floats:
+    """Unit vectors along the arcs from some unit vectors to others.
+
+    Args:
+        first: Shape (..., 3).
+        second: Shape (..., 3); opposite ones are joined by any arc.
+        shares: How far along the arcs, from 0 to 1, shape (m,).
+
+    Returns:
+        Shape (..., m, 3).
+    """
+    across = np.linalg.norm(np.cross(first, second), axis=-1)
+    widths = np.arctan2(across, (first * second).sum(axis=-1))
+    return turned(first[..., None, :], second[..., None, :], shares * widths[..., None])
+
+
+def effective_friction(friction: npt.ArrayLike, sensor_resolution: npt.ArrayLike) -> Floats:
     """Friction that no normal within the sensor's resolution can take away.
 
     Wan & Howe 2018, Sec. III: tan(atan(friction) - sensor_resolution / 2).
 
     Args:
-        friction: Coulomb coefficient, at least 0.
+        friction: Coulomb coefficients, at least 0, any shape.
         sensor_resolution: Angle between the two extreme normals [rad], at least 0.
 
     Returns:
-        The coefficient; 0 when no force is safe for every normal.
+        The coefficients; 0 where no force is safe for every normal.
+
+    Raises:
+        SettingError: A value is outside its range.
     """
-    return math.tan(max(math.atan(friction) - sensor_resolution / 2.0, 0.0))
+    try:
+        mu, alpha = np.asarray(friction, np.float64), np.asarray(sensor_resolution, np.float64)
+    except (TypeError, ValueError) as error:
+        raise SettingError(f"friction and resolution must be numbers: {error}") from error
+    if not ((mu >= 0.0) & np.isfinite(mu)).all():
+        raise SettingError(f"friction must be finite and at least 0; got {mu}")
+    if not ((alpha >= 0.0) & np.isfinite(alpha)).all():
+        raise SettingError(f"sensor resolution must be finite and at least 0; got {alpha}")
+    return np.asarray(np.tan(np.maximum(np.arctan(mu) - alpha / 2.0, 0.0)))[()]

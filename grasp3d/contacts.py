@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats, locked
-from grasp3d.errors import ContactError
+from grasp3d.errors import ContactError, SettingError
 
 LARGEST = 1e100
 """Numbers beyond this would overflow when they are squared."""
@@ -82,6 +82,10 @@ class Contacts:
         """Half-angles of the friction cones [rad], shape (..., n)."""
         return np.arctan(self.friction)
 
+    def with_friction(self, friction: npt.ArrayLike) -> "Contacts":
+        """The same contacts with another friction, one coefficient or shape (..., n)."""
+        return Contacts(self.points, self.normals, friction, self.torsion_radius)
+
     @property
     def batch(self) -> tuple[int, ...]:
         """Shape of the batch; () for one grasp."""
@@ -103,6 +107,35 @@ def _numbers(name: str, values: npt.ArrayLike) -> Floats:
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ContactError(f"{name} must be finite; {array[where]} at {where}")
     return array
+
+
+def per_contact(name: str, values: npt.ArrayLike, contacts: Contacts) -> Floats:
+    """Spread a setting over the contacts.
+
+    Args:
+        name: What to call it in an error.
+        values: Finite numbers: one, or shape (..., n).
+        contacts: The contacts.
+
+    Returns:
+        Shape (..., n).
+
+    Raises:
+        SettingError: Numbers that are none, or a shape that does not fit.
+    """
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise SettingError(f"{name} must be a number: {error}") from error
+    if not np.isfinite(numbers).all():
+        raise SettingError(f"{name} must be finite; got {numbers}")
+    try:
+        return np.broadcast_to(numbers, contacts.friction.shape)
+    except ValueError as error:
+        raise SettingError(
+            f"{name} must be one number or have shape {contacts.friction.shape}; "
+            f"got {numbers.shape}"
+        ) from error
 
 
 def centred(points: Floats) -> tuple[Floats, Floats, Floats]:

@@ -185,7 +185,7 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
         "epsilon_rank": labels.model.epsilon_rank,
         "epsilon_rtol": EPSILON_RTOL,
         "epsilon_min": labels.model.tilts,
-        "epsilon_max": "upper_bound",
+        "epsilon_max": "sampled_tilts" if labels.model.method == "extremes" else "upper_bound",
         "label_codes": f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)",
     }
 

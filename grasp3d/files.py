@@ -2,7 +2,7 @@
 
 import os
 import tempfile
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
@@ -54,6 +54,24 @@ def check_writable(path: Path, *, source: Path | None = None) -> None:
     with written_whole(path, keep=False):
         if source is not None and path.exists() and path.samefile(source):
             raise OutputError(f"{path}: is the mesh itself; name another file")
+
+
+def check_suffix(path: Path, known: Iterable[str], what: str) -> None:
+    """Tell before the work whether a file's suffix names a format.
+
+    Args:
+        path: The file to make.
+        known: Suffixes, in small letters.
+        what: What the file would be: a table, a figure.
+
+    Raises:
+        OutputError: It names none.
+    """
+    suffixes = tuple(known)
+    if path.suffix.lower() not in suffixes:
+        raise OutputError(
+            f"{path}: no {what} is called {path.suffix!r}; known: {' '.join(suffixes)}"
+        )
 
 
 def _umask() -> int:

@@ -5,18 +5,22 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels import candidates
-from grasp3d.arrays import Bytes, Floats, Ints, locked
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked
 from grasp3d.contacts import Contacts
+from grasp3d.distributions import SampledAngles
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.places import SurfacePlaces
+from grasp3d.quality import epsilon
 from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.stability import Label, label_angles, max_resolution
+from grasp3d.surface_extremes import SurfaceGrasps, hull_epsilons, hull_labels
 from grasp3d.tilting import EpsilonRange, epsilon_range
 
 Progress = Callable[[float], None]
@@ -83,6 +87,9 @@ class SurfaceLabels:
     """Second contact of the vertex's best grasp; nan where there is none. (V, 3)"""
     partner_normal: Floats
     """Inward unit normal at the second contact. (V, 3)"""
+    places: SurfacePlaces
+    """Second contacts on the faces, shape (V, 2): of the best grasp over the worst normals, which
+    is `partner`, and of the best one over the best normals."""
     opening: Floats
     """Distance between the two contacts. (V,)"""
     grip: npt.NDArray[np.int8]
@@ -96,7 +103,9 @@ class SurfaceLabels:
 
     @cached_property
     def label(self) -> Bytes:
-        """`Label` codes, shape (V,): 0 U, 1 M, 2 S."""
+        """`Label` codes, shape (V,): 0 U, 1 M, 2 S; `model.method` says how they are made."""
+        if self.model.method == "extremes":
+            return _hull_labels(self, None)
         return locked(label_angles(self.critical_angle, self.critical_angle_best, self.model))
 
     @cached_property
@@ -117,22 +126,41 @@ class SurfaceLabels:
 
     @property
     def epsilon_min(self) -> Floats:
-        """Smallest epsilon over all tilts within the sensor's resolution, shape (V,).
+        """Smallest epsilon over the tilts within the sensor's resolution, shape (V,).
 
-        `model.tilts` says how: 'exact', by the 'effective_friction' of polygonal cones, or over
-        'sampled_tilts' for soft fingers; see `tilting.epsilon_range`.
+        Of the grasp with `partner`. `model.tilts` says how: 'exact', by the 'effective_friction' of
+        polygonal cones, or over 'sampled_tilts' for soft fingers and with method extremes; see
+        `tilting.epsilon_range`.
         """
         return self.epsilon_range.minimum
 
     @property
     def epsilon_max(self) -> Floats:
-        """What epsilon reaches at most over all tilts, shape (V,): a bound."""
+        """What epsilon reaches at most over all tilts, shape (V,): a bound.
+
+        With method extremes it is the largest over the combinations of extreme normals, attained.
+        It is 0 at a few creases labelled M, whose label comes from another grasp, better over the
+        best normals.
+        """
         return self.epsilon_range.maximum
 
     @cached_property
     def epsilon_range(self) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first asked for."""
         return _epsilon_range(self, None)
+
+    def enumerate_extremes(self, progress: Progress) -> None:
+        """Compute the labels of method extremes now; exact ones need no time.
+
+        Args:
+            progress: Called with the share of the work done, from 0 to 1.
+
+        Raises:
+            SettingError: A grasp has too many combinations of extreme normals.
+        """
+        if self.model.method == "extremes" and "label" not in vars(self):
+            vars(self)["label"] = _hull_labels(self, progress)
+            progress(1.0)
 
     def measure(self, progress: Progress) -> None:
         """Compute `epsilon_range` now.
@@ -148,7 +176,8 @@ class SurfaceLabels:
     ) -> "SurfaceLabels":
         """Label the same grasps for another friction or resolution: a threshold, no new rays.
 
-        Epsilon is that of the new model at the same grasps.
+        Epsilon is that of the new model at the same grasps. With method extremes the hulls are
+        enumerated anew.
 
         Args:
             friction: Coulomb coefficient; None: unchanged.
@@ -184,6 +213,24 @@ class SurfaceLabels:
             label.name: float(self._weights(weights)[self.label == label].sum())
             for label in sorted(Label, reverse=True)
         }
+
+    def angle_distribution(self, *, weights: Literal["area", "vertex"] = "area") -> SampledAngles:
+        """Shares of the surface by critical angle: S, M and U at any friction and resolution.
+
+        They are exact shares, whatever `model.method` is. Questions beyond the cone that was
+        searched raise SearchCoverageError.
+
+        Args:
+            weights: As in `fractions`.
+        """
+        shares = self._weights(weights)
+        counts = shares > 0.0
+        return SampledAngles(
+            worst=locked(self.critical_angle[counts]),
+            best=locked(self.critical_angle_best[counts]),
+            weights=locked(shares[counts]),
+            limit=self.search.cone,
+        )
 
     def angle_quantiles(
         self, levels: npt.ArrayLike, *, weights: Literal["area", "vertex"] = "area"
@@ -241,28 +288,64 @@ class SurfaceLabels:
         return np.asarray(values / values.sum())
 
 
+def _hull_labels(labels: SurfaceLabels, progress: Progress | None) -> Bytes:
+    """Labels of method extremes: the better of a vertex's two grasps, where they differ."""
+    mesh = labels.mesh
+    held = np.unique(mesh.canonical[labels.reason == Reason.FOUND])
+    codes = np.full(len(mesh.vertices), Label.U, dtype=np.uint8)
+    differ = held[_moved(labels, held)]  # a few, at creases
+    for number, (vertices, told) in enumerate(((held, progress), (differ, None))):
+        grasps = _grasps(labels, vertices, number)
+        found = hull_labels(grasps, labels.model, threads=labels.threads, progress=told)
+        codes[vertices] = np.maximum(codes[vertices], found)
+    return locked(codes[mesh.canonical])
+
+
+def _moved(labels: SurfaceLabels, vertices: Ints) -> Bools:
+    """Where the grasp of the best normals is not that of the worst."""
+    faces, weights = labels.places.faces[vertices], labels.places.weights[vertices]
+    return np.asarray((faces[:, 0] != faces[:, 1]) | (weights[:, 0] != weights[:, 1]).any(axis=1))
+
+
+def _grasps(labels: SurfaceLabels, vertices: Ints, number: int) -> SurfaceGrasps:
+    places = SurfacePlaces(
+        labels.places.faces[vertices, number], labels.places.weights[vertices, number]
+    )
+    return SurfaceGrasps(labels.mesh, vertices, places)
+
+
 def _epsilon_range(labels: SurfaceLabels, progress: Progress | None) -> EpsilonRange:
     """Epsilons of every vertex's grasp, once for each place that has one."""
     mesh, model = labels.mesh, labels.model
     places = _held_places(labels)
-    found = epsilon_range(
-        Contacts(
-            np.stack([mesh.vertices[places], labels.partner[places]], axis=1) - mesh.center_mass,
-            np.stack([mesh.normals[places], labels.partner_normal[places]], axis=1),
-            model.friction,
-            model.torsion_radius,
-        ),
-        model.tilt,
-        edges=model.edges,
-        actuation=model.actuation,
-        torque_scale=mesh.torque_scale,
-        rtol=EPSILON_RTOL,
-        bound_rtol=BOUND_RTOL,
-        threads=labels.threads,
-        progress=progress,
+    contacts = Contacts(
+        np.stack([mesh.vertices[places], labels.partner[places]], axis=1) - mesh.center_mass,
+        np.stack([mesh.normals[places], labels.partner_normal[places]], axis=1),
+        model.friction,
+        model.torsion_radius,
     )
+    common: dict[str, Any] = {
+        "edges": model.edges,
+        "actuation": model.actuation,
+        "torque_scale": mesh.torque_scale,
+        "rtol": EPSILON_RTOL,
+        "threads": labels.threads,
+    }
     values = np.full((3, len(mesh.vertices)), math.nan)
-    values[:, places] = found.nominal, found.minimum, found.maximum
+    if model.method == "extremes":
+        values[0, places] = epsilon(contacts, **common).lower
+        values[1:, places] = hull_epsilons(
+            _grasps(labels, places, 0),
+            model,
+            rtol=EPSILON_RTOL,
+            threads=labels.threads,
+            progress=progress,
+        )
+    else:
+        found = epsilon_range(
+            contacts, model.tilt, bound_rtol=BOUND_RTOL, progress=progress, **common
+        )
+        values[:, places] = found.nominal, found.minimum, found.maximum
     return EpsilonRange(*(locked(row[mesh.canonical]) for row in values))
 
 

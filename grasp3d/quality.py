@@ -121,7 +121,7 @@ def epsilon(
     actuation: Actuation = "total",
     torque_scale: float = 1.0,
     rtol: float = 1e-3,
-    widen: float = 0.0,
+    widen: npt.ArrayLike = 0.0,
     phase: float = 0.0,
     bounded: Bounded = "force",
     threads: int | None = 1,
@@ -136,10 +136,11 @@ def epsilon(
         torque_scale: Length that torques are divided by [mesh unit]; `ObjectMesh.torque_scale`
             makes the value independent of the unit.
         rtol: Circular cones: how much of the upper bound may lie between the bounds.
-        widen: Angle added to every cone's half-angle [rad]. For hard fingers with circular cones,
-            -a gives the smallest epsilon over all tilts of the normals by up to a, exactly, and +a
-            a bound on the largest. Where -a exceeds a cone the minimum is 0 for fewer than 7
-            contacts; for more the status is UNDECIDED where they close without friction.
+        widen: Angle added to the cones' half-angles [rad], one or shape (..., n). For hard fingers
+            with circular cones, -a gives the smallest epsilon over all tilts of the normals by up
+            to a, exactly, and +a a bound on the largest. Where -a exceeds a cone the lower bound
+            is 0; the status is UNDECIDED where the others close, or all without friction. For fewer
+            than 7 contacts whose cones are all exceeded the minimum is 0.
         phase: Polygons: angle of the first edge about the normal, from the first of
             `cones.tangents` [rad].
         bounded: 'force': it is the length of a contact force that is at most 1; 'normal': its
@@ -156,7 +157,7 @@ def epsilon(
         contacts, edges, actuation, torque_scale=torque_scale, widen=widen, phase=phase,
         bounded=bounded,
     )  # fmt: skip
-    answers = problem.solve(_goal(edges, rtol), threads=threads)
+    answers = problem.solve(goal_of(edges, rtol), threads=threads)
     forces = _forces(contacts, answers.forces)
     return _as_epsilon(answers, contacts.batch, forces, polygonal=edges is not None)
 
@@ -196,7 +197,7 @@ def force_closure(
     contacts: Contacts,
     *,
     edges: int | None = None,
-    widen: float = 0.0,
+    widen: npt.ArrayLike = 0.0,
     phase: float = 0.0,
     threads: int | None = 1,
 ) -> Closure:
@@ -208,7 +209,7 @@ def force_closure(
     Args:
         contacts: The contacts.
         edges: Edges of polygonal friction cones; None: circular cones.
-        widen: Angle added to every cone's half-angle [rad].
+        widen: Angle added to the cones' half-angles [rad], one or shape (..., n).
         phase: As in `epsilon`.
         threads: Threads for a batch; None: one per processor.
 
@@ -240,7 +241,7 @@ def minimum(
     actuation: Actuation = "total",
     torque_scale: float = 1.0,
     rtol: float = 1e-3,
-    widen: float = 0.0,
+    widen: npt.ArrayLike = 0.0,
     phase: float = 0.0,
     bounded: Bounded = "force",
     threads: int | None = 1,
@@ -273,7 +274,7 @@ def minimum(
         bounded=bounded,
     )  # fmt: skip
     group = contacts.batch[-1]
-    answers = problem.solve(_goal(edges, rtol), group=group, prove=False, threads=threads)
+    answers = problem.solve(goal_of(edges, rtol), group=group, prove=False, threads=threads)
     found = _as_epsilon(answers, contacts.batch, answers.forces, polygonal=edges is not None)
     least = found.upper.min(axis=-1, keepdims=True)
     return Minimum(
@@ -284,8 +285,8 @@ def minimum(
     )
 
 
-def _goal(edges: int | None, rtol: float) -> Goal:
-    """How near the bounds must come: polygons have an exact value."""
+def goal_of(edges: int | None, rtol: float) -> Goal:
+    """How near the bounds must come, as `Problem.solve` takes it: polygons have an exact value."""
     if not 0.0 < rtol < 1.0:
         raise SettingError(f"rtol must lie between 0 and 1; got {rtol}")
     tolerances = (0.0, 0.0) if edges else (rtol, UNDECIDED_WITHIN)
@@ -295,16 +296,21 @@ def _goal(edges: int | None, rtol: float) -> Goal:
 def _as_epsilon(
     answers: Answers, batch: tuple[int, ...], equilibrium: Floats, *, polygonal: bool
 ) -> Epsilon:
-    """Shape the answers like the batch; polygons' bounds meet in their upper one."""
-    meets = polygonal & (answers.status == Status.CONVERGED)
+    """Shape the answers like the batch."""
     return Epsilon(
-        lower=_shaped(np.where(meets, answers.upper, answers.lower), batch),
+        lower=_shaped(certified(answers, polygonal=polygonal), batch),
         upper=_shaped(answers.upper, batch),
         rank=_shaped(answers.rank, batch),
         closed=_shaped(answers.closed, batch),
         status=_shaped(answers.status, batch),
         certificate=_certificate(answers, batch, equilibrium),
     )
+
+
+def certified(answers: Answers, *, polygonal: bool) -> Floats:
+    """Lower bounds (b,); those of polygons that have converged meet their upper ones."""
+    meets = polygonal & (answers.status == Status.CONVERGED)
+    return np.where(meets, answers.upper, answers.lower)
 
 
 def _certificate(answers: Answers, batch: tuple[int, ...], equilibrium: Floats) -> Certificate:

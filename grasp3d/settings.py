@@ -6,6 +6,7 @@ reads and prints the fields of type `Radians` in degrees.
 
 import math
 from dataclasses import dataclass
+from numbers import Integral
 from typing import Annotated, Literal, get_args
 
 from grasp3d.errors import SettingError
@@ -16,9 +17,11 @@ Radians = Annotated[float, ANGLE]
 Unit = Literal["m", "cm", "mm", "in"]
 Grip = Literal["squeeze", "expand", "both"]
 Actuation = Literal["total", "per_finger"]
+Method = Literal["exact", "extremes"]
 Tilts = Literal["exact", "effective_friction", "sampled_tilts"]
 MIN_RAYS, MAX_RAYS = 8, 65_536
 MIN_EDGES, MAX_EDGES = 3, 360
+MIN_EXTREMES, MAX_EXTREMES = 3, 360
 DEGREE = math.pi / 180.0
 
 
@@ -33,9 +36,18 @@ class GraspModel:
     """Sensor resolution alpha: the angle between the two extreme normals that the fingertip
     cannot tell apart, from 0 to below 180 degrees."""
 
+    method: Method = "exact"
+    """How labels are made. exact: from the critical friction angle, which settles every normal
+    within the resolution; extremes: from the wrench hulls at every combination of extreme normals,
+    as in the paper, which is sampled and slower."""
+
+    extreme_normals: int = 8
+    """Method extremes: normals tried on the rim of each contact's cone of uncertainty, 3 to 360,
+    besides the perceived one; more rings where the resolution exceeds four friction angles."""
+
     edges: int | None = None
-    """Edges of polygonal friction cones for epsilon, 3 to 360; none: circular cones. Labels and
-    critical angles always come from circular ones."""
+    """Edges of polygonal friction cones for epsilon, and for the labels of method extremes, 3 to
+    360; none: circular cones. Exact labels and critical angles always come from circular ones."""
 
     actuation: Actuation = "total"
     """What is at most 1 in epsilon. total: the sum of all fingers' forces; per_finger: each
@@ -54,6 +66,17 @@ class GraspModel:
             raise SettingError(
                 "sensor resolution must be at least 0 and below 180 degrees (pi radians); "
                 f"got {degrees:g} degrees (in Python angles are radians)"
+            )
+        if self.method not in get_args(Method):
+            known = ", ".join(get_args(Method))
+            raise SettingError(f"no method is called {self.method!r}; known: {known}")
+        if not (
+            isinstance(self.extreme_normals, int)
+            and MIN_EXTREMES <= self.extreme_normals <= MAX_EXTREMES
+        ):
+            raise SettingError(
+                f"extreme normals must be from {MIN_EXTREMES} to {MAX_EXTREMES}; "
+                f"got {self.extreme_normals}"
             )
         if self.edges is not None and not (
             isinstance(self.edges, int) and MIN_EDGES <= self.edges <= MAX_EDGES
@@ -82,8 +105,11 @@ class GraspModel:
 
     @property
     def tilts(self) -> Tilts:
-        """How epsilon's minimum over all tilts is taken; see `tilting.epsilon_range`."""
-        if self.torsion_radius > 0.0:
+        """How epsilon's minimum over all tilts is taken; see `tilting.epsilon_range`.
+
+        Method extremes samples it, and the maximum, at the combinations that it tries.
+        """
+        if self.torsion_radius > 0.0 or self.method == "extremes":
             return "sampled_tilts"
         return "exact" if self.edges is None else "effective_friction"
 
@@ -167,6 +193,22 @@ class MeshOptions:
         if not 0.0 <= self.crease_angle <= math.pi:
             degrees = math.degrees(self.crease_angle)
             raise SettingError(f"crease angle must be from 0 to 180 degrees; got {degrees:g}")
+
+
+def whole(name: str, value: object, least: int) -> int:
+    """Take a whole number that is large enough.
+
+    Args:
+        name: What to call it in an error.
+        value: The number.
+        least: The smallest that will do.
+
+    Raises:
+        SettingError: It is none, or smaller.
+    """
+    if not isinstance(value, Integral) or int(value) < least:
+        raise SettingError(f"{name} must be a whole number of at least {least}; got {value!r}")
+    return int(value)
 
 
 def search_cone(model: GraspModel, sampling: Sampling) -> float:

@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 from typing import Any, get_args
 
 import numpy as np
+import numpy.typing as npt
 from scipy.optimize import nnls
 
 from grasp3d._kernels import grasps as kernels
@@ -18,7 +19,7 @@ from grasp3d._kernels.polytope import Polytope, make_room
 from grasp3d._kernels.proofs import BALANCED
 from grasp3d.arrays import Bools, Floats
 from grasp3d.cones import edge_angles
-from grasp3d.contacts import Contacts
+from grasp3d.contacts import Contacts, per_contact
 from grasp3d.errors import SettingError
 from grasp3d.processors import available_processors
 from grasp3d.settings import Actuation
@@ -99,7 +100,7 @@ class Problem:
         actuation: Actuation,
         *,
         torque_scale: float,
-        widen: float = 0.0,
+        widen: npt.ArrayLike = 0.0,
         phase: float = 0.0,
         bounded: Bounded = "force",
     ) -> "Problem":
@@ -107,11 +108,10 @@ class Problem:
         if actuation not in get_args(Actuation):
             known = ", ".join(get_args(Actuation))
             raise SettingError(f"no actuation is called {actuation!r}; known: {known}")
-        if not math.isfinite(widen):
-            raise SettingError(f"widen must be a finite angle; got {widen}")
+        more = per_contact("widen", widen, contacts)
         if not math.isfinite(phase):
             raise SettingError(f"the phase of the edges must be finite; got {phase}")
-        angles = np.clip(contacts.friction_angle + widen, 0.0, math.pi)
+        angles = np.clip(contacts.friction_angle + more, 0.0, math.pi)
         if edges is not None and not (angles < math.pi / 2.0).all():
             raise SettingError("polygonal friction cones must stay below 90 degrees")
         around = edge_angles(edges, phase) if edges is not None else np.zeros(0)
@@ -133,7 +133,7 @@ class Problem:
             reach=widest.reshape(-1, contacts.count),
             cones=parts.reshape(-1, contacts.count, 2),
             rim=np.stack([np.cos(around), np.sin(around)], axis=-1),
-            beyond=(contacts.friction_angle + widen < 0.0).any(axis=-1).reshape(-1),
+            beyond=(contacts.friction_angle + more < 0.0).any(axis=-1).reshape(-1),
         )
 
     def at_angles(self, angles: Floats) -> "Problem":
@@ -164,9 +164,10 @@ class Problem:
             )  # fmt: skip
 
         self._in_parts(work, group, threads)
-        # Cones of 90 degrees or more are not convex: no forces inside them need balance.
-        unproven = answers.closed & np.isnan(answers.forces[:, 0, 0]) & prove
-        unproven &= (self.cones[..., 0] > 0.0).all(axis=-1)
+        # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
+        convex = (self.cones[..., 0] > 0.0).all(axis=-1)
+        answers.forces[~convex] = math.nan
+        unproven = answers.closed & np.isnan(answers.forces[:, 0, 0]) & convex & prove
         for g in np.flatnonzero(unproven):
             answers.forces[g] = self._balance(slice(g, g + 1))
         # What closes without friction may still lose it by the tilts beyond: seven contacts can.

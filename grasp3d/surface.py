@@ -1,6 +1,7 @@
 """Where on this object is a two-finger grasp reliable?"""
 
 import math
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -11,10 +12,14 @@ from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.labels import Progress, Reason, SearchReport, SurfaceLabels
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.places import nearest_place
+from grasp3d.mesh.places import SurfacePlaces, nearest_place
 from grasp3d.processors import available_processors
 from grasp3d.sampling.antipodal import best_grasps, contact_normals, contact_surface
 from grasp3d.settings import GraspModel, Sampling, search_cone
+from grasp3d.surface_extremes import check_combinations_of
+
+SEARCH_SHARE = 0.3
+"""Of the work of label_surface with method extremes, what the search for grasps is taken for."""
 
 
 def label_surface(
@@ -27,6 +32,9 @@ def label_surface(
 ) -> SurfaceLabels:
     """Find the best two-finger grasp through every vertex and tell how reliable it is.
 
+    With `model.method` 'extremes' the grasps are the same, but their labels come from the wrench
+    hulls at extreme normals alone, as in Wan & Howe 2018.
+
     Args:
         mesh: The object's surface.
         model: Friction and sensor resolution.
@@ -35,15 +43,20 @@ def label_surface(
         progress: Called with the share of the work done, from 0 to 1.
 
     Raises:
-        SettingError: The settings contradict each other.
+        SettingError: The settings contradict each other, or extreme normals are too many.
     """
     model, sampling = model or GraspModel(), sampling or Sampling()
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
     cone = search_cone(model, sampling)
-    grasps = best_grasps(mesh, sampling, cone, threads=threads, progress=progress)
-    return SurfaceLabels(
+    told = progress or _ignore
+    enumerated = model.method == "extremes"
+    if enumerated:
+        check_combinations_of(model)
+    searching = partial(_within, told, 0.0, SEARCH_SHARE) if enumerated else told
+    grasps = best_grasps(mesh, sampling, cone, threads=threads, progress=searching)
+    labels = SurfaceLabels(
         mesh=mesh,
         model=model,
         sampling=sampling,
@@ -52,16 +65,33 @@ def label_surface(
         critical_angle_best=locked(grasps.best),
         partner=locked(grasps.partner),
         partner_normal=locked(grasps.partner_normal),
+        places=SurfacePlaces(locked(grasps.places.faces), locked(grasps.places.weights)),
         opening=locked(np.linalg.norm(grasps.partner - mesh.vertices, axis=1)),
         grip=locked(grasps.grip),
         reason=locked(np.where(mesh.on_surface, grasps.reason, Reason.OFF_SURFACE), np.uint8),
         search=SearchReport(cone, grasps.rays, grasps.rounds, grasps.still_falling),
         threads=threads,
     )
+    labels.enumerate_extremes(partial(_within, told, SEARCH_SHARE, 1.0))
+    return labels
+
+
+def _within(progress: Progress, start: float, end: float, share: float) -> None:
+    """Report the progress of a part of the work."""
+    progress(start + (end - start) * share)
+
+
+def _ignore(share: float) -> None:
+    """Report progress to nobody."""
 
 
 def scan_surface(
-    mesh: ObjectMesh, model: GraspModel | None = None, *, fixed: npt.ArrayLike
+    mesh: ObjectMesh,
+    model: GraspModel | None = None,
+    *,
+    fixed: npt.ArrayLike,
+    threads: int | None = None,
+    progress: Progress | None = None,
 ) -> SurfaceLabels:
     """Fix one finger and label every vertex as the place of the other (Wan & Howe 2018, Sec. IV).
 
@@ -73,11 +103,16 @@ def scan_surface(
         model: Friction and sensor resolution.
         fixed: Place of the fixed finger, shape (3,) or (1, 3), moved to the nearest place of the
             surface.
+        threads: Threads for hulls and epsilon; None: one per processor. The result does not depend
+            on it.
+        progress: Called with the share of the work done, from 0 to 1, while hulls are enumerated.
 
     Raises:
-        SettingError: `fixed` is not one finite point.
+        SettingError: `fixed` is not one finite point, or extreme normals are too many.
     """
     model = model or GraspModel()
+    if model.method == "extremes":
+        check_combinations_of(model)
     point = np.asarray(fixed, dtype=np.float64).reshape(-1)
     if point.shape != (3,) or not np.isfinite(point).all():
         raise SettingError(f"fixed must be one point of three finite numbers; got {fixed!r}")
@@ -90,7 +125,7 @@ def scan_surface(
     middle = normals.sum(axis=0)
     snapped = mesh.from_normalized(place)
     reason = np.where(np.isinf(worst[mesh.canonical]), Reason.SAME_PLACE, Reason.FOUND)
-    return SurfaceLabels(
+    labels = SurfaceLabels(
         mesh=mesh,
         model=model,
         sampling=None,
@@ -99,11 +134,17 @@ def scan_surface(
         critical_angle_best=locked(best[mesh.canonical]),
         partner=locked(np.tile(snapped, (count, 1))),
         partner_normal=locked(np.tile(middle / max(np.linalg.norm(middle), 1e-300), (count, 1))),
+        places=SurfacePlaces(
+            locked(np.full((count, 2), face)), locked(np.tile(weights, (count, 2, 1)))
+        ),
         opening=locked(np.linalg.norm(snapped - mesh.vertices, axis=1)),
         grip=locked(grip[mesh.canonical]),
         reason=locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8),
         search=SearchReport(cone=math.pi, rays=0, rounds=0, still_falling=0.0),
+        threads=threads,
     )
+    labels.enumerate_extremes(progress or _ignore)
+    return labels
 
 
 def _normals_at(mesh: ObjectMesh, face: int, weights: Floats) -> Floats:

@@ -11,11 +11,12 @@ from functools import partial
 from typing import Any, NamedTuple
 
 import numpy as np
+import numpy.typing as npt
 
 from grasp3d._kernels.supports import TOTAL
 from grasp3d.arrays import Bools, Floats, Ints, locked
 from grasp3d.cones import tilted_normals
-from grasp3d.contacts import Contacts
+from grasp3d.contacts import Contacts, per_contact
 from grasp3d.errors import SettingError
 from grasp3d.quality import UNDECIDED_WITHIN, epsilon, minimum
 from grasp3d.settings import Actuation
@@ -42,9 +43,10 @@ class EpsilonRange:
 
 
 class _Question(NamedTuple):
-    """What is asked about every grasp; see `epsilon_range`."""
+    """What is asked about some grasps; see `epsilon_range`."""
 
-    tilt: float
+    tilt: Floats
+    """Shape (b, n)."""
     edges: int | None
     actuation: Actuation
     torque_scale: float
@@ -65,7 +67,7 @@ class _Question(NamedTuple):
 
 def epsilon_range(
     contacts: Contacts,
-    tilt: float,
+    tilt: npt.ArrayLike,
     *,
     edges: int | None = None,
     actuation: Actuation = "total",
@@ -80,7 +82,8 @@ def epsilon_range(
     The minimum is, for
 
     * hard fingers with circular cones: exact. The worst tilt takes the angle a from a contact's
-      cone whatever the direction of the disturbance, so the minimum is epsilon at beta - a;
+      cone whatever the direction of the disturbance, so the minimum is epsilon at beta - a. Where
+      a exceeds beta at some contact it is given as 0, a bound;
     * hard fingers with polygonal cones: epsilon of polygons of the effective friction, half-angle
       beta - a, as in the paper. A tilted polygon does not hold that polygon exactly, so some tilt
       may do slightly worse;
@@ -97,7 +100,7 @@ def epsilon_range(
 
     Args:
         contacts: The contacts.
-        tilt: How far each normal may turn, a [rad], from 0 to below pi/2.
+        tilt: How far each normal may turn, a [rad], from 0 to below pi/2: one, or shape (..., n).
         edges: As in `quality.epsilon`.
         actuation: As in `quality.epsilon`.
         torque_scale: As in `quality.epsilon` [mesh unit].
@@ -109,24 +112,26 @@ def epsilon_range(
     Raises:
         SettingError: A setting outside its range, friction 0, or too many soft fingers.
     """
-    if not 0.0 <= tilt < math.pi / 2.0:
-        raise SettingError(f"tilt must be from 0 to below pi/2; got {tilt:g}")
+    turns = per_contact("tilt", tilt, contacts).reshape(-1, contacts.count)
+    if not ((turns >= 0.0) & (turns < math.pi / 2.0)).all():
+        raise SettingError(f"tilt must be from 0 to below pi/2; got {turns}")
     bound_rtol = rtol if bound_rtol is None else bound_rtol
-    question = _Question(tilt, edges, actuation, torque_scale, rtol, bound_rtol, threads)
-    if tilt > 0.0 and (contacts.friction == 0.0).any():
+    question = _Question(turns, edges, actuation, torque_scale, rtol, bound_rtol, threads)
+    if ((turns > 0.0) & (contacts.friction.reshape(turns.shape) == 0.0)).any():
         raise SettingError("friction must be above 0 where normals may tilt")
     soft = (contacts.torsion_radius > 0.0).any(axis=-1).reshape(-1)
-    if tilt > 0.0 and soft.any() and contacts.count > MOST_SAMPLED:
+    tilted = bool(turns.any())
+    if tilted and soft.any() and contacts.count > MOST_SAMPLED:
         raise SettingError(
             f"tilts of soft fingers are sampled, for at most {MOST_SAMPLED} of them; "
             f"got {contacts.count}"
         )
     values, done = np.empty((3, len(soft))), 0
-    for part in _parts(contacts.count, soft, tilted=tilt > 0.0):
-        few = _some(contacts, part)
+    for part in _parts(contacts.count, soft, tilted=tilted):
+        few, asked = _some(contacts, part), question._replace(tilt=turns[part])
         nominal = epsilon(few, edges=edges, **question.common).lower
-        most = _most_soft(few, question) if soft[part[0]] else _most_hard(few, question)
-        values[:, part] = nominal, np.minimum(_least(few, question, nominal), nominal), most
+        most = _most_soft(few, asked) if soft[part[0]] else _most_hard(few, asked)
+        values[:, part] = nominal, np.minimum(_least(few, asked, nominal), nominal), most
         done += len(part)
         if progress is not None:
             progress(done / len(soft))
@@ -155,7 +160,7 @@ def _some(contacts: Contacts, part: Ints) -> Contacts:
 
 def _least(contacts: Contacts, question: _Question, nominal: Floats) -> Floats:
     """The smallest over all tilts, shape (b,); see `epsilon_range`."""
-    if question.tilt == 0.0:
+    if not question.tilt.any():
         return nominal
     if (contacts.torsion_radius > 0.0).any():
         return minimum(
@@ -170,7 +175,7 @@ def _tilts(count: int) -> np.ndarray[Any, np.dtype[np.int64]]:
     return np.indices((around,) * count).reshape(count, -1).T
 
 
-def _tilted(contacts: Contacts, tilt: float) -> Contacts:
+def _tilted(contacts: Contacts, tilt: Floats) -> Contacts:
     """Every grasp (b,) with every combination of sampled tilts, batch (b, k ** n)."""
     sampled = tilted_normals(contacts.normals, tilt)  # (b, n, k, 3)
     choice = _tilts(contacts.count)
@@ -205,7 +210,7 @@ def _most_soft(contacts: Contacts, question: _Question) -> Floats:
     axes[:, count : 2 * count, :, 3:] += moments
     axes[:, 2 * count :, :, 3:] -= moments
     wide = np.minimum(contacts.friction_angle + question.tilt, math.pi)
-    angles = np.concatenate([wide, np.full((size, 2 * count), question.tilt)], axis=1)
+    angles = np.concatenate([wide, np.tile(question.tilt, 2)], axis=1)
     problem = Problem(
         kind=TOTAL,
         spherical=True,

@@ -1,3 +1,4 @@
+import itertools
 import math
 from typing import Any
 
@@ -12,8 +13,10 @@ from grasp3d.cones import (
     cone_edges,
     edge_angles,
     effective_friction,
+    on_arcs,
     tangents,
     tilted_normals,
+    turned,
 )
 
 coordinates = st.one_of(st.floats(-1.0, 1.0), st.sampled_from([-1.0, 0.0, 1.0, 1e-12, -1e-300]))
@@ -109,6 +112,64 @@ def test_extreme_normals_lie_on_the_rim_and_the_given_one_comes_first(
     np.testing.assert_allclose(angles_to(normal, tilted[1:]), tilt, atol=1e-14)
 
 
+@given(any_normals, st.floats(0.0, 1.5), st.integers(3, 9), st.integers(1, 4))
+def test_rings_of_extreme_normals_stand_at_even_steps(
+    normal: np.ndarray, tilt: float, count: int, rings: int
+) -> None:
+    tilted = tilted_normals(normal, tilt, count=count, rings=rings)
+    assert tilted.shape == (1 + rings * count, 3)
+    np.testing.assert_array_equal(tilted[0], normal)
+    steps = np.repeat(np.arange(1, rings + 1), count) / rings
+    np.testing.assert_allclose(angles_to(normal, tilted[1:]), steps * tilt, atol=1e-14)
+    rim = tilted_normals(normal, tilt, count=count)[1:]
+    np.testing.assert_allclose(tilted[-count:], rim, atol=1e-15)
+
+
+def test_each_normal_has_its_own_tilt() -> None:
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(5, 4, 3))
+    directions /= np.linalg.norm(directions, axis=-1, keepdims=True)
+    tilts = rng.uniform(0.0, 1.5, size=(5, 4))
+    tilted = tilted_normals(directions, tilts, count=6, rings=2)
+    assert tilted.shape == (5, 4, 13, 3)
+    for index in np.ndindex(5, 4):
+        alone = tilted_normals(directions[index], tilts[index], count=6, rings=2)
+        np.testing.assert_array_equal(tilted[index], alone)
+
+
+@given(any_normals, any_normals, st.floats(0.0, 3.2), st.floats(1e-3, 1e3))
+def test_turning_goes_toward_the_goal_and_not_past_it(
+    normal: np.ndarray, goal: np.ndarray, tilt: float, length: float
+) -> None:
+    result = turned(normal[None], length * goal[None], np.array([tilt]))[0]
+    gap = angles_to(normal, goal)
+    assert np.linalg.norm(result) == pytest.approx(1.0)
+    assert angles_to(normal, result) == pytest.approx(min(tilt, gap), abs=1e-9)
+    assert angles_to(goal, result) == pytest.approx(max(gap - tilt, 0.0), abs=1e-9)
+
+
+def test_turning_where_there_is_no_way_or_any() -> None:
+    normals = np.tile([0.0, 0.0, 1.0], (4, 1))
+    goals = np.array([[0.0, 0, 0], [0, 0, -2], [0, 0, 3], [math.nan, 0, 0]])
+    result = turned(normals, goals, np.full(4, 0.5))
+    np.testing.assert_array_equal(result[0], normals[0])
+    assert angles_to(normals[1], result[1]) == pytest.approx(0.5)
+    np.testing.assert_array_equal(result[2], normals[2])
+    assert np.isnan(result[3]).all()
+
+
+@given(any_normals, any_normals, st.integers(1, 9))
+def test_arcs_are_walked_at_even_steps(first: np.ndarray, second: np.ndarray, steps: int) -> None:
+    arc = on_arcs(first, second, np.linspace(0.0, 1.0, steps + 1))
+    width = angles_to(first, second)
+    np.testing.assert_allclose(angles_to(first, arc[0]), 0.0, atol=1e-9)
+    np.testing.assert_allclose(angles_to(second, arc[-1]), 0.0, atol=1e-9)
+    for one, other in itertools.pairwise(arc):
+        assert angles_to(one, other) == pytest.approx(width / steps, abs=1e-9)
+    several = on_arcs(np.tile(first, (2, 3, 1)), np.tile(second, (2, 3, 1)), np.array([0.5]))
+    assert several.shape == (2, 3, 1, 3)
+
+
 @given(st.floats(0.0, 10.0), st.floats(0.0, 3.0))
 def test_effective_friction_is_what_no_tilt_takes_away(friction: float, resolution: float) -> None:
     effective = effective_friction(friction, resolution)
@@ -122,6 +183,37 @@ def test_known_effective_friction() -> None:
     assert effective_friction(1.0, math.radians(30.0)) == pytest.approx(1.0 / math.sqrt(3.0))
     assert effective_friction(0.5, 2.0 * math.atan(0.5)) == pytest.approx(0.0, abs=1e-15)
     assert effective_friction(0.2, 3.0) == 0.0
+
+
+def test_effective_friction_of_many_contacts_at_once() -> None:
+    friction, resolution = np.array([[0.2], [1.0]]), np.array([0.0, 0.3, 2.0])
+    found = effective_friction(friction, resolution)
+    assert found.shape == (2, 3)
+    for row, column in np.ndindex(2, 3):
+        alone = effective_friction(friction[row, 0], resolution[column])
+        assert np.shape(alone) == ()
+        assert found[row, column] == alone
+    assert effective_friction(1e-6, 1e-6) == pytest.approx(0.5e-6)
+    assert effective_friction(10.0, 0.0) == pytest.approx(10.0)
+
+
+@pytest.mark.parametrize(
+    ("friction", "resolution", "message"),
+    [
+        (-0.1, 0.1, "friction must be finite and at least 0; got -0.1"),
+        (math.nan, 0.1, "friction must be finite"),
+        (math.inf, 0.1, "friction must be finite"),
+        ([0.5, -1.0], 0.1, "friction must be finite and at least 0"),
+        (0.5, -0.1, "sensor resolution must be finite and at least 0; got -0.1"),
+        (0.5, math.nan, "sensor resolution must be finite"),
+        (0.5, [0.1, math.inf], "sensor resolution must be finite"),
+    ],
+)
+def test_effective_friction_of_numbers_that_are_none(
+    friction: Any, resolution: Any, message: str
+) -> None:
+    with pytest.raises(SettingError, match=message):
+        effective_friction(friction, resolution)
 
 
 @pytest.mark.parametrize("edges", [-1, 0, 1, 2, 2.9, 8.5, math.nan, math.inf])

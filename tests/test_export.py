@@ -99,6 +99,30 @@ def test_files_tell_how_the_minimum_over_the_tilts_is_taken(tmp_path: Path) -> N
     assert "comment grasp3d epsilon_min sampled_tilts\n" in header
 
 
+def test_files_tell_that_labels_come_from_extreme_normals(tmp_path: Path) -> None:
+    model = GraspModel(edges=6, method="extremes", extreme_normals=4)
+    found = label_surface(mesh_from_arrays(*shapes.sphere(1), max_edge=9.0), model)
+    for suffix, write in WRITERS.items():
+        write(tmp_path / f"out{suffix}", found)
+    header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
+    for line in (
+        "method extremes", "extreme_normals 4", "edges 6", "epsilon_min sampled_tilts",
+        "epsilon_max sampled_tilts",
+    ):  # fmt: skip
+        assert f"comment grasp3d {line}\n" in header
+    full = pyvista.read(tmp_path / "out.vtp")
+    assert full.field_data["method"][0] == "extremes"
+    assert np.array_equal(full.point_data["label"], found.label)
+    with np.load(tmp_path / "out.npz") as data:
+        assert str(data["setting_epsilon_max"]) == "sampled_tilts"
+        assert np.array_equal(data["epsilon_max"], found.epsilon_max)
+    plain = label_surface(found.mesh, GraspModel(edges=6))
+    write_npz(tmp_path / "plain.npz", plain)
+    with np.load(tmp_path / "plain.npz") as data:
+        assert str(data["setting_method"]) == "exact"
+        assert str(data["setting_epsilon_max"]) == "upper_bound"
+
+
 def test_trimesh_reads_the_ply(tmp_path: Path) -> None:
     write_ply(tmp_path / "out.ply", labels())
     mesh = trimesh.load_mesh(tmp_path / "out.ply", process=False)

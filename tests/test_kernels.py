@@ -122,6 +122,8 @@ def no_grasps() -> Grasps:
         np.zeros((1, 3)),
         np.zeros((1, 3)),
         np.zeros((1, 3)),
+        np.full((1, 2), -1),
+        np.zeros((1, 2, 3)),
         np.zeros(1, dtype=np.int8),
         np.zeros(1, dtype=np.int8),
         np.full(1, NO_PARTNER, dtype=np.uint8),

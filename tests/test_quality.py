@@ -264,6 +264,76 @@ def test_a_tilt_beyond_the_friction_angle_leaves_no_guarantee_to_few_contacts() 
         assert is_sound(answer)
 
 
+@given(fingers, seeds, kinds, st.sampled_from([None, 6]))
+@few
+def test_cones_widened_one_by_one_are_those_of_other_friction(
+    count: int, seed: int, kind: Any, edges: int | None
+) -> None:
+    contacts = grasps.drawn(count, seed)
+    rng = np.random.default_rng(seed)
+    angles = rng.uniform(0.1, 1.2, size=count)
+    other = grasps.changed(contacts, friction=np.tan(angles))
+    widen = angles - contacts.friction_angle
+    answer = epsilon(contacts, widen=widen, edges=edges, actuation=kind)
+    expected = epsilon(other, edges=edges, actuation=kind)
+    assert meet(answer, expected)
+    assert answer.closed == expected.closed
+    closure = force_closure(contacts, widen=widen, edges=edges)
+    assert closure.closed == expected.closed
+    # In a batch every grasp has its own.
+    batch = grasps.stacked([contacts, contacts, contacts])
+    each = force_closure(batch, widen=np.stack([widen, 0.0 * widen, widen]), edges=edges)
+    middle = force_closure(contacts, edges=edges).closed
+    assert each.closed.tolist() == [closure.closed, middle, closure.closed]
+    groups = epsilon(batch, widen=widen[None], edges=edges, actuation=kind)
+    assert groups.lower == pytest.approx(np.tile(answer.lower, 3), rel=1e-9)
+
+
+def test_one_angle_for_all_is_the_same_for_each() -> None:
+    contacts = grasps.stacked([grasps.drawn(3, seed) for seed in range(20)])
+    one = epsilon(contacts, widen=-0.1)
+    for widen in (np.full(3, -0.1), np.full((20, 1), -0.1), np.full((20, 3), -0.1)):
+        np.testing.assert_array_equal(epsilon(contacts, widen=widen).lower, one.lower)
+    few_of_each = contacts_in_groups(contacts, 5)
+    least = minimum(few_of_each, widen=np.full((4, 5, 3), -0.1))
+    np.testing.assert_array_equal(least.lower, one.lower.reshape(4, 5).min(axis=1))
+
+
+def test_a_contact_whose_tilt_exceeds_its_own_friction_leaves_no_guarantee() -> None:
+    contacts = grasps.around_a_ball("triangle")
+    assert force_closure(contacts, widen=[-0.1, -0.1, -0.1]).closed
+    answer = force_closure(contacts, widen=[-0.1, -0.5, -0.1])
+    assert not answer.closed
+    assert np.isnan(answer.certificate.equilibrium).all()
+    # The other three close, and what the fourth does is not known.
+    four = Contacts(
+        np.vstack([contacts.points, [0, 0, 1]]), np.vstack([contacts.normals, [0, 0, -1]]), 0.5
+    )
+    for solve in (force_closure, epsilon):
+        answer = solve(four, widen=[-0.1, -0.1, -0.1, -0.5])
+        assert not answer.closed
+        assert answer.status == Status.UNDECIDED
+
+
+@given(fingers, seeds, st.floats(0.3, 1.5))
+@few
+def test_cones_of_90_degrees_and_more_have_no_equilibrium_to_show(
+    count: int, seed: int, widen: float
+) -> None:
+    """They are not convex: sums of forces inside them may lie outside."""
+    contacts = grasps.drawn(count, seed)
+    one_wide = np.where(np.arange(count) == 0, widen, 0.0)
+    for more in (widen, one_wide):
+        answer = force_closure(contacts, widen=more)
+        angles = contacts.friction_angle + more
+        if (angles >= math.pi / 2.0).any():
+            assert np.isnan(answer.certificate.equilibrium).all()
+        elif answer.closed:
+            pushes = answer.certificate.equilibrium[:, :3]
+            pairs = zip(pushes, contacts.normals, angles, strict=True)
+            assert all(oracles.angle(push, n) < angle for push, n, angle in pairs)
+
+
 # Certificates, checked by plain linear algebra
 
 
@@ -956,6 +1026,9 @@ TRIPLE = grasps.around_a_ball("triangle")
         ({"threads": -2}, "threads must be at least 1; got -2"),
         ({"widen": math.nan}, "widen must be"),
         ({"widen": math.inf}, "widen must be"),
+        ({"widen": [0.1, math.nan, 0.1]}, "widen must be finite"),
+        ({"widen": [0.1, 0.2]}, r"widen must be one number or have shape \(.*3,?\); got \(2,\)"),
+        ({"edges": 8, "widen": [0.0, 0.0, 1.2]}, "polygonal friction cones must stay below 90"),
     ],
 )
 def test_settings_out_of_range(options: dict[str, Any], message: str) -> None:

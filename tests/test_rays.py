@@ -57,6 +57,8 @@ def empty_grasps(count: int) -> Grasps:
         np.zeros((count, 3)),
         np.zeros((count, 3)),
         np.zeros((count, 3)),
+        np.full((count, 2), -1),
+        np.zeros((count, 2, 3)),
         np.zeros(count, dtype=np.int8),
         np.zeros(count, dtype=np.int8),
         np.full(count, NO_PARTNER, dtype=np.uint8),

@@ -27,6 +27,10 @@ def test_resolution_lies_between_0_and_180_degrees(degrees: float) -> None:
         ({"torsion_radius": -1.0}, "torsion radius must be a finite length of at least 0; got -1"),
         ({"torsion_radius": math.inf}, "torsion radius must be a finite length"),
         ({"torsion_radius": math.nan}, "torsion radius must be a finite length"),
+        ({"method": "guess"}, "no method is called 'guess'; known: exact, extremes"),
+        ({"extreme_normals": 2}, "extreme normals must be from 3 to 360; got 2"),
+        ({"extreme_normals": 361}, "extreme normals must be from 3 to 360; got 361"),
+        ({"extreme_normals": 8.0}, "extreme normals must be from 3 to 360; got 8.0"),
     ],
 )
 def test_the_model_of_epsilon_says_what_would_be_right(
@@ -44,6 +48,9 @@ def test_the_model_of_epsilon_says_what_would_be_right(
         ({"edges": 3}, "effective_friction", 5),
         ({"torsion_radius": 0.01}, "sampled_tilts", 6),
         ({"torsion_radius": 0.01, "edges": 8}, "sampled_tilts", 6),
+        ({"method": "extremes"}, "sampled_tilts", 5),
+        ({"method": "extremes", "edges": 8}, "sampled_tilts", 5),
+        ({"extreme_normals": 3}, "exact", 5),
     ],
 )
 def test_the_model_tells_how_epsilon_is_taken(

@@ -10,6 +10,7 @@ from grasp3d import Contacts, SettingError, epsilon, minimum, tilting
 from grasp3d.cones import tilted_normals
 from grasp3d.tilting import EpsilonRange, epsilon_range
 from tests import oracles
+from tests.tilts import anywhere, every, with_normals
 
 RTOL = 1e-2
 BETA = math.atan(0.5)
@@ -83,6 +84,61 @@ def test_no_tilt_of_hard_fingers_is_worse_than_the_minimum_and_one_reaches_it(
     worst = Contacts(contacts.points, turned_away(contacts.normals, against, tilt))
     reached = epsilon(worst, rtol=RTOL, actuation=actuation)
     assert (reached.lower <= hardest.upper + 1e-12).all()
+
+
+@pytest.mark.parametrize("settings", SETTINGS, ids=str)
+def test_no_tilt_leaves_the_range_where_each_contact_has_its_own(settings: dict[str, Any]) -> None:
+    options = dict(settings)
+    rng = np.random.default_rng(3)
+    friction = rng.uniform(0.3, 1.0, size=(30, 3))
+    contacts = grasps(30, 3, friction=friction, torsion_radius=options.pop("torsion_radius", 0.0))
+    tilt = rng.uniform(0.0, 0.25, size=(30, 3)) * (rng.random((30, 3)) < 0.8)
+    found = epsilon_range(contacts, tilt, rtol=RTOL, **options)
+    exact = "edges" not in options and not contacts.torsion_radius.any()
+    for _ in range(20):
+        other = epsilon(
+            with_normals(contacts, anywhere(contacts.normals, tilt, rng)), rtol=RTOL, **options
+        )
+        assert (other.lower <= found.maximum).all()
+        assert not exact or (other.upper >= found.minimum).all()
+    assert (found.minimum < found.nominal).any()
+    assert (found.minimum > 0.0).any()
+
+
+@pytest.mark.parametrize("torsion", [0.0, 0.1])
+def test_the_same_tilt_everywhere_is_one_tilt(torsion: float) -> None:
+    contacts = grasps(12, torsion_radius=torsion)
+    one = epsilon_range(contacts, 0.2, rtol=RTOL)
+    for tilt in (np.full(2, 0.2), np.full((12, 2), 0.2), np.full((12, 1), 0.2)):
+        many = epsilon_range(contacts, tilt, rtol=RTOL)
+        for name in ("nominal", "minimum", "maximum"):
+            np.testing.assert_array_equal(getattr(many, name), getattr(one, name))
+
+
+@pytest.mark.parametrize("torsion", [0.0, 0.1])
+def test_grasps_of_a_batch_keep_their_own_tilts(
+    torsion: float, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    contacts = grasps(6, torsion_radius=torsion)
+    tilt = np.random.default_rng(0).uniform(0.0, 0.4, size=(6, 2))
+    tilt[2] = 0.0
+    monkeypatch.setattr(tilting, "PART", 4)
+    whole = epsilon_range(contacts, tilt, rtol=SHARP)
+    for b in range(6):
+        alone = Contacts(contacts.points[b], contacts.normals[b], 0.5, torsion)
+        one = epsilon_range(alone, tilt[b], rtol=SHARP)
+        for name in ("nominal", "minimum", "maximum"):
+            assert getattr(one, name) == pytest.approx(getattr(whole, name)[b], rel=1e-9)
+
+
+def test_the_minimum_of_soft_fingers_takes_each_tilt_at_its_contact() -> None:
+    contacts, tilt = grasps(4, torsion_radius=0.1), np.array([0.3, 0.05])
+    found = epsilon_range(contacts, tilt, rtol=SHARP).minimum
+    for b in range(4):
+        alone = Contacts(contacts.points[b], contacts.normals[b], 0.5, 0.1)
+        tested = [tilted_normals(n, t) for n, t in zip(alone.normals, tilt, strict=True)]
+        least = epsilon(every(alone, tested), rtol=SHARP).upper.min()
+        assert (1.0 - 2.0 * SHARP) * least <= found[b] <= least
 
 
 def turned_away(normals: np.ndarray, goals: np.ndarray, tilt: float) -> np.ndarray:
@@ -208,7 +264,31 @@ def test_one_grasp_and_no_grasp() -> None:
     assert none.maximum.shape == (0,)
 
 
-@pytest.mark.parametrize("tilt", [-0.1, math.pi / 2.0, math.nan])
+@pytest.mark.parametrize("tilt", [-0.1, math.pi / 2.0])
 def test_a_tilt_out_of_range_is_an_error(tilt: float) -> None:
     with pytest.raises(SettingError, match="tilt must be from 0 to below pi/2"):
         epsilon_range(pole_to_pole(), tilt)
+
+
+@pytest.mark.parametrize(
+    ("tilt", "message"),
+    [
+        ([0.1, -0.1], "tilt must be from 0 to below pi/2"),
+        (math.nan, "tilt must be finite"),
+        ([0.1, math.nan], "tilt must be finite"),
+        ("steep", "tilt must be a number"),
+        ([0.1, 0.2, 0.3], r"tilt must be one number or have shape \(2,\); got \(3,\)"),
+        ([[0.1, 0.2]], r"tilt must be one number or have shape \(2,\); got \(1, 2\)"),
+    ],
+)
+def test_tilts_that_fit_no_contact_are_an_error(tilt: Any, message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        epsilon_range(pole_to_pole(), tilt)
+
+
+def test_only_where_normals_may_tilt_friction_is_needed() -> None:
+    contacts = pole_to_pole(friction=[0.5, 0.0])
+    narrower = epsilon(contacts, widen=[-0.2, 0.0])
+    assert epsilon_range(contacts, [0.2, 0.0]).minimum == narrower.lower > 0.0
+    with pytest.raises(SettingError, match="friction must be above 0 where normals may tilt"):
+        epsilon_range(contacts, [0.2, 0.1])

@@ -32,6 +32,10 @@ class Grasps(NamedTuple):
     """Second contact of the grasp of `worst` (V, 3)."""
     partner_normal: npt.NDArray[np.float64]
     """Normal there (V, 3)."""
+    faces: npt.NDArray[np.int64]
+    """Face of the second contact, of the grasp of `worst` and of that of `best` (V, 2); -1 none."""
+    weights: npt.NDArray[np.float64]
+    """Their barycentric coordinates (V, 2, 3)."""
     signs: npt.NDArray[np.int8]
     """+1 squeeze, -1 expand, of the grasp of `worst`."""
     signs_best: npt.NDArray[np.int8]
@@ -101,8 +105,13 @@ def consider(v, sign, partner, opening, face, weights, surface, sets, grasps, fo
         for k in range(3):
             grasps.partner[v, k] = partner[k]
             grasps.partner_normal[v, k] = found[0, k]
+            grasps.weights[v, 0, k] = weights[k]
+        grasps.faces[v, 0] = face
     if low < grasps.best[v] - TIE:
         grasps.best[v] = low
         grasps.signs_best[v] = sign
         grasps.closing_best[v, 0], grasps.closing_best[v, 1] = x, y
         grasps.closing_best[v, 2] = z
+        for k in range(3):
+            grasps.weights[v, 1, k] = weights[k]
+        grasps.faces[v, 1] = face

@@ -68,6 +68,11 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         f"size {mesh.size:.4g} {mesh.unit or '(unit not stated)'}; friction {model.friction:g}, "
         f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
     )
+    if model.method == "extremes":
+        console.print(
+            f"labels by enumeration: {model.extreme_normals} extreme normals per contact, cones "
+            f"{'circular' if model.edges is None else f'with {model.edges} edges'}"
+        )
     if labels.sampling is not None and (differences := _differences(labels.sampling)):
         console.print("searched with " + differences)
     table = Table("label", "", "share of area", box=None, pad_edge=False)

@@ -1,10 +1,27 @@
 """Places on a surface."""
 
+from dataclasses import dataclass
+
 import numpy as np
 import trimesh
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import Floats, Ints
 from grasp3d.mesh.object_mesh import ObjectMesh
+
+
+@dataclass(frozen=True, eq=False)
+class SurfacePlaces:
+    """Places anywhere on a surface."""
+
+    faces: Ints
+    """Face of each, shape (...); -1: nowhere."""
+    weights: Floats
+    """Barycentric coordinates on it, shape (..., 3)."""
+
+    def positions(self, mesh: ObjectMesh) -> Floats:
+        """Where they are, in the mesh's frame and unit, shape (..., 3)."""
+        corners = mesh.vertices[mesh.faces[self.faces]]  # (..., 3, 3)
+        return (self.weights[..., None, :] @ corners)[..., 0, :]
 
 
 def nearest_place(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int, Floats]:

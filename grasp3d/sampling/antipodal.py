@@ -27,6 +27,7 @@ from grasp3d._kernels.seeds import Frames, seed_rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import crease_twins
+from grasp3d.mesh.places import SurfacePlaces
 from grasp3d.rays import SurfaceRays
 from grasp3d.settings import Sampling
 
@@ -75,6 +76,8 @@ class AntipodalGrasps:
     """Second contact of the grasp of `worst`, nan where there is none. (V, 3)"""
     partner_normal: Floats
     """Inward unit normal there. (V, 3)"""
+    places: SurfacePlaces
+    """Second contacts of the grasps of `worst` and of `best`. (V, 2)"""
     grip: np.ndarray[Any, np.dtype[np.int8]]
     """+1 squeeze, -1 expand, 0 none. (V,)"""
     reason: Bytes
@@ -210,6 +213,8 @@ class _Search:
             closing_best=np.zeros((count, 3)),
             partner=np.full((count, 3), math.nan),
             partner_normal=np.full((count, 3), math.nan),
+            faces=np.full((count, 2), -1, dtype=np.int64),
+            weights=np.zeros((count, 2, 3)),
             signs=np.zeros(count, dtype=np.int8),
             signs_best=np.zeros(count, dtype=np.int8),
             reason=np.full(count, NO_PARTNER, dtype=np.uint8),
@@ -343,6 +348,7 @@ class _Search:
             best=self.grasps.best[stands_for],
             partner=self.mesh.from_normalized(self.grasps.partner[stands_for]),
             partner_normal=self.grasps.partner_normal[stands_for],
+            places=SurfacePlaces(self.grasps.faces[stands_for], self.grasps.weights[stands_for]),
             grip=self.grasps.signs[stands_for],
             reason=self.grasps.reason[stands_for],
             rays=self.traced,
