@@ -35,6 +35,7 @@ if TYPE_CHECKING:
         force_closure,
         minimum,
     )
+    from grasp3d.sensor import Sensor, resolution_limit
     from grasp3d.settings import GraspModel, MeshOptions, Sampling
     from grasp3d.stability import COLORS, Label
     from grasp3d.surface import label_surface, scan_surface
@@ -68,6 +69,7 @@ _HOMES = {
         "force_closure",
         "minimum",
     ),
+    "sensor": ("Sensor", "resolution_limit"),
     "settings": ("GraspModel", "MeshOptions", "Sampling"),
     "stability": ("COLORS", "Label"),
     "surface": ("label_surface", "scan_surface"),
@@ -97,6 +99,7 @@ __all__ = [
     "Reason",
     "Sampling",
     "SearchCoverageError",
+    "Sensor",
     "SettingError",
     "SphereAngles",
     "Stability",
@@ -115,6 +118,7 @@ __all__ = [
     "mesh_from_arrays",
     "minimum",
     "planar",
+    "resolution_limit",
     "scan_surface",
     "write_glb",
     "write_npz",

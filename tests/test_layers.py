@@ -11,7 +11,7 @@ PACKAGE = Path(grasp3d.__file__).parent
 FLOORS = [
     {"errors", "arrays", "processors"},
     {"settings", "files"},
-    {"_kernels"},
+    {"_kernels", "sensor"},
     {"contacts", "cones"},
     {"wrenches"},
     {"solving"},

@@ -12,12 +12,14 @@ from typing import Annotated
 import tyro
 
 from grasp3d.cli.batch import Batch
+from grasp3d.cli.design import Design
 from grasp3d.cli.label import Label
 from grasp3d.errors import GraspError
 
 Command = (
     Annotated[Label, tyro.conf.subcommand("label")]
     | Annotated[Batch, tyro.conf.subcommand("batch")]
+    | Annotated[Design, tyro.conf.subcommand("design")]
 )
 
 BAD_INPUT = 2

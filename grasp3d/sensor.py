@@ -1,0 +1,305 @@
+"""Tactile sensors: from fingertip and receptive field to the resolution that decides grasps.
+
+A fingertip localises a contact only down to its receptive field, an arc of length l on its surface.
+On a tip of radius R the normals of that arc differ by alpha = l / R: the sensor resolution. A flat
+tip has one normal everywhere, so alpha = 0 and the location alone is uncertain. Fewer than seven
+contacts (four in the plane) are surely stable only while alpha < 2 atan(friction) (Wan & Howe 2018,
+Sec. III, who write alpha <= 2 beta; at the bound itself nothing is).
+
+Wan & Howe's numbers, for a hemispherical fingertip of 2 cm diameter: friction 0.5 needs 53 degrees,
+an arc of about 9 mm and 10 sensors; friction 0.2 needs 22.6 degrees, about 4 mm and 50 sensors.
+Computed here: 53.13 degrees, 9.27 mm, 10; 22.62 degrees, 3.95 mm and 52. Their 50 is what 3.95 mm
+rounded to 4 gives.
+
+Any unit of length will do, the same for all lengths.
+"""
+
+import math
+from dataclasses import dataclass
+
+from grasp3d.errors import SettingError
+
+SMALL = 0.05
+"""Largest location uncertainty that is small against the object, a share of its size. There the
+line of two opposing fingers may turn by some atan(2 x 0.05), all that a friction of 0.1 bears."""
+
+COUNT_ROUNDING = 1e-12
+"""Share by which a number of sensors may exceed a whole number and still be that number."""
+
+
+def resolution_limit(friction: float) -> float:
+    """Resolution alpha that a sensor must stay below for any grasp to be surely stable [rad].
+
+    Wan & Howe 2018, Sec. III: 2 atan(friction).
+
+    Args:
+        friction: Coulomb coefficient, above 0.
+
+    Raises:
+        SettingError: The friction is no finite number above 0.
+    """
+    if not (friction > 0.0 and math.isfinite(friction)):
+        raise SettingError(f"friction must be a finite number above 0; got {friction:g}")
+    return 2.0 * math.atan(friction)
+
+
+@dataclass(frozen=True)
+class Sensor:
+    """A tactile fingertip, hemispherical or flat, known down to its receptive field."""
+
+    receptive_field: float
+    """Length of the arc on which contacts feel alike, above 0, below half the circumference."""
+    fingertip_radius: float
+    """Radius of the tip, above 0; inf: a flat tip."""
+
+    def __post_init__(self) -> None:
+        radius, field = self.fingertip_radius, self.receptive_field
+        if not radius > 0.0:
+            raise SettingError(f"fingertip radius must be above 0, inf for flat; got {radius:g}")
+        if not (field > 0.0 and math.isfinite(field)):
+            raise SettingError(f"receptive field must be a finite length above 0; got {field:g}")
+        if not self.resolution < math.pi:
+            raise SettingError(
+                "receptive field must be shorter than half the fingertip's circumference, "
+                f"pi x {radius:g} = {math.pi * radius:.4g}; got {field:g}"
+            )
+
+    @classmethod
+    def of_curvature(cls, receptive_field: float, curvature: float) -> "Sensor":
+        """Make a sensor from its fingertip's curvature.
+
+        Args:
+            receptive_field: Length of the arc on which contacts feel alike.
+            curvature: 1 / radius, at least 0; 0: a flat tip.
+
+        Raises:
+            SettingError: A value is outside its range.
+        """
+        return cls(receptive_field, radius_of(curvature))
+
+    @classmethod
+    def for_resolution(cls, resolution: float, fingertip_radius: float) -> "Sensor":
+        """Make the sensor that has a resolution.
+
+        Args:
+            resolution: Angle between the extreme normals [rad], above 0, below pi.
+            fingertip_radius: Radius of the tip, above 0 and finite.
+
+        Raises:
+            SettingError: A value is outside its range, or the tip is flat, whose resolution is 0
+                whatever its receptive field.
+        """
+        if not 0.0 < resolution < math.pi:
+            raise SettingError(
+                "a round fingertip's resolution must be above 0 and below 180 degrees (pi "
+                f"radians); got {math.degrees(resolution):g} degrees (in Python angles are radians)"
+            )
+        if math.isinf(fingertip_radius):
+            raise SettingError(
+                "a flat fingertip has the same normal everywhere, its resolution is 0; "
+                "give its receptive field instead"
+            )
+        return cls(resolution * fingertip_radius, fingertip_radius)
+
+    @classmethod
+    def limiting(
+        cls, friction: float, fingertip_radius: float, *, opening: float = math.inf
+    ) -> "Sensor":
+        """Sensor that is just too coarse at a friction: every finer one is fine enough.
+
+        Args:
+            friction: Coulomb coefficient, above 0.
+            fingertip_radius: Radius of the tip; inf: flat.
+            opening: Distance between two opposing fingers whose uncertain locations count as
+                well, see `misalignment`; inf: the normals alone count.
+
+        Raises:
+            SettingError: A value is outside its range, or the tip is flat and no opening is given:
+                then no receptive field is too long.
+        """
+        beta = resolution_limit(friction) / 2.0
+        half = _half(opening)
+        if math.isinf(fingertip_radius):
+            if math.isinf(half):
+                raise SettingError(
+                    "a flat fingertip has the same normal everywhere, so no receptive field is too "
+                    "long for its normals; give the opening (on the command line --object-size) "
+                    "to count its locations"
+                )
+            return cls(2.0 * half * friction, fingertip_radius)
+        if not fingertip_radius > 0.0 or math.isinf(half / fingertip_radius):
+            return cls(2.0 * beta * fingertip_radius, fingertip_radius)
+        # The tip's centre, the contact and the middle of the line make a triangle whose outer angle
+        # at the contact is beta. In radii: `base` is the tangent from the middle to the tip,
+        # `reach` the way from the contact to the middle.
+        base = math.sqrt(half / fingertip_radius) * math.sqrt(2.0 + half / fingertip_radius)
+        reach = base * (base / (math.cos(beta) + math.hypot(math.cos(beta), base)))
+        tilt = math.atan2(reach * math.sin(beta), 1.0 + reach * math.cos(beta))
+        return cls(2.0 * tilt * fingertip_radius, fingertip_radius)
+
+    @property
+    def flat(self) -> bool:
+        """Whether the tip is flat."""
+        return math.isinf(self.fingertip_radius)
+
+    @property
+    def curvature(self) -> float:
+        """Curvature of the tip, 1 / radius; 0: flat."""
+        return 1.0 / self.fingertip_radius
+
+    @property
+    def resolution(self) -> float:
+        """Sensor resolution alpha [rad]: the angle between the receptive field's outer normals."""
+        return self.receptive_field / self.fingertip_radius
+
+    @property
+    def tilt(self) -> float:
+        """How far the true normal may lie from the perceived one, alpha / 2 [rad]."""
+        return self.resolution / 2.0
+
+    @property
+    def location_uncertainty(self) -> float:
+        """How far the contact may lie from where it is perceived: half the receptive field."""
+        return self.receptive_field / 2.0
+
+    @property
+    def sensors_by_discs(self) -> int | None:
+        """Fewest sensors that cover a hemisphere, as Wan & Howe 2018 count them.
+
+        Area of the hemisphere over that of equal discs as wide as the receptive field: 8 / alpha^2,
+        rounded up. A lower bound: no layout of two or more overlaps by less than 21 % (Kershner
+        1939 in the plane, L. Fejes Toth on the sphere).
+
+        None for a flat tip, or one so nearly flat that the number exceeds all bounds.
+        """
+        return _count(8.0, self.resolution)
+
+    @property
+    def sensors_by_caps(self) -> int | None:
+        """Fewest sensors that cover a hemisphere, counting spherical caps of half-angle alpha / 2.
+
+        1 / (1 - cos(alpha / 2)), rounded up; `sensors_by_discs` or one more, since caps are smaller
+        than flat discs. A lower bound as well; None as there.
+        """
+        return _count(0.5, math.sin(self.resolution / 4.0))
+
+    @property
+    def required_friction(self) -> float:
+        """Friction above which grasps can be surely stable, tan(alpha / 2).
+
+        At this value itself none is, short of seven contacts (four in the plane). 0 for a flat tip.
+        """
+        return self.required_friction_at(math.inf)
+
+    def line_error(self, opening: float) -> float:
+        """How far the line between two opposing fingers may turn, since both places are uncertain.
+
+        Each contact may lie anywhere in its receptive field; worst is that both lie at the ends of
+        it, on opposite sides of the perceived line. Flat tips: atan(receptive field / opening).
+        Round ones are exact as well: their ends lie R sin(alpha / 2) aside and
+        R (1 - cos(alpha / 2)) back, and no line turns past the one that touches both tips.
+
+        Args:
+            opening: Distance between the perceived contacts, above 0; normals lie on their line.
+
+        Returns:
+            The angle [rad].
+
+        Raises:
+            SettingError: The opening is no length above 0.
+        """
+        half, radius = _half(opening), self.fingertip_radius
+        if self.flat:
+            return math.atan2(self.location_uncertainty, half)
+        touching = math.atan2(math.sqrt(half) * math.sqrt(2.0 * radius + half), radius)
+        tilt = min(self.tilt, touching)
+        back = radius * (2.0 * math.sin(tilt / 2.0) ** 2)
+        return math.atan2(radius * math.sin(tilt), half + back)
+
+    def misalignment(self, opening: float) -> float:
+        """Largest angle between a true normal and the true line of two opposing fingers [rad].
+
+        Tilt and turn of the line come from the same displacement and add up: alpha / 2 +
+        `line_error`. Exact up to 90 degrees, from where on no friction helps. Wan & Howe 2018 count
+        the tilt alone, which is what a wide opening leaves.
+
+        Args:
+            opening: Distance between the perceived contacts, above 0, or inf.
+
+        Raises:
+            SettingError: The opening is no length above 0.
+        """
+        return self.tilt + self.line_error(opening)
+
+    def required_friction_at(self, opening: float) -> float:
+        """Friction above which two opposing fingers can be surely stable, locations counted.
+
+        The tangent of `misalignment`; receptive field / opening for flat tips.
+
+        Args:
+            opening: Distance between the perceived contacts, above 0, or inf.
+
+        Returns:
+            The coefficient; inf where no friction is enough.
+
+        Raises:
+            SettingError: The opening is no length above 0.
+        """
+        angle = self.misalignment(opening)
+        return math.tan(angle) if angle < math.pi / 2.0 else math.inf
+
+    def warnings(self, object_size: float) -> tuple[str, ...]:
+        """Say what a model of uncertain normals alone leaves out on an object.
+
+        Args:
+            object_size: Distance between two opposing fingers on the object, above 0.
+
+        Returns:
+            A sentence where the location uncertainty exceeds 5 % of the object, else nothing.
+
+        Raises:
+            SettingError: The size is no length above 0.
+        """
+        turn, needed = self.line_error(object_size), self.required_friction_at(object_size)
+        share = self.location_uncertainty / object_size
+        if share <= SMALL:
+            return ()
+        friction = (
+            f"which takes a friction above {needed:.4g} instead of {self.required_friction:.4g}"
+            if math.isfinite(needed)
+            else "which no friction can bear"
+        )
+        sentence = (
+            f"the location uncertainty, {100.0 * share:.3g} % of the object's size, is not small "
+            f"(up to {100.0 * SMALL:g} %): the line of two opposing fingers may turn by up to "
+            f"{math.degrees(turn):.3g} degrees, {friction}"
+        )
+        return (sentence,)
+
+
+def radius_of(curvature: float) -> float:
+    """Radius of a fingertip of known curvature; inf: flat.
+
+    Args:
+        curvature: At least 0.
+
+    Raises:
+        SettingError: The curvature is no finite number of at least 0.
+    """
+    if not (curvature >= 0.0 and math.isfinite(curvature)):
+        raise SettingError(
+            f"curvature must be a finite number of at least 0, 0 for flat; got {curvature:g}"
+        )
+    return 1.0 / curvature if curvature > 0.0 else math.inf
+
+
+def _half(opening: float) -> float:
+    if not opening > 0.0:
+        raise SettingError(f"the distance between two fingers must be above 0; got {opening:g}")
+    return opening / 2.0
+
+
+def _count(numerator: float, denominator: float) -> int | None:
+    """Sensors, numerator / denominator^2 rounded up; None where that exceeds all bounds."""
+    sensors = numerator / denominator / denominator if denominator > 0.0 else math.inf
+    return None if math.isinf(sensors) else math.ceil(sensors * (1.0 - COUNT_ROUNDING))
