@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from grasp3d.settings import GraspModel, MeshOptions, Sampling
     from grasp3d.stability import COLORS, Label
     from grasp3d.surface import label_surface, scan_surface
+    from grasp3d.sweeps import Sweep, mean_sweep, sweep, write_sweeps
     from grasp3d.tilting import EpsilonRange, epsilon_range
 
 _HOMES = {
@@ -73,6 +74,7 @@ _HOMES = {
     "settings": ("GraspModel", "MeshOptions", "Sampling"),
     "stability": ("COLORS", "Label"),
     "surface": ("label_surface", "scan_surface"),
+    "sweeps": ("Sweep", "mean_sweep", "sweep", "write_sweeps"),
     "tilting": ("EpsilonRange", "epsilon_range"),
 }
 _ROOMS = ("planar",)
@@ -105,6 +107,7 @@ __all__ = [
     "Stability",
     "Status",
     "SurfaceLabels",
+    "Sweep",
     "accuracy_ceiling",
     "classify",
     "critical_friction_angle",
@@ -115,14 +118,17 @@ __all__ = [
     "force_closure",
     "label_surface",
     "load_mesh",
+    "mean_sweep",
     "mesh_from_arrays",
     "minimum",
     "planar",
     "resolution_limit",
     "scan_surface",
+    "sweep",
     "write_glb",
     "write_npz",
     "write_ply",
+    "write_sweeps",
     "write_vtp",
 ]
 

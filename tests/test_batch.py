@@ -18,9 +18,9 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.batch import run as runner
-from grasp3d.batch.job import BatchSettings, Job, Row, label_file
+from grasp3d.batch.job import BatchSettings, Job, Row, label_file, lost_row
 from grasp3d.batch.plan import make_folders, plan
+from grasp3d.batch.run import run
 from grasp3d.batch.store import write_summary
 from tests import shapes
 
@@ -143,15 +143,13 @@ def killed(job: Job, settings: BatchSettings) -> Row:
 
 
 @pytest.mark.slow
-def test_a_mesh_that_kills_its_process_harms_no_other(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_mesh_that_kills_its_process_harms_no_other(tmp_path: Path) -> None:
     for name in ("1.ply", "2_deadly.ply", "3.ply", "4_strange.ply", "5.ply", "6.ply"):
         ball(tmp_path / "in" / name)
     jobs = plan([tmp_path / "in"], tmp_path / "out")
-    monkeypatch.setattr(runner, "label_file", killed)
     make_folders(jobs)
-    rows = {row.mesh: row for row in runner.run(jobs, SETTINGS, workers=2)}
+    done = run(killed, jobs, SETTINGS, lost=lost_row, workers=2)
+    rows = {row.mesh: row for row in done}
     assert len(rows) == 6
     assert "died" in rows["2_deadly.ply"].error
     assert "unexpected ValueError: no one thought of this" in rows["4_strange.ply"].error

@@ -98,6 +98,16 @@ def label_file(job: Job, settings: BatchSettings) -> Row:
     return replace(row, source=str(job.source), seconds=time.perf_counter() - begun)
 
 
+def lost_row(job: Job, reason: str) -> Row:
+    """Row of a mesh whose process did not come back with one.
+
+    Args:
+        job: The file.
+        reason: What ended the process.
+    """
+    return Row(job.name, str(job.source), f"{job.source}: {reason}")
+
+
 def _labeled(job: Job, settings: BatchSettings) -> Row:
     # Loaded here: whoever plans a batch or reads its rows needs no rays and no compiler.
     from grasp3d.export import writer_for  # noqa: PLC0415

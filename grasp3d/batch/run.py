@@ -3,13 +3,16 @@
 import logging
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
+from typing import TypeVar
 
 import dask
 from distributed import Client, KilledWorker, LocalCluster, as_completed
 
-from grasp3d.batch.job import BatchSettings, Job, Row, label_file
+JobT = TypeVar("JobT")
+SettingsT = TypeVar("SettingsT")
+RowT = TypeVar("RowT")
 
 _CONFIG = {
     # With one task per worker and no second chance, a death is blamed on the mesh that ran.
@@ -24,31 +27,38 @@ _CONFIG = {
 }
 
 
-def run(jobs: Sequence[Job], settings: BatchSettings, *, workers: int) -> Iterator[Row]:
-    """Label the jobs' meshes and yield each row when it is done.
+def run(
+    task: Callable[[JobT, SettingsT], RowT],
+    jobs: Sequence[JobT],
+    settings: SettingsT,
+    *,
+    lost: Callable[[JobT, str], RowT],
+    workers: int,
+) -> Iterator[RowT]:
+    """Do a task for every job and yield each row when it is done.
 
     Args:
-        jobs: The meshes; the folders of their results exist.
-        settings: Model, sampling and mesh options.
+        task: What is done for one job, a function of a module; failures that it foresees are rows.
+        jobs: One for each mesh.
+        settings: The same for all of them.
+        lost: Makes the row of a job whose process did not come back, from the reason.
         workers: Processes to use, one thread each.
     """
+    if not jobs:
+        return
     with _client(min(workers, len(jobs))) as client:
-        futures = client.map(label_file, jobs, settings=settings, pure=False, batch_size=None)
+        futures = client.map(task, jobs, settings=settings, pure=False, batch_size=None)
         job_of = {future.key: job for future, job in zip(futures, jobs, strict=True)}
         for future in as_completed(futures):
             error = future.exception()
-            yield future.result() if error is None else _lost(job_of[future.key], error)
+            yield future.result() if error is None else lost(job_of[future.key], _told(error))
             future.release()
-
-
-def _lost(job: Job, error: BaseException) -> Row:
-    return Row(job.name, str(job.source), f"{job.source}: {_told(error)}")
 
 
 def _told(error: BaseException) -> str:
     """Say in one sentence what ended a job that did not end by itself."""
     if isinstance(error, KilledWorker):
-        return "the process that labelled this mesh died: out of memory, or a crash in a reader"
+        return "the process that worked on this mesh died: out of memory, or a crash in a reader"
     return f"unexpected {type(error).__name__}: {error}; please report this mesh"
 
 

@@ -1,46 +1,13 @@
 """The summary of a batch as a Parquet table."""
 
-import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
-
-import pyarrow as pa
-import pyarrow.parquet as pq
+from types import NoneType
+from typing import get_args, get_type_hints
 
 from grasp3d.batch.job import BatchSettings, Row
-from grasp3d.files import written_whole
-
-_SCHEMA = pa.schema(
-    [
-        ("mesh", pa.string()),
-        ("source", pa.string()),
-        ("error", pa.string()),
-        ("labeled", pa.string()),
-        ("vertices", pa.int64()),
-        ("faces", pa.int64()),
-        ("size", pa.float64()),
-        ("unit", pa.string()),
-        ("closed", pa.bool_()),
-        ("stable", pa.float64()),
-        ("ambiguous", pa.float64()),
-        ("no_grasp_found", pa.float64()),
-        ("critical_angle_p10", pa.float64()),
-        ("critical_angle_p50", pa.float64()),
-        ("critical_angle_p90", pa.float64()),
-        ("epsilon_p10", pa.float64()),
-        ("epsilon_p50", pa.float64()),
-        ("epsilon_p90", pa.float64()),
-        ("epsilon_min_p10", pa.float64()),
-        ("epsilon_min_p50", pa.float64()),
-        ("epsilon_min_p90", pa.float64()),
-        ("torque_scale", pa.float64()),
-        ("repairs", pa.string()),
-        ("warnings", pa.string()),
-        ("seconds", pa.float64()),
-    ]
-)
+from grasp3d.tables import write_table
 
 
 def write_summary(path: Path, rows: Sequence[Row], settings: BatchSettings) -> None:
@@ -56,21 +23,17 @@ def write_summary(path: Path, rows: Sequence[Row], settings: BatchSettings) -> N
     Raises:
         OutputError: The file cannot be written.
     """
-    table = pa.Table.from_pylist(
-        [_printable(asdict(row)) for row in sorted(rows, key=lambda row: row.mesh)], schema=_SCHEMA
-    )
     model = settings.model
     told = {"epsilon_rank": model.epsilon_rank, "epsilon_min": model.tilts}
-    metadata = {"grasp3d": json.dumps({**asdict(settings), **told})}
-    with written_whole(path) as part:
-        pq.write_table(table.replace_schema_metadata(metadata), part)
+    write_table(
+        path,
+        [asdict(row) for row in sorted(rows, key=lambda row: row.mesh)],
+        {name: _without_none(hint) for name, hint in get_type_hints(Row).items()},
+        settings={**asdict(settings), **told},
+    )
 
 
-def _printable(row: dict[str, Any]) -> dict[str, Any]:
-    """Write out the bytes of file names that are no Unicode."""
-    return {
-        key: value.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-        if isinstance(value, str)
-        else value
-        for key, value in row.items()
-    }
+def _without_none(hint: type) -> type:
+    """Type of a field that may be empty."""
+    kinds: list[type] = [kind for kind in get_args(hint) if kind is not NoneType]
+    return kinds[0] if kinds else hint

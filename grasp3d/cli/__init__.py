@@ -14,11 +14,13 @@ import tyro
 from grasp3d.cli.batch import Batch
 from grasp3d.cli.design import Design
 from grasp3d.cli.label import Label
+from grasp3d.cli.sweep import Sweep
 from grasp3d.errors import GraspError
 
 Command = (
     Annotated[Label, tyro.conf.subcommand("label")]
     | Annotated[Batch, tyro.conf.subcommand("batch")]
+    | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Design, tyro.conf.subcommand("design")]
 )
 

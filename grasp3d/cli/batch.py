@@ -46,7 +46,7 @@ class Batch:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.batch.job import BatchSettings  # noqa: PLC0415
+        from grasp3d.batch.job import BatchSettings, label_file, lost_row  # noqa: PLC0415
         from grasp3d.batch.plan import make_folders, plan  # noqa: PLC0415
         from grasp3d.batch.run import run  # noqa: PLC0415
         from grasp3d.batch.store import write_summary  # noqa: PLC0415
@@ -61,7 +61,8 @@ class Batch:
         rows = []
         with report.counter("labelling", len(jobs), quiet=self.quiet) as advance:
             try:
-                for row in run(jobs, settings, workers=self.workers or available_processors()):
+                workers = self.workers or available_processors()
+                for row in run(label_file, jobs, settings, lost=lost_row, workers=workers):
                     rows.append(row)
                     advance()
             finally:  # also when interrupted: what is done is done

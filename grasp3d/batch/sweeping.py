@@ -1,0 +1,264 @@
+"""Sweeping what a command line names: shapes in closed form, mesh files, folders of meshes."""
+
+import math
+import time
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+
+from grasp3d.batch.plan import MeshFile, find_meshes
+from grasp3d.distributions import AngleDistribution, SphereAngles
+from grasp3d.errors import GraspError, SettingError
+from grasp3d.planar import Circle, square
+from grasp3d.settings import GraspModel, MeshOptions, Sampling, search_cone
+from grasp3d.sweeps import Mode, Sweep, mean_sweep, sweep
+
+SHAPES: dict[str, Callable[[], AngleDistribution]] = {
+    "circle": Circle,
+    "square": square,
+    "sphere": SphereAngles,
+}
+"""What is known in closed form: one finger fixed (on the square in the middle of a side)."""
+
+FEW = 6
+"""Meshes of a folder that are shown one by one."""
+
+ROUNDING = 1e-9
+"""Angle by which a search cone may fall short [rad]."""
+
+
+@dataclass(frozen=True)
+class SweepSettings:
+    """What all meshes are swept over, and how they are labelled."""
+
+    friction: tuple[float, ...]
+    """Coulomb coefficients."""
+    sensor_resolution: tuple[float, ...]
+    """Resolutions alpha [rad]."""
+    sampling: Sampling = field(default_factory=Sampling)
+    """Its search angle, if given, is wide enough for all of them."""
+    mesh: MeshOptions = field(default_factory=MeshOptions)
+
+    def __post_init__(self) -> None:
+        if not self.friction or not self.sensor_resolution:
+            raise SettingError("a sweep needs at least one friction and one sensor resolution")
+        for friction in self.friction:
+            GraspModel(friction=friction)
+        for resolution in self.sensor_resolution:
+            GraspModel(sensor_resolution=resolution)
+        given, needed = self.sampling.search_angle, search_cone(self.model, Sampling())
+        if given is not None and given < needed - ROUNDING:
+            raise SettingError(
+                f"search angle must be at least atan(friction) + alpha/2 of the largest of both, "
+                f"{math.degrees(needed):.4g} degrees; got {math.degrees(given):.4g}"
+            )
+
+    @property
+    def model(self) -> GraspModel:
+        """Largest friction and coarsest resolution: they need the widest search."""
+        return GraspModel(
+            friction=max(self.friction), sensor_resolution=max(self.sensor_resolution)
+        )
+
+
+@dataclass(frozen=True)
+class Target:
+    """One thing to sweep: a shape, a mesh file, or a folder."""
+
+    name: str
+    given: str = ""
+    """As it was given."""
+    files: tuple[MeshFile, ...] = ()
+    """Of a file this one, of a folder its meshes, of a shape none."""
+    folder: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class SweptMesh:
+    """What came of one mesh; `error` is empty for one that was swept."""
+
+    name: str
+    sweep: Sweep | None = None
+    error: str = ""
+    warnings: tuple[str, ...] = ()
+    seconds: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class SweptTarget:
+    """What came of one target."""
+
+    name: str
+    sweep: Sweep | None
+    """Its own; of a folder the mean over its meshes; None: no mesh of it could be swept."""
+    members: tuple[Sweep, ...] = ()
+    """Of a folder the sweeps that the mean was taken over."""
+
+    @property
+    def sweeps(self) -> tuple[Sweep, ...]:
+        """All of them, the mean last."""
+        return self.members if self.sweep is None else (*self.members, self.sweep)
+
+    @property
+    def shown(self) -> tuple[Sweep, ...]:
+        """Those to look at: of a folder with more than a few meshes the mean alone."""
+        return self.sweeps if len(self.members) <= FEW else self.sweeps[-1:]
+
+
+def find_targets(words: Iterable[str]) -> list[Target]:
+    """Tell shapes, mesh files and folders apart; a word is a shape before it is a file.
+
+    Args:
+        words: The name of a shape, or a path; `./circle` is a path in any case.
+
+    Returns:
+        In their order, each once. Meshes are called by their file's name, those of a folder with
+        their path below it; where two names meet, as they were given.
+
+    Raises:
+        SettingError: There is none.
+        MeshError: A path is missing, or a folder holds no mesh.
+    """
+    targets: dict[str | Path, Target] = {}
+    for word in words:
+        if word in SHAPES:
+            targets.setdefault(word, Target(word))
+            continue
+        path = Path(word)
+        found, folder = tuple(find_meshes([path])), path.is_dir()
+        name = found[0].name
+        if folder:
+            name = path.name if path.name not in {"", ".."} else path.resolve().name
+        targets.setdefault(path.resolve(), Target(name, str(path), found, folder))
+    if not targets:
+        raise SettingError(
+            f"nothing to sweep: name a mesh file, a folder of meshes, or {', '.join(SHAPES)}"
+        )
+    return _told_apart(list(targets.values()))
+
+
+def _told_apart(targets: list[Target]) -> list[Target]:
+    """Name meshes and folders as they were given where short names meet; one name for each file."""
+    first: dict[Path, MeshFile] = {}
+    for target in targets:
+        for mesh in target.files:
+            first.setdefault(mesh.source.resolve(), mesh)
+    often = Counter(mesh.name for mesh in first.values())
+    often.update(target.name for target in targets if target.folder or not target.files)
+    named = {
+        place: mesh if often[mesh.name] == 1 else replace(mesh, name=str(mesh.source))
+        for place, mesh in first.items()
+    }
+    told = []
+    for target in targets:
+        files = tuple(named[mesh.source.resolve()] for mesh in target.files)
+        name = target.name
+        if target.folder:
+            name = target.name if often[target.name] == 1 else target.given
+        elif files:
+            name = files[0].name
+        told.append(replace(target, name=name, files=files))
+    return told
+
+
+def meshes_of(targets: Iterable[Target]) -> list[MeshFile]:
+    """Every mesh of the targets, each once."""
+    return list(dict.fromkeys(mesh for target in targets for mesh in target.files))
+
+
+def sweep_mesh(
+    mesh: MeshFile,
+    settings: SweepSettings,
+    *,
+    threads: int | None = 1,
+    progress: Callable[[float], None] | None = None,
+) -> SweptMesh:
+    """Label a mesh file once and take its shares at all frictions and resolutions.
+
+    Args:
+        mesh: The file.
+        settings: What to sweep over, and how to label.
+        threads: Threads to use; None: one per processor.
+        progress: Called with the share of the work done, from 0 to 1.
+
+    Returns:
+        The sweep; of a mesh that cannot be labelled the reason.
+    """
+    # Loaded here: whoever plans a sweep needs no rays and no compiler.
+    from grasp3d.mesh import load_mesh  # noqa: PLC0415
+    from grasp3d.surface import label_surface  # noqa: PLC0415
+
+    begun = time.perf_counter()
+    options = settings.mesh
+    try:
+        surface = load_mesh(
+            mesh.source,
+            unit=options.unit,
+            max_edge=options.max_edge,
+            crease_angle=options.crease_angle,
+        )
+        labels = label_surface(
+            surface,
+            settings.model,
+            sampling=settings.sampling,
+            threads=threads,
+            progress=progress,
+        )
+    except GraspError as error:
+        return SweptMesh(mesh.name, error=str(error), seconds=time.perf_counter() - begun)
+    return SweptMesh(
+        mesh.name,
+        _swept(mesh.name, labels.angle_distribution(), settings, mode=labels.mode),
+        warnings=surface.report.warnings,
+        seconds=time.perf_counter() - begun,
+    )
+
+
+def lost_mesh(mesh: MeshFile, reason: str) -> SweptMesh:
+    """What came of a mesh whose process did not come back.
+
+    Args:
+        mesh: The file.
+        reason: What ended the process.
+    """
+    return SweptMesh(mesh.name, error=f"{mesh.source}: {reason}")
+
+
+def gather(
+    targets: Iterable[Target], swept: Sequence[SweptMesh], settings: SweepSettings
+) -> list[SweptTarget]:
+    """Give each target its sweep: shapes in closed form, folders the mean of what was swept.
+
+    Args:
+        targets: From `find_targets`.
+        swept: Every mesh of theirs, in any order.
+        settings: What was swept over.
+    """
+    by_name = {mesh.name: mesh.sweep for mesh in swept}
+    gathered = []
+    for target in targets:
+        sweeps = [by_name[mesh.name] for mesh in target.files]
+        if not sweeps:
+            shape = _swept(target.name, SHAPES[target.name](), settings, mode="scan")
+            gathered.append(SweptTarget(target.name, shape))
+        elif not target.folder:
+            gathered.append(SweptTarget(target.name, sweeps[0]))
+        else:
+            members = tuple(one for one in sweeps if one is not None)
+            name = f"{target.name} (mean of {len(members)})"
+            mean = mean_sweep(members, name=name) if members else None
+            gathered.append(SweptTarget(name, mean, members))
+    return gathered
+
+
+def _swept(
+    name: str, distribution: AngleDistribution, settings: SweepSettings, *, mode: Mode
+) -> Sweep:
+    return sweep(
+        distribution,
+        friction=settings.friction,
+        sensor_resolution=settings.sensor_resolution,
+        name=name,
+        mode=mode,
+    )

@@ -1,0 +1,140 @@
+"""What `grasp3d sweep` shows."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.markup import escape
+from rich.table import Table
+
+from grasp3d.batch.sweeping import SweptMesh, SweptTarget, Target
+from grasp3d.settings import GraspModel
+from grasp3d.sweeps import UNSTABLE, Sweep
+
+LEAST_DEGREES = 0.05
+"""What is printed with one digit; a finer resolution is none that a sensor has."""
+
+MOST_COLUMNS, MOST_ANGLES = 5, 6
+"""Columns that fit beside a name: shares, and angles."""
+
+
+def print_sweeps(targets: Sequence[SweptTarget], shares: Sequence[float]) -> None:
+    """Print the shares at some of the resolutions, and the resolution that each share needs.
+
+    Args:
+        targets: What was swept; every mesh of a folder has a line in the second table.
+        shares: Shares of the surface that are to be S.
+    """
+    console = Console()
+    shown = [one for target in targets for one in target.shown]
+    if not shown:
+        return
+    console.print("shares of S/M/U [%] by sensor resolution:")
+    console.print(_fractions(shown))
+    console.print(escape(_legend(shown)), soft_wrap=True)
+    if shares:
+        console.print(
+            "\nrequired resolution, the coarsest below which so much of the surface is S:"
+        )
+        every = dict.fromkeys(one for target in targets for one in target.sweeps)
+        console.print(_required(list(every), shares))
+
+
+def print_notes(targets: Sequence[Target], meshes: Sequence[SweptMesh]) -> None:
+    """Print what failed and what to mind."""
+    console = Console()
+    for target in targets:
+        if not target.files and Path(target.name).exists():
+            name = escape(target.name)
+            console.print(
+                f"[yellow]note:[/] {name} is the shape in closed form; for the file or folder of "
+                f"that name write ./{name}",
+                soft_wrap=True,
+            )
+    for mesh in meshes:
+        if mesh.error:
+            console.print(f"[red]failed:[/] {escape(mesh.error)}", soft_wrap=True)
+        for line in mesh.warnings:
+            console.print(f"[yellow]warning:[/] {escape(f'{mesh.name}: {line}')}", soft_wrap=True)
+    failed = sum(1 for mesh in meshes if mesh.error)
+    if failed:
+        console.print(f"{len(meshes) - failed} swept, {failed} failed")
+
+
+def print_written(paths: Sequence[Path]) -> None:
+    """Print which files were written."""
+    console = Console()
+    console.print("written: " + escape(", ".join(map(str, paths))), soft_wrap=True)
+
+
+def _fractions(sweeps: Sequence[Sweep]) -> Table:
+    columns = _shown(sweeps[0])
+    table = Table(box=None, pad_edge=False)
+    table.add_column("", overflow="fold", min_width=12)
+    table.add_column("friction", justify="right", no_wrap=True)
+    for column in columns:
+        degrees = math.degrees(sweeps[0].sensor_resolution[column])
+        table.add_column(f"{degrees:.4g}°", justify="right", no_wrap=True)
+    for sweep in sweeps:
+        for row, friction in enumerate(sweep.friction):
+            cells = (
+                _percents(sweep.stable[row, column], sweep.ambiguous[row, column])
+                for column in columns
+            )
+            table.add_row("" if row else escape(sweep.name), f"{friction:g}", *cells)
+    return table
+
+
+def _percents(stable: float, ambiguous: float) -> str:
+    """S, M and U in whole percents whose sum is 100."""
+    first, second = round(100.0 * stable), round(100.0 * (stable + ambiguous))
+    return f"{first}/{second - first}/{100 - second}"
+
+
+def _shown(sweep: Sweep) -> list[int]:
+    """Some of the resolutions, evenly spread; the usual one instead of one beside it."""
+    degrees = np.degrees(sweep.sensor_resolution)
+    if len(degrees) <= MOST_COLUMNS:
+        return list(range(len(degrees)))
+    wanted = np.linspace(degrees[0], degrees[-1], MOST_COLUMNS)
+    usual = math.degrees(GraspModel().sensor_resolution)
+    if np.isclose(degrees[1:-1], usual).any():
+        inner = wanted[1:-1]
+        inner[np.argmin(np.abs(inner - usual))] = usual
+    return sorted({int(np.argmin(np.abs(degrees - value))) for value in wanted})
+
+
+def _legend(sweeps: Sequence[Sweep]) -> str:
+    modes = {sweep.mode for sweep in sweeps}
+    told = " or ".join(UNSTABLE[mode] for mode in sorted(modes))
+    if len(modes) > 1:
+        given = ", ".join(sweep.name for sweep in sweeps if sweep.mode == "scan")
+        told = f"{UNSTABLE['label']} (on {given}: {UNSTABLE['scan']})"
+    return f"S surely stable, M the sensor cannot tell, U {told}"
+
+
+def _required(sweeps: Sequence[Sweep], shares: Sequence[float]) -> Table:
+    """One line for each sweep where the columns fit, else one for each sweep and friction."""
+    table = Table(box=None, pad_edge=False)
+    table.add_column("", overflow="fold", min_width=12)
+    told = [f"{100.0 * share:g} %" for share in shares]
+    frictions = [f"{friction:g}" for friction in sweeps[0].friction]
+    wide = len(frictions) * len(shares) <= MOST_ANGLES
+    columns = [f"μ {friction}\n{share}" for friction in frictions for share in told]
+    for heading in columns if wide else ["friction", *told]:
+        table.add_column(heading, justify="right", no_wrap=True)
+    for sweep in sweeps:
+        needed = np.stack([sweep.required_resolution(share) for share in shares], axis=1)
+        rows = [[_angle(angle) for angle in angles] for angles in needed]
+        if wide:
+            table.add_row(escape(sweep.name), *(cell for cells in rows for cell in cells))
+            continue
+        for number, (friction, cells) in enumerate(zip(frictions, rows, strict=True)):
+            table.add_row("" if number else escape(sweep.name), friction, *cells)
+    return table
+
+
+def _angle(angle: float) -> str:
+    return "none" if math.degrees(angle) < LEAST_DEGREES else f"{math.degrees(angle):.1f}°"

@@ -1,0 +1,1 @@
+"""The figures: drawings of cones, curves, stacked fractions, painted surfaces (matplotlib)."""

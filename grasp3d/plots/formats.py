@@ -1,0 +1,65 @@
+"""Figures as files, in the formats that their suffixes name."""
+
+import warnings
+from pathlib import Path
+from typing import Any
+
+from matplotlib import style
+from matplotlib.figure import Figure
+
+from grasp3d.files import check_suffix, written_whole
+from grasp3d.plots.style import styled
+
+DPI = 300
+
+SAVING: dict[str, Any] = {
+    # As outlines, so that labels measured here fit in every viewer, whatever fonts it has; each
+    # label's words stand in a comment beside its outline.
+    "svg.fonttype": "path",
+    "svg.hashsalt": "grasp3d",
+}
+
+METADATA: dict[str, dict[str, Any]] = {
+    ".svg": {"Date": None},
+    ".png": {"Software": None},
+    ".pdf": {"CreationDate": None},
+}
+"""What each format would say about the moment and the maker, left out: the same bytes each time."""
+
+
+@styled
+def save_as(figure: Figure, path: Path) -> None:
+    """Write a figure whole.
+
+    Args:
+        figure: What to write.
+        path: File to make or replace; .svg, .png or .pdf.
+
+    Raises:
+        OutputError: No figure has that suffix, or the file cannot be written.
+    """
+    check_suffix(path, METADATA, "figure")
+    suffix = path.suffix.lower()
+    with style.context(SAVING), written_whole(path) as part, warnings.catch_warnings():
+        # A name in letters that the font lacks is drawn as boxes; that is no news to anybody.
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(part, format=suffix[1:], dpi=DPI, metadata=METADATA[suffix])
+
+
+def save(figure: Figure, path: Path) -> tuple[Path, Path]:
+    """Write a figure as vector graphics and as a picture, each whole.
+
+    Args:
+        figure: What to write.
+        path: Without suffix, or with one that is replaced.
+
+    Returns:
+        The paths, .svg and .png.
+
+    Raises:
+        OutputError: The folder is missing or cannot be written to.
+    """
+    vector, picture = path.with_suffix(".svg"), path.with_suffix(".png")
+    save_as(figure, vector)
+    save_as(figure, picture)
+    return vector, picture

@@ -1,0 +1,115 @@
+"""How every figure looks: sizes, fonts, colours, line styles.
+
+Nothing here touches pyplot or the settings of whoever imports the package.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, ParamSpec, TypeAlias, TypeVar
+
+from matplotlib import style
+from matplotlib.axes import Axes
+from matplotlib.backends.backend_agg import FigureCanvasAgg
+from matplotlib.figure import Figure
+from matplotlib.patches import Patch
+
+from grasp3d.stability import COLORS, Label
+
+Parameters = ParamSpec("Parameters")
+Made = TypeVar("Made")
+
+Drawing: TypeAlias = Figure
+"""What figures are for those who only save them."""
+
+COLUMN = 3.5
+"""Width of one column of the paper's journal [inch]."""
+PAGE = 7.16
+"""Width of its two columns [inch]."""
+
+STYLE: dict[str, Any] = {
+    "font.size": 8.0,
+    "axes.labelsize": 8.0,
+    "axes.titlesize": 8.5,
+    "legend.fontsize": 7.5,
+    "xtick.labelsize": 7.5,
+    "ytick.labelsize": 7.5,
+    "axes.linewidth": 0.7,
+    "xtick.major.width": 0.7,
+    "ytick.major.width": 0.7,
+    "xtick.direction": "out",
+    "ytick.direction": "out",
+    "lines.linewidth": 1.2,
+    "axes.grid": True,
+    "axes.axisbelow": True,
+    "grid.color": "#DDDDDD",
+    "grid.linewidth": 0.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "legend.frameon": False,
+    "legend.handlelength": 2.6,
+    "hatch.linewidth": 0.4,
+    "mathtext.fontset": "dejavusans",
+}
+
+LABEL_COLORS: dict[Label, str] = {
+    label: "#{:02X}{:02X}{:02X}".format(*color) for label, color in COLORS.items()
+}
+
+MEANING: dict[Label, str] = {
+    Label.S: "surely stable",
+    Label.M: "the sensor cannot tell",
+    Label.U: "surely unstable",
+}
+"""What a label says of grasps that are given, as in scans."""
+
+LINES: tuple[dict[str, Any], ...] = (
+    {"color": "#0072B2", "linestyle": "-"},
+    {"color": "#CC79A7", "linestyle": (0, (5, 1.5))},
+    {"color": "#56B4E9", "linestyle": (0, (5, 1.5, 1, 1.5))},
+    {"color": "#7F3C8D", "linestyle": (0, (1, 1.2))},
+    {"color": "#8C6D1F", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
+)
+"""Curves beside one another: told apart by dashes as well, and unlike the labels' colours."""
+
+
+def styled(make: Callable[Parameters, Made]) -> Callable[Parameters, Made]:
+    """Decorate a function that draws: the figures' style holds while it runs, and only then."""
+
+    @wraps(make)
+    def drawn(*arguments: Parameters.args, **options: Parameters.kwargs) -> Made:
+        with style.context(["default", STYLE]):
+            return make(*arguments, **options)
+
+    return drawn
+
+
+@styled
+def new_figure(width: float = PAGE, height: float = 2.6) -> Figure:
+    """Make an empty figure with a canvas of its own, its parts laid out when it is saved.
+
+    Args:
+        width: [inch]
+        height: [inch]
+    """
+    figure = Figure(figsize=(width, height), layout="constrained")
+    FigureCanvasAgg(figure)
+    return figure
+
+
+def label_patches(meaning: dict[Label, str] | None = None) -> list[Patch]:
+    """Legend entries of the labels, S first.
+
+    Args:
+        meaning: What each label says; None: `MEANING`.
+    """
+    said = MEANING if meaning is None else meaning
+    return [
+        Patch(facecolor=LABEL_COLORS[label], edgecolor="none", label=f"{label.name}  {said[label]}")
+        for label in sorted(Label, reverse=True)
+    ]
+
+
+def bare(axes: Axes) -> None:
+    """Strip axes of everything but what is drawn, to the same scale both ways."""
+    axes.set_axis_off()
+    axes.set_aspect("equal")

@@ -1,0 +1,227 @@
+"""Shares of S, M and U over friction and sensor resolution, and the resolution that is needed."""
+
+import math
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Floats, locked
+from grasp3d.distributions import AngleDistribution
+from grasp3d.errors import SettingError
+from grasp3d.settings import GraspModel
+
+Mode = Literal["label", "scan"]
+
+UNSTABLE: dict[Mode, str] = {"label": "no grasp found", "scan": "surely unstable"}
+"""What U says where grasps were searched, and where they are given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sweep:
+    """Shares of one surface, or of the mean of several, over friction and sensor resolution.
+
+    Rows are frictions (m,), columns resolutions (k,); at every place S + M + U = 1.
+    """
+
+    name: str
+    mode: Mode
+    """As in `SurfaceLabels`: whether grasps were searched or are given, which `UNSTABLE` tells."""
+    friction: Floats
+    """Coulomb coefficients, in increasing order, shape (m,)."""
+    sensor_resolution: Floats
+    """Resolutions alpha [rad], in increasing order, shape (k,)."""
+    stable: Floats
+    """Share that is S, shape (m, k)."""
+    ambiguous: Floats
+    """Share that is M, shape (m, k)."""
+    unstable: Floats
+    """Share that is U, shape (m, k)."""
+    distribution: AngleDistribution
+    """What the shares were taken from."""
+
+    @property
+    def accuracy_ceiling(self) -> Floats:
+        """Best accuracy of any predictor that sees through this sensor, shape (m, k).
+
+        S + U + M / 2 (Wan & Howe 2018, Sec. V): half of the ambiguous places are guessed rightly.
+        """
+        return self.stable + self.unstable + self.ambiguous / 2.0
+
+    def required_resolution(self, share: float) -> Floats:
+        """Coarsest resolution alpha below which a share of the surface is S [rad], shape (m,).
+
+        The swept resolutions do not matter; 0 where no sensor is fine enough.
+
+        Args:
+            share: Of the surface, above 0, at most 1.
+
+        Raises:
+            SettingError: The share is outside its range.
+        """
+        return locked(
+            [
+                self.distribution.required_resolution(share, friction=friction)
+                for friction in self.friction.tolist()
+            ]
+        )
+
+
+def sweep(
+    distribution: AngleDistribution,
+    *,
+    friction: npt.ArrayLike,
+    sensor_resolution: npt.ArrayLike,
+    name: str = "",
+    mode: Mode = "label",
+) -> Sweep:
+    """Take the shares of S, M and U at every friction and resolution: thresholds, no new rays.
+
+    Args:
+        distribution: Critical angles of a surface, as `SurfaceLabels.angle_distribution` gives.
+        friction: Coulomb coefficients above 0, one or more, in any order.
+        sensor_resolution: Resolutions alpha [rad], one or more, in any order.
+        name: What to call the surface.
+        mode: Whether the grasps were searched ('label') or given ('scan').
+
+    Raises:
+        SettingError: A value is outside its range.
+        SearchCoverageError: Grasps that would count were not searched.
+    """
+    if mode not in get_args(Mode):
+        raise SettingError(f"no mode is called {mode!r}; known: {', '.join(get_args(Mode))}")
+    frictions = _in_order(friction, "friction")
+    resolutions = _in_order(sensor_resolution, "sensor resolution")
+    angles = [GraspModel(friction=value).friction_angle for value in frictions]
+    tilts = [GraspModel(sensor_resolution=value).tilt for value in resolutions]
+    stable, ambiguous, unstable = distribution.shares(np.array(angles)[:, None], np.array(tilts))
+    return Sweep(
+        name=name,
+        mode=mode,
+        friction=locked(frictions),
+        sensor_resolution=locked(resolutions),
+        stable=locked(stable),
+        ambiguous=locked(ambiguous),
+        unstable=locked(unstable),
+        distribution=distribution,
+    )
+
+
+def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
+    """Take the mean over surfaces, all with the same weight, whatever their area.
+
+    Its required resolution is that of the shares' mean, not the mean of the surfaces' resolutions.
+
+    Args:
+        sweeps: Of the same frictions, resolutions and mode; at least one.
+        name: What to call the mean.
+
+    Raises:
+        SettingError: There is none, or they differ.
+    """
+    if not sweeps:
+        raise SettingError("the mean needs at least one sweep")
+    first = sweeps[0]
+    for other in sweeps[1:]:
+        if other.mode != first.mode or not (
+            np.array_equal(other.friction, first.friction)
+            and np.array_equal(other.sensor_resolution, first.sensor_resolution)
+        ):
+            raise SettingError(
+                "the mean needs sweeps of the same frictions, resolutions and mode; "
+                f"{other.name!r} differs from {first.name!r}"
+            )
+    return sweep(
+        _MeanAngles(tuple(one.distribution for one in sweeps)),
+        friction=first.friction,
+        sensor_resolution=first.sensor_resolution,
+        name=name,
+        mode=first.mode,
+    )
+
+
+class _MeanAngles(AngleDistribution):
+    """Mean of several surfaces' shares."""
+
+    def __init__(self, parts: tuple[AngleDistribution, ...]) -> None:
+        self._parts = parts
+        self.limit = min(part.limit for part in parts)
+
+    def worst_below(self, angles: npt.ArrayLike) -> Floats:
+        """See `AngleDistribution`."""
+        return np.asarray(np.mean([part.worst_below(angles) for part in self._parts], axis=0))
+
+    def best_below(self, angles: npt.ArrayLike) -> Floats:
+        """See `AngleDistribution`."""
+        return np.asarray(np.mean([part.best_below(angles) for part in self._parts], axis=0))
+
+
+def write_sweeps(
+    path: str | Path,
+    sweeps: Sequence[Sweep],
+    *,
+    shares: Sequence[float] = (),
+    failures: Mapping[str, str] | None = None,
+    settings: Mapping[str, Any] | None = None,
+) -> None:
+    """Write sweeps as a table with one row for each name, friction and resolution.
+
+    Columns: name, mode, friction, sensor_resolution [rad], stable, ambiguous, unstable,
+    accuracy_ceiling, for each of `shares` `required_resolution_P` [rad] with P in percent (the same
+    in all rows of a name and friction), and error.
+
+    Args:
+        path: File to make or replace; .csv or .parquet.
+        sweeps: What to write.
+        shares: Shares of the surface that are to be S, each above 0 and at most 1.
+        failures: Surfaces that could not be swept, and why: one row each, empty but for the error.
+        settings: Kept as JSON in Parquet's metadata, under `grasp3d`.
+
+    Raises:
+        SettingError: A share is outside its range.
+        OutputError: No table has that suffix, or the file cannot be written.
+    """
+    from grasp3d.tables import write_table  # noqa: PLC0415, a reader of sweeps needs no tables
+
+    required = {f"required_resolution_{100.0 * share:g}": share for share in shares}
+    values = ("stable", "ambiguous", "unstable", "accuracy_ceiling")
+    columns = {
+        "name": str,
+        "mode": str,
+        **dict.fromkeys(("friction", "sensor_resolution", *values, *required), float),
+        "error": str,
+    }
+    rows: list[dict[str, Any]] = []
+    for one in sweeps:
+        needed = {column: one.required_resolution(share) for column, share in required.items()}
+        taken = {value: getattr(one, value) for value in values}
+        for (row, column), _ in np.ndenumerate(one.stable):
+            rows.append(
+                {
+                    "name": one.name,
+                    "mode": one.mode,
+                    "friction": float(one.friction[row]),
+                    "sensor_resolution": float(one.sensor_resolution[column]),
+                    **{name: float(value[row, column]) for name, value in taken.items()},
+                    **{name: float(value[row]) for name, value in needed.items()},
+                    "error": "",
+                }
+            )
+    rows += [{"name": name, "error": reason} for name, reason in (failures or {}).items()]
+    write_table(Path(path), rows, columns, settings=settings or {})
+
+
+def _in_order(values: npt.ArrayLike, what: str) -> list[float]:
+    """One or more numbers in increasing order, each once."""
+    try:
+        numbers = np.unique(np.asarray(values, dtype=np.float64).reshape(-1))
+    except (TypeError, ValueError) as error:
+        raise SettingError(f"each {what} must be a number: {error}") from error
+    if not len(numbers):
+        raise SettingError(f"no {what} to sweep over: name at least one")
+    if not math.isfinite(numbers[-1]):  # nan is sorted last
+        raise SettingError(f"each {what} must be a finite number; got {numbers[-1]:g}")
+    return [float(number) for number in numbers]

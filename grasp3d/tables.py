@@ -1,0 +1,55 @@
+"""Tables as files: CSV or Parquet, by the file's suffix."""
+
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import pyarrow as pa
+import pyarrow.csv as pc
+import pyarrow.parquet as pq
+
+from grasp3d.files import check_suffix, written_whole
+
+SUFFIXES = (".csv", ".parquet")
+
+_TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
+
+
+def write_table(
+    path: Path,
+    rows: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, type],
+    *,
+    settings: Mapping[str, Any],
+) -> None:
+    """Write a table; in Parquet the settings are in the schema's metadata, as JSON.
+
+    Args:
+        path: File to make or replace.
+        rows: Values by column; one that is missing or None is left empty.
+        columns: Type of each column: str, int, float or bool; in the order of the file.
+        settings: What the rows were made with, kept under `grasp3d`.
+
+    Raises:
+        OutputError: No table has that suffix, or the file cannot be written.
+    """
+    check_suffix(path, SUFFIXES, "table")
+    schema = pa.schema([(name, _TYPES[kind]) for name, kind in columns.items()])
+    table = pa.Table.from_pylist([_printable(row) for row in rows], schema=schema)
+    with written_whole(path) as part:
+        if path.suffix.lower() == ".csv":
+            pc.write_csv(table, part)
+        else:
+            metadata = {"grasp3d": json.dumps(settings)}
+            pq.write_table(table.replace_schema_metadata(metadata), part)
+
+
+def _printable(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Write out the bytes of file names that are no Unicode."""
+    return {
+        key: value.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+        if isinstance(value, str)
+        else value
+        for key, value in row.items()
+    }
