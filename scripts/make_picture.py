@@ -8,26 +8,27 @@ is still surely stable. Needs OpenGL (EGL or a display).
 
 import argparse
 import math
-import os
 from pathlib import Path
 
 import matplotlib as mpl
 import numpy as np
 import numpy.typing as npt
-import pyvista
-from matplotlib import pyplot as plt
-from matplotlib.patches import Patch
+from matplotlib.axes import Axes
 
-from grasp3d import COLORS, GraspModel, Label, SurfaceLabels, label_surface, load_mesh
+from grasp3d import GraspModel, Label, SurfaceLabels, label_surface, load_mesh
+from grasp3d.plots.painting import painted
+from grasp3d.plots.style import MEANING, Drawing, label_patches, new_figure, styled
+from grasp3d.rendering import View, picture
 
 LIBRARY = Path(__file__).parents[1] / "meshes"
 SHOWN = [LIBRARY / "mug.glb", LIBRARY / "spray.glb", LIBRARY / "banana.ply"]
 FRICTION = 0.5
 RESOLUTIONS = (10.0, 22.6, 40.0)
 COARSEST = 2.0 * math.degrees(math.atan(FRICTION))
-MEANING = {Label.S: "surely stable", Label.M: "sensor cannot tell", Label.U: "no grasp found"}
-
-Image = npt.NDArray[np.uint8]
+SEARCHED = {**MEANING, Label.U: "no grasp found"}
+PIXELS = (640, 640)
+CELL = 1.8
+"""Width of a picture [inch]."""
 
 
 def labelled(path: Path) -> SurfaceLabels:
@@ -37,78 +38,58 @@ def labelled(path: Path) -> SurfaceLabels:
     return label_surface(mesh, GraspModel(friction=FRICTION, sensor_resolution=widest))
 
 
-def rendered(labels: SurfaceLabels, colors: Image, azimuth: float, pixels: int) -> Image:
-    """Picture of a surface with one colour per vertex, seen from above and the side."""
-    surface = pyvista.PolyData.from_regular_faces(labels.mesh.vertices, labels.mesh.faces)
-    surface.point_data["rgb"] = colors
-    plotter = pyvista.Plotter(
-        off_screen=True, window_size=(pixels, pixels), lighting="three lights"
-    )
-    plotter.set_background("white")
-    plotter.add_mesh(
-        surface, scalars="rgb", rgb=True, split_sharp_edges=True, ambient=0.35, diffuse=0.75
-    )
-    plotter.view_isometric()
-    plotter.camera.azimuth = azimuth
-    plotter.reset_camera()
-    plotter.camera.zoom(1.02)
-    picture: Image = plotter.screenshot(return_img=True)
-    plotter.close()
-    return picture
-
-
-def add_row(axes: npt.NDArray[np.object_], labels: SurfaceLabels, azimuth: float) -> None:
+def add_row(axes: npt.NDArray[np.object_], labels: SurfaceLabels, view: View) -> None:
     """Fill one row of the figure."""
-    table = np.array([COLORS[label] for label in sorted(COLORS)], dtype=np.uint8)
     for axis, angle in zip(axes, RESOLUTIONS, strict=False):
         shown = labels.relabel(sensor_resolution=math.radians(angle))
-        axis.imshow(rendered(labels, table[shown.label], azimuth, 420))
+        axis.imshow(painted(shown, view=view, size=PIXELS))
         shares = shown.fractions().items()
         axis.set_xlabel("  ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares))
     share = np.degrees(labels.max_resolution) / COARSEST
     colors = (255.0 * mpl.colormaps["viridis"](share)[:, :3]).astype(np.uint8)
-    axes[-1].imshow(rendered(labels, colors, azimuth, 420))
+    mesh = labels.mesh
+    axes[-1].imshow(picture(mesh.vertices, mesh.faces, colors, view=view, size=PIXELS))
 
 
-def figure(paths: list[Path], azimuth: float) -> plt.Figure:
+def clear(axis: Axes) -> None:
+    """Leave nothing but the picture and its words."""
+    axis.set(xticks=[], yticks=[])
+    axis.grid(visible=False)
+    axis.spines[:].set_visible(False)
+
+
+@styled
+def figure(paths: list[Path], view: View) -> Drawing:
     """Lay out the grid of pictures with its legend."""
     columns = len(RESOLUTIONS) + 1
-    made, grid = plt.subplots(
-        len(paths), columns, figsize=(2.6 * columns, 2.75 * len(paths) + 0.5), squeeze=False,
-        layout="constrained",
-    )  # fmt: skip
+    made = new_figure(CELL * columns + 0.5, 1.15 * CELL * len(paths) + 0.6)
+    grid = made.subplots(len(paths), columns, squeeze=False)
     for axis in grid.flat:
-        axis.set_xticks([])
-        axis.set_yticks([])
-        axis.spines[:].set_visible(False)
+        clear(axis)
     titles = [
         *(f"sensor resolution {angle:g}°" for angle in RESOLUTIONS),
         "coarsest that still works",
     ]
     for axis, title in zip(grid[0], titles, strict=True):
-        axis.set_title(title, fontsize=11)
+        axis.set_title(title)
     for row, path in zip(grid, paths, strict=True):
-        add_row(row, labelled(path), azimuth)
+        add_row(row, labelled(path), view)
     scale = mpl.cm.ScalarMappable(mpl.colors.Normalize(0.0, COARSEST), "viridis")
-    made.colorbar(scale, ax=grid[:, -1], shrink=0.6, format="%g°", ticks=[0, 10, 22.6, 40])
-    patches = [
-        Patch(color=np.array(COLORS[label]) / 255.0, label=f"{label.name}  {meaning}")
-        for label, meaning in MEANING.items()
-    ]
-    made.legend(handles=patches, loc="outside lower center", ncols=3, frameon=False, fontsize=11)
+    bar = made.colorbar(scale, ax=grid[:, -1], shrink=0.6, format="%g°", ticks=[0, 10, 22.6, 40])
+    bar.ax.grid(visible=False)
+    made.legend(handles=label_patches(SEARCHED), loc="outside lower center", ncols=3)
     return made
 
 
 def main() -> None:
     """Render and write the picture."""
-    if not os.environ.get("DISPLAY"):
-        os.environ.setdefault("VTK_DEFAULT_OPENGL_WINDOW", "vtkEGLRenderWindow")
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("meshes", nargs="*", type=Path, default=SHOWN)
     parser.add_argument("-o", "--output", type=Path, default=Path("labels.png"))
-    parser.add_argument("--azimuth", type=float, default=30.0, help="degrees")
+    parser.add_argument("--azimuth", type=float, default=75.0, help="degrees from the x-axis")
     options = parser.parse_args()
-    figure(options.meshes, options.azimuth).savefig(options.output, dpi=95)
+    view = View(azimuth=math.radians(options.azimuth))
+    figure(options.meshes, view).savefig(options.output, dpi=140)
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ import tyro
 from grasp3d.cli.batch import Batch
 from grasp3d.cli.design import Design
 from grasp3d.cli.label import Label
+from grasp3d.cli.paper import Paper
 from grasp3d.cli.sweep import Sweep
 from grasp3d.errors import GraspError
 
@@ -22,6 +23,7 @@ Command = (
     | Annotated[Batch, tyro.conf.subcommand("batch")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Design, tyro.conf.subcommand("design")]
+    | Annotated[Paper, tyro.conf.subcommand("paper")]
 )
 
 BAD_INPUT = 2

@@ -1,0 +1,76 @@
+"""Meshes of solids whose labels are known: sphere, box, cylinder."""
+
+import numpy as np
+import trimesh
+
+from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.mesh.preparing import mesh_from_arrays
+
+DEFAULT_EDGE = 1.0 / 64.0
+"""Longest edge, as a share of the largest extent."""
+
+SECTIONS = 144
+"""Sides of a cylinder: 2.5 degrees each, so that its facets do not show in the labels."""
+
+
+def sphere_mesh(radius: float = 1.0, *, subdivisions: int = 5) -> ObjectMesh:
+    """Make a sphere about the origin from an icosahedron.
+
+    Args:
+        radius: Of the vertices.
+        subdivisions: How often each triangle is divided into four; 5 gives 10,242 vertices.
+
+    Raises:
+        MeshError: The size is not a positive number.
+    """
+    return _prepared(trimesh.creation.icosphere(subdivisions, radius), max_edge=4.0 * radius)
+
+
+def box_mesh(
+    extents: tuple[float, float, float] = (2.0, 2.0, 2.0), *, max_edge: float | None = None
+) -> ObjectMesh:
+    """Make a box about the origin.
+
+    Args:
+        extents: Lengths along x, y and z.
+        max_edge: Longest edge of its triangles; None: 1/64 of the largest extent.
+
+    Raises:
+        MeshError: The size is not a positive number.
+    """
+    longest = DEFAULT_EDGE * max(extents) if max_edge is None else max_edge
+    return _prepared(trimesh.creation.box(extents), max_edge=longest)
+
+
+def cylinder_mesh(
+    radius: float = 1.0, height: float = 3.0, *, max_edge: float | None = None
+) -> ObjectMesh:
+    """Make a cylinder about the origin that lies along the x-axis, its lowest line at -radius.
+
+    Args:
+        radius: Of the vertices.
+        height: Its length.
+        max_edge: Longest edge of its triangles; None: 1/64 of the largest extent.
+
+    Raises:
+        MeshError: The size is not a positive number.
+    """
+    longest = DEFAULT_EDGE * max(2.0 * radius, height) if max_edge is None else max_edge
+    across = np.linspace(0.0, radius, max(2, round(radius / longest)), endpoint=False)
+    along = np.linspace(-height / 2.0, height / 2.0, max(2, round(height / longest)))
+    profile = np.concatenate(
+        [
+            np.column_stack([across, np.full(len(across), -height / 2.0)]),
+            np.column_stack([np.full(len(along), radius), along]),
+            np.column_stack([across[::-1], np.full(len(across), height / 2.0)]),
+        ]
+    )
+    turned = trimesh.creation.revolve(profile, sections=SECTIONS)
+    turned.vertices = turned.vertices[:, [2, 0, 1]]
+    return _prepared(turned, max_edge=longest)
+
+
+def _prepared(mesh: trimesh.Trimesh, *, max_edge: float) -> ObjectMesh:
+    return mesh_from_arrays(
+        np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64), max_edge=max_edge
+    )

@@ -1,0 +1,75 @@
+"""The figures of Wan & Howe 2018: 5 to 11, one function each."""
+
+from collections.abc import Callable
+
+from grasp3d.paper.settings import PaperSettings
+from grasp3d.planar import Circle, Outline, scan, square
+from grasp3d.plots.combinations import combinations_figure
+from grasp3d.plots.cones import cone_figure
+from grasp3d.plots.curves import curves_figure
+from grasp3d.plots.shares import ceiling_figure, shares_figure
+from grasp3d.plots.style import Drawing
+from grasp3d.settings import DEGREE, GraspModel
+from grasp3d.sweeps import Sweep, sweep
+
+DRAWN = GraspModel(friction=1.0, sensor_resolution=30.0 * DEGREE)
+"""What the drawings of cones show whatever the settings, as all its angles can be told apart."""
+
+
+def cone(_: PaperSettings) -> Drawing:
+    """Draw Fig. 5: the cones of one contact."""
+    return cone_figure(DRAWN)
+
+
+def combinations(_: PaperSettings) -> Drawing:
+    """Draw Fig. 6: a grasp under the four combinations of extreme cones."""
+    return combinations_figure(DRAWN)
+
+
+def circle_curves(settings: PaperSettings) -> Drawing:
+    """Draw Fig. 7: epsilon around the circle."""
+    return curves_figure([scan(Circle(), model) for model in settings.models], over="angle")
+
+
+def circle_shares(settings: PaperSettings) -> Drawing:
+    """Draw Fig. 8: shares of the circle over the resolution."""
+    return shares_figure(swept(Circle(), settings))
+
+
+def square_curves(settings: PaperSettings) -> Drawing:
+    """Draw Fig. 9: epsilon along the square."""
+    scans = [scan(square(), model) for model in settings.models]
+    return curves_figure(scans, over="position", unit="half sides")
+
+
+def square_shares(settings: PaperSettings) -> Drawing:
+    """Draw Fig. 10: shares of the square over the resolution."""
+    return shares_figure(swept(square(), settings))
+
+
+def ceilings(settings: PaperSettings) -> Drawing:
+    """Draw Fig. 11: the best possible accuracy of a learned predictor."""
+    return ceiling_figure([swept(outline, settings) for outline in (Circle(), square())])
+
+
+FIGURES: dict[str, Callable[[PaperSettings], Drawing]] = {
+    "figure_05": cone,
+    "figure_06": combinations,
+    "figure_07": circle_curves,
+    "figure_08": circle_shares,
+    "figure_09": square_curves,
+    "figure_10": square_shares,
+    "figure_11": ceilings,
+}
+"""By the name of their files, without suffix."""
+
+
+def swept(outline: Outline, settings: PaperSettings) -> Sweep:
+    """Shares of an outline's perimeter over the resolution, in closed form."""
+    return sweep(
+        outline,
+        friction=settings.friction,
+        sensor_resolution=settings.swept,
+        name=outline.name,
+        mode="scan",
+    )

@@ -1,0 +1,83 @@
+"""The numbers in the text of Wan & Howe 2018, quoted, beside the same numbers computed."""
+
+import math
+
+from grasp3d.distributions import SphereAngles
+from grasp3d.paper.markdown import percent, table
+from grasp3d.planar import circle_fractions, square_fractions
+from grasp3d.sensor import Sensor, resolution_limit
+
+RADIUS = 10.0
+"""Of the paper's hemispherical fingertip, 2 cm across [mm]."""
+ROUNDED_ARC = 4.0
+"""The paper's arc at friction 0.2 [mm]."""
+COARSE = math.radians(22.6)
+"""The resolution at which the paper reads its Fig. 8 [rad]."""
+READ_AT = 1.0
+"""Friction of that figure."""
+SPHERE = (0.2, 1.0)
+"""Frictions between which the sphere is compared."""
+
+HEAD = ("quantity", "in the paper", "computed", "closed form", "compared")
+QUOTED = {
+    0.5: ("α ≤ 2 atan μ ≈ 53°", "about 9 mm", "at least 10"),
+    0.2: ("22.6°", "about 4 mm", "50"),
+}
+"""For each friction the bound on the resolution, the arc on the fingertip, the sensors (III)."""
+ALMOST = "almost 20 %"
+
+
+def quoted_numbers() -> str:
+    """Write the table of the paper's numbers beside those computed here."""
+    rows = [row for friction in QUOTED for row in _design(friction)]
+    return table(HEAD, [*rows, *_ambiguous()], left=len(HEAD))
+
+
+def _design(friction: float) -> list[tuple[str, ...]]:
+    bound, arc, sensors = QUOTED[friction]
+    limit = math.degrees(resolution_limit(friction))
+    sensor = Sensor.limiting(friction, RADIUS)
+    discs, caps = sensor.sensors_by_discs, sensor.sensors_by_caps
+    tip = f"fingertip of {2.0 * RADIUS / 10.0:g} cm, μ = {friction:g}"
+    return [
+        (f"bound on α, μ = {friction:g} (Sec. III)", bound, f"{limit:.2f}°", "2 atan μ",
+         "the same; at the bound itself no two fingers are surely stable, so α < 2 atan μ"),
+        (f"arc, {tip}", arc, f"{sensor.receptive_field:.2f} mm", "α · radius", "the same, rounded"),
+        (f"sensors, {tip}", sensors, f"{discs} (equal discs), {caps} (spherical caps)",
+         "8 / α² and 1 / (1 − cos(α/2)), rounded up", _counted(sensors, sensor)),
+    ]  # fmt: skip
+
+
+def _counted(quoted: str, sensor: Sensor) -> str:
+    """Compare numbers of sensors, by discs as the paper counts."""
+    if quoted.rsplit(maxsplit=1)[-1] == str(sensor.sensors_by_discs):
+        return "the same"
+    rounded = Sensor(ROUNDED_ARC, RADIUS).sensors_by_discs
+    return (
+        f"**differs**: the arc is {sensor.receptive_field:.2f} mm; rounded to {ROUNDED_ARC:g} mm "
+        f"before counting it gives {rounded}"
+    )
+
+
+def _ambiguous() -> list[tuple[str, ...]]:
+    """Ambiguous shares at the resolution at which the paper reads its Fig. 8."""
+    circle, square, *spheres = (
+        fractions(friction=friction, sensor_resolution=COARSE)["M"]
+        for fractions, friction in (
+            (circle_fractions, READ_AT),
+            (square_fractions, READ_AT),
+            *((SphereAngles().fractions, friction) for friction in SPHERE),
+        )
+    )
+    least = math.tan(COARSE / 2.0)
+    asked = f"ambiguous at α = {math.degrees(COARSE):g}°"
+    return [
+        (f"{asked}, circle, μ = {READ_AT:g} (Fig. 8)", ALMOST, percent(circle),
+         "2α / π while α/2 ≤ β and β + α/2 ≤ 90°",
+         f"**differs**: a value read off a curve; ours holds for μ {least:.2f} to {1 / least:.2f}"),
+        (f"{asked}, square, μ = {READ_AT:g}", "–", percent(square),
+         "from the polygon, `grasp3d.planar.square`", "not what Fig. 8 shows, but nearer"),
+        (f"{asked}, sphere by area, μ = {SPHERE[0]:g} to {SPHERE[1]:g}", "–",
+         " to ".join(percent(share) for share in spheres), "sin 2β · sin α",
+         "depends on μ, unlike on the circle"),
+    ]  # fmt: skip

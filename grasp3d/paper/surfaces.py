@@ -1,0 +1,68 @@
+"""Labels from wrench hulls alone beside exact ones, over whole surfaces."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from grasp3d.labels import SurfaceLabels
+from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
+from grasp3d.paper.convergence import ALLOWED
+from grasp3d.paper.markdown import shares, table
+from grasp3d.paper.settings import PaperSettings
+from grasp3d.settings import DEGREE, GraspModel
+from grasp3d.surface import label_surface, scan_surface
+
+BELOW = (0.0, 0.0, -1.0)
+"""Where the first finger stands in scans."""
+EDGE = 1.0 / 8.0
+"""Longest edge of the box, whose sides are 2; twice that on the cylinder."""
+SUBDIVISIONS = 4
+"""Of the sphere: 2,562 vertices."""
+EDGES = (None, 8)
+SEARCHED = GraspModel(friction=0.2, sensor_resolution=15.0 * DEGREE)
+"""For grasps that are searched: little friction, so that not all is S."""
+
+
+def surface_table(settings: PaperSettings) -> str:
+    """Write a table of three solids, scanned and labelled by both methods."""
+    head = ("object", "grasps", "μ", "α", "cones", "S, exact", "M, exact", "U, exact", "S, hulls",
+            "M, hulls", "U, hulls", "area that differs", "vertices not allowed")  # fmt: skip
+    solids = {
+        "sphere": sphere_mesh(subdivisions=SUBDIVISIONS),
+        "box": box_mesh(max_edge=EDGE),
+        "cylinder": cylinder_mesh(max_edge=2.0 * EDGE),
+    }
+    rows = []
+    for name, mesh in solids.items():
+        exact = {
+            "one finger fixed": scan_surface(mesh, settings.models[0], fixed=BELOW),
+            "searched": label_surface(mesh, SEARCHED),
+        }
+        for kind, labels in exact.items():
+            rows += [[name, kind, *_compared(labels, edges)] for edges in EDGES]
+    return (
+        "The same grasps labelled exactly, for all normals, and from the wrench hulls of 8 extreme "
+        "normals on a rim and the perceived one; at creases those of every face, and the bisecting "
+        "normal. 'Not allowed' as below.\n\n" + table(head, rows, left=2)
+    )
+
+
+def _compared(exact: SurfaceLabels, edges: int | None) -> list[str]:
+    """The cells of one row."""
+    model = replace(exact.model, method="extremes", edges=edges)
+    hulls = replace(exact, model=model)
+    areas = exact.mesh.vertex_areas
+    differ = float(areas[exact.label != hulls.label].sum() / areas.sum())
+    wrong = exact.label != hulls.label
+    for pair in ALLOWED["circular" if edges is None else "polygonal"]:
+        wrong &= (exact.label != pair[0]) | (hulls.label != pair[1])
+    return [
+        f"{model.friction:g}",
+        f"{math.degrees(model.sensor_resolution):.4g}°",
+        "circular" if edges is None else f"{edges} edges",
+        *shares(exact.fractions()),
+        *shares(hulls.fractions()),
+        f"{100.0 * differ:.2f} %",
+        str(int(np.count_nonzero(wrong))),
+    ]

@@ -1,0 +1,151 @@
+"""Everything of the paper into one folder: figures, painted surfaces, numbers."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy.typing as npt
+
+from grasp3d.errors import OutputError, SettingError
+from grasp3d.files import check_writable, written_whole
+from grasp3d.labels import Progress
+from grasp3d.paper.convergence import comparisons, convergence_tables
+from grasp3d.paper.figures import FIGURES
+from grasp3d.paper.numbers import numbers_page
+from grasp3d.paper.objects import (
+    ScannedObject,
+    load_object,
+    object_figure,
+    real_object,
+    solids,
+)
+from grasp3d.paper.settings import PaperSettings
+from grasp3d.paper.surfaces import surface_table
+from grasp3d.plots.formats import save
+from grasp3d.rendering import can_render
+
+NUMBERS = "numbers.md"
+SOLIDS = ("sphere", "box", "cylinder")
+OBJECT = "object"
+"""What files about a real object are called, whatever its own is."""
+SUFFIXES = (".svg", ".png")
+
+SEARCH, FIGURE, SURFACE, COMPARISON = 8.0, 1.0, 3.0, 13.0
+"""How long the parts take beside one another, for the progress."""
+
+
+@dataclass(frozen=True)
+class Paper:
+    """What was written."""
+
+    written: tuple[Path, ...]
+    notes: tuple[str, ...]
+    """What is missing and why, a sentence each."""
+
+
+def write_paper(
+    output: Path,
+    settings: PaperSettings | None = None,
+    *,
+    object_file: Path | None = None,
+    fixed: npt.ArrayLike | None = None,
+    progress: Progress | None = None,
+) -> Paper:
+    """Recompute Wan & Howe 2018: Fig. 5 to 11, their counterparts in space, and all numbers.
+
+    Files of the same names are replaced, each whole; nothing else in the folder is touched.
+
+    Args:
+        output: Folder, made if it is missing.
+        settings: Friction and resolutions; None: the paper's.
+        object_file: A mesh for the counterparts in space.
+        fixed: Place of the first finger on it, in the file's frame; None: where a two-finger grasp
+            is best.
+        progress: Called with the share of the work done, from 0 to 1.
+
+    Raises:
+        SettingError: A setting is outside its range, or `fixed` is given without a mesh.
+        MeshError: The mesh cannot be read.
+        OutputError: The folder cannot be written to.
+    """
+    if fixed is not None and object_file is None:
+        raise SettingError("a place for the first finger needs an object: name its mesh as well")
+    chosen = settings or PaperSettings()
+    mesh = None if object_file is None else load_object(object_file)
+    names = [*SOLIDS, *([OBJECT] if mesh is not None else [])]
+    _check(output, [*FIGURES, *(f"surface_{name}" for name in names)])
+    steps = _Steps(
+        FIGURE * len(FIGURES) + SURFACE * len(names) + SEARCH * (mesh is not None)
+        + COMPARISON,
+        progress,
+    )  # fmt: skip
+    real: list[ScannedObject] = []
+    if object_file is not None and mesh is not None:
+        search = steps.part(SEARCH)
+        real.append(real_object(mesh, object_file.stem, chosen, fixed=fixed, progress=search))
+        search(1.0)
+    written: list[Path] = []
+    for name, draw in FIGURES.items():
+        written += save(draw(chosen), output / name)
+        steps.part(FIGURE)(1.0)
+    pictures, scanned = can_render(), []
+    for name, one in zip(names, [*solids(chosen), *real], strict=True):
+        scanned.append(one)
+        figure = object_figure(one, chosen, pictures=pictures)
+        written += save(figure, output / f"surface_{name}")
+        steps.part(SURFACE)(1.0)
+    sampled = {
+        "The same solids from wrench hulls alone": surface_table(chosen),
+        "Sampled extreme normals beside exact labels": convergence_tables(
+            comparisons(steps.part(COMPARISON))
+        ),
+    }
+    with written_whole(output / NUMBERS) as part:
+        part.write_text(numbers_page(chosen, scanned, sampled), encoding="utf-8")
+    written.append(output / NUMBERS)
+    return Paper(tuple(written), _notes(names, pictures=pictures, real=bool(real)))
+
+
+class _Steps:
+    """Progress of parts that take different times."""
+
+    def __init__(self, total: float, progress: Progress | None) -> None:
+        self._total, self._progress, self._begun = total, progress, 0.0
+
+    def part(self, size: float) -> Progress:
+        """Begin the next part; gives a function that takes the share of it that is done."""
+        start = self._begun
+        self._begun += size
+
+        def advance(share: float) -> None:
+            if self._progress is not None:
+                self._progress(min(1.0, (start + size * share) / self._total))
+
+        return advance
+
+
+def _check(output: Path, names: list[str]) -> None:
+    """Make the folder, and tell before the work whether it can be written to."""
+    try:
+        output.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise OutputError(f"{output}: is no folder and none can be made ({error.strerror})") from (
+            error
+        )
+    for path in (
+        output / NUMBERS,
+        *(output / f"{name}{end}" for name in names for end in SUFFIXES),
+    ):
+        check_writable(path)
+
+
+def _notes(names: list[str], *, pictures: bool, real: bool) -> tuple[str, ...]:
+    notes = []
+    if not pictures:
+        files = ", ".join(f"surface_{name}" for name in names)
+        notes.append(
+            f"there is no OpenGL here, so {files} show the shares without the painted surfaces; "
+            "EGL is enough (on Debian: libegl1 libgl1)"
+        )
+    if not real:
+        notes.append("to add a real object name its mesh: --object FILE")
+    return tuple(notes)

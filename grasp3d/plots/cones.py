@@ -1,0 +1,184 @@
+"""Drawings of friction cones whose normals are known to within the sensor's resolution."""
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.colors import to_rgba
+from matplotlib.figure import Figure
+from matplotlib.patches import Arc, FancyArrowPatch, Patch, Wedge
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import SettingError
+from grasp3d.plots.style import COLUMN, LABEL_COLORS, LINES, bare, new_figure, styled
+from grasp3d.settings import GraspModel
+from grasp3d.stability import Label
+
+OBJECT, DARK = "#F1F1F1", "#333333"
+UP = math.pi / 2.0
+
+TIP = 0.42
+"""Radius of the drawn fingertip; the cones have length 1."""
+OPACITY = 0.22
+"""Of the drawn cones."""
+SIDES = LINES[:2]
+"""Lines of the two extreme cones, or of the cones of two fingers."""
+
+
+@styled
+def cone_figure(model: GraspModel) -> Figure:
+    """Draw one contact: the perceived normal, the extreme ones, and what their cones share.
+
+    Wan & Howe 2018, Fig. 5: the effective cone has the half-angle beta - alpha / 2.
+
+    Args:
+        model: Friction and sensor resolution.
+
+    Raises:
+        SettingError: The extreme cones share nothing, or do not fit above the surface.
+    """
+    check_drawable(model)
+    beta, tilt = model.friction_angle, model.tilt
+    figure = new_figure(COLUMN, 2.75)
+    axes = figure.add_subplot()
+    bare(axes)
+    _contact(axes)
+    for sign, line in zip((1.0, -1.0), SIDES, strict=True):
+        draw_cone(axes, np.zeros(2), UP + sign * tilt, beta, **line)
+    draw_cone(axes, np.zeros(2), UP, beta - tilt, LABEL_COLORS[Label.S], "-", opacity=0.8)
+    _name_normals(axes, tilt)
+    _name_angles(axes, beta, tilt)
+    axes.set(xlim=(-1.4, 1.4), ylim=(-0.62, 1.9))
+    figure.legend(
+        handles=_handles(), loc="outside lower center", ncols=3, columnspacing=1.0,
+        handlelength=1.8, fontsize=7.0,
+    )  # fmt: skip
+    return figure
+
+
+def check_drawable(model: GraspModel) -> None:
+    """Check that the extreme cones share a cone, and that all lie above the surface.
+
+    Raises:
+        SettingError: They do not.
+    """
+    beta, tilt = model.friction_angle, model.tilt
+    if not 0.0 < tilt < beta or beta + tilt >= UP:
+        raise SettingError(
+            "drawings of cones need alpha/2 above 0 and below atan(friction), and their sum below "
+            f"90 degrees; got alpha/2 = {math.degrees(tilt):.4g} degrees and atan(friction) = "
+            f"{math.degrees(beta):.4g} degrees"
+        )
+
+
+def draw_cone(
+    axes: Axes,
+    tip: Floats,
+    axis: float,
+    half_angle: float,
+    color: str,
+    linestyle: Any,  # noqa: ANN401, matplotlib's own union of names and dashes
+    *,
+    length: float = 1.0,
+    opacity: float = OPACITY,
+) -> None:
+    """Draw a cone as a wedge.
+
+    Args:
+        axes: Where to draw.
+        tip: Where the finger touches, shape (2,).
+        axis: Polar angle of its axis [rad].
+        half_angle: [rad]
+        color: Of the wedge and its outline.
+        linestyle: Of the outline.
+        length: Of its sides.
+        opacity: Of the wedge.
+    """
+    low, high = math.degrees(axis - half_angle), math.degrees(axis + half_angle)
+    inside, rim = (Wedge((tip[0], tip[1]), length, low, high) for _ in range(2))
+    inside.set(facecolor=color, alpha=opacity, linewidth=0.0)
+    rim.set(fill=False, edgecolor=color, linestyle=linestyle, linewidth=0.9)
+    axes.add_patch(inside)
+    axes.add_patch(rim)
+
+
+def draw_arrow(axes: Axes, start: Floats, end: Floats, color: str) -> None:
+    """Draw an arrow from one point (2,) to another."""
+    ends = (float(start[0]), float(start[1])), (float(end[0]), float(end[1]))
+    shape = FancyArrowPatch(*ends, arrowstyle="-|>", mutation_scale=7.0, shrinkA=0.0, shrinkB=0.0)
+    shape.set(color=color, linewidth=1.1, zorder=3)
+    axes.add_patch(shape)
+
+
+def at_polar(radius: float, angle: float) -> Floats:
+    """Point at a distance from the origin and a polar angle [rad], shape (2,)."""
+    return radius * np.array([math.cos(angle), math.sin(angle)])
+
+
+def _contact(axes: Axes) -> None:
+    """The perceived surface, the object above it, and the fingertip that touches it from below."""
+    axes.axhspan(0.0, 1.9, color=OBJECT, linewidth=0.0, zorder=0)
+    axes.axhline(0.0, color=DARK, linewidth=1.0, zorder=1)
+    turn = np.linspace(0.0, math.pi, 49)
+    x, y = np.cos(turn), np.sin(turn) - 1.0
+    outline = TIP * np.array([[1.0, *x, -1.0], [-2.0, *y, -2.0]])
+    axes.plot(*outline, color=DARK, linewidth=0.9)
+    axes.text(0.0, -0.36, "fingertip", ha="center", va="center", fontsize=7.0)
+    axes.text(-1.34, 1.84, "object", va="top", color=DARK, fontsize=7.0)
+    axes.text(-1.34, -0.06, "perceived\nsurface", va="top", color=DARK, fontsize=7.0)
+
+
+def _name_normals(axes: Axes, tilt: float) -> None:
+    for angle, color, name, side in (
+        (UP, "black", "perceived\nnormal", "center"),
+        (UP + tilt, SIDES[0]["color"], "extreme\nnormal", "right"),
+        (UP - tilt, SIDES[1]["color"], "extreme\nnormal", "left"),
+    ):
+        draw_arrow(axes, np.zeros(2), at_polar(1.5, angle), color)
+        x, y = at_polar(1.54, angle)
+        axes.text(x, y, name, color=color, ha=side, va="bottom", fontsize=7.0)
+
+
+def _name_angles(axes: Axes, beta: float, tilt: float) -> None:
+    for low, high in ((UP - tilt, UP), (UP, UP + tilt)):
+        _angle(axes, 1.1, low, high)
+        _say(axes, at_polar(1.26, 0.5 * (low + high)), r"$\alpha/2$", tilt)
+    _angle(axes, 0.8, UP - tilt - beta, UP - tilt)
+    _say(axes, at_polar(0.64, UP - beta), r"$\beta$", beta)
+    _angle(axes, 0.5, UP, UP + beta - tilt)
+    axes.annotate(
+        rf"$\beta-\alpha/2$ = {math.degrees(beta - tilt):.3g}°",
+        xy=tuple(at_polar(0.5, UP + 0.75 * (beta - tilt))),
+        xytext=(-1.34, 0.16),
+        fontsize=6.5,
+        arrowprops={
+            "arrowstyle": "->",
+            "color": DARK,
+            "linewidth": 0.6,
+            "shrinkB": 0.0,
+            "mutation_scale": 6.0,
+        },
+    )
+
+
+def _angle(axes: Axes, radius: float, low: float, high: float) -> None:
+    ends = math.degrees(low), math.degrees(high)
+    shape = Arc((0.0, 0.0), 2.0 * radius, 2.0 * radius, theta1=ends[0], theta2=ends[1])
+    shape.set(color=DARK, linewidth=0.7, zorder=4)
+    axes.add_patch(shape)
+
+
+def _say(axes: Axes, place: Floats, name: str, angle: float) -> None:
+    said = f"{name}\n{math.degrees(angle):.3g}°"
+    axes.text(
+        place[0], place[1], said, ha="center", va="center", fontsize=6.5, linespacing=1.0, zorder=5
+    )
+
+
+def _handles() -> list[Patch]:
+    shared = Patch(facecolor=LABEL_COLORS[Label.S], alpha=0.8, label="effective cone")
+    extreme = [Patch(edgecolor=line["color"], linestyle=line["linestyle"]) for line in SIDES]
+    for patch in extreme:
+        patch.set(facecolor=to_rgba(patch.get_edgecolor(), OPACITY), label="extreme cone")
+    return [shared, *extreme]

@@ -1,0 +1,131 @@
+"""Painted surfaces as pictures, with the borders between labels as sharp as the labels are."""
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from grasp3d.arrays import Bytes, Floats, unit_rows
+from grasp3d.contacts import Contacts
+from grasp3d.critical import critical_friction_angle
+from grasp3d.labels import Reason, SurfaceLabels
+from grasp3d.rendering import Finger, View, picture
+from grasp3d.stability import COLORS, Label
+
+PLACE, NORMAL, WORST, BEST, COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8
+"""What is known at the corner of a triangle."""
+
+PALETTE = np.array([COLORS[label] for label in sorted(Label)], dtype=np.uint8)
+
+
+def painted(
+    labels: SurfaceLabels,
+    *,
+    view: View | None = None,
+    size: tuple[int, int] = (640, 640),
+    fingers: Sequence[Finger] = (),
+) -> Bytes:
+    """Draw a surface in the colours of its labels.
+
+    Between the vertices of a triangle the critical angles are interpolated, not the colours; with
+    labels of method extremes, which have none, the borders lie halfway.
+
+    Args:
+        labels: The surface with its labels.
+        view: From where it is seen.
+        size: Width and height [pixels].
+        fingers: Contacts to mark.
+
+    Returns:
+        Red, green, blue from 0 to 255, shape (height, width, 3).
+
+    Raises:
+        OutputError: There is no OpenGL here.
+    """
+    parts = _parts(labels)
+    rows = np.concatenate(list(parts.values())).reshape(-1, COLUMNS)
+    colors = [np.tile(PALETTE[label], (3 * len(part), 1)) for label, part in parts.items()]
+    return picture(
+        rows[:, PLACE],
+        np.arange(len(rows)).reshape(-1, 3),
+        np.concatenate(colors),
+        normals=unit_rows(rows[:, NORMAL]),
+        view=view,
+        size=size,
+        fingers=fingers,
+    )
+
+
+def _parts(labels: SurfaceLabels) -> dict[Label, Floats]:
+    """Triangles of each label, those with several labels cut along the borders.
+
+    Returns:
+        For each label the corners of its triangles, shape (n, 3, COLUMNS).
+    """
+    mesh, model = labels.mesh, labels.model
+    inward = mesh.corner_normals.normals[mesh.corner_normals.corners]  # (F, 3, 3)
+    angles = _corner_angles(labels, inward)
+    corners = np.concatenate([mesh.vertices[mesh.faces], -inward, angles], axis=2)
+    stable, others = _cut(corners, WORST, model.friction_angle - model.tilt)
+    ambiguous, unstable = _cut(others, BEST, model.friction_angle + model.tilt)
+    return {Label.S: stable, Label.M: ambiguous, Label.U: unstable}
+
+
+def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
+    """Critical angles, worst and best, at the corners of the faces, shape (F, 3, 2).
+
+    A crease has no area, yet angles of its wider range of normals would spread over the faces next
+    to it; so in a scan each face has there the angle of the same grasp at its own normal. Where
+    grasps are searched another grasp may suit that normal: the crease's own angles stay.
+    """
+    mesh, model = labels.mesh, labels.model
+    if model.method == "extremes":
+        worst = model.friction_angle - model.tilt - np.where(labels.label == Label.S, 1.0, -1.0)
+        best = model.friction_angle + model.tilt + np.where(labels.label == Label.U, 1.0, -1.0)
+        return np.stack([worst, best], axis=1)[mesh.faces]
+    both = np.stack([labels.critical_angle, labels.critical_angle_best], axis=1)
+    angles = np.minimum(both, math.pi)[mesh.faces]
+    if labels.mode != "scan":
+        return angles
+    held = (labels.reason == Reason.FOUND) & (labels.partner_normal != 0.0).any(axis=1)
+    creased = (mesh.normal_sets.counts[mesh.canonical] > 1) & held
+    at = np.nonzero(creased[mesh.faces])
+    vertex = mesh.faces[at]
+    grasps = Contacts(
+        np.stack([mesh.vertices[vertex], labels.partner[vertex]], axis=1),
+        np.stack([inward[at], labels.partner_normal[vertex]], axis=1),
+    )
+    own = np.asarray(critical_friction_angle(grasps))[:, None]
+    angles[at] = np.clip(own, angles[at][:, 1:], angles[at][:, :1])
+    return angles
+
+
+def _cut(corners: Floats, column: int, limit: float) -> tuple[Floats, Floats]:
+    """Cut triangles where one of their columns reaches a limit.
+
+    Args:
+        corners: What is known at the corners and linear between them, shape (n, 3, k).
+        column: Which of the k is cut at the limit.
+        limit: Below it is strictly below.
+
+    Returns:
+        The triangles below the limit and the others, (m, 3, k) each.
+    """
+    below = corners[..., column] < limit  # (n, 3)
+    count = below.sum(axis=1)
+    sides = {True: [corners[count == 3]], False: [corners[count == 0]]}  # noqa: PLR2004
+    for alone, size in ((True, 1), (False, 2)):
+        cut = count == size
+        first = np.argmax(below[cut] == alone, axis=1)  # the corner that lies alone on its side
+        order = (first[:, None] + np.arange(3)) % 3
+        a, b, c = np.take_along_axis(corners[cut], order[..., None], axis=1).swapaxes(0, 1)
+        ab, ac = _reached(a, b, column, limit), _reached(a, c, column, limit)
+        sides[alone].append(np.stack([a, ab, ac], axis=1))
+        sides[not alone] += [np.stack([ab, b, c], axis=1), np.stack([ab, c, ac], axis=1)]
+    return np.concatenate(sides[True]), np.concatenate(sides[False])
+
+
+def _reached(a: Floats, b: Floats, column: int, limit: float) -> Floats:
+    """Points between a and b, (n, k) each, where the column reaches the limit."""
+    share = (limit - a[:, column]) / (b[:, column] - a[:, column])
+    return np.asarray(a + share[:, None] * (b - a))

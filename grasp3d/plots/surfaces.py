@@ -1,0 +1,84 @@
+"""A painted surface beside the shares of S, M and U over the sensor's resolution."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from matplotlib.lines import Line2D
+
+from grasp3d.arrays import Bytes
+from grasp3d.labels import SurfaceLabels
+from grasp3d.plots.shares import CLOSED_FORM, draw_shares
+from grasp3d.plots.style import PAGE, label_patches, new_figure, styled
+from grasp3d.rendering import Finger
+from grasp3d.sweeps import Sweep
+
+HEIGHT = 2.75
+"""Of the figure [inch]."""
+PICTURE, CURVES = 1.0, 1.12
+"""Shares of the width."""
+
+_SHOWN: dict[str, Any] = {
+    "color": "black", "linestyle": "none", "marker": "v", "markersize": 4.0, "clip_on": False,
+}  # fmt: skip
+
+
+@styled
+def surface_figure(
+    scans: Sequence[SurfaceLabels],
+    pictures: Sequence[Bytes],
+    sweep: Sweep,
+    *,
+    closed_form: Sweep | None = None,
+) -> Figure:
+    """Draw the surface at some resolutions, and beside it the shares over all.
+
+    The counterpart in space of Wan & Howe 2018, Fig. 7 to 10.
+
+    Args:
+        scans: The surface's labels at each resolution.
+        pictures: Of the same surfaces, shape (h, w, 3) each, or none: the shares alone.
+        sweep: Shares of the surface at one friction.
+        closed_form: The same shares in closed form, drawn over them.
+    """
+    shown = len(pictures)
+    figure = new_figure(PAGE if shown else PAGE / 2.0, HEIGHT)
+    grid = figure.subplots(1, shown + 1, width_ratios=[PICTURE] * shown + [CURVES], squeeze=False)
+    for axes, scan, picture in zip(grid[0, :shown], scans, pictures, strict=bool(shown)):
+        _show(axes, scan, picture)
+    curves = grid[0, -1]
+    draw_shares(curves, sweep, whole="surface", closed_form=closed_form)
+    if shown:
+        angles = [math.degrees(scan.model.sensor_resolution) for scan in scans]
+        curves.plot(angles, np.ones(shown), transform=curves.get_xaxis_transform(), **_SHOWN)
+    handles: list[Any] = [*label_patches()]
+    if closed_form is not None:
+        handles.append(Line2D([], [], label="closed form", **CLOSED_FORM))
+    if shown:
+        handles.append(Line2D([], [], label="shown", **_SHOWN))
+    figure.legend(
+        handles=handles,
+        loc="outside lower center",
+        ncols=len(handles) if shown else 2,
+        handlelength=1.8,
+        columnspacing=1.4,
+    )
+    return figure
+
+
+def fixed_finger(scan: SurfaceLabels) -> Finger:
+    """Take the fixed finger of a scan."""
+    return Finger(scan.partner[0], scan.partner_normal[0])
+
+
+def _show(axes: Axes, scan: SurfaceLabels, picture: Bytes) -> None:
+    axes.imshow(picture)
+    axes.set(xticks=[], yticks=[])
+    axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+    axes.set_title(rf"$\alpha$ = {math.degrees(scan.model.sensor_resolution):.4g}°")
+    shares = scan.fractions().items()
+    axes.set_xlabel("   ".join(f"{name} {100.0 * share:.1f} %" for name, share in shares))
