@@ -118,7 +118,8 @@ class AngleDistribution(ABC):
         if min(widest, math.pi / 2.0) > self.limit + ROUNDING:
             raise SearchCoverageError(
                 f"atan(friction) + alpha/2 is {math.degrees(widest):.4g} degrees, but grasps "
-                f"were searched only up to {math.degrees(self.limit):.4g}"
+                f"were searched only up to {math.degrees(self.limit):.4g}; label the surface again "
+                f"with Sampling(search_angle={min(widest, math.pi / 2.0):.4g})"
             )
         stable = self.worst_below(beta - a)
         unstable = 1.0 - self.best_below(beta + a)
@@ -144,7 +145,8 @@ class AngleDistribution(ABC):
         if angle > self.limit and min(beta, math.pi / 2.0) > self.limit + ROUNDING:
             raise SearchCoverageError(
                 f"atan(friction) is {math.degrees(beta):.4g} degrees, but grasps were searched "
-                f"only up to {math.degrees(self.limit):.4g}"
+                f"only up to {math.degrees(self.limit):.4g}; label the surface again with "
+                f"Sampling(search_angle={beta:.4g})"
             )
         return max(0.0, 2.0 * (beta - angle))
 

@@ -2,6 +2,8 @@ import json
 import math
 import os
 import signal
+import socket
+from contextlib import suppress
 from pathlib import Path
 
 import numpy as np
@@ -140,6 +142,19 @@ def killed(job: Job, settings: BatchSettings) -> Row:
     if "strange" in job.name:
         raise ValueError("no one thought of this")
     return label_file(job, settings)
+
+
+def test_a_run_beside_another_warns_of_nothing(tmp_path: Path) -> None:
+    """Dask's usual port may be taken; warnings are errors here."""
+    ball(tmp_path / "in" / "1.ply")
+    jobs = plan([tmp_path / "in"], tmp_path / "out")
+    make_folders(jobs)
+    with socket.socket() as other:
+        with suppress(OSError):  # taken already, which will do
+            other.bind(("0.0.0.0", 8787))  # noqa: S104, where Dask would look
+            other.listen()
+        (row,) = run(label_file, jobs, SETTINGS, lost=lost_row, workers=1)
+    assert row.error == ""
 
 
 @pytest.mark.slow

@@ -52,6 +52,7 @@ def test_a_file_is_swept_into_a_table_and_a_figure(tmp_path: Path) -> None:
     assert "U no grasp found" in done.stdout
     assert "surely unstable" not in done.stdout
     assert "written: my blob_sweep.csv, my blob_sweep.svg" in done.stdout
+    assert "creases" not in done.stdout
 
     model = GraspModel(friction=1.0, sensor_resolution=math.radians(60.0))
     mesh = load_mesh(source, unit="cm")
@@ -106,6 +107,15 @@ def test_a_folder_is_swept_past_a_broken_mesh_with_the_mean_of_the_others(tmp_pa
 
 
 @pytest.mark.slow
+def test_creases_that_decide_the_required_resolution_are_told(tmp_path: Path) -> None:
+    export(tmp_path / "box.stl", shapes.box())
+    once = ("--friction", "0.5", "--sensor-resolution", "20", "--rays", "8")
+    for edge, told in (("0.1", True), ("0.02", False)):
+        done = grasp3d("sweep", "box.stl", *once, "--max-edge", edge, cwd=tmp_path)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert ("strips along creases count as area, on box.stl" in done.stdout) == told
+
+
 def test_a_folder_of_which_nothing_can_be_swept_has_a_table_of_reasons(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")

@@ -395,3 +395,11 @@ def test_load_mesh_reads_what_the_file_has(tmp_path) -> None:  # type: ignore[no
     mesh = load_mesh(str(path), unit="mm")
     assert (mesh.report.source, mesh.report.format, mesh.unit) == ("a box.ply", "ply", "mm")
     assert np.array_equal(mesh.vertices[:8], vertices)
+
+
+def test_creases_take_less_area_on_a_finer_mesh() -> None:
+    coarse, fine = (
+        mesh_from_arrays(*shapes.box(), max_edge=edge).crease_share for edge in (0.1, 0.05)
+    )
+    assert 0.3 * coarse < fine < 0.7 * coarse < 0.2
+    assert mesh_from_arrays(*shapes.sphere()).crease_share == 0.0

@@ -82,6 +82,8 @@ class SweptMesh:
     sweep: Sweep | None = None
     error: str = ""
     warnings: tuple[str, ...] = ()
+    crease_share: float = 0.0
+    """As in `ObjectMesh`."""
     seconds: float = 0.0
 
 
@@ -211,6 +213,7 @@ def sweep_mesh(
         mesh.name,
         _swept(mesh.name, labels.angle_distribution(), settings, mode=labels.mode),
         warnings=surface.report.warnings,
+        crease_share=surface.crease_share,
         seconds=time.perf_counter() - begun,
     )
 

@@ -77,7 +77,10 @@ def print_limits(setup: Setup, frictions: Sequence[float], *, paper: bool = Fals
     console.print("[bold]Which sensor is fine enough for this friction?[/]")
     console.print(f"fingertip: {setup.fingertip}")
     _print_tables(console, tables)
-    console.print("\nOnly a sensor finer than this lets grasps be surely stable.")
+    console.print(
+        "\nOnly a sensor finer than this lets grasps be surely stable; how much of an object is, "
+        "grasp3d sweep tells."
+    )
     setup.print_notes(console)
     if paper:
         console.print(_PAPER)
@@ -137,10 +140,12 @@ def print_verdicts(setup: Setup, sensor: Sensor, frictions: Sequence[float]) -> 
     tables = [(what, _verdicts(sensor, opening, frictions)) for opening, what in setup.openings]
     console = Console()
     console.print("\n[bold]Is this sensor fine enough for this friction?[/]")
+    console.print("For the best grasps: two fingers that push straight at each other.")
     _print_tables(console, tables)
     console.print(
-        "\nmargin: the friction angle less the angle by which a normal may be off the fingers' "
-        "line; effective friction: what that angle leaves of the friction"
+        "\nmargin: the friction angle less what a normal may be off the fingers' line; effective "
+        "friction: what is left of the friction. Places of an object where no grasp is straight "
+        "need a finer sensor: see grasp3d sweep."
     )
 
 

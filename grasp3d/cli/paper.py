@@ -14,7 +14,7 @@ class Paper:
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
     """Folder for figure_05 to figure_11 and surface_..., each as .svg and .png, and numbers.md;
-    made if it is missing."""
+    made if it is missing. Figures 5 and 6 are drawings, always for friction 1 and 30 degrees."""
 
     friction: float = 1.0
     """Coulomb coefficient of friction; the paper's is 1."""

@@ -30,11 +30,12 @@ class Sweep:
         tyro.conf.Positional,
         tyro.conf.arg(metavar="FILE|FOLDER|circle|square|sphere"),
     ]
-    """Mesh files, folders that are searched with all below them, and shapes in closed form: the
-    circle, the square and the sphere with one finger fixed. ./circle is a file or a folder."""
+    """Name them before the options. Mesh files, folders that are searched with all below them,
+    and shapes in closed form with one finger fixed: circle, square (in the middle of a side) and
+    sphere. ./circle is a file or a folder."""
 
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """Table (.csv or .parquet); none: NAME_sweep.csv in this folder."""
+    """Table (.csv or .parquet); none: NAME_sweep.csv in this folder, of several sweep.csv."""
 
     figure: Path | None = None
     """Figure (.svg, .png or .pdf); none: beside the table, as .svg."""
@@ -49,8 +50,8 @@ class Sweep:
     ends."""
 
     share: tuple[float, ...] = (0.5, 0.9)
-    """Shares of the surface, above 0 and at most 1: prints the coarsest resolution below which so
-    much of it is S."""
+    """Shares of the surface, above 0 and at most 1: prints the resolution that each requires; with
+    any finer sensor so much of the surface is S."""
 
     workers: int | None = None
     """Processes to use for several meshes; none: one per processor."""
@@ -99,7 +100,7 @@ class Sweep:
             save_as(sweep_figure(shown, members=members, shares=shares), figure)
         if not self.quiet:
             sweep_report.print_sweeps(swept, shares)
-            sweep_report.print_notes(targets, meshes)
+            sweep_report.print_notes(targets, meshes, shares)
             sweep_report.print_written([table, *([figure] if shown else [])])
         return 1 if failures else 0
 

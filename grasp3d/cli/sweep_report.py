@@ -16,6 +16,9 @@ from grasp3d.sweeps import UNSTABLE, Sweep
 LEAST_DEGREES = 0.05
 """What is printed with one digit; a finer resolution is none that a sensor has."""
 
+MUCH = 1.0 / 3.0
+"""Of what a share leaves over, how much may be creases before it is told."""
+
 MOST_COLUMNS, MOST_ANGLES = 5, 6
 """Columns that fit beside a name: shares, and angles."""
 
@@ -36,14 +39,18 @@ def print_sweeps(targets: Sequence[SweptTarget], shares: Sequence[float]) -> Non
     console.print(escape(_legend(shown)), soft_wrap=True)
     if shares:
         console.print(
-            "\nrequired resolution, the coarsest below which so much of the surface is S:"
+            "\nrequired resolution: with any finer sensor so much of the surface is S (none: no "
+            "sensor is fine enough)",
+            soft_wrap=True,
         )
         every = dict.fromkeys(one for target in targets for one in target.sweeps)
         console.print(_required(list(every), shares))
 
 
-def print_notes(targets: Sequence[Target], meshes: Sequence[SweptMesh]) -> None:
-    """Print what failed and what to mind."""
+def print_notes(
+    targets: Sequence[Target], meshes: Sequence[SweptMesh], shares: Sequence[float]
+) -> None:
+    """Print what failed and what to mind; `shares` as in `print_sweeps`."""
     console = Console()
     for target in targets:
         if not target.files and Path(target.name).exists():
@@ -58,9 +65,24 @@ def print_notes(targets: Sequence[Target], meshes: Sequence[SweptMesh]) -> None:
             console.print(f"[red]failed:[/] {escape(mesh.error)}", soft_wrap=True)
         for line in mesh.warnings:
             console.print(f"[yellow]warning:[/] {escape(f'{mesh.name}: {line}')}", soft_wrap=True)
+    _print_creased(console, meshes, shares)
     failed = sum(1 for mesh in meshes if mesh.error)
     if failed:
         console.print(f"{len(meshes) - failed} swept, {failed} failed")
+
+
+def _print_creased(console: Console, meshes: Sequence[SweptMesh], shares: Sequence[float]) -> None:
+    """Print for which meshes the required resolution hangs on how finely they are divided."""
+    unsure = MUCH * (1.0 - max(shares, default=0.0))
+    creased = [mesh for mesh in meshes if shares and mesh.crease_share > unsure]
+    if creased:
+        told = ", ".join(f"{mesh.name} {100.0 * mesh.crease_share:.0f} %" for mesh in creased)
+        console.print(
+            f"[yellow]note:[/] strips along creases count as area, on {escape(told)}; they shrink "
+            f"on a finer mesh (--max-edge), so {100.0 * max(shares):g} % may need a less fine "
+            "sensor than is said here",
+            soft_wrap=True,
+        )
 
 
 def print_written(paths: Sequence[Path]) -> None:

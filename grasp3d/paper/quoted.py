@@ -38,7 +38,7 @@ def _design(friction: float) -> list[tuple[str, ...]]:
     limit = math.degrees(resolution_limit(friction))
     sensor = Sensor.limiting(friction, RADIUS)
     discs, caps = sensor.sensors_by_discs, sensor.sensors_by_caps
-    tip = f"fingertip of {2.0 * RADIUS / 10.0:g} cm, μ = {friction:g}"
+    tip = f"fingertip of {2.0 * RADIUS / 10.0:g} cm diameter, μ = {friction:g}"
     return [
         (f"bound on α, μ = {friction:g} (Sec. III)", bound, f"{limit:.2f}°", "2 atan μ",
          "the same; at the bound itself no two fingers are surely stable, so α < 2 atan μ"),

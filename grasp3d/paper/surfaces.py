@@ -44,7 +44,9 @@ def surface_table(settings: PaperSettings) -> str:
     return (
         "The same grasps labelled exactly, for all normals, and from the wrench hulls of 8 extreme "
         "normals on a rim and the perceived one; at creases those of every face, and the bisecting "
-        "normal. 'Not allowed' as below.\n\n" + table(head, rows, left=2)
+        "normal. The meshes are coarser than above, so the shares differ a little. 'Vertices not "
+        "allowed' are those whose labels differ in a way that neither a tilt not tried nor a "
+        "polygon inside its cone explains.\n\n" + table(head, rows, left=2)
     )
 
 
