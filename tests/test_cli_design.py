@@ -1,14 +1,18 @@
-"""`grasp3d design` in a process of its own."""
+"""`grasp3d design`: once in a process of its own, else through the command's own door."""
 
+import io
 import math
 import os
 import re
 import subprocess
 import sys
+from contextlib import redirect_stderr, redirect_stdout
 from pathlib import Path
+from unittest import mock
 
 import pytest
 
+from grasp3d.cli import main
 from grasp3d.cones import effective_friction
 from grasp3d.sensor import Sensor
 
@@ -16,6 +20,18 @@ COMMAND = Path(sys.executable).with_name("grasp3d")
 
 
 def design(*arguments: object, columns: int = 80) -> subprocess.CompletedProcess[str]:
+    """Run the command in this process; a new one for each would cost a second."""
+    out, err, words = io.StringIO(), io.StringIO(), ["design", *map(str, arguments)]
+    environment = mock.patch.dict(os.environ, COLUMNS=str(columns))
+    with environment, redirect_stdout(out), redirect_stderr(err):
+        try:
+            code = main(words)
+        except SystemExit as ended:  # help, and errors of usage
+            code = int(ended.code or 0)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def real_design(*arguments: object, columns: int = 80) -> subprocess.CompletedProcess[str]:
     return subprocess.run(
         [str(COMMAND), "design", *map(str, arguments)],
         check=False,
@@ -40,6 +56,14 @@ def facts(text: str) -> dict[str, str]:
     """What the table of a sensor says, by its left column."""
     pairs = (re.split(r"  +", line.strip(), maxsplit=1) for line in text.splitlines())
     return {pair[0]: pair[1].strip() for pair in pairs if len(pair) == 2}
+
+
+def test_the_real_command_says_the_same() -> None:
+    for words in ((), ("--friction", "0")):
+        real, here = real_design(*words), design(*words)
+        assert (real.returncode, real.stdout) == (here.returncode, here.stdout)
+        assert real.stderr == here.stderr
+    assert "--receptive-field" in real_design("--help").stdout
 
 
 def test_with_nothing_given_it_tells_the_numbers_of_the_paper() -> None:

@@ -133,7 +133,7 @@ def test_numbers_of_the_text_agree_with_their_closed_forms() -> None:
     by_start = {first: row for (first, _), row in rows.items()}
     for friction, radius in ((0.5, 10.0), (0.2, 10.0)):
         alpha = 2.0 * math.atan(friction)
-        tip = f"fingertip of 2 cm, μ = {friction:g}"
+        tip = f"fingertip of 2 cm diameter, μ = {friction:g}"
         said = f"μ = {friction:g} (Sec. III)"
         bound = next(row for first, row in by_start.items() if first.endswith(said))
         assert number(bound[2]) == pytest.approx(math.degrees(alpha), abs=0.005)
@@ -142,8 +142,8 @@ def test_numbers_of_the_text_agree_with_their_closed_forms() -> None:
         discs = math.ceil(2.0 * math.pi * radius**2 / (math.pi * (radius * alpha / 2.0) ** 2))
         caps = math.ceil(1.0 / (1.0 - math.cos(alpha / 2.0)))
         assert counted == f"{discs} (equal discs), {caps} (spherical caps)"
-    assert by_start["sensors, fingertip of 2 cm, μ = 0.5"][1] == "at least 10"
-    differing = by_start["sensors, fingertip of 2 cm, μ = 0.2"]
+    assert by_start["sensors, fingertip of 2 cm diameter, μ = 0.5"][1] == "at least 10"
+    differing = by_start["sensors, fingertip of 2 cm diameter, μ = 0.2"]
     assert differing[1] == "50"
     assert differing[4].startswith("**differs**")
     assert differing[4].endswith(f"gives {math.ceil(8.0 / 0.4**2)}")
