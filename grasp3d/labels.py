@@ -1,7 +1,6 @@
 """Labels on a surface: one value per vertex, and how reliable the grasp there is."""
 
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
@@ -17,13 +16,12 @@ from grasp3d.distributions import SampledAngles
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces
+from grasp3d.progress import Progress
 from grasp3d.quality import epsilon
 from grasp3d.settings import GraspModel, Sampling, search_cone
-from grasp3d.stability import Label, label_angles, max_resolution
+from grasp3d.stability import Label, Mode, label_angles, max_resolution
 from grasp3d.surface_extremes import SurfaceGrasps, hull_epsilons, hull_labels
 from grasp3d.tilting import EpsilonRange, epsilon_range
-
-Progress = Callable[[float], None]
 
 ROUNDING = 1e-9
 """Angle by which a question may exceed the search cone [rad]."""
@@ -78,7 +76,7 @@ class SurfaceLabels:
     model: GraspModel
     sampling: Sampling | None
     """How grasps were searched; None in a scan, where they are given."""
-    mode: Literal["label", "scan"]
+    mode: Mode
     critical_angle: Floats
     """Critical friction angle over the worst normals of the contacts [rad]; inf: no grasp. (V,)"""
     critical_angle_best: Floats

@@ -8,6 +8,7 @@ Wan & Howe 2018 (Sec. III) sample extreme normals.
 """
 
 from enum import IntEnum
+from typing import Literal
 
 import numpy as np
 
@@ -32,6 +33,16 @@ COLORS: dict[Label, tuple[int, int, int]] = {
     Label.S: (0x00, 0x9E, 0x73),
 }
 """Red, green, blue (0-255); told apart by colour-blind readers as well."""
+
+Mode = Literal["label", "scan"]
+"""Whether the grasps on a surface were searched, or are given, as in a scan."""
+
+_EITHER = {Label.S: "surely stable", Label.M: "the sensor cannot tell"}
+MEANING: dict[Mode, dict[Label, str]] = {
+    "label": {**_EITHER, Label.U: "no grasp found"},
+    "scan": {**_EITHER, Label.U: "surely unstable"},
+}
+"""What a label says in either mode, for those who read it."""
 
 
 def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:

@@ -1,7 +1,6 @@
 """Where on this object is a two-finger grasp reliable?"""
 
 import math
-from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -10,10 +9,11 @@ from grasp3d._kernels.faces import normals_at
 from grasp3d._kernels.scan import scan
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.labels import Progress, Reason, SearchReport, SurfaceLabels
+from grasp3d.labels import Reason, SearchReport, SurfaceLabels
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces, nearest_place
 from grasp3d.processors import available_processors
+from grasp3d.progress import Progress, ignore, within
 from grasp3d.sampling.antipodal import best_grasps, contact_normals, contact_surface
 from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface_extremes import check_combinations_of
@@ -50,11 +50,11 @@ def label_surface(
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
     cone = search_cone(model, sampling)
-    told = progress or _ignore
+    told = progress or ignore
     enumerated = model.method == "extremes"
     if enumerated:
         check_combinations_of(model)
-    searching = partial(_within, told, 0.0, SEARCH_SHARE) if enumerated else told
+    searching = within(told, 0.0, SEARCH_SHARE) if enumerated else told
     grasps = best_grasps(mesh, sampling, cone, threads=threads, progress=searching)
     labels = SurfaceLabels(
         mesh=mesh,
@@ -72,17 +72,8 @@ def label_surface(
         search=SearchReport(cone, grasps.rays, grasps.rounds, grasps.still_falling),
         threads=threads,
     )
-    labels.enumerate_extremes(partial(_within, told, SEARCH_SHARE, 1.0))
+    labels.enumerate_extremes(within(told, SEARCH_SHARE, 1.0))
     return labels
-
-
-def _within(progress: Progress, start: float, end: float, share: float) -> None:
-    """Report the progress of a part of the work."""
-    progress(start + (end - start) * share)
-
-
-def _ignore(share: float) -> None:
-    """Report progress to nobody."""
 
 
 def scan_surface(
@@ -143,7 +134,7 @@ def scan_surface(
         search=SearchReport(cone=math.pi, rays=0, rounds=0, still_falling=0.0),
         threads=threads,
     )
-    labels.enumerate_extremes(progress or _ignore)
+    labels.enumerate_extremes(progress or ignore)
     return labels
 
 

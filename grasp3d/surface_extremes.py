@@ -1,6 +1,6 @@
 """The paper's enumeration of extreme normals for the grasps on a surface."""
 
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -13,6 +13,7 @@ from grasp3d.enumeration import extremes, see
 from grasp3d.extremes import Tested, check_combinations, extreme_normals, rings_needed
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces
+from grasp3d.progress import Progress
 from grasp3d.sampling.antipodal import contact_normals, contact_surface
 from grasp3d.settings import GraspModel
 from grasp3d.stability import Label
@@ -22,8 +23,6 @@ PART = 4096
 
 MOST_FACES = 12
 """Faces at one place whose normals are tried; of more, so many spread evenly around it."""
-
-Progress = Callable[[float], None]
 
 
 class SurfaceGrasps(NamedTuple):

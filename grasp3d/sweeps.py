@@ -4,7 +4,7 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -13,11 +13,7 @@ from grasp3d.arrays import Floats, locked
 from grasp3d.distributions import AngleDistribution
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel
-
-Mode = Literal["label", "scan"]
-
-UNSTABLE: dict[Mode, str] = {"label": "no grasp found", "scan": "surely unstable"}
-"""What U says where grasps were searched, and where they are given."""
+from grasp3d.stability import Mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,7 +25,7 @@ class Sweep:
 
     name: str
     mode: Mode
-    """As in `SurfaceLabels`: whether grasps were searched or are given, which `UNSTABLE` tells."""
+    """As in `SurfaceLabels`: whether grasps were searched or are given, see `stability.MEANING`."""
     friction: Floats
     """Coulomb coefficients, in increasing order, shape (m,)."""
     sensor_resolution: Floats

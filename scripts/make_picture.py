@@ -15,17 +15,17 @@ import numpy as np
 import numpy.typing as npt
 from matplotlib.axes import Axes
 
-from grasp3d import GraspModel, Label, SurfaceLabels, label_surface, load_mesh
+from grasp3d import GraspModel, SurfaceLabels, label_surface, load_mesh
 from grasp3d.plots.painting import painted
-from grasp3d.plots.style import MEANING, Drawing, label_patches, new_figure, styled
+from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
 from grasp3d.rendering import View, picture
+from grasp3d.stability import MEANING
 
 LIBRARY = Path(__file__).parents[1] / "meshes"
 SHOWN = [LIBRARY / "mug.glb", LIBRARY / "spray.glb", LIBRARY / "banana.ply"]
 FRICTION = 0.5
 RESOLUTIONS = (10.0, 22.6, 40.0)
 COARSEST = 2.0 * math.degrees(math.atan(FRICTION))
-SEARCHED = {**MEANING, Label.U: "no grasp found"}
 PIXELS = (640, 640)
 CELL = 1.8
 """Width of a picture [inch]."""
@@ -77,7 +77,7 @@ def figure(paths: list[Path], view: View) -> Drawing:
     scale = mpl.cm.ScalarMappable(mpl.colors.Normalize(0.0, COARSEST), "viridis")
     bar = made.colorbar(scale, ax=grid[:, -1], shrink=0.6, format="%g°", ticks=[0, 10, 22.6, 40])
     bar.ax.grid(visible=False)
-    made.legend(handles=label_patches(SEARCHED), loc="outside lower center", ncols=3)
+    made.legend(handles=label_patches(MEANING["label"]), loc="outside lower center", ncols=3)
     return made
 
 

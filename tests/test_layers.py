@@ -9,7 +9,7 @@ PACKAGE = Path(grasp3d.__file__).parent
 
 # From the basement to the roof; a floor imports from floors below it and from itself.
 FLOORS = [
-    {"errors", "arrays", "processors"},
+    {"errors", "arrays", "processors", "progress"},
     {"settings", "files"},
     {"_kernels", "sensor", "tables"},
     {"contacts", "cones"},

@@ -11,8 +11,10 @@ from grasp3d.batch.plan import MeshFile, find_meshes
 from grasp3d.distributions import AngleDistribution, SphereAngles
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.planar import Circle, square
+from grasp3d.progress import Progress
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, search_cone
-from grasp3d.sweeps import Mode, Sweep, mean_sweep, sweep
+from grasp3d.stability import Mode
+from grasp3d.sweeps import Sweep, mean_sweep, sweep
 
 SHAPES: dict[str, Callable[[], AngleDistribution]] = {
     "circle": Circle,
@@ -174,7 +176,7 @@ def sweep_mesh(
     settings: SweepSettings,
     *,
     threads: int | None = 1,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> SweptMesh:
     """Label a mesh file once and take its shares at all frictions and resolutions.
 

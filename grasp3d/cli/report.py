@@ -14,15 +14,11 @@ from rich.table import Table
 
 from grasp3d.batch.job import Row
 from grasp3d.labels import Reason, SurfaceLabels
+from grasp3d.progress import Progress as Told
 from grasp3d.settings import Sampling, Tilts
-from grasp3d.stability import COLORS
+from grasp3d.stability import COLORS, MEANING
 from grasp3d.stability import Label as Code
 
-MEANING = {
-    Code.S: "surely stable",
-    Code.M: "the sensor cannot tell",
-    Code.U: "no grasp found",
-}
 _WHY = {
     Reason.NO_PARTNER: "no place for the second finger within the search cone",
     Reason.OPENING: "every second place is outside the opening limits",
@@ -36,7 +32,7 @@ _OVER: dict[Tilts, str] = {
 
 
 @contextmanager
-def progress(text: str, *, quiet: bool) -> Iterator[Callable[[float], None]]:
+def progress(text: str, *, quiet: bool) -> Iterator[Told]:
     """Show a bar for one piece of work; gives a function that takes the share done."""
     with _bar(TextColumn("{task.percentage:>3.0f} %"), quiet=quiet) as bar:
         task = bar.add_task(escape(text), total=1.0)
@@ -79,7 +75,7 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     for name, share in labels.fractions().items():
         code = Code[name]
         color = "#{:02X}{:02X}{:02X}".format(*COLORS[code])
-        table.add_row(f"[{color}]■[/] {name}", MEANING[code], f"{100.0 * share:.1f} %")
+        table.add_row(f"[{color}]■[/] {name}", MEANING["label"][code], f"{100.0 * share:.1f} %")
     console.print(table)
     console.print(
         "critical friction angle, 10/50/90 % of the area: "
@@ -126,7 +122,7 @@ def print_batch(rows: Sequence[Row], output: Path) -> None:
     for row in sorted(rows, key=lambda row: row.mesh):
         table.add_row(*_cells(row))
     console.print(table)
-    legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING.items())
+    legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING["label"].items())
     console.print(
         f"{legend}; shares of the area; β* critical friction angle; "
         "ε_min: smallest epsilon over the tilts, at half of the area"

@@ -11,7 +11,8 @@ from rich.table import Table
 
 from grasp3d.batch.sweeping import SweptMesh, SweptTarget, Target
 from grasp3d.settings import GraspModel
-from grasp3d.sweeps import UNSTABLE, Sweep
+from grasp3d.stability import MEANING, Label
+from grasp3d.sweeps import Sweep
 
 LEAST_DEGREES = 0.05
 """What is printed with one digit; a finer resolution is none that a sensor has."""
@@ -129,12 +130,12 @@ def _shown(sweep: Sweep) -> list[int]:
 
 
 def _legend(sweeps: Sequence[Sweep]) -> str:
-    modes = {sweep.mode for sweep in sweeps}
-    told = " or ".join(UNSTABLE[mode] for mode in sorted(modes))
-    if len(modes) > 1:
+    meaning = MEANING[sweeps[0].mode]
+    if len({sweep.mode for sweep in sweeps}) > 1:
         given = ", ".join(sweep.name for sweep in sweeps if sweep.mode == "scan")
-        told = f"{UNSTABLE['label']} (on {given}: {UNSTABLE['scan']})"
-    return f"S surely stable, M the sensor cannot tell, U {told}"
+        searched, scanned = (MEANING[mode][Label.U] for mode in ("label", "scan"))
+        meaning = {**meaning, Label.U: f"{searched} (on {given}: {scanned})"}
+    return ", ".join(f"{label.name} {said}" for label, said in meaning.items())
 
 
 def _required(sweeps: Sequence[Sweep], shares: Sequence[float]) -> Table:

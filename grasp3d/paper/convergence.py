@@ -1,7 +1,7 @@
 """How often the paper's sampled method errs: its labels beside exact ones, on random grasps."""
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,9 +10,8 @@ from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.classification import classify
 from grasp3d.contacts import Contacts
 from grasp3d.paper.markdown import table
+from grasp3d.progress import Progress
 from grasp3d.stability import Label
-
-Progress = Callable[[float], None]
 
 SAMPLES = {2: (2000, (4, 8, 16, 32)), 3: (500, (4, 8, 16)), 4: (200, (4, 8))}
 """For each number of fingers: how many grasps, and the numbers of extreme normals on a rim."""

@@ -7,7 +7,6 @@ import numpy.typing as npt
 
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.files import check_writable, written_whole
-from grasp3d.labels import Progress
 from grasp3d.paper.convergence import comparisons, convergence_tables
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.numbers import numbers_page
@@ -21,6 +20,7 @@ from grasp3d.paper.objects import (
 from grasp3d.paper.settings import PaperSettings
 from grasp3d.paper.surfaces import surface_table
 from grasp3d.plots.formats import save
+from grasp3d.progress import Progress, ignore, within
 from grasp3d.rendering import can_render
 
 NUMBERS = "numbers.md"
@@ -109,18 +109,13 @@ class _Steps:
     """Progress of parts that take different times."""
 
     def __init__(self, total: float, progress: Progress | None) -> None:
-        self._total, self._progress, self._begun = total, progress, 0.0
+        self._total, self._progress, self._done = total, progress or ignore, 0.0
 
     def part(self, size: float) -> Progress:
         """Begin the next part; gives a function that takes the share of it that is done."""
-        start = self._begun
-        self._begun += size
-
-        def advance(share: float) -> None:
-            if self._progress is not None:
-                self._progress(min(1.0, (start + size * share) / self._total))
-
-        return advance
+        start = self._done
+        self._done += size / self._total
+        return within(self._progress, start, min(1.0, self._done))
 
 
 def _check(output: Path, names: list[str]) -> None:

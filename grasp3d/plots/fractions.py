@@ -15,14 +15,13 @@ from grasp3d.arrays import Floats
 from grasp3d.plots.style import (
     LABEL_COLORS,
     LINES,
-    MEANING,
     PAGE,
     label_patches,
     new_figure,
     styled,
 )
-from grasp3d.stability import Label
-from grasp3d.sweeps import UNSTABLE, Sweep
+from grasp3d.stability import MEANING, Label
+from grasp3d.sweeps import Sweep
 
 PANEL = 1.7
 """Least width of a panel [inch]."""
@@ -142,11 +141,12 @@ def _keys(shares: Sequence[float], means: bool) -> list[Line2D]:
 
 
 def _add_legend(figure: Figure, lines: Sequence[Line2D], sweeps: Sequence[Sweep]) -> None:
-    told = UNSTABLE[sweeps[0].mode]
+    meaning = MEANING[sweeps[0].mode]
     if len({sweep.mode for sweep in sweeps}) > 1:
         given = ", ".join(_as_text(sweep.name) for sweep in sweeps if sweep.mode == "scan")
-        told = f"{UNSTABLE['label']} ({given}: {UNSTABLE['scan']})"
-    handles = [*label_patches({**MEANING, Label.U: told}), *lines]
+        searched, scanned = (MEANING[mode][Label.U] for mode in ("label", "scan"))
+        meaning = {**meaning, Label.U: f"{searched} ({given}: {scanned})"}
+    handles = [*label_patches(meaning), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=math.ceil(len(handles) / 3))
 
 

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from grasp3d.stability import COLORS, Label
+from grasp3d.stability import COLORS, MEANING, Label
 
 Parameters = ParamSpec("Parameters")
 Made = TypeVar("Made")
@@ -55,13 +55,6 @@ LABEL_COLORS: dict[Label, str] = {
     label: "#{:02X}{:02X}{:02X}".format(*color) for label, color in COLORS.items()
 }
 
-MEANING: dict[Label, str] = {
-    Label.S: "surely stable",
-    Label.M: "the sensor cannot tell",
-    Label.U: "surely unstable",
-}
-"""What a label says of grasps that are given, as in scans."""
-
 LINES: tuple[dict[str, Any], ...] = (
     {"color": "#0072B2", "linestyle": "-"},
     {"color": "#CC79A7", "linestyle": (0, (5, 1.5))},
@@ -100,9 +93,9 @@ def label_patches(meaning: dict[Label, str] | None = None) -> list[Patch]:
     """Legend entries of the labels, S first.
 
     Args:
-        meaning: What each label says; None: `MEANING`.
+        meaning: What each label says; None: as in scans.
     """
-    said = MEANING if meaning is None else meaning
+    said = MEANING["scan"] if meaning is None else meaning
     return [
         Patch(facecolor=LABEL_COLORS[label], edgecolor="none", label=f"{label.name}  {said[label]}")
         for label in sorted(Label, reverse=True)

@@ -28,6 +28,7 @@ from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import crease_twins
 from grasp3d.mesh.places import SurfacePlaces
+from grasp3d.progress import Progress, ignore
 from grasp3d.rays import SurfaceRays
 from grasp3d.settings import Sampling
 
@@ -60,8 +61,6 @@ CLEAR = 1e-3
 
 EVEN = 1e-9
 """Third moment, in object sizes cubed, below which the ends of an axis are not told apart."""
-
-Progress = Callable[[float], None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,12 +109,8 @@ def best_grasps(
         progress: Called with the share of the work done, from 0 to 1.
     """
     with ThreadPoolExecutor(threads) as pool:
-        search = _Search(mesh, sampling, cone, threads, pool, progress or _ignore)
+        search = _Search(mesh, sampling, cone, threads, pool, progress or ignore)
         return search.run()
-
-
-def _ignore(share: float) -> None:
-    """Report progress to nobody."""
 
 
 def contact_normals(mesh: ObjectMesh) -> Sets:
