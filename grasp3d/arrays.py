@@ -18,6 +18,11 @@ def locked(array: npt.ArrayLike, dtype: npt.DTypeLike | None = None) -> npt.NDAr
     return copy
 
 
+def shaped(values: npt.NDArray[Any], batch: tuple[int, ...]) -> Any:  # noqa: ANN401
+    """Results of a flat batch (b, ...) in the batch's shape, locked; a plain number for one."""
+    return locked(values.reshape((*batch, *values.shape[1:])))[()]
+
+
 def unit_rows(vectors: Floats) -> Floats:
     """Scale the rows (..., 3) to length one; a row without a direction becomes zero."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)

@@ -4,12 +4,12 @@ import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bytes, Floats, Ints, locked
+from grasp3d.arrays import Bytes, Floats, Ints, shaped
 from grasp3d.cones import turned
 from grasp3d.contacts import Contacts, per_contact
 from grasp3d.creases import face_normals
@@ -141,7 +141,7 @@ class Stability:
         return epsilon(self._question.contacts, **self._question.measures)
 
     def _closure(self, widen: Floats) -> Closure:
-        contacts = _reshaped(self._question.hard, self.batch)
+        contacts = self._question.hard.reshape(self.batch)
         shape = contacts.friction.shape
         return force_closure(contacts, widen=widen.reshape(shape), threads=self._question.threads)
 
@@ -182,8 +182,8 @@ class Stability:
         return turned(contacts.normals, -work, question.tilt), helping_normals(question)
 
     def _shaped(self, values: npt.ArrayLike) -> Floats:
-        shaped: Floats = _in_batch(np.asarray(values), self.batch)
-        return shaped
+        in_batch: Floats = shaped(np.asarray(values), self.batch)
+        return in_batch
 
 
 def classify(
@@ -250,12 +250,12 @@ def classify(
     whole("extreme normals", extreme_normals, MIN_EXTREMES)
     tilt = _resolutions(contacts, sensor_resolution) / 2.0
     low, high = _friction_range(contacts, friction_interval)
-    flat = _flat(contacts)
+    flat = contacts.reshape((-1,))
     question = Question(
         contacts=flat,
         tilt=tilt.reshape(-1, contacts.count),
-        low=flat if low is contacts else _flat(low),
-        high=flat if high is contacts else _flat(high),
+        low=flat if low is contacts else low.reshape((-1,)),
+        high=flat if high is contacts else high.reshape((-1,)),
         creases=face_normals(creases or {}, contacts),
         edges=edges,
         actuation=actuation,
@@ -271,9 +271,9 @@ def classify(
     label[unstable] = Label.U
     label[stable] = Label.S
     return Stability(
-        label=_in_batch(label, contacts.batch),
+        label=shaped(label, contacts.batch),
         method=method,
-        hulls=_in_batch(hulls, contacts.batch),
+        hulls=shaped(hulls, contacts.batch),
         batch=contacts.batch,
         _question=question,
     )
@@ -309,22 +309,3 @@ def _friction_range(
             "friction_interval must be (smallest, largest), above 0, about the contacts' friction"
         )
     return contacts.with_friction(low), contacts.with_friction(high)
-
-
-def _flat(contacts: Contacts) -> Contacts:
-    return _reshaped(contacts, (-1,))
-
-
-def _reshaped(contacts: Contacts, batch: tuple[int, ...]) -> Contacts:
-    shape = (*batch, contacts.count)
-    return Contacts(
-        contacts.points.reshape(*shape, 3),
-        contacts.normals.reshape(*shape, 3),
-        contacts.friction.reshape(shape),
-        contacts.torsion_radius.reshape(shape),
-    )
-
-
-def _in_batch(values: npt.NDArray[Any], batch: tuple[int, ...]) -> Any:  # noqa: ANN401
-    """Results in the batch's shape, locked; a plain number for a single grasp."""
-    return locked(values.reshape((*batch, *values.shape[1:])))[()]

@@ -1,11 +1,12 @@
 """Point contacts between fingers and an object."""
 
-from dataclasses import dataclass
+from collections.abc import Callable
+from dataclasses import dataclass, fields
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Floats, locked
+from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import ContactError, SettingError
 
 LARGEST = 1e100
@@ -85,6 +86,23 @@ class Contacts:
     def with_friction(self, friction: npt.ArrayLike) -> "Contacts":
         """The same contacts with another friction, one coefficient or shape (..., n)."""
         return Contacts(self.points, self.normals, friction, self.torsion_radius)
+
+    def reshape(self, batch: tuple[int, ...]) -> "Contacts":
+        """The same grasps in a batch of another shape, of which one number may be -1."""
+        return self._each(lambda values, rest: values.reshape(*batch, *rest))
+
+    def take(self, which: slice | Ints) -> "Contacts":
+        """Some grasps of a batch, along its first axis."""
+        return self._each(lambda values, _: values[which])
+
+    def _each(self, change: Callable[[Floats, tuple[int, ...]], Floats]) -> "Contacts":
+        """Change the batch of every field; the other axes are handed on beside it."""
+        made = object.__new__(Contacts)
+        for field in fields(self):
+            values = getattr(self, field.name)
+            changed = change(values, values.shape[len(self.batch) :])
+            object.__setattr__(made, field.name, locked(changed))
+        return made
 
     @property
     def batch(self) -> tuple[int, ...]:

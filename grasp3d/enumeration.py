@@ -150,10 +150,11 @@ def see(
     more = per_contact("widen", widen, contacts)
     seen = []
     for part in _parts(contacts, tested):
-        few, some = _taken(hard, tested, part)
-        seen.append(
-            _seen(Enumeration.of(few, some, edges=edges, widen=more[part], threads=threads))
+        some = tuple(normals[part] for normals in tested)
+        question = Enumeration.of(
+            hard.take(part), some, edges=edges, widen=more[part], threads=threads
         )
+        seen.append(_seen(question))
     return Seen(*(locked(np.concatenate(found)) for found in zip(*seen, strict=True)))
 
 
@@ -199,8 +200,8 @@ def extremes(
     found = []
     for part in _parts(contacts, tested):
         question = Enumeration.of(
-            *_taken(contacts, tested, part), edges=edges, actuation=actuation,
-            torque_scale=torque_scale, threads=threads,
+            contacts.take(part), tuple(normals[part] for normals in tested), edges=edges,
+            actuation=actuation, torque_scale=torque_scale, threads=threads,
         )  # fmt: skip
         found.append(_extremes(question, goal, polygonal=polygonal))
     least, most, worst, best = (np.concatenate(values) for values in zip(*found, strict=True))
@@ -272,14 +273,3 @@ def _parts(contacts: Contacts, tested: Tested) -> Iterator[slice]:
     step = max(1, LAID_OUT // (contacts.count * max(normals.shape[1] for normals in tested)))
     for start in range(0, max(len(contacts.points), 1), step):
         yield slice(start, start + step)
-
-
-def _taken(contacts: Contacts, tested: Tested, part: slice) -> tuple[Contacts, Tested]:
-    """Some of the grasps with their tested normals."""
-    few = Contacts(
-        contacts.points[part],
-        contacts.normals[part],
-        contacts.friction[part],
-        contacts.torsion_radius[part],
-    )
-    return few, tuple(normals[part] for normals in tested)

@@ -3,14 +3,13 @@
 import math
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels import hull
 from grasp3d._kernels.grasps import SIGN, Answers
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, shaped
 from grasp3d.cones import tangents
 from grasp3d.contacts import LARGEST, Contacts, centred
 from grasp3d.errors import ContactError, SettingError
@@ -227,9 +226,9 @@ def force_closure(
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     batch = contacts.batch
     return Closure(
-        closed=_shaped(answers.closed, batch),
-        rank=_shaped(answers.rank, batch),
-        status=_shaped(answers.status, batch),
+        closed=shaped(answers.closed, batch),
+        rank=shaped(answers.rank, batch),
+        status=shaped(answers.status, batch),
         certificate=_certificate(answers, batch, _forces(contacts, answers.forces)),
     )
 
@@ -298,11 +297,11 @@ def _as_epsilon(
 ) -> Epsilon:
     """Shape the answers like the batch."""
     return Epsilon(
-        lower=_shaped(certified(answers, polygonal=polygonal), batch),
-        upper=_shaped(answers.upper, batch),
-        rank=_shaped(answers.rank, batch),
-        closed=_shaped(answers.closed, batch),
-        status=_shaped(answers.status, batch),
+        lower=shaped(certified(answers, polygonal=polygonal), batch),
+        upper=shaped(answers.upper, batch),
+        rank=shaped(answers.rank, batch),
+        closed=shaped(answers.closed, batch),
+        status=shaped(answers.status, batch),
         certificate=_certificate(answers, batch, equilibrium),
     )
 
@@ -314,7 +313,7 @@ def certified(answers: Answers, *, polygonal: bool) -> Floats:
 
 
 def _certificate(answers: Answers, batch: tuple[int, ...], equilibrium: Floats) -> Certificate:
-    return Certificate(_shaped(answers.direction, batch), _shaped(equilibrium, batch))
+    return Certificate(shaped(answers.direction, batch), shaped(equilibrium, batch))
 
 
 def _forces(contacts: Contacts, mixes: Floats) -> Floats:
@@ -324,8 +323,3 @@ def _forces(contacts: Contacts, mixes: Floats) -> Floats:
     forces = (mixes[..., None, :3] @ axes)[..., 0, :]
     moments = mixes[..., 3] * contacts.torsion_radius.reshape(mixes.shape[:2])
     return np.concatenate([forces, moments[..., None]], axis=-1)
-
-
-def _shaped(values: npt.NDArray[Any], batch: tuple[int, ...]) -> Any:  # noqa: ANN401
-    """A result of the batch's shape that nobody can change; a plain number for a single grasp."""
-    return locked(values.reshape((*batch, *values.shape[1:])))[()]

@@ -5,7 +5,7 @@ The true normal of each contact lies anywhere within the tilt a = alpha/2 of the
 """
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import partial
 from typing import Any, NamedTuple
@@ -18,6 +18,7 @@ from grasp3d.arrays import Bools, Floats, Ints, locked
 from grasp3d.cones import tilted_normals
 from grasp3d.contacts import Contacts, per_contact
 from grasp3d.errors import SettingError
+from grasp3d.progress import Progress
 from grasp3d.quality import UNDECIDED_WITHIN, epsilon, minimum
 from grasp3d.settings import Actuation
 from grasp3d.solving import Problem
@@ -75,7 +76,7 @@ def epsilon_range(
     rtol: float = 1e-3,
     bound_rtol: float | None = None,
     threads: int | None = 1,
-    progress: Callable[[float], None] | None = None,
+    progress: Progress | None = None,
 ) -> EpsilonRange:
     """Epsilon at the given normals, its minimum and a bound on its maximum over all tilts.
 
@@ -127,8 +128,9 @@ def epsilon_range(
             f"got {contacts.count}"
         )
     values, done = np.empty((3, len(soft))), 0
+    flat = contacts.reshape((-1,))
     for part in _parts(contacts.count, soft, tilted=tilted):
-        few, asked = _some(contacts, part), question._replace(tilt=turns[part])
+        few, asked = flat.take(part), question._replace(tilt=turns[part])
         nominal = epsilon(few, edges=edges, **question.common).lower
         most = _most_soft(few, asked) if soft[part[0]] else _most_hard(few, asked)
         values[:, part] = nominal, np.minimum(_least(few, asked, nominal), nominal), most
@@ -145,17 +147,6 @@ def _parts(count: int, soft: Bools, *, tilted: bool) -> Iterator[Ints]:
         step = max(1, PART // len(_tilts(count))) if kind and tilted else PART
         for start in range(0, len(chosen), step):
             yield chosen[start : start + step]
-
-
-def _some(contacts: Contacts, part: Ints) -> Contacts:
-    """Take some grasps of a batch, laid out flat."""
-    count = contacts.count
-    return Contacts(
-        contacts.points.reshape(-1, count, 3)[part],
-        contacts.normals.reshape(-1, count, 3)[part],
-        contacts.friction.reshape(-1, count)[part],
-        contacts.torsion_radius.reshape(-1, count)[part],
-    )
 
 
 def _least(contacts: Contacts, question: _Question, nominal: Floats) -> Floats:

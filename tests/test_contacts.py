@@ -93,3 +93,17 @@ def test_leading_axes_are_a_batch() -> None:
 def test_what_does_not_fit_is_named(arguments: tuple[Any, ...], message: str) -> None:
     with pytest.raises(ContactError, match=message):
         Contacts(*arguments)
+
+
+def test_a_batch_is_reshaped_and_taken_from_without_losing_a_bit() -> None:
+    rng = np.random.default_rng(0)
+    normals = rng.normal(size=(6, 3, 3))
+    contacts = Contacts(rng.normal(size=(6, 3, 3)), normals, rng.random((6, 3)), rng.random((6, 3)))
+    grid = contacts.reshape((2, -1))
+    assert (grid.batch, grid.count) == ((2, 3), 3)
+    assert grid.reshape((-1,)).batch == (6,)
+    assert contacts.take(slice(4, 5)).reshape(()).batch == ()
+    for name, values in vars(contacts).items():
+        assert np.array_equal(vars(grid)[name].reshape(values.shape), values)
+        assert np.array_equal(vars(contacts.take(np.array([5, 0])))[name], values[[5, 0]])
+        assert not vars(grid)[name].flags.writeable
