@@ -9,6 +9,7 @@ import math
 
 import numpy as np
 
+from grasp3d._kernels.coplanar import critical_of_three, make_plane
 from grasp3d._kernels.depth import frictionless_depth, make_cells
 from grasp3d._kernels.grasps import SIGN
 from grasp3d.arrays import Bools, Floats
@@ -38,9 +39,10 @@ def critical_friction_angle(
 ) -> Floats:
     """Friction angle above which a grasp is in force closure.
 
-    Two contacts have a closed form. For more the angle is bracketed: a direction that separates the
-    grasp at some angle proves a lower bound, forces that balance an upper one. Friction and torsion
-    of the contacts play no part.
+    Two contacts have a closed form. For more the angle is bracketed: three can balance in the plane
+    through them only, where six planar wrenches settle closure (Ponce & Faverjon 1995); for more a
+    direction that separates the grasp at some angle proves a lower bound, forces that balance an
+    upper one. Friction and torsion of the contacts play no part.
 
     Args:
         contacts: The contacts.
@@ -63,6 +65,8 @@ def critical_friction_angle(
         angles = np.full(len(points), math.inf)
     elif contacts.count == 2:  # noqa: PLR2004
         angles = _of_pairs(points, normals)
+    elif contacts.count == 3:  # noqa: PLR2004
+        angles = _of_triples(points, normals, tolerance, threads)
     else:
         angles = _bracketed(points, normals, tolerance, threads)
     angles = angles.reshape(contacts.batch)
@@ -78,6 +82,16 @@ def _of_pairs(points: Floats, normals: Floats) -> Floats:
     # Contacts at one place push along any line; the best one lies midway.
     together = angles_between(normals[:, 0], -normals[:, 1]) / 2.0
     return np.where((line == 0.0).all(axis=1), together, np.minimum(squeeze, expand))
+
+
+def _of_triples(points: Floats, normals: Floats, tolerance: float, threads: int | None) -> Floats:
+    """Three contacts, in the plane through them; on one line they have none."""
+    angles = np.empty(len(points))
+    around, _, _ = centred(points)
+    critical_of_three(around, np.ascontiguousarray(normals), tolerance, make_plane(), angles)
+    on_line = np.flatnonzero(np.isnan(angles))
+    angles[on_line] = _bracketed(points[on_line], normals[on_line], tolerance, threads)
+    return angles
 
 
 def _bracketed(points: Floats, normals: Floats, tolerance: float, threads: int | None) -> Floats:
