@@ -39,6 +39,7 @@ if TYPE_CHECKING:
     from grasp3d.settings import GraspModel, MeshOptions, Sampling
     from grasp3d.stability import COLORS, Label
     from grasp3d.surface import label_surface, scan_surface
+    from grasp3d.surface_contacts import SurfaceContacts
     from grasp3d.sweeps import Sweep, mean_sweep, sweep, write_sweeps
     from grasp3d.tilting import EpsilonRange, epsilon_range
 
@@ -74,6 +75,7 @@ _HOMES = {
     "settings": ("GraspModel", "MeshOptions", "Sampling"),
     "stability": ("COLORS", "Label"),
     "surface": ("label_surface", "scan_surface"),
+    "surface_contacts": ("SurfaceContacts",),
     "sweeps": ("Sweep", "mean_sweep", "sweep", "write_sweeps"),
     "tilting": ("EpsilonRange", "epsilon_range"),
 }
@@ -106,6 +108,7 @@ __all__ = [
     "SphereAngles",
     "Stability",
     "Status",
+    "SurfaceContacts",
     "SurfaceLabels",
     "Sweep",
     "accuracy_ceiling",

@@ -1,6 +1,5 @@
 """Contacts on creases and corners, which may have any normal between those of the faces there."""
 
-import itertools
 import math
 from collections.abc import Mapping
 
@@ -9,7 +8,7 @@ import numpy.typing as npt
 
 from grasp3d._kernels.angles import largest_angle, smallest_angle
 from grasp3d._kernels.normal_sets import order_normal_sets
-from grasp3d.arrays import Floats, unit_rows
+from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.cones import on_arcs
 from grasp3d.contacts import Contacts
 from grasp3d.critical import angles_between
@@ -17,6 +16,9 @@ from grasp3d.errors import ContactError
 
 STEP = math.radians(5.0)
 """Normals of a set are sampled so that none is further than half of this from their cap."""
+
+ONE_NORMAL = 1e-9
+"""Width of a set below which it counts as a single normal [rad]."""
 
 Creases = dict[int, Floats]
 """For some contacts, by number, the unit normals of the faces that meet there, (b, k, 3)."""
@@ -90,12 +92,16 @@ def angles_to_set(normals: Floats, directions: Floats) -> tuple[Floats, Floats]:
     return found[0], found[1]
 
 
-def sampled_set(normals: Floats) -> Floats:
-    """Normals all over convex sets (b, k, 3), so dense that caps of STEP / 2 hold them in groups.
+def sampled_set(normals: Floats, step: float = STEP) -> Floats:
+    """Normals all over convex sets (b, k, 3), so dense that caps of step / 2 hold them in groups.
 
-    Any normal of a set is then a combination, with weights of sum at most 1 / cos(STEP / 2), of
+    Any normal of a set is then a combination, with weights of sum at most 1 / cos(step / 2), of
     samples in one such cap: what holds at all samples, with cones that much narrower or wider,
     holds everywhere.
+
+    Args:
+        normals: Corners of the sets, in order around each.
+        step: Width of the caps [rad], below pi.
 
     Returns:
         Shape (b, m, 3).
@@ -103,20 +109,54 @@ def sampled_set(normals: Floats) -> Floats:
     corners = normals.shape[1]
     if corners == 2:  # noqa: PLR2004
         widest = float(angles_between(normals[:, 0], normals[:, 1]).max(initial=0.0))
-        shares = np.linspace(0.0, 1.0, max(1, math.ceil(widest / STEP)) + 1)
+        shares = np.linspace(0.0, 1.0, max(1, math.ceil(widest / step)) + 1)
         return on_arcs(normals[:, 0], normals[:, 1], shares)
     middle = unit_rows(normals.sum(axis=1))
-    found = []
-    for i in range(corners):
-        triangle = np.stack([middle, normals[:, i], normals[:, (i + 1) % corners]], axis=1)
-        found.append(_at(triangle, _weights(3, _steps(triangle))))
-    return np.concatenate(found, axis=1)
+    triangles = [
+        np.stack([middle, normals[:, i], normals[:, (i + 1) % corners]], axis=1)
+        for i in range(corners)
+    ]
+    rows = _weights(max(_steps(triangle, step) for triangle in triangles))
+    own = rows[rows[:, 1] > 0.0]  # the side without its corner i is also the next one's
+    found = [_at(triangle, own) for triangle in triangles]
+    return np.concatenate([middle[:, None], *found], axis=1)
 
 
-def _steps(triangle: Floats) -> int:
+def sampled_sets(start: Ints, normals: Floats, step: float) -> tuple[list[Floats], Floats]:
+    """Sample many convex sets of normals, each with corners of its own number.
+
+    Args:
+        start: First row of each set in `normals`, shape (b + 1,).
+        normals: Corners of the sets, in order around each; one where it is a single normal.
+        step: As in `sampled_set`.
+
+    Returns:
+        The samples of each set, (m, 3), and the step that would have given so many: the cap that
+        holds them in groups is half as wide, shape (b,); 0 for a single normal.
+    """
+    first, corners = start[:-1], np.diff(start)
+    apart = np.zeros(len(first))
+    found = [normals[k : k + 1] for k in first]
+    arcs = np.flatnonzero(corners == 2)  # noqa: PLR2004
+    one, two = normals[first[arcs]], normals[first[arcs] + 1]
+    widths = angles_between(one, two)
+    parts = np.where(widths > ONE_NORMAL, np.ceil(widths / step), 0.0).astype(np.int64)
+    for part in np.unique(parts[parts > 0]):
+        some = np.flatnonzero(parts == part)
+        apart[arcs[some]] = widths[some] / part
+        along = on_arcs(one[some], two[some], np.linspace(0.0, 1.0, part + 1))
+        for number, samples in zip(arcs[some], along, strict=True):
+            found[number] = samples
+    for number in np.flatnonzero(corners > 2):  # noqa: PLR2004
+        corner = normals[None, start[number] : start[number + 1]]
+        found[number], apart[number] = sampled_set(corner, step)[0], step
+    return found, apart
+
+
+def _steps(triangle: Floats, step: float) -> int:
     """Parts of the sides of triangles (b, 3, 3) that make every small one fit its cap."""
     # Jung's theorem on the sphere: sides so long make a circle about them no wider than the cap.
-    longest = 2.0 * math.asin(math.sqrt(3.0) / 2.0 * math.sin(STEP / 2.0))
+    longest = 2.0 * math.asin(math.sqrt(3.0) / 2.0 * math.sin(step / 2.0))
     sides = angles_between(triangle, np.roll(triangle, 1, axis=1))
     steps = max(1, math.ceil(float(sides.max(initial=0.0)) / longest))
     while _widest(triangle, steps) > longest:
@@ -126,7 +166,7 @@ def _steps(triangle: Floats) -> int:
 
 def _widest(triangle: Floats, steps: int) -> float:
     """Largest angle between neighbours on the grids of triangles (b, 3, 3)."""
-    rows = _weights(3, steps)
+    rows = _weights(steps)
     found = 0.0
     for i in range(3):
         shift = (np.eye(3)[i] - np.eye(3)[i - 1]) / steps
@@ -136,12 +176,11 @@ def _widest(triangle: Floats, steps: int) -> float:
     return found
 
 
-def _weights(corners: int, steps: int) -> Floats:
-    """Shares of the corners at the places of an even grid, shape (m, corners)."""
-    numbers = [
-        row for row in itertools.product(range(steps + 1), repeat=corners) if sum(row) == steps
-    ]
-    return np.array(numbers) / steps
+def _weights(steps: int) -> Floats:
+    """Shares of three corners at the places of an even grid, shape (m, 3)."""
+    one, two = np.indices((steps + 1, steps + 1)).reshape(2, -1)
+    rows = np.stack([one, two, steps - one - two], axis=1)
+    return rows[rows[:, 2] >= 0] / steps
 
 
 def _at(corners: Floats, shares: Floats) -> Floats:

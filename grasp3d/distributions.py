@@ -1,7 +1,8 @@
 """How critical friction angles are spread over a surface: shares of S, M and U at any setting.
 
 A place is S where its critical friction angle over the worst normals is below beta - alpha/2, and U
-where the one over the best normals is beta + alpha/2 or more. So two cumulative distributions of
+where the one over the best normals is beta + alpha/2 or more (of three fingers and more, while that
+is below 90 degrees). So two cumulative distributions of
 angles hold the shares for every friction and every sensor resolution, and the resolution that a
 share needs.
 """
@@ -17,6 +18,7 @@ import numpy.typing as npt
 from grasp3d.arrays import Floats
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.settings import GraspModel
+from grasp3d.stability import unstable_from
 
 ROUNDING = 1e-9
 """Angle by which a question may exceed what was searched [rad]."""
@@ -50,6 +52,9 @@ class AngleDistribution(ABC):
 
     limit: float = math.inf
     """Largest friction angle plus tilt for which grasps were searched [rad]."""
+
+    fingers: int = 2
+    """Contacts of the grasps; three and more are never U from beta + alpha/2 = 90 degrees on."""
 
     @abstractmethod
     def worst_below(self, angles: npt.ArrayLike) -> Floats:
@@ -122,7 +127,7 @@ class AngleDistribution(ABC):
                 f"with Sampling(search_angle={min(widest, math.pi / 2.0):.4g})"
             )
         stable = self.worst_below(beta - a)
-        unstable = 1.0 - self.best_below(beta + a)
+        unstable = 1.0 - self.best_below(unstable_from(beta, a, self.fingers))
         return stable, np.maximum(0.0, 1.0 - stable - unstable), unstable
 
     def required_resolution(self, share: float, *, friction: float) -> float:
@@ -162,10 +167,11 @@ class SampledAngles(AngleDistribution):
     weights: Floats
     """Shares of the surface, their sum 1, shape (k,)."""
     limit: float = math.inf
+    fingers: int = 2
 
-    def __reduce__(self) -> tuple[type["SampledAngles"], tuple[Floats, Floats, Floats, float]]:
+    def __reduce__(self) -> tuple[type["SampledAngles"], tuple[object, ...]]:
         """Send to other processes what was given, not what was made of it."""
-        return SampledAngles, (self.worst, self.best, self.weights, self.limit)
+        return SampledAngles, (self.worst, self.best, self.weights, self.limit, self.fingers)
 
     def worst_below(self, angles: npt.ArrayLike) -> Floats:
         """See `AngleDistribution`."""

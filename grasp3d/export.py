@@ -17,8 +17,9 @@ import trimesh
 from grasp3d.arrays import Bytes
 from grasp3d.errors import OutputError
 from grasp3d.files import written_whole
-from grasp3d.labels import EPSILON_RTOL, SurfaceLabels
+from grasp3d.labels import SurfaceLabels
 from grasp3d.stability import COLORS, Label
+from grasp3d.surface_epsilons import EPSILON_RTOL
 
 _PLY_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
 
@@ -121,12 +122,15 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
 
 
 def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
-    """Write a VTP for ParaView with every array; no grasp is nan there. Raises OutputError."""
+    """Write a VTP for ParaView with every array; no grasp is nan there. Raises OutputError.
+
+    The other fingers have an array each: `partner_2` and `partner_2_normal`, and so on.
+    """
     import pyvista  # noqa: PLC0415
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter  # noqa: PLC0415
 
     data = pyvista.PolyData.from_regular_faces(labels.mesh.vertices, labels.mesh.faces.astype(int))
-    for name, values in vertex_arrays(labels).items():
+    for name, values in _by_finger(vertex_arrays(labels)).items():
         # An infinite value would stretch ParaView's colour map; nan has a colour of its own.
         data.point_data[name] = (
             np.where(np.isinf(values), math.nan, values) if values.dtype.kind == "f" else values
@@ -144,7 +148,10 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
 
 
 def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
-    """Collect all that is known of each vertex, by name; normals outward, as files have them."""
+    """Collect all that is known of each vertex, by name; normals outward, as files have them.
+
+    `partners` and `partner_normals` have a row for each of the other fingers, (V, n - 1, 3).
+    """
     return {
         "normal": -labels.mesh.normals,
         "color": label_colors(labels),
@@ -155,12 +162,26 @@ def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
         "epsilon": labels.epsilon,
         "epsilon_min": labels.epsilon_min,
         "epsilon_max": labels.epsilon_max,
-        "partner": labels.partner,
-        "partner_normal": -labels.partner_normal,
+        "partners": labels.partners,
+        "partner_normals": -labels.partner_normals,
         "opening": labels.opening,
         "grip": labels.grip,
         "reason": labels.reason,
     }
+
+
+def _by_finger(arrays: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
+    """Give every finger arrays of its own, as tables of points have no more than vectors."""
+    told: dict[str, npt.NDArray[Any]] = {}
+    for name, values in arrays.items():
+        if name == "partners":
+            told.update({f"partner_{i}": row for i, row in enumerate(values.swapaxes(0, 1), 2)})
+        elif name == "partner_normals":
+            normals = enumerate(values.swapaxes(0, 1), 2)
+            told.update({f"partner_{i}_normal": row for i, row in normals})
+        else:
+            told[name] = values
+    return told
 
 
 def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
@@ -173,13 +194,13 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
         # In a header it must be one line of plain characters.
         "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
         "mode": labels.mode,
-        "fingers": 2,
         **asdict(labels.model),
         **sampling,
         **asdict(mesh.options),
         "unit": mesh.unit or "unknown",
         "search_angle": search.cone,
         "rays_traced": search.rays,
+        "candidates_settled": search.settled,
         "file_vertices": mesh.file_vertices,
         "torque_scale": mesh.torque_scale,
         "epsilon_rank": labels.model.epsilon_rank,

@@ -4,33 +4,26 @@ import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels import candidates
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked
-from grasp3d.contacts import Contacts
+from grasp3d.arrays import Bytes, Floats, locked
 from grasp3d.distributions import SampledAngles
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces
 from grasp3d.progress import Progress
-from grasp3d.quality import epsilon
 from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.stability import Label, Mode, label_angles, max_resolution
-from grasp3d.surface_extremes import SurfaceGrasps, hull_epsilons, hull_labels
-from grasp3d.tilting import EpsilonRange, epsilon_range
+from grasp3d.surface_shares import Weights, quantiles, vertex_weights
+from grasp3d.tilting import EpsilonRange
+from grasp3d.vertex_grasps import VertexGrasps
 
 ROUNDING = 1e-9
 """Angle by which a question may exceed the search cone [rad]."""
-
-EPSILON_RTOL = 1e-2
-"""How much of epsilon's upper bound may lie between its bounds."""
-
-BOUND_RTOL = 3e-2
-"""The same for the largest epsilon, which is a bound in any case; symmetric grasps gain most."""
 
 
 class Reason(IntEnum):
@@ -39,13 +32,13 @@ class Reason(IntEnum):
     FOUND = candidates.FOUND
     """It has one."""
     NO_PARTNER = candidates.NO_PARTNER
-    """No ray within the search cone met a place for the second finger."""
+    """No place for the other fingers was found within the search cone."""
     OPENING = candidates.OPENING
-    """Every partner was outside the opening limits."""
+    """Every place for the other fingers was outside the limits of openings or distances."""
     OFF_SURFACE = 3
     """The vertex belongs to no face."""
     SAME_PLACE = 4
-    """The vertex is where the fixed finger stands."""
+    """The vertex is where a fixed finger stands."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +46,16 @@ class SearchReport:
     """How far the search for grasps went."""
 
     cone: float
-    """Half-angle about the inward normals within which every direction counted [rad]."""
-    rays: int
-    """Rays traced."""
-    rounds: int
-    """Rounds of refinement about the best grasps."""
-    still_falling: float
+    """Largest critical friction angle that counted [rad]; for two fingers the half-angle about the
+    inward normals within which every direction did."""
+    rays: int = 0
+    """Rays traced, for two fingers."""
+    settled: int = 0
+    """Candidate grasps settled, for three and more."""
+    rounds: int = 0
+    """Rounds of refinement about the best grasps; of three fingers and more, how often the
+    neighbours' grasps were tried."""
+    still_falling: float = 0.0
     """Share of the vertices that the last trial of their neighbours' partners still improved."""
 
 
@@ -67,9 +64,9 @@ class SurfaceLabels:
     """One value per vertex: the best grasp found there and how reliable it is.
 
     Arrays have one row per vertex of `mesh`, positions are in its unit and frame. An S is a proof:
-    `partner` names the second contact and the critical angle of that grasp is exact. In mode
-    'label' a U says that no grasp was found; in mode 'scan', where the grasp is given, that it is
-    surely unstable.
+    `partners` names the other contacts, and the critical angle of that grasp is exact (on creases,
+    of three fingers and more, at least it is not too small). In mode 'label' a U says that no grasp
+    was found; in mode 'scan', where the grasp is given, that it is surely unstable.
     """
 
     mesh: ObjectMesh
@@ -81,17 +78,18 @@ class SurfaceLabels:
     """Critical friction angle over the worst normals of the contacts [rad]; inf: no grasp. (V,)"""
     critical_angle_best: Floats
     """The same over the best normals; differs at creases only. (V,)"""
-    partner: Floats
-    """Second contact of the vertex's best grasp; nan where there is none. (V, 3)"""
-    partner_normal: Floats
-    """Inward unit normal at the second contact. (V, 3)"""
+    partners: Floats
+    """The other contacts of the vertex's best grasp; nan where there is none. (V, n - 1, 3)"""
+    partner_normals: Floats
+    """Inward unit normals there, the middle of the normals on creases. (V, n - 1, 3)"""
     places: SurfacePlaces
-    """Second contacts on the faces, shape (V, 2): of the best grasp over the worst normals, which
-    is `partner`, and of the best one over the best normals."""
+    """The other contacts on the faces, shape (V, 2, n - 1): of the best grasp over the worst
+    normals, which are `partners`, and of the best one over the best normals."""
     opening: Floats
-    """Distance between the two contacts. (V,)"""
+    """Largest distance between any two contacts. (V,)"""
     grip: npt.NDArray[np.int8]
-    """+1: the fingers squeeze, -1: they push apart, 0: no grasp. (V,)"""
+    """Two fingers: +1 where they squeeze, -1 where they push apart. 0: no grasp, and three fingers
+    and more, which do neither. (V,)"""
     reason: Bytes
     """`Reason` codes. (V,)"""
     search: SearchReport
@@ -103,7 +101,7 @@ class SurfaceLabels:
     def label(self) -> Bytes:
         """`Label` codes, shape (V,): 0 U, 1 M, 2 S; `model.method` says how they are made."""
         if self.model.method == "extremes":
-            return _hull_labels(self, None)
+            return self._grasps.hull_labels(self.model, None)
         return locked(label_angles(self.critical_angle, self.critical_angle_best, self.model))
 
     @cached_property
@@ -115,8 +113,8 @@ class SurfaceLabels:
     def epsilon(self) -> Floats:
         """Epsilon (Ferrari & Canny 1992) of the vertex's best grasp, shape (V,).
 
-        At the contacts' nominal normals: `mesh.normals`, the middle of the normals at a crease, and
-        `partner_normal`; about the mesh's centre of mass, torques divided by `mesh.torque_scale`,
+        At the contacts' nominal normals, the middle of the normals at a crease: `mesh.normals` and
+        `partner_normals`; about the mesh's centre of mass, torques divided by `mesh.torque_scale`,
         in the span of the wrenches (`model.epsilon_rank`). Certified from below, within 1 %. 0
         where the grasp is not closed, nan where there is none.
         """
@@ -126,8 +124,8 @@ class SurfaceLabels:
     def epsilon_min(self) -> Floats:
         """Smallest epsilon over the tilts within the sensor's resolution, shape (V,).
 
-        Of the grasp with `partner`. `model.tilts` says how: 'exact', by the 'effective_friction' of
-        polygonal cones, or over 'sampled_tilts' for soft fingers and with method extremes; see
+        Of the grasp with `partners`. `model.tilts` says how: 'exact', by the 'effective_friction'
+        of polygonal cones, or over 'sampled_tilts' for soft fingers and with method extremes; see
         `tilting.epsilon_range`.
         """
         return self.epsilon_range.minimum
@@ -145,7 +143,16 @@ class SurfaceLabels:
     @cached_property
     def epsilon_range(self) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first asked for."""
-        return _epsilon_range(self, None)
+        return self._grasps.epsilon_range(self.model, None)
+
+    @property
+    def _grasps(self) -> VertexGrasps:
+        return VertexGrasps(
+            mesh=self.mesh,
+            places=self.places,
+            found=self.reason == Reason.FOUND,
+            threads=self.threads,
+        )
 
     def enumerate_extremes(self, progress: Progress) -> None:
         """Compute the labels of method extremes now; exact ones need no time.
@@ -157,7 +164,7 @@ class SurfaceLabels:
             SettingError: A grasp has too many combinations of extreme normals.
         """
         if self.model.method == "extremes" and "label" not in vars(self):
-            vars(self)["label"] = _hull_labels(self, progress)
+            vars(self)["label"] = self._grasps.hull_labels(self.model, progress)
             progress(1.0)
 
     def measure(self, progress: Progress) -> None:
@@ -167,7 +174,7 @@ class SurfaceLabels:
             progress: Called with the share of the work done, from 0 to 1.
         """
         if "epsilon_range" not in vars(self):
-            vars(self)["epsilon_range"] = _epsilon_range(self, progress)
+            vars(self)["epsilon_range"] = self._grasps.epsilon_range(self.model, progress)
 
     def relabel(
         self, *, friction: float | None = None, sensor_resolution: float | None = None
@@ -201,7 +208,7 @@ class SurfaceLabels:
             )
         return replace(self, model=model)
 
-    def fractions(self, *, weights: Literal["area", "vertex"] = "area") -> dict[str, float]:
+    def fractions(self, *, weights: Weights = "area") -> dict[str, float]:
         """Shares of the surface that are S, M and U.
 
         Args:
@@ -212,7 +219,7 @@ class SurfaceLabels:
             for label in sorted(Label, reverse=True)
         }
 
-    def angle_distribution(self, *, weights: Literal["area", "vertex"] = "area") -> SampledAngles:
+    def angle_distribution(self, *, weights: Weights = "area") -> SampledAngles:
         """Shares of the surface by critical angle: S, M and U at any friction and resolution.
 
         They are exact shares, whatever `model.method` is. Questions beyond the cone that was
@@ -228,11 +235,10 @@ class SurfaceLabels:
             best=locked(self.critical_angle_best[counts]),
             weights=locked(shares[counts]),
             limit=self.search.cone,
+            fingers=self.model.fingers,
         )
 
-    def angle_quantiles(
-        self, levels: npt.ArrayLike, *, weights: Literal["area", "vertex"] = "area"
-    ) -> Floats:
+    def angle_quantiles(self, levels: npt.ArrayLike, *, weights: Weights = "area") -> Floats:
         """Quantiles of the critical angle over the surface [rad]; inf where no grasp was found.
 
         Args:
@@ -242,14 +248,14 @@ class SurfaceLabels:
         Raises:
             SettingError: A level is outside its range.
         """
-        return self._quantiles(self.critical_angle, levels, weights)
+        return quantiles(self.critical_angle, levels, self._weights(weights))
 
     def epsilon_quantiles(
         self,
         levels: npt.ArrayLike,
         *,
         of: Literal["nominal", "minimum", "maximum"] = "nominal",
-        weights: Literal["area", "vertex"] = "area",
+        weights: Weights = "area",
     ) -> Floats:
         """Quantiles of epsilon over the surface; where no grasp was found it counts as 0.
 
@@ -263,93 +269,8 @@ class SurfaceLabels:
         """
         if of not in {"nominal", "minimum", "maximum"}:
             raise SettingError(f"no epsilon is called {of!r}; known: nominal, minimum, maximum")
-        return self._quantiles(np.nan_to_num(getattr(self.epsilon_range, of)), levels, weights)
+        values = np.nan_to_num(getattr(self.epsilon_range, of))
+        return quantiles(values, levels, self._weights(weights))
 
-    def _quantiles(
-        self, values: Floats, levels: npt.ArrayLike, weights: Literal["area", "vertex"]
-    ) -> Floats:
-        shares = np.asarray(levels, dtype=np.float64)
-        if not ((shares >= 0.0) & (shares <= 1.0)).all():
-            raise SettingError(f"quantile levels must be from 0 to 1; got {levels!r}")
-        order = np.argsort(values, kind="stable")
-        reached = np.cumsum(self._weights(weights)[order])
-        index = np.searchsorted(reached, shares * reached[-1])
-        return np.asarray(values[order][np.minimum(index, len(order) - 1)])
-
-    def _weights(self, weights: Literal["area", "vertex"]) -> Floats:
-        if weights == "area":
-            values = self.mesh.vertex_areas
-        elif weights == "vertex":
-            values = self.mesh.on_surface.astype(np.float64)
-        else:
-            raise SettingError(f"no weights are called {weights!r}; known: area, vertex")
-        return np.asarray(values / values.sum())
-
-
-def _hull_labels(labels: SurfaceLabels, progress: Progress | None) -> Bytes:
-    """Labels of method extremes: the better of a vertex's two grasps, where they differ."""
-    mesh = labels.mesh
-    held = np.unique(mesh.canonical[labels.reason == Reason.FOUND])
-    codes = np.full(len(mesh.vertices), Label.U, dtype=np.uint8)
-    differ = held[_moved(labels, held)]  # a few, at creases
-    for number, (vertices, told) in enumerate(((held, progress), (differ, None))):
-        grasps = _grasps(labels, vertices, number)
-        found = hull_labels(grasps, labels.model, threads=labels.threads, progress=told)
-        codes[vertices] = np.maximum(codes[vertices], found)
-    return locked(codes[mesh.canonical])
-
-
-def _moved(labels: SurfaceLabels, vertices: Ints) -> Bools:
-    """Where the grasp of the best normals is not that of the worst."""
-    faces, weights = labels.places.faces[vertices], labels.places.weights[vertices]
-    return np.asarray((faces[:, 0] != faces[:, 1]) | (weights[:, 0] != weights[:, 1]).any(axis=1))
-
-
-def _grasps(labels: SurfaceLabels, vertices: Ints, number: int) -> SurfaceGrasps:
-    places = SurfacePlaces(
-        labels.places.faces[vertices, number], labels.places.weights[vertices, number]
-    )
-    return SurfaceGrasps(labels.mesh, vertices, places)
-
-
-def _epsilon_range(labels: SurfaceLabels, progress: Progress | None) -> EpsilonRange:
-    """Epsilons of every vertex's grasp, once for each place that has one."""
-    mesh, model = labels.mesh, labels.model
-    places = _held_places(labels)
-    contacts = Contacts(
-        np.stack([mesh.vertices[places], labels.partner[places]], axis=1) - mesh.center_mass,
-        np.stack([mesh.normals[places], labels.partner_normal[places]], axis=1),
-        model.friction,
-        model.torsion_radius,
-    )
-    common: dict[str, Any] = {
-        "edges": model.edges,
-        "actuation": model.actuation,
-        "torque_scale": mesh.torque_scale,
-        "rtol": EPSILON_RTOL,
-        "threads": labels.threads,
-    }
-    values = np.full((3, len(mesh.vertices)), math.nan)
-    if model.method == "extremes":
-        values[0, places] = epsilon(contacts, **common).lower
-        values[1:, places] = hull_epsilons(
-            _grasps(labels, places, 0),
-            model,
-            rtol=EPSILON_RTOL,
-            threads=labels.threads,
-            progress=progress,
-        )
-    else:
-        found = epsilon_range(
-            contacts, model.tilt, bound_rtol=BOUND_RTOL, progress=progress, **common
-        )
-        values[:, places] = found.nominal, found.minimum, found.maximum
-    return EpsilonRange(*(locked(row[mesh.canonical]) for row in values))
-
-
-def _held_places(labels: SurfaceLabels) -> Ints:
-    """Vertices that stand for a place with a grasp; normals that cancel out are none to push on."""
-    mesh = labels.mesh
-    pushing = (mesh.normals != 0.0).any(axis=1) & (labels.partner_normal != 0.0).any(axis=1)
-    held = (labels.reason == Reason.FOUND) & pushing
-    return np.unique(mesh.canonical[held])
+    def _weights(self, weights: Weights) -> Floats:
+        return vertex_weights(self.mesh, weights)

@@ -147,6 +147,11 @@ def picture(
     return _drawn(surface, view or View(), size, fingers)
 
 
+def extent_of(points: Floats) -> float:
+    """Mean of the two largest extents of a surface, which sizes the fingers' marks."""
+    return math.sqrt(float(np.sort(np.ptp(points, axis=0))[1:].prod()))
+
+
 def _choose_window() -> None:
     """Draw by EGL where there is no screen, without VTK's complaint about the missing one."""
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
@@ -191,7 +196,7 @@ def _drawn(
             ambient=AMBIENT,
             diffuse=1.0 - AMBIENT,
         )
-        extent = math.sqrt(float(np.sort(np.ptp(surface.points, axis=0))[1:].prod()))
+        extent = extent_of(surface.points)
         for finger in fingers:
             _mark(plotter, finger, extent)
         tails = [finger.place - ARROW * extent * finger.push for finger in fingers]

@@ -19,7 +19,12 @@ Grip = Literal["squeeze", "expand", "both"]
 Actuation = Literal["total", "per_finger"]
 Method = Literal["exact", "extremes"]
 Tilts = Literal["exact", "effective_friction", "sampled_tilts"]
+Places = Literal["surface", "vertices"]
+MAX_FINGERS = 32
+MOST_SEARCHED = 5
+"""Fingers of the largest grasps that are searched for; given ones may have more."""
 MIN_RAYS, MAX_RAYS = 8, 65_536
+MIN_CANDIDATES, MAX_CANDIDATES = 8, 4096
 MIN_EDGES, MAX_EDGES = 3, 360
 MIN_EXTREMES, MAX_EXTREMES = 3, 360
 DEGREE = math.pi / 180.0
@@ -35,6 +40,9 @@ class GraspModel:
     sensor_resolution: Radians = 22.6 * DEGREE
     """Sensor resolution alpha: the angle between the two extreme normals that the fingertip
     cannot tell apart, from 0 to below 180 degrees."""
+
+    fingers: int = 2
+    """Fingers of a grasp, 2 to 5."""
 
     method: Method = "exact"
     """How labels are made. exact: from the critical friction angle, which settles every normal
@@ -67,6 +75,8 @@ class GraspModel:
                 "sensor resolution must be at least 0 and below 180 degrees (pi radians); "
                 f"got {degrees:g} degrees (in Python angles are radians)"
             )
+        if not (isinstance(self.fingers, int) and 1 <= self.fingers <= MAX_FINGERS):
+            raise SettingError(f"fingers must be from 2 to {MOST_SEARCHED}; got {self.fingers}")
         if self.method not in get_args(Method):
             known = ", ".join(get_args(Method))
             raise SettingError(f"no method is called {self.method!r}; known: {known}")
@@ -115,11 +125,11 @@ class GraspModel:
 
     @property
     def epsilon_rank(self) -> int:
-        """Dimensions of the wrenches in which epsilon of two fingers is taken.
+        """Dimensions of the wrenches in which epsilon is taken.
 
-        Hard fingers resist no torque about the line through them.
+        Two hard fingers resist no torque about the line through them.
         """
-        return 6 if self.torsion_radius > 0.0 else 5
+        return 6 if self.torsion_radius > 0.0 or self.fingers > 2 else 5  # noqa: PLR2004
 
 
 @dataclass(frozen=True)
@@ -127,22 +137,44 @@ class Sampling:
     """How candidate grasps are searched."""
 
     rays: int = 64
-    """Directions tried from every vertex before the search is refined, 8 to 65536."""
+    """Two fingers: directions tried from every vertex before the search is refined, 8 to 65536."""
 
     grip: Grip = "squeeze"
-    """squeeze: fingers outside, pushing toward each other; expand: fingers inside a ring or a
+    """Two fingers. squeeze: they are outside, pushing toward each other; expand: inside a ring or a
     mug, pushing apart; both: whichever is better."""
 
     min_opening: float = 0.0
-    """Smallest distance between the two contacts, in the mesh's unit."""
+    """Two fingers: smallest distance between the contacts, in the mesh's unit."""
 
     max_opening: float = math.inf
-    """Largest distance between the two contacts (the gripper's stroke), in the mesh's unit."""
+    """Two fingers: largest distance between the contacts (the gripper's stroke), in the mesh's
+    unit."""
+
+    candidates: int = 64
+    """Three fingers and more: places, well spread over the surface within reach of a vertex, that
+    every other finger is tried at before the search is refined, 8 to 4096."""
+
+    min_separation: float | None = None
+    """Three fingers and more: smallest distance between any two contacts, in the mesh's unit; none:
+    1/100 of the object's size."""
+
+    max_spread: float = math.inf
+    """Three fingers and more: largest distance between any two contacts (the hand's reach), in the
+    mesh's unit."""
+
+    places: Places = "surface"
+    """Three fingers and more: where the other fingers are put. surface: anywhere; vertices: at the
+    mesh's vertices only."""
+
+    seed: int = 0
+    """Three fingers and more: seed of the spread of candidates and of the search; the same seed
+    gives the same labels."""
 
     search_angle: Radians | None = None
-    """Half-angle of the cone of directions about the inward normal, up to 90 degrees; none: just
-    what friction and resolution need. Wider: labels can be asked again for any friction and
-    resolution with atan(friction) + alpha/2 up to this angle. Narrower: a limit to the search."""
+    """Largest critical friction angle that counts, up to 90 degrees; for two fingers the half-angle
+    of the cone of directions about the inward normal. none: just what friction and resolution need.
+    Wider: labels can be asked again for any friction and resolution with atan(friction) + alpha/2
+    up to this angle. Narrower: a limit to the search."""
 
     tolerance: Radians = 1e-3
     """The search around a vertex's best grasp stops at steps of this size."""
@@ -158,6 +190,23 @@ class Sampling:
                 "openings must satisfy 0 <= min_opening <= max_opening, and max_opening above 0; "
                 f"got {self.min_opening:g} and {self.max_opening:g}"
             )
+        if not (
+            isinstance(self.candidates, int) and MIN_CANDIDATES <= self.candidates <= MAX_CANDIDATES
+        ):
+            raise SettingError(
+                f"candidates must be from {MIN_CANDIDATES} to {MAX_CANDIDATES}; "
+                f"got {self.candidates}"
+            )
+        least = self.min_separation or 0.0
+        if not 0.0 <= least <= self.max_spread or self.max_spread == 0.0:
+            raise SettingError(
+                "distances must satisfy 0 <= min_separation <= max_spread, and max_spread above 0; "
+                f"got {least:g} and {self.max_spread:g}"
+            )
+        if self.places not in get_args(Places):
+            known = ", ".join(get_args(Places))
+            raise SettingError(f"no places are called {self.places!r}; known: {known}")
+        whole("seed", self.seed, 0)
         if self.search_angle is not None and not 0.0 < self.search_angle <= math.pi / 2.0:
             degrees = math.degrees(self.search_angle)
             raise SettingError(
@@ -211,10 +260,33 @@ def whole(name: str, value: object, least: int) -> int:
     return int(value)
 
 
-def search_cone(model: GraspModel, sampling: Sampling) -> float:
-    """Half-angle of the cone in which candidate grasps are searched [rad].
+def check_searched(model: GraspModel, sampling: Sampling) -> None:
+    """Refuse settings of a search that it would not listen to.
 
-    A partner seen at beta + alpha/2 or more from the normal makes no grasp better than U, so
+    Raises:
+        SettingError: Too few or too many fingers, or settings that belong to another number.
+    """
+    if not 2 <= model.fingers <= MOST_SEARCHED:  # noqa: PLR2004
+        raise SettingError(f"fingers must be from 2 to {MOST_SEARCHED}; got {model.fingers}")
+    of_two = ("rays", "grip", "min_opening", "max_opening")
+    of_more = ("candidates", "min_separation", "max_spread", "places", "seed")
+    usual = Sampling()
+    for names, heard, cure in (
+        (of_two, model.fingers == 2, "min_separation, max_spread and candidates"),  # noqa: PLR2004
+        (of_more, model.fingers > 2, "min_opening, max_opening and rays"),  # noqa: PLR2004
+    ):
+        given = [name for name in names if getattr(sampling, name) != getattr(usual, name)]
+        if given and not heard:
+            raise SettingError(
+                f"{given[0]} says nothing about {model.fingers} fingers; these have {cure}"
+            )
+
+
+def search_cone(model: GraspModel, sampling: Sampling) -> float:
+    """Largest critical friction angle that is searched for [rad].
+
+    For two fingers it is the half-angle of the cone of directions in which partners are sought: a
+    partner seen at beta + alpha/2 or more from the normal makes no grasp better than U, so
     nothing outside needs a ray.
     """
     if sampling.search_angle is not None:

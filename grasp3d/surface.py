@@ -1,25 +1,33 @@
-"""Where on this object is a two-finger grasp reliable?"""
+"""Where on this object is a grasp of two or more fingers reliable?"""
 
 import math
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.faces import normals_at
 from grasp3d._kernels.scan import scan
 from grasp3d.arrays import Floats, locked
+from grasp3d.crease_angles import critical_angles
 from grasp3d.errors import SettingError
 from grasp3d.labels import Reason, SearchReport, SurfaceLabels
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces, nearest_place
+from grasp3d.mesh.touching import contact_normals
 from grasp3d.processors import available_processors
 from grasp3d.progress import Progress, ignore, within
-from grasp3d.sampling.antipodal import best_grasps, contact_normals, contact_surface
-from grasp3d.settings import GraspModel, Sampling, search_cone
+from grasp3d.settings import GraspModel, Sampling, check_searched
+from grasp3d.surface_contacts import SurfaceContacts
 from grasp3d.surface_extremes import check_combinations_of
+from grasp3d.vertex_grasps import grasps_at, largest_distance
+from grasp3d.vertex_search import label_hands, label_pairs
 
 SEARCH_SHARE = 0.3
 """Of the work of label_surface with method extremes, what the search for grasps is taken for."""
+
+
+SAME = 1e-12
+"""Distance between contacts at one place, in object sizes."""
 
 
 def label_surface(
@@ -30,48 +38,35 @@ def label_surface(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SurfaceLabels:
-    """Find the best two-finger grasp through every vertex and tell how reliable it is.
+    """Find the best grasp through every vertex and tell how reliable it is.
 
-    With `model.method` 'extremes' the grasps are the same, but their labels come from the wrench
-    hulls at extreme normals alone, as in Wan & Howe 2018.
+    It has `model.fingers` fingers, one at the vertex and the others wherever the search finds the
+    best places. With `model.method` 'extremes' the grasps are the same, but their labels come from
+    the wrench hulls at extreme normals alone, as in Wan & Howe 2018.
 
     Args:
         mesh: The object's surface.
-        model: Friction and sensor resolution.
+        model: Friction, sensor resolution and number of fingers, 2 to 5.
         sampling: How grasps are searched.
         threads: Threads to use; None: one per processor. The result does not depend on it.
         progress: Called with the share of the work done, from 0 to 1.
 
     Raises:
-        SettingError: The settings contradict each other, or extreme normals are too many.
+        SettingError: The settings contradict each other, extreme normals are too many, or the
+            mesh has fewer places than fingers.
     """
     model, sampling = model or GraspModel(), sampling or Sampling()
+    check_searched(model, sampling)
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
-    cone = search_cone(model, sampling)
     told = progress or ignore
     enumerated = model.method == "extremes"
     if enumerated:
         check_combinations_of(model)
+    find = label_pairs if model.fingers == 2 else label_hands  # noqa: PLR2004
     searching = within(told, 0.0, SEARCH_SHARE) if enumerated else told
-    grasps = best_grasps(mesh, sampling, cone, threads=threads, progress=searching)
-    labels = SurfaceLabels(
-        mesh=mesh,
-        model=model,
-        sampling=sampling,
-        mode="label",
-        critical_angle=locked(grasps.worst),
-        critical_angle_best=locked(grasps.best),
-        partner=locked(grasps.partner),
-        partner_normal=locked(grasps.partner_normal),
-        places=SurfacePlaces(locked(grasps.places.faces), locked(grasps.places.weights)),
-        opening=locked(np.linalg.norm(grasps.partner - mesh.vertices, axis=1)),
-        grip=locked(grasps.grip),
-        reason=locked(np.where(mesh.on_surface, grasps.reason, Reason.OFF_SURFACE), np.uint8),
-        search=SearchReport(cone, grasps.rays, grasps.rounds, grasps.still_falling),
-        threads=threads,
-    )
+    labels = find(mesh, model, sampling, threads, searching)
     labels.enumerate_extremes(within(told, SEARCH_SHARE, 1.0))
     return labels
 
@@ -84,65 +79,99 @@ def scan_surface(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SurfaceLabels:
-    """Fix one finger and label every vertex as the place of the other (Wan & Howe 2018, Sec. IV).
+    """Fix all fingers but one and label every vertex as the place of the last.
 
-    Here the grasp is given, so a U is a proof as well. Both ways to close count: squeezing and
-    pushing apart.
+    Wan & Howe 2018, Sec. IV, fix one of two. Here the grasp is given, so a U is a proof as well. Of
+    two fingers both ways to close count: squeezing and pushing apart.
 
     Args:
         mesh: The object's surface.
-        model: Friction and sensor resolution.
-        fixed: Place of the fixed finger, shape (3,) or (1, 3), moved to the nearest place of the
+        model: Friction and sensor resolution; the number of fingers is one more than are fixed.
+        fixed: Places of the fixed fingers, shape (3,) or (k, 3), moved to the nearest places of the
             surface.
-        threads: Threads for hulls and epsilon; None: one per processor. The result does not depend
-            on it.
-        progress: Called with the share of the work done, from 0 to 1, while hulls are enumerated.
+        threads: Threads; None: one per processor. The result does not depend on it.
+        progress: Called with the share of the work done, from 0 to 1, where it takes long: while
+            angles of three fingers and more are found, and hulls enumerated.
 
     Raises:
-        SettingError: `fixed` is not one finite point, or extreme normals are too many.
+        SettingError: `fixed` are no finite points, or they or extreme normals are too many.
     """
-    model = model or GraspModel()
+    points = _fixed_points(fixed)
+    model = replace(model or GraspModel(), fingers=len(points) + 1)
     if model.method == "extremes":
         check_combinations_of(model)
-    point = np.asarray(fixed, dtype=np.float64).reshape(-1)
-    if point.shape != (3,) or not np.isfinite(point).all():
-        raise SettingError(f"fixed must be one point of three finite numbers; got {fixed!r}")
-    place, face, weights = nearest_place(mesh, (point - mesh.center) / mesh.size)
-    normals = _normals_at(mesh, face, weights)
-    count = len(mesh.vertices)
-    worst, best = np.empty(count), np.empty(count)
-    grip = np.empty(count, dtype=np.int8)
-    scan(place, normals, mesh.normalized, contact_normals(mesh), worst, best, grip)
-    middle = normals.sum(axis=0)
-    snapped = mesh.from_normalized(place)
-    reason = np.where(np.isinf(worst[mesh.canonical]), Reason.SAME_PLACE, Reason.FOUND)
+    count, told = len(mesh.vertices), progress or ignore
+    nearest = [nearest_place(mesh, (point - mesh.center) / mesh.size) for point in points]
+    spots = np.stack([place for place, _, _ in nearest])  # normalised frame
+    faces = np.array([[face for _, face, _ in nearest]])
+    weights = np.stack([weights for _, _, weights in nearest])[None]
+    hand = SurfaceContacts(mesh, SurfacePlaces(faces, weights))  # one grasp, of the fixed alone
+    begun = SEARCH_SHARE if model.method == "extremes" and len(points) > 1 else 0.0
+    if len(points) == 1:
+        angles, grip = _scan_pairs(hand, spots[0])
+    else:
+        angles = _scan_hands(hand, spots, threads, within(told, 0.0, begun or 1.0))
+        grip = np.zeros(count, dtype=np.int8)
+    reason = np.where(np.isinf(angles[0, mesh.canonical]), Reason.SAME_PLACE, Reason.FOUND)
+    partners = np.tile(mesh.from_normalized(spots), (count, 1, 1))
     labels = SurfaceLabels(
         mesh=mesh,
         model=model,
         sampling=None,
         mode="scan",
-        critical_angle=locked(worst[mesh.canonical]),
-        critical_angle_best=locked(best[mesh.canonical]),
-        partner=locked(np.tile(snapped, (count, 1))),
-        partner_normal=locked(np.tile(middle / max(np.linalg.norm(middle), 1e-300), (count, 1))),
+        critical_angle=locked(angles[0, mesh.canonical]),
+        critical_angle_best=locked(angles[1, mesh.canonical]),
+        partners=locked(partners),
+        partner_normals=locked(np.tile(hand.normals, (count, 1, 1))),
         places=SurfacePlaces(
-            locked(np.full((count, 2), face)), locked(np.tile(weights, (count, 2, 1)))
+            locked(np.tile(faces, (count, 2, 1))), locked(np.tile(weights, (count, 2, 1, 1)))
         ),
-        opening=locked(np.linalg.norm(snapped - mesh.vertices, axis=1)),
+        opening=locked(largest_distance(mesh.vertices, partners)),
         grip=locked(grip[mesh.canonical]),
         reason=locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8),
-        search=SearchReport(cone=math.pi, rays=0, rounds=0, still_falling=0.0),
+        search=SearchReport(cone=math.pi),
         threads=threads,
     )
-    labels.enumerate_extremes(progress or ignore)
+    labels.enumerate_extremes(within(told, begun, 1.0))
     return labels
 
 
-def _normals_at(mesh: ObjectMesh, face: int, weights: Floats) -> Floats:
-    """Normals that a contact on a face may have, shape (k, 3)."""
-    sets, found = contact_normals(mesh), np.empty((2, 3))
-    count, vertex = normals_at(face, tuple(weights), contact_surface(mesh), sets, found)
-    if vertex >= 0:
-        first = sets.start[vertex]
-        return sets.normals[first : first + sets.counts[vertex]].copy()
-    return found[:count].copy()
+def _fixed_points(fixed: npt.ArrayLike) -> Floats:
+    """Check the places of fixed fingers; shape (k, 3)."""
+    try:
+        points = np.atleast_2d(np.asarray(fixed, dtype=np.float64))
+    except (TypeError, ValueError):
+        points = np.zeros((0, 3))
+    if points.ndim != 2 or points.shape[1] != 3 or not len(points):  # noqa: PLR2004
+        points = np.full((1, 3), math.nan)
+    if not np.isfinite(points).all():
+        raise SettingError(
+            f"fixed must be one point or more, each of three finite numbers; got {fixed!r}"
+        )
+    return points
+
+
+def _scan_pairs(hand: SurfaceContacts, spot: Floats) -> tuple[Floats, npt.NDArray[np.int8]]:
+    """Angles (2, V) and grips (V,) of every vertex with one fixed finger."""
+    mesh = hand.mesh
+    normals = hand.set_normals[:0] if hand.any_normal.any() else hand.set_normals
+    angles = np.empty((2, len(mesh.vertices)))
+    grip = np.empty(len(mesh.vertices), dtype=np.int8)
+    scan(spot, normals, mesh.normalized, contact_normals(mesh), angles[0], angles[1], grip)
+    return angles, grip
+
+
+def _scan_hands(
+    hand: SurfaceContacts, spots: Floats, threads: int | None, progress: Progress
+) -> Floats:
+    """Angles (2, V) of every vertex with several fixed fingers."""
+    mesh = hand.mesh
+    vertices = np.unique(mesh.faces)
+    away = np.linalg.norm(mesh.normalized[vertices, None] - spots, axis=2).min(axis=1)
+    vertices = vertices[away > SAME]
+    others = np.broadcast_to(hand.places.faces[:, None], (len(mesh.vertices), 2, len(spots)))
+    weights = np.broadcast_to(hand.places.weights[:, None], (*others.shape, 3))
+    grasps = grasps_at(mesh, SurfacePlaces(others, weights), vertices, 0)
+    angles = np.full((2, len(mesh.vertices)), math.inf)
+    angles[:, vertices] = critical_angles(grasps, threads=threads, progress=progress)
+    return angles

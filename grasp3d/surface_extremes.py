@@ -1,22 +1,18 @@
 """The paper's enumeration of extreme normals for the grasps on a surface."""
 
 from collections.abc import Iterator
-from typing import NamedTuple
+from itertools import pairwise
 
 import numpy as np
 
-from grasp3d._kernels.faces import normals_at
-from grasp3d._kernels.normal_sets import Sets
-from grasp3d.arrays import Bytes, Floats, Ints, unit_rows
+from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.contacts import Contacts
 from grasp3d.enumeration import extremes, see
 from grasp3d.extremes import Tested, check_combinations, extreme_normals, rings_needed
-from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.places import SurfacePlaces
 from grasp3d.progress import Progress
-from grasp3d.sampling.antipodal import contact_normals, contact_surface
 from grasp3d.settings import GraspModel
 from grasp3d.stability import Label
+from grasp3d.surface_contacts import SurfaceContacts
 
 PART = 4096
 """Grasps enumerated at once."""
@@ -25,28 +21,18 @@ MOST_FACES = 12
 """Faces at one place whose normals are tried; of more, so many spread evenly around it."""
 
 
-class SurfaceGrasps(NamedTuple):
-    """Two-finger grasps on a surface."""
-
-    mesh: ObjectMesh
-    vertices: Ints
-    """First contacts, shape (b,)."""
-    seconds: SurfacePlaces
-    """Second contacts, shape (b,)."""
-
-
 def check_combinations_of(model: GraspModel) -> None:
     """Refuse before the work what no smooth grasp could be labelled with.
 
     Raises:
-        SettingError: A grasp of two smooth contacts has too many combinations.
+        SettingError: A grasp of smooth contacts has too many combinations.
     """
     rings = rings_needed(model.tilt, model.friction_angle)
-    check_combinations([1 + rings * model.extreme_normals] * 2)
+    check_combinations([1 + rings * model.extreme_normals] * model.fingers)
 
 
 def hull_labels(
-    grasps: SurfaceGrasps,
+    grasps: SurfaceContacts,
     model: GraspModel,
     *,
     threads: int | None = 1,
@@ -66,7 +52,7 @@ def hull_labels(
     Raises:
         SettingError: A grasp has too many combinations.
     """
-    labels = np.full(len(grasps.vertices), Label.M, dtype=np.uint8)
+    labels = np.full(grasps.size, Label.M, dtype=np.uint8)
     done = 0
     for rows, contacts, tested in _groups(grasps, model):
         seen = see(contacts, tested, edges=model.edges, threads=threads)
@@ -79,7 +65,7 @@ def hull_labels(
 
 
 def hull_epsilons(
-    grasps: SurfaceGrasps,
+    grasps: SurfaceContacts,
     model: GraspModel,
     *,
     rtol: float,
@@ -98,7 +84,7 @@ def hull_epsilons(
     Raises:
         SettingError: A grasp has too many combinations.
     """
-    found, done = np.zeros((2, len(grasps.vertices))), 0
+    found, done = np.zeros((2, grasps.size)), 0
     for rows, contacts, tested in _groups(grasps, model):
         range_ = extremes(
             contacts, tested, edges=model.edges, actuation=model.actuation,
@@ -107,55 +93,37 @@ def hull_epsilons(
         found[:, rows] = range_.minimum, range_.maximum
         done += len(rows)
         if progress is not None:
-            progress(done / len(grasps.vertices))
+            progress(done / grasps.size)
     return found[0], found[1]
 
 
-def _groups(grasps: SurfaceGrasps, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Tested]]:
-    """Grasps with as many normals at either contact, some at a time: (rows, contacts, tested)."""
-    first, second = _vertex_normals(grasps), _place_normals(grasps)
-    points = np.stack(
-        [grasps.mesh.vertices[grasps.vertices], grasps.seconds.positions(grasps.mesh)], axis=1
-    )
-    points -= grasps.mesh.center_mass
-    sizes = np.array([[len(one), len(two)] for one, two in zip(first, second, strict=True)])
-    kinds, kind = np.unique(sizes.reshape(-1, 2), axis=0, return_inverse=True)
+def _groups(grasps: SurfaceContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Tested]]:
+    """Grasps with as many normals at every contact, some at a time: (rows, contacts, tested)."""
+    normals = _normals(grasps)
+    points = grasps.points - grasps.mesh.center_mass
+    sizes = np.array([len(some) for some in normals], dtype=np.int64)
+    kinds, kind = np.unique(sizes.reshape(-1, grasps.count), axis=0, return_inverse=True)
     for number in range(len(kinds)):
         members = np.flatnonzero(kind == number)
         for start in range(0, len(members), PART):
             rows = members[start : start + PART]
-            sets = [np.stack([normals[row] for row in rows]) for normals in (first, second)]
+            sets = [
+                np.stack([normals[row * grasps.count + i] for row in rows])
+                for i in range(grasps.count)
+            ]
             nominal = np.stack([some[:, 0] for some in sets], axis=1)
             contacts = Contacts(points[rows], nominal, model.friction, model.torsion_radius)
             creases = {i: some for i, some in enumerate(sets) if some.shape[1] > 1}
-            tilt = np.full((len(rows), 2), model.tilt)
+            tilt = np.full((len(rows), grasps.count), model.tilt)
             count = model.extreme_normals
             yield rows, contacts, extreme_normals(contacts, tilt, count=count, creases=creases)
 
 
-def _vertex_normals(grasps: SurfaceGrasps) -> list[Floats]:
-    """Normals of the faces at the first contacts, (k, 3) each."""
-    sets = contact_normals(grasps.mesh)
-    return [_few(_normals_of(sets, vertex)) for vertex in grasps.vertices]
-
-
-def _place_normals(grasps: SurfaceGrasps) -> list[Floats]:
-    """Normals of the faces at the second contacts, (k, 3) each."""
-    surface, sets = contact_surface(grasps.mesh), contact_normals(grasps.mesh)
-    found, room = [], np.empty((2, 3))
-    for face, weights in zip(grasps.seconds.faces, grasps.seconds.weights, strict=True):
-        count, vertex = normals_at(face, tuple(weights), surface, sets, room)
-        known = _normals_of(sets, vertex) if vertex >= 0 else unit_rows(room[: max(count, 1)])
-        found.append(_few(known))
+def _normals(grasps: SurfaceContacts) -> list[Floats]:
+    """Normals of the faces at every contact, (k, 3) each; of many only some, spread evenly."""
+    found = []
+    for first, end in pairwise(grasps.set_start.tolist()):
+        count = min(end - first, MOST_FACES)
+        rows = np.linspace(0, end - first, count, endpoint=False).astype(np.int64)
+        found.append(grasps.set_normals[first + rows])
     return found
-
-
-def _normals_of(sets: Sets, vertex: int) -> Floats:
-    """Corners of a vertex's set; all its normals where they span every direction."""
-    first, count = sets.start[vertex], sets.counts[vertex]
-    return sets.normals[first : first + count if count else sets.start[vertex + 1]]
-
-
-def _few(normals: Floats) -> Floats:
-    count = min(len(normals), MOST_FACES)
-    return normals[np.linspace(0, len(normals), count, endpoint=False).astype(np.int64)]

@@ -112,7 +112,7 @@ def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
     Its required resolution is that of the shares' mean, not the mean of the surfaces' resolutions.
 
     Args:
-        sweeps: Of the same frictions, resolutions and mode; at least one.
+        sweeps: Of the same frictions, resolutions, mode and number of fingers; at least one.
         name: What to call the mean.
 
     Raises:
@@ -122,12 +122,15 @@ def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
         raise SettingError("the mean needs at least one sweep")
     first = sweeps[0]
     for other in sweeps[1:]:
-        if other.mode != first.mode or not (
+        if (other.mode, other.distribution.fingers) != (
+            first.mode,
+            first.distribution.fingers,
+        ) or not (
             np.array_equal(other.friction, first.friction)
             and np.array_equal(other.sensor_resolution, first.sensor_resolution)
         ):
             raise SettingError(
-                "the mean needs sweeps of the same frictions, resolutions and mode; "
+                "the mean needs sweeps of the same frictions, resolutions, mode and fingers; "
                 f"{other.name!r} differs from {first.name!r}"
             )
     return sweep(
@@ -145,6 +148,7 @@ class _MeanAngles(AngleDistribution):
     def __init__(self, parts: tuple[AngleDistribution, ...]) -> None:
         self._parts = parts
         self.limit = min(part.limit for part in parts)
+        self.fingers = parts[0].fingers
 
     def worst_below(self, angles: npt.ArrayLike) -> Floats:
         """See `AngleDistribution`."""

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.csv as pc
 import pyarrow.parquet as pq
@@ -36,7 +37,56 @@ def write_table(
     """
     check_suffix(path, SUFFIXES, "table")
     schema = pa.schema([(name, _TYPES[kind]) for name, kind in columns.items()])
-    table = pa.Table.from_pylist([_printable(row) for row in rows], schema=schema)
+    _write(path, pa.Table.from_pylist([_printable(row) for row in rows], schema=schema), settings)
+
+
+def write_columns(
+    path: Path, columns: Mapping[str, npt.NDArray[Any]], *, settings: Mapping[str, Any]
+) -> None:
+    """Write a table of many rows, column by column; nan is left empty.
+
+    Args:
+        path: File to make or replace.
+        columns: Values of each, shape (rows,), in the order of the file.
+        settings: As in `write_table`.
+
+    Raises:
+        OutputError: No table has that suffix, or the file cannot be written.
+    """
+    check_suffix(path, SUFFIXES, "table")
+    arrays = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
+    _write(path, pa.table(arrays), settings)
+
+
+def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
+    """Read a CSV or Parquet table.
+
+    Args:
+        path: File with that suffix.
+
+    Returns:
+        The columns in order; numbers that are missing are nan, columns that are not all numbers
+        hold whatever stands there.
+
+    Raises:
+        ValueError: The file is no such table; the message says why.
+        OSError: It cannot be read.
+    """
+    try:
+        table = pc.read_csv(path) if path.suffix.lower() == ".csv" else pq.read_table(path)
+        names = [name.strip() for name in table.column_names]
+        twice = [name for number, name in enumerate(names) if name in names[:number]]
+        if twice:
+            raise ValueError(f"two columns are called {twice[0]!r}")
+        return {
+            name: column.to_numpy(zero_copy_only=False)
+            for name, column in zip(names, table.columns, strict=True)
+        }
+    except pa.ArrowException as error:
+        raise ValueError(str(error).splitlines()[0]) from error
+
+
+def _write(path: Path, table: pa.Table, settings: Mapping[str, Any]) -> None:
     with written_whole(path) as part:
         if path.suffix.lower() == ".csv":
             pc.write_csv(table, part)

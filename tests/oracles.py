@@ -151,3 +151,20 @@ def smallest_angles_of_work(points: Floats, normals: Floats, directions: Floats)
     work = directions[:, None, :3] + np.cross(directions[:, None, 3:], points)  # (k, n, 3)
     across = np.linalg.norm(np.cross(work, normals), axis=-1)
     return np.asarray(np.arctan2(across, (work * normals).sum(axis=-1)).min(axis=-1))
+
+
+def distance_to_triangles(point: Floats, triangles: Floats) -> Floats:
+    """To each of (F, 3, 3): to the foot of the perpendicular where inside, else to the edges."""
+    ends = [(triangles[:, i], triangles[:, (i + 1) % 3]) for i in range(3)]
+    distances = []
+    for p, q in ends:
+        along = ((point - p) * (q - p)).sum(axis=1) / ((q - p) ** 2).sum(axis=1)
+        feet = p + np.clip(along, 0.0, 1.0)[:, None] * (q - p)
+        distances.append(np.linalg.norm(feet - point, axis=1))
+    across = np.cross(ends[0][1] - ends[0][0], ends[1][1] - ends[1][0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    height = ((point - triangles[:, 0]) * across).sum(axis=1)
+    foot = point - height[:, None] * across
+    inside = [(np.cross(q - p, foot - p) * across).sum(axis=1) >= 0.0 for p, q in ends]
+    distances.append(np.where(np.all(inside, axis=0), np.abs(height), math.inf))
+    return np.asarray(np.min(distances, axis=0))

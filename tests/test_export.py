@@ -173,7 +173,7 @@ def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_
     for name in ("epsilon", "epsilon_min", "epsilon_max"):
         assert np.array_equal(full.point_data[name], getattr(labels(), name), equal_nan=True)
     assert full.field_data["epsilon_min"][0] == "exact"
-    assert full.point_data["partner"].shape == (mesh.n_points, 3)
+    assert full.point_data["partner_2"].shape == (mesh.n_points, 3)
     assert full.field_data["friction"][0] == "0.75"
 
 
@@ -202,7 +202,7 @@ def test_npz_holds_every_array(tmp_path: Path) -> None:
     write_npz(tmp_path / "out.npz", labels())
     with np.load(tmp_path / "out.npz") as data:
         for name in (
-            "label", "critical_angle", "partner", "opening", "grip", "reason",
+            "label", "critical_angle", "partners", "opening", "grip", "reason",
             "epsilon", "epsilon_min", "epsilon_max",
         ):  # fmt: skip
             assert np.array_equal(data[name], getattr(labels(), name), equal_nan=True)

@@ -268,11 +268,11 @@ def test_the_finger_takes_a_best_place_with_room_for_the_other() -> None:
     model = GraspModel(friction=0.6, sensor_resolution=math.radians(20.0))
     place = best_place(mesh, model)
     scanned = real_object(mesh, "blob", PaperSettings(0.6, (model.sensor_resolution,)))
-    assert scanned.scans[0].partner[0] == pytest.approx(place)
+    assert scanned.scans[0].partners[0, 0] == pytest.approx(place)
     critical = scanned.scans[0].critical_angle
     best = int(critical.argmin())
     pair = Contacts(
-        [place, mesh.vertices[best]], [scanned.scans[0].partner_normal[0], mesh.normals[best]]
+        [place, mesh.vertices[best]], [scanned.scans[0].partner_normals[0, 0], mesh.normals[best]]
     )
     assert critical_friction_angle(pair) == pytest.approx(critical[best], abs=1e-9)
     assert critical[best] < math.radians(3.0)

@@ -4,8 +4,8 @@ import pytest
 from grasp3d import mesh_from_arrays
 from grasp3d._kernels.candidates import FOUND, NO_PARTNER, Grasps
 from grasp3d._kernels.rays import STEP, Rays
+from grasp3d.mesh.touching import contact_normals, contact_surface
 from grasp3d.rays import SurfaceRays
-from grasp3d.sampling.antipodal import contact_normals, contact_surface
 from tests import oracles, shapes
 from tests.shapes import Surface
 

@@ -27,7 +27,7 @@ def test_a_real_mesh_is_labelled(name: str) -> None:
     assert fractions["U"] < 0.3
     found = labels.reason == 0
     assert found.mean() > 0.9
-    assert np.isfinite(labels.partner[found]).all()
+    assert np.isfinite(labels.partners[found]).all()
 
 
 HOSTILE = sorted(path.name for path in shapes.SHARED.glob("hostile/*") if path.suffix != ".csv")

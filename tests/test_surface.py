@@ -170,7 +170,7 @@ def test_openings_that_nothing_fits_are_the_reason() -> None:
     assert (labels.label == Label.U).all()
     assert (labels.reason == Reason.OPENING).all()
     assert np.isinf(labels.critical_angle).all()
-    assert np.isnan(labels.partner).all()
+    assert np.isnan(labels.partners).all()
     assert (labels.max_resolution == 0.0).all()
     assert labels.fractions() == {"S": 0.0, "M": 0.0, "U": pytest.approx(1.0)}
 
@@ -197,7 +197,7 @@ def test_scan_against_the_definition_on_a_real_shape() -> None:
     mesh = mesh_from_arrays(*shapes.lopsided())
     start = mesh.vertices[100]
     scan = scan_surface(mesh, fixed=start + 0.01 * mesh.normals[100])
-    place, normal = scan.partner[0], scan.partner_normal[0]
+    place, normal = scan.partners[0, 0], scan.partner_normals[0, 0]
     assert np.linalg.norm(place - start) < 0.02
     for v in range(0, len(mesh.vertices), 61):
         expected = oracles.critical_angle(place, normal, mesh.vertices[v], mesh.normals[v])
@@ -222,10 +222,10 @@ def test_scan_from_a_vertex_skips_that_vertex_and_from_a_corner_takes_its_normal
     assert edge.critical_angle_best[opposite] == pytest.approx(0.0, abs=0.05)
 
 
-@pytest.mark.parametrize("fixed", [(0.0, 0.0), [[0, 0, 1], [0, 0, -1]], (math.nan, 0.0, 0.0)])
-def test_scan_wants_one_point(fixed: object) -> None:
+@pytest.mark.parametrize("fixed", [(0.0, 0.0), [], [[[0, 0, 1]]], "ab", (math.nan, 0.0, 0.0)])
+def test_scan_wants_points(fixed: object) -> None:
     mesh = mesh_from_arrays(*shapes.box())
-    with pytest.raises(SettingError, match="one point of three finite numbers"):
+    with pytest.raises(SettingError, match="one point or more, each of three finite numbers"):
         scan_surface(mesh, fixed=fixed)  # type: ignore[arg-type]
 
 
@@ -287,8 +287,8 @@ def test_epsilon_is_that_of_the_named_grasp() -> None:
     mesh, model = labels.mesh, labels.model
     for v in range(0, len(mesh.vertices), 400):
         contacts = Contacts(
-            [mesh.vertices[v] - mesh.center_mass, labels.partner[v] - mesh.center_mass],
-            [mesh.normals[v], labels.partner_normal[v]],
+            [mesh.vertices[v] - mesh.center_mass, labels.partners[v, 0] - mesh.center_mass],
+            [mesh.normals[v], labels.partner_normals[v, 0]],
         )
         for value, widen in ((labels.epsilon, 0.0), (labels.epsilon_min, -model.tilt)):
             expected = epsilon(contacts, widen=widen, torque_scale=mesh.torque_scale)
@@ -328,7 +328,7 @@ def test_relabelling_asks_epsilon_of_the_new_model_at_the_same_grasps() -> None:
     finer = labels.relabel(friction=0.7, sensor_resolution=0.1)
     assert finer.model == GraspModel(friction=0.7, sensor_resolution=0.1, edges=8)
     assert "epsilon_range" not in vars(finer)  # computed when first asked for
-    assert np.array_equal(finer.partner, labels.partner)
+    assert np.array_equal(finer.partners, labels.partners)
     closed = before > 0.0
     assert (finer.epsilon[closed] != before[closed]).all()
     assert labels.epsilon is before

@@ -30,8 +30,8 @@ from grasp3d import (
     scan_surface,
 )
 from grasp3d.cones import tilted_normals
-from grasp3d.mesh.places import SurfacePlaces
-from grasp3d.surface_extremes import SurfaceGrasps, hull_labels
+from grasp3d.surface_extremes import hull_labels
+from grasp3d.vertex_grasps import grasps_at
 from tests import shapes
 from tests.tilts import every
 
@@ -89,8 +89,8 @@ def contacts_at(labels: SurfaceLabels, vertex: int) -> Contacts:
     """The grasp of a smooth vertex whose partner is on a smooth place."""
     mesh = labels.mesh
     return Contacts(
-        [mesh.vertices[vertex] - mesh.center_mass, labels.partner[vertex] - mesh.center_mass],
-        [mesh.normals[vertex], labels.partner_normal[vertex]],
+        [mesh.vertices[vertex] - mesh.center_mass, labels.partners[vertex, 0] - mesh.center_mass],
+        [mesh.normals[vertex], labels.partner_normals[vertex, 0]],
         labels.model.friction,
     )
 
@@ -257,15 +257,13 @@ def test_the_better_of_two_grasps_counts() -> None:
     labels = labelled("coarse box")
     mesh = labels.mesh
     vertices = np.unique(mesh.canonical)
-    found = []
-    for number in (0, 1):
-        places = SurfacePlaces(
-            labels.places.faces[vertices, number], labels.places.weights[vertices, number]
-        )
-        found.append(hull_labels(SurfaceGrasps(mesh, vertices, places), labels.model))
+    found = [
+        hull_labels(grasps_at(mesh, labels.places, vertices, number), labels.model)
+        for number in (0, 1)
+    ]
     np.testing.assert_array_equal(labels.label[vertices], np.maximum(*found))
-    for number, positions in enumerate(labels.places.positions(mesh).swapaxes(0, 1)):
-        off = np.linalg.norm(positions - labels.partner, axis=1)
+    for number, positions in enumerate(labels.places.positions(mesh)[:, :, 0].swapaxes(0, 1)):
+        off = np.linalg.norm(positions - labels.partners[:, 0], axis=1)
         assert number == 1 or off.max() <= 1e-6
 
 

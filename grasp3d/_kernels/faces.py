@@ -72,7 +72,8 @@ def write_normals(face, weights, surface, sets, found):
         if length > 1e-12:
             found[row, 0], found[row, 1], found[row, 2] = x / length, y / length, z / length
         else:
-            found[row] = normals[c0]
+            for k in range(3):
+                found[row, k] = normals[c0, k]
     return count, -1
 
 
@@ -80,3 +81,28 @@ def write_normals(face, weights, surface, sets, found):
 def normals_at(face, weights, surface, sets, found):
     """Do what `write_normals` does, for callers from Python."""
     return write_normals(face, weights, surface, sets, found)
+
+
+@kernel
+def normals_at_all(faces, weights, surface, sets, counts, vertices, found):
+    """Write the normals at many places; a place at a vertex has that vertex's own set.
+
+    Args:
+        faces: Face of each (m,).
+        weights: Barycentric coordinates on it (m, 3).
+        surface: `Surface`.
+        sets: `Sets`.
+        counts: Written, normals in `found`, 0 for any direction at all (m,).
+        vertices: Written, vertex whose set holds, or -1 (m,).
+        found: Written, one normal or an arc (m, 2, 3).
+    """
+    for i in range(faces.shape[0]):
+        face, w = faces[i], weights[i]
+        vertices[i] = -1
+        for k in range(3):
+            if max(w[(k + 1) % 3], w[(k + 2) % 3]) <= ON_EDGE:
+                vertices[i] = surface.faces[face, k]
+        if vertices[i] >= 0:
+            counts[i] = sets.counts[vertices[i]]
+        else:
+            counts[i], _ = write_normals(face, (w[0], w[1], w[2]), surface, sets, found[i])

@@ -20,8 +20,8 @@ from grasp3d.stability import COLORS, MEANING
 from grasp3d.stability import Label as Code
 
 _WHY = {
-    Reason.NO_PARTNER: "no place for the second finger within the search cone",
-    Reason.OPENING: "every second place is outside the opening limits",
+    Reason.NO_PARTNER: "no place for the other fingers within the search cone",
+    Reason.OPENING: "every place for the other fingers is outside the limits of distances",
     Reason.OFF_SURFACE: "of the file belong to no face, their label is U and counts nowhere",
 }
 _OVER: dict[Tilts, str] = {
@@ -63,6 +63,7 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         f"[bold]{escape(mesh.report.source)}[/]: {len(mesh.vertices)} vertices, "
         f"size {mesh.size:.4g} {mesh.unit or '(unit not stated)'}; friction {model.friction:g}, "
         f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
+        + ("" if model.fingers == 2 else f", {model.fingers} fingers")  # noqa: PLR2004
     )
     if model.method == "extremes":
         console.print(
@@ -71,6 +72,8 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         )
     if labels.sampling is not None and (differences := _differences(labels.sampling)):
         console.print("searched with " + differences)
+    if labels.search.settled:
+        console.print(f"{labels.search.settled:,} candidate grasps settled")
     table = Table("label", "", "share of area", box=None, pad_edge=False)
     for name, share in labels.fractions().items():
         code = Code[name]

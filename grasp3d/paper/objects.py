@@ -20,7 +20,7 @@ from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.settings import PaperSettings
 from grasp3d.plots.painting import painted
 from grasp3d.plots.style import Drawing
-from grasp3d.plots.surfaces import fixed_finger, surface_figure
+from grasp3d.plots.surfaces import fixed_fingers, surface_figure
 from grasp3d.progress import Progress
 from grasp3d.rendering import View
 from grasp3d.settings import DEGREE, GraspModel
@@ -99,7 +99,7 @@ def real_object(
         SettingError: No grasp was found on it and no place is given, or that is no point.
     """
     place = best_place(mesh, settings.models[0], progress) if fixed is None else fixed
-    finger = fixed_finger(scan_surface(mesh, settings.models[0], fixed=place))
+    (finger,) = fixed_fingers(scan_surface(mesh, settings.models[0], fixed=place))
     return _scanned(name, mesh, place, settings, view_of(finger.push))
 
 
@@ -151,7 +151,7 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
         pictures: Whether pictures can be drawn; else the shares alone.
     """
     images = [
-        painted(scan, view=scanned.view, size=PIXELS, fingers=[fixed_finger(scan)])
+        painted(scan, view=scanned.view, size=PIXELS, fingers=fixed_fingers(scan))
         for scan in scanned.scans
         if pictures
     ]

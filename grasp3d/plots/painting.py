@@ -10,7 +10,8 @@ from grasp3d.contacts import Contacts
 from grasp3d.critical import critical_friction_angle
 from grasp3d.labels import Reason, SurfaceLabels
 from grasp3d.rendering import Finger, View, picture
-from grasp3d.stability import COLORS, Label
+from grasp3d.settings import GraspModel
+from grasp3d.stability import COLORS, Label, unstable_from
 
 PLACE, NORMAL, WORST, BEST, COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8
 """What is known at the corner of a triangle."""
@@ -67,7 +68,7 @@ def _parts(labels: SurfaceLabels) -> dict[Label, Floats]:
     angles = _corner_angles(labels, inward)
     corners = np.concatenate([mesh.vertices[mesh.faces], -inward, angles], axis=2)
     stable, others = _cut(corners, WORST, model.friction_angle - model.tilt)
-    ambiguous, unstable = _cut(others, BEST, model.friction_angle + model.tilt)
+    ambiguous, unstable = _cut(others, BEST, _unstable_from(model))
     return {Label.S: stable, Label.M: ambiguous, Label.U: unstable}
 
 
@@ -81,23 +82,29 @@ def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
     mesh, model = labels.mesh, labels.model
     if model.method == "extremes":
         worst = model.friction_angle - model.tilt - np.where(labels.label == Label.S, 1.0, -1.0)
-        best = model.friction_angle + model.tilt + np.where(labels.label == Label.U, 1.0, -1.0)
+        best = _unstable_from(model) + np.where(labels.label == Label.U, 1.0, -1.0)
         return np.stack([worst, best], axis=1)[mesh.faces]
     both = np.stack([labels.critical_angle, labels.critical_angle_best], axis=1)
     angles = np.minimum(both, math.pi)[mesh.faces]
     if labels.mode != "scan":
         return angles
-    held = (labels.reason == Reason.FOUND) & (labels.partner_normal != 0.0).any(axis=1)
+    held = (labels.reason == Reason.FOUND) & (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
     creased = (mesh.normal_sets.counts[mesh.canonical] > 1) & held
     at = np.nonzero(creased[mesh.faces])
     vertex = mesh.faces[at]
     grasps = Contacts(
-        np.stack([mesh.vertices[vertex], labels.partner[vertex]], axis=1),
-        np.stack([inward[at], labels.partner_normal[vertex]], axis=1),
+        np.concatenate([mesh.vertices[vertex, None], labels.partners[vertex]], axis=1),
+        np.concatenate([inward[at][:, None], labels.partner_normals[vertex]], axis=1),
     )
     own = np.asarray(critical_friction_angle(grasps))[:, None]
     angles[at] = np.clip(own, angles[at][:, 1:], angles[at][:, :1])
     return angles
+
+
+def _unstable_from(model: GraspModel) -> float:
+    """Critical angle from which the surface is U [rad]; no grasp stands for pi."""
+    limit = unstable_from(model.friction_angle, model.tilt, model.fingers)
+    return min(float(limit), math.pi)
 
 
 def _cut(corners: Floats, column: int, limit: float) -> tuple[Floats, Floats]:

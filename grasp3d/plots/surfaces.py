@@ -69,9 +69,12 @@ def surface_figure(
     return figure
 
 
-def fixed_finger(scan: SurfaceLabels) -> Finger:
-    """Take the fixed finger of a scan."""
-    return Finger(scan.partner[0], scan.partner_normal[0])
+def fixed_fingers(scan: SurfaceLabels) -> list[Finger]:
+    """Take the fixed fingers of a scan."""
+    return [
+        Finger(place, normal)
+        for place, normal in zip(scan.partners[0], scan.partner_normals[0], strict=True)
+    ]
 
 
 def _show(axes: Axes, scan: SurfaceLabels, picture: Bytes) -> None:

@@ -18,16 +18,14 @@ from scipy.sparse import coo_array
 
 from grasp3d._kernels.candidates import FOUND, NO_PARTNER, Grasps
 from grasp3d._kernels.crossings import SMALLEST
-from grasp3d._kernels.faces import Surface
 from grasp3d._kernels.neighbours import shared_rays
-from grasp3d._kernels.normal_sets import Sets
 from grasp3d._kernels.rays import Rays
 from grasp3d._kernels.rings import PROPOSALS, exploring_rays, refining_rays
 from grasp3d._kernels.seeds import Frames, seed_rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.normals import crease_twins
 from grasp3d.mesh.places import SurfacePlaces
+from grasp3d.mesh.touching import contact_normals, contact_surface
 from grasp3d.progress import Progress, ignore
 from grasp3d.rays import SurfaceRays
 from grasp3d.settings import Sampling
@@ -111,24 +109,6 @@ def best_grasps(
     with ThreadPoolExecutor(threads) as pool:
         search = _Search(mesh, sampling, cone, threads, pool, progress or ignore)
         return search.run()
-
-
-def contact_normals(mesh: ObjectMesh) -> Sets:
-    """The vertices' normal sets, as the kernels take them."""
-    sets = mesh.normal_sets
-    return Sets(sets.start, sets.counts, sets.normals)
-
-
-def contact_surface(mesh: ObjectMesh) -> Surface:
-    """The surface in the normalised frame, as the kernels take it."""
-    corners = mesh.corner_normals
-    return Surface(
-        points=np.ascontiguousarray(mesh.normalized),
-        faces=mesh.faces,
-        corners=corners.corners,
-        normals=corners.normals,
-        twins=crease_twins(mesh.faces, corners.corners),
-    )
 
 
 def tangents(mesh: ObjectMesh) -> Floats:

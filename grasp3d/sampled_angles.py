@@ -1,0 +1,163 @@
+"""Critical friction angles at every combination of normals that contacts may have."""
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from grasp3d._kernels.grasps import SIGN
+from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.contacts import Contacts
+from grasp3d.creases import sampled_sets
+from grasp3d.critical import RIGHT, critical_friction_angle
+from grasp3d.enumeration import GOLDEN
+from grasp3d.solving import Problem
+
+Both = tuple[Floats, Floats]
+
+
+@dataclass(frozen=True, eq=False)
+class NormalSamples:
+    """Normals to try at the contacts of grasps, in all combinations."""
+
+    normals: Floats
+    """Shape (m, 3)."""
+    first: Ints
+    """First row of each contact's, shape (b, n)."""
+    sizes: Ints
+    """How many each contact has, shape (b, n)."""
+    apart: Floats
+    """Step at which those of a grasp stand at most [rad], shape (b,); see `sampled_set`."""
+
+    @classmethod
+    def of_sets(cls, start: Ints, normals: Floats, count: int, step: float) -> "NormalSamples":
+        """Sample the sets of grasps' contacts.
+
+        Args:
+            start: First row of each contact's set in `normals`, shape (b * count + 1,).
+            normals: Corners of the sets, in order around each; one where smooth.
+            count: Contacts of a grasp.
+            step: As in `sampled_set` [rad].
+        """
+        found, apart = sampled_sets(start, normals, step)
+        sizes = np.array([len(one) for one in found], dtype=np.int64)
+        return cls(
+            normals=np.concatenate([np.zeros((0, 3)), *found]),
+            first=(np.cumsum(sizes) - sizes).reshape(-1, count),
+            sizes=sizes.reshape(-1, count),
+            apart=apart.reshape(-1, count).max(axis=1),
+        )
+
+    @property
+    def combinations(self) -> Floats:
+        """Combinations of normals of each grasp, shape (b,)."""
+        return np.asarray(self.sizes.astype(np.float64).prod(axis=1))
+
+    def take(self, which: Ints) -> "NormalSamples":
+        """Some of the grasps."""
+        return replace(
+            self, first=self.first[which], sizes=self.sizes[which], apart=self.apart[which]
+        )
+
+    def at(self, grasps: Ints, numbers: Ints) -> Floats:
+        """Normals of grasps (m,), each at the combination in its place, shape (m, n, 3)."""
+        chosen = np.empty((len(grasps), self.sizes.shape[1]), dtype=np.int64)
+        for i in range(chosen.shape[1]):
+            numbers, chosen[:, i] = np.divmod(numbers, self.sizes[grasps, i])
+        return np.asarray(self.normals[self.first[grasps] + chosen])
+
+
+def angle_bounds(
+    points: Floats, samples: NormalSamples, *, tolerance: float, threads: int | None = 1
+) -> Both:
+    """Critical friction angles over the worst and over the best of the combinations.
+
+    What lies between the samples is allowed for (see `sampled_set`), so that they hold for all
+    normals of the sets.
+
+    Args:
+        points: Three contacts or more, shape (b, n, 3).
+        samples: The normals.
+        tolerance: As in `critical_friction_angle` [rad].
+        threads: Threads; None: one per processor.
+
+    Returns:
+        (worst, best), shape (b,) each, from 0 to pi/2: no combination has a larger angle than the
+        worst, and none a smaller one than the best.
+    """
+    question = _Question(points, samples, tolerance / 2.0, threads)
+    worst, best = question.extremes()
+    shrink = np.cos(samples.apart / 2.0)
+    narrow = np.sin(np.clip(worst, 0.0, RIGHT)) / shrink
+    wide = np.cos(np.clip(best, 0.0, RIGHT)) / shrink
+    return np.arcsin(np.minimum(narrow, 1.0)), np.arccos(np.minimum(wide, 1.0))
+
+
+class _Question(NamedTuple):
+    """Critical angles at every combination of sampled normals."""
+
+    points: Floats
+    """Shape (b, n, 3)."""
+    samples: NormalSamples
+    tolerance: float
+    threads: int | None
+
+    def extremes(self) -> Both:
+        """Bounds on the largest angle of each grasp and on the smallest, shape (b,) each."""
+        grasps, numbers = self._spread()
+        first = np.flatnonzero(np.diff(grasps, prepend=-1))
+        if self.points.shape[1] == 3:  # noqa: PLR2004, as quick as a test
+            angles = self.angles(grasps, numbers)
+            least = np.minimum.reduceat(angles, first)
+            return np.maximum.reduceat(angles, first), self._moved(least, -1)
+        found = self.angles(grasps[first], numbers[first])
+        rest = np.delete(grasps, first), np.delete(numbers, first)
+        return self._search(found.copy(), *rest, 1), self._search(found.copy(), *rest, -1)
+
+    def _spread(self) -> tuple[Ints, Ints]:
+        """(grasps, numbers) of all combinations, in an order of which every start is of all kinds.
+
+        The one in the middle comes first.
+        """
+        totals = self.samples.combinations.astype(np.int64)
+        grasps = np.repeat(np.arange(len(totals)), totals)
+        numbers = np.arange(len(grasps)) - np.repeat(np.cumsum(totals) - totals, totals)
+        key = (numbers - totals[grasps] // 2) * GOLDEN % 1.0
+        return grasps, numbers[np.lexsort((key, grasps))]
+
+    def _search(self, found: Floats, grasps: Ints, numbers: Ints, sign: int) -> Floats:
+        """Largest angles (sign 1), or smallest (-1), beyond those found, moved to the safe side.
+
+        A closure test settles most combinations; of those that go beyond what was found so far, one
+        of each grasp is measured, then the others are tested anew.
+        """
+        while grasps.size:
+            limit = np.maximum(found, 0.0)[grasps] + sign * self.tolerance
+            open_ = (limit > 0.0) & (limit < RIGHT)
+            grasps, numbers, limit = grasps[open_], numbers[open_], limit[open_]
+            beyond = self.closes(grasps, numbers, limit) == (sign < 0)
+            grasps, numbers = grasps[beyond], numbers[beyond]
+            which, first = np.unique(grasps, return_index=True)
+            angles = self.angles(which, numbers[first])
+            found[which] = sign * np.maximum(sign * found[which], sign * angles)
+            grasps, numbers = np.delete(grasps, first), np.delete(numbers, first)
+        return self._moved(found, sign)
+
+    def _moved(self, angles: Floats, sign: int) -> Floats:
+        """Angles moved by the tolerance; where no friction closes any, as they are."""
+        never = (sign < 0) & (angles >= RIGHT)
+        return np.where(never, angles, angles + sign * self.tolerance)
+
+    def angles(self, grasps: Ints, numbers: Ints) -> Floats:
+        """Critical angles of grasps (m,), each at the combination in its place."""
+        contacts = Contacts(self.points[grasps], self.samples.at(grasps, numbers), friction=0.0)
+        return np.array(
+            critical_friction_angle(contacts, tolerance=self.tolerance, threads=self.threads)
+        )
+
+    def closes(self, grasps: Ints, numbers: Ints, angles: Floats) -> Bools:
+        """Whether grasps (m,), each at the combination in its place, close at friction angles."""
+        contacts = Contacts(self.points[grasps], self.samples.at(grasps, numbers), friction=0.0)
+        problem = Problem.of_contacts(contacts, None, "total", torque_scale=1.0)
+        answers = problem.at_angles(angles).solve(SIGN, prove=False, threads=self.threads)
+        return answers.closed

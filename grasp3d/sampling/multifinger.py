@@ -1,0 +1,332 @@
+"""The best grasp of three fingers and more through every vertex.
+
+Finger 1 stands at the vertex. The others are tried at all pairs of places of a well-spread sample,
+and at the vertex's best partner of two fingers; the best grasps found are refined by moving their
+fingers about, and shared with the neighbours. Each further finger is added to the best grasp with
+one less. A candidate is settled by one closure test at the best angle so far, so the search can
+only miss a grasp, never make one up.
+"""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass, field, replace
+
+import numpy as np
+
+from grasp3d._kernels.hands import (
+    NOWHERE,
+    STARTS,
+    Bench,
+    Ground,
+    Hands,
+    Pool,
+    Rules,
+    work_on_hands,
+)
+from grasp3d._kernels.trials import make_trial
+from grasp3d.arrays import Bytes, Ints
+from grasp3d.errors import SettingError
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.normals import paired_edges
+from grasp3d.mesh.places import SurfacePlaces
+from grasp3d.mesh.touching import contact_normals, contact_surface
+from grasp3d.progress import Progress, ignore
+from grasp3d.sampling.antipodal import best_grasps, neighbours
+from grasp3d.sampling.crease_samples import crease_samples
+from grasp3d.sampling.spread import spread_places, spread_vertices
+from grasp3d.settings import Sampling
+from grasp3d.surface_contacts import SurfaceContacts, vertex_places
+
+CHUNK = 256
+"""Vertices searched at once by a thread."""
+
+SEPARATION = 0.01
+"""Smallest distance between contacts where none is asked for, in object sizes."""
+
+APART = 1e-3
+"""The same where 0 is asked for: nearer ones are one place."""
+
+DENSE, MOST_SPREAD = 16, 4096
+"""Times as many places as candidates are spread, up to so many: a hand may reach only some, and
+single fingers are tried at all of them."""
+
+ROUNDS = 80
+"""Steps of the refinement from each start."""
+
+SHARED_ROUNDS = 40
+"""Steps after a neighbour's grasp was taken over."""
+
+SWEEPS = 3
+"""How often the neighbours' grasps are tried."""
+
+FALL = 0.1
+"""Share of the tolerance by which a critical angle must fall to count."""
+
+SHORTEST = 0.05
+"""Steps end the search when they turn a normal on a ball of the object's size by less than this
+share of the tolerance."""
+
+FOUND, NO_PARTNER, OPENING = 0, 1, 2
+"""As in `Reason`."""
+
+
+@dataclass(frozen=True, eq=False)
+class Found:
+    """The best grasps found at each vertex."""
+
+    places: SurfacePlaces
+    """The other fingers of the best grasp over the worst normals, and of that over the best, shape
+    (V, 2, n - 1); face -1: none."""
+    reason: Bytes
+    """0 found, 1 nothing closes, 2 too few places within reach. (V,)"""
+    settled: int
+    """Candidate grasps settled."""
+    rounds: int
+    """How often the neighbours' grasps were tried."""
+    still_falling: float
+    """Share of the vertices that the last trial of the neighbours' grasps still improved."""
+
+
+def search(
+    mesh: ObjectMesh,
+    fingers: int,
+    sampling: Sampling,
+    cone: float,
+    *,
+    threads: int = 1,
+    progress: Progress | None = None,
+) -> Found:
+    """Search the best grasp of three fingers and more through every vertex.
+
+    The result does not depend on the number of threads.
+
+    Args:
+        mesh: The surface.
+        fingers: Fingers of a grasp, 3 or more.
+        sampling: Candidates, distances, places, seed and tolerance.
+        cone: Largest critical friction angle that counts, at most 90 degrees [rad].
+        threads: Threads to use.
+        progress: Called with the share of the work done, from 0 to 1.
+
+    Raises:
+        SettingError: The mesh has fewer places than fingers.
+    """
+    with ThreadPoolExecutor(threads) as pool:
+        return _Search(mesh, fingers, sampling, cone, threads, pool, progress or ignore).run()
+
+
+@dataclass(eq=False)
+class _Search:
+    """The state of one search, in the normalised frame scaled to what a hand reaches."""
+
+    mesh: ObjectMesh
+    fingers: int
+    sampling: Sampling
+    cone: float
+    threads: int
+    pool: ThreadPoolExecutor
+    progress: Progress
+    settled: int = field(default=0, init=False)
+
+    def __post_init__(self) -> None:
+        mesh, sampling = self.mesh, self.sampling
+        given = sampling.min_separation
+        self.least = min(SEPARATION * mesh.size, sampling.max_spread) if given is None else given
+        self.on_vertices = sampling.places == "vertices"
+        self.places = np.unique(mesh.faces)
+        if len(self.places) < self.fingers:
+            raise SettingError(
+                f"{self.fingers} fingers need as many places, but the mesh has {len(self.places)} "
+                "vertices"
+            )
+        self.scale = 1.0 / min(1.0, sampling.max_spread / mesh.size)
+        self.ground = _ground(mesh, self.scale, on_vertices=self.on_vertices)
+        self.sites, self.own = self._pool()
+        edges = self.ground.surface.points[mesh.faces]
+        self.edge = float(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).mean())
+        self.step = math.sqrt(float(self.mesh.vertex_areas.sum()) / self.sampling.candidates)
+        self.step *= 0.5 * self.scale / mesh.size
+
+    def run(self) -> Found:
+        """Seed three fingers, refine, share, and add the others."""
+        creased = self.places[np.diff(self.ground.first)[self.places] > 1]
+        helped = self.places if self.on_vertices and len(creased) else creased
+        kinds = [(self.places, False), (helped, True)]
+        work = sum(len(vertices) for vertices, _ in kinds)
+        done, found, falling = 0.0, [], 0.0
+        for vertices, helping in kinds:
+            share = len(vertices) / work
+            hands, fell = self._search(vertices, helping=helping, begun=done, share=share)
+            found.append(hands)
+            falling = falling if helping else fell
+            done += share
+        worst, best = found
+        missing = np.isinf(best.angles)
+        for of_best, of_worst in zip(best[1:], worst[1:], strict=True):
+            of_best[missing] = of_worst[missing]
+        return self._result(worst, best, falling)
+
+    def _search(
+        self, vertices: Ints, *, helping: bool, begun: float, share: float
+    ) -> tuple[Hands, float]:
+        """(grasps, share that still fell) over the worst or the best normals of some vertices."""
+        rules = self._rules(helping=helping)
+        stages, told, falling = (self.fingers - 2) * (1 + SWEEPS), 0, 0.0
+        hands = self._hands(1)
+        for n in range(3, self.fingers + 1):
+            before, hands = hands, self._hands(n - 1)
+            for stage in range(1 + SWEEPS):
+                if stage:
+                    before = Hands(hands.angles.copy(), hands.numbers.copy(), hands.weights.copy())
+                self._run(stage, vertices, n, rules, before, hands)
+                told += 1
+                self.progress(begun + share * told / stages)
+            fell = hands.angles[vertices] < before.angles[vertices] - rules.margin
+            falling = float(fell.mean()) if len(vertices) else 0.0
+        return hands, falling
+
+    def _run(
+        self, stage: int, vertices: Ints, n: int, rules: Rules, before: Hands, hands: Hands
+    ) -> None:
+        """Do one stage of the search for vertices, chunk by chunk in the threads."""
+        size = max(1, min(CHUNK, -(-len(vertices) // (4 * self.threads))))
+        chunks = [vertices[i : i + size] for i in range(0, len(vertices), size)]
+        step, rounds = self.step / 2.0**stage, SHARED_ROUNDS if stage else ROUNDS
+        ground = self.ground if n == 3 else self.ground._replace(most=1)  # noqa: PLR2004
+
+        def settle(chunk: Ints) -> int:
+            bench = self._bench()
+            work_on_hands(
+                stage, chunk, self.own, n, ground, self.sites, rules, self.sampling.seed, step,
+                rounds, before, hands, bench,
+            )  # fmt: skip
+            return int(bench.settled[0])
+
+        self.settled += sum(self.pool.map(settle, chunks))
+
+    def _rules(self, *, helping: bool) -> Rules:
+        sampling, unit = self.sampling, self.scale / self.mesh.size
+        return Rules(
+            low=max(self.least * unit, APART * self.scale),
+            high=sampling.max_spread * unit if math.isfinite(sampling.max_spread) else math.inf,
+            limit=self.cone,
+            tolerance=FALL * sampling.tolerance,
+            margin=FALL * sampling.tolerance,
+            enough=sampling.tolerance,
+            candidates=sampling.candidates,
+            edge=self.edge,
+            shortest=SHORTEST * sampling.tolerance * self.scale,
+            helping=helping,
+        )
+
+    def _pool(self) -> tuple[Pool, Ints]:
+        """Places for the other fingers, and which of them each vertex tries first."""
+        candidates, mesh = self.sampling.candidates, self.mesh
+        count = max(candidates, min(DENSE * candidates, MOST_SPREAD))
+        own = np.full(len(mesh.vertices), NOWHERE, dtype=np.int64)
+        if self.on_vertices:
+            chosen = spread_vertices(mesh, count, seed=self.sampling.seed)
+            places = vertex_places(mesh, chosen)
+            numbers = chosen
+        else:
+            places = spread_places(mesh, count, seed=self.sampling.seed)
+            partners, held = self._partners()
+            own[held] = len(places.faces) + np.arange(len(held))
+            places = SurfacePlaces(
+                np.concatenate([places.faces, partners.faces]),
+                np.concatenate([places.weights, partners.weights]),
+            )
+            numbers = places.faces
+        contacts = SurfaceContacts(
+            mesh, SurfacePlaces(places.faces[:, None], places.weights[:, None])
+        )
+        points = (contacts.points[:, 0] - mesh.center) * (self.scale / mesh.size)
+        spread = len(numbers) - int((own != NOWHERE).sum())
+        return Pool(spread, points, numbers, places.weights, contacts.normals[:, 0]), own
+
+    def _partners(self) -> tuple[SurfacePlaces, Ints]:
+        """(places, vertices): smooth second contacts of the best grasps of two fingers."""
+        sampling, mesh = self.sampling, self.mesh
+        pairs = best_grasps(
+            mesh,
+            replace(
+                sampling,
+                grip="both",
+                min_opening=self.least,
+                max_opening=sampling.max_spread,
+            ),
+            self.cone,
+            threads=self.threads,
+        )
+        faces, weights = pairs.places.faces[self.places, 0], pairs.places.weights[self.places, 0]
+        held = np.flatnonzero(faces >= 0)
+        places = SurfacePlaces(faces[held], weights[held])
+        single = SurfaceContacts(mesh, SurfacePlaces(faces[held, None], weights[held, None]))
+        smooth = ~single.on_crease[:, 0]
+        return (
+            SurfacePlaces(places.faces[smooth], places.weights[smooth]),
+            self.places[held[smooth]],
+        )
+
+    def _hands(self, others: int) -> Hands:
+        count = len(self.mesh.vertices)
+        return Hands(
+            angles=np.full(count, math.inf),
+            numbers=np.full((count, others), NOWHERE, dtype=np.int64),
+            weights=np.zeros((count, others, 3)),
+        )
+
+    def _bench(self) -> Bench:
+        n = self.fingers
+        return Bench(
+            trial=make_trial(n, max(1, int(np.diff(self.ground.first).max()))),
+            found=np.zeros((2, 3)),
+            within=np.zeros(self.sites.spread + 1, dtype=np.int64),
+            angles=np.zeros(STARTS),
+            sites=np.zeros((STARTS, 2), dtype=np.int64),
+            numbers=np.zeros((2, n), dtype=np.int64),
+            weights=np.zeros((2, n, 3)),
+            state=np.zeros(1, dtype=np.uint64),
+            settled=np.zeros(1, dtype=np.int64),
+        )
+
+    def _result(self, worst: Hands, best: Hands, still_falling: float) -> Found:
+        numbers = np.stack([worst.numbers, best.numbers], axis=1)
+        weights = np.stack([worst.weights, best.weights], axis=1)
+        if self.on_vertices:
+            there = numbers >= 0
+            places = vertex_places(self.mesh, np.maximum(numbers, 0))
+            faces = np.where(there, places.faces, -1)
+            weights = np.where(there[..., None], places.weights, 0.0)
+        else:
+            faces = numbers
+        stands_for = self.mesh.canonical
+        nothing = np.isinf(worst.angles) & np.isinf(best.angles)
+        return Found(
+            places=SurfacePlaces(faces[stands_for], weights[stands_for]),
+            reason=np.where(nothing, NO_PARTNER, FOUND).astype(np.uint8)[stands_for],
+            settled=self.settled,
+            rounds=SWEEPS * (self.fingers - 2),
+            still_falling=still_falling,
+        )
+
+
+def _ground(mesh: ObjectMesh, scale: float, *, on_vertices: bool) -> Ground:
+    """The surface in the scaled frame, as the kernels take it."""
+    surface = contact_surface(mesh)
+    first, normals = crease_samples(mesh)
+    around, beside = neighbours(mesh)
+    one, two = paired_edges(mesh.faces)
+    across = np.full(3 * len(mesh.faces), -1, dtype=np.int64)
+    across[one], across[two] = two // 3, one // 3
+    return Ground(
+        surface=surface._replace(points=np.ascontiguousarray(scale * surface.points)),
+        sets=contact_normals(mesh),
+        across=across.reshape(-1, 3),
+        first=first,
+        normals=normals,
+        around=around,
+        beside=beside,
+        on_vertices=on_vertices,
+        most=len(normals),
+    )

@@ -1,0 +1,124 @@
+"""The best grasp found through every vertex, as labels."""
+
+import math
+
+import numpy as np
+
+from grasp3d.arrays import locked
+from grasp3d.crease_angles import critical_angles
+from grasp3d.labels import Reason, SearchReport, SurfaceLabels
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.places import SurfacePlaces
+from grasp3d.progress import Progress, within
+from grasp3d.sampling.antipodal import best_grasps
+from grasp3d.sampling.multifinger import search
+from grasp3d.settings import GraspModel, Sampling, search_cone
+from grasp3d.surface_contacts import SurfaceContacts
+from grasp3d.vertex_grasps import grasps_at, largest_distance, places_differ
+
+HANDS_SHARE = 0.9
+"""Of the search for grasps of three fingers and more, what comes before their exact angles."""
+
+
+def label_pairs(
+    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, threads: int, progress: Progress
+) -> SurfaceLabels:
+    """Label a surface by the best grasps of two fingers.
+
+    Args:
+        mesh: The object's surface.
+        model: Friction and sensor resolution; labels of method extremes are made later.
+        sampling: How grasps are searched.
+        threads: Threads to use.
+        progress: Called with the share of the work done, from 0 to 1.
+    """
+    cone = search_cone(model, sampling)
+    grasps = best_grasps(mesh, sampling, cone, threads=threads, progress=progress)
+    reason = np.where(mesh.on_surface, grasps.reason, Reason.OFF_SURFACE)
+    places = SurfacePlaces(
+        locked(grasps.places.faces[..., None]), locked(grasps.places.weights[..., None, :])
+    )
+    held = np.flatnonzero(reason == Reason.FOUND)
+    normals = np.full((len(reason), 1, 3), math.nan)
+    seconds = SurfacePlaces(places.faces[held, 0], places.weights[held, 0])
+    normals[held] = SurfaceContacts(mesh, seconds).normals
+    partners = grasps.partner[:, None]
+    return SurfaceLabels(
+        mesh=mesh,
+        model=model,
+        sampling=sampling,
+        mode="label",
+        critical_angle=locked(grasps.worst),
+        critical_angle_best=locked(grasps.best),
+        partners=locked(partners),
+        partner_normals=locked(normals),
+        places=places,
+        opening=locked(largest_distance(mesh.vertices, partners)),
+        grip=locked(grasps.grip),
+        reason=locked(reason, np.uint8),
+        search=SearchReport(
+            cone, rays=grasps.rays, rounds=grasps.rounds, still_falling=grasps.still_falling
+        ),
+        threads=threads,
+    )
+
+
+def label_hands(
+    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, threads: int, progress: Progress
+) -> SurfaceLabels:
+    """Label a surface by the best grasps of three fingers and more.
+
+    Args:
+        mesh: The object's surface.
+        model: Friction and sensor resolution; labels of method extremes are made later.
+        sampling: How grasps are searched.
+        threads: Threads to use.
+        progress: Called with the share of the work done, from 0 to 1.
+
+    Raises:
+        SettingError: The mesh has fewer places than fingers.
+    """
+    cone, count = search_cone(model, sampling), len(mesh.vertices)
+    searching, settling = within(progress, 0.0, HANDS_SHARE), within(progress, HANDS_SHARE, 1.0)
+    found = search(mesh, model.fingers, sampling, cone, threads=threads, progress=searching)
+    places = _both_grasps(found.places)
+    reason = np.where(mesh.on_surface, found.reason, Reason.OFF_SURFACE)
+    held = np.unique(mesh.canonical[reason == Reason.FOUND])
+    grasps = grasps_at(mesh, places, held, 0)
+    angles = np.full((2, count), math.inf)
+    angles[:, held] = critical_angles(grasps, threads=threads, progress=settling)
+    others = held[places_differ(places, held)]
+    _, best = critical_angles(grasps_at(mesh, places, others, 1), threads=threads)
+    angles[1, others] = np.minimum(angles[1, others], best)
+    partners, normals = np.full((2, count, model.fingers - 1, 3), math.nan)
+    partners[held], normals[held] = grasps.points[:, 1:], grasps.normals[:, 1:]
+    progress(1.0)
+    stands_for = mesh.canonical
+    return SurfaceLabels(
+        mesh=mesh,
+        model=model,
+        sampling=sampling,
+        mode="label",
+        critical_angle=locked(angles[0, stands_for]),
+        critical_angle_best=locked(angles[1, stands_for]),
+        partners=locked(partners[stands_for]),
+        partner_normals=locked(normals[stands_for]),
+        places=SurfacePlaces(locked(places.faces), locked(places.weights)),
+        opening=locked(largest_distance(mesh.vertices, partners[stands_for])),
+        grip=locked(np.zeros(count), np.int8),
+        reason=locked(reason, np.uint8),
+        search=SearchReport(
+            cone, settled=found.settled, rounds=found.rounds, still_falling=found.still_falling
+        ),
+        threads=threads,
+    )
+
+
+def _both_grasps(places: SurfacePlaces) -> SurfacePlaces:
+    """Places (V, 2, n - 1) where a vertex that has one of its two grasps has it twice."""
+    missing = (places.faces < 0).any(axis=2)  # (V, 2)
+    number = np.where(missing, [[1, 0]], [[0, 1]])[..., None]
+    return SurfacePlaces(
+        np.take_along_axis(places.faces, number, axis=1),
+        np.take_along_axis(places.weights, number[..., None], axis=1),
+    )
