@@ -12,7 +12,7 @@ from grasp3d.distributions import AngleDistribution, SphereAngles
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.planar import Circle, square
 from grasp3d.progress import Progress
-from grasp3d.settings import GraspModel, MeshOptions, Sampling, search_cone
+from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_searched, search_cone
 from grasp3d.stability import Mode
 from grasp3d.sweeps import Sweep, mean_sweep, sweep
 
@@ -41,6 +41,7 @@ class SweepSettings:
     sampling: Sampling = field(default_factory=Sampling)
     """Its search angle, if given, is wide enough for all of them."""
     mesh: MeshOptions = field(default_factory=MeshOptions)
+    fingers: int = 2
 
     def __post_init__(self) -> None:
         if not self.friction or not self.sensor_resolution:
@@ -49,6 +50,7 @@ class SweepSettings:
             GraspModel(friction=friction)
         for resolution in self.sensor_resolution:
             GraspModel(sensor_resolution=resolution)
+        check_searched(self.model, self.sampling)
         given, needed = self.sampling.search_angle, search_cone(self.model, Sampling())
         if given is not None and given < needed - ROUNDING:
             raise SettingError(
@@ -60,7 +62,9 @@ class SweepSettings:
     def model(self) -> GraspModel:
         """Largest friction and coarsest resolution: they need the widest search."""
         return GraspModel(
-            friction=max(self.friction), sensor_resolution=max(self.sensor_resolution)
+            friction=max(self.friction),
+            sensor_resolution=max(self.sensor_resolution),
+            fingers=self.fingers,
         )
 
 
@@ -164,6 +168,19 @@ def _told_apart(targets: list[Target]) -> list[Target]:
             name = files[0].name
         told.append(replace(target, name=name, files=files))
     return told
+
+
+def check_fingers(targets: Iterable[Target], settings: SweepSettings) -> None:
+    """Refuse shapes in closed form for more fingers than they are known for.
+
+    Raises:
+        SettingError: One of the targets is such a shape.
+    """
+    shapes = [target.name for target in targets if not target.files and not target.folder]
+    if shapes and settings.fingers != 2:  # noqa: PLR2004
+        raise SettingError(
+            f"{shapes[0]} is known in closed form for two fingers only; got {settings.fingers}"
+        )
 
 
 def meshes_of(targets: Iterable[Target]) -> list[MeshFile]:

@@ -53,6 +53,9 @@ class Sweep:
     """Shares of the surface, above 0 and at most 1: prints the resolution that each requires; with
     any finer sensor so much of the surface is S."""
 
+    fingers: int = 2
+    """Fingers of a grasp, 2 to 5; of circle, square and sphere 2."""
+
     workers: int | None = None
     """Processes to use for several meshes; none: one per processor."""
 
@@ -74,7 +77,12 @@ class Sweep:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.batch.sweeping import SweepSettings, find_targets, gather  # noqa: PLC0415
+        from grasp3d.batch.sweeping import (  # noqa: PLC0415
+            SweepSettings,
+            check_fingers,
+            find_targets,
+            gather,
+        )
         from grasp3d.cli import sweep_report  # noqa: PLC0415
         from grasp3d.plots.formats import save_as  # noqa: PLC0415
         from grasp3d.plots.fractions import sweep_figure  # noqa: PLC0415
@@ -85,9 +93,11 @@ class Sweep:
             resolutions(self.sensor_resolution),
             self.sampling,
             self.mesh,
+            self.fingers,
         )
         shares = sorted(set(self.share))
         targets = find_targets(self.targets)
+        check_fingers(targets, settings)
         table, figure = self._outputs(targets)
         meshes = self._swept(targets, settings)
         failures = {mesh.name: mesh.error for mesh in meshes if mesh.error}
