@@ -22,6 +22,11 @@ if TYPE_CHECKING:
         SettingError,
     )
     from grasp3d.export import write_glb, write_npz, write_ply, write_vtp
+    from grasp3d.grasps.distinct import best_grasps
+    from grasp3d.grasps.evaluation import evaluate_grasps
+    from grasp3d.grasps.reading import read_contacts
+    from grasp3d.grasps.surface_grasps import SurfaceGrasps
+    from grasp3d.grasps.writing import write_grasps
     from grasp3d.labels import Reason, SurfaceLabels
     from grasp3d.mesh import MeshReport, ObjectMesh, load_mesh, mesh_from_arrays
     from grasp3d.quality import (
@@ -58,6 +63,11 @@ _HOMES = {
         "SettingError",
     ),
     "export": ("write_glb", "write_npz", "write_ply", "write_vtp"),
+    "grasps.distinct": ("best_grasps",),
+    "grasps.evaluation": ("evaluate_grasps",),
+    "grasps.reading": ("read_contacts",),
+    "grasps.surface_grasps": ("SurfaceGrasps",),
+    "grasps.writing": ("write_grasps",),
     "labels": ("Reason", "SurfaceLabels"),
     "mesh": ("MeshReport", "ObjectMesh", "load_mesh", "mesh_from_arrays"),
     "quality": (
@@ -109,15 +119,18 @@ __all__ = [
     "Stability",
     "Status",
     "SurfaceContacts",
+    "SurfaceGrasps",
     "SurfaceLabels",
     "Sweep",
     "accuracy_ceiling",
+    "best_grasps",
     "classify",
     "critical_friction_angle",
     "effective_friction",
     "epsilon",
     "epsilon_of_wrenches",
     "epsilon_range",
+    "evaluate_grasps",
     "force_closure",
     "label_surface",
     "load_mesh",
@@ -125,10 +138,12 @@ __all__ = [
     "mesh_from_arrays",
     "minimum",
     "planar",
+    "read_contacts",
     "resolution_limit",
     "scan_surface",
     "sweep",
     "write_glb",
+    "write_grasps",
     "write_npz",
     "write_ply",
     "write_sweeps",

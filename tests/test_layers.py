@@ -29,7 +29,7 @@ FLOORS = [
     {"vertex_grasps"},
     {"labels"},
     {"vertex_search"},
-    {"surface"},
+    {"surface", "grasps"},
     {"sweeps"},
     {"export", "rendering"},
     {"plots"},

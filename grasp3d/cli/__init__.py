@@ -13,6 +13,7 @@ import tyro
 
 from grasp3d.cli.batch import Batch
 from grasp3d.cli.design import Design
+from grasp3d.cli.evaluate import Evaluate
 from grasp3d.cli.label import Label
 from grasp3d.cli.paper import Paper
 from grasp3d.cli.sweep import Sweep
@@ -20,6 +21,7 @@ from grasp3d.errors import GraspError
 
 Command = (
     Annotated[Label, tyro.conf.subcommand("label")]
+    | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Batch, tyro.conf.subcommand("batch")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Design, tyro.conf.subcommand("design")]

@@ -2,12 +2,16 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
 from grasp3d.cli.options import ModelOptions, SamplingOptions, SurfaceOptions
+from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
+
+if TYPE_CHECKING:
+    from grasp3d.labels import SurfaceLabels
 
 
 @dataclass(frozen=True)
@@ -20,6 +24,10 @@ class Label:
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Labelled file (.ply, .glb, .npz or .vtp); none: NAME_labeled.ply in this folder."""
 
+    best: int | None = None
+    """So many of the best grasps that are distinct: prints them, and writes NAME_grasps.json and
+    pictures of them, NAME_grasps.png, beside the labelled file."""
+
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction and touch."""
 
@@ -31,6 +39,10 @@ class Label:
 
     quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
     """Print nothing but errors."""
+
+    def __post_init__(self) -> None:
+        if self.best is not None and self.best < 1:
+            raise SettingError(f"best must be at least 1; got {self.best}")
 
     def run(self) -> int:
         """Do it; returns the exit code."""
@@ -48,7 +60,9 @@ class Label:
             max_edge=self.mesh.max_edge,
             crease_angle=self.mesh.crease_angle,
         )
-        check_writable(output, source=self.file)
+        beside = output.with_name(f"{self.file.stem}_grasps.json")
+        for path in (output, *((beside, beside.with_suffix(".png")) if self.best else ())):
+            check_writable(path, source=self.file)
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
             labels = label_surface(mesh, self.model, sampling=self.sampling, progress=progress)
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
@@ -56,4 +70,25 @@ class Label:
         write(output, labels)
         if not self.quiet:
             report.print_labels(labels, output)
+        if self.best:
+            self._write_best(labels, beside, self.best)
         return 0
+
+    def _write_best(self, labels: "SurfaceLabels", output: Path, count: int) -> None:
+        """Print the best distinct grasps, write them, and draw them where that is possible."""
+        from grasp3d.cli import grasp_report, report  # noqa: PLC0415
+        from grasp3d.grasps.distinct import best_grasps  # noqa: PLC0415
+        from grasp3d.grasps.writing import write_grasps  # noqa: PLC0415
+        from grasp3d.plots.formats import save_as  # noqa: PLC0415
+        from grasp3d.plots.grasps import draw_grasps, grasp_figure  # noqa: PLC0415
+        from grasp3d.rendering import can_render  # noqa: PLC0415
+
+        grasps = best_grasps(labels, count)
+        write_grasps(output, grasps)
+        drawn = grasps.size > 0 and can_render()
+        if drawn:
+            with report.progress("drawing grasps", quiet=self.quiet) as progress:
+                pictures = draw_grasps(labels, grasps, progress=progress)
+            save_as(grasp_figure(labels, grasps, pictures), output.with_suffix(".png"))
+        if not self.quiet:
+            grasp_report.print_best(grasps, count, output, drawn=drawn)

@@ -16,6 +16,7 @@ from grasp3d.plots.style import (
     LABEL_COLORS,
     LINES,
     PAGE,
+    as_text,
     label_patches,
     new_figure,
     styled,
@@ -111,7 +112,7 @@ def sweep_figure(
                 axes.plot(degrees, height, **_MEMBER)
             axes.tick_params(labelleft=row == 0)
         ceiling(panels[-1], [sweep])
-        lines = wrap(_as_text(sweep.name), NAME)
+        lines = wrap(as_text(sweep.name), NAME)
         panels[0].set_ylabel("\n".join(lines), fontweight="bold", parse_math=False)
     for axes, friction in zip(grid[0, :-1], sweeps[0].friction, strict=True):
         axes.set_title(f"friction μ = {friction:g}")
@@ -143,16 +144,11 @@ def _keys(shares: Sequence[float], means: bool) -> list[Line2D]:
 def _add_legend(figure: Figure, lines: Sequence[Line2D], sweeps: Sequence[Sweep]) -> None:
     meaning = MEANING[sweeps[0].mode]
     if len({sweep.mode for sweep in sweeps}) > 1:
-        given = ", ".join(_as_text(sweep.name) for sweep in sweeps if sweep.mode == "scan")
+        given = ", ".join(as_text(sweep.name) for sweep in sweeps if sweep.mode == "scan")
         searched, scanned = (MEANING[mode][Label.U] for mode in ("label", "scan"))
         meaning = {**meaning, Label.U: f"{searched} ({given}: {scanned})"}
     handles = [*label_patches(meaning), *lines]
     figure.legend(handles=handles, loc="outside lower center", ncols=math.ceil(len(handles) / 3))
-
-
-def _as_text(name: str) -> str:
-    """Write out the bytes of a file name that are no Unicode, which no font can show."""
-    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def _widened(sweep: Sweep, *heights: Floats) -> tuple[Floats, ...]:

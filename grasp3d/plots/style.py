@@ -106,3 +106,8 @@ def bare(axes: Axes) -> None:
     """Strip axes of everything but what is drawn, to the same scale both ways."""
     axes.set_axis_off()
     axes.set_aspect("equal")
+
+
+def as_text(name: str) -> str:
+    """Write out the bytes of a file name that are no Unicode, which no font can show."""
+    return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")

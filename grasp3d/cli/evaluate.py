@@ -1,0 +1,80 @@
+"""`grasp3d evaluate`: contacts that a user brings in, and how reliable each grasp is out."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Annotated
+
+import tyro
+
+from grasp3d.cli.options import ModelOptions, SurfaceOptions
+from grasp3d.errors import OutputError, SettingError
+from grasp3d.settings import GraspModel, MeshOptions
+
+
+@dataclass(frozen=True)
+class Evaluate:
+    """Tell of given grasps how reliable they are: their contacts, moved to the surface, decide."""
+
+    file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MESH")]
+    """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
+
+    contacts: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CONTACTS")]
+    """Contacts in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2 ... and
+    a row for each grasp, or JSON, a list of grasps, each a list of contacts [x, y, z]."""
+
+    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    """File of results (.csv, .parquet or .json); none: NAME_grasps.csv in this folder."""
+
+    max_distance: float | None = None
+    """How far off the surface a contact may be, in the mesh's unit; none: 1/100 of the object's
+    size."""
+
+    model: ModelOptions = field(default_factory=GraspModel)
+    """Friction and touch; the number of fingers is that of the contacts."""
+
+    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    """How the mesh is read and prepared."""
+
+    quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
+    """Print nothing but errors."""
+
+    def run(self) -> int:
+        """Do it; returns the exit code."""
+        from grasp3d.cli import grasp_report, report  # noqa: PLC0415
+        from grasp3d.files import check_suffix, check_writable  # noqa: PLC0415
+        from grasp3d.grasps.evaluation import evaluate_grasps  # noqa: PLC0415
+        from grasp3d.grasps.reading import read_contacts  # noqa: PLC0415
+        from grasp3d.grasps.writing import SUFFIXES, write_grasps  # noqa: PLC0415
+        from grasp3d.mesh import load_mesh  # noqa: PLC0415
+
+        output = self.output or Path(f"{self.file.stem}_grasps.csv")
+        check_suffix(output, SUFFIXES, "table")
+        points = read_contacts(self.contacts)
+        if output.exists() and output.samefile(self.contacts):
+            raise OutputError(f"{output}: holds the contacts; name another file with -o")
+        self._check_fingers(points.shape[1])
+        mesh = load_mesh(
+            self.file,
+            unit=self.mesh.unit,
+            max_edge=self.mesh.max_edge,
+            crease_angle=self.mesh.crease_angle,
+        )
+        check_writable(output, source=self.file)
+        with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
+            grasps = evaluate_grasps(
+                mesh, points, self.model, max_distance=self.max_distance, progress=progress
+            )
+        with report.progress("measuring epsilon", quiet=self.quiet) as progress:
+            grasps.measure(progress)
+        write_grasps(output, grasps)
+        if not self.quiet:
+            grasp_report.print_evaluated(grasps, output)
+        return 0
+
+    def _check_fingers(self, count: int) -> None:
+        """Refuse another number of fingers than the contacts have, where one is asked for."""
+        if self.model.fingers not in {GraspModel().fingers, count}:
+            raise SettingError(
+                f"{self.contacts}: the grasps have {count} contacts, not {self.model.fingers}; "
+                "--fingers is not needed"
+            )

@@ -1,0 +1,143 @@
+"""How reliable are the grasps that a user brings?"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Floats, locked
+from grasp3d.contacts import LARGEST
+from grasp3d.crease_angles import critical_angles
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.places import SurfacePlaces, nearest_place, nearest_places
+from grasp3d.processors import available_processors
+from grasp3d.progress import Progress, ignore, within
+from grasp3d.settings import MAX_FINGERS, GraspModel
+from grasp3d.surface_contacts import SurfaceContacts
+
+OFF_SURFACE = 1.0 / 100.0
+"""Distance, in object sizes, up to which a given contact is moved to the surface."""
+
+ROUNDING = 1e-9
+"""How much of an object's size a contact on the surface may be off it by rounding."""
+
+SNAPPING, ANGLES = 0.5, 0.9
+"""Shares of the work after which contacts are on the surface, and angles known."""
+
+
+def evaluate_grasps(
+    mesh: ObjectMesh,
+    points: npt.ArrayLike,
+    model: GraspModel | None = None,
+    *,
+    max_distance: float | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> SurfaceGrasps:
+    """Tell how reliable given grasps are.
+
+    Each contact is moved to the nearest place of the surface, whose normals count. The order of
+    the contacts of a grasp does not matter.
+
+    Args:
+        mesh: The object's surface.
+        points: Contacts in the mesh's frame and unit, shape (b, n, 3), or (n, 3) for one grasp;
+            n is 2 to 32 for every grasp.
+        model: Friction and sensor resolution; its number of fingers is taken from `points`.
+        max_distance: How far off the surface a contact may be, in the mesh's unit; None: 1/100 of
+            the object's size.
+        threads: Threads to use; None: one per processor. The result does not depend on it.
+        progress: Called with the share of the work done, from 0 to 1.
+
+    Raises:
+        ContactError: Points of another shape, numbers that are none, or contacts off the surface.
+        SettingError: A setting outside its range.
+    """
+    told = progress or ignore
+    given = _checked(points)
+    limit = OFF_SURFACE * mesh.size if max_distance is None else max_distance
+    if not (limit >= 0.0 and math.isfinite(limit)):
+        raise SettingError(f"max_distance must be a finite length of at least 0; got {limit:g}")
+    threads = available_processors() if threads is None else threads
+    if threads < 1:
+        raise SettingError(f"threads must be at least 1; got {threads}")
+    contacts, off = _on_surface(mesh, given, limit, threads, within(told, 0.0, SNAPPING))
+    used = replace(model or GraspModel(), fingers=contacts.count)
+    ends = ANGLES if used.method == "extremes" else 1.0
+    worst, best = critical_angles(contacts, threads=threads, progress=within(told, SNAPPING, ends))
+    grasps = SurfaceGrasps(contacts, used, off, worst, best, threads)
+    grasps.enumerate_extremes(within(told, ends, 1.0))
+    told(1.0)
+    return grasps
+
+
+def _on_surface(
+    mesh: ObjectMesh, given: Floats, limit: float, threads: int, progress: Progress
+) -> tuple[SurfaceContacts, Floats]:
+    """Contacts (b, n, 3) moved to the surface, and how far they were off it (b, n)."""
+    size, count = given.shape[:2]
+    places, _, found = nearest_places(
+        mesh,
+        given.reshape(-1, 3),
+        limit=limit + ROUNDING * mesh.size,
+        threads=threads,
+        progress=progress,
+    )
+    distances = found.reshape(size, count)
+    _check_near(mesh, given, distances, limit)
+    faces, weights = places.faces.reshape(size, count), places.weights.reshape(size, count, 3)
+    return SurfaceContacts(mesh, SurfacePlaces(locked(faces), locked(weights))), locked(distances)
+
+
+def _checked(points: npt.ArrayLike) -> Floats:
+    """Finite contacts of at least one grasp, shape (b, n, 3)."""
+    try:
+        given = np.asarray(points, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ContactError(f"contacts must be an array of numbers: {error}") from error
+    if given.ndim == 2:  # noqa: PLR2004
+        given = given[None]
+    if given.ndim != 3 or given.shape[2] != 3:  # noqa: PLR2004
+        raise ContactError(f"contacts must have shape (b, n, 3); got {np.shape(points)}")
+    size, count = given.shape[:2]
+    if not size:
+        raise ContactError("no grasps: contacts must have shape (b, n, 3) with b at least 1")
+    if not 2 <= count <= MAX_FINGERS:  # noqa: PLR2004
+        raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {count}")
+    if not np.isfinite(given).all():
+        grasp, contact, _ = np.argwhere(~np.isfinite(given))[0]
+        told = _told(given, grasp, contact)
+        raise ContactError(f"{_named(grasp, contact)} must be three finite numbers; got {told}")
+    if (np.abs(given) > LARGEST).any():
+        raise ContactError(f"contacts must not exceed {LARGEST:g}; got {np.abs(given).max():g}")
+    return given
+
+
+def _check_near(mesh: ObjectMesh, given: Floats, distances: Floats, limit: float) -> None:
+    """Refuse contacts that are off the surface, the first of them by name."""
+    off = np.argwhere(np.isinf(distances))
+    if not len(off):
+        return
+    grasp, contact = off[0]
+    point = (given[grasp, contact] - mesh.center) / mesh.size
+    place, _, _ = nearest_place(mesh, point)
+    distance = float(np.linalg.norm(place - point)) * mesh.size
+    unit = mesh.unit or "(unit not stated)"
+    raise ContactError(
+        f"{_named(grasp, contact)} at {_told(given, grasp, contact)} is {distance:.4g} off the "
+        f"surface and may be {limit:.4g}, as are {len(off)} of {distances.size} contacts; are they "
+        f"in the frame and unit of {mesh.report.source}, which is {mesh.size:.4g} {unit} in size? "
+        "max_distance (--max-distance) allows more"
+    )
+
+
+def _named(grasp: int, contact: int) -> str:
+    """A contact as people count."""
+    return f"grasp {grasp + 1}, contact {contact + 1}"
+
+
+def _told(given: Floats, grasp: int, contact: int) -> str:
+    return "(" + ", ".join(f"{number:.6g}" for number in given[grasp, contact]) + ")"

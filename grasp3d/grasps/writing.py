@@ -1,0 +1,130 @@
+"""Grasps as files, with all that is known of them."""
+
+import json
+import math
+from dataclasses import asdict
+from importlib.metadata import version
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.files import check_suffix, written_whole
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.stability import MEANING, Label
+from grasp3d.surface_epsilons import EPSILON_RTOL
+
+SUFFIXES = (".csv", ".parquet", ".json")
+
+
+def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
+    """Write grasps and all that is known of them, in the format that the suffix names.
+
+    A row, in JSON an entry, for each grasp: `grasp` (its number from 1), `label`, `critical_angle`,
+    `critical_angle_best`, `max_resolution` [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `rank`,
+    `opening`, `separation`; and for each contact its place on the surface `x1` `y1` `z1`, the
+    outward normal there `nx1` `ny1` `nz1`, `distance1`, how far it was off the surface, and
+    `on_crease1`. Numbers that are none are empty, in JSON null; infinite ones are null in JSON too.
+    JSON and Parquet hold the settings.
+
+    Args:
+        path: File to make or replace; .csv, .parquet or .json.
+        grasps: The grasps.
+
+    Raises:
+        OutputError: No format has that suffix, or the file cannot be written.
+    """
+    path = Path(path)
+    check_suffix(path, SUFFIXES, "table")
+    if path.suffix.lower() == ".json":
+        _write_json(path, grasps)
+        return
+    from grasp3d.tables import write_columns  # noqa: PLC0415, JSON needs no tables
+
+    columns = _numbers(grasps)
+    for number in range(grasps.contacts.count):
+        for name, values in _of_contacts(grasps).items():
+            columns[f"{name}{number + 1}"] = values[:, number]
+    write_columns(path, columns, settings=_settings(grasps))
+
+
+def _of_contacts(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
+    """What is written of each contact in a table, shape (b, n)."""
+    points, outward = grasps.contacts.points, 0.0 - grasps.contacts.normals
+    return {
+        **{axis: points[..., k] for k, axis in enumerate("xyz")},
+        **{f"n{axis}": outward[..., k] for k, axis in enumerate("xyz")},
+        "distance": grasps.distance,
+        "on_crease": grasps.contacts.on_crease,
+    }
+
+
+def _numbers(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
+    """What is written of each grasp as a whole, shape (b,)."""
+    names = np.array([label.name for label in sorted(Label)])
+    found = grasps.epsilon_range
+    return {
+        "grasp": np.arange(1, grasps.size + 1),
+        "label": names[grasps.label],
+        "critical_angle": grasps.critical_angle,
+        "critical_angle_best": grasps.critical_angle_best,
+        "max_resolution": grasps.max_resolution,
+        "epsilon": found.nominal,
+        "epsilon_min": found.minimum,
+        "epsilon_max": found.maximum,
+        "rank": grasps.rank,
+        "opening": grasps.opening,
+        "separation": grasps.separation,
+    }
+
+
+def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
+    """What the grasps were settled with; angles in radians."""
+    mesh, model = grasps.mesh, grasps.model
+    meaning = MEANING["scan"]
+    return {
+        "version": version("grasp3d"),
+        "source": mesh.report.source,
+        **asdict(model),
+        **asdict(mesh.options),
+        "unit": mesh.unit or "unknown",
+        "size": mesh.size,
+        "center_mass": mesh.center_mass.tolist(),
+        "torque_scale": mesh.torque_scale,
+        "epsilon_rtol": EPSILON_RTOL,
+        "epsilon_min": model.tilts,
+        "epsilon_max": "sampled_tilts" if model.method == "extremes" else "upper_bound",
+        "labels": {label.name: meaning[label] for label in sorted(Label)},
+    }
+
+
+def _write_json(path: Path, grasps: SurfaceGrasps) -> None:
+    """Write the settings, then one line for each grasp."""
+    columns = {name: values.tolist() for name, values in _numbers(grasps).items()}
+    contacts = grasps.contacts
+    of_contacts = {
+        "point": contacts.points.tolist(),
+        "normal": (0.0 - contacts.normals).tolist(),
+        "distance": grasps.distance.tolist(),
+        "on_crease": contacts.on_crease.tolist(),
+    }
+    with written_whole(path) as part, part.open("w", encoding="utf-8") as stream:
+        stream.write(f'{{"grasp3d": {_json(_settings(grasps))},\n"grasps": [')
+        for row in range(grasps.size):
+            entry = {name: values[row] for name, values in columns.items()}
+            entry["contacts"] = [
+                {name: values[row][number] for name, values in of_contacts.items()}
+                for number in range(contacts.count)
+            ]
+            stream.write(("," if row else "") + "\n" + _json(entry))
+        stream.write("\n]}\n")
+
+
+def _json(values: dict[str, Any]) -> str:
+    """Write as JSON, which knows no infinite numbers."""
+    finite = {
+        name: None if isinstance(value, float) and not math.isfinite(value) else value
+        for name, value in values.items()
+    }
+    return json.dumps(finite, allow_nan=False)

@@ -1,0 +1,184 @@
+"""Time of the search for grasps of three fingers and more.
+
+    python scripts/bench_multifinger.py
+
+First whole labellings, two threads, each in a process of its own: the mug of the library divided
+ever finer, and with ever more candidates. `per vertex` is the time of both threads for a vertex,
+`per trial` that for each candidate grasp settled there; `peak MB` is the process's largest memory
+and `before MB` that before the labelling.
+
+Then candidate grasps settled per second and core by the search: of three fingers, all that it does
+before included, of four and five what each adds to the search with one finger less. Beside it (a)
+one full bisection of the critical angle per candidate and (b) closure by a linear program over
+cones of 8 edges at the largest angle that counts (scipy.optimize.linprog), both on random candidate
+grasps of the same meshes in the same run. Seconds are of the processor, so that other work on the
+machine hardly counts.
+"""
+
+import math
+import multiprocessing
+import resource
+import time
+from collections.abc import Callable
+from concurrent.futures import ProcessPoolExecutor
+from functools import partial
+from pathlib import Path
+from typing import NamedTuple
+
+LIBRARY = Path(__file__).parents[1] / "meshes"
+MUG = "mug.glb"
+MESHES = (MUG, "banana.ply", "wrench.glb", "knob.ply")
+FINGERS = (3, 4, 5)
+SIZES = (5_000, 10_000, 20_000, 40_000)
+CANDIDATES = (16, 32, 128)
+USUAL = 64
+EDGES = 8
+MANY, FEW = 2000, 100
+MEGABYTE = 1024.0
+"""Of `ru_maxrss`, which counts kilobytes."""
+
+
+class Labelling(NamedTuple):
+    """One measurement of a whole labelling."""
+
+    vertices: int
+    candidates: int
+    seconds: float
+    settled: int
+    before: float
+    peak: float
+
+
+def peak_memory() -> float:
+    """Largest memory of this process so far [MB]."""
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / MEGABYTE
+
+
+def labelled(vertices: int, candidates: int, fingers: int = 3, threads: int = 2) -> Labelling:
+    """Label the mug with about so many vertices, compiled and warm, in this process."""
+    from grasp3d import GraspModel, Sampling, label_surface, load_mesh
+
+    path = LIBRARY / MUG
+    model, sampling = GraspModel(fingers=fingers), Sampling(candidates=candidates)
+    label_surface(load_mesh(LIBRARY / "sphere.stl"), model, sampling=Sampling(candidates=8))
+    mesh = load_mesh(path)
+    edge = 4.0 * mesh.size / math.sqrt(vertices)
+    while len(mesh.vertices) < vertices:
+        mesh = load_mesh(path, max_edge=edge)
+        edge *= 0.98
+    before = peak_memory()
+    begun = time.perf_counter()
+    labels = label_surface(mesh, model, sampling=sampling, threads=threads)
+    seconds = time.perf_counter() - begun
+    return Labelling(
+        len(mesh.vertices), candidates, seconds, labels.search.settled, before, peak_memory()
+    )
+
+
+def in_own_process(vertices: int, candidates: int) -> Labelling:
+    """Take one measurement where nothing else has been in memory."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
+        return pool.submit(labelled, vertices, candidates).result()
+
+
+def whole_labellings() -> None:
+    """Print a line per size and per number of candidates."""
+    print("mug, 3 fingers, 2 threads")
+    for vertices, candidates in [
+        *((v, USUAL) for v in SIZES),
+        *((SIZES[0], c) for c in CANDIDATES),
+    ]:
+        row = in_own_process(vertices, candidates)
+        work = 2.0 * row.seconds
+        print(
+            f"{row.vertices:6} vertices, {row.candidates:3} candidates: {row.seconds:6.1f} s, "
+            f"{1e3 * work / row.vertices:6.2f} ms per vertex, "
+            f"{1e6 * work / row.settled:5.2f} us per trial of {row.settled / 1e6:6.1f} M, "
+            f"before {row.before:4.0f} MB, peak {row.peak:4.0f} MB"
+        )
+
+
+def processor_time(work: Callable[[], object]) -> float:
+    """Time of the processor for some work of one thread [s]."""
+    begun = time.process_time()
+    work()
+    return time.process_time() - begun
+
+
+def of_mesh(name: str) -> None:
+    """Print a line for each number of fingers on one mesh."""
+    import grasp3d
+    from grasp3d.sampling.multifinger import search
+    from grasp3d.settings import search_cone
+
+    mesh = grasp3d.load_mesh(LIBRARY / name)
+    before, seconds_before = 0, 0.0
+    for fingers in FINGERS:
+        cone = search_cone(grasp3d.GraspModel(fingers=fingers), grasp3d.Sampling())
+        find = partial(search, mesh, fingers, grasp3d.Sampling(), cone, threads=1)
+        settled = find().settled
+        seconds = processor_time(find)
+        each = (seconds - seconds_before) / (settled - before)
+        bisected, solved = reference_times(mesh, fingers, math.tan(cone))
+        print(
+            f"{name:12} {fingers} fingers: {(settled - before) / 1e6:6.2f} M settled, "
+            f"{1e-3 / each:6.0f} k per s and core; "
+            f"a bisection {1e6 * bisected:6.1f} us, {bisected / each:6.1f} x; "
+            f"a linear program {1e6 * solved:6.0f} us, {solved / each:6.0f} x"
+        )
+        before, seconds_before = settled, seconds
+
+
+def reference_times(mesh, fingers: int, friction: float) -> tuple[float, float]:  # noqa: ANN001
+    """Time of one candidate [s]: its critical angle bisected, and closure by a linear program."""
+    from scipy.optimize import linprog
+
+    import grasp3d
+    from grasp3d.wrenches import wrenches
+
+    contacts = random_candidates(mesh, fingers, friction)
+    bisect = partial(grasp3d.critical_friction_angle, contacts, threads=1)
+    bisect()
+    rows = wrenches(contacts, edges=EDGES, torque_scale=mesh.torque_scale)[:FEW]
+    count = rows.shape[1]
+
+    def programs() -> None:
+        for columns in rows:
+            linprog([0.0] * count, A_eq=columns.T, b_eq=[0.0] * 6, bounds=(1.0, None))
+
+    return processor_time(bisect) / MANY, processor_time(programs) / FEW
+
+
+def random_candidates(mesh, fingers: int, friction: float):  # noqa: ANN001, ANN201
+    """Grasps with one finger at a random vertex and the others at random ones of a spread."""
+    import numpy as np
+
+    import grasp3d
+    from grasp3d.mesh.places import SurfacePlaces
+    from grasp3d.sampling.spread import spread_places
+    from grasp3d.surface_contacts import SurfaceContacts, vertex_places
+
+    rng = np.random.default_rng(0)
+    places = spread_places(mesh, USUAL)
+    others = np.argsort(rng.random((MANY, USUAL)), axis=1)[:, : fingers - 1]
+    smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
+    first = vertex_places(mesh, rng.choice(smooth, MANY))
+    found = SurfaceContacts(
+        mesh,
+        SurfacePlaces(
+            np.concatenate([first.faces[:, None], places.faces[others]], axis=1),
+            np.concatenate([first.weights[:, None], places.weights[others]], axis=1),
+        ),
+    )
+    return grasp3d.Contacts(found.points - mesh.center_mass, found.normals, friction)
+
+
+def main() -> None:
+    """Print all measurements: the large ones first, while this process is small."""
+    whole_labellings()
+    for name in MESHES:
+        of_mesh(name)
+
+
+if __name__ == "__main__":
+    main()
