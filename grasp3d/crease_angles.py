@@ -17,7 +17,7 @@ from grasp3d.creases import STEP
 from grasp3d.critical import RIGHT, critical_friction_angle
 from grasp3d.errors import SettingError
 from grasp3d.progress import Progress, ignore
-from grasp3d.sampled_angles import Both, NormalSamples, angle_bounds
+from grasp3d.sampled_angles import Both, NormalSamples, angle_bounds, planar_bounds
 from grasp3d.surface_contacts import SurfaceContacts
 
 SAME = 1e-12
@@ -113,6 +113,14 @@ def _on_creases(
     anything = contacts.any_normal[rows].any(axis=1)
     yield rows[anything], np.transpose([NO_VERDICT] * int(anything.sum()))
     pending = rows[~anything]
+    if contacts.count == 3:  # noqa: PLR2004
+        on_line = []
+        for some in _runs(pending):
+            triples = _of_triples(contacts.take(some), tolerance)
+            planar = ~np.isnan(triples[0])
+            yield some[planar], triples[:, planar]
+            on_line.append(some[~planar])
+        pending = np.concatenate([pending[:0], *on_line])
     for step in STEPS:
         few = contacts.take(pending)
         samples = NormalSamples.of_sets(few.set_start, few.set_normals, few.count, step)
@@ -124,6 +132,14 @@ def _on_creases(
             yield pending[part], np.stack(angles)
         pending = pending[many]
     yield pending, np.transpose([NO_VERDICT] * len(pending))
+
+
+def _of_triples(contacts: SurfaceContacts, tolerance: float) -> Floats:
+    """Three contacts with sets of normals, in the plane through them, (2, b); nan on one line."""
+    start, normals = contacts.set_start, contacts.set_normals
+    samples = NormalSamples.of_sets(start, normals, contacts.count, STEP)
+    points, _, _ = centred(contacts.points)
+    return np.stack(planar_bounds(points, samples, tolerance=tolerance))
 
 
 def _parts_of(sizes: Floats, rows: Ints) -> Iterator[Ints]:

@@ -5,6 +5,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from grasp3d._kernels.coplanar import critical_of_sets, make_fans, make_plane
 from grasp3d._kernels.grasps import SIGN
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.contacts import Contacts
@@ -86,7 +87,28 @@ def angle_bounds(
         worst, and none a smaller one than the best.
     """
     question = _Question(points, samples, tolerance / 2.0, threads)
-    worst, best = question.extremes()
+    return _safe(*question.extremes(), samples)
+
+
+def planar_bounds(points: Floats, samples: NormalSamples, *, tolerance: float) -> Both:
+    """Do what `angle_bounds` does for three contacts, in the plane through them.
+
+    There the combinations need not be tried: what the normals of a contact leave to its forces is
+    told by the first and the last direction.
+
+    Returns:
+        (worst, best), shape (b,) each; nan for contacts on one line, which have no plane.
+    """
+    worst, best = np.empty((2, len(points)))
+    critical_of_sets(
+        points, samples.first, samples.sizes, samples.normals, tolerance, make_plane(),
+        make_fans(int(samples.sizes.max(initial=1))), worst, best,
+    )  # fmt: skip
+    return _safe(worst, best, samples)
+
+
+def _safe(worst: Floats, best: Floats, samples: NormalSamples) -> Both:
+    """Allow for what lies between the samples; see `sampled_set`."""
     shrink = np.cos(samples.apart / 2.0)
     narrow = np.sin(np.clip(worst, 0.0, RIGHT)) / shrink
     wide = np.cos(np.clip(best, 0.0, RIGHT)) / shrink
@@ -106,10 +128,6 @@ class _Question(NamedTuple):
         """Bounds on the largest angle of each grasp and on the smallest, shape (b,) each."""
         grasps, numbers = self._spread()
         first = np.flatnonzero(np.diff(grasps, prepend=-1))
-        if self.points.shape[1] == 3:  # noqa: PLR2004, as quick as a test
-            angles = self.angles(grasps, numbers)
-            least = np.minimum.reduceat(angles, first)
-            return np.maximum.reduceat(angles, first), self._moved(least, -1)
         found = self.angles(grasps[first], numbers[first])
         rest = np.delete(grasps, first), np.delete(numbers, first)
         return self._search(found.copy(), *rest, 1), self._search(found.copy(), *rest, -1)

@@ -152,7 +152,8 @@ class Sampling:
 
     candidates: int = 64
     """Three fingers and more: places, well spread over the surface within reach of a vertex, that
-    every other finger is tried at before the search is refined, 8 to 4096."""
+    every other finger is tried at before the search is refined, 8 to 4096. Of vertices all are
+    tried where there are no more than four times as many."""
 
     min_separation: float | None = None
     """Three fingers and more: smallest distance between any two contacts, in the mesh's unit; none:

@@ -173,7 +173,7 @@ def test_labels_are_those_of_classify_or_more_careful() -> None:
 
 
 def test_coarser_steps_are_safe_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    contacts = drawn(3, 25, 5, creased=2)
+    contacts = drawn(4, 12, 5, creased=2)
     worst, best = critical_angles(contacts)
     monkeypatch.setattr(module, "MOST_COMBINATIONS", 30)
     coarse_worst, coarse_best = critical_angles(contacts)

@@ -35,13 +35,13 @@ def cylinder() -> ObjectMesh:
     return mesh_from_arrays(*shapes.arrays(turned), max_edge=UNDIVIDED)
 
 
-def mug() -> ObjectMesh:
+def mug(sections: int) -> ObjectMesh:
     """A cup with a handle that a finger fits through; half of its vertices are on creases."""
     shapes.reader("manifold3d")
     outside = [(0, 0), (22, 0), (40, 0), (40, 30), (40, 64), (40, 95), (0, 95)]
     inside = [(0, 5), (20, 5), (36, 5), (36, 32), (36, 64), (36, 95), (36, 120), (0, 120)]
     body, hollow = (
-        trimesh.creation.revolve(np.array(profile, dtype=np.float64), sections=14)
+        trimesh.creation.revolve(np.array(profile, dtype=np.float64), sections=sections)
         for profile in (outside, inside)
     )
     handle = trimesh.creation.torus(28.0, 7.0, major_sections=10, minor_sections=6)
@@ -57,7 +57,9 @@ SHAPES = {
     "sphere": lambda: sphere_mesh(subdivisions=2),
     "box": lambda: box_mesh((2.0, 1.5, 1.0), max_edge=0.6),
     "cylinder": cylinder,
-    "mug": mug,
+    "mug of 11": lambda: mug(11),
+    "mug of 13": lambda: mug(13),
+    "mug of 14": lambda: mug(14),
 }
 
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import inlined, merged, scratch_kernel
 
 ON_LINE = 1e-6
 """Height of a triangle over its longest side, as a share of it, below which it is a line."""
@@ -34,6 +34,19 @@ class Plane(NamedTuple):
     """Wrenches (force, moment) along the two edges of each cone (6, 3)."""
     apart: npt.NDArray[np.float64]
     """Direction in which no wrench lies, where the cones do not close (3,)."""
+    arcs: npt.NDArray[np.float64]
+    """First and last direction of each contact's forces, over several normals [rad] (3, 2)."""
+
+
+class Fans(NamedTuple):
+    """Several normals of each of three contacts, laid in their plane; scratch."""
+
+    azimuths: npt.NDArray[np.float64]
+    """Directions of their parts in the plane, those of a contact without a jump [rad] (3, k)."""
+    lengths: npt.NDArray[np.float64]
+    """Lengths of these parts (3, k)."""
+    counts: npt.NDArray[np.int64]
+    """How many normals each contact has (3,)."""
 
 
 def make_plane() -> Plane:
@@ -44,7 +57,13 @@ def make_plane() -> Plane:
         pushes=np.zeros((3, 2)),
         edges=np.zeros((6, 3)),
         apart=np.zeros(3),
+        arcs=np.zeros((3, 2)),
     )
+
+
+def make_fans(normals: int) -> Fans:
+    """Allocate room for so many normals at each contact."""
+    return Fans(np.zeros((3, normals)), np.zeros((3, normals)), np.zeros(3, dtype=np.int64))
 
 
 @scratch_kernel
@@ -165,6 +184,146 @@ def critical_of_pushes(plane, low, high, tolerance):
             low = max(low, min(math.asin(min(max(_least_angle(plane), -1.0), 1.0)), high))
         low = max(low, middle)
     return high
+
+
+@merged
+def lay_in_fan(normal, i, k, plane, fans):
+    """Lay a contact's normal number k into the plane."""
+    frame = plane.frame
+    a = frame[0, 0] * normal[0] + frame[0, 1] * normal[1] + frame[0, 2] * normal[2]
+    b = frame[1, 0] * normal[0] + frame[1, 1] * normal[1] + frame[1, 2] * normal[2]
+    azimuth = math.atan2(b, a)
+    if k > 0:
+        turn = azimuth - fans.azimuths[i, 0]
+        azimuth -= 2.0 * math.pi * round(turn / (2.0 * math.pi))
+    fans.azimuths[i, k], fans.lengths[i, k] = azimuth, math.sqrt(a * a + b * b)
+
+
+@inlined
+def _lay_arc(i, cosine, helping, plane, fans):
+    """Lay out what a contact's forces can be, whichever of its normals it has, or with any of them.
+
+    In the plane what one normal leaves out joins on to what the next one leaves out, so that the
+    first and the last direction tell of all of them.
+
+    Returns:
+        Whether there are any.
+    """
+    first, last, some = -math.inf, math.inf, False
+    if helping:
+        first, last = math.inf, -math.inf
+    for k in range(fans.counts[i]):
+        length, azimuth = fans.lengths[i, k], fans.azimuths[i, k]
+        if length > cosine:
+            half, some = math.acos(cosine / length), True
+            if helping:
+                first, last = min(first, azimuth - half), max(last, azimuth + half)
+            else:
+                first, last = max(first, azimuth - half), min(last, azimuth + half)
+        elif not helping:
+            return False
+    plane.arcs[i, 0], plane.arcs[i, 1] = first, last
+    return some
+
+
+@inlined
+def _lay_edge(row, i, azimuth, plane):
+    c, s = math.cos(azimuth), math.sin(azimuth)
+    plane.edges[row, 0], plane.edges[row, 1] = c, s
+    plane.edges[row, 2] = plane.places[i, 0] * s - plane.places[i, 1] * c
+
+
+@scratch_kernel
+def fans_close(angle, helping, plane, fans):
+    """Whether three contacts close at a friction angle with all their normals, or with some.
+
+    Where the forces that all normals of a contact allow are none, its outermost directions must do
+    one by one; where those that some allow are more than half of the plane, each half is tried.
+
+    Args:
+        angle: Half-angle of the cones [rad].
+        helping: With some combination of the normals; otherwise with all of them.
+        plane: `Plane`, laid.
+        fans: `Fans`, laid.
+    """
+    cosine = math.cos(angle)
+    for i in range(3):
+        if not _lay_arc(i, cosine, helping, plane, fans):
+            return False
+        width = plane.arcs[i, 1] - plane.arcs[i, 0]
+        if helping and width >= 2.0 * math.pi:
+            return True  # nothing is left out: not to be told apart
+        if not helping and width <= -math.pi:
+            return False
+    for code in range(8):
+        possible = True
+        for i in range(3):
+            first, last = plane.arcs[i, 0], plane.arcs[i, 1]
+            parted = last - first >= math.pi if helping else last < first
+            second = code >> i & 1 == 1
+            possible = possible and (parted or not second)
+            if parted and helping:
+                middle = 0.5 * (first + last)
+                first, last = (middle, last) if second else (first, middle)
+            elif parted:
+                first = last = last if second else first
+            _lay_edge(2 * i, i, last, plane)
+            _lay_edge(2 * i + 1, i, first, plane)
+        if possible and cones_close(plane) == helping:
+            return helping
+    return not helping
+
+
+@scratch_kernel
+def critical_of_fans(low, high, tolerance, helping, plane, fans):
+    """Critical friction angle of three contacts over their worst, or their best, normals.
+
+    Args:
+        low: An angle that is not enough [rad].
+        high: An angle that is enough [rad].
+        tolerance: Width of the bracket [rad] whose upper end is returned.
+        helping: As for `fans_close`.
+        plane: `Plane`, laid.
+        fans: `Fans`, laid.
+    """
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        if fans_close(middle, helping, plane, fans):
+            high = middle
+        else:
+            low = middle
+    return high
+
+
+@scratch_kernel
+def critical_of_sets(points, first, counts, normals, tolerance, plane, fans, worst, best):
+    """Critical friction angles of many grasps of three contacts with several normals each.
+
+    Args:
+        points: Contacts (b, 3, 3).
+        first: First row of each contact's normals (b, 3).
+        counts: How many those are, one at least (b, 3).
+        normals: Inward unit normals (k, 3).
+        tolerance: Width of the brackets [rad].
+        plane: Scratch.
+        fans: Scratch with room for the most normals of a contact.
+        worst: Written, upper end of the bracket over all combinations of normals [rad], pi / 2
+            where no friction closes all; nan where the contacts are on one line (b,).
+        best: Written, lower end of the bracket of the smallest over the combinations [rad] (b,).
+    """
+    right = 0.5 * math.pi
+    for g in range(points.shape[0]):
+        worst[g] = best[g] = math.nan
+        if not lay_plane(points[g], plane):
+            continue
+        for i in range(3):
+            fans.counts[i] = counts[g, i]
+            for k in range(counts[g, i]):
+                lay_in_fan(normals[first[g, i] + k], i, k, plane, fans)
+        worst[g] = critical_of_fans(0.0, right, tolerance, False, plane, fans)  # noqa: FBT003
+        best[g] = critical_of_fans(0.0, right, tolerance, True, plane, fans)  # noqa: FBT003
+        if best[g] < right:
+            best[g] = max(0.0, best[g] - tolerance)
 
 
 @scratch_kernel

@@ -13,12 +13,17 @@ import numpy.typing as npt
 
 from grasp3d._kernels.compiling import inlined, scratch_kernel
 from grasp3d._kernels.coplanar import (
+    Fans,
     Plane,
     cones_close,
+    critical_of_fans,
     critical_of_pushes,
+    fans_close,
     lay_cone,
+    lay_in_fan,
     lay_plane,
     lay_push,
+    make_fans,
     make_plane,
 )
 from grasp3d._kernels.grasps import SIGN, SIX
@@ -44,8 +49,6 @@ class Trial(NamedTuple):
     """Inward unit normals that each contact may have (n, k, 3)."""
     counts: npt.NDArray[np.int64]
     """How many those are (n,)."""
-    tried: npt.NDArray[np.int64]
-    """How many of each contact's normals, the first ones, are combined (n,)."""
     chosen: npt.NDArray[np.int64]
     """One normal of each contact (n,)."""
     directions: npt.NDArray[np.float64]
@@ -61,6 +64,7 @@ class Trial(NamedTuple):
     metric: npt.NDArray[np.float64]
     """As in `grow` (6,)."""
     plane: Plane
+    fans: Fans
     room: Polytope
 
 
@@ -70,7 +74,6 @@ def make_trial(contacts: int, normals: int) -> Trial:
         points=np.zeros((contacts, 3)),
         normals=np.zeros((contacts, normals, 3)),
         counts=np.zeros(contacts, dtype=np.int64),
-        tried=np.zeros(contacts, dtype=np.int64),
         chosen=np.zeros(contacts, dtype=np.int64),
         directions=np.zeros((DIRECTIONS, 6)),
         used=np.zeros(2, dtype=np.int64),
@@ -79,6 +82,7 @@ def make_trial(contacts: int, normals: int) -> Trial:
         rim=np.zeros((0, 2)),
         metric=np.ones(6),
         plane=make_plane(),
+        fans=make_fans(normals),
         room=make_room(FACETS),
     )
 
@@ -95,38 +99,47 @@ def _next(trial, n):
     """Go on to the next combination of normals; returns whether there is one."""
     for i in range(n - 1, -1, -1):
         trial.chosen[i] += 1
-        if trial.chosen[i] < trial.tried[i]:
+        if trial.chosen[i] < trial.counts[i]:
             return True
         trial.chosen[i] = 0
     return False
 
 
 @inlined
-def _swap_normals(trial, i, k, m):
-    for c in range(3):
-        normal = trial.normals[i, k, c]
-        trial.normals[i, k, c] = trial.normals[i, m, c]
-        trial.normals[i, m, c] = normal
+def _lay_fans(trial):
+    """Lay three contacts with all their normals in their plane; returns whether they have one."""
+    if not lay_plane(trial.points, trial.plane):
+        return False
+    for i in range(3):
+        trial.fans.counts[i] = trial.counts[i]
+        for k in range(trial.counts[i]):
+            lay_in_fan(trial.normals[i, k], i, k, trial.plane, trial.fans)
+    return True
 
 
 @inlined
-def _in_plane(trial, sine, helping):
-    """Whether friction can reach the plane of three contacts at each of them.
-
-    With the normals that help only those for which it can are tried further.
-    """
+def _settle_plain(trial, bar, tolerance):
+    """Settle three contacts with one normal each; see `settle`."""
+    if not lay_plane(trial.points, trial.plane):
+        return math.inf
+    steepest, cosine, reaching = 0.0, math.cos(bar), True
     for i in range(3):
-        reaching = 0
-        for k in range(trial.counts[i]):
-            if lay_push(trial.normals[i, k], i, trial.plane) < sine:
-                _swap_normals(trial, i, reaching, k)
-                reaching += 1
-            elif not helping:
-                return False
-        if reaching == 0:
-            return False
-        trial.tried[i] = reaching
-    return True
+        steepest = max(steepest, lay_push(trial.normals[i, 0], i, trial.plane))
+        reaching = reaching and lay_cone(i, cosine, trial.plane)
+    if not (reaching and cones_close(trial.plane)):
+        return math.inf
+    low = min(math.asin(min(steepest, 1.0)), bar)
+    return critical_of_pushes(trial.plane, low, bar, tolerance)
+
+
+@inlined
+def _settle_three(trial, bar, tolerance, helping):
+    """Settle three contacts; see `settle`."""
+    if trial.counts[0] == 1 and trial.counts[1] == 1 and trial.counts[2] == 1:
+        return _settle_plain(trial, bar, tolerance)
+    if not (_lay_fans(trial) and fans_close(bar, helping, trial.plane, trial.fans)):
+        return math.inf
+    return critical_of_fans(0.0, bar, tolerance, helping, trial.plane, trial.fans)
 
 
 @inlined
@@ -232,18 +245,6 @@ def _hull_closes(trial, n, angle):
 
 
 @inlined
-def _chosen_close(trial, n, angle):
-    """Whether a grasp closes at a friction angle with the chosen normals."""
-    if n > 3:
-        return _hull_closes(trial, n, angle)
-    cosine, reaching = math.cos(angle), True
-    for i in range(3):
-        lay_push(trial.normals[i, trial.chosen[i]], i, trial.plane)
-        reaching = reaching and lay_cone(i, cosine, trial.plane)
-    return reaching and cones_close(trial.plane)
-
-
-@inlined
 def _proven(trial, n):
     """Friction angle that the last direction proves not to be enough for the chosen normals."""
     least = 1.0
@@ -262,12 +263,6 @@ def _chosen_critical(trial, n, low, high, tolerance):
 
     The upper one is enough for them, or is returned.
     """
-    if n == 3:
-        sine = 0.0
-        for i in range(3):
-            sine = max(sine, lay_push(trial.normals[i, trial.chosen[i]], i, trial.plane))
-        low = min(max(low, math.asin(min(sine, 1.0))), high)
-        return critical_of_pushes(trial.plane, low, high, tolerance)
     while high - low > tolerance:
         middle = 0.5 * (low + high)
         if _hull_closes(trial, n, middle):
@@ -281,7 +276,7 @@ def _chosen_critical(trial, n, low, high, tolerance):
 def settle(trial, n, bar, tolerance, helping):
     """Critical friction angle of a grasp over its worst, or its best, normals, if it is low enough.
 
-    One function for the test and the measure, because each function above a growing hull costs as
+    One function for the test and the measure, because each function above a growing hull takes as
     long to compile as the hull.
 
     Args:
@@ -294,15 +289,10 @@ def settle(trial, n, bar, tolerance, helping):
     Returns:
         The angle; inf where the grasp does not close at the bar. Three contacts on one line do not.
     """
-    sine = math.sin(bar)
     if n == 3:
-        if not (lay_plane(trial.points, trial.plane) and _in_plane(trial, sine, helping)):
-            return math.inf
-    elif _fails_again(trial, n, sine, helping):
+        return _settle_three(trial, bar, tolerance, helping)
+    if _fails_again(trial, n, math.sin(bar), helping):
         return math.inf
-    else:
-        for i in range(n):
-            trial.tried[i] = trial.counts[i]
     found = math.inf if helping else 0.0
     testing = not helping  # at first whether all combinations close
     _first(trial, n)
@@ -313,7 +303,7 @@ def settle(trial, n, bar, tolerance, helping):
             at = min(bar, found - tolerance)
         else:
             at = found
-        closed = at > 0.0 and _chosen_close(trial, n, at)
+        closed = at > 0.0 and _hull_closes(trial, n, at)
         if testing and not closed:
             return math.inf
         if not testing and closed == helping:

@@ -46,6 +46,9 @@ SEPARATION = 0.01
 APART = 1e-3
 """The same where 0 is asked for: nearer ones are one place."""
 
+FEW = 4
+"""Times as many vertices as candidates up to which all are tried, where fingers stand on them."""
+
 DENSE, MOST_SPREAD = 16, 4096
 """Times as many places as candidates are spread, up to so many: a hand may reach only some, and
 single fingers are tried at all of them."""
@@ -139,6 +142,8 @@ class _Search:
                 f"{self.fingers} fingers need as many places, but the mesh has {len(self.places)} "
                 "vertices"
             )
+        few = self.on_vertices and len(self.places) <= FEW * sampling.candidates
+        self.candidates = len(self.places) if few else sampling.candidates
         self.scale = 1.0 / min(1.0, sampling.max_spread / mesh.size)
         self.ground = _ground(mesh, self.scale, on_vertices=self.on_vertices)
         self.sites, self.own = self._pool()
@@ -213,7 +218,7 @@ class _Search:
             tolerance=FALL * sampling.tolerance,
             margin=FALL * sampling.tolerance,
             enough=sampling.tolerance,
-            candidates=sampling.candidates,
+            candidates=self.candidates,
             edge=self.edge,
             shortest=SHORTEST * sampling.tolerance * self.scale,
             helping=helping,
@@ -221,8 +226,8 @@ class _Search:
 
     def _pool(self) -> tuple[Pool, Ints]:
         """Places for the other fingers, and which of them each vertex tries first."""
-        candidates, mesh = self.sampling.candidates, self.mesh
-        count = max(candidates, min(DENSE * candidates, MOST_SPREAD))
+        mesh = self.mesh
+        count = max(self.candidates, min(DENSE * self.candidates, MOST_SPREAD))
         own = np.full(len(mesh.vertices), NOWHERE, dtype=np.int64)
         if self.on_vertices:
             chosen = spread_vertices(mesh, count, seed=self.sampling.seed)
