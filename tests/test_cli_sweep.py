@@ -183,6 +183,9 @@ BAD: dict[str, tuple[list[str], str]] = {
     "share": (["circle", "--share", "50"], "each share must be"),
     "search": (["ball.ply", "--search-angle", "30"], "75 degrees; got 30"),
     "workers": (["circle", "--workers", "0"], "workers must be"),
+    "fingers": (["circle", "--fingers", "3"], "closed form for two fingers only; got 3"),
+    "too many fingers": (["ball.ply", "--fingers", "6"], "fingers must be from 2 to 5; got 6"),
+    "another's": (["ball.ply", "--fingers", "3", "--rays", "16"], "rays says nothing about 3"),
 }
 
 
