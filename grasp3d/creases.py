@@ -159,8 +159,8 @@ def _steps(triangle: Floats, step: float) -> int:
     longest = 2.0 * math.asin(math.sqrt(3.0) / 2.0 * math.sin(step / 2.0))
     sides = angles_between(triangle, np.roll(triangle, 1, axis=1))
     steps = max(1, math.ceil(float(sides.max(initial=0.0)) / longest))
-    while _widest(triangle, steps) > longest:
-        steps += 1
+    while (widest := _widest(triangle, steps)) > longest:
+        steps = max(steps + 1, math.floor(steps * widest / longest))
     return steps
 
 

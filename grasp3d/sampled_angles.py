@@ -40,13 +40,17 @@ class NormalSamples:
             count: Contacts of a grasp.
             step: As in `sampled_set` [rad].
         """
-        found, apart = sampled_sets(start, normals, step)
+        numbers, first = _distinct_sets(start, normals)
+        chosen = np.concatenate([start[:0], *(np.arange(start[k], start[k + 1]) for k in first)])
+        own = np.concatenate([[0], np.cumsum(np.diff(start)[first])]).astype(np.int64)
+        found, apart = sampled_sets(own, normals[chosen], step)
         sizes = np.array([len(one) for one in found], dtype=np.int64)
+        rows = np.cumsum(sizes) - sizes
         return cls(
             normals=np.concatenate([np.zeros((0, 3)), *found]),
-            first=(np.cumsum(sizes) - sizes).reshape(-1, count),
-            sizes=sizes.reshape(-1, count),
-            apart=apart.reshape(-1, count).max(axis=1),
+            first=rows[numbers].reshape(-1, count),
+            sizes=sizes[numbers].reshape(-1, count),
+            apart=apart[numbers].reshape(-1, count).max(axis=1),
         )
 
     @property
@@ -66,6 +70,20 @@ class NormalSamples:
         for i in range(chosen.shape[1]):
             numbers, chosen[:, i] = np.divmod(numbers, self.sizes[grasps, i])
         return np.asarray(self.normals[self.first[grasps] + chosen])
+
+
+def _distinct_sets(start: Ints, normals: Floats) -> tuple[Ints, Ints]:
+    """(number of each set among the distinct ones, one set of each number), (b,) and (d,)."""
+    numbers: dict[bytes, int] = {}
+    first: list[int] = []
+    found = np.empty(len(start) - 1, dtype=np.int64)
+    for k in range(len(found)):
+        key = normals[start[k] : start[k + 1]].tobytes()
+        if key not in numbers:
+            numbers[key] = len(first)
+            first.append(k)
+        found[k] = numbers[key]
+    return found, np.array(first, dtype=np.int64)
 
 
 def angle_bounds(

@@ -25,6 +25,7 @@ MOST_SEARCHED = 5
 """Fingers of the largest grasps that are searched for; given ones may have more."""
 MIN_RAYS, MAX_RAYS = 8, 65_536
 MIN_CANDIDATES, MAX_CANDIDATES = 8, 4096
+LAST_SEED = 2**63
 MIN_EDGES, MAX_EDGES = 3, 360
 MIN_EXTREMES, MAX_EXTREMES = 3, 360
 DEGREE = math.pi / 180.0
@@ -157,7 +158,7 @@ class Sampling:
 
     min_separation: float | None = None
     """Three fingers and more: smallest distance between any two contacts, in the mesh's unit; none:
-    1/100 of the object's size."""
+    1/100 of the object's size, but at most 1/10 of max_spread."""
 
     max_spread: float = math.inf
     """Three fingers and more: largest distance between any two contacts (the hand's reach), in the
@@ -191,15 +192,13 @@ class Sampling:
                 "openings must satisfy 0 <= min_opening <= max_opening, and max_opening above 0; "
                 f"got {self.min_opening:g} and {self.max_opening:g}"
             )
-        if not (
-            isinstance(self.candidates, int) and MIN_CANDIDATES <= self.candidates <= MAX_CANDIDATES
-        ):
+        if not MIN_CANDIDATES <= whole("candidates", self.candidates, 0) <= MAX_CANDIDATES:
             raise SettingError(
                 f"candidates must be from {MIN_CANDIDATES} to {MAX_CANDIDATES}; "
                 f"got {self.candidates}"
             )
         least = self.min_separation or 0.0
-        if not 0.0 <= least <= self.max_spread or self.max_spread == 0.0:
+        if not (0.0 <= least <= self.max_spread and math.isfinite(least)) or not self.max_spread:
             raise SettingError(
                 "distances must satisfy 0 <= min_separation <= max_spread, and max_spread above 0; "
                 f"got {least:g} and {self.max_spread:g}"
@@ -207,7 +206,8 @@ class Sampling:
         if self.places not in get_args(Places):
             known = ", ".join(get_args(Places))
             raise SettingError(f"no places are called {self.places!r}; known: {known}")
-        whole("seed", self.seed, 0)
+        if whole("seed", self.seed, 0) >= LAST_SEED:
+            raise SettingError(f"seed must be below 2^63; got {self.seed}")
         if self.search_angle is not None and not 0.0 < self.search_angle <= math.pi / 2.0:
             degrees = math.degrees(self.search_angle)
             raise SettingError(
@@ -256,7 +256,7 @@ def whole(name: str, value: object, least: int) -> int:
     Raises:
         SettingError: It is none, or smaller.
     """
-    if not isinstance(value, Integral) or int(value) < least:
+    if not isinstance(value, Integral) or isinstance(value, bool) or int(value) < least:
         raise SettingError(f"{name} must be a whole number of at least {least}; got {value!r}")
     return int(value)
 

@@ -81,12 +81,14 @@ def scan_surface(
 ) -> SurfaceLabels:
     """Fix all fingers but one and label every vertex as the place of the last.
 
-    Wan & Howe 2018, Sec. IV, fix one of two. Here the grasp is given, so a U is a proof as well. Of
-    two fingers both ways to close count: squeezing and pushing apart.
+    Wan & Howe 2018, Sec. IV, fix one of two. Here the grasp is given, so a U is a proof as well,
+    except where a fixed finger stands already (`Reason.SAME_PLACE`). Of two fingers both ways to
+    close count: squeezing and pushing apart.
 
     Args:
         mesh: The object's surface.
-        model: Friction and sensor resolution; the number of fingers is one more than are fixed.
+        model: Friction and sensor resolution; the number of fingers, unless it is the usual 2, must
+            be one more than are fixed.
         fixed: Places of the fixed fingers, shape (3,) or (k, 3), moved to the nearest places of the
             surface.
         threads: Threads; None: one per processor. The result does not depend on it.
@@ -96,8 +98,13 @@ def scan_surface(
     Raises:
         SettingError: `fixed` are no finite points, or they or extreme normals are too many.
     """
-    points = _fixed_points(fixed)
-    model = replace(model or GraspModel(), fingers=len(points) + 1)
+    points, given = _fixed_points(fixed), model or GraspModel()
+    model = replace(given, fingers=len(points) + 1)
+    if given.fingers not in {GraspModel().fingers, model.fingers}:
+        raise SettingError(
+            f"{len(points)} fixed fingers and the scanned one make {model.fingers}; "
+            f"the model has {given.fingers}"
+        )
     if model.method == "extremes":
         check_combinations_of(model)
     count, told = len(mesh.vertices), progress or ignore

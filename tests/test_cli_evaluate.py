@@ -158,16 +158,16 @@ def test_the_best_grasps_evaluated_again_are_the_same(
     assert (run.returncode, run.stderr) == (0, "")
     assert "the 5 best grasps that are distinct" in run.stdout
     assert "no pictures: they need OpenGL" in run.stdout
-    assert f"written: {Path('out/my box_grasps.json')}" in run.stdout
+    assert f"written: {Path('out/labels_grasps.json')}" in run.stdout
     assert {path.name for path in (folder / "out").iterdir()} == {
         "labels.npz",
-        "my box_grasps.json",
+        "labels_grasps.json",
     }
-    best = json.loads((folder / "out" / "my box_grasps.json").read_text())["grasps"]
+    best = json.loads((folder / "out" / "labels_grasps.json").read_text())["grasps"]
     assert [len(grasp["contacts"]) for grasp in best] == [fingers] * 5
     edge = options[-2:]
     run_again = grasp3d(
-        "evaluate", "my box.stl", "out/my box_grasps.json", "-o", "again.json", *edge, cwd=folder
+        "evaluate", "my box.stl", "out/labels_grasps.json", "-o", "again.json", *edge, cwd=folder
     )
     assert run_again.returncode == 0
     again = json.loads((folder / "again.json").read_text())["grasps"]

@@ -199,14 +199,42 @@ def _smooth_grasps(labels: SurfaceLabels) -> tuple[np.ndarray, np.ndarray, np.nd
     return points, normals, labels.critical_angle[vertices]
 
 
-def test_too_few_places_are_refused() -> None:
-    mesh = mesh_from_arrays(*shapes.box(), max_edge=1e3)
-    label_surface(mesh, GraspModel(fingers=5))
-    tetrahedron = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
+def tetrahedron() -> ObjectMesh:
+    corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    few = mesh_from_arrays(tetrahedron, faces, max_edge=1e3)
+    return mesh_from_arrays(corners, faces, max_edge=1e3)
+
+
+def test_more_fingers_than_places_are_refused() -> None:
+    few, model = tetrahedron(), GraspModel(fingers=5, friction=2.0)
     with pytest.raises(SettingError, match="5 fingers need as many places"):
-        label_surface(few, GraspModel(fingers=5))
+        label_surface(few, model, sampling=Sampling(places="vertices"))
+    found = label_surface(few, model).critical_angle
+    assert np.isfinite(found).all()  # its faces have room for five
+
+
+def test_idle_fingers_may_stand_on_corners() -> None:
+    corners = mesh_from_arrays(*shapes.box((2.0, 1.5, 1.0)), max_edge=1e3)
+    sampling = Sampling(places="vertices", search_angle=WIDE)
+    angles = [
+        label_surface(corners, GraspModel(fingers=n), sampling=sampling).critical_angle_best
+        for n in (3, 4, 5)
+    ]
+    assert np.isfinite(angles[0]).all()
+    assert np.isfinite(angles[1]).all()
+    assert np.isfinite(angles[2]).all()
+
+
+def test_a_small_hand_has_room_between_its_fingers() -> None:
+    """The usual separation is never more than a part of the reach."""
+    mesh = wedge()
+    labels = label_surface(
+        mesh, GraspModel(fingers=3, friction=2.0), sampling=Sampling(max_spread=0.05 * mesh.size)
+    )
+    assert np.isfinite(labels.critical_angle).any()
+    far = Sampling(min_separation=2.0 * mesh.size)
+    with pytest.raises(SettingError, match="no two places of the object"):
+        label_surface(mesh, GraspModel(fingers=3), sampling=far)
 
 
 def test_settings_of_another_number_of_fingers_are_refused() -> None:

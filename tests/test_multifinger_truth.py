@@ -59,7 +59,6 @@ SHAPES = {
     "cylinder": cylinder,
     "mug of 11": lambda: mug(11),
     "mug of 13": lambda: mug(13),
-    "mug of 14": lambda: mug(14),
 }
 
 

@@ -19,6 +19,10 @@ NOWHERE = -1
 STARTS = 3
 """Grasps of a vertex, without a place in common, around which the search begins."""
 
+MATES = 128
+"""Places after it that a place is paired with: any so many are well spread, and the work grows with
+the places, not with their square."""
+
 LONGER, SHORTER = 1.6, 0.88
 """What a step of the search becomes when it led to a better grasp, and when it did not."""
 
@@ -264,7 +268,8 @@ def _seed(count, n, ground, pool, rules, bench):
         one = bench.within[a]
         if not _put_site(1, one, ground, pool, trial):
             continue
-        for b in range(a + 1, count):
+        last = count if a == 0 else min(count, a + 1 + MATES)
+        for b in range(a + 1, last):
             two = bench.within[b]
             if not (_put_site(2, two, ground, pool, trial) and _fits(trial, 2, 2, rules)):
                 continue
@@ -414,7 +419,8 @@ def _clear_site(i, n, count, ground, pool, rules, bench):
     trial, chosen, widest = bench.trial, NOWHERE, 0.0
     for s in range(count):
         site = bench.within[s]
-        if not (_put_site(i, site, ground, pool, trial) and _fits(trial, i, n, rules)):
+        _put_site(i, site, ground, pool, trial)  # with as many normals as it has: it takes nothing
+        if not (trial.counts[i] > 0 and _fits(trial, i, n, rules)):
             continue
         least = math.inf
         for j in range(n):

@@ -60,7 +60,8 @@ class Label:
             max_edge=self.mesh.max_edge,
             crease_angle=self.mesh.crease_angle,
         )
-        beside = output.with_name(f"{self.file.stem}_grasps.json")
+        named = self.file.stem if self.output is None else output.stem
+        beside = output.with_name(f"{named}_grasps.json")
         for path in (output, *((beside, beside.with_suffix(".png")) if self.best else ())):
             check_writable(path, source=self.file)
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:

@@ -20,7 +20,7 @@ from grasp3d.stability import COLORS, MEANING
 from grasp3d.stability import Label as Code
 
 _WHY = {
-    Reason.NO_PARTNER: "no place for the other fingers within the search cone",
+    Reason.NO_PARTNER: "no place for the other fingers closes a grasp within the search cone",
     Reason.OPENING: "every place for the other fingers is outside the limits of distances",
     Reason.OFF_SURFACE: "of the file belong to no face, their label is U and counts nowhere",
 }

@@ -13,6 +13,7 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from grasp3d._kernels.candidates import FOUND, NO_PARTNER
 from grasp3d._kernels.hands import (
     NOWHERE,
     STARTS,
@@ -30,7 +31,7 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import paired_edges
 from grasp3d.mesh.places import SurfacePlaces
 from grasp3d.mesh.touching import contact_normals, contact_surface
-from grasp3d.progress import Progress, ignore
+from grasp3d.progress import Progress, ignore, within
 from grasp3d.sampling.antipodal import best_grasps, neighbours
 from grasp3d.sampling.crease_samples import crease_samples
 from grasp3d.sampling.spread import spread_places, spread_vertices
@@ -43,15 +44,20 @@ CHUNK = 256
 SEPARATION = 0.01
 """Smallest distance between contacts where none is asked for, in object sizes."""
 
+LOOSE = 0.1
+"""The same at most, as a share of the largest distance."""
+
 APART = 1e-3
-"""The same where 0 is asked for: nearer ones are one place."""
+"""The same where 0 is asked for: nearer ones are one place; in sizes of the object or the hand."""
 
 FEW = 4
 """Times as many vertices as candidates up to which all are tried, where fingers stand on them."""
 
-DENSE, MOST_SPREAD = 16, 4096
-"""Times as many places as candidates are spread, up to so many: a hand may reach only some, and
-single fingers are tried at all of them."""
+DENSE, MOST_DENSE = 16, 4096
+"""Times as many places as candidates are spread, up to so many: single fingers are tried there."""
+
+MOST_SPREAD = 32_768
+"""Places spread at most, so that a small hand reaches some from everywhere."""
 
 ROUNDS = 80
 """Steps of the refinement from each start."""
@@ -69,9 +75,6 @@ SHORTEST = 0.05
 """Steps end the search when they turn a normal on a ball of the object's size by less than this
 share of the tolerance."""
 
-FOUND, NO_PARTNER, OPENING = 0, 1, 2
-"""As in `Reason`."""
-
 
 @dataclass(frozen=True, eq=False)
 class Found:
@@ -81,7 +84,7 @@ class Found:
     """The other fingers of the best grasp over the worst normals, and of that over the best, shape
     (V, 2, n - 1); face -1: none."""
     reason: Bytes
-    """0 found, 1 nothing closes, 2 too few places within reach. (V,)"""
+    """0 found, 1 nothing closes that keeps the distances. (V,)"""
     settled: int
     """Candidate grasps settled."""
     rounds: int
@@ -134,10 +137,17 @@ class _Search:
     def __post_init__(self) -> None:
         mesh, sampling = self.mesh, self.sampling
         given = sampling.min_separation
-        self.least = min(SEPARATION * mesh.size, sampling.max_spread) if given is None else given
+        if given is None:
+            given = min(SEPARATION * mesh.size, LOOSE * sampling.max_spread)
+        if given > mesh.size:
+            raise SettingError(
+                f"min_separation is {given:g}, but no two places of the object, of size "
+                f"{mesh.size:.4g}, are so far apart"
+            )
+        self.least = given
         self.on_vertices = sampling.places == "vertices"
         self.places = np.unique(mesh.faces)
-        if len(self.places) < self.fingers:
+        if self.on_vertices and len(self.places) < self.fingers:
             raise SettingError(
                 f"{self.fingers} fingers need as many places, but the mesh has {len(self.places)} "
                 "vertices"
@@ -176,22 +186,29 @@ class _Search:
     ) -> tuple[Hands, float]:
         """(grasps, share that still fell) over the worst or the best normals of some vertices."""
         rules = self._rules(helping=helping)
-        stages, told, falling = (self.fingers - 2) * (1 + SWEEPS), 0, 0.0
+        stages, falling = (self.fingers - 2) * (1 + SWEEPS), 0.0
         hands = self._hands(1)
         for n in range(3, self.fingers + 1):
             before, hands = hands, self._hands(n - 1)
             for stage in range(1 + SWEEPS):
                 if stage:
                     before = Hands(hands.angles.copy(), hands.numbers.copy(), hands.weights.copy())
-                self._run(stage, vertices, n, rules, before, hands)
-                told += 1
-                self.progress(begun + share * told / stages)
+                told = within(self.progress, begun, begun + share / stages)
+                self._run(stage, vertices, n, rules, before, hands, told)
+                begun += share / stages
             fell = hands.angles[vertices] < before.angles[vertices] - rules.margin
             falling = float(fell.mean()) if len(vertices) else 0.0
         return hands, falling
 
     def _run(
-        self, stage: int, vertices: Ints, n: int, rules: Rules, before: Hands, hands: Hands
+        self,
+        stage: int,
+        vertices: Ints,
+        n: int,
+        rules: Rules,
+        before: Hands,
+        hands: Hands,
+        progress: Progress,
     ) -> None:
         """Do one stage of the search for vertices, chunk by chunk in the threads."""
         size = max(1, min(CHUNK, -(-len(vertices) // (4 * self.threads))))
@@ -202,17 +219,19 @@ class _Search:
         def settle(chunk: Ints) -> int:
             bench = self._bench()
             work_on_hands(
-                stage, chunk, self.own, n, ground, self.sites, rules, self.sampling.seed, step,
+                stage, chunk, self.own, n, ground, self.sites, rules, int(self.sampling.seed), step,
                 rounds, before, hands, bench,
             )  # fmt: skip
             return int(bench.settled[0])
 
-        self.settled += sum(self.pool.map(settle, chunks))
+        for done, settled in enumerate(self.pool.map(settle, chunks), start=1):
+            self.settled += settled
+            progress(done / len(chunks))
 
     def _rules(self, *, helping: bool) -> Rules:
         sampling, unit = self.sampling, self.scale / self.mesh.size
         return Rules(
-            low=max(self.least * unit, APART * self.scale),
+            low=max(self.least * unit, APART),
             high=sampling.max_spread * unit if math.isfinite(sampling.max_spread) else math.inf,
             limit=self.cone,
             tolerance=FALL * sampling.tolerance,
@@ -227,7 +246,8 @@ class _Search:
     def _pool(self) -> tuple[Pool, Ints]:
         """Places for the other fingers, and which of them each vertex tries first."""
         mesh = self.mesh
-        count = max(self.candidates, min(DENSE * self.candidates, MOST_SPREAD))
+        count = max(self.candidates, min(DENSE * self.candidates, MOST_DENSE))
+        count = max(count, min(math.ceil(self.candidates * self.scale**2), MOST_SPREAD))
         own = np.full(len(mesh.vertices), NOWHERE, dtype=np.int64)
         if self.on_vertices:
             chosen = spread_vertices(mesh, count, seed=self.sampling.seed)
