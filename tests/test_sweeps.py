@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
-from hypothesis import given
+from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import GraspModel, OutputError, SearchCoverageError, SettingError
@@ -95,6 +95,7 @@ def test_the_required_resolution_is_0_where_no_sensor_is_fine_enough() -> None:
     ]
 
 
+@settings(deadline=None)
 @given(st.lists(every(), min_size=1, max_size=4), frictions, resolutions)
 def test_the_mean_gives_every_surface_the_same_weight(
     parts: list[AngleDistribution], friction: list[float], resolution: list[float]
