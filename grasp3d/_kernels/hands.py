@@ -29,6 +29,9 @@ LONGER, SHORTER = 1.6, 0.88
 ALONE = 0.5
 """Share of the steps that move one finger only."""
 
+LAST_RESORT = 1e-12
+"""Worth of a place with many normals for an idle finger, which takes nothing even there."""
+
 MOST_HOPS = 8
 """Edges that a finger moves along at most, where fingers stand on vertices."""
 
@@ -419,7 +422,7 @@ def _clear_site(i, n, count, ground, pool, rules, bench):
     trial, chosen, widest = bench.trial, NOWHERE, 0.0
     for s in range(count):
         site = bench.within[s]
-        _put_site(i, site, ground, pool, trial)  # with as many normals as it has: it takes nothing
+        fits = _put_site(i, site, ground, pool, trial)
         if not (trial.counts[i] > 0 and _fits(trial, i, n, rules)):
             continue
         least = math.inf
@@ -429,6 +432,7 @@ def _clear_site(i, n, count, ground, pool, rules, bench):
                 y = trial.points[i, 1] - trial.points[j, 1]
                 z = trial.points[i, 2] - trial.points[j, 2]
                 least = min(least, x * x + y * y + z * z)
+        least *= 1.0 if fits else LAST_RESORT
         if least > widest:
             chosen, widest = site, least
     return chosen
