@@ -8,11 +8,13 @@ ever finer, and with ever more candidates. `per vertex` is the time of both thre
 and `before MB` that before the labelling.
 
 Then candidate grasps settled per second and core by the search: of three fingers, all that it does
-before included, of four and five what each adds to the search with one finger less. Beside it (a)
-one full bisection of the critical angle per candidate and (b) closure by a linear program over
-cones of 8 edges at the largest angle that counts (scipy.optimize.linprog), both on random candidate
-grasps of the same meshes in the same run. Seconds are of the processor, so that other work on the
-machine hardly counts.
+before included, of four and five what each adds to the search with one finger less. A candidate is
+settled by one test, most of three fingers by the angle of a normal to the plane of the contacts.
+
+Beside it (a) one full bisection of the critical angle per candidate and (b) closure by a linear
+program over cones of 8 edges at the largest angle that counts (scipy.optimize.linprog), both on
+random candidate grasps of the same meshes in the same run. Seconds are of the processor, so that
+other work on the machine hardly counts.
 """
 
 import math
@@ -34,6 +36,10 @@ CANDIDATES = (16, 32, 128)
 USUAL = 64
 EDGES = 8
 MANY, FEW = 2000, 100
+RUNS = 3
+"""Times that a search is run; the fastest counts."""
+CLEAR = 0.1
+"""Share of a search's time below which what a finger adds is lost in its spread."""
 MEGABYTE = 1024.0
 """Of `ru_maxrss`, which counts kilobytes."""
 
@@ -117,16 +123,23 @@ def of_mesh(name: str) -> None:
         cone = search_cone(grasp3d.GraspModel(fingers=fingers), grasp3d.Sampling())
         find = partial(search, mesh, fingers, grasp3d.Sampling(), cone, threads=1)
         settled = find().settled
-        seconds = processor_time(find)
-        each = (seconds - seconds_before) / (settled - before)
+        seconds = min(processor_time(find) for _ in range(RUNS))
+        added, more = seconds - seconds_before, settled - before
+        before, seconds_before = settled, seconds
+        if added < CLEAR * seconds:
+            print(
+                f"{name:12} {fingers} fingers: {more / 1e6:6.2f} M settled, in less than "
+                f"{100.0 * CLEAR:.0f} % of the search's {seconds:.1f} s: too little to tell"
+            )
+            continue
+        each = added / more
         bisected, solved = reference_times(mesh, fingers, math.tan(cone))
         print(
-            f"{name:12} {fingers} fingers: {(settled - before) / 1e6:6.2f} M settled, "
+            f"{name:12} {fingers} fingers: {more / 1e6:6.2f} M settled, "
             f"{1e-3 / each:6.0f} k per s and core; "
             f"a bisection {1e6 * bisected:6.1f} us, {bisected / each:6.1f} x; "
             f"a linear program {1e6 * solved:6.0f} us, {solved / each:6.0f} x"
         )
-        before, seconds_before = settled, seconds
 
 
 def reference_times(mesh, fingers: int, friction: float) -> tuple[float, float]:  # noqa: ANN001
