@@ -5,7 +5,7 @@ reads and prints the fields of type `Radians` in degrees.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from numbers import Integral
 from typing import Annotated, Literal, get_args
 
@@ -281,6 +281,19 @@ def check_searched(model: GraspModel, sampling: Sampling) -> None:
             raise SettingError(
                 f"{given[0]} says nothing about {model.fingers} fingers; these have {cure}"
             )
+
+
+def with_fingers(model: GraspModel, count: int) -> GraspModel:
+    """The model of given grasps, whose fingers are counted.
+
+    Raises:
+        SettingError: The model asks for another number, that is not the usual one.
+    """
+    if model.fingers not in {GraspModel().fingers, count}:
+        raise SettingError(
+            f"the grasps have {count} fingers, the model (--fingers) {model.fingers}; leave it out"
+        )
+    return replace(model, fingers=count)
 
 
 def search_cone(model: GraspModel, sampling: Sampling) -> float:

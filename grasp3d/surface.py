@@ -1,22 +1,20 @@
 """Where on this object is a grasp of two or more fingers reliable?"""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.scan import scan
 from grasp3d.arrays import Floats, locked
-from grasp3d.crease_angles import critical_angles
+from grasp3d.crease_angles import SAME, critical_angles
 from grasp3d.errors import SettingError
 from grasp3d.labels import Reason, SearchReport, SurfaceLabels
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces, nearest_place
-from grasp3d.mesh.touching import contact_normals
 from grasp3d.processors import available_processors
 from grasp3d.progress import Progress, ignore, within
-from grasp3d.settings import GraspModel, Sampling, check_searched
+from grasp3d.settings import GraspModel, Sampling, check_searched, with_fingers
 from grasp3d.surface_contacts import SurfaceContacts
 from grasp3d.surface_extremes import check_combinations_of
 from grasp3d.vertex_grasps import grasps_at, largest_distance
@@ -24,10 +22,6 @@ from grasp3d.vertex_search import label_hands, label_pairs
 
 SEARCH_SHARE = 0.3
 """Of the work of label_surface with method extremes, what the search for grasps is taken for."""
-
-
-SAME = 1e-12
-"""Distance between contacts at one place, in object sizes."""
 
 
 def label_surface(
@@ -98,13 +92,8 @@ def scan_surface(
     Raises:
         SettingError: `fixed` are no finite points, or they or extreme normals are too many.
     """
-    points, given = _fixed_points(fixed), model or GraspModel()
-    model = replace(given, fingers=len(points) + 1)
-    if given.fingers not in {GraspModel().fingers, model.fingers}:
-        raise SettingError(
-            f"{len(points)} fixed fingers and the scanned one make {model.fingers}; "
-            f"the model has {given.fingers}"
-        )
+    points = _fixed_points(fixed)
+    model = with_fingers(model or GraspModel(), len(points) + 1)
     if model.method == "extremes":
         check_combinations_of(model)
     count, told = len(mesh.vertices), progress or ignore
@@ -164,7 +153,7 @@ def _scan_pairs(hand: SurfaceContacts, spot: Floats) -> tuple[Floats, npt.NDArra
     normals = hand.set_normals[:0] if hand.any_normal.any() else hand.set_normals
     angles = np.empty((2, len(mesh.vertices)))
     grip = np.empty(len(mesh.vertices), dtype=np.int8)
-    scan(spot, normals, mesh.normalized, contact_normals(mesh), angles[0], angles[1], grip)
+    scan(spot, normals, mesh.normalized, mesh.contact_normals, angles[0], angles[1], grip)
     return angles, grip
 
 

@@ -13,7 +13,6 @@ from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
 from grasp3d.contacts import Contacts
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces
-from grasp3d.mesh.touching import contact_normals, contact_surface
 from grasp3d.settings import GraspModel
 
 
@@ -135,10 +134,10 @@ def _place_sets(mesh: ObjectMesh, places: SurfacePlaces) -> _PlaceSets:
     """Look up the sets of vertices, and work out those on faces and edges."""
     faces = np.ascontiguousarray(places.faces).ravel()
     weights = np.ascontiguousarray(places.weights).reshape(-1, 3)
-    sets = contact_normals(mesh)
+    sets = mesh.contact_normals
     counts, vertices = np.empty((2, len(faces)), dtype=np.int64)
     found = np.zeros((len(faces), 2, 3))
-    normals_at_all(faces, weights, contact_surface(mesh), sets, counts, vertices, found)
+    normals_at_all(faces, weights, mesh.contact_surface, sets, counts, vertices, found)
     at_vertex = vertices >= 0
     all_there = np.where(sets.counts > 0, sets.counts, np.diff(sets.start))
     rows = np.where(at_vertex, all_there[vertices], np.maximum(counts, 1))

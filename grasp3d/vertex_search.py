@@ -10,7 +10,7 @@ from grasp3d.labels import Reason, SearchReport, SurfaceLabels
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces
 from grasp3d.progress import Progress, within
-from grasp3d.sampling.antipodal import best_grasps
+from grasp3d.sampling.antipodal import best_pairs
 from grasp3d.sampling.multifinger import search
 from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface_contacts import SurfaceContacts
@@ -33,7 +33,7 @@ def label_pairs(
         progress: Called with the share of the work done, from 0 to 1.
     """
     cone = search_cone(model, sampling)
-    grasps = best_grasps(mesh, sampling, cone, threads=threads, progress=progress)
+    grasps = best_pairs(mesh, sampling, cone, threads=threads, progress=progress)
     reason = np.where(mesh.on_surface, grasps.reason, Reason.OFF_SURFACE)
     places = SurfacePlaces(
         locked(grasps.places.faces[..., None]), locked(grasps.places.weights[..., None, :])

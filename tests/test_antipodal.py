@@ -5,7 +5,7 @@ import pytest
 
 from grasp3d import ObjectMesh, Sampling, load_mesh, mesh_from_arrays
 from grasp3d.sampling import antipodal
-from grasp3d.sampling.antipodal import best_grasps, tangents
+from grasp3d.sampling.antipodal import best_pairs, tangents
 from tests import oracles, shapes
 
 
@@ -34,7 +34,7 @@ def exhaustive(mesh: ObjectMesh, vertex: int, cone: float) -> float:
 def test_the_search_finds_what_an_exhaustive_one_finds(shape: shapes.Surface) -> None:
     mesh = mesh_from_arrays(*shape)
     cone = 1.0
-    grasps = best_grasps(mesh, Sampling(), cone)
+    grasps = best_pairs(mesh, Sampling(), cone)
     smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
     chosen = np.random.default_rng(4).choice(smooth, 300, replace=False)
     behind = []
@@ -51,7 +51,7 @@ def test_the_search_finds_what_an_exhaustive_one_finds(shape: shapes.Surface) ->
 def test_the_named_grasp_is_real_and_its_angle_exact(grip: str) -> None:
     """The partner lies on the surface, and two lines of NumPy give the same critical angle."""
     mesh = mesh_from_arrays(*shapes.tube())
-    grasps = best_grasps(mesh, Sampling(grip=grip), 0.8)  # type: ignore[arg-type]
+    grasps = best_pairs(mesh, Sampling(grip=grip), 0.8)  # type: ignore[arg-type]
     smooth = np.flatnonzero((mesh.normal_sets.counts == 1) & (grasps.reason == 0))
     assert len(smooth) > 1000
     for vertex in smooth[::97]:
@@ -80,8 +80,8 @@ def test_the_named_grasp_is_real_and_its_angle_exact(grip: str) -> None:
 
 def test_the_number_of_threads_changes_nothing() -> None:
     mesh = mesh_from_arrays(*shapes.lopsided())
-    one = best_grasps(mesh, Sampling(), 0.7, threads=1)
-    three = best_grasps(mesh, Sampling(), 0.7, threads=3)
+    one = best_pairs(mesh, Sampling(), 0.7, threads=1)
+    three = best_pairs(mesh, Sampling(), 0.7, threads=3)
     for name in ("worst", "best", "partner", "grip", "reason"):
         assert np.array_equal(getattr(one, name), getattr(three, name), equal_nan=True)
     assert one.rays == three.rays
@@ -89,17 +89,17 @@ def test_the_number_of_threads_changes_nothing() -> None:
 
 def test_more_rays_find_no_worse_grasps() -> None:
     mesh = mesh_from_arrays(*shapes.torus())
-    few = best_grasps(mesh, Sampling(rays=16), 0.7).worst
-    many = best_grasps(mesh, Sampling(rays=256), 0.7).worst
+    few = best_pairs(mesh, Sampling(rays=16), 0.7).worst
+    many = best_pairs(mesh, Sampling(rays=256), 0.7).worst
     assert np.mean(many) <= np.mean(few) + 1e-4
     assert np.mean(many > few + 2e-3) < 0.01
 
 
 def test_several_starts_find_better_grasps_than_one(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = load_mesh(shapes.LIBRARY / "banana.ply")
-    several = best_grasps(mesh, Sampling(), 0.66)
+    several = best_pairs(mesh, Sampling(), 0.66)
     monkeypatch.setattr(antipodal, "EXPLORING_ROUNDS", 0)
-    one = best_grasps(mesh, Sampling(), 0.66)
+    one = best_pairs(mesh, Sampling(), 0.66)
     gain = np.minimum(one.worst, 2.0) - np.minimum(several.worst, 2.0)
     assert gain.mean() > 2e-4
     assert np.mean(gain > 0.01) > 2.0 * np.mean(gain < -0.01)
@@ -121,6 +121,6 @@ def test_every_vertex_of_a_perfect_ball_has_a_search_direction() -> None:
 
 def test_progress_goes_from_nothing_to_all() -> None:
     seen: list[float] = []
-    best_grasps(mesh_from_arrays(*shapes.lopsided()), Sampling(), 0.7, progress=seen.append)
+    best_pairs(mesh_from_arrays(*shapes.lopsided()), Sampling(), 0.7, progress=seen.append)
     assert seen == sorted(seen)
     assert 0.0 < seen[0] < seen[-1] == 1.0

@@ -112,7 +112,7 @@ BAD: dict[str, tuple[list[str], str]] = {
         "pair.json: holds the contacts; name another file",
     ),
     "far off": (["evaluate", "my box.stl", "far.json"], "grasp 1, contact 2 at (-500, 0, 0)"),
-    "fingers": (["evaluate", "my box.stl", "three.json", "--fingers", "4"], "have 3 contacts"),
+    "fingers": (["evaluate", "my box.stl", "three.json", "--fingers", "4"], "have 3 fingers"),
     "distance": (
         ["evaluate", "my box.stl", "pair.json", "--max-distance", "-1"],
         "max_distance must be",

@@ -4,7 +4,6 @@ import pytest
 from grasp3d import mesh_from_arrays
 from grasp3d._kernels.candidates import FOUND, NO_PARTNER, Grasps
 from grasp3d._kernels.rays import STEP, Rays
-from grasp3d.mesh.touching import contact_normals, contact_surface
 from grasp3d.rays import SurfaceRays
 from tests import oracles, shapes
 from tests.shapes import Surface
@@ -17,7 +16,7 @@ def exits_found(shape: Surface, seed: int, count: int) -> tuple[int, int]:
     tells which crossing was seen.
     """
     mesh = mesh_from_arrays(*shape)
-    surface, sets = contact_surface(mesh), contact_normals(mesh)
+    surface, sets = mesh.contact_surface, mesh.contact_normals
     tracer = SurfaceRays(surface, sets)
     rng = np.random.default_rng(seed)
     expected = found = 0

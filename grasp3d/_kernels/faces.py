@@ -78,12 +78,6 @@ def write_normals(face, weights, surface, sets, found):
 
 
 @kernel
-def normals_at(face, weights, surface, sets, found):
-    """Do what `write_normals` does, for callers from Python."""
-    return write_normals(face, weights, surface, sets, found)
-
-
-@kernel
 def normals_at_all(faces, weights, surface, sets, counts, vertices, found):
     """Write the normals at many places; a place at a vertex has that vertex's own set.
 

@@ -6,15 +6,11 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import inlined, merged, scratch_kernel
+from grasp3d._kernels.compiling import inlined, scratch_kernel
 from grasp3d._kernels.coplanar import lay_plane
-from grasp3d._kernels.faces import Surface, write_normals
-from grasp3d._kernels.normal_sets import Sets
-from grasp3d._kernels.trials import RIGHT, Trial, settle
+from grasp3d._kernels.standing import NOWHERE, keeps_apart, put, put_site, put_vertex
+from grasp3d._kernels.trials import RIGHT, Trial, make_trial, settle
 from grasp3d._kernels.walks import random_share, walk
-
-NOWHERE = -1
-"""Mark of a finger that has no place."""
 
 STARTS = 3
 """Grasps of a vertex, without a place in common, around which the search begins."""
@@ -34,68 +30,6 @@ LAST_RESORT = 1e-12
 
 MOST_HOPS = 8
 """Edges that a finger moves along at most, where fingers stand on vertices."""
-
-
-class Ground(NamedTuple):
-    """Where fingers can stand."""
-
-    surface: Surface
-    sets: Sets
-    across: npt.NDArray[np.int64]
-    """Face beyond the edge opposite each corner (F, 3); -1: none, or several."""
-    first: npt.NDArray[np.int64]
-    """First row of each vertex in `normals` (V + 1,)."""
-    normals: npt.NDArray[np.float64]
-    """Inward unit normals that a contact at each vertex is tried with (K, 3)."""
-    around: npt.NDArray[np.int64]
-    """First neighbour of each vertex in `beside` (V + 1,)."""
-    beside: npt.NDArray[np.int64]
-    """Vertices around each vertex."""
-    on_vertices: bool
-    """Fingers stand on vertices only, and a place's number is that of its vertex, not its face."""
-    most: int
-    """Normals that a vertex may have for a finger to be put there: all combinations are tried."""
-
-
-class Pool(NamedTuple):
-    """Places spread over the surface, any first ones evenly, and places of single vertices."""
-
-    spread: int
-    """How many are for all vertices; the others are for one each."""
-
-    points: npt.NDArray[np.float64]
-    """Positions (P, 3)."""
-    numbers: npt.NDArray[np.int64]
-    """Their faces or vertices (P,)."""
-    weights: npt.NDArray[np.float64]
-    """Barycentric coordinates (P, 3)."""
-    normals: npt.NDArray[np.float64]
-    """Inward unit normals (P, 3); not used on vertices, which may have several."""
-
-
-class Rules(NamedTuple):
-    """What a grasp must keep to, and how it is searched; lengths in those of `Ground`."""
-
-    low: float
-    """Smallest distance between two contacts."""
-    high: float
-    """Largest distance between two contacts."""
-    limit: float
-    """Largest critical angle that counts [rad]."""
-    tolerance: float
-    """Width of the bracket of a critical angle [rad]."""
-    margin: float
-    """By how much a critical angle must fall to count [rad]."""
-    enough: float
-    """Critical angle below which a grasp is not improved any more [rad]."""
-    candidates: int
-    """Places of the pool that a vertex tries."""
-    edge: float
-    """Mean length of an edge."""
-    shortest: float
-    """Steps shorter than this end the search."""
-    helping: bool
-    """Search for the best normals instead of the worst."""
 
 
 class Hands(NamedTuple):
@@ -131,67 +65,28 @@ class Bench(NamedTuple):
     """Candidates settled so far (1,)."""
 
 
-@merged
-def _put_vertex(i, vertex, ground, trial):
-    """Put contact i of a trial on a vertex; returns whether it has a normal."""
-    first, points = ground.first[vertex], ground.surface.points
-    count = ground.first[vertex + 1] - first
-    trial.counts[i] = count
-    for c in range(3):
-        trial.points[i, c] = points[vertex, c]
-        for k in range(count):
-            trial.normals[i, k, c] = ground.normals[first + k, c]
-    return count > 0
+def make_hands(vertices: int, others: int) -> Hands:
+    """Allocate grasps of no vertex yet, with so many fingers besides the first."""
+    return Hands(
+        angles=np.full(vertices, math.inf),
+        numbers=np.full((vertices, others), NOWHERE, dtype=np.int64),
+        weights=np.zeros((vertices, others, 3)),
+    )
 
 
-@merged
-def _put_in_face(i, face, weights, ground, trial, found):
-    """Put contact i of a trial in a face; returns whether the surface is smooth there."""
-    surface = ground.surface
-    b0, b1, b2 = weights[0], weights[1], weights[2]
-    count, vertex = write_normals(face, (b0, b1, b2), surface, ground.sets, found)
-    v0, v1, v2 = surface.faces[face, 0], surface.faces[face, 1], surface.faces[face, 2]
-    trial.counts[i] = 1
-    for c in range(3):
-        trial.normals[i, 0, c] = found[0, c]
-        trial.points[i, c] = (
-            b0 * surface.points[v0, c] + b1 * surface.points[v1, c] + b2 * surface.points[v2, c]
-        )
-    return count == 1 and vertex < 0
-
-
-@inlined
-def _put(i, number, weights, ground, bench):
-    if ground.on_vertices:
-        fits = _put_vertex(i, number, ground, bench.trial)
-        return fits and bench.trial.counts[i] <= ground.most
-    return _put_in_face(i, number, weights, ground, bench.trial, bench.found)
-
-
-@inlined
-def _put_site(i, site, ground, pool, trial):
-    """Put contact i of a trial on a place of the pool."""
-    if ground.on_vertices:
-        return _put_vertex(i, pool.numbers[site], ground, trial) and trial.counts[i] <= ground.most
-    trial.counts[i] = 1
-    for c in range(3):
-        trial.points[i, c] = pool.points[site, c]
-        trial.normals[i, 0, c] = pool.normals[site, c]
-    return True
-
-
-@inlined
-def _fits(trial, i, n, rules):
-    """Whether contact i keeps its distance from the others of the first n."""
-    for j in range(n):
-        if j != i:
-            x = trial.points[i, 0] - trial.points[j, 0]
-            y = trial.points[i, 1] - trial.points[j, 1]
-            z = trial.points[i, 2] - trial.points[j, 2]
-            square = x * x + y * y + z * z
-            if square < rules.low * rules.low or square > rules.high * rules.high:
-                return False
-    return True
+def make_bench(fingers: int, normals: int, places: int) -> Bench:
+    """Allocate scratch for so many fingers, normals of a contact, and places spread."""
+    return Bench(
+        trial=make_trial(fingers, normals),
+        found=np.zeros((2, 3)),
+        within=np.zeros(places + 1, dtype=np.int64),
+        angles=np.zeros(STARTS),
+        sites=np.zeros((STARTS, 2), dtype=np.int64),
+        numbers=np.zeros((2, fingers), dtype=np.int64),
+        weights=np.zeros((2, fingers, 3)),
+        state=np.zeros(1, dtype=np.uint64),
+        settled=np.zeros(1, dtype=np.int64),
+    )
 
 
 @inlined
@@ -269,12 +164,12 @@ def _seed(count, n, ground, pool, rules, bench):
         bench.angles[k] = math.inf
     for a in range(count):
         one = bench.within[a]
-        if not _put_site(1, one, ground, pool, trial):
+        if not put_site(1, one, ground, pool, trial):
             continue
         last = count if a == 0 else min(count, a + 1 + MATES)
         for b in range(a + 1, last):
             two = bench.within[b]
-            if not (_put_site(2, two, ground, pool, trial) and _fits(trial, 2, 2, rules)):
+            if not (put_site(2, two, ground, pool, trial) and keeps_apart(trial, 2, 2, rules)):
                 continue
             bench.settled[0] += 1
             bar = min(bench.angles[STARTS - 1] - rules.margin, rules.limit)
@@ -292,9 +187,9 @@ def _any_pair(count, ground, pool, rules, bench):
         for b in range(a + 1, count):
             one, two = bench.within[a], bench.within[b]
             if bench.angles[0] == math.inf and (
-                _put_site(1, one, ground, pool, trial)
-                and _put_site(2, two, ground, pool, trial)
-                and _fits(trial, 2, 2, rules)
+                put_site(1, one, ground, pool, trial)
+                and put_site(2, two, ground, pool, trial)
+                and keeps_apart(trial, 2, 2, rules)
                 and lay_plane(trial.points, trial.plane)
             ):
                 bench.angles[0] = RIGHT
@@ -304,12 +199,12 @@ def _any_pair(count, ground, pool, rules, bench):
 @inlined
 def _take_up(v, n, hands, ground, bench):
     """Lay out the best grasp of a vertex so far; returns its critical angle."""
-    _put_vertex(0, v, ground, bench.trial)
+    put_vertex(0, v, ground, bench.trial)
     for j in range(1, n):
         bench.numbers[0, j] = hands.numbers[v, j - 1]
         for c in range(3):
             bench.weights[0, j, c] = hands.weights[v, j - 1, c]
-        _put(j, bench.numbers[0, j], bench.weights[0, j], ground, bench)
+        put(j, bench.numbers[0, j], bench.weights[0, j], ground, bench)
     return hands.angles[v]
 
 
@@ -329,7 +224,7 @@ def _stand(i, site, ground, pool, bench):
     bench.numbers[0, i] = pool.numbers[site]
     for c in range(3):
         bench.weights[0, i, c] = pool.weights[site, c]
-    _put_site(i, site, ground, pool, bench.trial)
+    put_site(i, site, ground, pool, bench.trial)
 
 
 @inlined
@@ -376,9 +271,9 @@ def _refine(n, angle, step, rounds, ground, rules, bench):
         for j in range(1, n):
             if only in (0, j):
                 _move(j, step, ground, rules, bench)
-                fits = _put(j, bench.numbers[1, j], bench.weights[1, j], ground, bench) and fits
+                fits = put(j, bench.numbers[1, j], bench.weights[1, j], ground, bench) and fits
         for j in range(1, n):
-            fits = fits and _fits(trial, j, j, rules)
+            fits = fits and keeps_apart(trial, j, j, rules)
         bar = angle - rules.margin
         bench.settled[0] += fits
         found = math.inf
@@ -395,7 +290,7 @@ def _refine(n, angle, step, rounds, ground, rules, bench):
                     for c in range(3):
                         bench.weights[0, j, c] = bench.weights[1, j, c]
                 else:
-                    _put(j, bench.numbers[0, j], bench.weights[0, j], ground, bench)
+                    put(j, bench.numbers[0, j], bench.weights[0, j], ground, bench)
     return angle
 
 
@@ -407,7 +302,7 @@ def _better_site(i, n, angle, count, ground, pool, rules, bench):
         site, bar = bench.within[s], angle - rules.margin
         if bar <= 0.0:
             break
-        if not (_put_site(i, site, ground, pool, trial) and _fits(trial, i, n, rules)):
+        if not (put_site(i, site, ground, pool, trial) and keeps_apart(trial, i, n, rules)):
             continue
         bench.settled[0] += 1
         found = settle(trial, n, bar, rules.tolerance, rules.helping)
@@ -422,8 +317,8 @@ def _clear_site(i, n, count, ground, pool, rules, bench):
     trial, chosen, widest = bench.trial, NOWHERE, 0.0
     for s in range(count):
         site = bench.within[s]
-        fits = _put_site(i, site, ground, pool, trial)
-        if not (trial.counts[i] > 0 and _fits(trial, i, n, rules)):
+        fits = put_site(i, site, ground, pool, trial)
+        if not (trial.counts[i] > 0 and keeps_apart(trial, i, n, rules)):
             continue
         least = math.inf
         for j in range(n):
@@ -469,7 +364,7 @@ def _exchange(n, added, angle, count, ground, pool, rules, bench):
         if site != NOWHERE:
             _stand(i, site, ground, pool, bench)
         elif angle > rules.enough:
-            _put(i, bench.numbers[0, i], bench.weights[0, i], ground, bench)
+            put(i, bench.numbers[0, i], bench.weights[0, i], ground, bench)
     return angle
 
 
@@ -486,9 +381,9 @@ def _share(v, n, ground, rules, before, hands, bench):
         fits = True
         for j in range(1, n):
             number, weights = before.numbers[other, j - 1], before.weights[other, j - 1]
-            fits = _put(j, number, weights, ground, bench) and fits
+            fits = put(j, number, weights, ground, bench) and fits
         for j in range(1, n):
-            fits = fits and _fits(trial, j, j, rules)
+            fits = fits and keeps_apart(trial, j, j, rules)
         bench.settled[0] += fits
         bar = min(angle - rules.margin, rules.limit)
         if fits and bar > 0.0:
@@ -552,7 +447,7 @@ def work_on_hands(
     """
     trial = bench.trial
     for v in vertices:
-        if not _put_vertex(0, v, ground, trial):
+        if not put_vertex(0, v, ground, trial):
             continue
         trial.used[0] = trial.used[1] = 0
         _shuffle(seed, v, 16 * stage + n, bench.state)
@@ -561,7 +456,7 @@ def work_on_hands(
             if other == NOWHERE:
                 continue
             _take_up(other, n, before, ground, bench)
-            _put_vertex(0, v, ground, trial)
+            put_vertex(0, v, ground, trial)
             starts = 1
         else:
             starts = _begin(v, own[v], n, ground, pool, rules, before, bench)

@@ -7,8 +7,8 @@ from typing import Annotated
 import tyro
 
 from grasp3d.cli.options import ModelOptions, SurfaceOptions
-from grasp3d.errors import OutputError, SettingError
-from grasp3d.settings import GraspModel, MeshOptions
+from grasp3d.errors import OutputError
+from grasp3d.settings import GraspModel, MeshOptions, with_fingers
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,7 @@ class Evaluate:
         points = read_contacts(self.contacts)
         if output.exists() and output.samefile(self.contacts):
             raise OutputError(f"{output}: holds the contacts; name another file with -o")
-        self._check_fingers(points.shape[1])
+        model = with_fingers(self.model, points.shape[1])
         mesh = load_mesh(
             self.file,
             unit=self.mesh.unit,
@@ -62,7 +62,7 @@ class Evaluate:
         check_writable(output, source=self.file)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             grasps = evaluate_grasps(
-                mesh, points, self.model, max_distance=self.max_distance, progress=progress
+                mesh, points, model, max_distance=self.max_distance, progress=progress
             )
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
             grasps.measure(progress)
@@ -70,11 +70,3 @@ class Evaluate:
         if not self.quiet:
             grasp_report.print_evaluated(grasps, output)
         return 0
-
-    def _check_fingers(self, count: int) -> None:
-        """Refuse another number of fingers than the contacts have, where one is asked for."""
-        if self.model.fingers not in {GraspModel().fingers, count}:
-            raise SettingError(
-                f"{self.contacts}: the grasps have {count} contacts, not {self.model.fingers}; "
-                "--fingers is not needed"
-            )

@@ -9,6 +9,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from grasp3d.arrays import Floats
+from grasp3d.cli.report import angle_text
 from grasp3d.grasps.evaluation import ROUNDING
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.stability import COLORS, MEANING, Label
@@ -115,8 +116,8 @@ def _table(grasps: SurfaceGrasps, count: int, *, off: bool = False) -> Table:
         cells = [
             str(row + 1),
             _name(Label(int(grasps.label[row]))),
-            _angle(grasps.critical_angle[row]),
-            _angle(grasps.max_resolution[row]) if grasps.max_resolution[row] > 0.0 else "none",
+            angle_text(grasps.critical_angle[row]),
+            angle_text(grasps.max_resolution[row]) if grasps.max_resolution[row] > 0.0 else "none",
             _number(grasps.epsilon[row]),
             _number(grasps.epsilon_min[row]),
             f"{grasps.opening[row]:.4g}",
@@ -136,11 +137,7 @@ def _angles(angles: Floats) -> str:
     """Quantiles of angles; where forces cannot balance they are infinite."""
     order = np.sort(angles)
     numbers = np.ceil(np.array(LEVELS) * len(order)).astype(np.int64) - 1
-    return ", ".join(_angle(angle) for angle in order[np.maximum(numbers, 0)])
-
-
-def _angle(angle: float) -> str:
-    return "none" if math.isinf(angle) else f"{math.degrees(angle):.1f}°"
+    return ", ".join(angle_text(angle) for angle in order[np.maximum(numbers, 0)])
 
 
 def _number(value: float) -> str:

@@ -82,7 +82,7 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     console.print(table)
     console.print(
         "critical friction angle, 10/50/90 % of the area: "
-        + ", ".join(_angle(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
+        + ", ".join(angle_text(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
     )
     console.print(_told_epsilon(labels))
     counts = np.bincount(labels.reason, minlength=len(Reason))
@@ -151,11 +151,12 @@ def _cells(row: Row) -> list[str]:
         escape(row.mesh),
         str(row.vertices),
         *(f"{100.0 * share:.1f}" for share in shares if share is not None),
-        " ".join(_angle(angle) for angle in angles if angle is not None),
+        " ".join(angle_text(angle) for angle in angles if angle is not None),
         "" if row.epsilon_min_p50 is None else f"{row.epsilon_min_p50:.3f}",
         f"{row.seconds:.1f}",
     ]
 
 
-def _angle(angle: float) -> str:
+def angle_text(angle: float) -> str:
+    """Write an angle in degrees; an infinite one, of no grasp, in words."""
     return "none" if math.isinf(angle) else f"{math.degrees(angle):.1f}°"

@@ -1,7 +1,6 @@
 """How reliable are the grasps that a user brings?"""
 
 import math
-from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,7 +14,7 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces, nearest_place, nearest_places
 from grasp3d.processors import available_processors
 from grasp3d.progress import Progress, ignore, within
-from grasp3d.settings import MAX_FINGERS, GraspModel
+from grasp3d.settings import MAX_FINGERS, GraspModel, with_fingers
 from grasp3d.surface_contacts import SurfaceContacts
 
 OFF_SURFACE = 1.0 / 100.0
@@ -46,7 +45,8 @@ def evaluate_grasps(
         mesh: The object's surface.
         points: Contacts in the mesh's frame and unit, shape (b, n, 3), or (n, 3) for one grasp;
             n is 2 to 32 for every grasp.
-        model: Friction and sensor resolution; its number of fingers is taken from `points`.
+        model: Friction and sensor resolution; its number of fingers, unless it is the usual 2, must
+            be that of `points`.
         max_distance: How far off the surface a contact may be, in the mesh's unit; None: 1/100 of
             the object's size.
         threads: Threads to use; None: one per processor. The result does not depend on it.
@@ -58,6 +58,7 @@ def evaluate_grasps(
     """
     told = progress or ignore
     given = _checked(points)
+    used = with_fingers(model or GraspModel(), given.shape[1])
     limit = OFF_SURFACE * mesh.size if max_distance is None else max_distance
     if not (limit >= 0.0 and math.isfinite(limit)):
         raise SettingError(f"max_distance must be a finite length of at least 0; got {limit:g}")
@@ -65,7 +66,6 @@ def evaluate_grasps(
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
     contacts, off = _on_surface(mesh, given, limit, threads, within(told, 0.0, SNAPPING))
-    used = replace(model or GraspModel(), fingers=contacts.count)
     ends = ANGLES if used.method == "extremes" else 1.0
     worst, best = critical_angles(contacts, threads=threads, progress=within(told, SNAPPING, ends))
     grasps = SurfaceGrasps(contacts, used, off, worst, best, threads)

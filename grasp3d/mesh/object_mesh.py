@@ -5,8 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
+from grasp3d._kernels.faces import Surface
+from grasp3d._kernels.normal_sets import Sets
 from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
-from grasp3d.mesh.normals import CornerNormals, NormalSets
+from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins
 from grasp3d.mesh.orientation import face_areas
 from grasp3d.settings import MeshOptions, Unit
 
@@ -108,6 +110,23 @@ class ObjectMesh:
     def normalized(self) -> Floats:
         """Positions centred and divided by `size`, shape (V, 3)."""
         return locked((self.vertices - self.center) / self.size)
+
+    @cached_property
+    def contact_normals(self) -> Sets:
+        """The vertices' normal sets, as the compiled loops take them."""
+        return Sets(self.normal_sets.start, self.normal_sets.counts, self.normal_sets.normals)
+
+    @cached_property
+    def contact_surface(self) -> Surface:
+        """The surface in the normalised frame, as the compiled loops take it."""
+        corners = self.corner_normals
+        return Surface(
+            points=np.ascontiguousarray(self.normalized),
+            faces=self.faces,
+            corners=corners.corners,
+            normals=corners.normals,
+            twins=crease_twins(self.faces, corners.corners),
+        )
 
     def from_normalized(self, points: Floats) -> Floats:
         """Take points (..., 3) of the normalised frame back to the file's frame and unit."""

@@ -6,7 +6,6 @@ import math
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats
-from grasp3d.mesh.touching import contact_normals, contact_surface
 from grasp3d.rays import SurfaceRays
 from grasp3d.rendering import ARROW, View
 from grasp3d.settings import DEGREE
@@ -38,7 +37,7 @@ def views_of(contacts: SurfaceContacts, extent: float) -> list[View]:
     axes = np.stack([view.axes for view in views])  # (v, 3, 3)
     liked = np.array([ELEVATIONS[elevation] for _, elevation in tried])
     mesh = contacts.mesh
-    rays = SurfaceRays(contact_surface(mesh), contact_normals(mesh))
+    rays = SurfaceRays(mesh.contact_surface, mesh.contact_normals)
     found = []
     for points, normals in zip(contacts.points, contacts.normals, strict=True):
         steps = ARROW * extent * np.array(ALONG)[:, None]

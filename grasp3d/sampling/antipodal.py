@@ -25,7 +25,6 @@ from grasp3d._kernels.seeds import Frames, seed_rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces
-from grasp3d.mesh.touching import contact_normals, contact_surface
 from grasp3d.progress import Progress, ignore
 from grasp3d.rays import SurfaceRays
 from grasp3d.settings import Sampling
@@ -87,7 +86,7 @@ class AntipodalGrasps:
     """Share of the vertices that the last trial of their neighbours' partners still improved."""
 
 
-def best_grasps(
+def best_pairs(
     mesh: ObjectMesh,
     sampling: Sampling,
     cone: float,
@@ -176,8 +175,8 @@ class _Search:
             max(self.sampling.min_opening / mesh.size - SLACK, SMALLEST),
             self.sampling.max_opening / mesh.size + SLACK,
         )
-        self.sets = contact_normals(mesh)
-        self.surface = contact_surface(mesh)
+        self.sets = mesh.contact_normals
+        self.surface = mesh.contact_surface
         self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
         self.around = neighbours(mesh)
         self.tracer = SurfaceRays(self.surface, self.sets)

@@ -14,27 +14,15 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from grasp3d._kernels.candidates import FOUND, NO_PARTNER
-from grasp3d._kernels.hands import (
-    NOWHERE,
-    STARTS,
-    Bench,
-    Ground,
-    Hands,
-    Pool,
-    Rules,
-    work_on_hands,
-)
-from grasp3d._kernels.trials import make_trial
+from grasp3d._kernels.hands import Hands, make_bench, make_hands, work_on_hands
+from grasp3d._kernels.standing import Pool, Rules
 from grasp3d.arrays import Bytes, Ints
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.normals import paired_edges
 from grasp3d.mesh.places import SurfacePlaces
-from grasp3d.mesh.touching import contact_normals, contact_surface
 from grasp3d.progress import Progress, ignore, within
-from grasp3d.sampling.antipodal import best_grasps, neighbours
-from grasp3d.sampling.crease_samples import crease_samples
-from grasp3d.sampling.spread import spread_places, spread_vertices
+from grasp3d.sampling.antipodal import best_pairs
+from grasp3d.sampling.standing import ground_of, surface_pool, vertex_pool
 from grasp3d.settings import Sampling
 from grasp3d.surface_contacts import SurfaceContacts, vertex_places
 
@@ -155,8 +143,8 @@ class _Search:
         few = self.on_vertices and len(self.places) <= FEW * sampling.candidates
         self.candidates = len(self.places) if few else sampling.candidates
         self.scale = 1.0 / min(1.0, sampling.max_spread / mesh.size)
-        self.ground = _ground(mesh, self.scale, on_vertices=self.on_vertices)
-        self.sites, self.own = self._pool()
+        self.ground = ground_of(mesh, self.scale, on_vertices=self.on_vertices)
+        self.sites, self.own = self._sites()
         edges = self.ground.surface.points[mesh.faces]
         self.edge = float(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).mean())
         self.step = math.sqrt(float(self.mesh.vertex_areas.sum()) / self.sampling.candidates)
@@ -187,9 +175,9 @@ class _Search:
         """(grasps, share that still fell) over the worst or the best normals of some vertices."""
         rules = self._rules(helping=helping)
         stages, falling = (self.fingers - 2) * (1 + SWEEPS), 0.0
-        hands = self._hands(1)
+        hands = make_hands(len(self.mesh.vertices), 1)
         for n in range(3, self.fingers + 1):
-            before, hands = hands, self._hands(n - 1)
+            before, hands = hands, make_hands(len(self.mesh.vertices), n - 1)
             for stage in range(1 + SWEEPS):
                 if stage:
                     before = Hands(hands.angles.copy(), hands.numbers.copy(), hands.weights.copy())
@@ -216,8 +204,10 @@ class _Search:
         step, rounds = self.step / 2.0**stage, SHARED_ROUNDS if stage else ROUNDS
         ground = self.ground if n == 3 else self.ground._replace(most=1)  # noqa: PLR2004
 
+        most = max(1, int(np.diff(self.ground.first).max()))
+
         def settle(chunk: Ints) -> int:
-            bench = self._bench()
+            bench = make_bench(self.fingers, most, self.sites.spread)
             work_on_hands(
                 stage, chunk, self.own, n, ground, self.sites, rules, int(self.sampling.seed), step,
                 rounds, before, hands, bench,
@@ -243,36 +233,20 @@ class _Search:
             helping=helping,
         )
 
-    def _pool(self) -> tuple[Pool, Ints]:
+    def _sites(self) -> tuple[Pool, Ints]:
         """Places for the other fingers, and which of them each vertex tries first."""
-        mesh = self.mesh
         count = max(self.candidates, min(DENSE * self.candidates, MOST_DENSE))
         count = max(count, min(math.ceil(self.candidates * self.scale**2), MOST_SPREAD))
-        own = np.full(len(mesh.vertices), NOWHERE, dtype=np.int64)
         if self.on_vertices:
-            chosen = spread_vertices(mesh, count, seed=self.sampling.seed)
-            places = vertex_places(mesh, chosen)
-            numbers = chosen
-        else:
-            places = spread_places(mesh, count, seed=self.sampling.seed)
-            partners, held = self._partners()
-            own[held] = len(places.faces) + np.arange(len(held))
-            places = SurfacePlaces(
-                np.concatenate([places.faces, partners.faces]),
-                np.concatenate([places.weights, partners.weights]),
-            )
-            numbers = places.faces
-        contacts = SurfaceContacts(
-            mesh, SurfacePlaces(places.faces[:, None], places.weights[:, None])
+            return vertex_pool(self.mesh, count, self.sampling.seed, self.scale)
+        return surface_pool(
+            self.mesh, count, self.sampling.seed, self.scale, extra=self._partners()
         )
-        points = (contacts.points[:, 0] - mesh.center) * (self.scale / mesh.size)
-        spread = len(numbers) - int((own != NOWHERE).sum())
-        return Pool(spread, points, numbers, places.weights, contacts.normals[:, 0]), own
 
     def _partners(self) -> tuple[SurfacePlaces, Ints]:
         """(places, vertices): smooth second contacts of the best grasps of two fingers."""
         sampling, mesh = self.sampling, self.mesh
-        pairs = best_grasps(
+        pairs = best_pairs(
             mesh,
             replace(
                 sampling,
@@ -291,28 +265,6 @@ class _Search:
         return (
             SurfacePlaces(places.faces[smooth], places.weights[smooth]),
             self.places[held[smooth]],
-        )
-
-    def _hands(self, others: int) -> Hands:
-        count = len(self.mesh.vertices)
-        return Hands(
-            angles=np.full(count, math.inf),
-            numbers=np.full((count, others), NOWHERE, dtype=np.int64),
-            weights=np.zeros((count, others, 3)),
-        )
-
-    def _bench(self) -> Bench:
-        n = self.fingers
-        return Bench(
-            trial=make_trial(n, max(1, int(np.diff(self.ground.first).max()))),
-            found=np.zeros((2, 3)),
-            within=np.zeros(self.sites.spread + 1, dtype=np.int64),
-            angles=np.zeros(STARTS),
-            sites=np.zeros((STARTS, 2), dtype=np.int64),
-            numbers=np.zeros((2, n), dtype=np.int64),
-            weights=np.zeros((2, n, 3)),
-            state=np.zeros(1, dtype=np.uint64),
-            settled=np.zeros(1, dtype=np.int64),
         )
 
     def _result(self, worst: Hands, best: Hands, still_falling: float) -> Found:
@@ -334,24 +286,3 @@ class _Search:
             rounds=SWEEPS * (self.fingers - 2),
             still_falling=still_falling,
         )
-
-
-def _ground(mesh: ObjectMesh, scale: float, *, on_vertices: bool) -> Ground:
-    """The surface in the scaled frame, as the kernels take it."""
-    surface = contact_surface(mesh)
-    first, normals = crease_samples(mesh)
-    around, beside = neighbours(mesh)
-    one, two = paired_edges(mesh.faces)
-    across = np.full(3 * len(mesh.faces), -1, dtype=np.int64)
-    across[one], across[two] = two // 3, one // 3
-    return Ground(
-        surface=surface._replace(points=np.ascontiguousarray(scale * surface.points)),
-        sets=contact_normals(mesh),
-        across=across.reshape(-1, 3),
-        first=first,
-        normals=normals,
-        around=around,
-        beside=beside,
-        on_vertices=on_vertices,
-        most=len(normals),
-    )
