@@ -7,7 +7,7 @@ reads and prints the fields of type `Radians` in degrees.
 import math
 from dataclasses import dataclass, replace
 from numbers import Integral
-from typing import Annotated, Literal, get_args
+from typing import Annotated, Literal, TypedDict, get_args
 
 from grasp3d.errors import SettingError
 
@@ -20,6 +20,7 @@ Actuation = Literal["total", "per_finger"]
 Method = Literal["exact", "extremes"]
 Tilts = Literal["exact", "effective_friction", "sampled_tilts"]
 Places = Literal["surface", "vertices"]
+Repair = Literal["none", "safe", "full"]
 MAX_FINGERS = 32
 MOST_SEARCHED = 5
 """Fingers of the largest grasps that are searched for; given ones may have more."""
@@ -28,6 +29,7 @@ MIN_CANDIDATES, MAX_CANDIDATES = 8, 4096
 LAST_SEED = 2**63
 MIN_EDGES, MAX_EDGES = 3, 360
 MIN_EXTREMES, MAX_EXTREMES = 3, 360
+MIN_MEMORY = 0.5
 DEGREE = math.pi / 180.0
 
 
@@ -234,6 +236,20 @@ class MeshOptions:
     crease_angle: Radians = 30.0 * DEGREE
     """Faces that meet at more than this angle keep their own normals: the edge is a crease."""
 
+    repair: Repair = "safe"
+    """How much of a damaged surface is mended. none: nothing but what has no area is left out;
+    safe: also vertices are welded, faces turned the right way out, pinholes closed, overlapping
+    bodies united; full: also every hole is closed, and sealed cavities are filled."""
+
+    patch_radius: float = 0.0
+    """Radius of the fingertip's patch, in the mesh's unit: the contact normal at a place is the
+    average over the surface within this distance along it, as a soft fingertip touches an area. 0:
+    the normal of the place alone."""
+
+    max_memory: float = 2.0
+    """Memory that reading and labelling one mesh may take [GB]; files that need more are refused
+    before the work."""
+
     def __post_init__(self) -> None:
         if self.unit is not None and self.unit not in get_args(Unit):
             known = ", ".join(get_args(Unit))
@@ -243,6 +259,28 @@ class MeshOptions:
         if not 0.0 <= self.crease_angle <= math.pi:
             degrees = math.degrees(self.crease_angle)
             raise SettingError(f"crease angle must be from 0 to 180 degrees; got {degrees:g}")
+        if self.repair not in get_args(Repair):
+            known = ", ".join(get_args(Repair))
+            raise SettingError(f"no repair is called {self.repair!r}; known: {known}")
+        if not (self.patch_radius >= 0.0 and math.isfinite(self.patch_radius)):
+            raise SettingError(
+                f"patch radius must be a finite length of at least 0; got {self.patch_radius:g}"
+            )
+        if not self.max_memory >= MIN_MEMORY:
+            raise SettingError(
+                f"max memory must be at least {MIN_MEMORY:g} GB; got {self.max_memory:g}"
+            )
+
+
+class MeshKeywords(TypedDict, total=False):
+    """The fields of `MeshOptions` as keywords."""
+
+    unit: Unit | None
+    max_edge: float | None
+    crease_angle: float
+    repair: Repair
+    patch_radius: float
+    max_memory: float
 
 
 def whole(name: str, value: object, least: int) -> int:

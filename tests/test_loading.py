@@ -5,7 +5,7 @@ import pytest
 import trimesh
 
 from grasp3d import MeshError
-from grasp3d.mesh.loading import mesh_suffixes, read_mesh
+from grasp3d.mesh.reading import mesh_suffixes, read_mesh
 from tests import shapes
 
 

@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
 from grasp3d import ObjectMesh, SettingError, mesh_from_arrays
-from grasp3d.mesh.orientation import face_areas
+from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.sampling.spread import INSIDE, spread_places, spread_vertices
 from tests import shapes

@@ -111,16 +111,10 @@ def lost_row(job: Job, reason: str) -> Row:
 def _labeled(job: Job, settings: BatchSettings) -> Row:
     # Loaded here: whoever plans a batch or reads its rows needs no rays and no compiler.
     from grasp3d.export import writer_for  # noqa: PLC0415
-    from grasp3d.mesh import load_mesh  # noqa: PLC0415
+    from grasp3d.mesh import prepare_file  # noqa: PLC0415
     from grasp3d.surface import label_surface  # noqa: PLC0415
 
-    options = settings.mesh
-    mesh = load_mesh(
-        job.source,
-        unit=options.unit,
-        max_edge=options.max_edge,
-        crease_angle=options.crease_angle,
-    )
+    mesh = prepare_file(job.source, settings.mesh)
     labels = label_surface(mesh, settings.model, sampling=settings.sampling, threads=1)
     writer_for(job.target)(job.target, labels)
     fractions = labels.fractions()
@@ -139,7 +133,7 @@ def _labeled(job: Job, settings: BatchSettings) -> Row:
         **_deciles("epsilon", labels.epsilon_quantiles(DECILES)),
         **_deciles("epsilon_min", labels.epsilon_quantiles(DECILES, of="minimum")),
         torque_scale=mesh.torque_scale,
-        repairs="; ".join(mesh.report.repairs),
+        repairs="; ".join(map(str, mesh.report.repairs)),
         warnings="; ".join(mesh.report.warnings),
     )
 

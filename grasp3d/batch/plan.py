@@ -8,7 +8,7 @@ from pathlib import Path
 
 from grasp3d.batch.job import Job
 from grasp3d.errors import MeshError, OutputError
-from grasp3d.mesh.loading import mesh_suffixes
+from grasp3d.mesh.reading import mesh_suffixes
 
 RESULT = "_labeled.ply"
 

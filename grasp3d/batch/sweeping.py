@@ -207,18 +207,12 @@ def sweep_mesh(
         The sweep; of a mesh that cannot be labelled the reason.
     """
     # Loaded here: whoever plans a sweep needs no rays and no compiler.
-    from grasp3d.mesh import load_mesh  # noqa: PLC0415
+    from grasp3d.mesh import prepare_file  # noqa: PLC0415
     from grasp3d.surface import label_surface  # noqa: PLC0415
 
     begun = time.perf_counter()
-    options = settings.mesh
     try:
-        surface = load_mesh(
-            mesh.source,
-            unit=options.unit,
-            max_edge=options.max_edge,
-            crease_angle=options.crease_angle,
-        )
+        surface = prepare_file(mesh.source, settings.mesh)
         labels = label_surface(
             surface,
             settings.model,

@@ -45,7 +45,7 @@ class Evaluate:
         from grasp3d.grasps.evaluation import evaluate_grasps  # noqa: PLC0415
         from grasp3d.grasps.reading import read_contacts  # noqa: PLC0415
         from grasp3d.grasps.writing import SUFFIXES, write_grasps  # noqa: PLC0415
-        from grasp3d.mesh import load_mesh  # noqa: PLC0415
+        from grasp3d.mesh import prepare_file  # noqa: PLC0415
 
         output = self.output or Path(f"{self.file.stem}_grasps.csv")
         check_suffix(output, SUFFIXES, "table")
@@ -53,12 +53,7 @@ class Evaluate:
         if output.exists() and output.samefile(self.contacts):
             raise OutputError(f"{output}: holds the contacts; name another file with -o")
         model = with_fingers(self.model, points.shape[1])
-        mesh = load_mesh(
-            self.file,
-            unit=self.mesh.unit,
-            max_edge=self.mesh.max_edge,
-            crease_angle=self.mesh.crease_angle,
-        )
+        mesh = prepare_file(self.file, self.mesh)
         check_writable(output, source=self.file)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             grasps = evaluate_grasps(

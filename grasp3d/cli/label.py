@@ -49,17 +49,12 @@ class Label:
         from grasp3d.cli import report  # noqa: PLC0415
         from grasp3d.export import writer_for  # noqa: PLC0415
         from grasp3d.files import check_writable  # noqa: PLC0415
-        from grasp3d.mesh import load_mesh  # noqa: PLC0415
+        from grasp3d.mesh import prepare_file  # noqa: PLC0415
         from grasp3d.surface import label_surface  # noqa: PLC0415
 
         output = self.output or Path(f"{self.file.stem}_labeled.ply")
         write = writer_for(output)
-        mesh = load_mesh(
-            self.file,
-            unit=self.mesh.unit,
-            max_edge=self.mesh.max_edge,
-            crease_angle=self.mesh.crease_angle,
-        )
+        mesh = prepare_file(self.file, self.mesh)
         named = self.file.stem if self.output is None else output.stem
         beside = output.with_name(f"{named}_grasps.json")
         for path in (output, *((beside, beside.with_suffix(".png")) if self.best else ())):

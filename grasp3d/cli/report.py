@@ -89,8 +89,8 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     for reason, why in _WHY.items():
         if counts[reason]:
             console.print(f"{counts[reason]} vertices: {why}")
-    for line in mesh.report.repairs:
-        console.print(f"repaired: {line}")
+    for step in mesh.report.repairs:
+        console.print(f"repaired: {step}")
     for line in mesh.report.warnings:
         console.print(f"[yellow]warning:[/] {line}")
     console.print(f"written: {escape(str(output))}", soft_wrap=True)

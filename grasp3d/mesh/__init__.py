@@ -1,6 +1,6 @@
 """Object meshes: read, clean, orient, refine, and know the contact normals of every place."""
 
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
-from grasp3d.mesh.preparing import load_mesh, mesh_from_arrays
+from grasp3d.mesh.preparing import load_mesh, mesh_from_arrays, prepare_file
 
-__all__ = ["MeshReport", "ObjectMesh", "load_mesh", "mesh_from_arrays"]
+__all__ = ["MeshReport", "ObjectMesh", "load_mesh", "mesh_from_arrays", "prepare_file"]

@@ -8,8 +8,9 @@ import numpy as np
 from grasp3d._kernels.faces import Surface
 from grasp3d._kernels.normal_sets import Sets
 from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
+from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins
-from grasp3d.mesh.orientation import face_areas
+from grasp3d.mesh.repair import RepairStep
 from grasp3d.settings import MeshOptions, Unit
 
 
@@ -34,8 +35,8 @@ class MeshReport:
     """The faces bound a volume: every edge is passed as often one way as the other."""
     center_mass_from: str
     """'volume' (uniform density) or, where the mesh is open, 'surface'."""
-    repairs: tuple[str, ...]
-    """What was changed, a sentence each."""
+    repairs: tuple[RepairStep, ...]
+    """What was changed; as text a sentence each."""
     warnings: tuple[str, ...]
     """What a user should know before trusting the labels, a sentence each."""
 

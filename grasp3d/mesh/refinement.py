@@ -10,9 +10,8 @@ from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.errors import MeshError
-from grasp3d.mesh.cleaning import first_at_place
+from grasp3d.mesh.measures import face_areas, first_at_place
 from grasp3d.mesh.normals import CornerNormals, paired_edges
-from grasp3d.mesh.orientation import face_areas
 
 MAX_FACES = 20_000_000
 MAX_ROUNDS = 40

@@ -14,9 +14,9 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints
+from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import inward_normals
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.orientation import face_areas
 from grasp3d.mesh.places import SurfacePlaces
 from grasp3d.settings import whole
 

@@ -11,8 +11,8 @@ import trimesh
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import MeshError
-from grasp3d.mesh.cleaning import first_at_place
-from grasp3d.settings import Unit
+from grasp3d.mesh.measures import first_at_place
+from grasp3d.settings import MeshOptions, Unit
 
 _UNIT_NAMES: dict[str, Unit] = {
     "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
@@ -41,16 +41,18 @@ def mesh_suffixes() -> frozenset[str]:
     return frozenset(f".{name}" for name in trimesh.exchange.load.mesh_formats() - {"stl_ascii"})
 
 
-def read_mesh(path: Path) -> RawMesh:
+def read_mesh(path: Path, *, max_memory: float = MeshOptions.max_memory) -> RawMesh:
     """Read a mesh file; a scene becomes one mesh, each part where its transform puts it.
 
     Args:
         path: A file in any format that trimesh reads.
+        max_memory: What reading it may take [GB].
 
     Raises:
         MeshError: There is no such file, its format is not known, it is damaged, or it holds no
             triangles.
     """
+    _ = max_memory
     kind = _checked_kind(path)
     try:
         data = path.read_bytes()

@@ -9,6 +9,7 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import ConvexHull, QhullError
 
 from grasp3d.arrays import Bools, Floats, Ints, unit_rows
+from grasp3d.mesh.measures import face_areas, signed_volumes
 
 CLEAR_VOTE = 0.5
 """An open body is turned when its outermost faces look inward by this much; see `_hull_vote`."""
@@ -97,18 +98,6 @@ def _unbalanced_vertices(faces: Ints) -> Ints:
     unique, inverse = np.unique(np.sort(edges, axis=1), axis=0, return_inverse=True)
     balance = np.bincount(inverse.ravel(), weights=np.where(forward, 1.0, -1.0))
     return np.asarray(unique[balance != 0.0, 0])
-
-
-def face_areas(vertices: Floats, faces: Ints) -> Floats:
-    """Areas of the faces, shape (F,)."""
-    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
-
-
-def signed_volumes(vertices: Floats, faces: Ints) -> Floats:
-    """Volumes of the tetrahedra from the origin to each face, shape (F,)."""
-    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
 
 
 def _body_of_face(faces: Ints) -> Ints:

@@ -4,7 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.arrays import Floats, Ints
+from grasp3d.mesh.measures import first_at_place
 
 
 @dataclass(frozen=True, eq=False)
@@ -19,14 +20,6 @@ class CleanFaces:
     """Faces dropped because two corners lie at one place."""
     repeated: int
     """Faces dropped because the same corners in the same turn came before."""
-
-
-def first_at_place(vertices: Floats) -> Ints:
-    """For each vertex the first one with exactly its position, shape (V,)."""
-    rows = np.ascontiguousarray(vertices + 0.0)  # -0.0 and 0.0 are one place
-    keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * 3))).ravel()
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    return np.asarray(first[inverse], dtype=np.int64)
 
 
 def clean_faces(vertices: Floats, faces: Ints) -> CleanFaces:
@@ -60,29 +53,3 @@ def _smallest_first(faces: Ints) -> Ints:
     shift = np.argmin(faces, axis=1)[:, None]
     columns = (np.arange(3)[None, :] + shift) % 3
     return np.take_along_axis(faces, columns, axis=1)
-
-
-def rounding_of(vertices: Floats) -> float:
-    """How far rounding may have moved a coordinate; more for files that hold 32 bits only."""
-    single = np.array_equal(vertices, vertices.astype(np.float32))
-    step = np.finfo(np.float32 if single else np.float64).eps
-    return float(step * np.abs(vertices).max(initial=0.0))
-
-
-def has_area(vertices: Floats, faces: Ints, rounding: float) -> Bools:
-    """Tell the faces with an area from the needles and caps without one, shape (F,).
-
-    A face counts as flat when its height is lost in the rounding of its coordinates: its normal
-    would be anyone's guess.
-
-    Args:
-        vertices: Positions (V, 3).
-        faces: Faces (F, 3).
-        rounding: How far a coordinate may be off, in the same unit.
-    """
-    corners = vertices[faces]  # (F, 3 corners, 3)
-    sides = np.roll(corners, -1, axis=1) - corners
-    longest = np.linalg.norm(sides, axis=2).max(axis=1)
-    doubled = np.linalg.norm(np.cross(sides[:, 0], sides[:, 1]), axis=1)
-    height = np.divide(doubled, longest, out=np.zeros_like(doubled), where=longest > 0.0)
-    return np.asarray(height > 4.0 * rounding)
