@@ -24,6 +24,7 @@ from grasp3d.batch.job import BatchSettings, Job, Row, label_file, lost_row
 from grasp3d.batch.plan import make_folders, plan
 from grasp3d.batch.run import run
 from grasp3d.batch.store import write_summary
+from grasp3d.names import name_key, safe_stem, short_hash
 from tests import shapes
 
 SETTINGS = BatchSettings(
@@ -63,10 +64,82 @@ def test_every_mesh_below_a_folder_gets_a_name_of_its_own(tmp_path: Path) -> Non
     assert len({target.casefold() for target in targets}) == len(targets)
 
 
-def test_names_that_meet_all_the_same_are_numbered(tmp_path: Path) -> None:
-    one, two = ball(tmp_path / "one" / "mug.stl"), ball(tmp_path / "two" / "mug.stl")
-    targets = [job.labeled for job in plan([one, two], tmp_path / "out")]
-    assert targets == ["mug_stl_labeled.ply", "mug_stl_2_labeled.ply"]
+def named(*sources: Path, out: Path) -> dict[Path, str]:
+    """What the results of meshes are called, whatever their order."""
+    names = {job.source: job.labeled for job in plan(sources, out)}
+    assert {job.source: job.labeled for job in plan(sources[::-1], out)} == names
+    keys = {name_key(str(out / name)) for name in names.values()}
+    assert len(keys) == len(names) == len(sources)
+    return names
+
+
+def test_names_that_meet_all_the_same_say_which_file_they_are_of(tmp_path: Path) -> None:
+    files = [ball(tmp_path / folder / "mug.stl") for folder in ("one", "two", "Three")]
+    both = named(*files[:2], out=tmp_path)
+    told = [short_hash(file.as_posix()) for file in files]
+    assert both == {
+        file: f"mug_stl-{words}_labeled.ply" for file, words in zip(files[:2], told, strict=False)
+    }
+    assert both.items() <= named(*files, out=tmp_path).items()  # one more renames none
+    other = ball(tmp_path / "one" / "mug.obj")
+    assert named(*files, other, out=tmp_path)[other] == "mug_obj_labeled.ply"
+
+
+def test_no_two_results_have_one_name_on_any_file_system(tmp_path: Path) -> None:
+    names = (
+        "mug.stl",
+        "mug.obj",
+        "MUG.STL",
+        "mug_stl.ply",
+        "mug_stl_labeled.obj",
+        "cafe\u0301.ply",
+    )
+    names += (
+        "café.ply",
+        "CON.stl",
+        "con.stl",
+        "a:b.stl",
+        "a*b.stl",
+        "a\nb.stl",
+        "x" * 250 + ".stl",
+    )
+    names += ("x" * 249 + "y.stl", "..stl", "...stl", os.fsdecode(b"mug\xff.stl"), " .stl")
+    for name in names:
+        try:
+            ball(tmp_path / "in" / name)
+        except OSError:  # a file system that knows no such name has less to tell apart
+            continue
+    made = named(*sorted((tmp_path / "in").iterdir()), out=tmp_path / "out")
+    assert len(made) > 10
+    for name in made.values():
+        assert name.endswith("_labeled.ply")
+        stem = name.removesuffix("_labeled.ply").rsplit("-", 1)[0]
+        assert safe_stem(stem) == stem
+        assert len(name.encode()) < 200
+    assert made[tmp_path / "in" / "mug.obj"] == "mug_obj_labeled.ply"
+
+
+def test_folders_below_the_input_are_kept_under_safe_names(tmp_path: Path) -> None:
+    for name in ("a:b/mug.stl", "A:b/mug.stl", "deep/down here/mug.stl", "mug_labeled.ply/mug.stl"):
+        ball(tmp_path / "in" / name)
+    ball(tmp_path / "in" / "mug.stl")
+    made = [Path(job.labeled) for job in plan([tmp_path / "in"], tmp_path / "out")]
+    assert Path("deep/down here/mug_labeled.ply") in made
+    assert Path("mug_labeled.ply/mug_labeled.ply") in made
+    assert Path("mug_stl_labeled.ply") in made  # a folder has the plain name
+    assert {path.parent.name for path in made} >= {safe_stem("a:b"), safe_stem("A:b")}
+    make_folders(plan([tmp_path / "in"], tmp_path / "out"))
+    assert not any((tmp_path / "out" / path).exists() for path in made)
+
+
+def test_no_result_replaces_a_mesh(tmp_path: Path) -> None:
+    mug, given = ball(tmp_path / "mug.stl"), ball(tmp_path / "mug_labeled.ply")
+    made = named(mug, given, out=tmp_path)
+    assert made == {mug: "mug_stl_labeled.ply", given: "mug_labeled_labeled.ply"}
+    link = tmp_path / "links" / "mug_labeled.ply"
+    link.parent.mkdir()
+    link.symlink_to(ball(tmp_path / "far" / "cup.ply"))
+    assert named(mug, link, out=link.parent)[mug] == "mug_stl_labeled.ply"
 
 
 def test_nothing_to_do_is_an_error_and_not_an_empty_result(tmp_path: Path) -> None:

@@ -10,7 +10,7 @@ PACKAGE = Path(grasp3d.__file__).parent
 # From the basement to the roof; a floor imports from floors below it and from itself.
 FLOORS = [
     {"errors", "arrays", "processors", "progress"},
-    {"settings", "files"},
+    {"settings", "files", "names"},
     {"_kernels", "sensor", "tables", "stability"},
     {"contacts", "cones"},
     {"wrenches"},

@@ -9,6 +9,7 @@ from pathlib import Path
 from grasp3d.batch.job import Job
 from grasp3d.errors import MeshError, OutputError
 from grasp3d.mesh.reading import mesh_suffixes
+from grasp3d.names import name_key, safe_stem, short_hash
 
 RESULT = "_labeled.ply"
 
@@ -67,6 +68,7 @@ def plan(inputs: Iterable[Path], output: Path) -> list[Job]:
 
     Returns:
         The jobs in alphabetical order; folders below an input folder are kept below `output`.
+        No two results have one name, and none has that of an input.
 
     Raises:
         MeshError: An input is missing, or there is no mesh among them.
@@ -104,23 +106,47 @@ def make_folders(jobs: Iterable[Job]) -> None:
 
 
 def _named(found: list[MeshFile], output: Path) -> list[Job]:
-    """Name the results: `mug_labeled.ply`, with the suffix where stems meet, with a number else."""
-    short = Counter(_key(Path(mesh.name).with_suffix("")) for mesh in found)
-    taken: set[str] = set()
-    jobs = []
-    for mesh in found:
-        name = Path(mesh.name)
-        stem = name.stem if short[_key(name.with_suffix(""))] == 1 else name.name.replace(".", "_")
-        target = name.with_name(f"{stem}{RESULT}")
-        number = 2
-        while _key(target) in taken:
-            target = name.with_name(f"{stem}_{number}{RESULT}")
-            number += 1
-        taken.add(_key(target))
-        jobs.append(Job(name=mesh.name, source=mesh.source, output=output, labeled=str(target)))
-    return jobs
+    """Name the results: `mug_labeled.ply`; where names meet all of them say more of their source.
+
+    So a name hangs on its own mesh and on those that it meets, but not on their order. Files that
+    differ in case or composition only meet as well, and no name is that of an input or of a folder.
+    """
+    home = output.resolve()
+    inputs = {_key(place) for mesh in found for place in _places(mesh.source)}
+    choices = [_choices(mesh) for mesh in found]
+    said = [0] * len(found)
+    meeting = True
+    while meeting:
+        targets = [home / names[level] for names, level in zip(choices, said, strict=True)]
+        often = Counter(map(_key, targets))
+        folders = {_key(folder) for target in targets for folder in target.parents}
+        meeting = False
+        for number, target in enumerate(targets):
+            met = often[_key(target)] > 1 or _key(target) in inputs | folders
+            if met and said[number] + 1 < len(choices[number]):
+                said[number] += 1
+                meeting = True
+    return [
+        Job(name=mesh.name, source=mesh.source, output=output, labeled=str(names[level]))
+        for mesh, names, level in zip(found, choices, said, strict=True)
+    ]
+
+
+def _choices(mesh: MeshFile) -> list[Path]:
+    """Names for a mesh's result, below the output folder, from the plainest to the surest."""
+    name = Path(mesh.name)
+    folder = Path(*map(safe_stem, name.parts[:-1]))
+    plain, suffixed = safe_stem(name.stem), safe_stem(name.name.replace(".", "_"))
+    source = mesh.source.as_posix()
+    hashes = (short_hash(source), short_hash(source, digits=64))
+    stems = (plain, suffixed, *(f"{suffixed}-{told}" for told in hashes))
+    return [folder / f"{stem}{RESULT}" for stem in stems]
+
+
+def _places(source: Path) -> tuple[Path, Path]:
+    """Where a file really is, and where the link to it is."""
+    return source.resolve(), source.parent.resolve() / source.name
 
 
 def _key(path: Path) -> str:
-    """What a file system that ignores case takes for the same name."""
-    return str(path).casefold()
+    return name_key(str(path))

@@ -18,6 +18,7 @@ from grasp3d.cli.label import Label
 from grasp3d.cli.paper import Paper
 from grasp3d.cli.sweep import Sweep
 from grasp3d.errors import GraspError
+from grasp3d.names import printable
 
 Command = (
     Annotated[Label, tyro.conf.subcommand("label")]
@@ -43,8 +44,7 @@ def main(arguments: list[str] | None = None) -> int:
         finally:
             sys.stdout.flush()
     except GraspError as error:
-        message = "".join(c if c.isprintable() else repr(c)[1:-1] for c in str(error))
-        print(f"grasp3d: {message}", file=sys.stderr)  # noqa: T201
+        print(f"grasp3d: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         return BAD_INPUT
     except BrokenPipeError:  # whoever reads has seen enough, as in `grasp3d batch ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

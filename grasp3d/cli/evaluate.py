@@ -8,6 +8,7 @@ import tyro
 
 from grasp3d.cli.options import ModelOptions, SurfaceOptions
 from grasp3d.errors import OutputError
+from grasp3d.names import safe_stem
 from grasp3d.settings import GraspModel, MeshOptions, with_fingers
 
 
@@ -47,7 +48,7 @@ class Evaluate:
         from grasp3d.grasps.writing import SUFFIXES, write_grasps  # noqa: PLC0415
         from grasp3d.mesh import prepare_file  # noqa: PLC0415
 
-        output = self.output or Path(f"{self.file.stem}_grasps.csv")
+        output = self.output or Path(f"{safe_stem(self.file.stem)}_grasps.csv")
         check_suffix(output, SUFFIXES, "table")
         points = read_contacts(self.contacts)
         if output.exists() and output.samefile(self.contacts):

@@ -5,11 +5,10 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from grasp3d.arrays import Floats
-from grasp3d.cli.report import angle_text
+from grasp3d.cli.report import angle_text, as_printed
 from grasp3d.grasps.evaluation import ROUNDING
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.stability import COLORS, MEANING, Label
@@ -28,7 +27,7 @@ _LEGEND = (
 
 def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
     """Print how reliable given grasps are: how many of each label, and the first ones."""
-    console = Console()
+    console = Console(emoji=False)
     _print_heading(console, grasps)
     counts = np.bincount(grasps.label, minlength=len(Label))
     table = Table("label", "", box=None, pad_edge=False)
@@ -44,7 +43,7 @@ def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
     console.print(_told_distances(grasps))
     warnings = grasps.mesh.report.warnings
     for line in warnings:
-        console.print(f"[yellow]warning:[/] {escape(line)}", soft_wrap=True)
+        console.print(f"[yellow]warning:[/] {as_printed(line)}", soft_wrap=True)
     if grasps.size > FIRST:
         console.print(f"the first {FIRST} of {grasps.size}:")
     console.print(_table(grasps, FIRST, off=True))
@@ -61,7 +60,7 @@ def print_best(grasps: SurfaceGrasps, asked: int, output: Path, *, drawn: bool) 
         output: The JSON file that they were written to.
         drawn: Whether the file beside it holds pictures of them.
     """
-    console = Console()
+    console = Console(emoji=False)
     if not grasps.size:
         console.print("best grasps: none was found")
     else:
@@ -81,7 +80,7 @@ def print_best(grasps: SurfaceGrasps, asked: int, output: Path, *, drawn: bool) 
 def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
     mesh, model = grasps.mesh, grasps.model
     console.print(
-        f"[bold]{escape(mesh.report.source)}[/]: {grasps.size} "
+        f"[bold]{as_printed(mesh.report.source)}[/]: {grasps.size} "
         f"{'grasp' if grasps.size == 1 else 'grasps'} of {model.fingers} fingers; friction "
         f"{model.friction:g}, sensor resolution {math.degrees(model.sensor_resolution):.4g}°",
         soft_wrap=True,
@@ -89,7 +88,7 @@ def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
 
 
 def _print_written(console: Console, *outputs: Path) -> None:
-    console.print("written: " + escape(", ".join(map(str, outputs))), soft_wrap=True)
+    console.print("written: " + as_printed(", ".join(map(str, outputs))), soft_wrap=True)
 
 
 def _told_distances(grasps: SurfaceGrasps) -> str:

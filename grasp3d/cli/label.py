@@ -8,6 +8,7 @@ import tyro
 
 from grasp3d.cli.options import ModelOptions, SamplingOptions, SurfaceOptions
 from grasp3d.errors import SettingError
+from grasp3d.names import safe_stem
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 if TYPE_CHECKING:
@@ -52,10 +53,10 @@ class Label:
         from grasp3d.mesh import prepare_file  # noqa: PLC0415
         from grasp3d.surface import label_surface  # noqa: PLC0415
 
-        output = self.output or Path(f"{self.file.stem}_labeled.ply")
+        named = safe_stem(self.file.stem) if self.output is None else self.output.stem
+        output = self.output or Path(f"{named}_labeled.ply")
         write = writer_for(output)
         mesh = prepare_file(self.file, self.mesh)
-        named = self.file.stem if self.output is None else output.stem
         beside = output.with_name(f"{named}_grasps.json")
         for path in (output, *((beside, beside.with_suffix(".png")) if self.best else ())):
             check_writable(path, source=self.file)

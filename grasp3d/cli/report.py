@@ -14,6 +14,7 @@ from rich.table import Table
 
 from grasp3d.batch.job import Row
 from grasp3d.labels import Reason, SurfaceLabels
+from grasp3d.names import printable
 from grasp3d.progress import Progress as Told
 from grasp3d.settings import Sampling, Tilts
 from grasp3d.stability import COLORS, MEANING
@@ -22,7 +23,7 @@ from grasp3d.stability import Label as Code
 _WHY = {
     Reason.NO_PARTNER: "no place for the other fingers closes a grasp within the search cone",
     Reason.OPENING: "every place for the other fingers is outside the limits of distances",
-    Reason.OFF_SURFACE: "of the file belong to no face, their label is U and counts nowhere",
+    Reason.OFF_SURFACE: "they belong to no face, their label is U and counts nowhere",
 }
 _OVER: dict[Tilts, str] = {
     "exact": "smallest over all tilts",
@@ -31,11 +32,16 @@ _OVER: dict[Tilts, str] = {
 }
 
 
+def as_printed(text: str) -> str:
+    """Make a name, or what holds one, be printed as it is and on one line."""
+    return escape(printable(text))
+
+
 @contextmanager
 def progress(text: str, *, quiet: bool) -> Iterator[Told]:
     """Show a bar for one piece of work; gives a function that takes the share done."""
     with _bar(TextColumn("{task.percentage:>3.0f} %"), quiet=quiet) as bar:
-        task = bar.add_task(escape(text), total=1.0)
+        task = bar.add_task(as_printed(text), total=1.0)
         yield lambda share: bar.update(task, completed=share)
 
 
@@ -48,7 +54,7 @@ def counter(text: str, total: int, *, quiet: bool) -> Iterator[Callable[[], None
 
 
 def _bar(column: TextColumn | MofNCompleteColumn, *, quiet: bool) -> Progress:
-    console = Console(stderr=True, quiet=quiet, soft_wrap=True)
+    console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
     return Progress(
         TextColumn("{task.description}"), BarColumn(), column, TimeElapsedColumn(),
         console=console, transient=True, disable=quiet or not console.is_terminal,
@@ -57,10 +63,10 @@ def _bar(column: TextColumn | MofNCompleteColumn, *, quiet: bool) -> Progress:
 
 def print_labels(labels: SurfaceLabels, output: Path) -> None:
     """Print how much of a surface is S, M and U, and what the labels rest on."""
-    console = Console()
+    console = Console(emoji=False)
     mesh, model = labels.mesh, labels.model
     console.print(
-        f"[bold]{escape(mesh.report.source)}[/]: {len(mesh.vertices)} vertices, "
+        f"[bold]{as_printed(mesh.report.source)}[/]: {len(mesh.vertices)} vertices, "
         f"size {mesh.size:.4g} {mesh.unit or '(unit not stated)'}; friction {model.friction:g}, "
         f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
         + ("" if model.fingers == 2 else f", {model.fingers} fingers")  # noqa: PLR2004
@@ -90,10 +96,10 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         if counts[reason]:
             console.print(f"{counts[reason]} vertices: {why}")
     for step in mesh.report.repairs:
-        console.print(f"repaired: {step}")
+        console.print(f"repaired: {as_printed(str(step))}")
     for line in mesh.report.warnings:
-        console.print(f"[yellow]warning:[/] {line}")
-    console.print(f"written: {escape(str(output))}", soft_wrap=True)
+        console.print(f"[yellow]warning:[/] {as_printed(line)}")
+    console.print(f"written: {as_printed(str(output))}", soft_wrap=True)
 
 
 def _told_epsilon(labels: SurfaceLabels) -> str:
@@ -117,7 +123,7 @@ def _differences(sampling: Sampling) -> str:
 
 def print_batch(rows: Sequence[Row], output: Path) -> None:
     """Print the summary of a batch: one line per mesh, then what failed, and what to mind."""
-    console = Console()
+    console = Console(emoji=False)
     table = Table(box=None, pad_edge=False)
     table.add_column("mesh", overflow="fold")
     for heading in ("vertices", "S %", "M %", "U %", "β* 10/50/90 %", "ε_min", "s"):
@@ -132,23 +138,25 @@ def print_batch(rows: Sequence[Row], output: Path) -> None:
     )
     for row in sorted(rows, key=lambda row: row.mesh):
         if row.error:
-            console.print(f"[red]failed:[/] {escape(row.error)}", soft_wrap=True)
+            console.print(f"[red]failed:[/] {as_printed(row.error)}", soft_wrap=True)
         elif row.warnings:
-            console.print(f"[yellow]warning:[/] {escape(row.mesh)}: {row.warnings}", soft_wrap=True)
+            console.print(
+                f"[yellow]warning:[/] {as_printed(f'{row.mesh}: {row.warnings}')}", soft_wrap=True
+            )
     failed = sum(1 for row in rows if row.error)
     console.print(
-        f"{len(rows) - failed} labelled, {failed} failed; written: {escape(str(output))}",
+        f"{len(rows) - failed} labelled, {failed} failed; written: {as_printed(str(output))}",
         soft_wrap=True,
     )
 
 
 def _cells(row: Row) -> list[str]:
     if row.error:
-        return [escape(row.mesh), "[red]failed[/]", *[""] * 5, f"{row.seconds:.1f}"]
+        return [as_printed(row.mesh), "[red]failed[/]", *[""] * 5, f"{row.seconds:.1f}"]
     shares = (row.stable, row.ambiguous, row.no_grasp_found)
     angles = (row.critical_angle_p10, row.critical_angle_p50, row.critical_angle_p90)
     return [
-        escape(row.mesh),
+        as_printed(row.mesh),
         str(row.vertices),
         *(f"{100.0 * share:.1f}" for share in shares if share is not None),
         " ".join(angle_text(angle) for angle in angles if angle is not None),

@@ -9,6 +9,7 @@ import tyro
 
 from grasp3d.cli.options import SamplingOptions, SurfaceOptions
 from grasp3d.errors import GraspError, SettingError
+from grasp3d.names import safe_stem
 from grasp3d.settings import MeshOptions, Sampling
 
 if TYPE_CHECKING:
@@ -121,7 +122,8 @@ class Sweep:
         from grasp3d.plots.formats import METADATA  # noqa: PLC0415
         from grasp3d.tables import SUFFIXES  # noqa: PLC0415
 
-        name = targets[0].name if targets[0].folder else Path(targets[0].name).stem
+        path = Path(targets[0].name)
+        name = safe_stem(path.name if targets[0].folder else path.stem)
         table = self.output or Path(f"{name}_sweep.csv" if len(targets) == 1 else "sweep.csv")
         check_suffix(table, SUFFIXES, "table")
         figure = self.figure or table.with_suffix(".svg")

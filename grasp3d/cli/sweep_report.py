@@ -6,10 +6,10 @@ from pathlib import Path
 
 import numpy as np
 from rich.console import Console
-from rich.markup import escape
 from rich.table import Table
 
 from grasp3d.batch.sweeping import SweptMesh, SweptTarget, Target
+from grasp3d.cli.report import as_printed
 from grasp3d.settings import GraspModel
 from grasp3d.stability import MEANING, Label
 from grasp3d.sweeps import Sweep
@@ -31,13 +31,13 @@ def print_sweeps(targets: Sequence[SweptTarget], shares: Sequence[float]) -> Non
         targets: What was swept; every mesh of a folder has a line in the second table.
         shares: Shares of the surface that are to be S.
     """
-    console = Console()
+    console = Console(emoji=False)
     shown = [one for target in targets for one in target.shown]
     if not shown:
         return
     console.print("shares of S/M/U [%] by sensor resolution:")
     console.print(_fractions(shown))
-    console.print(escape(_legend(shown)), soft_wrap=True)
+    console.print(as_printed(_legend(shown)), soft_wrap=True)
     if shares:
         console.print(
             "\nrequired resolution: with any finer sensor so much of the surface is S (none: no "
@@ -52,10 +52,10 @@ def print_notes(
     targets: Sequence[Target], meshes: Sequence[SweptMesh], shares: Sequence[float]
 ) -> None:
     """Print what failed and what to mind; `shares` as in `print_sweeps`."""
-    console = Console()
+    console = Console(emoji=False)
     for target in targets:
         if not target.files and Path(target.name).exists():
-            name = escape(target.name)
+            name = as_printed(target.name)
             console.print(
                 f"[yellow]note:[/] {name} is the shape in closed form; for the file or folder of "
                 f"that name write ./{name}",
@@ -63,9 +63,11 @@ def print_notes(
             )
     for mesh in meshes:
         if mesh.error:
-            console.print(f"[red]failed:[/] {escape(mesh.error)}", soft_wrap=True)
+            console.print(f"[red]failed:[/] {as_printed(mesh.error)}", soft_wrap=True)
         for line in mesh.warnings:
-            console.print(f"[yellow]warning:[/] {escape(f'{mesh.name}: {line}')}", soft_wrap=True)
+            console.print(
+                f"[yellow]warning:[/] {as_printed(f'{mesh.name}: {line}')}", soft_wrap=True
+            )
     _print_creased(console, meshes, shares)
     failed = sum(1 for mesh in meshes if mesh.error)
     if failed:
@@ -77,9 +79,11 @@ def _print_creased(console: Console, meshes: Sequence[SweptMesh], shares: Sequen
     unsure = MUCH * (1.0 - max(shares, default=0.0))
     creased = [mesh for mesh in meshes if shares and mesh.crease_share > unsure]
     if creased:
-        told = ", ".join(f"{mesh.name} {100.0 * mesh.crease_share:.0f} %" for mesh in creased)
+        told = as_printed(
+            ", ".join(f"{mesh.name} {100.0 * mesh.crease_share:.0f} %" for mesh in creased)
+        )
         console.print(
-            f"[yellow]note:[/] strips along creases count as area, on {escape(told)}; they shrink "
+            f"[yellow]note:[/] strips along creases count as area, on {told}; they shrink "
             f"on a finer mesh (--max-edge), so {100.0 * max(shares):g} % may need a less fine "
             "sensor than is said here",
             soft_wrap=True,
@@ -88,8 +92,8 @@ def _print_creased(console: Console, meshes: Sequence[SweptMesh], shares: Sequen
 
 def print_written(paths: Sequence[Path]) -> None:
     """Print which files were written."""
-    console = Console()
-    console.print("written: " + escape(", ".join(map(str, paths))), soft_wrap=True)
+    console = Console(emoji=False)
+    console.print("written: " + as_printed(", ".join(map(str, paths))), soft_wrap=True)
 
 
 def _fractions(sweeps: Sequence[Sweep]) -> Table:
@@ -106,7 +110,7 @@ def _fractions(sweeps: Sequence[Sweep]) -> Table:
                 _percents(sweep.stable[row, column], sweep.ambiguous[row, column])
                 for column in columns
             )
-            table.add_row("" if row else escape(sweep.name), f"{friction:g}", *cells)
+            table.add_row("" if row else as_printed(sweep.name), f"{friction:g}", *cells)
     return table
 
 
@@ -152,10 +156,10 @@ def _required(sweeps: Sequence[Sweep], shares: Sequence[float]) -> Table:
         needed = np.stack([sweep.required_resolution(share) for share in shares], axis=1)
         rows = [[_angle(angle) for angle in angles] for angles in needed]
         if wide:
-            table.add_row(escape(sweep.name), *(cell for cells in rows for cell in cells))
+            table.add_row(as_printed(sweep.name), *(cell for cells in rows for cell in cells))
             continue
         for number, (friction, cells) in enumerate(zip(frictions, rows, strict=True)):
-            table.add_row("" if number else escape(sweep.name), friction, *cells)
+            table.add_row("" if number else as_printed(sweep.name), friction, *cells)
     return table
 
 
