@@ -28,3 +28,11 @@ def unit_rows(vectors: Floats) -> Floats:
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     scaled: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
     return scaled
+
+
+def first_at_place(vertices: Floats) -> Ints:
+    """For each vertex the first one with exactly its position, shape (V,)."""
+    rows = np.ascontiguousarray(vertices + 0.0)  # -0.0 and 0.0 are one place
+    keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * 3))).ravel()
+    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
+    return np.asarray(first[inverse], dtype=np.int64)

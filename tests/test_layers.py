@@ -11,7 +11,7 @@ PACKAGE = Path(grasp3d.__file__).parent
 FLOORS = [
     {"errors", "arrays", "processors", "progress"},
     {"settings", "files", "names"},
-    {"_kernels", "sensor", "tables", "stability"},
+    {"_kernels", "sensor", "tables", "stability", "reading"},
     {"contacts", "cones"},
     {"wrenches"},
     {"solving"},
@@ -40,7 +40,7 @@ FLOORS = [
 ENGINES = {
     "embreex": {"rays"},
     "numba": {"_kernels"},
-    "trimesh": {"mesh", "export"},
+    "trimesh": {"mesh", "export", "reading"},
     "distributed": {"batch"},
     "pyarrow": {"tables"},
     "matplotlib": {"plots"},

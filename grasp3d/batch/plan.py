@@ -8,8 +8,8 @@ from pathlib import Path
 
 from grasp3d.batch.job import Job
 from grasp3d.errors import MeshError, OutputError
-from grasp3d.mesh.reading import mesh_suffixes
 from grasp3d.names import name_key, safe_stem, short_hash
+from grasp3d.reading import mesh_suffixes
 
 RESULT = "_labeled.ply"
 

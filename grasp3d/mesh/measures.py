@@ -17,14 +17,6 @@ def signed_volumes(vertices: Floats, faces: Ints) -> Floats:
     return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
 
 
-def first_at_place(vertices: Floats) -> Ints:
-    """For each vertex the first one with exactly its position, shape (V,)."""
-    rows = np.ascontiguousarray(vertices + 0.0)  # -0.0 and 0.0 are one place
-    keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * 3))).ravel()
-    _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
-    return np.asarray(first[inverse], dtype=np.int64)
-
-
 def rounding_of(vertices: Floats) -> float:
     """How far rounding may have moved a coordinate; more for files that hold 32 bits only."""
     single = np.array_equal(vertices, vertices.astype(np.float32))

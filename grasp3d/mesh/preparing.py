@@ -12,9 +12,9 @@ from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import face_areas, rounding_of, signed_volumes
 from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
-from grasp3d.mesh.reading import RawMesh, check_finite, read_mesh
 from grasp3d.mesh.refinement import refine
 from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, repair_surface
+from grasp3d.reading import RawMesh, check_finite, read_mesh
 from grasp3d.settings import MeshKeywords, MeshOptions, Unit
 
 METRES: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}

@@ -8,9 +8,9 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from grasp3d.arrays import Floats, Ints, unit_rows
+from grasp3d.arrays import Floats, Ints, first_at_place, unit_rows
 from grasp3d.errors import MeshError
-from grasp3d.mesh.measures import face_areas, first_at_place
+from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, paired_edges
 
 MAX_FACES = 20_000_000

@@ -4,8 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints
-from grasp3d.mesh.measures import first_at_place
+from grasp3d.arrays import Floats, Ints, first_at_place
 
 
 @dataclass(frozen=True, eq=False)

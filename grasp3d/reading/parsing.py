@@ -1,0 +1,196 @@
+"""From the bytes of a mesh file to arrays: trimesh reads, and what it lets pass is checked."""
+
+import io
+import logging
+import os
+import threading
+import warnings
+from typing import Any
+
+import numpy as np
+import trimesh
+
+from grasp3d.arrays import first_at_place
+from grasp3d.errors import MeshError
+from grasp3d.reading.gltf import readable_gltf
+from grasp3d.reading.obj import explain_obj, geometry_of_obj
+from grasp3d.reading.off import plain_off
+from grasp3d.reading.ply import read_ply_header
+from grasp3d.reading.ply_faces import plain_ply
+from grasp3d.reading.promises import STL_FACE, STL_HEADER, binary_stl_faces, off_counts
+from grasp3d.reading.sources import RawMesh, Source, check_finite
+from grasp3d.reading.stl import plain_stl
+from grasp3d.reading.three_mf import count_parts
+from grasp3d.settings import Unit
+
+# What its logger says would reach the terminal of whoever has not set up logging.
+logging.getLogger("trimesh").addHandler(logging.NullHandler())
+
+_UNIT_NAMES: dict[str, Unit] = {
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "cm": "cm", "centimeter": "cm", "centimeters": "cm",
+    "mm": "mm", "millimeter": "mm", "millimeters": "mm",
+    "in": "in", "inch": "in", "inches": "in",
+}  # fmt: skip
+
+_lock = threading.Lock()
+"""For one at a time: what is done with warnings is done for all threads."""
+
+
+def _renew() -> None:
+    """Begin with a lock of its own in a forked process: nobody is left to open the other."""
+    global _lock  # noqa: PLW0603
+    _lock = threading.Lock()
+
+
+if hasattr(os, "register_at_fork"):
+    os.register_at_fork(after_in_child=_renew)
+
+
+def parse(source: Source) -> RawMesh:
+    """Read a file of a known format; a scene becomes one mesh, each part where it is placed.
+
+    Raises:
+        MeshError: It is damaged, or holds no triangles.
+    """
+    try:
+        with _lock, warnings.catch_warnings():
+            # What a reader warns of is damage: numbers that it could not read to the end, or that
+            # are none. Other warnings are about the reader itself.
+            warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
+            warnings.filterwarnings("error", category=RuntimeWarning, module="trimesh")
+            return _flattened(source, _READERS.get(source.kind, _parsed)(source))
+    except (MeshError, MemoryError, RecursionError):
+        raise
+    except Exception as error:  # every reader behind this door raises kinds of its own
+        reason = " ".join(str(error).split()) or type(error).__name__
+        if isinstance(error, KeyError):
+            reason += " is missing"
+        raise MeshError(
+            f"{source.where}: cannot be read as {source.kind.upper()} ({reason[:200]}); "
+            f"{source.hint}"
+        ) from error
+
+
+def _parsed(source: Source) -> trimesh.Scene:
+    return _scene(source, source.path.read_bytes())
+
+
+def _scene(source: Source, data: bytes, **options: Any) -> trimesh.Scene:  # noqa: ANN401
+    return trimesh.load_scene(io.BytesIO(data), file_type=source.kind, process=False, **options)
+
+
+def _parsed_gltf(source: Source) -> trimesh.Scene:
+    data, side_files = readable_gltf(source)
+    return _scene(source, data, resolver=side_files, skip_materials=True)
+
+
+def _parsed_3mf(source: Source) -> trimesh.Scene:
+    promised = count_parts(source)
+    if not promised:
+        return trimesh.Scene()
+    scene = _scene(source, source.path.read_bytes(), postprocess=False)
+    found = len(scene.graph.nodes_geometry)
+    if found != promised:
+        raise MeshError(
+            f"{source.where}: builds {promised:,} copies of its parts, of which {found:,} can be "
+            "read; export it without parts within parts, or as STL"
+        )
+    return scene
+
+
+def _parsed_obj(source: Source) -> trimesh.Scene:
+    data = source.path.read_bytes()
+    try:
+        kept, vertices, faces = geometry_of_obj(source, data)
+        scene = _scene(source, kept, maintain_order=True, skip_materials=True)
+        _check_complete(source, scene, vertices, faces)
+    except (MeshError, ValueError, IndexError):
+        explain_obj(source, data)
+        raise
+    return scene
+
+
+def _parsed_off(source: Source) -> trimesh.Scene:
+    scene = _scene(source, plain_off(source, source.path.read_bytes()))
+    _check_complete(source, scene, *off_counts(source))
+    return scene
+
+
+def _parsed_ply(source: Source) -> trimesh.Scene:
+    header = read_ply_header(source)
+    if not header.count("face"):
+        return trimesh.Scene()
+    data = plain_ply(source, header, source.path.read_bytes())
+    scene = _scene(source, data, fix_texture=False, skip_materials=True)
+    _check_complete(source, scene, header.count("vertex"), header.count("face"))
+    return scene
+
+
+def _parsed_stl(source: Source) -> trimesh.Scene:
+    data, faces = source.path.read_bytes(), binary_stl_faces(source)
+    if faces is None:
+        data, facets = plain_stl(source, data)
+        scene = _scene(source, data)
+        _check_complete(source, scene, 3 * facets, facets)
+        return scene
+    # Some exporters leave a few bytes behind the last face.
+    data = data[: STL_HEADER + STL_FACE * faces]
+    rows = np.frombuffer(data, dtype="V12, (9,)<f4, V2", offset=STL_HEADER)["f1"]
+    check_finite(rows.reshape(-1, 3), source.where)  # the reader would leave out the faces
+    return _scene(source, data)
+
+
+def _check_complete(source: Source, scene: trimesh.Scene, vertices: int, faces: int) -> None:
+    """Refuse a file of which the reader found less than its header promises."""
+    parts = list(scene.geometry.values())
+    found = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
+    if found[0] < vertices or found[1] < faces:
+        raise MeshError(
+            f"{source.where}: promises {vertices:,} vertices and {faces:,} faces, but "
+            f"{found[0]:,} and {found[1]:,} are there; is the file complete?"
+        )
+
+
+_READERS = {
+    "stl": _parsed_stl,
+    "ply": _parsed_ply,
+    "obj": _parsed_obj,
+    "off": _parsed_off,
+    "gltf": _parsed_gltf,
+    "glb": _parsed_gltf,
+    "3mf": _parsed_3mf,
+}
+
+
+def _flattened(source: Source, scene: trimesh.Scene) -> RawMesh:
+    for part in scene.geometry.values():
+        _check_part(source, part)
+    mesh = scene.to_mesh()
+    vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+    faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
+    check_finite(vertices, source.where)
+    if len(faces) == 0:
+        raise MeshError(
+            f"{source.where}: holds no triangles; is it a complete {source.kind.upper()} file "
+            "with a surface (not a point cloud, a drawing or another format renamed)?"
+        )
+    if source.kind == "stl":  # every face brings its own three vertices: keep the first at a place
+        first, faces = np.unique(first_at_place(vertices)[faces], return_inverse=True)
+        vertices, faces = vertices[first], faces.reshape(-1, 3)
+    declared = "m" if source.kind in {"glb", "gltf"} else str(scene.units or "").lower()
+    return RawMesh(vertices, faces, source.kind, _UNIT_NAMES.get(declared))
+
+
+def _check_part(source: Source, part: trimesh.Trimesh | trimesh.PointCloud) -> None:
+    """Refuse corners that are no numbers or no vertices, before they become another part's."""
+    vertices = np.asarray(part.vertices, dtype=np.float64)
+    check_finite(vertices, source.where)
+    faces = np.asarray(getattr(part, "faces", ()), dtype=np.int64).reshape(-1, 3)
+    bad = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
+    if len(bad):
+        corner = faces[bad[0]][(faces[bad[0]] < 0) | (faces[bad[0]] >= len(vertices))][0]
+        raise MeshError(
+            f"{source.where}: face {bad[0]} uses vertex {corner}, but there are {len(vertices)} "
+            "vertices; export the mesh again"
+        )
