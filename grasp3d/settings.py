@@ -234,7 +234,8 @@ class MeshOptions:
     """Longer edges are divided, in the mesh's unit; none: 1/32 of the object's size."""
 
     crease_angle: Radians = 30.0 * DEGREE
-    """Faces that meet at more than this angle keep their own normals: the edge is a crease."""
+    """Faces that meet at more than this angle keep their own normals: the edge is a crease. With a
+    patch_radius edges are rounded instead."""
 
     repair: Repair = "safe"
     """How much of a damaged surface is mended. none: nothing but what has no area is left out;
@@ -243,8 +244,8 @@ class MeshOptions:
 
     patch_radius: float = 0.0
     """Radius of the fingertip's patch, in the mesh's unit: the contact normal at a place is the
-    average over the surface within this distance along it, as a soft fingertip touches an area. 0:
-    the normal of the place alone."""
+    average over the surface within this distance along it, as a soft fingertip touches an area; at
+    most half of the object's size. 0: the normal of the place alone."""
 
     max_memory: float = 2.0
     """Memory that reading and labelling one mesh may take [GB]; files that need more are refused

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from grasp3d._kernels.scan import scan
 from grasp3d.arrays import Floats, locked
+from grasp3d.costs import check_cost
 from grasp3d.crease_angles import SAME, critical_angles
 from grasp3d.errors import SettingError
 from grasp3d.labels import Reason, SearchReport, SurfaceLabels
@@ -48,6 +49,7 @@ def label_surface(
     Raises:
         SettingError: The settings contradict each other, extreme normals are too many, or the
             mesh has fewer places than fingers.
+        MeshError: Labels for so many fingers would need more memory than the mesh's options allow.
     """
     model, sampling = model or GraspModel(), sampling or Sampling()
     check_searched(model, sampling)
@@ -58,6 +60,8 @@ def label_surface(
     enumerated = model.method == "extremes"
     if enumerated:
         check_combinations_of(model)
+    limit, fingers = mesh.options.max_memory, model.fingers
+    check_cost(len(mesh.vertices), limit, mesh.report.source, "use a coarser mesh", fingers)
     find = label_pairs if model.fingers == 2 else label_hands  # noqa: PLR2004
     searching = within(told, 0.0, SEARCH_SHARE) if enumerated else told
     labels = find(mesh, model, sampling, threads, searching)

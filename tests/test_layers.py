@@ -11,7 +11,7 @@ PACKAGE = Path(grasp3d.__file__).parent
 FLOORS = [
     {"errors", "arrays", "processors", "progress"},
     {"settings", "files", "names"},
-    {"_kernels", "sensor", "tables", "stability", "reading"},
+    {"_kernels", "sensor", "tables", "stability", "costs", "reading"},
     {"contacts", "cones"},
     {"wrenches"},
     {"solving"},
@@ -24,7 +24,7 @@ FLOORS = [
     {"classification"},
     {"mesh"},
     {"rays", "surface_contacts", "surface_shares"},
-    {"crease_angles", "sampling", "surface_extremes"},
+    {"crease_angles", "sampling", "surface_extremes", "surface_crossings"},
     {"surface_epsilons"},
     {"vertex_grasps"},
     {"labels"},
@@ -38,6 +38,7 @@ FLOORS = [
     {"cli"},
 ]
 ENGINES = {
+    "manifold3d": {"mesh"},
     "embreex": {"rays"},
     "numba": {"_kernels"},
     "trimesh": {"mesh", "export", "reading"},

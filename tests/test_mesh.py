@@ -5,10 +5,8 @@ import pytest
 import trimesh
 
 from grasp3d import MeshError, ObjectMesh, load_mesh, mesh_from_arrays
-from grasp3d.mesh.measures import has_area, rounding_of, signed_volumes
+from grasp3d.mesh.measures import has_area, is_closed, rounding_of, signed_volumes
 from grasp3d.mesh.normals import corner_normals, crease_twins, paired_edges
-from grasp3d.mesh.repair.cleaning import clean_faces
-from grasp3d.mesh.repair.orientation import is_closed
 from tests import oracles, shapes
 from tests.shapes import Surface
 
@@ -145,12 +143,6 @@ def test_faces_that_are_nothing_or_come_twice_are_left_out_and_counted() -> None
     assert mesh.vertex_areas.sum() == pytest.approx(6.0)
 
 
-def test_a_turned_repeat_is_a_repeat_and_a_mirrored_one_is_not() -> None:
-    vertices, faces = shapes.box()
-    assert clean_faces(vertices, np.vstack([faces, faces[:2, [2, 0, 1]]])).repeated == 2
-    assert clean_faces(vertices, np.vstack([faces, faces[:2, ::-1]])).repeated == 0
-
-
 def test_area_is_judged_by_the_rounding_of_the_coordinates() -> None:
     flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1e-18, 0.0]])
     thin = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1e-9, 0.0]])
@@ -179,7 +171,7 @@ def test_mixed_winding_is_made_consistent() -> None:
     mesh = mesh_from_arrays(vertices, mixed)
     assert mesh.report.closed
     assert mesh.volume == pytest.approx(mesh_from_arrays(vertices, faces).volume)
-    assert "turned to agree with their neighbours" in " ".join(map(str, mesh.report.repairs))
+    assert "turned to agree with neighbours" in " ".join(map(str, mesh.report.repairs))
 
 
 def test_one_inside_out_body_beside_another_is_turned() -> None:
@@ -229,7 +221,8 @@ def test_a_closed_body_beside_an_open_one_is_judged_by_itself() -> None:
 
 def test_a_body_within_another_and_wound_alike_is_warned_of() -> None:
     mesh = mesh_from_arrays(*joined(shapes.sphere(3), ball_at([0.1, 0.0, 0.0], 0.5)))
-    assert "1 bodies lie within others" in mesh.report.warnings[0]
+    assert "1 body within others" in mesh.report.warnings[0]
+    assert mesh.volume == pytest.approx(mesh_from_arrays(*shapes.sphere(3)).volume)
 
 
 def test_a_tray_is_not_closed_to_a_box() -> None:
@@ -293,7 +286,7 @@ def test_a_missing_triangle_is_filled_and_a_large_hole_is_reported() -> None:
     vertices, faces = shapes.sphere(2)
     mended = mesh_from_arrays(vertices, faces[1:])
     assert mended.report.closed
-    assert "1 faces added to close holes" in " ".join(map(str, mended.report.repairs))
+    assert "1 face added to close holes" in " ".join(map(str, mended.report.repairs))
     opened = mesh_from_arrays(vertices, faces[vertices[faces].mean(axis=1)[:, 2] < 0.5])
     assert not opened.report.closed
     assert opened.report.center_mass_from == "surface"
@@ -354,8 +347,8 @@ def test_normals_average_by_angle_whatever_the_tessellation() -> None:
         ([[0, 0, 0]], [[0, 0, 1]], "uses vertex 1, but there are 1 vertices"),
         ([[0, 0, 0], [1, 0, 0], [0, 1, math.nan]], [[0, 1, 2]], "vertex 2 has a coordinate"),
         ([[0, 0, 0], [1, 0, 0], [0, math.inf, 0]], [[0, 1, 2]], "not a finite number"),
-        ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], "no face has an area"),
-        ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [[0, 1, 2]], "collapsed"),
+        ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], "no face is left .*no area"),
+        ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [[0, 1, 2]], "two corners at one place"),
         ([[0, 0, 0], [1, 0, 0]], np.empty((0, 3)), "holds no faces"),
         ([[0, 0], [1, 0]], [[0, 1, 1]], "vertices must have shape"),
         ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, -1]], "uses vertex -1"),

@@ -14,7 +14,7 @@ DECILES = (0.1, 0.5, 0.9)
 
 @dataclass(frozen=True)
 class BatchSettings:
-    """The settings of every mesh of a batch."""
+    """What all meshes are labelled with, or checked for."""
 
     model: GraspModel = field(default_factory=GraspModel)
     sampling: Sampling = field(default_factory=Sampling)
@@ -114,7 +114,7 @@ def _labeled(job: Job, settings: BatchSettings) -> Row:
     from grasp3d.mesh import prepare_file  # noqa: PLC0415
     from grasp3d.surface import label_surface  # noqa: PLC0415
 
-    mesh = prepare_file(job.source, settings.mesh)
+    mesh = prepare_file(job.source, settings.mesh, threads=1)
     labels = label_surface(mesh, settings.model, sampling=settings.sampling, threads=1)
     writer_for(job.target)(job.target, labels)
     fractions = labels.fractions()

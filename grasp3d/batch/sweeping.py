@@ -212,7 +212,7 @@ def sweep_mesh(
 
     begun = time.perf_counter()
     try:
-        surface = prepare_file(mesh.source, settings.mesh)
+        surface = prepare_file(mesh.source, settings.mesh, threads=threads)
         labels = label_surface(
             surface,
             settings.model,

@@ -1,8 +1,25 @@
-"""Areas, volumes, places and rounding of plain vertex and face arrays."""
+"""Areas, volumes, places, edges and rounding of plain vertex and face arrays."""
+
+from typing import NamedTuple
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Bools, Floats, Ints
+
+
+class Edges(NamedTuple):
+    """The undirected edges of some faces."""
+
+    ends: Ints
+    """Vertices of each, the smaller one first, shape (E, 2)."""
+    faces: Ints
+    """How many faces have it, shape (E,)."""
+    balance: Ints
+    """How much more often it is passed from the smaller vertex than from the larger, shape (E,)."""
+    of_corner: Ints
+    """Edge from each corner of each face to the next, shape (F, 3)."""
 
 
 def face_areas(vertices: Floats, faces: Ints) -> Floats:
@@ -15,6 +32,70 @@ def signed_volumes(vertices: Floats, faces: Ints) -> Floats:
     """Volumes of the tetrahedra from the origin to each face, shape (F,)."""
     a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
     return np.asarray(np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0)
+
+
+def part_volumes(vertices: Floats, faces: Ints, part: Ints) -> Floats:
+    """Volumes of closed parts, each about a vertex of its own, so that small ones keep digits.
+
+    Args:
+        vertices: Positions (V, 3).
+        faces: Faces (F, 3).
+        part: Part of each face, counted from 0, shape (F,).
+
+    Returns:
+        One for each part; of open parts it means nothing.
+    """
+    _, first = np.unique(part, return_index=True)
+    a, b, c = np.moveaxis(vertices[faces] - vertices[faces[first, 0]][part][:, None], 1, 0)
+    pieces = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
+    return np.asarray(np.bincount(part, pieces), dtype=np.float64)
+
+
+def edges_of(faces: Ints) -> Edges:
+    """Find the edges of faces (F, 3) and how they are passed."""
+    start, end = faces, np.roll(faces, -1, axis=1)
+    low, high = np.minimum(start, end), np.maximum(start, end)
+    size = int(faces.max(initial=0)) + 1
+    keys, inverse = np.unique(low * size + high, return_inverse=True)
+    of_corner = inverse.reshape(-1, 3)
+    direction = np.where(start < end, 1.0, -1.0)
+    count = np.bincount(of_corner.ravel(), minlength=len(keys))
+    balance = np.bincount(of_corner.ravel(), direction.ravel(), minlength=len(keys))
+    ends = np.stack([keys // size, keys % size], axis=1)
+    return Edges(ends, count.astype(np.int64), balance.astype(np.int64), of_corner)
+
+
+def edge_counts(faces: Ints) -> tuple[int, int]:
+    """Count the edges with one face, and those with more than two.
+
+    A surface is watertight in the strict sense, every edge with exactly two faces, when both are 0
+    and the faces are wound alike.
+    """
+    count = edges_of(faces).faces
+    return int((count == 1).sum()), int((count > 2).sum())  # noqa: PLR2004
+
+
+def is_closed(faces: Ints) -> bool:
+    """Tell whether every edge is passed equally often in both directions.
+
+    Then the signed volume does not depend on the origin, even where more than two faces meet.
+    """
+    return not edges_of(faces).balance.any()
+
+
+def parts_of(faces: Ints) -> Ints:
+    """Connected part of each face, faces being neighbours when they share a vertex, shape (F,)."""
+    size = int(faces.max(initial=-1)) + 1
+    links = coo_array(
+        (
+            np.ones(2 * len(faces), dtype=np.int8),
+            (faces[:, [0, 1]].ravel(), faces[:, [1, 2]].ravel()),
+        ),
+        shape=(size, size),
+    )
+    _, part = connected_components(links, directed=False)
+    _, numbered = np.unique(part[faces[:, 0]], return_inverse=True)
+    return np.asarray(numbered, dtype=np.int64).ravel()
 
 
 def rounding_of(vertices: Floats) -> float:

@@ -8,24 +8,27 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.costs import check_cost
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import face_areas, rounding_of, signed_volumes
 from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
-from grasp3d.mesh.refinement import refine
+from grasp3d.mesh.patches import fingertip_normals
+from grasp3d.mesh.refinement import refine, refined_faces
 from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, repair_surface
+from grasp3d.mesh.units import doubt_unit
+from grasp3d.names import printable
 from grasp3d.reading import RawMesh, check_finite, read_mesh
 from grasp3d.settings import MeshKeywords, MeshOptions, Unit
-
-METRES: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
-PLAUSIBLE = (0.002, 2.0)
-"""Sizes of objects that a hand may hold [m]."""
 
 DEFAULT_EDGE = 1.0 / 32.0
 """Longest edge as a share of the object's size."""
 
 LARGEST = 1e60
 """Largest coordinate, and one over the smallest size, whose powers stay finite."""
+
+MANY = 1e15
+"""Faces that are too many in any case."""
 
 FLAT_VOLUME = 1e-9
 """Share of size cubed below which a closed surface encloses nothing."""
@@ -71,36 +74,72 @@ def mesh_from_arrays(
         if array.dtype.kind not in kinds and array.size:
             raise MeshError(f"{name} must be numbers of the right kind; got {array.dtype}")
     raw = RawMesh(points.astype(np.float64), corners.astype(np.int64), "arrays", None)
-    return prepare_surface(raw, chosen, name="arrays", where="arrays")
+    surface = mend(raw, chosen, "arrays")
+    return refined_mesh(raw, surface, chosen, name="arrays", where="arrays")
 
 
-def prepare_file(path: Path, options: MeshOptions) -> ObjectMesh:
-    """Do what `load_mesh` does, with options that stand together already."""
+def prepare_file(path: Path, options: MeshOptions, *, threads: int | None = None) -> ObjectMesh:
+    """Do what `load_mesh` does, with options that stand together already.
+
+    Args:
+        path: The file.
+        options: How it is read and prepared.
+        threads: Threads to use; None: one per processor.
+    """
+    where = printable(str(path))
     raw = read_mesh(path, max_memory=options.max_memory)
-    return prepare_surface(raw, options, name=path.name, where=str(path))
+    surface = mend(raw, options, where)
+    return refined_mesh(raw, surface, options, name=path.name, where=where, threads=threads)
 
 
-def prepare_surface(raw: RawMesh, options: MeshOptions, *, name: str, where: str) -> ObjectMesh:
-    """Prepare a surface as a file has it for contacts.
+def mend(raw: RawMesh, options: MeshOptions, where: str) -> RepairedSurface:
+    """Check and repair a surface as a file has it.
 
     Args:
         raw: Positions and faces.
-        options: How.
-        name: What the report calls it.
+        options: How much is repaired, and how large it may be.
         where: What errors call it.
 
     Raises:
-        MeshError: It is no surface.
+        MeshError: It is no surface, or too large.
     """
     _check_numbers(raw, where)
     _check_magnitude(raw, where)
-    surface = repair_surface(raw.vertices, raw.faces, options.repair, where)
+    check_cost(len(raw.faces) // 2, options.max_memory, where, "simplify the mesh")
+    return repair_surface(raw.vertices, raw.faces, options.repair, where)
+
+
+def refined_mesh(
+    raw: RawMesh,
+    surface: RepairedSurface,
+    options: MeshOptions,
+    *,
+    name: str,
+    where: str,
+    threads: int | None = None,
+) -> ObjectMesh:
+    """Make the mesh of a surface that is mended: weigh it, find its normals, divide its edges.
+
+    Args:
+        raw: As it was read.
+        surface: As it was mended.
+        options: How.
+        name: What the report calls it.
+        where: What errors call it.
+        threads: Threads to use; None: one per processor.
+
+    Raises:
+        MeshError: It would become too large.
+    """
     center, size = _extent(surface.vertices, surface.faces)
     points = (surface.vertices - center) / size
     normals = corner_normals(points, surface.faces, options.crease_angle)
     edge = DEFAULT_EDGE if options.max_edge is None else options.max_edge / size
+    expected = int(min(refined_faces(points, surface.faces, edge), MANY))
+    check_cost(expected // 2, options.max_memory, where, "give a longer max_edge (--max-edge)")
     rounding = min(rounding_of(raw.vertices) / size, MOST_ROUNDING)
     refined = refine(points, surface.faces, normals, edge, rounding)
+    normals, told = fingertip_normals(surface, refined, size, options, threads=threads)
     added = refined.vertices[len(points) :] * size + center
     vertices = np.concatenate([surface.vertices, added])
     center_mass, volume = _mass(points, surface)
@@ -117,7 +156,7 @@ def prepare_surface(raw: RawMesh, options: MeshOptions, *, name: str, where: str
         closed=surface.closed,
         center_mass_from="surface" if math.isnan(volume) else "volume",
         repairs=surface.steps,
-        warnings=(*_warnings(surface, volume, size, unit, raw.unit), *surface.warnings),
+        warnings=(*_warnings(surface, volume, size, unit, raw.unit), *surface.warnings, *told),
     )
     own = np.arange(len(points), len(vertices))
     return ObjectMesh(
@@ -126,11 +165,11 @@ def prepare_surface(raw: RawMesh, options: MeshOptions, *, name: str, where: str
         canonical=locked(np.concatenate([surface.canonical, own])),
         file_vertices=len(raw.vertices),
         corner_normals=CornerNormals(
-            locked(refined.normals.corners),
-            locked(refined.normals.normals),
-            locked(refined.normals.vertices),
+            locked(normals.corners),
+            locked(normals.normals),
+            locked(normals.vertices),
         ),
-        normal_sets=normal_sets(len(vertices), refined.normals),
+        normal_sets=normal_sets(len(vertices), normals),
         center=locked(center),
         size=size,
         center_mass=locked(center_mass * size + center),
@@ -156,7 +195,8 @@ def _check_numbers(raw: RawMesh, where: str) -> None:
 def _check_magnitude(raw: RawMesh, where: str) -> None:
     corners = raw.vertices[raw.faces]
     largest = float(np.abs(corners).max())
-    spread = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
+    with np.errstate(over="ignore"):  # what is so large is refused
+        spread = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
     if largest > LARGEST or 0.0 < spread < 1.0 / LARGEST:
         raise MeshError(
             f"{where}: coordinates up to {largest:.3g} and a size of {spread:.3g} are beyond what "
@@ -204,11 +244,6 @@ def _warnings(
         )
     if declared not in {None, unit}:
         warnings.append(f"the file says its unit is {declared}, but {unit} was asked for")
-    if unit is not None:
-        metres = size * METRES[unit]
-        if not PLAUSIBLE[0] <= metres <= PLAUSIBLE[1]:
-            warnings.append(
-                f"the object is {metres:.3g} m large if its unit is {unit}: "
-                "is the unit right? (m, cm, mm, in)"
-            )
+    if unit is not None and (doubt := doubt_unit(size, unit)):
+        warnings.append(doubt)
     return tuple(warnings)

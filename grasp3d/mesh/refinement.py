@@ -9,11 +9,9 @@ from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, first_at_place, unit_rows
-from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, paired_edges
 
-MAX_FACES = 20_000_000
 MAX_ROUNDS = 40
 
 
@@ -40,11 +38,7 @@ def refine(
         normals: Normals at the corners of the faces.
         max_edge: Longest edge allowed, in the unit of `vertices`.
         rounding: How far a coordinate may be off, in the same unit.
-
-    Raises:
-        MeshError: The result would not fit in memory.
     """
-    _check_size(vertices, faces, max_edge)
     # Position and normal travel together, one row per patch at a vertex: the columns behind the
     # first three are interpolated but do not count for an edge's length.
     rows = np.hstack([vertices[normals.vertices], normals.normals])
@@ -80,13 +74,9 @@ def _first_nearby(points: Floats, given: int, tolerance: float) -> Ints:
     return np.asarray(result, dtype=np.int64)
 
 
-def _check_size(vertices: Floats, faces: Ints, max_edge: float) -> None:
+def refined_faces(vertices: Floats, faces: Ints, max_edge: float) -> float:
+    """Estimate how many faces there will be; positions (V, 3), faces (F, 3)."""
     a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
     area = face_areas(vertices, faces).sum()
     longest = np.max([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)
-    expected = 2.0 * area / max_edge**2 + (2.0 * longest / max_edge).sum() + len(faces)
-    if expected > MAX_FACES:
-        raise MeshError(
-            f"edges of at most {max_edge:.3g} of the object's size would need about "
-            f"{expected:.2g} faces; give a longer max_edge"
-        )
+    return float(2.0 * area / max_edge**2 + (2.0 * longest / max_edge).sum() + len(faces))

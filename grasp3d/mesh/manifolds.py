@@ -1,0 +1,20 @@
+"""What Manifold makes of a surface: the library that others will hand it to."""
+
+import manifold3d
+import numpy as np
+
+from grasp3d.arrays import Floats, Ints
+
+
+def manifold_status(points: Floats, faces: Ints) -> str:
+    """Name what Manifold says of a surface: NoError, NotManifold, NonFiniteVertex, ...
+
+    Args:
+        points: Positions (V, 3).
+        faces: Faces (F, 3).
+    """
+    used, rows = np.unique(faces, return_inverse=True)
+    mesh = manifold3d.Mesh64(
+        np.ascontiguousarray(points[used]), rows.reshape(-1, 3).astype(np.uint64)
+    )
+    return str(manifold3d.Manifold(mesh).status().name)

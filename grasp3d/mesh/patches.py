@@ -1,0 +1,250 @@
+"""Contact normals of a soft fingertip: averaged over the surface within its patch."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+
+from grasp3d._kernels.patches import REACHED, Net, clear, make_front, patch_vectors, spread
+from grasp3d.arrays import Bools, Floats, Ints, unit_rows
+from grasp3d.errors import SettingError
+from grasp3d.mesh.measures import face_areas
+from grasp3d.mesh.normals import (
+    CornerNormals,
+    corner_angles,
+    crowded_edges,
+    inward_normals,
+    paired_edges,
+)
+from grasp3d.mesh.refinement import RefinedSurface
+from grasp3d.mesh.repair import RepairedSurface
+from grasp3d.processors import available_processors
+from grasp3d.settings import MeshOptions
+
+LARGEST_PATCH = 0.5
+"""Largest radius in object sizes: a wider patch would reach around the object, where the normals
+cancel."""
+
+CANCELLED = 0.1
+"""Length of a patch's area vector, as a share of its area, below which it tells no direction."""
+
+MOST_VISITS = 5e9
+"""Vertices of all patches together that are worth the wait: about an hour of one processor."""
+
+PROBES = 16
+"""Patches by which the work is judged beforehand."""
+
+MOST_THREADS = 4
+"""Each has scratch as large as the mesh, and batches run many processes."""
+
+CHUNK = 512
+"""Patches that a thread sums at once."""
+
+STRAIGHT = math.radians(0.1)
+"""Bend of an edge below which its faces are one facet."""
+
+
+def fingertip_normals(
+    given: RepairedSurface,
+    refined: RefinedSurface,
+    size: float,
+    options: MeshOptions,
+    *,
+    threads: int | None = None,
+) -> tuple[CornerNormals, tuple[str, ...]]:
+    """Take the normals as a fingertip feels them: over its patch, if it has one.
+
+    Args:
+        given: The surface before refinement, in the mesh's unit.
+        refined: The surface in the normalised frame.
+        size: The object's size in the mesh's unit.
+        options: With the patch's radius; 0: the refined surface's own normals.
+        threads: As in `patch_normals`.
+
+    Returns:
+        The normals, and what a user should know about them, a sentence each.
+
+    Raises:
+        SettingError: The patch would reach around the object, or take too long.
+    """
+    radius = options.patch_radius
+    if radius == 0.0:
+        return refined.normals, ()
+    most = LARGEST_PATCH * size
+    if radius > most:
+        raise SettingError(
+            f"patch_radius is {radius:.4g}, but the object's size is {size:.4g}, and a fingertip's "
+            f"patch must not reach around it; give at most {most:.4g}"
+        )
+    net = surface_net(refined.vertices, refined.faces)
+    _check_work(net, radius, size)
+    normals = patch_normals(net, refined.normals, radius / size, threads=threads)
+    edge = size * float(net.sides.mean())
+    width = facet_width(given.vertices, given.faces, options.crease_angle)
+    return normals, _warnings(radius, width, edge)
+
+
+def patch_normals(
+    net: Net, normals: CornerNormals, radius: float, *, threads: int | None = None
+) -> CornerNormals:
+    """Average the face normals over the patch around each vertex.
+
+    A patch is the surface within a distance of the vertex along it: the far side of a thin plate
+    does not belong to it. Faces count by their area within it, so that noise inside the patch
+    cancels out, and the finer or coarser tessellation does not show. All corners at a vertex share
+    the one normal; an edge of a box is rounded, no crease. Vertices keep the normals they have
+    where the patch's normals cancel out (the rim of a thin plate, the tip of a needle), and where
+    more than two faces meet at an edge, for nobody knows which of them a fingertip touches.
+
+    Args:
+        net: The surface; see `surface_net`.
+        normals: Normals at the corners of its faces.
+        radius: How far a patch reaches, in the unit of its vertices, > 0.
+        threads: Threads to use; None: one per processor, up to a few. The result does not depend
+            on it.
+
+    Returns:
+        The normals at the same corners.
+    """
+    sources = np.unique(net.faces)
+    vectors, areas = patch_areas(net, sources, radius, threads=threads)
+    told = np.linalg.norm(vectors, axis=1) > CANCELLED * areas
+    told &= ~_on_crowded_edges(net)[sources]
+    row = np.full(_vertices(net), -1, dtype=np.int64)
+    row[sources[told]] = len(normals.normals) + np.arange(told.sum())
+    rows = np.where(row[net.faces] >= 0, row[net.faces], normals.corners)
+    used, corners = np.unique(rows, return_inverse=True)
+    return CornerNormals(
+        corners=corners.reshape(-1, 3).astype(np.int64),
+        normals=np.concatenate([normals.normals, unit_rows(vectors[told])])[used],
+        vertices=np.concatenate([normals.vertices, sources[told]])[used],
+    )
+
+
+def patch_areas(
+    net: Net, sources: Ints, radius: float, *, threads: int | None = None
+) -> tuple[Floats, Floats]:
+    """Sum the surface within a distance of vertices, along it.
+
+    Args:
+        net: The surface.
+        sources: The vertices (n,).
+        radius: The distance.
+        threads: Threads to use; None: one per processor, up to a few.
+
+    Returns:
+        Inward area vectors (n, 3) and areas (n,).
+    """
+    threads = min(available_processors(), MOST_THREADS) if threads is None else threads
+    vectors, areas = np.zeros((len(sources), 3)), np.zeros(len(sources))
+    starts = range(0, len(sources), CHUNK)
+
+    def work(number: int) -> None:
+        front = make_front(_vertices(net), len(net.faces))
+        for start in starts[number::threads]:
+            part = slice(start, start + CHUNK)
+            patch_vectors(sources[part], radius, net, front, vectors[part], areas[part])
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(work, range(threads)))
+    return vectors, areas
+
+
+def surface_net(vertices: Floats, faces: Ints) -> Net:
+    """Measure a surface for the ways along it.
+
+    Args:
+        vertices: Positions (V, 3).
+        faces: Faces (F, 3), counter-clockwise from outside.
+    """
+    order = np.argsort(faces.ravel(), kind="stable")
+    counts = np.bincount(faces.ravel(), minlength=len(vertices))
+    angles = corner_angles(vertices, faces)
+    return Net(
+        faces=faces,
+        sides=_sides(vertices, faces),
+        cosines=np.cos(angles),
+        sines=np.sin(angles),
+        areas=face_areas(vertices, faces),
+        normals=inward_normals(vertices, faces),
+        first=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
+        around=order.astype(np.int64),
+    )
+
+
+def facet_width(vertices: Floats, faces: Ints, crease_angle: float) -> float:
+    """Mean width of the facets that a round surface consists of, across their bent edges.
+
+    The height of a face over each of its edges that bend, but are no creases, weighted by the
+    edge's length. 0 where there is none: all is flat between creases.
+
+    Args:
+        vertices: Positions (V, 3).
+        faces: Faces (F, 3), as they were before refinement.
+        crease_angle: Largest bend of a smooth edge [rad].
+    """
+    one, two = paired_edges(faces)
+    flat = inward_normals(vertices, faces)
+    a, b = flat[one // 3], flat[two // 3]
+    bend = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
+    round_ = (bend > STRAIGHT) & (bend <= crease_angle)
+    lengths = _sides(vertices, faces).ravel()[one[round_]].sum()
+    areas = face_areas(vertices, faces)
+    doubled = areas[one[round_] // 3].sum() + areas[two[round_] // 3].sum()  # mean of both sides
+    return float(doubled / lengths) if lengths > 0.0 else 0.0
+
+
+def _check_work(net: Net, radius: float, size: float) -> None:
+    """Refuse patches that together have too many vertices, judged by a few of them."""
+    sources = np.unique(net.faces)
+    probes = sources[np.linspace(0, len(sources) - 1, PROBES).astype(np.int64)]
+    front = make_front(_vertices(net), len(net.faces))
+    reached = 0
+    for probe in probes:
+        spread(probe, radius / size, net, front)
+        reached += front.sizes[REACHED]
+        clear(front)
+    each = reached / PROBES
+    if each * len(sources) > MOST_VISITS:
+        raise SettingError(
+            f"a patch_radius of {radius:.4g} means patches of about {each:.0f} vertices around "
+            f"each of {len(sources)}, which would take hours; give a smaller one, or a coarser mesh"
+        )
+
+
+def _warnings(radius: float, width: float, edge: float) -> tuple[str, ...]:
+    """Tell where a patch is too small to do what it is for, a sentence each."""
+    warnings = []
+    if radius < width:
+        warnings.append(
+            f"the patch radius, {radius:.3g}, is less than the mean width of the mesh's facets, "
+            f"{width:.3g}: it averages over few of them, and round parts show their facets"
+        )
+    if radius < edge:
+        warnings.append(
+            f"the patch radius, {radius:.3g}, is less than the mean edge of the refined mesh, "
+            f"{edge:.3g}, along which normals are interpolated; give a max_edge of at most the "
+            "radius"
+        )
+    return tuple(warnings)
+
+
+def _sides(vertices: Floats, faces: Ints) -> Floats:
+    """Length of the side opposite each corner, shape (F, 3)."""
+    corners = vertices[faces]
+    across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
+    return np.ascontiguousarray(np.linalg.norm(across, axis=2))
+
+
+def _vertices(net: Net) -> int:
+    """How many vertices there are, those without a face included."""
+    return len(net.first) - 1
+
+
+def _on_crowded_edges(net: Net) -> Bools:
+    """Tell the vertices of edges with more than two faces, shape (V,)."""
+    half = crowded_edges(net.faces)
+    marked = np.zeros(_vertices(net), dtype=bool)
+    for k in (1, 2):
+        marked[net.faces[half // 3, (half + k) % 3]] = True
+    return marked

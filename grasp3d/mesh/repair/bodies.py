@@ -1,0 +1,192 @@
+"""The bodies that a surface falls into: copies, inside and outside, one within another."""
+
+from functools import cached_property
+
+import numpy as np
+from scipy.spatial import ConvexHull, QhullError, cKDTree
+
+from grasp3d.arrays import Bools, Floats, Ints, unit_rows
+from grasp3d.mesh.measures import edges_of, face_areas, part_volumes, parts_of
+from grasp3d.mesh.repair.cleaning import sheets_of
+from grasp3d.mesh.repair.nesting import boxes_of, nested
+
+CLEAR_VOTE = 0.5
+"""An open body is turned when its outermost faces look inward by this much; see `_hull_vote`."""
+
+SCRAP = 1e-3
+"""Share of a neighbour's volume from which a closed piece that touches it is a body of its own."""
+
+NO_VOLUME = 1e-10
+"""Volume below which a body is a sheet with two sides, in units of its area to the power 3/2."""
+
+TOUCH = 1e-10
+"""Least distance at which bodies touch, as a share of the size; more where positions are rounded
+more."""
+
+
+def body_of_face(points: Floats, faces: Ints) -> Ints:
+    """Body of each face, shape (F,).
+
+    Faces on an edge with no third one belong together. What is closed by itself is a body, even if
+    it touches others at vertices or edges; open pieces and scraps are one body with what they
+    touch.
+    """
+    sheet = sheets_of(faces)
+    count = int(sheet.max()) + 1
+    part = parts_of(faces)
+    if count == part.max() + 1:
+        return part
+    size = int(faces.max()) + 1
+    apart = faces + sheet[:, None] * size  # no sheet shares a vertex
+    edges = edges_of(apart)
+    hangs = np.zeros(count, dtype=bool)
+    hangs[edges.ends[edges.balance != 0, 0] // size] = True
+    volumes = np.abs(part_volumes(points, faces, sheet))
+    part_of_sheet = np.zeros(count, dtype=np.int64)
+    part_of_sheet[sheet] = part
+    largest = np.zeros(int(part.max()) + 1)
+    np.maximum.at(largest, part_of_sheet, volumes)
+    hangs |= volumes < SCRAP * largest[part_of_sheet]
+    main = np.zeros(count, dtype=bool)  # scraps hang on the largest sheet of their part
+    main[np.lexsort((volumes, part_of_sheet))[np.cumsum(np.bincount(part_of_sheet)) - 1]] = True
+    scrappy = np.zeros(len(largest), dtype=bool)
+    scrappy[part_of_sheet[hangs]] = True
+    hangs |= main & scrappy[part_of_sheet]
+    body = np.where(hangs, part_of_sheet, len(largest) + np.arange(count))
+    _, numbered = np.unique(body[sheet], return_inverse=True)
+    return np.asarray(numbered, dtype=np.int64)
+
+
+class Bodies:
+    """The bodies of a surface: their volumes, their boxes, and which lie within others."""
+
+    def __init__(self, points: Floats, faces: Ints, touch: float = TOUCH) -> None:
+        self.points, self.faces, self.touch = points, faces, touch
+        self.body = body_of_face(points, faces)
+        self.count = int(self.body.max()) + 1
+        self._rows = np.split(
+            np.argsort(self.body, kind="stable"), np.cumsum(np.bincount(self.body))[:-1]
+        )
+        size = int(faces.max()) + 1
+        edges = edges_of(faces + self.body[:, None] * size)
+        self.open = np.zeros(self.count, dtype=bool)
+        self.open[edges.ends[edges.balance != 0, 0] // size] = True
+        areas = np.bincount(self.body, face_areas(points, faces))
+        volumes = part_volumes(points, faces, self.body)
+        self.volumes = np.where(np.abs(volumes) > NO_VOLUME * areas**1.5, volumes, 0.0)
+        self.lower, self.upper = boxes_of(points, faces, self.body, self.count)
+
+    def of(self, body: int) -> Ints:
+        """Faces of a body, shape (n, 3)."""
+        return self.faces[self._rows[body]]
+
+    @cached_property
+    def within(self) -> tuple[Ints, Ints]:
+        """Closed bodies that lie wholly within closed others: the inner and outer of each pair."""
+        chosen = np.flatnonzero(~self.open & (self.volumes != 0.0))
+        own = np.isin(self.body, chosen)
+        if len(chosen) < 2:  # noqa: PLR2004
+            return chosen[:0], chosen[:0]
+        inner, outer = nested(
+            self.points,
+            self.faces[own],
+            np.searchsorted(chosen, self.body[own]),
+            self.volumes[chosen],
+            self.touch,
+        )
+        return chosen[inner], chosen[outer]
+
+    def inside_out(self) -> Bools:
+        """Tell the bodies to turn; a cavity within another body is rightly wound inward."""
+        flip = np.zeros(self.count, dtype=bool)
+        for body in np.flatnonzero(self.open).tolist():
+            flip[body] = _hull_vote(self.points, self.of(body)) < -CLEAR_VOTE
+        closed = ~self.open
+        if self.volumes[closed].sum() < 0.0:  # the whole object, cavities and all
+            flip[closed] = True
+        negative = np.where(flip, -self.volumes, self.volumes) < 0.0
+        if (closed & negative).any():
+            inner, outer = self.within
+            held = np.zeros(self.count, dtype=bool)
+            held[inner[~negative[outer]]] = True
+            flip ^= closed & negative & ~held
+        return flip
+
+    def doubled(self) -> int:
+        """Count the closed bodies in the matter of others: their volume would count twice."""
+        inner, outer = self.within
+        depth = np.bincount(inner, np.sign(self.volumes[outer]), minlength=self.count)
+        return int((~self.open & (self.volumes > 0.0) & (depth > 0.0)).sum())
+
+    def owners(self) -> Ints:
+        """Solid that each body is part of, shape (B,): itself, for a cavity the body around it.
+
+        Of several the smallest, in which the cavity is no other body's. Open bodies, those without
+        a volume and cavities in nothing have -1.
+        """
+        solid = ~self.open & (self.volumes > 0.0)
+        owner = np.where(solid, np.arange(self.count), -1)
+        inner, outer = self.within
+        cavity = (self.volumes[inner] < 0.0) & solid[outer]
+        inner, outer = inner[cavity], outer[cavity]
+        smallest_last = np.argsort(-self.volumes[outer], kind="stable")
+        owner[inner[smallest_last]] = outer[smallest_last]
+        return owner
+
+    def copies(self, distance: float) -> dict[int, tuple[Ints, Ints]]:
+        """Find bodies that came before, vertex by vertex within a distance, wound either way.
+
+        Returns:
+            For each copy its vertices, and the vertices of the earlier body at their places.
+        """
+        sizes = np.bincount(self.body)
+        found: dict[int, tuple[Ints, Ints]] = {}
+        for size in np.unique(sizes):
+            alike = np.flatnonzero(sizes == size)
+            boxes = np.hstack([self.lower[alike], self.upper[alike]])
+            for i, j in _near(boxes, distance):
+                if alike[i] in found or alike[j] in found:
+                    continue
+                matched = self._matched(int(alike[i]), int(alike[j]), distance)
+                if matched is not None:
+                    found[int(alike[j])] = matched
+        return found
+
+    def _matched(self, one: int, two: int, distance: float) -> tuple[Ints, Ints] | None:
+        """Vertices of the second body and those of the first at their places, if it is a copy."""
+        old, new = np.unique(self.of(one)), np.unique(self.of(two))
+        if len(old) != len(new):
+            return None
+        gap, near = cKDTree(self.points[old]).query(self.points[new])
+        if np.max(gap) > distance or len(np.unique(near)) < len(new):
+            return None
+        moved = old[near][np.searchsorted(new, self.of(two))]
+        here, there = (np.unique(np.sort(faces, axis=1), axis=0) for faces in (self.of(one), moved))
+        return (new, old[near]) if np.array_equal(here, there) else None
+
+
+def _near(boxes: Floats, distance: float) -> list[tuple[int, int]]:
+    """Pairs of rows that differ by at most a distance in each column, the earlier first."""
+    pairs = cKDTree(boxes).query_pairs(distance * (1.0 + 1e-9), p=np.inf, output_type="ndarray")
+    return sorted(map(tuple, np.sort(pairs, axis=1).tolist()))
+
+
+def _hull_vote(points: Floats, faces: Ints) -> float:
+    """How far the faces at the convex hull's corners look outward, from -1 to 1; 0 if flat.
+
+    An open surface has no volume whose sign could tell, but its outermost places must look away
+    from it.
+    """
+    used, corners = np.unique(faces, return_inverse=True)
+    own, local = points[used], corners.reshape(-1, 3)
+    try:
+        hull = ConvexHull(own)
+    except QhullError:
+        return 0.0
+    outward = np.zeros_like(own)
+    for k in range(3):
+        np.add.at(outward, hull.simplices[:, k], hull.equations[:, :3])
+    a, b, c = own[local[:, 0]], own[local[:, 1]], own[local[:, 2]]
+    doubled = np.cross(b - a, c - a)
+    votes = np.einsum("fi,fki->fk", doubled, unit_rows(outward)[local])
+    return float(votes.sum() / max(np.abs(votes).sum(), np.finfo(np.float64).tiny))

@@ -1,0 +1,106 @@
+"""Closing holes: the cycles of open edges, and the smallest surface in each."""
+
+import manifold3d
+import numpy as np
+
+from grasp3d.arrays import Floats, Ints
+from grasp3d.mesh.measures import edges_of
+
+SMALL = 4
+"""Edges of the largest small hole."""
+
+LONG = 256
+"""Edges of a hole from which it is closed in its plane, not by the smallest of all surfaces."""
+
+
+def holes_of(faces: Ints) -> list[Ints]:
+    """Find the holes as cycles of vertices, in the direction in which closing faces go round.
+
+    The open edges, counted with their direction, are the border of a surface and have no end: they
+    always fall into closed cycles.
+
+    Args:
+        faces: Welded faces (F, 3).
+
+    Returns:
+        The vertices of each hole; no vertex comes twice in one.
+    """
+    edges = edges_of(faces)
+    times = np.abs(edges.balance)
+    ends = np.where(edges.balance[:, None] > 0, edges.ends[:, ::-1], edges.ends)
+    after: dict[int, list[int]] = {}
+    for start, end in np.repeat(ends, times, axis=0).tolist():
+        after.setdefault(start, []).append(end)
+    return [cycle for start in after for cycle in _cycles_from(start, after)]
+
+
+def close_hole(points: Floats, hole: Ints) -> Ints:
+    """Faces that close a hole, shape (n - 2, 3): the triangulation with the smallest area.
+
+    Barequet & Sharir 1995, by dynamic programming over the parts of the cycle, in O(n^3); very long
+    holes are closed by clipping ears in their mean plane.
+
+    Args:
+        points: Positions (V, 3).
+        hole: Vertices of the cycle (n,).
+    """
+    if len(hole) == 3:  # noqa: PLR2004
+        return hole[None]
+    corners = points[hole] - points[hole].mean(axis=0)
+    if len(hole) > LONG:
+        return hole[_clipped(corners)]
+    count = len(hole)
+    area = np.zeros((count, count))
+    best = np.zeros((count, count), dtype=np.int64)
+    for gap in range(2, count):
+        first = np.arange(count - gap)
+        last = first + gap
+        middle = first[:, None] + np.arange(1, gap)  # (count - gap, gap - 1)
+        start, end = corners[first][:, None], corners[last][:, None]
+        across = np.cross(corners[middle] - start, end - start)
+        total = 0.5 * np.linalg.norm(across, axis=2)
+        total += area[first[:, None], middle] + area[middle, last[:, None]]
+        found = np.argmin(total, axis=1)
+        area[first, last] = np.take_along_axis(total, found[:, None], axis=1)[:, 0]
+        best[first, last] = middle[first, found]
+    return hole[_triangles(best)]
+
+
+def _cycles_from(start: int, after: dict[int, list[int]]) -> list[Ints]:
+    """Walk along unused edges from a vertex and cut the walk where it meets itself."""
+    cycles, walk, seen = [], [start], {start: 0}
+    while after[walk[-1]]:
+        vertex = after[walk[-1]].pop()
+        if vertex in seen:
+            begin = seen[vertex]
+            cycles.append(np.array(walk[begin:], dtype=np.int64))
+            for left in walk[begin + 1 :]:
+                del seen[left]
+            del walk[begin + 1 :]
+        else:
+            seen[vertex] = len(walk)
+            walk.append(vertex)
+    return cycles
+
+
+def _triangles(best: Ints) -> Ints:
+    """Collect the triangles of the whole cycle from the best third corner of each part."""
+    found, open_parts = [], [(0, len(best) - 1)]
+    while open_parts:
+        first, last = open_parts.pop()
+        if last - first > 1:
+            middle = int(best[first, last])
+            found.append((first, middle, last))
+            open_parts += [(first, middle), (middle, last)]
+    return np.array(found, dtype=np.int64)
+
+
+def _clipped(corners: Floats) -> Ints:
+    """Triangulate a cycle (n, 3) in the plane in which it encloses most."""
+    across = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
+    _, _, axes = np.linalg.svd(across[None])
+    flat = corners @ axes[1:].T
+    turn = np.linalg.det(np.vstack([across, axes[1:]]))
+    if turn < 0.0:
+        flat[:, 1] *= -1.0
+    return np.asarray(manifold3d.triangulate([np.ascontiguousarray(flat)]), dtype=np.int64)

@@ -1,0 +1,74 @@
+"""Which closed bodies lie wholly within others."""
+
+import manifold3d
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.mesh.repair.boxes import enclosed
+from grasp3d.mesh.repair.solids import Solid, marked, solids_of
+
+
+def nested(
+    points: Floats, faces: Ints, body: Ints, volumes: Floats, margin: float
+) -> tuple[Ints, Ints]:
+    """Find the bodies that lie wholly within others, their surfaces nowhere near each other.
+
+    Nothing is left of such a body when the other one is taken from it, both as if wound outward,
+    the inner one grown and the outer one shrunk by the margin. What crosses the other body,
+    or touches it from inside, is not within.
+
+    Args:
+        points: Positions (V, 3).
+        faces: Faces (F, 3) of closed bodies.
+        body: Body of each face, shape (F,).
+        volumes: Volume of each body, negative if wound inward, not 0, shape (B,).
+        margin: How far surfaces are shifted.
+
+    Returns:
+        The inner and the outer body of each pair, shape (k,) each.
+    """
+    lower, upper = boxes_of(points, faces, body, len(volumes))
+    inner, outer = enclosed(lower, upper)
+    if not len(inner):
+        return inner, outer
+    turned = np.where((volumes < 0.0)[body][:, None], faces[:, ::-1], faces)
+    grown = _solids(points, turned, body, np.unique(inner), margin)
+    shrunk = _solids(points, turned, body, np.unique(outer), -margin)
+    order = np.argsort(outer, kind="stable")
+    inner, outer = inner[order], outer[order]
+    found, first = np.unique(outer, return_index=True)
+    within = [
+        _within([grown[one] for one in ones.tolist()], shrunk[other])
+        for other, ones in zip(found.tolist(), np.split(inner, first[1:]), strict=True)
+    ]
+    kept = np.concatenate(within)
+    return inner[kept], outer[kept]
+
+
+def boxes_of(points: Floats, faces: Ints, body: Ints, count: int) -> tuple[Floats, Floats]:
+    """Least and largest corner of each body's box, shape (B, 3) each; of none, inf and -inf."""
+    lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    corners = points[faces]
+    np.minimum.at(lower, body, corners.min(axis=1))
+    np.maximum.at(upper, body, corners.max(axis=1))
+    return lower, upper
+
+
+def _solids(
+    points: Floats, faces: Ints, body: Ints, chosen: Ints, shift: float
+) -> dict[int, Solid]:
+    """Shifted solids of some bodies, by their number."""
+    own = np.isin(body, chosen)
+    solids = solids_of(points, faces[own], np.searchsorted(chosen, body[own]), shift)
+    return dict(zip(chosen.tolist(), solids, strict=True))
+
+
+def _within(inner: list[Solid], outer: Solid) -> Bools:
+    """Tell which solids leave no face when another is taken from them all, shape (k,)."""
+    together, marks = marked(inner)
+    rest = together - outer.manifold
+    if rest.status() != manifold3d.Error.NoError:
+        return np.zeros(len(inner), dtype=bool)
+    mesh = rest.to_mesh64()
+    left = np.asarray(mesh.run_original_id)[np.diff(np.asarray(mesh.run_index)) > 0]
+    return np.asarray(~np.isin(marks, left))

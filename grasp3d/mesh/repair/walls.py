@@ -1,0 +1,97 @@
+"""Walls inside an object: bodies that share the vertices on which they touch."""
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.mesh.measures import edges_of, face_areas, part_volumes, parts_of
+from grasp3d.mesh.repair.bodies import NO_VOLUME
+from grasp3d.mesh.repair.cleaning import PAIR, sheets_of
+
+HALF = 0.5
+"""Between the winding numbers of outside, 0, and inside, 1."""
+
+
+def without_inner_walls(points: Floats, faces: Ints, rounding: float) -> Bools:
+    """Leave out faces back to back with matter on both sides.
+
+    Where two bodies share vertices, all edges between their faces and the common wall have more
+    than two faces. The wall's two sides are sheets with the same border, passed the other way
+    round, and nothing between them.
+
+    Args:
+        points: Positions (V, 3) of a surface of size about 1.
+        faces: Faces (F, 3), counter-clockwise from outside.
+        rounding: How far a coordinate may be off.
+
+    Returns:
+        The faces to keep, shape (F,).
+    """
+    kept = np.ones(len(faces), dtype=bool)
+    if not (edges_of(faces).faces > PAIR).any():
+        return kept
+    wall = _back_to_back(points, faces, rounding)
+    if wall.all():
+        return kept
+    corners, rows = points[faces[~wall]], np.flatnonzero(wall)
+    part = parts_of(faces[rows])
+    for number in range(int(part.max(initial=-1)) + 1):
+        own = rows[part == number]
+        middle = points[faces[own[np.argmax(face_areas(points, faces[own]))]]].mean(axis=0)
+        if _winding_number(corners - middle) > HALF:
+            kept[own] = False
+    return kept
+
+
+def _winding_number(corners: Floats) -> float:
+    """How often triangles (F, 3, 3) wind around the origin (van Oosterom & Strackee 1983)."""
+    a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
+    la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
+    determinant = np.einsum("ij,ij->i", a, np.cross(b, c))
+    dots = [np.einsum("ij,ij->i", u, v) * w for u, v, w in ((a, b, lc), (b, c, la), (c, a, lb))]
+    angles = 2.0 * np.arctan2(determinant, la * lb * lc + sum(dots))
+    return float(angles.sum() / (4.0 * np.pi))
+
+
+def _back_to_back(points: Floats, faces: Ints, rounding: float) -> Bools:
+    """Tell the faces of sheets that are, or close with another to, a body without volume, (F,)."""
+    sheet = sheets_of(faces)
+    volumes = part_volumes(points, faces, sheet)
+    areas = np.bincount(sheet, face_areas(points, faces)).astype(np.float64)
+    borders = _borders(faces, sheet)
+    flat = np.abs(volumes) <= _nothing(areas, rounding)
+    flat[list(borders)] = False
+    waiting: dict[tuple[int, ...], list[int]] = {}
+    for number, border in borders.items():
+        others = waiting.setdefault(tuple(-edge for edge in border), [])
+        for other in others:
+            both = faces[(sheet == number) | (sheet == other)]
+            volume = part_volumes(points, both, np.zeros(len(both), dtype=np.int64))[0]
+            if abs(volume) <= _nothing(areas[number] + areas[other], rounding):
+                flat[[number, other]] = True
+                others.remove(other)
+                break
+        else:
+            waiting.setdefault(border, []).append(number)
+    return np.asarray(flat[sheet])
+
+
+def _nothing(areas: Floats, rounding: float) -> Floats:
+    """Largest volumes that are rounding, for closed surfaces of some areas."""
+    return np.maximum(NO_VOLUME * areas**1.5, 2.0 * rounding * areas)
+
+
+def _borders(faces: Ints, sheet: Ints) -> dict[int, tuple[int, ...]]:
+    """Edges at which each sheet ends, counted from 1; negative ones are passed backward."""
+    size = int(faces.max()) + 1
+    edges = edges_of(faces + sheet[:, None] * size)
+    ends = np.flatnonzero(edges.balance)
+    sheet_of_edge = edges.ends[ends, 0] // size
+    low, high = (edges.ends[ends] % size).T
+    number = (low * size + high + 1) * np.sign(edges.balance[ends])
+    order = np.lexsort((np.abs(number), sheet_of_edge))
+    found, first = np.unique(sheet_of_edge[order], return_index=True)
+    groups = np.split(number[order], first[1:])
+    return {
+        int(key): tuple(group.tolist())
+        for key, group in zip(found, groups, strict=bool(len(found)))
+    }

@@ -1,0 +1,212 @@
+"""The steps of repair, one method each; each records what it changed."""
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats, Ints, first_at_place
+from grasp3d.errors import MeshError
+from grasp3d.mesh.measures import (
+    edges_of,
+    face_areas,
+    has_area,
+    is_closed,
+    parts_of,
+    rounding_of,
+)
+from grasp3d.mesh.repair.bodies import TOUCH, Bodies
+from grasp3d.mesh.repair.cleaning import is_face, is_first, without_mirrored
+from grasp3d.mesh.repair.holes import SMALL, close_hole, holes_of
+from grasp3d.mesh.repair.records import RepairedSurface, RepairStep, counted, noun
+from grasp3d.mesh.repair.union import unite
+from grasp3d.mesh.repair.walls import without_inner_walls
+from grasp3d.mesh.repair.welding import first_of_body, first_of_linked, weld_nearby
+from grasp3d.mesh.repair.winding import disagreeing
+
+MOST_ROUNDING = 1e-6
+"""Largest rounding believed, as a share of the size: whole numbers fit in 32 bits as well."""
+
+SMALL_HOLES = 0.01
+"""Small holes are closed when the faces that close them add at most this share to the area."""
+
+FLAT = "left out: no area"
+
+
+class Work:
+    """A surface under repair, in a frame of size about 1 so that volumes keep their digits."""
+
+    def __init__(self, vertices: Floats, faces: Ints, where: str, *, apart: bool) -> None:
+        self.where, self.vertices = where, vertices
+        self.steps: list[RepairStep] = []
+        self.warnings: list[str] = []
+        self.place = first_at_place(vertices)
+        self.canonical = first_of_body(faces, self.place) if apart else self.place
+        self.faces = self.canonical[faces]
+        joined = int((self.place != np.arange(len(vertices))).sum())
+        self._note("welded", joined, "vertices", "joined to an earlier one at the same position")
+        self._keep("collapsed", is_face(self.faces), "left out: two corners at one place")
+        corners = vertices[self.faces].reshape(-1, 3)
+        self.center = corners.mean(axis=0)
+        self.size = float(np.linalg.norm(np.ptp(corners, axis=0)))
+        self.points = (vertices - self.center) / self.size
+        self.rounding = min(rounding_of(vertices) / self.size, MOST_ROUNDING)
+        self._known: Bodies | None = None
+
+    def _bodies(self) -> Bodies:
+        """Return the bodies of the faces as they are now."""
+        if self._known is None or self._known.faces is not self.faces:
+            touch = max(TOUCH, 2.0 * self.rounding)
+            self._known = Bodies(self.points, self.faces, touch)
+        return self._known
+
+    def _note(self, name: str, count: int, things: str, told: str) -> None:
+        if count:
+            self.steps.append(RepairStep(name, count, f"{noun(count, things)} {told}"))
+
+    def _keep(self, name: str, kept: Bools, told: str) -> None:
+        if not kept.any():
+            dropped = f"{counted(len(self.faces), 'faces')} {told}"
+            raise MeshError(
+                f"{self.where}: no face is left ({dropped}); is it the surface of an object?"
+            )
+        if not kept.all():
+            self.faces = self.faces[kept]
+            self._note(name, int((~kept).sum()), "faces", told)
+
+    def _stand(self, canonical: Ints) -> None:
+        """Let other vertices stand for some."""
+        if np.array_equal(canonical, np.arange(len(canonical))):
+            return
+        self.canonical = canonical[self.canonical]
+        self.faces = canonical[self.faces]
+
+    def weld(self) -> None:
+        """Join the borders of faces that were meant to meet."""
+        joined = weld_nearby(self.points, self.faces, self.rounding)
+        count = int((joined != np.arange(len(joined))).sum())
+        self._stand(joined)
+        self._note("joined", count, "vertices", "joined to an earlier one a rounding error away")
+        self._keep("sunk", is_face(self.faces), "left out: without area, and joined away")
+
+    def leave_out_repeated(self) -> None:
+        """Keep each face once."""
+        first = is_first(self.faces)
+        once = first.copy()
+        once[first] = without_mirrored(self.faces[first])
+        self._keep("repeated", once, "left out: came twice")
+
+    def leave_out_needles(self) -> None:
+        """Leave out faces without an area that stand off the surface: fewer edges are open then."""
+        solid = has_area(self.points, self.faces, self.rounding)
+        if solid.any() and not solid.all():
+            before, after = (
+                np.abs(edges_of(faces).balance).sum() for faces in (self.faces, self.faces[solid])
+            )
+            if after < before:
+                self._keep("flat", solid, FLAT)
+
+    def wind(self) -> None:
+        """Wind neighbours alike."""
+        turn, one_sided = disagreeing(self.faces)
+        self._turn(turn)
+        self._note("rewound", int(turn.sum()), "faces", "turned to agree with neighbours")
+        if one_sided:
+            self.warnings.append(
+                f"a surface with one side only, {counted(one_sided, 'faces')}, has no inside"
+            )
+
+    def _turn(self, turn: Bools) -> None:
+        if turn.any():
+            self.faces = np.where(turn[:, None], self.faces[:, ::-1], self.faces)
+
+    def fill(self, *, only_small: bool) -> None:
+        """Close holes: the small ones if that hardly changes the surface, or all."""
+        holes = holes_of(self.faces)
+        if only_small:  # a lone face is no hole: its lid would lie on its back
+            alone = {tuple(face) for face in np.sort(self.faces, axis=1).tolist()}
+            holes = [h for h in holes if len(h) <= SMALL and tuple(np.sort(h)) not in alone]
+        if not holes:
+            return
+        added = np.concatenate([close_hole(self.points, hole) for hole in holes])
+        area = face_areas(self.points, self.faces).sum()
+        share = face_areas(self.points, added).sum() / max(area, np.finfo(np.float64).tiny)
+        if only_small and share > SMALL_HOLES:
+            return
+        self.faces = np.concatenate([self.faces, added])
+        if only_small:
+            told = "added to close holes of three or four edges"
+            self._note("filled", len(added), "faces", told)
+            return
+        self._note("closed", len(holes), "holes", f"closed, by {counted(len(added), 'faces')}")
+        self.warnings.append(
+            f"{counted(len(holes), 'holes')} closed by a guess that adds {share:.2%} to the area: "
+            "labels there are those of faces that the file does not have"
+        )
+
+    def leave_out_copies(self) -> None:
+        """Keep each body once."""
+        bodies = self._bodies()
+        copies = bodies.copies(8.0 * max(self.rounding, np.finfo(np.float64).eps))
+        canonical = np.arange(len(self.points))
+        for new, old in copies.values():
+            canonical[new] = old
+        if copies:
+            self.faces = self.faces[~np.isin(bodies.body, list(copies))]
+        self._stand(canonical)
+        self._note("copied", len(copies), "bodies", "left out: came twice")
+
+    def turn(self) -> None:
+        """Turn the bodies that are inside out."""
+        bodies = self._bodies()
+        turn = bodies.inside_out()[bodies.body]
+        self._turn(turn)
+        self._note("inverted", int(turn.sum()), "faces", "turned: they were inside out")
+
+    def fill_cavities(self) -> None:
+        """Leave out the bodies wound inward: no finger gets there."""
+        bodies = self._bodies()
+        cavity = ~bodies.open & (bodies.volumes < 0.0)
+        if cavity.any():
+            self.faces = self.faces[~cavity[bodies.body]]
+        self._note("solid", int(cavity.sum()), "sealed cavities", "filled")
+
+    def unite(self) -> None:
+        """Unite the bodies that overlap or touch."""
+        walls = without_inner_walls(self.points, self.faces, self.rounding)
+        self._keep("walls", walls, "left out: back to back inside the object")
+        within = self._bodies().doubled()
+        united = unite(self._bodies())
+        added = united.points[len(self.points) :]
+        self.vertices = np.concatenate([self.vertices, added * self.size + self.center])
+        new = np.arange(len(self.points), len(united.points))
+        self.canonical = united.canonical[np.append(self.canonical, new)]
+        self.points, self.faces = united.points, united.faces
+        self.rounding = max(self.rounding, united.rounding)
+        self._note("united", united.bodies, "bodies", "united: overlapping or touching")
+        if united.refused:
+            self.warnings.append(
+                f"{counted(united.refused, 'bodies')} seem to overlap but could not be united "
+                "soundly: the volume may count some places twice"
+            )
+        elif within:
+            self.warnings.append(
+                f"{counted(within, 'bodies')} within others and wound alike: taken as part of "
+                "them; cavities must be wound inward"
+            )
+
+    def leave_out_flat(self) -> None:
+        """Keep the faces that have a normal."""
+        self.closed = is_closed(self.faces)
+        self._keep("flat", has_area(self.points, self.faces, self.rounding), FLAT)
+
+    def result(self) -> RepairedSurface:
+        """Hand over the mended surface, the bodies joined again where they touch."""
+        places = np.append(self.place, np.arange(len(self.place), len(self.vertices)))
+        canonical = first_of_linked(self.canonical, places)
+        return RepairedSurface(
+            vertices=self.vertices,
+            faces=canonical[self.faces],
+            canonical=canonical,
+            closed=self.closed,
+            bodies=int(parts_of(canonical[self.faces]).max()) + 1,
+            steps=tuple(self.steps),
+            warnings=tuple(self.warnings),
+        )

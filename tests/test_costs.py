@@ -1,0 +1,47 @@
+"""Costs are told and bounded before the work."""
+
+import pytest
+
+from grasp3d import GraspModel, MeshError, Sampling, label_surface, mesh_from_arrays
+from grasp3d.costs import check_cost, labelling_cost
+from tests import shapes
+
+
+def test_costs_grow_with_vertices_fingers_and_rays() -> None:
+    base = labelling_cost(10_000, GraspModel(), Sampling())
+    double = labelling_cost(20_000, GraspModel(), Sampling())
+    fingers = [labelling_cost(10_000, GraspModel(fingers=n), Sampling()) for n in (2, 3, 4, 5)]
+    rays = labelling_cost(10_000, GraspModel(), Sampling(rays=640))
+    assert double.seconds == pytest.approx(2.0 * base.seconds)
+    assert base.memory < double.memory < 2.0 * base.memory
+    assert sorted(fingers, key=lambda cost: cost.seconds) == fingers
+    assert sorted(fingers, key=lambda cost: cost.memory) == fingers
+    assert rays.seconds == pytest.approx(10.0 * base.seconds)
+    half = labelling_cost(10_000, GraspModel(), Sampling(), threads=2)
+    assert half.seconds == pytest.approx(base.seconds / 2.0)
+    models = (
+        GraspModel(),
+        GraspModel(method="extremes"),
+        GraspModel(torsion_radius=0.01),
+        GraspModel(actuation="per_finger"),
+    )
+    more = [labelling_cost(10_000, model, Sampling()).more for model in models]
+    assert more == [False, True, True, True]
+
+
+def test_a_mesh_that_would_take_too_much_memory_is_refused_with_what_helps() -> None:
+    check_cost(100_000, 2.0, "part.stl", "simplify the mesh")
+    with pytest.raises(MeshError, match=r"part.stl: 2,000,000 vertices would take about 4.\d* GB"):
+        check_cost(2_000_000, 2.0, "part.stl", "simplify the mesh")
+
+
+def test_dividing_edges_may_not_take_more_than_is_allowed() -> None:
+    with pytest.raises(MeshError, match=r"longer max_edge .*, or raise max_memory"):
+        mesh_from_arrays(*shapes.box(), max_edge=1e-3, max_memory=0.5)
+
+
+def test_more_fingers_may_not_take_more_than_is_allowed() -> None:
+    mesh = mesh_from_arrays(*shapes.box(), max_edge=0.005, max_memory=0.8)
+    assert len(mesh.vertices) > 200_000
+    with pytest.raises(MeshError, match="use a coarser mesh"):
+        label_surface(mesh, GraspModel(fingers=5))
