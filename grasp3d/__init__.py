@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from grasp3d.cones import effective_friction
     from grasp3d.contacts import Contacts
     from grasp3d.critical import critical_friction_angle
+    from grasp3d.diagnosis import MeshDiagnosis, Trust, check_mesh
     from grasp3d.distributions import AngleDistribution, SphereAngles, accuracy_ceiling
     from grasp3d.errors import (
         ContactError,
@@ -53,6 +54,7 @@ _HOMES = {
     "cones": ("effective_friction",),
     "contacts": ("Contacts",),
     "critical": ("critical_friction_angle",),
+    "diagnosis": ("MeshDiagnosis", "Trust", "check_mesh"),
     "distributions": ("AngleDistribution", "SphereAngles", "accuracy_ceiling"),
     "errors": (
         "ContactError",
@@ -104,6 +106,7 @@ __all__ = [
     "GraspError",
     "GraspModel",
     "Label",
+    "MeshDiagnosis",
     "MeshError",
     "MeshOptions",
     "MeshReport",
@@ -122,8 +125,10 @@ __all__ = [
     "SurfaceGrasps",
     "SurfaceLabels",
     "Sweep",
+    "Trust",
     "accuracy_ceiling",
     "best_grasps",
+    "check_mesh",
     "classify",
     "critical_friction_angle",
     "effective_friction",

@@ -25,6 +25,7 @@ FLOORS = [
     {"mesh"},
     {"rays", "surface_contacts", "surface_shares"},
     {"crease_angles", "sampling", "surface_extremes", "surface_crossings"},
+    {"diagnosis"},
     {"surface_epsilons"},
     {"vertex_grasps"},
     {"labels"},

@@ -110,6 +110,7 @@ def lost_row(job: Job, reason: str) -> Row:
 
 def _labeled(job: Job, settings: BatchSettings) -> Row:
     # Loaded here: whoever plans a batch or reads its rows needs no rays and no compiler.
+    from grasp3d.diagnosis.lengths import length_doubts  # noqa: PLC0415
     from grasp3d.export import writer_for  # noqa: PLC0415
     from grasp3d.mesh import prepare_file  # noqa: PLC0415
     from grasp3d.surface import label_surface  # noqa: PLC0415
@@ -118,6 +119,7 @@ def _labeled(job: Job, settings: BatchSettings) -> Row:
     labels = label_surface(mesh, settings.model, sampling=settings.sampling, threads=1)
     writer_for(job.target)(job.target, labels)
     fractions = labels.fractions()
+    doubts = length_doubts(mesh.size, mesh.unit, settings.model, settings.sampling, settings.mesh)
     return Row(
         mesh=job.name,
         labeled=job.labeled,
@@ -134,7 +136,7 @@ def _labeled(job: Job, settings: BatchSettings) -> Row:
         **_deciles("epsilon_min", labels.epsilon_quantiles(DECILES, of="minimum")),
         torque_scale=mesh.torque_scale,
         repairs="; ".join(map(str, mesh.report.repairs)),
-        warnings="; ".join(mesh.report.warnings),
+        warnings="; ".join((*mesh.report.warnings, *doubts)),
     )
 
 

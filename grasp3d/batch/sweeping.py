@@ -207,6 +207,7 @@ def sweep_mesh(
         The sweep; of a mesh that cannot be labelled the reason.
     """
     # Loaded here: whoever plans a sweep needs no rays and no compiler.
+    from grasp3d.diagnosis import length_doubts  # noqa: PLC0415
     from grasp3d.mesh import prepare_file  # noqa: PLC0415
     from grasp3d.surface import label_surface  # noqa: PLC0415
 
@@ -222,10 +223,13 @@ def sweep_mesh(
         )
     except GraspError as error:
         return SweptMesh(mesh.name, error=str(error), seconds=time.perf_counter() - begun)
+    doubts = length_doubts(
+        surface.size, surface.unit, settings.model, settings.sampling, settings.mesh
+    )
     return SweptMesh(
         mesh.name,
         _swept(mesh.name, labels.angle_distribution(), settings, mode=labels.mode),
-        warnings=surface.report.warnings,
+        warnings=(*surface.report.warnings, *doubts),
         crease_share=surface.crease_share,
         seconds=time.perf_counter() - begun,
     )

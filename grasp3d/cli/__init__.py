@@ -12,6 +12,7 @@ from typing import Annotated
 import tyro
 
 from grasp3d.cli.batch import Batch
+from grasp3d.cli.check import Check
 from grasp3d.cli.design import Design
 from grasp3d.cli.evaluate import Evaluate
 from grasp3d.cli.label import Label
@@ -22,6 +23,7 @@ from grasp3d.names import printable
 
 Command = (
     Annotated[Label, tyro.conf.subcommand("label")]
+    | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Batch, tyro.conf.subcommand("batch")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]

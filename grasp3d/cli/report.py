@@ -13,6 +13,7 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from grasp3d.batch.job import Row
+from grasp3d.diagnosis.lengths import length_doubts
 from grasp3d.labels import Reason, SurfaceLabels
 from grasp3d.names import printable
 from grasp3d.progress import Progress as Told
@@ -25,6 +26,7 @@ _WHY = {
     Reason.OPENING: "every place for the other fingers is outside the limits of distances",
     Reason.OFF_SURFACE: "they belong to no face, their label is U and counts nowhere",
 }
+_MORE = "what is wrong with a mesh, and what helps, is told by `grasp3d check`"
 _OVER: dict[Tilts, str] = {
     "exact": "smallest over all tilts",
     "effective_friction": "at the effective friction",
@@ -97,8 +99,12 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
             console.print(f"{counts[reason]} vertices: {why}")
     for step in mesh.report.repairs:
         console.print(f"repaired: {as_printed(str(step))}")
-    for line in mesh.report.warnings:
+    sampling = labels.sampling or Sampling()
+    doubts = length_doubts(mesh.size, mesh.unit, model, sampling, mesh.options)
+    for line in (*mesh.report.warnings, *doubts):
         console.print(f"[yellow]warning:[/] {as_printed(line)}")
+    if mesh.report.warnings:
+        console.print(_MORE)
     console.print(f"written: {as_printed(str(output))}", soft_wrap=True)
 
 
@@ -143,6 +149,8 @@ def print_batch(rows: Sequence[Row], output: Path) -> None:
             console.print(
                 f"[yellow]warning:[/] {as_printed(f'{row.mesh}: {row.warnings}')}", soft_wrap=True
             )
+    if any(row.error or row.warnings for row in rows):
+        console.print(_MORE)
     failed = sum(1 for row in rows if row.error)
     console.print(
         f"{len(rows) - failed} labelled, {failed} failed; written: {as_printed(str(output))}",

@@ -1,0 +1,212 @@
+"""What `grasp3d check` shows."""
+
+import math
+from collections.abc import Sequence
+
+from rich.console import Console
+from rich.table import Table
+
+from grasp3d.batch.checking import CheckedMesh
+from grasp3d.cli.report import as_printed
+from grasp3d.diagnosis.record import Measured, MeshDiagnosis, Trust
+
+FEW = 3
+"""Meshes that are shown one by one."""
+
+_COLORS = {Trust.YES: "green", Trust.CARE: "yellow", Trust.NO: "red"}
+_ENOUGH = 1e-4
+"""Share below which a change is written as none."""
+
+
+def print_checks(meshes: Sequence[CheckedMesh], *, one: bool) -> None:
+    """Print a page for each of a few meshes that were named, else a line for each.
+
+    Args:
+        meshes: What was found.
+        one: Whether every mesh was named.
+    """
+    console = Console()
+    if one and len(meshes) <= FEW:
+        for mesh in meshes:
+            _print_page(console, mesh)
+        return
+    _print_lines(console, meshes)
+
+
+def _print_page(console: Console, mesh: CheckedMesh) -> None:
+    found = mesh.diagnosis
+    if found is None:
+        console.print(f"[red]refused:[/] {as_printed(mesh.refusal)}", soft_wrap=True)
+        return
+    console.print(f"[bold]{as_printed(found.mesh)}[/]: {found.format.upper()}, {_bytes(found)}")
+    console.print(f"unit: {as_printed(_unit(found))}", soft_wrap=True)
+    extents = " x ".join(f"{extent:.4g}" for extent in found.extents)
+    console.print(
+        f"extents {extents}; size {found.size:.4g}, the diameter of the ball around it",
+        soft_wrap=True,
+    )
+    console.print(_measures(found))
+    for step in found.repairs:
+        console.print(f"repaired: {step}", soft_wrap=True)
+    console.print(
+        f"faces that cross others: {found.crossing_faces:,}; noise of normals: "
+        f"{math.degrees(found.noise):.1f}°; Manifold takes it: {_taken(found)}"
+    )
+    console.print(
+        f"to label: {found.label_vertices:,} vertices, "
+        f"{'several times' if found.cost.more else 'about'} {_seconds(found.cost.seconds)} and "
+        f"{found.cost.memory:.1f} GB"
+    )
+    color = _COLORS[found.trust]
+    console.print(f"labels can be trusted: [{color}]{found.trust}[/]")
+    for doubt in found.doubts:
+        console.print(f"[{_COLORS[doubt.trust]}]•[/] {as_printed(doubt.told)}", soft_wrap=True)
+
+
+def _unit(found: MeshDiagnosis) -> str:
+    if found.unit is None:
+        return f"not stated; {found.guess.reason}"
+    if found.guess.unit in {None, found.unit}:
+        return found.unit
+    return f"{found.unit} as stated; by its size rather {found.guess.unit}: {found.guess.reason}"
+
+
+def _taken(found: MeshDiagnosis) -> str:
+    return "yes" if found.manifold == "NoError" else f"no ({found.manifold})"
+
+
+def _measures(found: MeshDiagnosis) -> Table:
+    """What the surface amounts to, before and after repair."""
+    table = Table("", box=None, pad_edge=False)
+    for heading in ("in the file", "after repair"):
+        table.add_column(heading, justify="right")
+    table.add_column("change")
+    before, after = found.before, found.after
+    for name, cells in {
+        "vertices, faces": [f"{m.vertices:,} {m.faces:,}" for m in (before, after)],
+        "watertight": [_closed(m) for m in (before, after)],
+    }.items():
+        table.add_row(name, *cells, "")
+    table.add_row(
+        "area", f"{before.area:.5g}", f"{after.area:.5g}", _change(before.area, after.area)
+    )
+    table.add_row("volume", *(_volume(m) for m in (before, after)), _volume_change(before, after))
+    shift = found.center_shift if before.closed and after.closed else 0.0
+    table.add_row(
+        "centre of mass",
+        *(_center(m, found.size) for m in (before, after)),
+        f"{100.0 * shift:.2g} % of the size" if shift > _ENOUGH else "",
+    )
+    cavities = f", cavities: {found.cavities}" if found.cavities else ""
+    table.add_row("bodies", "", f"{found.bodies}{cavities}", "")
+    return table
+
+
+def _closed(measured: Measured) -> str:
+    told = ["yes" if measured.closed else "no"]
+    if not measured.closed and not measured.boundary_edges:
+        told.append("wound both ways")
+    if measured.boundary_edges:
+        told.append(f"{measured.boundary_edges} edges with one face")
+    if measured.crowded_edges:
+        told.append(f"{measured.crowded_edges} with more than two")
+    return ", ".join(told)
+
+
+def _center(measured: Measured, size: float) -> str:
+    """Write where the centre of mass is, to a thousandth of the object's size."""
+    if not measured.closed:
+        return "open"
+    digits = max(0, 3 - math.floor(math.log10(size)))
+    return " ".join(f"{round(x, digits) + 0.0:.{digits}f}" for x in measured.center_mass)
+
+
+def _volume(measured: Measured) -> str:
+    return "open" if measured.volume is None else f"{measured.volume:.5g}"
+
+
+def _volume_change(before: Measured, after: Measured) -> str:
+    if before.volume is None or after.volume is None:
+        return ""
+    return _change(before.volume, after.volume)
+
+
+def _change(before: float, after: float) -> str:
+    if abs(after - before) <= _ENOUGH * abs(after):
+        return ""
+    if before * after < 0.0:
+        return "turned"
+    return f"{100.0 * (after / before - 1.0):+.2g} %" if before else "new"
+
+
+def _bytes(found: MeshDiagnosis) -> str:
+    size = float(found.file_bytes)
+    for unit in ("bytes", "kB", "MB"):
+        if size < 1000.0:  # noqa: PLR2004
+            return f"{size:.3g} {unit}"
+        size /= 1000.0
+    return f"{size:.3g} GB"
+
+
+def _seconds(seconds: float) -> str:
+    if seconds < 1.0:
+        return "a second"
+    minutes = seconds / 60.0
+    return f"{seconds:.0f} s" if minutes < 2.0 else f"{minutes:.0f} min"  # noqa: PLR2004
+
+
+def _print_lines(console: Console, meshes: Sequence[CheckedMesh]) -> None:
+    """Print a line for each mesh, then what was refused, and what to mind."""
+    table = Table(box=None, pad_edge=False)
+    table.add_column("mesh", overflow="fold")
+    table.add_column("labels")
+    for heading in (
+        "faces",
+        "size",
+        "unit",
+        "bodies",
+        "watertight",
+        "repairs",
+        "crossing",
+        "noise",
+    ):
+        table.add_column(heading, justify="right", no_wrap=True)
+    for mesh in meshes:
+        table.add_row(*_cells(mesh))
+    console.print(table)
+    console.print(
+        "labels: whether they can be trusted; size: with the unit as stated, else as it suggests "
+        "with ?; watertight: in the file > after repair; crossing: faces that cross others"
+    )
+    for mesh in meshes:
+        if mesh.diagnosis is None:
+            console.print(f"[red]refused:[/] {as_printed(mesh.refusal)}", soft_wrap=True)
+            continue
+        for doubt in mesh.diagnosis.doubts:
+            told = as_printed(f"{mesh.name}: {doubt.told}")
+            console.print(f"[{_COLORS[doubt.trust]}]{doubt.trust}:[/] {told}", soft_wrap=True)
+    read = [mesh.diagnosis.trust for mesh in meshes if mesh.diagnosis is not None]
+    counts = [f"{read.count(trust)} {trust}" for trust in Trust]
+    console.print(
+        f"{len(read)} meshes; labels can be trusted: {', '.join(counts)}; "
+        f"refused: {len(meshes) - len(read)}"
+    )
+
+
+def _cells(mesh: CheckedMesh) -> list[str]:
+    found = mesh.diagnosis
+    if found is None:
+        return [as_printed(mesh.name), "[red]refused[/]", *[""] * 7]
+    closed = {True: "yes", False: "no"}
+    unit = found.unit or (f"{found.guess.unit}?" if found.guess.unit else "?")
+    return [
+        as_printed(mesh.name),
+        f"[{_COLORS[found.trust]}]{found.trust}[/]",
+        f"{found.after.faces:,}",
+        f"{found.size:.3g} {unit}",
+        str(found.bodies),
+        f"{closed[found.before.closed]} > {closed[found.after.closed]}",
+        str(len(found.repairs)),
+        str(found.crossing_faces),
+        f"{math.degrees(found.noise):.1f}°",
+    ]

@@ -1,0 +1,156 @@
+"""Looking at a mesh file: as it is, as repair leaves it, and what speaks against its labels."""
+
+from collections.abc import Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Unpack
+
+import numpy as np
+
+from grasp3d.arrays import Floats, Ints, first_at_place
+from grasp3d.costs import labelling_cost
+from grasp3d.diagnosis.doubts import (
+    body_doubts,
+    count_parts,
+    crossing_doubts,
+    hole_doubts,
+    inside_doubts,
+    missing_share,
+    noise_doubts,
+    stray_doubts,
+)
+from grasp3d.diagnosis.lengths import length_doubts
+from grasp3d.diagnosis.record import Doubt, Measured, MeshDiagnosis, Trust
+from grasp3d.mesh.manifolds import manifold_status
+from grasp3d.mesh.measures import (
+    edge_counts,
+    face_areas,
+    is_closed,
+    signed_volumes,
+)
+from grasp3d.mesh.noise import normal_noise
+from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.mesh.preparing import mend, refined_mesh
+from grasp3d.mesh.repair import RepairedSurface
+from grasp3d.mesh.repair.cleaning import is_face
+from grasp3d.mesh.units import guess_unit
+from grasp3d.names import printable
+from grasp3d.processors import available_processors
+from grasp3d.reading import RawMesh, read_mesh
+from grasp3d.settings import GraspModel, MeshKeywords, MeshOptions, Sampling
+from grasp3d.surface_crossings import crossings
+
+
+def check_mesh(
+    path: str | Path,
+    *,
+    model: GraspModel | None = None,
+    sampling: Sampling | None = None,
+    **options: Unpack[MeshKeywords],
+) -> MeshDiagnosis:
+    """Diagnose a mesh file before any work: what is wrong, what is mended, what it will take.
+
+    Args:
+        path: The file.
+        model: What it shall be labelled with; for costs, and lengths in a wrong unit.
+        sampling: How it shall be searched, likewise.
+        options: As in `load_mesh`.
+
+    Raises:
+        MeshError: It would be refused by `load_mesh` as well, for the same reason.
+        SettingError: An option is outside its range.
+    """
+    return diagnose(
+        Path(path), model or GraspModel(), sampling or Sampling(), MeshOptions(**options)
+    )
+
+
+def diagnose(
+    path: Path, model: GraspModel, sampling: Sampling, options: MeshOptions
+) -> MeshDiagnosis:
+    """Do what `check_mesh` does, with settings that stand together already."""
+    where = printable(str(path))
+    raw = read_mesh(path, max_memory=options.max_memory)
+    surface = mend(raw, options, where)
+    mesh = refined_mesh(raw, surface, options, name=path.name, where=where)
+    points = (surface.vertices - mesh.center) / mesh.size
+    crossed = crossings(points, surface.faces)
+    areas = face_areas(points, surface.faces)
+    share = float(areas[crossed.faces].sum() / areas.sum())
+    noise = normal_noise(points, surface.faces)
+    bodies, cavities = count_parts(points, surface.faces)
+    doubts = (
+        *(Doubt(Trust.CARE, told) for told in mesh.report.warnings),
+        *inside_doubts(mesh),
+        *_hole_doubts(raw, surface, options, where),
+        *crossing_doubts(int(crossed.faces.sum()), share),
+        *body_doubts(bodies),
+        *stray_doubts(points, surface.faces),
+        *noise_doubts(points, surface.faces, mesh, noise),
+        *(
+            Doubt(Trust.CARE, told)
+            for told in length_doubts(mesh.size, mesh.unit, model, sampling, options)
+        ),
+    )
+    corners = surface.vertices[surface.faces].reshape(-1, 3)
+    extents = np.ptp(corners, axis=0).tolist()
+    return MeshDiagnosis(
+        mesh=path.name,
+        format=raw.format,
+        file_bytes=path.stat().st_size,
+        unit=mesh.unit,
+        guess=guess_unit(max(extents)),
+        size=mesh.size,
+        extents=(extents[0], extents[1], extents[2]),
+        bodies=bodies,
+        cavities=cavities,
+        before=_measured_file(raw, mesh),
+        after=_measured(points, surface.faces, mesh),
+        repairs=surface.steps,
+        manifold=manifold_status(points, surface.faces),
+        crossing_faces=int(crossed.faces.sum()),
+        crossing_share=share,
+        noise=noise,
+        label_vertices=len(mesh.vertices),
+        cost=labelling_cost(len(mesh.vertices), model, sampling, threads=available_processors()),
+        doubts=doubts,
+    )
+
+
+def _measured_file(raw: RawMesh, mesh: ObjectMesh) -> Measured:
+    """Measure a surface as the file has it, but for vertices at exactly one position."""
+    points = (raw.vertices - mesh.center) / mesh.size
+    return _measured(points, first_at_place(raw.vertices)[raw.faces], mesh)
+
+
+def _measured(points: Floats, faces: Ints, mesh: ObjectMesh) -> Measured:
+    """Measure a surface in the mesh's normalised frame."""
+    count, faces = len(faces), faces[is_face(faces)]
+    areas, pieces = face_areas(points, faces), signed_volumes(points, faces)
+    closed, volume = is_closed(faces), float(pieces.sum())
+    corners = points[faces]
+    center = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()
+    if closed and volume:
+        center = (pieces[:, None] * corners.sum(axis=1)).sum(axis=0) / (4.0 * volume)
+    boundary, crowded = edge_counts(faces)
+    x, y, z = mesh.from_normalized(center).tolist()
+    return Measured(
+        vertices=len(np.unique(faces)),
+        faces=count,
+        closed=closed,
+        boundary_edges=boundary,
+        crowded_edges=crowded,
+        area=float(areas.sum()) * mesh.size**2,
+        volume=volume * mesh.size**3 if closed else None,
+        center_mass=(x, y, z),
+    )
+
+
+def _hole_doubts(
+    raw: RawMesh, surface: RepairedSurface, options: MeshOptions, where: str
+) -> Iterator[Doubt]:
+    """Tell of holes that are there, or that repair has closed by a guess."""
+    guessed = any(step.name == "closed" for step in surface.steps)
+    if guessed:
+        surface = mend(raw, replace(options, repair="safe"), where)
+    yield from hole_doubts(*missing_share(surface.vertices, surface.faces), closed=guessed)
