@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.diagnosis.record import Doubt, Trust
-from grasp3d.mesh.measures import face_areas, part_volumes, parts_of
+from grasp3d.mesh.measures import face_areas, is_closed, part_volumes, parts_of
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.patches import patch_areas, surface_net
 from grasp3d.mesh.repair.holes import close_hole, holes_of
@@ -86,9 +86,10 @@ def crossing_doubts(count: int, share: float) -> Iterator[Doubt]:
 
 
 def count_parts(points: Floats, faces: Ints) -> tuple[int, int]:
-    """(bodies, cavities): connected parts, and those of them that are wound inward."""
+    """(bodies, cavities): connected parts, and parts of a closed surface that are wound inward."""
     volumes = part_volumes(points, faces, parts_of(faces))
-    cavities = int((volumes < 0.0).sum()) if (volumes > 0.0).any() else 0
+    solid = is_closed(faces) and (volumes > 0.0).any()
+    cavities = int((volumes < 0.0).sum()) if solid else 0
     return len(volumes) - cavities, cavities
 
 
