@@ -245,3 +245,10 @@ def test_a_mesh_that_kills_its_process_harms_no_other(tmp_path: Path) -> None:
         name for name in rows if "deadly" in name or "strange" in name
     ]
     assert len(list((tmp_path / "out").glob("*.ply"))) == 4
+
+
+def test_lengths_in_another_unit_are_told_in_the_row(tmp_path: Path) -> None:
+    trimesh.creation.box((0.04, 0.06, 0.08)).export(tmp_path / "box.stl")
+    settings = BatchSettings(sampling=Sampling(rays=8, max_opening=80.0))
+    row = label_file(Job("box.stl", tmp_path / "box.stl", tmp_path, "box.ply"), settings)
+    assert "max_opening 80 is" in row.warnings

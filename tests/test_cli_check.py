@@ -103,6 +103,22 @@ def test_a_table_has_a_row_for_each_mesh(folder: Path, suffix: str) -> None:
     assert broken["faces_after"] is None
 
 
+def test_meshes_of_one_name_are_told_apart(folder: Path) -> None:
+    for below in ("a", "b"):
+        (folder / below).mkdir()
+        export(folder / below / "box.stl", shapes.box((0.04, 0.06, 0.08)))
+    run = grasp3d("check", "a/box.stl", "b", "--json", "--workers", "1", cwd=folder)
+    names = [mesh["mesh"] for mesh in json.loads(run.stdout)["meshes"]]
+    assert names == ["a/box.stl", "b/box.stl"]
+
+
+def test_a_surface_wound_both_ways_is_not_called_watertight(folder: Path) -> None:
+    vertices, faces = shapes.box((0.04, 0.06, 0.08))
+    faces[0] = faces[0, ::-1]
+    export(folder / "turned.ply", (vertices, faces))
+    assert "no, wound both ways" in grasp3d("check", "turned.ply", cwd=folder).stdout
+
+
 def test_json_goes_to_standard_output_and_nothing_else(folder: Path) -> None:
     run = grasp3d("check", "box.stl", "--json", cwd=folder)
     assert run.returncode == 0

@@ -9,6 +9,7 @@ import trimesh
 
 from grasp3d import GraspModel, MeshDiagnosis, MeshError, Sampling, Trust, check_mesh
 from grasp3d.diagnosis import length_doubts
+from grasp3d.diagnosis.doubts import crossing_doubts
 from grasp3d.settings import MeshOptions
 from tests import shapes
 from tests.shapes import Surface
@@ -93,6 +94,20 @@ def test_a_surface_that_crosses_itself_is_told(tmp_path: Path) -> None:
     assert any("cross others" in doubt.told for doubt in found.doubts)
 
 
+@pytest.mark.parametrize(
+    ("count", "share", "trust"), [(0, 0.0, []), (5, 0.05, [Trust.CARE]), (5, 0.2, [Trust.NO])]
+)
+def test_how_much_crosses_decides_the_trust(count: int, share: float, trust: list[Trust]) -> None:
+    assert [doubt.trust for doubt in crossing_doubts(count, share)] == trust
+
+
+def test_faces_that_have_collapsed_open_no_surface(tmp_path: Path) -> None:
+    vertices, faces = shapes.box()
+    found = check_mesh(written(tmp_path, (vertices, np.append(faces, [[0, 0, 1]], axis=0))))
+    assert found.before.closed
+    assert (found.before.faces, found.after.faces) == (13, 12)
+
+
 def noisy(surface: Surface, share: float) -> Surface:
     vertices, faces = surface
     noise = np.random.default_rng(5).normal(0.0, share, len(vertices))
@@ -119,7 +134,7 @@ def test_of_a_surface_too_rough_for_a_patch_that_is_told(tmp_path: Path) -> None
     (told,) = told_of_noise(check_mesh(written(tmp_path, noisy(shapes.sphere(4), 0.03))))
     assert "smooth or remesh it" in told
     vertices, faces = shapes.torus(1.0, 0.03)  # a ring of wire, thinner than any patch
-    noise = np.random.default_rng(2).normal(0.0, 0.002, vertices.shape)
+    noise = np.random.default_rng(2).normal(0.0, 0.001, vertices.shape)
     (thin,) = told_of_noise(check_mesh(written(tmp_path, (vertices + noise, faces))))
     assert "smooth or remesh it" in thin
 
