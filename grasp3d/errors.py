@@ -17,6 +17,10 @@ class MeshError(GraspError):
     """A mesh file or array that cannot be read as a surface."""
 
 
+class MeshUnreadError(MeshError):
+    """A mesh that could not be read this time; nothing says that it is the mesh's fault."""
+
+
 class SearchCoverageError(GraspError):
     """A question that the grasps searched so far cannot answer."""
 

@@ -10,7 +10,7 @@ PACKAGE = Path(grasp3d.__file__).parent
 # From the basement to the roof; a floor imports from floors below it and from itself.
 FLOORS = [
     {"errors", "arrays", "processors", "progress"},
-    {"settings", "files", "names"},
+    {"settings", "files", "names", "isolation"},
     {"_kernels", "sensor", "tables", "stability", "costs", "reading"},
     {"contacts", "cones"},
     {"wrenches"},
@@ -44,6 +44,8 @@ ENGINES = {
     "numba": {"_kernels"},
     "trimesh": {"mesh", "export", "reading"},
     "distributed": {"batch"},
+    "psutil": {"isolation"},
+    "cloudpickle": {"isolation"},
     "pyarrow": {"tables"},
     "matplotlib": {"plots"},
     "pyvista": {"export", "rendering"},

@@ -113,7 +113,7 @@ LABEL_ALL = """
 import json, resource, sys, time
 from pathlib import Path
 from grasp3d import GraspError, GraspModel, Sampling, label_surface, load_mesh
-from grasp3d.reading import isolation
+from grasp3d.isolation import process
 for name in sys.argv[1:]:
     begun, row = time.monotonic(), {}
     try:
@@ -125,7 +125,7 @@ for name in sys.argv[1:]:
     except GraspError as error:
         row["error"] = str(error)
     print(json.dumps({"file": Path(name).name, "seconds": time.monotonic() - begun, **row}))
-isolation._end()
+process._end_all()
 for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN):
     print(resource.getrusage(who).ru_maxrss)
 """
