@@ -8,6 +8,8 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from grasp3d import planar
+    from grasp3d.batch.library import LibraryLabels, label_library
+    from grasp3d.batch.settings import BatchSettings, ClusterSettings, ShareGrid
     from grasp3d.classification import Stability, classify
     from grasp3d.cones import effective_friction
     from grasp3d.contacts import Contacts
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
         SearchCoverageError,
         SettingError,
     )
-    from grasp3d.export import write_glb, write_npz, write_ply, write_vtp
+    from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_vtp
     from grasp3d.grasps.distinct import best_grasps
     from grasp3d.grasps.evaluation import evaluate_grasps
     from grasp3d.grasps.reading import read_contacts
@@ -50,6 +52,8 @@ if TYPE_CHECKING:
     from grasp3d.tilting import EpsilonRange, epsilon_range
 
 _HOMES = {
+    "batch.library": ("LibraryLabels", "label_library"),
+    "batch.settings": ("BatchSettings", "ClusterSettings", "ShareGrid"),
     "classification": ("Stability", "classify"),
     "cones": ("effective_friction",),
     "contacts": ("Contacts",),
@@ -64,7 +68,7 @@ _HOMES = {
         "SearchCoverageError",
         "SettingError",
     ),
-    "export": ("write_glb", "write_npz", "write_ply", "write_vtp"),
+    "export": ("write_fields", "write_glb", "write_npz", "write_ply", "write_vtp"),
     "grasps.distinct": ("best_grasps",),
     "grasps.evaluation": ("evaluate_grasps",),
     "grasps.reading": ("read_contacts",),
@@ -97,8 +101,10 @@ _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
 __all__ = [
     "COLORS",
     "AngleDistribution",
+    "BatchSettings",
     "Certificate",
     "Closure",
+    "ClusterSettings",
     "ContactError",
     "Contacts",
     "Epsilon",
@@ -106,6 +112,7 @@ __all__ = [
     "GraspError",
     "GraspModel",
     "Label",
+    "LibraryLabels",
     "MeshDiagnosis",
     "MeshError",
     "MeshOptions",
@@ -118,6 +125,7 @@ __all__ = [
     "SearchCoverageError",
     "Sensor",
     "SettingError",
+    "ShareGrid",
     "SphereAngles",
     "Stability",
     "Status",
@@ -137,6 +145,7 @@ __all__ = [
     "epsilon_range",
     "evaluate_grasps",
     "force_closure",
+    "label_library",
     "label_surface",
     "load_mesh",
     "mean_sweep",
@@ -147,6 +156,7 @@ __all__ = [
     "resolution_limit",
     "scan_surface",
     "sweep",
+    "write_fields",
     "write_glb",
     "write_grasps",
     "write_npz",

@@ -1,4 +1,4 @@
-"""Labelled surfaces as files: PLY for every tool, GLB to look at, NPZ and VTP with everything.
+"""Labelled surfaces as files: PLY for every tool, GLB to look at, all in NPZ, VTP and Parquet.
 
 Heavy writers are imported when they are used.
 """
@@ -6,7 +6,6 @@ Heavy writers are imported when they are used.
 import math
 from collections.abc import Callable
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -14,13 +13,16 @@ import numpy as np
 import numpy.typing as npt
 import trimesh
 
-from grasp3d.arrays import Bytes
+from grasp3d.arrays import Bytes, Floats
 from grasp3d.errors import OutputError
 from grasp3d.files import written_whole
-from grasp3d.labels import SurfaceLabels
+from grasp3d.labels import Reason, SurfaceLabels
 from grasp3d.stability import COLORS, Label
 from grasp3d.surface_epsilons import EPSILON_RTOL
+from grasp3d.versions import package_version
 
+_FIELDS = ("label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon",
+           "epsilon_min", "epsilon_max", "opening", "grip", "reason")  # fmt: skip
 _PLY_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
 
 
@@ -147,6 +149,48 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
         part.write_text(writer.GetOutputString(), encoding="ascii")
 
 
+def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
+    """Write a Parquet table with a row for each vertex, for pandas, Polars and DuckDB.
+
+    Columns: x y z (double, in the mesh's unit), outward nx ny nz, `area` around the vertex, `label`
+    (text: S, M, U), `critical_angle`, `critical_angle_best` and `max_resolution` (radians; inf and
+    0 where there is no grasp), `epsilon`, `epsilon_min`, `epsilon_max` and `opening` (nan where
+    there is none), `grip`, `reason` (text, as in `Reason`), and of each other finger `partner_2_x`
+    ... (double) and outward `partner_2_nx` ... (nan where there is none). Numbers are floats; nan
+    and inf are kept and nothing is null. The settings stand as JSON in the schema's metadata under
+    `grasp3d`.
+
+    Args:
+        path: File to make or replace.
+        labels: The labels.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    from grasp3d.tables import write_arrays  # noqa: PLC0415
+
+    arrays = vertex_arrays(labels)
+    columns = _by_axis("", labels.mesh.vertices, "f8") | _by_axis("n", arrays["normal"], "f4")
+    columns["area"] = labels.mesh.vertex_areas.astype("f4")
+    for name in _FIELDS:
+        values = arrays[name]
+        columns[name] = values.astype("f4") if values.dtype.kind == "f" else values
+    for finger in range(labels.partners.shape[1]):
+        head, normals = f"partner_{finger + 2}_", arrays["partner_normals"][:, finger]
+        columns |= _by_axis(head, labels.partners[:, finger], "f8")
+        columns |= _by_axis(f"{head}n", normals, "f4")
+    words = {
+        "label": [label.name for label in sorted(Label)],
+        "reason": [reason.name.lower() for reason in sorted(Reason)],
+    }
+    write_arrays(Path(path), columns, words, settings=settings_of(labels))
+
+
+def _by_axis(head: str, vectors: Floats, kind: str) -> dict[str, npt.NDArray[Any]]:
+    """Columns of vectors, shape (V, 3)."""
+    return {f"{head}{axis}": vectors[:, k].astype(kind) for k, axis in enumerate("xyz")}
+
+
 def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
     """Collect all that is known of each vertex, by name; normals outward, as files have them.
 
@@ -190,7 +234,7 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
     sampling = {} if labels.sampling is None else asdict(labels.sampling)
     u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
     return {
-        "version": version("grasp3d"),
+        "version": package_version(),
         # In a header it must be one line of plain characters.
         "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
         "mode": labels.mode,
@@ -216,6 +260,7 @@ WRITERS: dict[str, Callable[[Path, SurfaceLabels], None]] = {
     ".glb": write_glb,
     ".npz": write_npz,
     ".vtp": write_vtp,
+    ".parquet": write_fields,
 }
 
 

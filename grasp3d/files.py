@@ -8,14 +8,18 @@ from pathlib import Path
 
 from grasp3d.errors import OutputError
 
+PART = ".grasp3d-"
+"""How names of files begin that are not written to their end."""
+
 
 @contextmanager
-def written_whole(path: Path, *, keep: bool = True) -> Iterator[Path]:
+def written_whole(path: Path, *, keep: bool = True, room: Path | None = None) -> Iterator[Path]:
     """Give a temporary path beside `path` to write to; it takes the name only when all went well.
 
     Args:
         path: The file to make or replace.
         keep: Whether it takes the name at all.
+        room: Folder of the same file system for the temporary path, where it may not lie beside.
 
     Raises:
         OutputError: The folder is missing or cannot be written to.
@@ -24,7 +28,7 @@ def written_whole(path: Path, *, keep: bool = True) -> Iterator[Path]:
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")
         handle, name = tempfile.mkstemp(
-            dir=path.parent, prefix=".grasp3d-", suffix=f".part{path.suffix}"
+            dir=room or path.parent, prefix=PART, suffix=f".part{path.suffix}"
         )
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error

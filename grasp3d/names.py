@@ -60,6 +60,13 @@ def printable(text: str) -> str:
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
+def as_unicode(text: str) -> str:
+    """Write out in hexadecimal the bytes of a file name that are no Unicode, as tables need it."""
+    if text.isascii():
+        return text
+    return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
+
+
 def _safe(character: str) -> str:
     """The character, or `_` where it may not stand in a name."""
     unsafe = (

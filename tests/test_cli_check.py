@@ -148,7 +148,7 @@ def test_quiet_prints_nothing(folder: Path) -> None:
         (["."], ""),
         (["box.stl", "-o", "report.txt"], "no report is called '.txt'"),
         (["box.stl", "-o", "missing/report.json"], "cannot be written"),
-        (["box.stl", "--workers", "0"], "workers must be at least 1"),
+        (["box.stl", "--workers", "-1"], "workers must be at least 0"),
         (["box.stl", "--repair", "all"], "invalid"),
         (["box.stl", "--max-memory", "0.1"], "max memory must be at least 0.5 GB"),
         (["box.stl", "--patch-radius", "-1"], "patch radius must be"),

@@ -17,8 +17,9 @@ import pytest
 from PIL import Image
 
 from grasp3d import GraspModel, MeshError, Sampling, SettingError, label_surface, load_mesh
-from grasp3d.batch.plan import MeshFile
+from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.run import run
+from grasp3d.batch.settings import ClusterSettings
 from grasp3d.batch.sweeping import (
     SweepSettings,
     SweptMesh,
@@ -27,7 +28,7 @@ from grasp3d.batch.sweeping import (
     meshes_of,
     sweep_mesh,
 )
-from grasp3d.cli.sweep import resolutions
+from grasp3d.cli.ranges import resolutions
 from grasp3d.distributions import SphereAngles
 from grasp3d.sweeps import sweep
 from tests import shapes
@@ -182,7 +183,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "step": (["circle", "--sensor-resolution", "0:60:0"], "STEP above 0"),
     "share": (["circle", "--share", "50"], "each share must be"),
     "search": (["ball.ply", "--search-angle", "30"], "75 degrees; got 30"),
-    "workers": (["circle", "--workers", "0"], "workers must be"),
+    "workers": (["circle", "--workers", "-1"], "workers must be"),
     "fingers": (["circle", "--fingers", "3"], "closed form for two fingers only; got 3"),
     "too many fingers": (["ball.ply", "--fingers", "6"], "fingers must be from 2 to 5; got 6"),
     "another's": (["ball.ply", "--fingers", "3", "--rays", "16"], "rays says nothing about 3"),
@@ -244,11 +245,11 @@ def test_targets_are_told_apart_by_names_that_do_not_meet(tmp_path: Path) -> Non
 def test_the_search_covers_what_is_swept_and_no_more_is_claimed(tmp_path: Path) -> None:
     ball = export(tmp_path / "ball.ply", shapes.sphere(2))
     narrow = SweepSettings((0.2,), (0.0, 0.1), Sampling(rays=16))
-    swept = sweep_mesh(MeshFile("ball", ball), narrow).sweep
+    swept = sweep_mesh(MeshFile("ball", str(ball)), narrow).sweep
     assert swept is not None
     assert swept.distribution.limit == pytest.approx(math.atan(0.2) + 0.05)
     wide = SweepSettings((2.0,), (3.0,), Sampling(rays=16))
-    swept = sweep_mesh(MeshFile("ball", ball), wide).sweep
+    swept = sweep_mesh(MeshFile("ball", str(ball)), wide).sweep
     assert swept is not None
     assert swept.distribution.limit == math.pi / 2.0
 
@@ -263,12 +264,15 @@ def killed(mesh: MeshFile, settings: SweepSettings) -> SweptMesh:
 @pytest.mark.slow
 def test_a_mesh_that_kills_its_process_costs_its_own_row_only(tmp_path: Path) -> None:
     files = [
-        MeshFile(name, export(tmp_path / name, shapes.sphere(1)))
+        MeshFile(name, str(export(tmp_path / name, shapes.sphere(1))))
         for name in ("1.ply", "2_deadly.ply", "3.ply")
     ]
-    rows = {row.name: row for row in run(killed, files, SETTINGS, lost=lost_mesh, workers=2)}
+    rows = {
+        row.name: row
+        for row in run(killed, files, SETTINGS, lost=lost_mesh, cluster=ClusterSettings(2))
+    }
     assert sorted(rows) == [mesh.name for mesh in files]
-    assert "died" in rows["2_deadly.ply"].error
+    assert "killed from outside" in rows["2_deadly.ply"].error
     alone = sweep_mesh(files[0], SETTINGS)
     assert alone.sweep is not None
     for name in ("1.ply", "3.ply"):

@@ -9,10 +9,10 @@ PACKAGE = Path(grasp3d.__file__).parent
 
 # From the basement to the roof; a floor imports from floors below it and from itself.
 FLOORS = [
-    {"errors", "arrays", "processors", "progress"},
+    {"errors", "arrays", "processors", "progress", "versions"},
     {"settings", "files", "names", "isolation"},
     {"_kernels", "sensor", "tables", "stability", "costs", "reading"},
-    {"contacts", "cones"},
+    {"contacts", "cones", "storage"},
     {"wrenches"},
     {"solving"},
     {"quality"},
@@ -44,6 +44,8 @@ ENGINES = {
     "numba": {"_kernels"},
     "trimesh": {"mesh", "export", "reading"},
     "distributed": {"batch"},
+    "dask": {"batch"},
+    "fsspec": {"storage"},
     "psutil": {"isolation"},
     "cloudpickle": {"isolation"},
     "pyarrow": {"tables"},

@@ -55,6 +55,12 @@ def cache_folder() -> Path | None:
     return None
 
 
+def compiled_before() -> bool:
+    """Tell whether kernels in their present state were compiled already, and kept."""
+    folder = cache_folder()
+    return folder is not None and any(folder.rglob("*.nbc"))
+
+
 def _roots() -> Iterator[Path]:
     """Folders to try, the most fitting first."""
     if _config.CACHE_DIR:

@@ -3,15 +3,15 @@
 import json
 from collections.abc import Sequence
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
 from grasp3d.batch.checking import CheckedMesh
-from grasp3d.batch.job import BatchSettings
+from grasp3d.batch.settings import BatchSettings
 from grasp3d.diagnosis.record import MeshDiagnosis
 from grasp3d.files import written_whole
 from grasp3d.tables import write_table
+from grasp3d.versions import package_version
 
 SUFFIXES = (".json", ".csv", ".parquet")
 
@@ -57,7 +57,7 @@ def json_of(meshes: Sequence[CheckedMesh], settings: BatchSettings) -> str:
         _head(mesh) | ({} if mesh.diagnosis is None else asdict(mesh.diagnosis)) | _head(mesh)
         for mesh in meshes
     ]
-    told = {"version": version("grasp3d"), **_finite(asdict(settings))}
+    told = {"version": package_version(), **_finite(asdict(settings))}
     return json.dumps({"grasp3d": told, "meshes": entries}, indent=1, allow_nan=False)
 
 

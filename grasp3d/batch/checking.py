@@ -2,10 +2,11 @@
 
 from dataclasses import dataclass
 
-from grasp3d.batch.job import BatchSettings
-from grasp3d.batch.plan import MeshFile
+from grasp3d.batch.inputs import MeshFile
+from grasp3d.batch.settings import BatchSettings
 from grasp3d.diagnosis.record import MeshDiagnosis, Trust
 from grasp3d.errors import GraspError
+from grasp3d.storage import local_copy
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,11 @@ def check_file(mesh: MeshFile, settings: BatchSettings) -> CheckedMesh:
     from grasp3d.diagnosis import diagnose  # noqa: PLC0415
 
     try:
-        found = diagnose(mesh.source, settings.model, settings.sampling, settings.mesh)
+        with local_copy(mesh.source) as path:
+            found = diagnose(path, settings.model, settings.sampling, settings.mesh)
     except GraspError as error:
-        return CheckedMesh(mesh.name, str(mesh.source), refusal=str(error))
-    return CheckedMesh(mesh.name, str(mesh.source), found)
+        return CheckedMesh(mesh.name, mesh.source, refusal=str(error))
+    return CheckedMesh(mesh.name, mesh.source, found)
 
 
 def lost_check(mesh: MeshFile, reason: str) -> CheckedMesh:
@@ -47,4 +49,4 @@ def lost_check(mesh: MeshFile, reason: str) -> CheckedMesh:
         mesh: The file.
         reason: What ended the process.
     """
-    return CheckedMesh(mesh.name, str(mesh.source), refusal=f"{mesh.source}: {reason}")
+    return CheckedMesh(mesh.name, mesh.source, refusal=f"{mesh.source}: {reason}")

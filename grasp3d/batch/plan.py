@@ -1,152 +1,175 @@
-"""Which files to label, and what the labelled files are called."""
+"""What results are called: a stem of its own for each mesh, that every file system takes."""
 
-import stat
+import itertools
+import os
+import re
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from pathlib import Path
+from functools import cache
+from pathlib import PurePosixPath
 
-from grasp3d.batch.job import Job
-from grasp3d.errors import MeshError, OutputError
+from grasp3d.batch.folders import STORED
+from grasp3d.batch.inputs import MeshFile
 from grasp3d.names import name_key, safe_stem, short_hash
-from grasp3d.reading import mesh_suffixes
+from grasp3d.storage import Folder, local_path
 
-RESULT = "_labeled.ply"
+_SUFFIXES = (".ply", ".parquet", ".js", ".webp")
+"""What stands behind a stem in a name of a result."""
+
+
+_HASH = re.compile(r"(?<=.)-[0-9a-f]{64}$")
+_WHOLE = re.compile(r"[0-9a-f]{64}")
 
 
 @dataclass(frozen=True)
-class MeshFile:
-    """A mesh among the inputs."""
+class Job:
+    """One mesh to label, and where its results go."""
 
-    name: str
-    """Its path below the folder that was given; of a file that was given, its name."""
-    source: Path
-    """The file, as it was given."""
+    mesh: MeshFile
+    stem: str
+    """What its results are called, with folders."""
+    output: Folder
+    known: str = ""
+    """Content of the mesh that the store has results of; empty: it has none."""
 
+    @property
+    def labels(self) -> str:
+        """Labelled mesh, its name below the output folder."""
+        return f"labels/{self.stem}.ply"
 
-def find_meshes(inputs: Iterable[Path], *, results: Path | None = None) -> list[MeshFile]:
-    """List the meshes in files and folders, each once.
+    @property
+    def fields(self) -> str:
+        """Table of its vertices."""
+        return f"fields/{self.stem}.parquet"
 
-    Args:
-        inputs: Mesh files, and folders that are searched with all below them.
-        results: Folder for results, which are no inputs where it is one of its own; labelled files
-            that `plan` named are none in any case.
+    @property
+    def view(self) -> str:
+        """What the report shows of it."""
+        return f"report/objects/{self.stem}.js"
 
-    Returns:
-        In alphabetical order of the names.
-
-    Raises:
-        MeshError: An input is missing, or there is no mesh among them.
-    """
-    inputs = list(inputs)
-    found: dict[Path, MeshFile] = {}  # by its real place
-    for item in inputs:
-        try:
-            mode = item.stat().st_mode
-        except FileNotFoundError as error:
-            raise MeshError(f"{item}: there is no such file or folder") from error
-        except OSError as error:
-            raise MeshError(f"{item}: cannot be opened ({error.strerror})") from error
-        if stat.S_ISDIR(mode):
-            for path in _meshes_below(item, results):
-                found.setdefault(path.resolve(), MeshFile(str(path.relative_to(item)), path))
-        else:
-            found.setdefault(item.resolve(), MeshFile(item.name, item))
-    if not found:
-        known = " ".join(sorted(mesh_suffixes()))
-        folders = ", ".join(str(item) for item in inputs)
-        raise MeshError(f"{folders}: no mesh in it; files named {known} are read")
-    return sorted(found.values(), key=lambda mesh: (mesh.name, str(mesh.source)))
+    @property
+    def thumbnail(self) -> str:
+        """Its small picture in the report."""
+        return f"report/thumbnails/{self.stem}.webp"
 
 
-def plan(inputs: Iterable[Path], output: Path) -> list[Job]:
-    """List the meshes in files and folders, with a name of its own for each result.
+def plan(
+    meshes: Sequence[MeshFile], output: Folder, taken: Mapping[str, str] | None = None
+) -> list[Job]:
+    """Name the results: `mug`; where names meet all of them say more of their source.
+
+    So a stem hangs on its own mesh and on those that it meets, but not on their order. Stems that
+    differ in case or composition only meet as well, and no result has the name of an input or of a
+    folder.
 
     Args:
-        inputs: Mesh files, and folders that are searched with all below them.
-        output: Folder for the results; what is in it already is not taken for inputs.
+        meshes: From `find_meshes`.
+        output: Folder for the results.
+        taken: Stems of results that are there, by the name of their mesh. They are kept, and no
+            other mesh gets them.
 
     Returns:
-        The jobs in alphabetical order; folders below an input folder are kept below `output`.
-        No two results have one name, and none has that of an input.
-
-    Raises:
-        MeshError: An input is missing, or there is no mesh among them.
+        A job for each mesh, in their order; folders below an input folder are kept.
     """
-    return _named(find_meshes(inputs, results=output), output)
-
-
-def _meshes_below(folder: Path, results: Path | None) -> list[Path]:
-    suffixes = mesh_suffixes()
-    here, own = folder.resolve(), None if results is None else results.resolve()
-    if own == here or (own is not None and not own.is_relative_to(here)):
-        own = None
-
-    def is_input(path: Path) -> bool:
-        if path.suffix.lower() not in suffixes or path.name.startswith(".") or not path.is_file():
-            return False
-        if own is not None and path.resolve().is_relative_to(own):
-            return False
-        return not path.name.endswith(RESULT)
-
-    return sorted(path for path in folder.rglob("*") if is_input(path))
-
-
-def make_folders(jobs: Iterable[Job]) -> None:
-    """Make the folders that the results go to.
-
-    Raises:
-        OutputError: One cannot be made.
-    """
-    for folder in sorted({job.target.parent for job in jobs}):
-        try:
-            folder.mkdir(parents=True, exist_ok=True)
-        except OSError as error:
-            raise OutputError(f"{folder}: cannot be made ({error.strerror})") from error
-
-
-def _named(found: list[MeshFile], output: Path) -> list[Job]:
-    """Name the results: `mug_labeled.ply`; where names meet all of them say more of their source.
-
-    So a name hangs on its own mesh and on those that it meets, but not on their order. Files that
-    differ in case or composition only meet as well, and no name is that of an input or of a folder.
-    """
-    home = output.resolve()
-    inputs = {_key(place) for mesh in found for place in _places(mesh.source)}
-    choices = [_choices(mesh) for mesh in found]
-    said = [0] * len(found)
+    given = _Given(meshes, output, taken or {})
+    choices = [_choices(mesh) for mesh in meshes]
+    said = [0] * len(meshes)
     meeting = True
     while meeting:
-        targets = [home / names[level] for names, level in zip(choices, said, strict=True)]
-        often = Counter(map(_key, targets))
-        folders = {_key(folder) for target in targets for folder in target.parents}
+        stems = [
+            given.kept.get(mesh.name) or names[level]
+            for mesh, names, level in zip(meshes, choices, said, strict=True)
+        ]
+        met = given.met(stems)
         meeting = False
-        for number, target in enumerate(targets):
-            met = often[_key(target)] > 1 or _key(target) in inputs | folders
-            if met and said[number] + 1 < len(choices[number]):
+        for number, mesh in enumerate(meshes):
+            more = said[number] + 1 < len(choices[number])
+            if met[number] and more and mesh.name not in given.kept:
                 said[number] += 1
                 meeting = True
-    return [
-        Job(name=mesh.name, source=mesh.source, output=output, labeled=str(names[level]))
-        for mesh, names, level in zip(found, choices, said, strict=True)
-    ]
+    return [Job(mesh, stem, output) for mesh, stem in zip(meshes, stems, strict=True)]
 
 
-def _choices(mesh: MeshFile) -> list[Path]:
-    """Names for a mesh's result, below the output folder, from the plainest to the surest."""
-    name = Path(mesh.name)
-    folder = Path(*map(safe_stem, name.parts[:-1]))
-    plain, suffixed = safe_stem(name.stem), safe_stem(name.name.replace(".", "_"))
-    source = mesh.source.as_posix()
-    hashes = (short_hash(source), short_hash(source, digits=64))
-    stems = (plain, suffixed, *(f"{suffixed}-{told}" for told in hashes))
-    return [folder / f"{stem}{RESULT}" for stem in stems]
+class _Given:
+    """Names that are given, and that new ones must not meet."""
+
+    def __init__(
+        self, meshes: Sequence[MeshFile], output: Folder, taken: Mapping[str, str]
+    ) -> None:
+        self.inputs = _inputs_in(meshes, output)
+        safe = {name: stem for name, stem in taken.items() if _is_safe(stem)}
+        often = Counter(map(name_key, safe.values()))
+        names = {mesh.name for mesh in meshes}
+        self.kept = {
+            name: stem
+            for name, stem in safe.items()
+            if name in names
+            and often[name_key(stem)] == 1
+            and name_key(f"labels/{stem}.ply") not in self.inputs
+        }
+        self.others = [stem for name, stem in safe.items() if name not in names]
+        self.files = set(_files([*self.others, *self.kept.values()]))
+
+    def met(self, stems: Sequence[str]) -> list[bool]:
+        """Tell for each stem whether it meets another one, an input, or a folder."""
+        often = Counter(map(name_key, [*stems, *self.others]))
+        folders = {key for stem in [*stems, *self.others] for key in _folders(stem)}
+        return [
+            often[name_key(stem)] > 1
+            or name_key(f"labels/{stem}.ply") in self.inputs
+            or any(key in folders for key in _files([stem]))
+            or any(key in self.files for key in _folders(stem))
+            for stem in stems
+        ]
 
 
-def _places(source: Path) -> tuple[Path, Path]:
-    """Where a file really is, and where the link to it is."""
-    return source.resolve(), source.parent.resolve() / source.name
+def _choices(mesh: MeshFile) -> list[str]:
+    """Stems for a mesh's results, from the plainest to the surest."""
+    path = PurePosixPath(mesh.name.replace(os.sep, "/"))
+    # A mesh that shares its name is called by its source, whose folders may be anywhere.
+    away = path.is_absolute() or ".." in path.parts or "://" in mesh.name
+    folders = () if away else path.parts[:-1]
+    home = "".join(f"{safe_stem(part)}/" for part in folders)
+    plain, suffixed = safe_stem(path.stem), safe_stem(path.name.replace(".", "_"))
+    short, full = short_hash(mesh.source), short_hash(mesh.source, digits=64)
+    stems = (plain, suffixed, f"{suffixed}-{short}", f"{suffixed}-{full}")
+    return [*(f"{home}{stem}" for stem in stems), full]
 
 
-def _key(path: Path) -> str:
-    return name_key(str(path))
+def _is_safe(stem: str) -> bool:
+    """Whether a stem that was read from a file is one that could have been given."""
+    parts = [_HASH.sub("", part) for part in stem.split("/")]
+    return all(part and safe_stem(part) == part for part in parts) or bool(_WHOLE.fullmatch(stem))
+
+
+@cache
+def _folders(stem: str) -> frozenset[str]:
+    """Keys of the folders that a stem lies in."""
+    return frozenset(name_key(str(folder)) for folder in PurePosixPath(stem).parents if folder.name)
+
+
+def _files(stems: Iterable[str]) -> Iterator[str]:
+    """Keys of the files that results become, without the folders that all of them have."""
+    return (name_key(f"{stem}{suffix}") for stem in stems for suffix in _SUFFIXES)
+
+
+def _inputs_in(meshes: Iterable[MeshFile], output: Folder) -> set[str]:
+    """Keys of the inputs that lie in the output folder, and of links in it that are inputs."""
+    home, real = local_path(output.url), cache(os.path.realpath)
+    roots = {f"{output.url.rstrip('/')}/": ""}
+    if home is not None:
+        # Its own folders may be links to places where inputs are.
+        roots = {f"{real(home / folder)}{os.sep}": f"{folder}/" for folder in STORED}
+        roots[f"{real(home)}{os.sep}"] = ""
+    found = set()
+    for mesh in meshes:
+        path = local_path(mesh.source)
+        places = [mesh.source]
+        if path is not None:
+            beside = f"{real(path.parent)}{os.sep}{path.name}"
+            places = [beside, os.path.realpath(path)] if path.is_symlink() else [beside]
+        for place, (root, folder) in itertools.product(places, roots.items()):
+            if place.startswith(root):
+                found.add(name_key(folder + place[len(root) :].replace(os.sep, "/")))
+    return found

@@ -1,91 +1,75 @@
-"""Running jobs in processes of this machine; a mesh that kills its process harms no other."""
+"""Running jobs, each in a watched process of its own; one that ends its process harms no other."""
 
-import logging
-import signal
-import threading
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Iterable, Iterator
+from itertools import chain, islice
 from typing import TypeVar
 
-import dask
-from distributed import Client, KilledWorker, LocalCluster, as_completed
+from grasp3d.batch.settings import ClusterSettings
+from grasp3d.isolation import NeedsMemory, unexpected
 
 JobT = TypeVar("JobT")
 SettingsT = TypeVar("SettingsT")
 RowT = TypeVar("RowT")
 
-_CONFIG = {
-    # With one task per worker and no second chance, a death is blamed on the mesh that ran.
-    "distributed.scheduler.allowed-failures": 0,
-    "distributed.scheduler.worker-saturation": 1.0,
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.memory.terminate": 0.95,
-    # The workers' own log would only repeat, at length, what the rows say.
-    "distributed.nanny.environ": {"DASK_LOGGING__DISTRIBUTED": "critical"},
-}
+
+def _tell_nobody(job: object) -> None:
+    """Leave a job that was started unannounced."""
 
 
 def run(
     task: Callable[[JobT, SettingsT], RowT],
-    jobs: Sequence[JobT],
+    jobs: Iterable[JobT],
     settings: SettingsT,
     *,
     lost: Callable[[JobT, str], RowT],
-    workers: int,
+    cluster: ClusterSettings,
+    started: Callable[[JobT], None] = _tell_nobody,
 ) -> Iterator[RowT]:
     """Do a task for every job and yield each row when it is done.
 
+    A job that crashes is tried once more. One that takes too much memory, or is killed from
+    outside, is tried once more after all others, alone, with all the memory there is.
+
     Args:
-        task: What is done for one job, a function of a module; failures that it foresees are rows.
-        jobs: One for each mesh.
+        task: What is done for one job; failures that it foresees are rows. It may raise
+            `NeedsMemory` to be put off until it can have more.
+        jobs: Taken one by one, in their order, a few ahead of the work.
         settings: The same for all of them.
-        lost: Makes the row of a job whose process did not come back, from the reason.
-        workers: Processes to use, one thread each.
+        lost: Makes the row of a job that did not come back with one, from the reason.
+        cluster: Who does the work, and what a job may take.
+        started: Told of each job that is taken.
+
+    Raises:
+        SettingError: There is no cluster where one is said to run.
+        GraspError: Its scheduler is gone, or its workers cannot do this work.
     """
-    if not jobs:
+    if cluster.workers == 0:
+        for job in jobs:
+            started(job)
+            yield _done_here(task, job, settings, lost)
         return
-    with _client(min(workers, len(jobs))) as client:
-        futures = client.map(task, jobs, settings=settings, pure=False, batch_size=None)
-        job_of = {future.key: job for future, job in zip(futures, jobs, strict=True)}
-        for future in as_completed(futures):
-            error = future.exception()
-            yield future.result() if error is None else lost(job_of[future.key], _told(error))
-            future.release()
-
-
-def _told(error: BaseException) -> str:
-    """Say in one sentence what ended a job that did not end by itself."""
-    if isinstance(error, KilledWorker):
-        return "the process that worked on this mesh died: out of memory, or a crash in a reader"
-    return f"unexpected {type(error).__name__}: {error}; please report this mesh"
-
-
-@contextmanager
-def _interrupts_left_to_us() -> Iterator[None]:
-    """Start processes that ignore Ctrl-C: it is for the one that plans, which then ends them."""
-    if threading.current_thread() is not threading.main_thread():
-        yield
+    jobs = iter(jobs)
+    first = list(islice(jobs, 1))
+    if not first:
         return
-    before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    from grasp3d.batch.attempts import Attempts  # noqa: PLC0415, Dask loads slowly
+    from grasp3d.batch.cluster import crew  # noqa: PLC0415
+
+    with crew(cluster) as workers:
+        attempts = Attempts(workers, task, settings, lost, cluster)
+        yield from attempts.rows(chain(first, jobs), started)
+
+
+def _done_here(
+    task: Callable[[JobT, SettingsT], RowT],
+    job: JobT,
+    settings: SettingsT,
+    lost: Callable[[JobT, str], RowT],
+) -> RowT:
+    """Do one job in this process; what ends the process ends all."""
     try:
-        yield
-    finally:
-        signal.signal(signal.SIGINT, before)
-
-
-@contextmanager
-def _client(workers: int) -> Iterator[Client]:
-    with dask.config.set(_CONFIG):
-        logging.getLogger("distributed").setLevel(logging.CRITICAL)
-        with _interrupts_left_to_us():
-            cluster = LocalCluster(
-                n_workers=workers,
-                threads_per_worker=1,
-                # Any free port of this machine alone: the usual one may be taken by another run.
-                dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,
-            )
-        with cluster, Client(cluster) as client:
-            yield client
+        return task(job, settings)
+    except NeedsMemory as more:
+        return lost(job, str(more))
+    except Exception as error:  # noqa: BLE001, a bug met by one mesh must not end the others
+        return lost(job, unexpected(error))

@@ -5,15 +5,16 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
-from pathlib import Path
 
-from grasp3d.batch.plan import MeshFile, find_meshes
+from grasp3d.batch.inputs import MeshFile, find_meshes, real_place
+from grasp3d.batch.settings import ROUNDING
 from grasp3d.distributions import AngleDistribution, SphereAngles
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.planar import Circle, square
 from grasp3d.progress import Progress
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_searched, search_cone
 from grasp3d.stability import Mode
+from grasp3d.storage import local_copy, local_path
 from grasp3d.sweeps import Sweep, mean_sweep, sweep
 
 SHAPES: dict[str, Callable[[], AngleDistribution]] = {
@@ -25,9 +26,6 @@ SHAPES: dict[str, Callable[[], AngleDistribution]] = {
 
 FEW = 6
 """Meshes of a folder that are shown one by one."""
-
-ROUNDING = 1e-9
-"""Angle by which a search cone may fall short [rad]."""
 
 
 @dataclass(frozen=True)
@@ -70,7 +68,7 @@ class SweepSettings:
 
 @dataclass(frozen=True)
 class Target:
-    """One thing to sweep: a shape, a mesh file, or a folder."""
+    """One thing to sweep: a shape, a mesh file, or several: a folder, a pattern, a list."""
 
     name: str
     given: str = ""
@@ -78,6 +76,7 @@ class Target:
     files: tuple[MeshFile, ...] = ()
     """Of a file this one, of a folder its meshes, of a shape none."""
     folder: bool = False
+    """Whether it is several: a folder, a pattern or a list."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,7 +117,7 @@ def find_targets(words: Iterable[str]) -> list[Target]:
     """Tell shapes, mesh files and folders apart; a word is a shape before it is a file.
 
     Args:
-        words: The name of a shape, or a path; `./circle` is a path in any case.
+        words: The name of a shape, or an input of `find_meshes`; `./circle` is a path in any case.
 
     Returns:
         In their order, each once. Meshes are called by their file's name, those of a folder with
@@ -128,17 +127,22 @@ def find_targets(words: Iterable[str]) -> list[Target]:
         SettingError: There is none.
         MeshError: A path is missing, or a folder holds no mesh.
     """
-    targets: dict[str | Path, Target] = {}
+    targets: dict[str, Target] = {}
     for word in words:
         if word in SHAPES:
             targets.setdefault(word, Target(word))
             continue
-        path = Path(word)
-        found, folder = tuple(find_meshes([path])), path.is_dir()
+        found = tuple(find_meshes([word]))
+        path = local_path(word)
+        given = word.rstrip("/") if path is None else str(path)
+        folder = len(found) != 1 or found[0].source != given
         name = found[0].name
         if folder:
-            name = path.name if path.name not in {"", ".."} else path.resolve().name
-        targets.setdefault(path.resolve(), Target(name, str(path), found, folder))
+            name = given.rpartition("/")[2] if path is None else path.name
+            if path is not None and name in {"", ".."}:
+                name = path.resolve().name
+        place = real_place(given)
+        targets.setdefault(f"{place}/" if folder else place, Target(name, given, found, folder))
     if not targets:
         raise SettingError(
             f"nothing to sweep: name a mesh file, a folder of meshes, or {', '.join(SHAPES)}"
@@ -148,19 +152,19 @@ def find_targets(words: Iterable[str]) -> list[Target]:
 
 def _told_apart(targets: list[Target]) -> list[Target]:
     """Name meshes and folders as they were given where short names meet; one name for each file."""
-    first: dict[Path, MeshFile] = {}
+    first: dict[str, MeshFile] = {}
     for target in targets:
         for mesh in target.files:
-            first.setdefault(mesh.source.resolve(), mesh)
+            first.setdefault(real_place(mesh.source), mesh)
     often = Counter(mesh.name for mesh in first.values())
     often.update(target.name for target in targets if target.folder or not target.files)
     named = {
-        place: mesh if often[mesh.name] == 1 else replace(mesh, name=str(mesh.source))
+        place: mesh if often[mesh.name] == 1 else replace(mesh, name=mesh.source)
         for place, mesh in first.items()
     }
     told = []
     for target in targets:
-        files = tuple(named[mesh.source.resolve()] for mesh in target.files)
+        files = tuple(named[real_place(mesh.source)] for mesh in target.files)
         name = target.name
         if target.folder:
             name = target.name if often[target.name] == 1 else target.given
@@ -213,7 +217,8 @@ def sweep_mesh(
 
     begun = time.perf_counter()
     try:
-        surface = prepare_file(mesh.source, settings.mesh, threads=threads)
+        with local_copy(mesh.source) as path:
+            surface = prepare_file(path, settings.mesh, threads=threads)
         labels = label_surface(
             surface,
             settings.model,

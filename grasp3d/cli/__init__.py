@@ -5,7 +5,6 @@ Nothing heavy is imported here, so that `grasp3d --help` answers at once.
 
 import os
 import sys
-from importlib.metadata import version
 from io import TextIOWrapper
 from typing import Annotated
 
@@ -20,6 +19,7 @@ from grasp3d.cli.paper import Paper
 from grasp3d.cli.sweep import Sweep
 from grasp3d.errors import GraspError
 from grasp3d.names import printable
+from grasp3d.versions import package_version
 
 Command = (
     Annotated[Label, tyro.conf.subcommand("label")]
@@ -51,14 +51,15 @@ def main(arguments: list[str] | None = None) -> int:
     except BrokenPipeError:  # whoever reads has seen enough, as in `grasp3d batch ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    except KeyboardInterrupt:
-        print("grasp3d: interrupted", file=sys.stderr)  # noqa: T201
+    except KeyboardInterrupt as stop:
+        told = f": {stop}" if str(stop) else ""
+        print(f"grasp3d: interrupted{told}", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
 
 
 def _run(arguments: list[str]) -> int:
     if arguments == ["--version"]:
-        print(f"grasp3d {version('grasp3d')}")  # noqa: T201
+        print(f"grasp3d {package_version()}")  # noqa: T201
         return 0
     command = tyro.cli(
         Command,

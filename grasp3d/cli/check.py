@@ -1,20 +1,20 @@
 """`grasp3d check`: what is wrong with meshes, before any work."""
 
-from collections import Counter
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from grasp3d.cli.options import ModelOptions, SamplingOptions, SurfaceOptions
+from grasp3d.batch.settings import ClusterSettings
+from grasp3d.cli.options import ClusterOptions, ModelOptions, SamplingOptions, SurfaceOptions
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 if TYPE_CHECKING:
     from grasp3d.batch.checking import CheckedMesh
-    from grasp3d.batch.job import BatchSettings
-    from grasp3d.batch.plan import MeshFile
+    from grasp3d.batch.inputs import MeshFile
+    from grasp3d.batch.settings import BatchSettings
 
 
 @dataclass(frozen=True)
@@ -25,8 +25,12 @@ class Check:
     meshes, at least with care; 1: not of all, or some are refused.
     """
 
-    inputs: Annotated[tuple[Path, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE|FOLDER")]
-    """Mesh files, and folders that are searched with all below them."""
+    inputs: Annotated[
+        tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE|FOLDER|PATTERN|LIST.txt")
+    ]
+    """Mesh files, folders that are searched with all below them, patterns for files in quotes as
+    'lib/**/*.stl', lists of these, one in each line, and addresses of all of them such as
+    s3://bucket/lib."""
 
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """File to write: .json with everything, .csv or .parquet with a row per mesh."""
@@ -37,9 +41,6 @@ class Check:
     strict: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Exit code 1 also where labels can be trusted with care only."""
 
-    workers: int | None = None
-    """Processes to use for several meshes; none: one per processor."""
-
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction and touch."""
 
@@ -49,34 +50,31 @@ class Check:
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared."""
 
+    cluster: ClusterOptions = field(default_factory=ClusterSettings)
+    """Who does the work where there are several meshes."""
+
     quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
     """Print nothing but errors."""
 
     def __post_init__(self) -> None:
         if not self.inputs:
             raise SettingError("no input: name a mesh file, or a folder of meshes")
-        if self.workers is not None and self.workers < 1:
-            raise SettingError(f"workers must be at least 1; got {self.workers}")
 
     def run(self) -> int:
         """Do it; returns the exit code."""
         from grasp3d.batch.check_files import SUFFIXES, json_of, write_checks  # noqa: PLC0415
-        from grasp3d.batch.job import BatchSettings  # noqa: PLC0415
-        from grasp3d.batch.plan import find_meshes  # noqa: PLC0415
+        from grasp3d.batch.inputs import find_meshes  # noqa: PLC0415
+        from grasp3d.batch.settings import BatchSettings  # noqa: PLC0415
         from grasp3d.cli import check_report  # noqa: PLC0415
         from grasp3d.diagnosis.record import Trust  # noqa: PLC0415
         from grasp3d.files import check_suffix, check_writable  # noqa: PLC0415
+        from grasp3d.storage import local_path  # noqa: PLC0415
 
         files = find_meshes(self.inputs)
-        often = Counter(file.name for file in files)
-        files = [
-            file if often[file.name] == 1 else replace(file, name=str(file.source))
-            for file in files
-        ]
         if self.output is not None:
             check_suffix(self.output, SUFFIXES, "report")
             for file in files:
-                check_writable(self.output, source=file.source)
+                check_writable(self.output, source=local_path(file.source))
         settings = BatchSettings(self.model, self.sampling, self.mesh)
         meshes = self._checked(files, settings)
         if self.output is not None:
@@ -84,7 +82,8 @@ class Check:
         if self.json:
             print(json_of(meshes, settings))  # noqa: T201
         elif not self.quiet:
-            check_report.print_checks(meshes, one=not any(path.is_dir() for path in self.inputs))
+            given = {str(local_path(item) or item) for item in self.inputs}
+            check_report.print_checks(meshes, one=all(file.source in given for file in files))
         accepted = {Trust.YES} if self.strict else {Trust.YES, Trust.CARE}
         return 0 if all(mesh.trust in accepted for mesh in meshes) else 1
 
@@ -92,15 +91,14 @@ class Check:
         """Check one mesh in this process, several in processes of their own."""
         from grasp3d.batch.checking import check_file, lost_check  # noqa: PLC0415
         from grasp3d.cli import report  # noqa: PLC0415
-        from grasp3d.processors import available_processors  # noqa: PLC0415
 
         if len(files) == 1:
             return [check_file(files[0], settings)]
         from grasp3d.batch.run import run  # noqa: PLC0415
 
-        workers, rows = self.workers or available_processors(), []
+        rows = []
         with report.counter("checking", len(files), quiet=self.quiet) as advance:
-            for row in run(check_file, files, settings, lost=lost_check, workers=workers):
+            for row in run(check_file, files, settings, lost=lost_check, cluster=self.cluster):
                 rows.append(row)
                 advance()
         return sorted(rows, key=lambda row: row.name)

@@ -23,7 +23,7 @@ class Label:
     """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
 
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """Labelled file (.ply, .glb, .npz or .vtp); none: NAME_labeled.ply in this folder."""
+    """Labelled file (.ply, .glb, .npz, .vtp or .parquet); none: NAME_labeled.ply in this folder."""
 
     best: int | None = None
     """So many of the best grasps that are distinct: prints them, and writes NAME_grasps.json and

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type
 import docstring_parser
 import tyro
 
+from grasp3d.batch.settings import ClusterSettings
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
 
 _NONE = "none"
@@ -94,7 +95,9 @@ if TYPE_CHECKING:
     ModelOptions = GraspModel
     SamplingOptions = Sampling
     SurfaceOptions = MeshOptions
+    ClusterOptions = ClusterSettings
 else:
     ModelOptions = _on_command_line(GraspModel)
     SamplingOptions = _on_command_line(Sampling)
     SurfaceOptions = _on_command_line(MeshOptions)
+    ClusterOptions = _on_command_line(ClusterSettings)

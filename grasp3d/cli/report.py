@@ -1,7 +1,7 @@
 """What the commands show: progress on standard error, tables on standard output."""
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
 from pathlib import Path
@@ -12,7 +12,6 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from grasp3d.batch.job import Row
 from grasp3d.diagnosis.lengths import length_doubts
 from grasp3d.labels import Reason, SurfaceLabels
 from grasp3d.names import printable
@@ -26,7 +25,7 @@ _WHY = {
     Reason.OPENING: "every place for the other fingers is outside the limits of distances",
     Reason.OFF_SURFACE: "they belong to no face, their label is U and counts nowhere",
 }
-_MORE = "what is wrong with a mesh, and what helps, is told by `grasp3d check`"
+MORE = "what is wrong with a mesh, and what helps, is told by `grasp3d check`"
 _OVER: dict[Tilts, str] = {
     "exact": "smallest over all tilts",
     "effective_friction": "at the effective friction",
@@ -104,7 +103,7 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     for line in (*mesh.report.warnings, *doubts):
         console.print(f"[yellow]warning:[/] {as_printed(line)}")
     if mesh.report.warnings:
-        console.print(_MORE)
+        console.print(MORE)
     console.print(f"written: {as_printed(str(output))}", soft_wrap=True)
 
 
@@ -125,52 +124,6 @@ def _differences(sampling: Sampling) -> str:
         for name, value in asdict(sampling).items()
         if value != usual[name]
     )
-
-
-def print_batch(rows: Sequence[Row], output: Path) -> None:
-    """Print the summary of a batch: one line per mesh, then what failed, and what to mind."""
-    console = Console(emoji=False)
-    table = Table(box=None, pad_edge=False)
-    table.add_column("mesh", overflow="fold")
-    for heading in ("vertices", "S %", "M %", "U %", "β* 10/50/90 %", "ε_min", "s"):
-        table.add_column(heading, justify="right", no_wrap=True)
-    for row in sorted(rows, key=lambda row: row.mesh):
-        table.add_row(*_cells(row))
-    console.print(table)
-    legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING["label"].items())
-    console.print(
-        f"{legend}; shares of the area; β* critical friction angle; "
-        "ε_min: smallest epsilon over the tilts, at half of the area"
-    )
-    for row in sorted(rows, key=lambda row: row.mesh):
-        if row.error:
-            console.print(f"[red]failed:[/] {as_printed(row.error)}", soft_wrap=True)
-        elif row.warnings:
-            console.print(
-                f"[yellow]warning:[/] {as_printed(f'{row.mesh}: {row.warnings}')}", soft_wrap=True
-            )
-    if any(row.error or row.warnings for row in rows):
-        console.print(_MORE)
-    failed = sum(1 for row in rows if row.error)
-    console.print(
-        f"{len(rows) - failed} labelled, {failed} failed; written: {as_printed(str(output))}",
-        soft_wrap=True,
-    )
-
-
-def _cells(row: Row) -> list[str]:
-    if row.error:
-        return [as_printed(row.mesh), "[red]failed[/]", *[""] * 5, f"{row.seconds:.1f}"]
-    shares = (row.stable, row.ambiguous, row.no_grasp_found)
-    angles = (row.critical_angle_p10, row.critical_angle_p50, row.critical_angle_p90)
-    return [
-        as_printed(row.mesh),
-        str(row.vertices),
-        *(f"{100.0 * share:.1f}" for share in shares if share is not None),
-        " ".join(angle_text(angle) for angle in angles if angle is not None),
-        "" if row.epsilon_min_p50 is None else f"{row.epsilon_min_p50:.3f}",
-        f"{row.seconds:.1f}",
-    ]
 
 
 def angle_text(angle: float) -> str:

@@ -1,21 +1,20 @@
 """`grasp3d sweep`: how much of an object is reliably graspable, over friction and resolution."""
 
-import math
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from grasp3d.cli.options import SamplingOptions, SurfaceOptions
+from grasp3d.batch.settings import ClusterSettings
+from grasp3d.cli.options import ClusterOptions, SamplingOptions, SurfaceOptions
+from grasp3d.cli.ranges import resolutions
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.names import safe_stem
 from grasp3d.settings import MeshOptions, Sampling
 
 if TYPE_CHECKING:
     from grasp3d.batch.sweeping import SweepSettings, SweptMesh, Target
-
-MOST_RESOLUTIONS = 10_000
 
 
 @dataclass(frozen=True)
@@ -29,11 +28,12 @@ class Sweep:
     targets: Annotated[
         tuple[str, ...],
         tyro.conf.Positional,
-        tyro.conf.arg(metavar="FILE|FOLDER|circle|square|sphere"),
+        tyro.conf.arg(metavar="FILE|FOLDER|PATTERN|LIST.txt|circle|square|sphere"),
     ]
     """Name them before the options. Mesh files, folders that are searched with all below them,
-    and shapes in closed form with one finger fixed: circle, square (in the middle of a side) and
-    sphere. ./circle is a file or a folder."""
+    patterns for files in quotes as 'lib/**/*.stl', lists of these, one in each line, addresses of
+    all of them such as s3://bucket/lib, and shapes in closed form with one finger fixed: circle,
+    square (in the middle of a side) and sphere. ./circle is a file or a folder."""
 
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
     """Table (.csv or .parquet); none: NAME_sweep.csv in this folder, of several sweep.csv."""
@@ -57,14 +57,14 @@ class Sweep:
     fingers: int = 2
     """Fingers of a grasp, 2 to 5; of circle, square and sphere 2."""
 
-    workers: int | None = None
-    """Processes to use for several meshes; none: one per processor."""
-
     sampling: SamplingOptions = field(default_factory=Sampling)
     """How candidate grasps are searched."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared."""
+
+    cluster: ClusterOptions = field(default_factory=ClusterSettings)
+    """Who does the work where there are several meshes."""
 
     quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
     """Print nothing but errors."""
@@ -73,8 +73,6 @@ class Sweep:
         for share in self.share:
             if not 0.0 < share <= 1.0:
                 raise SettingError(f"each share must be above 0 and at most 1; got {share:g}")
-        if self.workers is not None and self.workers < 1:
-            raise SettingError(f"workers must be at least 1; got {self.workers}")
 
     def run(self) -> int:
         """Do it; returns the exit code."""
@@ -120,6 +118,7 @@ class Sweep:
         from grasp3d.batch.sweeping import meshes_of  # noqa: PLC0415
         from grasp3d.files import check_suffix, check_writable  # noqa: PLC0415
         from grasp3d.plots.formats import METADATA  # noqa: PLC0415
+        from grasp3d.storage import local_path  # noqa: PLC0415
         from grasp3d.tables import SUFFIXES  # noqa: PLC0415
 
         path = Path(targets[0].name)
@@ -131,14 +130,13 @@ class Sweep:
         for path in (table, figure):
             check_writable(path)
             for mesh in meshes_of(targets):
-                check_writable(path, source=mesh.source)
+                check_writable(path, source=local_path(mesh.source))
         return table, figure
 
     def _swept(self, targets: list["Target"], settings: "SweepSettings") -> list["SweptMesh"]:
         """Sweep the meshes, each once: one alone in this process, several in processes."""
         from grasp3d.batch.sweeping import lost_mesh, meshes_of, sweep_mesh  # noqa: PLC0415
         from grasp3d.cli import report  # noqa: PLC0415
-        from grasp3d.processors import available_processors  # noqa: PLC0415
 
         meshes = meshes_of(targets)
         if len(meshes) == 1 and not any(target.folder for target in targets):
@@ -154,46 +152,7 @@ class Sweep:
 
         rows = []
         with report.counter("sweeping", len(meshes), quiet=self.quiet) as advance:
-            workers = self.workers or available_processors()
-            for row in run(sweep_mesh, meshes, settings, lost=lost_mesh, workers=workers):
+            for row in run(sweep_mesh, meshes, settings, lost=lost_mesh, cluster=self.cluster):
                 rows.append(row)
                 advance()
         return sorted(rows, key=lambda row: row.name)
-
-
-def resolutions(words: tuple[str, ...]) -> tuple[float, ...]:
-    """Read sensor resolutions: numbers and ranges FROM:TO:STEP in degrees.
-
-    Args:
-        words: As on the command line.
-
-    Returns:
-        In radians, in increasing order, each once.
-
-    Raises:
-        SettingError: A word is neither, or there are too many resolutions.
-    """
-    degrees: set[float] = set()
-    for word in words:
-        degrees.update(_range(word))
-        if len(degrees) > MOST_RESOLUTIONS:
-            raise SettingError(f"sensor resolutions: more than {MOST_RESOLUTIONS} ({word})")
-    return tuple(math.radians(degree) for degree in sorted(degrees))
-
-
-def _range(word: str) -> list[float]:
-    """Degrees that one word stands for."""
-    wanted = f"sensor resolution {word!r}: a number of degrees, or FROM:TO:STEP with STEP above 0"
-    try:
-        numbers = [float(part) for part in word.split(":")]
-    except ValueError as error:
-        raise SettingError(wanted) from error
-    if len(numbers) == 1:
-        return numbers
-    if len(numbers) != len(("from", "to", "step")) or not all(map(math.isfinite, numbers)):
-        raise SettingError(wanted)
-    first, last, step = numbers
-    if not (step > 0.0 and first <= last):
-        raise SettingError(wanted)
-    count = min(int((last - first) / step + 1e-9), MOST_RESOLUTIONS) + 1
-    return [round(first + step * index, 9) for index in range(count)]

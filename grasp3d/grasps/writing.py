@@ -3,7 +3,6 @@
 import json
 import math
 from dataclasses import asdict
-from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from grasp3d.files import check_suffix, written_whole
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.stability import MEANING, Label
 from grasp3d.surface_epsilons import EPSILON_RTOL
+from grasp3d.versions import package_version
 
 SUFFIXES = (".csv", ".parquet", ".json")
 
@@ -84,7 +84,7 @@ def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
     mesh, model = grasps.mesh, grasps.model
     meaning = MEANING["scan"]
     return {
-        "version": version("grasp3d"),
+        "version": package_version(),
         "source": mesh.report.source,
         **asdict(model),
         **asdict(mesh.options),

@@ -2,12 +2,53 @@
 
 import base64
 import binascii
+import json
+import re
 import stat
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
 from grasp3d.errors import MeshError
 from grasp3d.reading.sources import Source
+
+PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".ktx", ".ktx2", ".basis", ".dds")
+"""Side files that are not read."""
+
+_ADDRESS = re.compile(rb'"uri"\s*:\s*("(?:[^"\\]|\\.){1,1000}")')
+_GLB_HEADER = 20
+
+
+def side_names(path: Path) -> list[str]:
+    """Names of the files that a glTF asks for and that would be read.
+
+    The text is searched and not understood, so that no file can make this take long.
+
+    Args:
+        path: Any mesh file; only .gltf and .glb ask for others.
+
+    Returns:
+        Paths below its folder with `/`, each once, whether the files are there or not.
+
+    Raises:
+        OSError: It cannot be read.
+    """
+    if path.suffix.lower() not in {".gltf", ".glb"}:
+        return []
+    with path.open("rb") as stream:
+        size = -1
+        if path.suffix.lower() == ".glb":
+            size = int.from_bytes(stream.read(_GLB_HEADER)[12:16], "little")
+        text = stream.read(size)
+    names: dict[str, None] = {}
+    for match in _ADDRESS.finditer(text):
+        try:
+            uri = json.loads(match[1])
+        except ValueError:
+            continue
+        name = unquote(uri)
+        if _is_plain(uri) and _is_plain(name) and not name.lower().endswith(PICTURES):
+            names[name] = None
+    return list(names)
 
 
 def read_address(source: Source, uri: str) -> bytes:

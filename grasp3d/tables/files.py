@@ -11,6 +11,7 @@ import pyarrow.csv as pc
 import pyarrow.parquet as pq
 
 from grasp3d.files import check_suffix, written_whole
+from grasp3d.names import as_unicode
 
 SUFFIXES = (".csv", ".parquet")
 
@@ -58,6 +59,40 @@ def write_columns(
     _write(path, pa.table(arrays), settings)
 
 
+def write_arrays(
+    path: Path,
+    columns: Mapping[str, npt.NDArray[Any]],
+    words: Mapping[str, Sequence[str]],
+    *,
+    settings: Mapping[str, Any],
+) -> None:
+    """Write arrays to Parquet as they are, nan and inf included; packed tightly.
+
+    Args:
+        path: File to make or replace.
+        columns: Values of each, shape (rows,), in the order of the file.
+        words: Of columns that hold codes the text that 0, 1, ... stand for; written as text.
+        settings: As in `write_table`.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    arrays = {
+        name: pa.DictionaryArray.from_arrays(pa.array(values.astype("i1")), list(words[name]))
+        if name in words
+        else pa.array(values)
+        for name, values in columns.items()
+    }
+    metadata = {"grasp3d": json.dumps(settings)}
+    with written_whole(path) as part:
+        pq.write_table(
+            pa.table(arrays, metadata=metadata),
+            part,
+            compression="zstd",
+            use_dictionary=list(words),  # numbers seldom come twice
+        )
+
+
 def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Read a CSV or Parquet table.
 
@@ -98,8 +133,5 @@ def _write(path: Path, table: pa.Table, settings: Mapping[str, Any]) -> None:
 def _printable(row: Mapping[str, Any]) -> dict[str, Any]:
     """Write out the bytes of file names that are no Unicode."""
     return {
-        key: value.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
-        if isinstance(value, str)
-        else value
-        for key, value in row.items()
+        key: as_unicode(value) if isinstance(value, str) else value for key, value in row.items()
     }

@@ -1,0 +1,87 @@
+"""What results rest on: the content of a mesh, the settings, and the version of the method."""
+
+import hashlib
+import json
+from dataclasses import asdict
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from grasp3d.batch.settings import BatchSettings
+from grasp3d.errors import MeshError
+from grasp3d.names import printable
+from grasp3d.reading.side_files import side_names
+
+METHOD = 1
+"""Version of the method; to be raised when labels of the same mesh change."""
+
+
+def content_of(path: Path) -> str:
+    """SHA-256 of a mesh file, and of the files that a glTF keeps its data in.
+
+    Args:
+        path: File of this machine.
+
+    Raises:
+        MeshError: It cannot be read.
+    """
+    try:
+        digest = _digest(path)
+        beside = [f"{name} {_beside(path, name)}" for name in side_names(path)]
+    except OSError as error:
+        reason = (
+            "there is no such file"
+            if isinstance(error, FileNotFoundError)
+            else (f"cannot be opened ({error.strerror})")
+        )
+        raise MeshError(f"{printable(str(path))}: {reason}") from error
+    if not beside:
+        return digest
+    return hashlib.sha256("\n".join([digest, *sorted(beside)]).encode()).hexdigest()
+
+
+def mesh_key(content: str, settings: BatchSettings) -> str:
+    """SHA-256 of all that decides what comes of a mesh; another one means: label it again.
+
+    Args:
+        content: From `content_of`.
+        settings: What it is labelled with.
+    """
+    return hashlib.sha256(f"{content} {settings_key(settings)} {METHOD}".encode()).hexdigest()
+
+
+@lru_cache(maxsize=16)
+def settings_key(settings: BatchSettings) -> str:
+    """SHA-256 of settings: the same for equal ones, whatever made them."""
+    return hashlib.sha256(settings_text(settings).encode()).hexdigest()
+
+
+def settings_text(settings: BatchSettings) -> str:
+    """Write settings as JSON in one way only: sorted, whole numbers without a point, inf null."""
+    return json.dumps(
+        _canonical(asdict(settings)), sort_keys=True, separators=(",", ":"), allow_nan=False
+    )
+
+
+def _canonical(value: Any) -> Any:  # noqa: ANN401
+    if isinstance(value, dict):
+        return {key: _canonical(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_canonical(item) for item in value]
+    if isinstance(value, float):
+        if value == float("inf"):
+            return None
+        return int(value) if value.is_integer() else value
+    return value
+
+
+def _digest(path: Path) -> str:
+    with path.open("rb") as stream:
+        return hashlib.file_digest(stream, "sha256").hexdigest()
+
+
+def _beside(path: Path, name: str) -> str:
+    """Digest of a side file; one that is missing, or out of the folder, is not read either."""
+    folder = path.parent.resolve()
+    side = (folder / name).resolve()
+    return _digest(side) if side.is_relative_to(folder) and side.is_file() else "missing"

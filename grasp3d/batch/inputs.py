@@ -1,0 +1,176 @@
+"""Which meshes a command line names: files, folders, patterns, lists, here or at an address."""
+
+import os
+import re
+from collections import Counter
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import replace
+from pathlib import Path
+
+from grasp3d.batch.folders import Found, MeshFile, found_at, joined, meshes_below
+from grasp3d.errors import MeshError
+from grasp3d.names import as_unicode, printable, short_hash
+from grasp3d.reading import mesh_suffixes
+from grasp3d.storage import entries, local_path, look, named_like, read_text
+
+LIST = ".txt"
+MANY = 10
+"""Entries of a list in one folder of an object store from which on the folder is listed once."""
+
+__all__ = ["MeshFile", "find_meshes", "real_place"]
+
+_MAGIC = re.compile(r"[*?\[]")
+_COMMENT = re.compile(r"(^|\s)#.*")
+
+
+def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[MeshFile]:
+    """List the meshes that inputs name, each once.
+
+    An input is a mesh file, a folder that is searched with all below it, a pattern for files such
+    as `lib/**/*.stl`, a list of inputs (.txt: one in each line, relative to the list's folder,
+    `#` begins a comment), or the address of one of these such as s3://bucket/lib. A file that is
+    really called like a pattern is taken for itself. Of folders and patterns hidden files, results
+    of `grasp3d label`, and what is in a store of results are left out.
+
+    Args:
+        inputs: Paths and addresses.
+        results: Folder for results, left out where it is below a folder that is searched.
+
+    Returns:
+        In alphabetical order of the names.
+
+    Raises:
+        MeshError: An input is missing or cannot be opened, or there is no mesh among them.
+    """
+    inputs = list(inputs)
+    found: dict[str, MeshFile] = {}
+    for item in inputs:
+        for one in _named_by(item, results):
+            found.setdefault(one.place, one.mesh)
+    if not found:
+        known = " ".join(sorted(mesh_suffixes()))
+        folders = printable(", ".join(inputs))
+        raise MeshError(f"{folders}: no mesh in it; files named {known} are read")
+    return sorted(_told_apart(found.values()), key=lambda mesh: (mesh.name, mesh.source))
+
+
+def real_place(source: str) -> str:
+    """Say where a path or address really is: all links to a file are at one place."""
+    path = local_path(source)
+    return source if path is None else os.path.realpath(path)
+
+
+def _named_by(item: str, results: str | None) -> Iterator[Found]:
+    """Meshes that one input names."""
+    item = _tidy(item)
+    try:
+        entry = look(item)
+    except FileNotFoundError as error:
+        if not _MAGIC.search(item):
+            raise MeshError(f"{printable(item)}: there is no such file or folder") from error
+        yield from _of_pattern(item, results)
+        return
+    if entry is None:
+        yield from meshes_below(item, results)
+    elif item.lower().endswith(LIST):
+        yield from _of_list(item, results)
+    else:
+        yield found_at(item, entry, entry.name)
+
+
+def _tidy(item: str) -> str:
+    """A path as pathlib writes it; of an address no slash at its end."""
+    path = local_path(item)
+    return (item.rstrip("/") or item) if path is None else str(path)
+
+
+def _of_pattern(pattern: str, results: str | None) -> Iterator[Found]:
+    """Files that a pattern names, by one listing of its fixed part."""
+    parts = pattern.replace(os.sep, "/").split("/")
+    fixed = next(number for number, part in enumerate(parts) if _MAGIC.search(part))
+    folder, below = "/".join(parts[:fixed]), "/".join(parts[fixed:])
+    depth = None if "**" in below else len(parts) - fixed
+    wanted = named_like(below)
+    if not folder:
+        folder = "/" if fixed else "."
+    try:
+        found = list(meshes_below(folder, results, wanted=wanted, depth=depth))
+    except FileNotFoundError as error:
+        raise MeshError(f"{printable(folder)}: there is no such folder") from error
+    if not found:
+        raise MeshError(
+            f"{printable(pattern)}: no mesh in it; a pattern names mesh files, as lib/**/*.stl"
+        )
+    yield from found
+
+
+def _of_list(source: str, results: str | None) -> Iterator[Found]:
+    """Meshes that a list names; errors name the line."""
+    lines = [_COMMENT.sub("", line).strip() for line in read_text(source).splitlines()]
+    path = local_path(source)
+    base = source.rpartition("/")[0] if path is None else str(path.parent)
+    items = {
+        number: line if "://" in line else joined(base, line)
+        for number, line in enumerate(lines, 1)
+        if line
+    }
+    looked = _looked_together(items.values())
+    for number, item in items.items():
+        try:
+            for one in [looked[item]] if item in looked else _of_line(item, results):
+                yield replace(one, mesh=_below(base, one.mesh))
+        except MeshError as error:
+            raise MeshError(f"{printable(source)}, line {number}: {error}") from error
+
+
+def _below(base: str, mesh: MeshFile) -> MeshFile:
+    """Call a mesh by its path below the folder of its list, if it is there."""
+    head = base + ("/" if local_path(base) is None else os.sep)
+    below = mesh.source if base == "." else mesh.source.removeprefix(head)
+    if (
+        (below == mesh.source and base != ".")
+        or Path(below).is_absolute()
+        or ".." in Path(below).parts
+    ):
+        return mesh
+    return replace(mesh, name=as_unicode(below))
+
+
+def _of_line(item: str, results: str | None) -> Iterator[Found]:
+    if item.lower().endswith(LIST):
+        raise MeshError(f"{printable(item)}: is a list within a list, which is not read")
+    yield from _named_by(item, results)
+
+
+def _looked_together(items: Iterable[str]) -> dict[str, Found]:
+    """Files of an object store, of which a list names many in a folder: one listing for all."""
+    remote = [item for item in items if local_path(item) is None and not _MAGIC.search(item)]
+    often = Counter(item.rpartition("/")[0] for item in remote)
+    found = {}
+    for folder in sorted(folder for folder, count in often.items() if count >= MANY):
+        try:
+            listed = entries(folder, depth=1)
+        except FileNotFoundError:
+            continue  # each entry says so for itself
+        for entry in listed:
+            item = joined(folder, entry.name)
+            found[item] = found_at(item, entry, entry.name)
+    return found
+
+
+def _told_apart(meshes: Iterable[MeshFile]) -> list[MeshFile]:
+    """Call meshes whose names meet by their source, until no two names are one."""
+    told = _renamed(list(meshes), lambda mesh: mesh.source)
+    return _renamed(told, lambda mesh: f"{mesh.source}-{short_hash(mesh.source)}")
+
+
+def _renamed(meshes: list[MeshFile], other: Callable[[MeshFile], str]) -> list[MeshFile]:
+    while True:
+        often = Counter(mesh.name for mesh in meshes)
+        again = [
+            mesh if often[mesh.name] == 1 else replace(mesh, name=as_unicode(other(mesh)))
+            for mesh in meshes
+        ]
+        if again == meshes:
+            return meshes
+        meshes = again

@@ -1,0 +1,90 @@
+"""What marks a folder as a store of results, and what may not become one."""
+
+import json
+from datetime import UTC, datetime
+
+from grasp3d.batch.folders import MARKER, STORED
+from grasp3d.batch.identity import METHOD, settings_text
+from grasp3d.batch.row import Row
+from grasp3d.batch.settings import BatchSettings
+from grasp3d.errors import OutputError
+from grasp3d.names import printable
+from grasp3d.storage import Folder
+from grasp3d.tables import unpack_records
+from grasp3d.versions import package_version
+
+FORMAT = 1
+"""Version of the store's files; older versions of grasp3d cannot read newer ones."""
+
+
+def read_marker(output: Folder) -> tuple[bytes | None, bool]:
+    """Read the marker of a store, or see that a folder without one can become a store.
+
+    Args:
+        output: Folder for the results.
+
+    Returns:
+        (the marker's content, None where there is none; whether it is sound).
+
+    Raises:
+        OutputError: A newer version wrote the store, or the folder holds
+            other files where a store has its own.
+    """
+    try:
+        data = output.read(MARKER)
+    except FileNotFoundError:
+        _check_free(output)
+        return None, False
+    try:
+        told = json.loads(data)
+        found = int(told["format"])
+    except (KeyError, TypeError, ValueError):
+        return data, False
+    if found > FORMAT:
+        raise OutputError(
+            f"{printable(output.url)}: is a store of a newer version of grasp3d "
+            f"({printable(str(told.get('version')))}); update grasp3d, or name another folder"
+        )
+    return data, True
+
+
+def marker_of(settings: BatchSettings) -> bytes:
+    """Content of the marker of a store with these settings."""
+    told = {
+        "format": FORMAT,
+        "version": package_version(),
+        "method": METHOD,
+        "settings": json.loads(settings_text(settings)),
+    }
+    return (json.dumps(told, indent=1) + "\n").encode()
+
+
+def set_aside(output: Folder, name: str, data: bytes) -> str:
+    """Move a damaged file to `damaged/`; returns the name that it has there."""
+    now = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")
+    aside = f"damaged/{now}-{name.replace('/', '-')}"
+    output.write(aside, data)
+    output.remove(name)
+    return aside
+
+
+def _check_free(output: Folder) -> None:
+    """Refuse a folder without marker whose files a store would take for its own, or replace."""
+    summary = output.names("summary")
+    if summary and all(_is_ours(output, name) for name in summary):
+        return  # a store that has lost its marker
+    for folder in STORED:
+        for name in output.names(folder):
+            raise OutputError(
+                f"{printable(output.url)}: holds a folder called {folder} that is not of grasp3d "
+                f"({printable(name)}); name another folder"
+            )
+
+
+def _is_ours(output: Folder, name: str) -> bool:
+    """Whether a file is part of a summary: of a store that has lost its marker."""
+    try:
+        unpack_records(output.read(name), Row)
+    except (ValueError, FileNotFoundError):
+        return False
+    return True

@@ -1,0 +1,93 @@
+"""What the page of one object is given: its surface, its angles, its grasps."""
+
+from collections.abc import Sequence
+from dataclasses import asdict
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.batch.report.packing import STEPS, json_text, packed, quantised
+from grasp3d.batch.row import BestGrasp
+from grasp3d.settings import Sampling, search_cone
+
+if TYPE_CHECKING:
+    from grasp3d.labels import SurfaceLabels
+
+FORMAT = 1
+"""Of the script; the page refuses others."""
+
+CALL = "grasp3dObject"
+"""Function of the page that the script calls."""
+
+_SMALL = 2**16
+
+
+def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp]) -> bytes:
+    """Write what the page shows of a labelled surface, as a script of one call.
+
+    Vertices that belong to no face are left out. Positions are quantised to 16 bits over the
+    surface's box; angles, epsilon, openings and area weights are floats of 32 bits.
+
+    Args:
+        labels: The labelled surface.
+        name: How the mesh is called.
+        grasps: Its best grasps, the best first.
+
+    Returns:
+        JavaScript in ASCII; the same for the same labels.
+    """
+    mesh, model = labels.mesh, labels.model
+    used = np.unique(mesh.faces)
+    low = mesh.vertices[used].min(axis=0)
+    step = np.maximum(np.ptp(mesh.vertices[used], axis=0), np.finfo(np.float64).tiny) / STEPS
+    arrays, data = packed(_arrays(labels, used, low, step))
+    told = {
+        "format": FORMAT,
+        "name": name,
+        "unit": mesh.unit,
+        "size": mesh.size,
+        "low": low.tolist(),
+        "step": step.tolist(),
+        "friction": model.friction,
+        "resolution": model.sensor_resolution,
+        "fingers": model.fingers,
+        "method": model.method,
+        "cone": max(labels.search.cone, search_cone(model, Sampling())),
+        "creaseAngle": mesh.options.crease_angle,
+        "closed": mesh.report.closed,
+        "repairs": [str(step) for step in mesh.report.repairs],
+        "warnings": list(mesh.report.warnings),
+        "grasps": [asdict(grasp) for grasp in grasps],
+        "arrays": arrays,
+    }
+    return f'{CALL}({json_text(told)},"{data}");\n'.encode("ascii")
+
+
+def _arrays(
+    labels: "SurfaceLabels",
+    used: npt.NDArray[np.int64],
+    low: npt.NDArray[np.float64],
+    step: npt.NDArray[np.float64],
+) -> dict[str, npt.NDArray[Any]]:
+    """Values of the vertices that belong to faces, in the order of the mesh."""
+    mesh = labels.mesh
+    count = len(mesh.vertices)
+    row = np.zeros(count, dtype=np.uint16 if len(used) <= _SMALL else np.uint32)
+    row[used] = np.arange(len(used))
+    areas = mesh.vertex_areas
+    arrays: dict[str, npt.NDArray[Any]] = {
+        "positions": quantised(mesh.vertices[used], low, step),
+        "faces": row[mesh.faces],
+        "weights": (areas / areas.sum())[used].astype(np.float32),
+        "worst": labels.critical_angle[used].astype(np.float32),
+        "epsilon": labels.epsilon[used].astype(np.float32),
+        "opening": labels.opening[used].astype(np.float32),
+        "partners": quantised(labels.partners[used], low, step),
+        "reason": labels.reason[used].astype(np.uint8),
+    }
+    if not np.array_equal(labels.critical_angle[used], labels.critical_angle_best[used]):
+        arrays["best"] = labels.critical_angle_best[used].astype(np.float32)
+    if len(used) < count:
+        arrays["numbers"] = used.astype(np.uint32)
+    return arrays

@@ -1,0 +1,86 @@
+"""Paths and addresses: which file system they are on, and what its errors mean.
+
+The only room that knows fsspec, which is loaded with the first address.
+"""
+
+import errno
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+from urllib.parse import unquote, urlsplit
+
+from grasp3d.errors import GraspError
+from grasp3d.names import printable
+
+_LOCAL = ("file://", "local://")
+_PACKAGES = {"s3": "s3fs", "s3a": "s3fs"}
+_NO_CREDENTIALS = ("NoCredentialsError", "PartialCredentialsError", "ProfileNotFound")
+
+
+def local_path(source: str) -> Path | None:
+    """Path of an address on this machine's file system; None: it is elsewhere."""
+    for head in _LOCAL:
+        if source.startswith(head):
+            return Path(unquote(urlsplit(source).path) if "%" in source else source[len(head) :])
+    return None if "://" in source else Path(source)
+
+
+def system_of(url: str) -> tuple[Any, str]:
+    """The file system of an address, and the path in it."""
+    import fsspec  # noqa: PLC0415, whoever works on this machine alone needs none
+
+    system, path = fsspec.core.url_to_fs(url)
+    return system, path
+
+
+@contextmanager
+def failures_told(url: str, kind: type[GraspError], what: str) -> Iterator[None]:
+    """Say in one sentence what a file system found wrong; a file that is missing to read passes."""
+    try:
+        yield
+    except GraspError:
+        raise
+    except FileNotFoundError as error:
+        if what not in {"written", "removed"}:
+            raise
+        raise kind(
+            f"{printable(url)}: cannot be {what} (there is no such bucket or folder); make it first"
+        ) from error
+    except Exception as error:  # every file system raises kinds of its own
+        raise kind(f"{printable(url)}: {_why(url, error, what)}") from error
+
+
+def _why(url: str, error: Exception, what: str) -> str:
+    """Say what a file system's error means, and what to do."""
+    protocol = url.partition("://")[0] if "://" in url else ""
+    if isinstance(error, ImportError):
+        package = _PACKAGES.get(protocol)
+        if package is None:
+            return f"needs a package that is not installed ({_line(error)})"
+        return f'needs the package {package}: pip install "grasp3d[s3]"'
+    if isinstance(error, ValueError) and "rotocol not known" in str(error):
+        return f"no file system is called {protocol}://; s3:// and those of fsspec are known"
+    return f"cannot be {what} ({_reason(protocol, error)})"
+
+
+def _reason(protocol: str, error: Exception) -> str:
+    if type(error).__name__ in _NO_CREDENTIALS:
+        return (
+            "there are no credentials: set AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or "
+            "AWS_PROFILE; for a public bucket FSSPEC_S3_ANON=true"
+        )
+    if protocol and isinstance(error, PermissionError):
+        return f"access is denied: check the credentials and their rights; {_line(error)}"
+    if isinstance(error, NotADirectoryError):
+        return "what should be its folder is a file; name another folder"
+    if isinstance(error, OSError) and error.errno == errno.ENOSPC:
+        return "no space left on this machine; TMPDIR names another folder"
+    if isinstance(error, OSError) and error.strerror:
+        return error.strerror
+    return _line(error) or type(error).__name__
+
+
+def _line(error: Exception) -> str:
+    """What an error says, on one line."""
+    return " ".join(str(error).split())[:200]

@@ -1,0 +1,127 @@
+import uPlot from "uplot";
+import { byId, element } from "../shared/dom.js";
+import { digits, percent, plural } from "../shared/words.js";
+
+const HEIGHT = 330;
+const KINDS = [
+  ["S", "surely stable", "--s"],
+  ["M", "sensor cannot tell", "--m"],
+  ["U", "no grasp found", "--u"],
+];
+
+const color = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
+const column = (quartiles, number) => quartiles.map((one) => (one ? 100 * one[number] : null));
+
+/** A median in its colour over a thin dark line, so that yellow shows on white. */
+function line(name, dash) {
+  const points = { show: true, size: 5, fill: () => color(name), stroke: () => color("--ink"), width: 0.5 };
+  return [
+    { stroke: () => color("--quiet"), width: 4, dash, points: { show: false } },
+    { stroke: () => color(name), width: 2.5, dash, points },
+  ];
+}
+
+function axis(label) {
+  return {
+    label,
+    stroke: () => color("--quiet"),
+    grid: { stroke: () => color("--line"), width: 1 },
+    ticks: { stroke: () => color("--line"), width: 1 },
+    labelSize: 22,
+    size: 44,
+    font: "12px system-ui, sans-serif",
+    labelFont: "12px system-ui, sans-serif",
+  };
+}
+
+function options(width, curve, onMove) {
+  const hidden = { width: 0, points: { show: false } };
+  const [first, last] = [curve.resolution[0], curve.resolution.at(-1)];
+  const margin = last > first ? 0.02 * (last - first) : 1;
+  return {
+    width,
+    height: HEIGHT,
+    legend: { show: false },
+    cursor: { y: false, drag: { x: false, y: false } },
+    scales: { x: { time: false, range: () => [first - margin, last + margin] }, y: { range: () => [-2, 102] } },
+    axes: [axis("sensor resolution α [degrees]"), axis("share of the surface [%]")],
+    bands: [{ series: [2, 1], fill: () => `${color("--s")}33` }],
+    series: [{}, hidden, hidden, ...line("--m", [8, 4]), ...line("--u", [3, 3]), ...line("--s")],
+    hooks: { setCursor: [(plot) => onMove(plot.cursor.idx ?? null)] },
+  };
+}
+
+function plotted(curve) {
+  const twice = (kind) => [column(curve[kind], 1), column(curve[kind], 1)];
+  return [curve.resolution, column(curve.S, 0), column(curve.S, 2), ...twice("M"), ...twice("U"), ...twice("S")];
+}
+
+function toldAt(curve, number) {
+  const [low, middle, high] = curve.S[number];
+  const medians = ["M", "U"].map((kind) =>
+    `${kind} ${curve[kind][number] ? percent(curve[kind][number][1], 1) : "not searched"}`);
+  return `α ${digits(curve.resolution[number], 4)}°: S ${percent(middle, 1)} (middle half of the meshes ` +
+    `${percent(low, 1)} to ${percent(high, 1)}), ${medians.join(", ")}; ${plural(curve.meshes[number], "mesh", "meshes")}`;
+}
+
+function untold(curve) {
+  const missing = curve.told.findIndex((told, number) => told < curve.meshes[number]);
+  if (missing < 0) return "";
+  return `From α ${digits(curve.resolution[missing], 4)}° on, M and U are not told of every mesh: atan μ + α/2 exceeds the ` +
+    "cone that was searched there. Their medians are over those that tell.";
+}
+
+function showNumbers(curve) {
+  const head = ["α [°]", "S lower quartile", "S median", "S upper quartile", "M median", "U median", "meshes"];
+  const body = curve.resolution.map((resolution, number) => [
+    digits(resolution, 4),
+    ...curve.S[number].map((share) => percent(share, 1)),
+    ...["M", "U"].map((kind) => (curve[kind][number] ? percent(curve[kind][number][1], 1) : "not searched")),
+    curve.meshes[number].toLocaleString("en"),
+  ]);
+  byId("numbers").className = "plain";
+  byId("numbers").replaceChildren(
+    element("thead", {}, element("tr", {}, ...head.map((words) => element("th", { scope: "col" }, words)))),
+    element("tbody", {}, ...body.map((cells) => element("tr", {}, ...cells.map((cell) => element("td", {}, cell))))),
+  );
+}
+
+/** Shares over the sensor's resolution, at a friction that the reader chooses. */
+export function showCurves({ curves, friction }) {
+  if (!curves.length) {
+    byId("curves").replaceChildren(byId("curves-title"), element("p", {}, "No mesh was labelled."));
+    return;
+  }
+  const select = byId("friction");
+  select.append(...curves.map((one, number) => element("option", { value: number }, digits(one.friction, 4))));
+  const nearest = curves.map((one) => Math.abs(one.friction - friction));
+  select.value = nearest.indexOf(Math.min(...nearest));
+  byId("curve-key").append(
+    ...KINDS.map(([kind, words, name]) => {
+      const swatch = element("i");
+      swatch.style.background = `var(${name})`;
+      return element("li", {}, swatch, `${kind} ${words}${kind === "S" ? ", band: middle half of the meshes" : ""}`);
+    }),
+  );
+  const chart = byId("chart");
+  chart.setAttribute("role", "img");
+  chart.setAttribute("aria-label", "Median shares of S, M and U over the sensor's resolution; the numbers are in the table below");
+  let plot = null;
+  const draw = () => {
+    const curve = curves[select.value];
+    plot?.destroy();
+    const rest = "Point at the chart to read it.";
+    const move = (number) => {
+      byId("readout").textContent = number === null ? rest : toldAt(curve, number);
+    };
+    plot = new uPlot(options(chart.clientWidth, curve, move), plotted(curve), chart);
+    move(null);
+    byId("untold").textContent = untold(curve);
+    showNumbers(curve);
+  };
+  draw();
+  select.addEventListener("change", draw);
+  new ResizeObserver(() => plot.setSize({ width: chart.clientWidth, height: HEIGHT })).observe(chart);
+  matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
+}

@@ -1,0 +1,177 @@
+import {
+  AccessorModule,
+  ExportModule,
+  FilterModule,
+  FormatModule,
+  FrozenColumnsModule,
+  PrintModule,
+  ResizeColumnsModule,
+  SortModule,
+  Tabulator,
+} from "tabulator-tables";
+import { byId, element } from "../shared/dom.js";
+import { degrees, digits, length, objectAddress, percent } from "../shared/words.js";
+import { IN_METRES } from "./units.js";
+
+Tabulator.registerModule([
+  AccessorModule,
+  ExportModule,
+  FilterModule,
+  FormatModule,
+  FrozenColumnsModule,
+  PrintModule,
+  ResizeColumnsModule,
+  SortModule,
+]);
+
+const ROW_HEIGHT = 66;
+const HEAD_HEIGHT = 70;
+const NARROW = 700;
+
+/** Orders by a number; what has none comes last either way. */
+function byNumber(number) {
+  return (a, b, rowA, rowB, column, direction) => {
+    const [x, y] = [number(rowA.getData()), number(rowB.getData())];
+    if (x === null || y === null) {
+      const last = (x === null) - (y === null);
+      return direction === "asc" ? last : -last;
+    }
+    return x - y;
+  };
+}
+
+/** The table takes words for markup; an element holds them as text. */
+function text(words) {
+  return element("span", {}, words);
+}
+
+const order = new Intl.Collator("en", { numeric: true });
+
+/** The header's words as a real button, so that the keyboard sorts as well. */
+function headed(title, meaning) {
+  return {
+    title,
+    titleFormatter: () => element("button", { type: "button", className: "head", title: meaning }, title),
+    titlePrint: title,
+  };
+}
+
+function numeric(field, title, meaning, told, width = 80) {
+  return {
+    ...headed(title, meaning),
+    field,
+    width,
+    hozAlign: "right",
+    sorter: byNumber((row) => row[field]),
+    headerSortStartingDir: "desc",
+    formatter: (cell) => text(told(cell.getData())),
+  };
+}
+
+function resolution(share) {
+  const field = `resolution${share}`;
+  const meaning = `Coarsest sensor resolution below which ${share} % of the surface is S; none: no sensor is fine enough`;
+  return numeric(field, `α for ${share} %`, meaning, (row) => {
+    if (row[field] === null) return "";
+    return row[field] > 0 ? degrees(row[field]) : "none";
+  }, 80);
+}
+
+function picture(cell) {
+  const { thumbnail } = cell.getData();
+  if (!thumbnail) return "";
+  const src = thumbnail.split("/").map(encodeURIComponent).join("/");
+  return element("img", { src, loading: "lazy", decoding: "async", width: 80, height: 60, alt: "" });
+}
+
+function nameCell(cell) {
+  const { name, stem, outcome } = cell.getData();
+  const shown = stem
+    ? element("a", { href: objectAddress(stem) }, name)
+    : element("span", {}, name);
+  const told = element("div", { title: name }, element("div", { className: "name" }, shown));
+  if (outcome !== "labelled") told.append(element("b", { className: "outcome" }, outcome));
+  return told;
+}
+
+/** What was doubtful of a mesh, or why it was not labelled. */
+function remark(row) {
+  return row.error || row.warnings;
+}
+
+function bar(cell) {
+  const { stable, ambiguous, noGrasp } = cell.getData();
+  if (stable === null) return "";
+  const parts = { s: stable, m: ambiguous, u: noGrasp };
+  const spans = Object.entries(parts).map(([kind, share]) => {
+    const span = element("span", { className: kind });
+    span.style.width = `${100 * share}%`;
+    return span;
+  });
+  const told = `S ${percent(stable)} · M ${percent(ambiguous)} · U ${percent(noGrasp)}`;
+  return element("div", { className: "shares" },
+    element("div", { className: "bar", "aria-hidden": "true" }, ...spans),
+    element("div", {}, told));
+}
+
+function columns() {
+  const frozen = window.innerWidth > NARROW;
+  return [
+    { title: "", field: "thumbnail", width: 104, headerSort: false, formatter: picture, frozen, print: false },
+    {
+      ...headed("Name", "Path of the mesh; opens its page"),
+      field: "name",
+      width: frozen ? 180 : 150,
+      frozen,
+      formatter: nameCell,
+      sorter: (a, b) => order.compare(a, b),
+      formatterPrint: (cell) => text(cell.getValue()),
+    },
+    { ...numeric("stable", "S / M / U", "Shares of the surface by area", () => "", 176), hozAlign: "left", formatter: bar },
+    numeric("angle", "β* median", "Critical friction angle of the middle of the surface", (row) => {
+      if (row.outcome !== "labelled") return "";
+      return row.angle === null ? "no grasp" : degrees(row.angle);
+    }, 94),
+    resolution(50),
+    resolution(80),
+    resolution(90),
+    numeric("epsilon", "ε median", "Epsilon of the middle of the surface", (row) =>
+      row.epsilon === null ? "" : digits(row.epsilon), 94),
+    {
+      ...numeric("size", "Size", "Diameter of the ball around the surface; sorted in metres", (row) =>
+        row.size === null ? "" : length(row.size, row.unit), 82),
+      sorter: byNumber((row) => (row.size === null ? null : row.size * (IN_METRES[row.unit] ?? 1))),
+    },
+    numeric("vertices", "Vertices", "Of the refined surface", (row) =>
+      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 106),
+    numeric("seconds", "Seconds", "Time for the whole mesh", (row) => digits(row.seconds), 106),
+    {
+      ...headed("Warnings", "What to know before trusting the labels, or why there are none"),
+      field: "warnings",
+      minWidth: 130,
+      sorter: (a, b, rowA, rowB) => order.compare(remark(rowA.getData()), remark(rowB.getData())),
+      formatter: (cell) => {
+        const words = remark(cell.getData());
+        return element("div", { className: "warnings", title: words }, words);
+      },
+      formatterPrint: (cell) => text(remark(cell.getData())),
+    },
+  ];
+}
+
+/** The table of all meshes; only the rows in sight are in the page. */
+export function makeTable(rows) {
+  const whole = (Math.max(1, rows.length) * ROW_HEIGHT) + HEAD_HEIGHT;
+  return new Tabulator(byId("table"), {
+    data: rows,
+    columns: columns(),
+    layout: "fitDataStretch",
+    height: Math.min(whole, Math.max(360, Math.round(0.8 * window.innerHeight))),
+    rowHeight: ROW_HEIGHT,
+    columnHeaderSortMulti: false,
+    placeholder: "No mesh matches",
+    printAsHtml: true,
+    printStyled: false,
+    printRowRange: "active",
+  });
+}

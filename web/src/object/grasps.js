@@ -1,0 +1,23 @@
+import { byId, element } from "../shared/dom.js";
+import { degrees, digits, length } from "../shared/words.js";
+
+const DEGREE = Math.PI / 180;
+
+/** Lists the best grasps as buttons that draw them. */
+export function showGrasps(object, draw) {
+  const buttons = object.grasps.map((grasp, number) => {
+    const told = [
+      `β* ${degrees(grasp.critical_angle / DEGREE)}`,
+      `ε ${digits(grasp.epsilon)}`,
+      `${length(grasp.opening, object.unit)} wide`,
+    ].join(" · ");
+    const button = element("button", { type: "button" }, element("b", {}, `${number + 1} `), told);
+    button.setAttribute("aria-pressed", "false");
+    button.addEventListener("click", () => {
+      for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
+      draw(grasp);
+    });
+    return button;
+  });
+  byId("grasps").replaceChildren(...(buttons.length ? buttons : [element("p", { className: "quiet" }, "None were kept.")]));
+}

@@ -1,0 +1,47 @@
+// S, M or U by thresholds on the critical friction angle, as in grasp3d.stability.
+
+export const U = 0;
+export const M = 1;
+export const S = 2;
+export const UNSEARCHED = 3;
+
+const ROUNDING = 1e-9;
+const RIGHT_ANGLE = Math.PI / 2;
+
+/** The two thresholds at a friction and a resolution [rad], and whether grasps beyond count. */
+export function thresholds(object, friction, resolution) {
+  const beta = Math.atan(friction);
+  const reach = beta + resolution / 2;
+  const never = object.fingers > 2 && reach >= RIGHT_ANGLE;
+  return {
+    beta,
+    stable: beta - resolution / 2,
+    reach,
+    unstable: never ? Infinity : reach,
+    beyond: Math.min(reach, RIGHT_ANGLE) > object.cone + ROUNDING,
+  };
+}
+
+/**
+ * Label of one vertex. Beyond the cone that was searched a better grasp may have been passed over:
+ * what would be U, and M where an S could be among those, is not told.
+ */
+export function labelOf(object, vertex, limits) {
+  const [worst, best] = [object.worst[vertex], object.best[vertex]];
+  const searched = object.cone + ROUNDING;
+  if (worst < limits.stable) return S;
+  if (best >= limits.unstable) return limits.beyond ? UNSEARCHED : U;
+  return limits.stable > searched && worst > searched ? UNSEARCHED : M;
+}
+
+export function labelsAt(object, limits) {
+  return Uint8Array.from({ length: object.count }, (_, vertex) => labelOf(object, vertex, limits));
+}
+
+/** Shares of the area by label. */
+export function shares(object, labels) {
+  const sums = [0, 0, 0, 0];
+  for (let vertex = 0; vertex < labels.length; vertex++) sums[labels[vertex]] += object.weights[vertex];
+  const whole = sums.reduce((sum, one) => sum + one);
+  return sums.map((sum) => sum / whole);
+}

@@ -1,0 +1,193 @@
+import { AmbientLight, Box3, DirectionalLight, OrthographicCamera, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "three";
+import { OrbitControls } from "three/addons/controls/OrbitControls.js";
+import { byId } from "../shared/dom.js";
+import { length } from "../shared/words.js";
+import { disposeMarks, graspMarks } from "./marks.js";
+import { PaintedSurface } from "./surface.js";
+
+const AMBIENT = 0.55;
+const MARGIN = 1.12;
+const STILL = 4; // pixels that a click may move
+const FROM = new Vector3(0.55, -0.75, 0.55);
+const [WHITE, BLACK] = [0xffffff, 0x1a1a1a];
+const BAR = 110; // pixels that a scale bar may take
+
+/** Opens the 3-D view; where there is no WebGL it says so, and the rest of the page works. */
+export function openView(stage) {
+  try {
+    return new View(stage);
+  } catch {
+    byId("told").textContent = "The picture needs WebGL, which this browser does not offer here; the numbers beside it work.";
+    byId("scale").hidden = true;
+    const nothing = () => {};
+    return { show: nothing, paint: nothing, mark: nothing, reset: nothing, onPick: nothing };
+  }
+}
+
+class View {
+  constructor(stage) {
+    this.stage = stage;
+    this.renderer = new WebGLRenderer({ antialias: true, alpha: true, preserveDrawingBuffer: true });
+    this.canvas = this.renderer.domElement;
+    this.canvas.tabIndex = 0;
+    this.canvas.setAttribute("role", "img");
+    this.canvas.setAttribute("aria-label", "The painted surface; arrow keys turn it, plus and minus zoom");
+    stage.prepend(this.canvas);
+    this.scene = new Scene();
+    this.camera = new OrthographicCamera();
+    this.camera.up.set(0, 0, 1);
+    this.lamp = new DirectionalLight(0xffffff, Math.PI * (1 - AMBIENT));
+    this.scene.add(new AmbientLight(0xffffff, Math.PI * AMBIENT), this.lamp, this.lamp.target);
+    this.controls = new OrbitControls(this.camera, this.canvas);
+    this.controls.addEventListener("change", () => this.draw());
+    this.listenForClicks();
+    this.listenForKeys();
+    new ResizeObserver(() => this.fit()).observe(stage);
+    globalThis.grasp3dCamera = () => this.told();
+  }
+
+  onPick(picked) {
+    this.picked = picked;
+  }
+
+  show(object) {
+    if (this.surface) {
+      this.scene.remove(this.surface.mesh);
+      this.surface.dispose();
+    }
+    this.mark([]);
+    this.object = object;
+    const box = new Box3().setFromArray(object.points);
+    this.centre = box.getCenter(new Vector3());
+    this.surface = new PaintedSurface(object, this.centre.toArray());
+    this.scene.add(this.surface.mesh);
+    this.reset();
+  }
+
+  paint(colors, sharp) {
+    this.surface.paint(colors, sharp);
+    this.pale = !sharp; // ramps begin dark
+    this.mark(this.contacts);
+  }
+
+  /** Draws a grasp in place of the one before; none: no contacts. */
+  mark(contacts) {
+    if (this.marks) {
+      this.scene.remove(this.marks);
+      disposeMarks(this.marks);
+    }
+    this.contacts = contacts;
+    this.marks = null;
+    if (contacts.length) {
+      const pale = this.pale || matchMedia("(prefers-color-scheme: dark)").matches;
+      const [core, rim] = pale ? [WHITE, BLACK] : [BLACK, WHITE];
+      const places = contacts.map((one) => new Vector3(...one).sub(this.centre));
+      this.marks = graspMarks(places, this.object.size, { core, rim });
+      this.scene.add(this.marks);
+    }
+    this.draw();
+  }
+
+  reset() {
+    this.camera.position.copy(FROM).setLength(3 * this.object.size);
+    this.camera.zoom = 1;
+    this.camera.near = 0.01 * this.object.size;
+    this.camera.far = 10 * this.object.size;
+    this.controls.target.set(0, 0, 0);
+    this.fit();
+    this.controls.update();
+    this.draw();
+  }
+
+  fit() {
+    const [width, height] = [this.stage.clientWidth || 1, this.stage.clientHeight || 1];
+    this.renderer.setPixelRatio(Math.min(2, devicePixelRatio));
+    this.renderer.setSize(width, height, false);
+    if (!this.object) return;
+    const half = (0.5 * MARGIN * this.object.size) / Math.min(1, width / height);
+    Object.assign(this.camera, { left: (-half * width) / height, right: (half * width) / height, top: half, bottom: -half });
+    this.camera.updateProjectionMatrix();
+    this.draw();
+  }
+
+  draw() {
+    if (!this.surface) return;
+    this.camera.updateMatrixWorld();
+    this.lamp.position.set(-0.35, 0.45, 1).applyQuaternion(this.camera.quaternion);
+    this.renderer.render(this.scene, this.camera);
+    this.drawScale();
+  }
+
+  /** A bar of a round length: without perspective it holds everywhere. */
+  drawScale() {
+    const perPixel = (this.camera.top - this.camera.bottom) / this.camera.zoom / this.stage.clientHeight;
+    const most = BAR * perPixel;
+    const power = 10 ** Math.floor(Math.log10(most));
+    const round = [5, 2, 1].find((one) => one * power <= most) * power;
+    const [words, bar] = byId("scale").children;
+    words.textContent = length(round, this.object.unit);
+    bar.style.width = `${round / perPixel}px`;
+  }
+
+  listenForClicks() {
+    let down = null;
+    this.canvas.addEventListener("pointerdown", (event) => {
+      down = down || event.button !== 0 ? "several" : [event.clientX, event.clientY];
+    });
+    this.canvas.addEventListener("pointercancel", () => { down = null; });
+    this.canvas.addEventListener("pointerup", (event) => {
+      const still = Array.isArray(down) && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < STILL;
+      down = null;
+      if (still) this.pickAt(event.clientX, event.clientY);
+    });
+  }
+
+  listenForKeys() {
+    const turns = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
+    this.canvas.addEventListener("keydown", (event) => {
+      const turn = turns[event.key];
+      const zoom = { "+": 1.15, "-": 1 / 1.15 }[event.key];
+      if (turn) this.turn(...turn);
+      else if (zoom) {
+        this.camera.zoom *= zoom;
+        this.camera.updateProjectionMatrix();
+        this.draw();
+      } else return;
+      event.preventDefault();
+    });
+  }
+
+  turn(across, up) {
+    const step = Math.PI / 18;
+    const from = this.camera.position.clone().sub(this.controls.target);
+    from.applyAxisAngle(this.camera.up, across * step);
+    const tilt = Math.min(Math.PI - 0.01, Math.max(0.01, from.angleTo(this.camera.up) + up * step));
+    const level = new Vector3(from.x, from.y, 0).normalize();
+    from.copy(level.multiplyScalar(Math.sin(tilt)).setZ(Math.cos(tilt)).setLength(from.length()));
+    this.camera.position.copy(this.controls.target).add(from);
+    this.controls.update();
+    this.draw();
+  }
+
+  /** Picks the corner, nearest to where the click meets the surface, of the face that it meets. */
+  pickAt(x, y) {
+    if (!this.surface) return;
+    const frame = this.canvas.getBoundingClientRect();
+    const at = new Vector2((2 * (x - frame.left)) / frame.width - 1, 1 - (2 * (y - frame.top)) / frame.height);
+    const caster = new Raycaster();
+    caster.setFromCamera(at, this.camera);
+    const [met] = caster.intersectObject(this.surface.mesh);
+    if (!met) return;
+    const place = met.point.clone().add(this.centre);
+    const corners = this.object.faces.subarray(3 * met.faceIndex, 3 * met.faceIndex + 3);
+    const away = [...corners].map((one) => place.distanceTo(new Vector3().fromArray(this.object.points, 3 * one)));
+    this.picked?.(corners[away.indexOf(Math.min(...away))]);
+  }
+
+  /** The camera for those who script the page: matrices by columns, about the surface's centre. */
+  told() {
+    this.camera.updateMatrixWorld();
+    const unproject = this.camera.matrixWorld.clone().multiply(this.camera.projectionMatrixInverse);
+    return { unproject: unproject.toArray(), centre: this.centre.toArray() };
+  }
+}
