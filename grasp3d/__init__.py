@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from grasp3d import planar
     from grasp3d.batch.library import LibraryLabels, label_library
     from grasp3d.batch.settings import BatchSettings, ClusterSettings, ShareGrid
+    from grasp3d.batch.store import read_summary
     from grasp3d.classification import Stability, classify
     from grasp3d.cones import effective_friction
     from grasp3d.contacts import Contacts
@@ -54,6 +55,7 @@ if TYPE_CHECKING:
 _HOMES = {
     "batch.library": ("LibraryLabels", "label_library"),
     "batch.settings": ("BatchSettings", "ClusterSettings", "ShareGrid"),
+    "batch.store": ("read_summary",),
     "classification": ("Stability", "classify"),
     "cones": ("effective_friction",),
     "contacts": ("Contacts",),
@@ -153,6 +155,7 @@ __all__ = [
     "minimum",
     "planar",
     "read_contacts",
+    "read_summary",
     "resolution_limit",
     "scan_surface",
     "sweep",

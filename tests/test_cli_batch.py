@@ -120,6 +120,10 @@ def test_it_goes_on_past_failures(tmp_path: Path) -> None:
     assert 0.0 < rows.loc["egg_0.ply", "epsilon_min_p50"] < rows.loc["egg_0.ply", "epsilon_p50"]
     assert rows.loc["deep/box.stl", "labels"] == "labels/deep/box.ply"
     assert "holds no triangles" in rows.loc["bad.obj", "error"]
+    quiet = grasp3d("in", "-o", "out", "--friction", "1", "-q", *OPTIONS, cwd=tmp_path)
+    assert (quiet.returncode, quiet.stdout) == (1, "")
+    assert quiet.stderr.startswith("failed: in/bad.obj: ")
+    assert quiet.stderr.count("\n") == 1
     assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
         ".lock", "fields", "grasp3d.json", "journal", "labels", "report", "summary"
     ]  # fmt: skip

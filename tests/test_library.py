@@ -5,7 +5,7 @@ import os
 import signal
 import time
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import asdict, replace
 from itertools import pairwise
 from pathlib import Path
@@ -14,7 +14,8 @@ import numpy as np
 import pytest
 import trimesh
 
-from grasp3d import GraspModel, MeshError, MeshOptions, OutputError, Sampling
+from grasp3d import GraspModel, MeshError, MeshOptions, OutputError, Sampling, read_summary
+from grasp3d._kernels import compiling
 from grasp3d.batch import labelling, library, working
 from grasp3d.batch.labelling import Unchanged, label_job
 from grasp3d.batch.library import LibraryLabels, label_library
@@ -22,7 +23,6 @@ from grasp3d.batch.plan import Job
 from grasp3d.batch.row import TIMINGS, Outcome, Row
 from grasp3d.batch.settings import BatchSettings, ClusterSettings
 from grasp3d.batch.state import BatchState
-from grasp3d.batch.store import read_summary
 from grasp3d.errors import MeshUnreadError
 from grasp3d.storage import Folder
 from tests import shapes
@@ -79,7 +79,7 @@ def test_every_mesh_has_a_row_and_its_files(tmp_path: Path) -> None:
         for name in (row.labels, row.fields, row.view, row.thumbnail):
             assert bool(name) == (row.outcome == Outcome.LABELLED)
             assert not name or (tmp_path / "out" / name).stat().st_size > 0
-    assert told(read_summary(Folder(str(tmp_path / "out")))) == told(done.rows.values())
+    assert told(read_summary(tmp_path / "out")) == told(done.rows.values())
     assert (tmp_path / "out" / "report" / "index.html").is_file()
     assert not list((tmp_path / "out" / "journal").glob("*"))
 
@@ -133,7 +133,7 @@ def test_other_settings_and_force_label_anew(tmp_path: Path) -> None:
     assert len(worked) == 5
     fresh, _ = label(source, tmp_path / "fresh", other)
     assert told(done.rows.values()) == told(fresh.rows.values())
-    assert told(read_summary(Folder(str(out)))) == told(fresh.rows.values())
+    assert told(read_summary(out)) == told(fresh.rows.values())
 
 
 def test_a_result_that_is_gone_is_made_again(tmp_path: Path) -> None:
@@ -151,13 +151,13 @@ def test_libraries_with_the_same_settings_grow_together_others_are_refused(tmp_p
     label(one, out)
     done, _ = label(two, out)
     assert list(done.rows) == ["cup.ply"]
-    assert [row.mesh for row in read_summary(Folder(str(out)))] == ["cup.ply", "mug.ply"]
+    assert [row.mesh for row in read_summary(out)] == ["cup.ply", "mug.ply"]
     other = replace(QUICK, best=0)
     with pytest.raises(OutputError, match="other settings"):
         label(two, out, other)
-    assert [row.mesh for row in read_summary(Folder(str(out)))] == ["cup.ply", "mug.ply"]
+    assert [row.mesh for row in read_summary(out)] == ["cup.ply", "mug.ply"]
     label(two, out, other, force=True)
-    assert [row.mesh for row in read_summary(Folder(str(out)))] == ["cup.ply"]
+    assert [row.mesh for row in read_summary(out)] == ["cup.ply"]
 
 
 def test_a_file_has_one_row_however_it_is_named(
@@ -171,7 +171,7 @@ def test_a_file_has_one_row_however_it_is_named(
     monkeypatch.chdir(source)
     done, _ = label("deep", out)
     assert list(done.rows) == ["deep/c.obj"]
-    assert len(read_summary(Folder(str(out)))) == 5
+    assert len(read_summary(out)) == 5
 
 
 def test_another_file_of_the_same_name_takes_no_ones_place(tmp_path: Path) -> None:
@@ -181,7 +181,7 @@ def test_another_file_of_the_same_name_takes_no_ones_place(tmp_path: Path) -> No
     first, _ = label(one, out)
     done, _ = label(two, out)
     assert list(done.rows) == [str(other)]
-    rows = {row.mesh: row for row in read_summary(Folder(str(out)))}
+    rows = {row.mesh: row for row in read_summary(out)}
     assert rows["mug.ply"] == first.rows["mug.ply"]
     assert len({row.labels for row in rows.values()}) == 2
     both = label_library([one, two], out, QUICK, cluster=HERE)
@@ -344,3 +344,52 @@ def test_the_number_of_processes_changes_nothing(tmp_path: Path) -> None:
     assert rows[0] == rows[1] == rows[2]
     assert rows["files 0"] == rows["files 1"] == rows["files 2"]  # type: ignore[index]
     assert len(rows["files 0"]) == 4 * 5  # type: ignore[index]
+
+
+def test_results_that_a_worker_puts_elsewhere_are_not_taken_for_done(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def run_at(place: str) -> Callable[..., Iterator[Row | Unchanged]]:
+        def run(
+            task: Callable[[Job, BatchSettings], Row | Unchanged],
+            jobs: Iterable[Job],
+            settings: BatchSettings,
+            *,
+            started: Callable[[Job], None],
+            **_: object,
+        ) -> Iterator[Row | Unchanged]:
+            for job in jobs:
+                started(job)
+                yield task(replace(job, output=Folder(place)), settings)
+
+        return run
+
+    source, cluster = mesh(tmp_path / "a.ply"), ClusterSettings(scheduler="tcp://far:8786")
+    monkeypatch.setattr(library, "LOOKING", 0.2)
+    monkeypatch.setattr(library, "run", run_at(str(tmp_path / "far")))
+    with pytest.raises(OutputError, match="name a folder that all machines share"):
+        label(source, tmp_path / "out", cluster=cluster)
+    assert read_summary(tmp_path / "out") == []
+    monkeypatch.setattr(library, "run", run_at(str(tmp_path / "out")))
+    assert not label(source, tmp_path / "out", cluster=cluster)[0].failed
+
+
+def test_what_must_be_compiled_is_compiled_before_the_first_mesh(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
+) -> None:
+    done: list[object] = []
+    monkeypatch.setattr(labelling, "call", lambda task, given: done.append(task(given)))
+    caplog.set_level("INFO", logger="grasp3d")
+    for compiled in (True, False):
+        monkeypatch.setattr(compiling, "compiled_before", lambda known=compiled: known)
+        labelling.warm_up(QUICK)
+    assert len(done) == 1  # it came to its end
+    assert [record.getMessage()[:9] for record in caplog.records] == ["compiling"]
+
+
+def test_labels_of_other_settings_are_counted(tmp_path: Path) -> None:
+    states: list[BatchState] = []
+    source, out = small_library(tmp_path / "in"), tmp_path / "out"
+    label(source, out)
+    label(source, out, replace(QUICK, model=GraspModel(friction=0.8)), watch=states.append)
+    assert states[0].stale == 4  # the fifth was refused

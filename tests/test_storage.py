@@ -83,7 +83,7 @@ def test_a_store_may_be_anywhere(place: Folder) -> None:
     assert mesh.name == "a.ply"
     kept.begin(["c"])
     kept.add(row_of("c"))
-    assert [row.mesh for row in read_summary(place)] == ["a", "b", "c"]
+    assert [row.mesh for row in read_summary(place.url)] == ["a", "b", "c"]
     kill(kept)
     assert sorted(Store.open(place, SETTINGS).rows) == ["a", "b", "c"]
     assert sorted(summary_rows(place)) == ["a", "b", "c"]

@@ -89,7 +89,7 @@ def test_rows_come_back_as_they_were(tmp_path: Path) -> None:
     rows = [row_of(name) for name in ("b.stl", "a/open.obj", "c.ply")]
     rows.append(Row("lost.ply", outcome=Outcome.LOST, error="died"))
     keep(output, rows)
-    assert read_summary(output) == sorted(rows, key=lambda row: row.mesh)
+    assert read_summary(output.url) == sorted(rows, key=lambda row: row.mesh)
     assert Store.open(output, SETTINGS).rows == {row.mesh: row for row in rows}
     assert output.names("journal") == []
     told = json.loads(output.read("grasp3d.json"))
@@ -304,7 +304,7 @@ def test_a_journal_of_other_kinds_of_values_is_damaged(memory: Folder) -> None:
         note = json.dumps({"rows": [row], "doubted": {}}).encode()
         memory.write(f"journal/{number:08x}-00000000.json", note)
     with pytest.raises(OutputError, match=r"is damaged .*run grasp3d batch again"):
-        read_summary(memory)
+        read_summary(memory.url)
     kept = Store.open(memory, SETTINGS)
     assert (len(kept.told), set(kept.rows)) == (5, {"a"})
 
@@ -324,7 +324,7 @@ def test_a_summary_of_fewer_columns_gets_those_of_today(memory: Folder) -> None:
 def test_what_is_no_store_of_ours_is_refused(tmp_path: Path) -> None:
     output = Folder(str(tmp_path))
     with pytest.raises(OutputError, match="no folder that grasp3d batch has written"):
-        read_summary(output)
+        read_summary(output.url)
     (tmp_path / "mug.stl").write_bytes(b"mesh")
     keep(output, [row_of("a")])
     (tmp_path / "grasp3d.json").unlink()
@@ -513,7 +513,7 @@ def test_a_new_row_survives_two_deaths_while_small_shards_are_put_together(
             patched.setattr(Store, "_fold", lambda _: 1 / 0)
             with pytest.raises(ZeroDivisionError):
                 Store.open(memory, SETTINGS)
-        assert {row.mesh: row.stable for row in read_summary(memory)}["m0"] == 0.123
+        assert {row.mesh: row.stable for row in read_summary(memory.url)}["m0"] == 0.123
     assert Store.open(memory, SETTINGS).rows["m0"].stable == 0.123
 
 

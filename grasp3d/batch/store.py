@@ -4,6 +4,7 @@ import secrets
 import time
 from collections.abc import Iterable, Mapping
 from functools import cached_property
+from pathlib import Path
 from types import MappingProxyType
 
 from grasp3d.batch import journal
@@ -287,11 +288,11 @@ def _results(row: Row) -> list[str]:
     return [name for name in (row.labels, row.fields, row.view, row.thumbnail) if name]
 
 
-def read_summary(output: Folder) -> list[Row]:
+def read_summary(results: str | Path) -> list[Row]:
     """Read the rows of a store, those in the journal included, and change nothing.
 
     Args:
-        output: Folder of the store.
+        results: Folder of the store, or its address.
 
     Returns:
         In alphabetical order of the meshes.
@@ -299,6 +300,7 @@ def read_summary(output: Folder) -> list[Row]:
     Raises:
         OutputError: There is no store, or it is damaged.
     """
+    output = Folder(str(results))
     if not read_marker(output)[1]:
         raise OutputError(f"{printable(output.url)}: is no folder that grasp3d batch has written")
     shards = Shards(output, BatchSettings(), "")
