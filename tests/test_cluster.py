@@ -186,7 +186,8 @@ def stand_in(folder: Path, name: str, text: str) -> None:
 
 
 SBATCH = """#!/bin/sh
-setsid sh "$1" > job.log 2>&1 &
+cp "$1" "job-$$.sh" # whoever submits it removes it
+setsid sh "job-$$.sh" > job.log 2>&1 &
 echo $! >> jobs
 echo "Submitted batch job $!"
 """
@@ -231,7 +232,7 @@ def ran(words: list[str], site: Path) -> None:
             env={**os.environ, **PATHS, "PATH": path, "SLURM_JOB_ID": "7", "SLURM_NTASKS": "2"},
             stdout=log,
             stderr=log,
-            timeout=60.0,
+            timeout=180.0,
             check=False,
         )
     assert done.returncode == 0, (site / "log").read_text()
