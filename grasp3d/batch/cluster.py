@@ -3,6 +3,7 @@
 import asyncio
 import json
 import logging
+import threading
 import time
 import warnings
 from collections.abc import Iterator
@@ -23,6 +24,9 @@ from grasp3d.processors import available_processors
 
 CONNECTING = 8.0
 """Time to find a running cluster, and then to be answered by it [s]."""
+
+_STARTING = threading.Lock()
+"""Two clusters that start at once in one process would import the same modules half."""
 
 _CONFIG = {
     "distributed.comm.timeouts.connect": f"{CONNECTING}s",
@@ -70,15 +74,16 @@ def _embedded(settings: ClusterSettings) -> Iterator[Client]:
     Worker processes and nannies between this process and the children would protect nothing more,
     and a script that starts them needs its main part guarded.
     """
-    cluster = LocalCluster(
-        n_workers=1,
-        threads_per_worker=local_workers(settings),
-        processes=False,
-        memory_limit=None,
-        # Any free port of this machine alone: the usual one may be taken by another run.
-        dashboard_address="127.0.0.1:0",
-        silence_logs=logging.CRITICAL,
-    )
+    with _STARTING:
+        cluster = LocalCluster(
+            n_workers=1,
+            threads_per_worker=local_workers(settings),
+            processes=False,
+            memory_limit=None,
+            # Any free port of this machine alone: the usual one may be taken by another run.
+            dashboard_address="127.0.0.1:0",
+            silence_logs=logging.CRITICAL,
+        )
     with cluster, Client(cluster, set_as_default=False) as client:
         yield client
 
