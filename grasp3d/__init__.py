@@ -51,6 +51,7 @@ if TYPE_CHECKING:
     from grasp3d.surface_contacts import SurfaceContacts
     from grasp3d.sweeps import Sweep, mean_sweep, sweep, write_sweeps
     from grasp3d.tilting import EpsilonRange, epsilon_range
+    from grasp3d.viewer.settings import ViewSettings
 
 _HOMES = {
     "batch.library": ("LibraryLabels", "label_library"),
@@ -96,6 +97,7 @@ _HOMES = {
     "surface_contacts": ("SurfaceContacts",),
     "sweeps": ("Sweep", "mean_sweep", "sweep", "write_sweeps"),
     "tilting": ("EpsilonRange", "epsilon_range"),
+    "viewer.settings": ("ViewSettings",),
 }
 _ROOMS = ("planar",)
 _HOME_OF = {name: module for module, names in _HOMES.items() for name in names}
@@ -136,6 +138,7 @@ __all__ = [
     "SurfaceLabels",
     "Sweep",
     "Trust",
+    "ViewSettings",
     "accuracy_ceiling",
     "best_grasps",
     "check_mesh",

@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass, replace
 from enum import IntEnum
 from functools import cached_property
-from typing import Literal
+from importlib import import_module
+from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -13,6 +14,7 @@ from grasp3d._kernels import candidates
 from grasp3d.arrays import Bytes, Floats, locked
 from grasp3d.distributions import SampledAngles
 from grasp3d.errors import SearchCoverageError, SettingError
+from grasp3d.label_table import LEVELS, label_table
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.places import SurfacePlaces
 from grasp3d.progress import Progress
@@ -271,6 +273,36 @@ class SurfaceLabels:
             raise SettingError(f"no epsilon is called {of!r}; known: nominal, minimum, maximum")
         values = np.nan_to_num(getattr(self.epsilon_range, of))
         return quantiles(values, levels, self._weights(weights))
+
+    def show(self, **options: Any) -> Any:  # noqa: ANN401
+        """Look at the surface: in a notebook as a page below the cell, elsewhere in a window.
+
+        The page needs the extra `grasp3d[web]`; without it a notebook shows a picture.
+
+        Args:
+            options: As in `grasp3d.viewer.showing.show`: settings, height, proxy.
+
+        Raises:
+            OutputError: Nothing can be drawn here.
+        """
+        # The viewer is a floor above, and heavy: found by its name when it is asked for, as pandas
+        # does with what plots its tables.
+        return import_module("grasp3d.viewer.showing").show(self, **options)
+
+    def _repr_html_(self) -> str:
+        """A table of the shares and angles, as notebooks show it; epsilon only where measured."""
+        known = self.model.method == "exact" or "label" in vars(self)
+        values = self.epsilon_quantiles(LEVELS) if "epsilon_range" in vars(self) else None
+        return label_table(
+            source=self.mesh.report.source,
+            model=self.model,
+            mode=self.mode,
+            count=len(self.reason),
+            shares=self.fractions() if known else {},
+            angles=self.angle_quantiles(LEVELS),
+            epsilons=values,
+            warnings=self.mesh.report.warnings,
+        )
 
     def _weights(self, weights: Weights) -> Floats:
         return vertex_weights(self.mesh, weights)

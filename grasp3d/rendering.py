@@ -80,8 +80,14 @@ class Finger:
 @cache
 def can_render() -> bool:
     """Tell whether pictures can be drawn here; tried once, in a process of its own."""
-    _choose_window()
-    code = "from grasp3d import rendering; raise SystemExit(not rendering.draws_a_triangle())"
+    choose_window()
+    return holds(
+        "from grasp3d import rendering; raise SystemExit(not rendering.draws_a_triangle())"
+    )
+
+
+def holds(code: str) -> bool:
+    """Tell whether code ends well in a process of its own, as VTK may end the whole process."""
     try:
         tried = subprocess.run(  # noqa: S603
             [sys.executable, "-c", code], check=False, capture_output=True, timeout=PATIENCE
@@ -89,6 +95,19 @@ def can_render() -> bool:
     except (OSError, subprocess.TimeoutExpired):
         return False
     return tried.returncode == 0
+
+
+def check_rendering() -> None:
+    """Tell before the work whether pictures can be drawn after it.
+
+    Raises:
+        OutputError: There is no OpenGL here.
+    """
+    if not can_render():
+        raise OutputError(
+            "pictures need OpenGL, which is not here; install EGL (on Debian: libegl1 libgl1) "
+            "or run where there is a display"
+        )
 
 
 def draws_a_triangle() -> bool:
@@ -138,11 +157,7 @@ def picture(
                 f"{name} must be one row of three per vertex, shape ({len(points)}, 3); "
                 f"got {rows.shape}"
             )
-    if not can_render():
-        raise OutputError(
-            "pictures need OpenGL, which is not here; install EGL (on Debian: libegl1 libgl1) "
-            "or run where there is a display"
-        )
+    check_rendering()
     surface = _Surface(points, np.asarray(faces, np.int64), paint, light)
     return _drawn(surface, view or View(), size, fingers)
 
@@ -152,7 +167,7 @@ def extent_of(points: Floats) -> float:
     return math.sqrt(float(np.sort(np.ptp(points, axis=0))[1:].prod()))
 
 
-def _choose_window() -> None:
+def choose_window() -> None:
     """Draw by EGL where there is no screen, without VTK's complaint about the missing one."""
     if sys.platform.startswith("linux") and not os.environ.get("DISPLAY"):
         os.environ.setdefault(WINDOW, "vtkEGLRenderWindow")
@@ -182,7 +197,7 @@ def _drawn(
 ) -> Bytes:
     import pyvista  # noqa: PLC0415
 
-    _choose_window()
+    choose_window()
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="none")
     plotter.background_color = pyvista.Color("white")
     try:

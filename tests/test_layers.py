@@ -1,4 +1,5 @@
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -27,7 +28,7 @@ FLOORS = [
     {"crease_angles", "sampling", "surface_extremes", "surface_crossings"},
     {"diagnosis"},
     {"surface_epsilons"},
-    {"vertex_grasps"},
+    {"vertex_grasps", "label_table"},
     {"labels"},
     {"vertex_search"},
     {"surface", "grasps"},
@@ -36,8 +37,19 @@ FLOORS = [
     {"plots"},
     {"paper"},
     {"batch"},
+    {"viewer"},
     {"cli"},
 ]
+VIEWER = [
+    {"settings"},
+    {"subjects"},
+    {"session"},
+    {"scene"},
+    {"window", "web"},
+    {"showing"},
+]
+"""The floors of the viewer: what is chosen and drawn knows no window."""
+
 ENGINES = {
     "manifold3d": {"mesh"},
     "embreex": {"rays"},
@@ -49,9 +61,13 @@ ENGINES = {
     "psutil": {"isolation"},
     "cloudpickle": {"isolation"},
     "pyarrow": {"tables"},
-    "matplotlib": {"plots"},
-    "pyvista": {"export", "rendering"},
-    "vtkmodules": {"export"},
+    "matplotlib": {"plots", "viewer"},
+    "pyvista": {"export", "rendering", "viewer"},
+    "vtkmodules": {"export", "viewer"},
+    "trame": {"viewer"},
+    "trame_rca": {"viewer"},
+    "imageio_ffmpeg": {"viewer"},
+    "aiohttp": {"viewer"},
     "rich": {"cli"},
     "tyro": {"cli"},
 }
@@ -87,6 +103,17 @@ def test_imports_point_downward() -> None:
             continue
         target = module.split(".")[1]
         assert target == room or floor_of[target] < floor_of[room], f"{room} imports {module}"
+
+
+def test_the_viewer_has_floors_of_its_own() -> None:
+    floor_of = {room: number for number, floor in enumerate(VIEWER) for room in floor}
+    viewer = PACKAGE / "viewer"
+    rooms = {p.stem for p in viewer.iterdir() if p.suffix == ".py" or (p / "__init__.py").exists()}
+    assert rooms - {"__init__"} == set(floor_of)
+    for path in viewer.rglob("*.py"):
+        room = path.relative_to(viewer).with_suffix("").parts[0]
+        for target in re.findall(r"from grasp3d\.viewer\.(\w+)", path.read_text(encoding="utf-8")):
+            assert target == room or floor_of[target] < floor_of[room], f"{path} imports {target}"
 
 
 def test_each_engine_has_its_own_rooms() -> None:

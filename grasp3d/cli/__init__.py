@@ -17,6 +17,7 @@ from grasp3d.cli.evaluate import Evaluate
 from grasp3d.cli.label import Label
 from grasp3d.cli.paper import Paper
 from grasp3d.cli.sweep import Sweep
+from grasp3d.cli.view import View
 from grasp3d.errors import GraspError
 from grasp3d.names import printable
 from grasp3d.versions import package_version
@@ -28,6 +29,7 @@ Command = (
     | Annotated[Batch, tyro.conf.subcommand("batch")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Design, tyro.conf.subcommand("design")]
+    | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Paper, tyro.conf.subcommand("paper")]
 )
 

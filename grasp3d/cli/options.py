@@ -9,6 +9,7 @@ import tyro
 
 from grasp3d.batch.settings import ClusterSettings
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
+from grasp3d.viewer.settings import ViewSettings
 
 _NONE = "none"
 
@@ -96,8 +97,10 @@ if TYPE_CHECKING:
     SamplingOptions = Sampling
     SurfaceOptions = MeshOptions
     ClusterOptions = ClusterSettings
+    ViewOptions = ViewSettings
 else:
     ModelOptions = _on_command_line(GraspModel)
     SamplingOptions = _on_command_line(Sampling)
     SurfaceOptions = _on_command_line(MeshOptions)
     ClusterOptions = _on_command_line(ClusterSettings)
+    ViewOptions = _on_command_line(ViewSettings)

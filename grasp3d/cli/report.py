@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from grasp3d._kernels.compiling import compiled_before
 from grasp3d.diagnosis.lengths import length_doubts
 from grasp3d.labels import Reason, SurfaceLabels
 from grasp3d.names import printable
@@ -36,6 +37,13 @@ _OVER: dict[Tilts, str] = {
 def as_printed(text: str) -> str:
     """Make a name, or what holds one, be printed as it is and on one line."""
     return escape(printable(text))
+
+
+def tell_compiling() -> None:
+    """Say why the first run takes so long."""
+    if not compiled_before():
+        line = "compiling, which the first run has to do; it takes a minute or two"
+        Console(stderr=True, soft_wrap=True).print(line)
 
 
 @contextmanager

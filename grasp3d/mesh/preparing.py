@@ -131,7 +131,7 @@ def refined_mesh(
     Raises:
         MeshError: It would become too large.
     """
-    center, size = _extent(surface.vertices, surface.faces)
+    center, size = surface_extent(surface.vertices, surface.faces)
     points = (surface.vertices - center) / size
     normals = corner_normals(points, surface.faces, options.crease_angle)
     edge = DEFAULT_EDGE if options.max_edge is None else options.max_edge / size
@@ -204,8 +204,13 @@ def _check_magnitude(raw: RawMesh, where: str) -> None:
         )
 
 
-def _extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
-    """Centre and diameter of the surface; both turn and move with the object."""
+def surface_extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
+    """Centre and diameter of a surface; both turn and move with the object.
+
+    Args:
+        vertices: Positions (V, 3).
+        faces: Faces (F, 3), at least one with an area.
+    """
     middle = vertices[faces].mean(axis=(0, 1))
     centred = vertices - middle
     area = face_areas(centred, faces)

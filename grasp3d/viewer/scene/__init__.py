@@ -1,0 +1,1 @@
+"""What a session shows, drawn by PyVista, whoever opens the window."""

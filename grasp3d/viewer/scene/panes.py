@@ -1,0 +1,172 @@
+"""One picture of a painted surface, in one renderer of a plotter."""
+
+import numpy as np
+import pyvista
+from vtkmodules.vtkCommonDataModel import vtkPlane
+from vtkmodules.vtkRenderingCore import vtkTexture
+
+from grasp3d.arrays import Bytes, Floats
+from grasp3d.rendering import AMBIENT, LAMP
+from grasp3d.settings import GraspModel
+from grasp3d.viewer.scene.framing import dots
+from grasp3d.viewer.scene.solids import lines
+from grasp3d.viewer.session.painting import picture, places, washed_out
+from grasp3d.viewer.settings import Paint
+from grasp3d.viewer.subjects.subject import Subject
+
+INSIDE = "#8C857B"
+"""The back of faces, where a section opens the object or its mesh is open."""
+
+FRAME = "#5B6470"
+BEYOND = 0.04
+"""How far the outline of a section reaches beyond the object, as a share of its size."""
+
+
+class Pane:
+    """A painted surface, cut by a section or whole."""
+
+    def __init__(self, renderer: pyvista.Renderer) -> None:
+        self.renderer = renderer
+        self._subject: Subject | None = None
+        self._painted: tuple[Subject, Paint, GraspModel, bool] | None = None
+        self._data: pyvista.PolyData | None = None
+        self._mapper, self._back_mapper = pyvista.DataSetMapper(), pyvista.DataSetMapper()
+        self._texture, self._image = vtkTexture(), pyvista.ImageData()
+        self._rows = np.empty((0, 3), dtype=np.uint8)
+        self._front = self._actor(self._mapper, "white", "back")
+        self._back = self._actor(self._back_mapper, INSIDE, "front")
+        self._texture.SetInputDataObject(self._image)
+        self._texture.RepeatOff()  # the last column of the picture is not beside the first
+        self._texture.EdgeClampOn()
+        self._texture.InterpolateOff()
+        self._front.SetTexture(self._texture)
+        self._plane = vtkPlane()
+        self._cut: tuple[bytes, bytes] | None = None
+        self._outline = pyvista.Actor(mapper=pyvista.DataSetMapper())
+        self._outline.prop.color, self._outline.prop.lighting = FRAME, False
+        self._outline.VisibilityOff()
+        renderer.AddActor(self._outline)
+        renderer.background_color = pyvista.Color("white")
+        renderer.remove_all_lights()
+        renderer.add_light(pyvista.Light(position=LAMP, light_type="camera light", intensity=1.0))
+
+    def show(
+        self, subject: Subject, paint: Paint, model: GraspModel, *, stale: bool = False
+    ) -> None:
+        """Draw a surface, anew only what is another than before.
+
+        Args:
+            subject: The surface.
+            paint: What it is painted by.
+            model: Friction and resolution.
+            stale: Washed out, as it does not belong to what is chosen.
+        """
+        before = self._painted
+        if before is not None and before[0] is subject and before[1:] == (paint, model, stale):
+            return
+        if not _same_shape(subject, self._subject):
+            self._draw(subject)
+        if paint == "label" or before is None or subject is not before[0] or paint != before[1]:
+            self._place(subject, paint, model)
+        image = picture(subject, paint, model)
+        self._paint(washed_out(image) if stale else image)
+        self._subject, self._painted = subject, (subject, paint, model, stale)
+
+    def hide(self) -> None:
+        """Show no surface."""
+        self._front.VisibilityOff()
+        self._back.VisibilityOff()
+        self._outline.VisibilityOff()
+        self._subject = self._painted = self._cut = None
+
+    def cut(self, plane: tuple[Floats, Floats] | None) -> None:
+        """Cut the surface open.
+
+        Args:
+            plane: A point of it and its normal toward what stays; None: the surface is whole.
+        """
+        subject = self._subject
+        assert subject is not None
+        wanted = plane and (plane[0].tobytes(), plane[1].tobytes())
+        self._back.SetVisibility(plane is not None or not subject.closed)
+        self._outline.SetVisibility(plane is not None)
+        if wanted == self._cut:
+            return
+        self._cut = wanted
+        for mapper in (self._mapper, self._back_mapper):
+            mapper.RemoveAllClippingPlanes()
+        if plane is not None:
+            self._plane.SetOrigin(*plane[0])
+            self._plane.SetNormal(*plane[1])
+            for mapper in (self._mapper, self._back_mapper):
+                mapper.AddClippingPlane(self._plane)
+            self._outline.mapper.dataset = _rectangle(subject, *plane)
+            self._outline.prop.line_width = 1.5 * dots(self.renderer)
+
+    def _actor(self, mapper: pyvista.DataSetMapper, color: str, culled: str) -> pyvista.Actor:
+        actor = pyvista.Actor(mapper=mapper)
+        look = actor.prop
+        look.color, look.culling, look.interpolation = color, culled, "Phong"
+        look.ambient, look.diffuse = AMBIENT, 1.0 - AMBIENT
+        actor.VisibilityOff()
+        self.renderer.AddActor(actor)
+        return actor
+
+    def _draw(self, subject: Subject) -> None:
+        """Corners that creases part are points of their own, each with its normal."""
+        corners = subject.corner_normals
+        data = pyvista.PolyData.from_regular_faces(
+            subject.vertices[corners.vertices], corners.corners.astype(int)
+        )
+        data.point_data.active_normals = -corners.normals
+        self._data = data
+        self._mapper.dataset = self._back_mapper.dataset = data
+        self._front.VisibilityOn()
+        self._cut = None
+
+    def _place(self, subject: Subject, paint: Paint, model: GraspModel) -> None:
+        """Say where in the picture each corner lies, in the same memory where it fits."""
+        assert self._data is not None
+        of_corners = places(subject, paint, model)[subject.corner_normals.vertices]
+        known = self._data.active_texture_coordinates
+        if known is None:
+            self._data.active_texture_coordinates = of_corners  # type: ignore[assignment]
+        else:
+            np.asarray(known)[:] = of_corners
+            self._data.GetPointData().GetTCoords().Modified()
+
+    def _paint(self, image: Bytes) -> None:
+        """Put a picture (h, w, 3) on the surface, into the same memory where it fits."""
+        height, width = image.shape[:2]
+        rows = image.reshape(-1, 3)
+        if self._image.dimensions == (width, height, 1):
+            self._rows[:] = rows
+        else:
+            self._image.dimensions = (width, height, 1)
+            self._image.clear_data()
+            self._image["rgb"] = rows
+            self._image.set_active_scalars("rgb")
+            self._rows = self._image.point_data["rgb"]
+        self._image.Modified()
+
+
+def _same_shape(one: Subject, other: Subject | None) -> bool:
+    """Whether two are the same surface with other numbers."""
+    return (
+        other is not None
+        and one.vertices is other.vertices
+        and one.corner_normals is other.corner_normals
+    )
+
+
+def _rectangle(subject: Subject, place: Floats, normal: Floats) -> pyvista.PolyData:
+    """Where a plane across an axis meets the box about a surface, somewhat enlarged."""
+    axis = int(np.argmax(np.abs(normal)))
+    beyond = BEYOND * subject.size
+    low, high = subject.bounds[0] - beyond, subject.bounds[1] + beyond
+    low[axis] = high[axis] = place[axis]
+    u, v = (index for index in range(3) if index != axis)
+    corners = np.tile(low, (5, 1))
+    corners[1:3, u] = high[u]
+    corners[2:4, v] = high[v]
+    return lines([corners])
