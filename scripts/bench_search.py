@@ -30,7 +30,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("meshes", nargs="*", type=Path)
     options = parser.parse_args()
-    paths = options.meshes or sorted(p for p in LIBRARY.iterdir() if p.suffix != ".md")
+    paths = options.meshes or sorted(
+        p for p in LIBRARY.iterdir() if p.suffix not in {".md", ".png"}
+    )
     table = Table("mesh", "vertices", "missed", *(f"> {s}°" for s in STEPS), "mean", "ahead")
     everything = []
     for path in paths:

@@ -452,6 +452,10 @@ below {LEAST_ANGLE_DEG:.0f} degrees. All are ours, modelled by `scripts/make_mes
 geometry, then remeshed) and under the MIT licence like the rest of the project. To make them again:
 `pip install '.[meshes]'` and `python scripts/make_meshes.py`, which also writes this page.
 
+![All of them, labelled at friction 0.2 and a sensor resolution of 15 degrees](gallery.png)
+
+`python scripts/make_gallery.py` makes the picture again.
+
 | file | object | size [mm] | triangles | volume [cm3] | least angle [deg] | what it tests |
 |---|---|---|---|---|---|---|
 """

@@ -11,7 +11,8 @@ import trimesh
 
 FOLDER = Path(__file__).parents[1] / "meshes"
 README = FOLDER / "README.md"
-FILES = sorted(path for path in FOLDER.iterdir() if path != README)
+PICTURE = FOLDER / "gallery.png"
+FILES = sorted(path for path in FOLDER.iterdir() if path not in {README, PICTURE})
 LEAST_ANGLE_DEG = 20.0
 MILLIMETRE = 1e-3
 
@@ -119,3 +120,7 @@ def test_a_finger_fits_the_handle_of_the_mug() -> None:
     start = np.column_stack((x, np.full_like(turn, -0.1), z))
     along_y = np.tile((0.0, 1.0, 0.0), (len(turn), 1))
     assert not load("mug.glb").ray.intersects_any(start, along_y).any()
+
+
+def test_their_picture_is_small() -> None:
+    assert PICTURE.stat().st_size <= 500_000

@@ -152,7 +152,7 @@ def test_noise_is_the_same_at_any_size_turn_and_order(seed: int, exponent: int) 
 
 def test_shipped_meshes_are_clean() -> None:
     for path in sorted(shapes.LIBRARY.glob("*.*")):
-        if path.suffix != ".md":
+        if path.suffix not in {".md", ".png"}:
             raw = read_mesh(path)
             surface = repair_surface(raw.vertices, raw.faces, "safe", path.name)
             assert normal_noise(surface.vertices, surface.faces) < math.radians(1.5)

@@ -180,7 +180,7 @@ def test_clean_surfaces_cross_nowhere_refined_or_rounded(name: str) -> None:
 
 def test_shipped_meshes_cross_nowhere() -> None:
     for path in sorted(shapes.LIBRARY.glob("*.*")):
-        if path.suffix != ".md":
+        if path.suffix not in {".md", ".png"}:
             raw = read_mesh(path)
             surface = repair_surface(raw.vertices, raw.faces, "safe", path.name)
             assert crossings(*normalised((surface.vertices, surface.faces))).count == 0
