@@ -89,6 +89,21 @@ def test_the_picture_paints_the_labels_but_for_the_rounding_of_32_bits(
     assert not (wrong & ~near).any()
 
 
+@pytest.mark.parametrize("beyond", [1e-5, -1e-5])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_limit_right_beside_an_angle_parts_it_from_the_rest(beyond: float, sign: float) -> None:
+    subject = subject_of(viewing.labels())
+    angles = np.unique(subject.critical_angle[np.isfinite(subject.critical_angle)])
+    for angle in angles[angles > 0.15][::20]:
+        limit = float(angle) + beyond
+        model = replace(subject.model, friction=math.tan(limit + sign * 0.1), sensor_resolution=0.2)
+        limits = (model.friction_angle - model.tilt, model.friction_angle + model.tilt)
+        both = np.stack([subject.critical_angle, subject.critical_angle_best])
+        near = (np.abs(both - np.array(limits)[:, None]) < 3e-6).any(axis=0)
+        wrong = (_texture(subject, model) != PALETTE[labels_at(subject, model)]).any(axis=1)
+        assert not (wrong & ~near).any()
+
+
 def test_without_a_grasp_it_is_u_even_where_no_hand_is_surely_unstable() -> None:
     subject = subject_of(viewing.hands())
     worst = np.where(np.arange(len(subject.vertices)) < 3, math.inf, subject.critical_angle)

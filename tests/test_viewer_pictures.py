@@ -80,8 +80,8 @@ def test_what_is_only_told_does_not_keep_a_picture(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(session, "DIFFERENT", -1.0)
-    write_ply(tmp_path / "box.ply", held_box())
-    album = open_album(tmp_path / "box.ply", GraspModel(friction=0.6))
+    write_ply(tmp_path / "box.ply", label_surface(box_mesh((1.0, 2.0, 3.0), max_edge=0.5)))
+    album = open_album(tmp_path / "box.ply", GraspModel(friction=0.3))
     save_picture(album, ViewSettings("epsilon", width=320, height=240), tmp_path / "box.png")
     assert read(tmp_path / "box.png").shape == (240, 320, 3)
 

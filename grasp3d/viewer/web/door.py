@@ -71,7 +71,6 @@ class FrontDoor:
         self._offers: dict[str, Offer] = {}
         self._visits: dict[str, Visit] = {}
         self._offer_of: dict[str, str] = {}
-        self._browser_of: dict[str, str] = {}
         self.app = web.Application(middlewares=[_with_headers, self._guard])
         self.app.add_routes([
             web.get("/", self._enter),
@@ -101,7 +100,7 @@ class FrontDoor:
         self._visits[visit.token] = visit
         self._offer_of[visit.token] = name
         browser = request.cookies.get(COOKIE) or secrets.token_hex(16)
-        self._browser_of[visit.token] = browser
+        visit.browser = browser
         answer = web.HTTPFound(f"{'../../' if name else ''}s/{visit.token}/")
         answer.set_cookie(COOKIE, browser, httponly=True, samesite="Lax")
         raise answer
@@ -138,9 +137,9 @@ class FrontDoor:
         token = request.match_info["token"]
         visit = self._visits.get(token)
         # The first page is given without the cookie as well, which frames may not keep.
-        browser = self._browser_of.get(token)
-        is_another = visit is not None and visit.entered and request.cookies.get(COOKIE) != browser
-        if visit is None or is_another:  # it has ended, or is somebody else's: begin another one
+        browser = request.cookies.get(COOKIE)
+        if visit is None or (visit.entered and visit.browser != browser):
+            # It has ended, or is somebody else's: begin another one.
             name = self._offer_of.get(token, "")
             raise web.HTTPFound(f"../../a/{name}/" if name else "../../")
         visit.entered = True

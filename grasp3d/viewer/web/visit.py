@@ -54,6 +54,8 @@ class Visit:
         self._server = get_server(self.token, client_type="vue3")
         self._stir, self._beat = asyncio.Event(), asyncio.Event()
         self._saving, self._open = asyncio.Lock(), True
+        self.browser = ""
+        """Whose it is."""
         self.entered = False
         """Whether a browser has been given the page."""
         self._drawn = -1
