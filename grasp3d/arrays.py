@@ -30,7 +30,7 @@ def unit_rows(vectors: Floats) -> Floats:
     return scaled
 
 
-def first_at_place(vertices: Floats) -> Ints:
+def first_at_position(vertices: Floats) -> Ints:
     """For each vertex the first one with exactly its position, shape (V,)."""
     rows = np.ascontiguousarray(vertices + 0.0)  # -0.0 and 0.0 are one place
     keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * 3))).ravel()

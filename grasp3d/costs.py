@@ -42,7 +42,7 @@ def labelling_cost(
     usual = Sampling()
     fingers = min(model.fingers, max(SECONDS))
     share = sampling.rays / usual.rays
-    if model.fingers > 2:  # noqa: PLR2004
+    if model.fingers > 2:
         share = sampling.candidates / usual.candidates
     first, more = PER_VERTEX
     return Cost(

@@ -15,11 +15,11 @@ import trimesh
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.errors import OutputError
-from grasp3d.files import written_whole
-from grasp3d.labels import Reason, SurfaceLabels
-from grasp3d.stability import COLORS, Label
-from grasp3d.surface_epsilons import EPSILON_RTOL
-from grasp3d.versions import package_version
+from grasp3d.stability.label import COLORS, Label
+from grasp3d.surface.epsilon import EPSILON_RTOL
+from grasp3d.surface.labels import Reason, SurfaceLabels
+from grasp3d.system.files import written_whole
+from grasp3d.system.versions import package_version
 
 _FIELDS = ("label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon",
            "epsilon_min", "epsilon_max", "opening", "grip", "reason")  # fmt: skip
@@ -98,7 +98,7 @@ def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
     """Write a GLB coloured by label, for any 3-D viewer. Raises OutputError."""
     shade = label_colors(labels) / 255.0
     # glTF's vertex colours are linear light, the colours of the legend are sRGB.
-    linear = np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)  # noqa: PLR2004
+    linear = np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)
     mesh = trimesh.Trimesh(
         labels.mesh.vertices,
         labels.mesh.faces,
@@ -128,8 +128,8 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
 
     The other fingers have an array each: `partner_2` and `partner_2_normal`, and so on.
     """
-    import pyvista  # noqa: PLC0415
-    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter  # noqa: PLC0415
+    import pyvista
+    from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
     data = pyvista.PolyData.from_regular_faces(labels.mesh.vertices, labels.mesh.faces.astype(int))
     for name, values in _by_finger(vertex_arrays(labels)).items():
@@ -167,7 +167,7 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     Raises:
         OutputError: The file cannot be written.
     """
-    from grasp3d.tables import write_arrays  # noqa: PLC0415
+    from grasp3d.tables import write_arrays
 
     arrays = vertex_arrays(labels)
     columns = _by_axis("", labels.mesh.vertices, "f8") | _by_axis("n", arrays["normal"], "f4")

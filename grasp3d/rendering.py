@@ -181,7 +181,7 @@ class _Surface:
     normals: Floats | None
 
     def made(self) -> "pyvista.PolyData":
-        import pyvista  # noqa: PLC0415
+        import pyvista
 
         surface: pyvista.PolyData = pyvista.PolyData.from_regular_faces(
             self.points, self.faces.astype(int)
@@ -195,7 +195,7 @@ class _Surface:
 def _drawn(
     surface: _Surface, view: View, size: tuple[int, int], fingers: Sequence[Finger]
 ) -> Bytes:
-    import pyvista  # noqa: PLC0415
+    import pyvista
 
     choose_window()
     plotter = pyvista.Plotter(off_screen=True, window_size=list(size), lighting="none")
@@ -254,7 +254,7 @@ def _shining_through(drawn: Bytes, alone: Bytes) -> Bytes:
 
 
 def _mark(plotter: "pyvista.Plotter", finger: Finger, extent: float) -> None:
-    import pyvista  # noqa: PLC0415
+    import pyvista
 
     length = ARROW * extent
     ball = pyvista.Sphere(radius=BALL * extent, center=tuple(finger.place))

@@ -19,7 +19,7 @@ Grip = Literal["squeeze", "expand", "both"]
 Actuation = Literal["total", "per_finger"]
 Method = Literal["exact", "extremes"]
 Tilts = Literal["exact", "effective_friction", "sampled_tilts"]
-Places = Literal["surface", "vertices"]
+CandidatePoints = Literal["surface", "vertices"]
 Repair = Literal["none", "safe", "full"]
 MAX_FINGERS = 32
 MOST_SEARCHED = 5
@@ -132,7 +132,7 @@ class GraspModel:
 
         Two hard fingers resist no torque about the line through them.
         """
-        return 6 if self.torsion_radius > 0.0 or self.fingers > 2 else 5  # noqa: PLR2004
+        return 6 if self.torsion_radius > 0.0 or self.fingers > 2 else 5
 
 
 @dataclass(frozen=True)
@@ -166,7 +166,7 @@ class Sampling:
     """Three fingers and more: largest distance between any two contacts (the hand's reach), in the
     mesh's unit."""
 
-    places: Places = "surface"
+    candidate_points: CandidatePoints = "surface"
     """Three fingers and more: where the other fingers are put. surface: anywhere; vertices: at the
     mesh's vertices only."""
 
@@ -205,9 +205,11 @@ class Sampling:
                 "distances must satisfy 0 <= min_separation <= max_spread, and max_spread above 0; "
                 f"got {least:g} and {self.max_spread:g}"
             )
-        if self.places not in get_args(Places):
-            known = ", ".join(get_args(Places))
-            raise SettingError(f"no places are called {self.places!r}; known: {known}")
+        if self.candidate_points not in get_args(CandidatePoints):
+            known = ", ".join(get_args(CandidatePoints))
+            raise SettingError(
+                f"no candidate points are called {self.candidate_points!r}; known: {known}"
+            )
         if whole("seed", self.seed, 0) >= LAST_SEED:
             raise SettingError(f"seed must be below 2^63; got {self.seed}")
         if self.search_angle is not None and not 0.0 < self.search_angle <= math.pi / 2.0:
@@ -306,14 +308,14 @@ def check_searched(model: GraspModel, sampling: Sampling) -> None:
     Raises:
         SettingError: Too few or too many fingers, or settings that belong to another number.
     """
-    if not 2 <= model.fingers <= MOST_SEARCHED:  # noqa: PLR2004
+    if not 2 <= model.fingers <= MOST_SEARCHED:
         raise SettingError(f"fingers must be from 2 to {MOST_SEARCHED}; got {model.fingers}")
     of_two = ("rays", "grip", "min_opening", "max_opening")
-    of_more = ("candidates", "min_separation", "max_spread", "places", "seed")
+    of_more = ("candidates", "min_separation", "max_spread", "candidate_points", "seed")
     usual = Sampling()
     for names, heard, cure in (
-        (of_two, model.fingers == 2, "min_separation, max_spread and candidates"),  # noqa: PLR2004
-        (of_more, model.fingers > 2, "min_opening, max_opening and rays"),  # noqa: PLR2004
+        (of_two, model.fingers == 2, "min_separation, max_spread and candidates"),
+        (of_more, model.fingers > 2, "min_opening, max_opening and rays"),
     ):
         given = [name for name in names if getattr(sampling, name) != getattr(usual, name)]
         if given and not heard:
@@ -345,3 +347,19 @@ def search_cone(model: GraspModel, sampling: Sampling) -> float:
     if sampling.search_angle is not None:
         return sampling.search_angle
     return min(model.friction_angle + model.tilt, math.pi / 2.0)
+
+
+def check_choice(what: str, value: object, choices: object) -> None:
+    """Refuse a value that is none of the choices.
+
+    Args:
+        what: What the value names, for the error: 'method'.
+        value: The value.
+        choices: A `Literal` of the choices.
+
+    Raises:
+        SettingError: It is none of them.
+    """
+    known = get_args(choices)
+    if value not in known:
+        raise SettingError(f"no {what} is called {value!r}; known: {', '.join(known)}")

@@ -10,10 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats, locked
-from grasp3d.distributions import AngleDistribution
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel
-from grasp3d.stability import Mode
+from grasp3d.stability.angle_distributions import AngleDistribution
+from grasp3d.stability.label import Mode
 
 
 @dataclass(frozen=True, eq=False)
@@ -184,7 +184,7 @@ def write_sweeps(
         SettingError: A share is outside its range.
         OutputError: No table has that suffix, or the file cannot be written.
     """
-    from grasp3d.tables import write_table  # noqa: PLC0415, a reader of sweeps needs no tables
+    from grasp3d.tables import write_table
 
     required = {f"required_resolution_{100.0 * share:g}": share for share in shares}
     values = ("stable", "ambiguous", "unstable", "accuracy_ceiling")

@@ -16,8 +16,8 @@ import trimesh
 from scipy.spatial import ConvexHull
 
 from grasp3d import GraspModel, MeshOptions, Sampling
+from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.library import LibraryLabels, label_library
-from grasp3d.batch.settings import BatchSettings, ClusterSettings
 from grasp3d.batch.state import BatchState, Watch, unwatched
 
 SMALL = BatchSettings(

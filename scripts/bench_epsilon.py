@@ -34,7 +34,7 @@ from random_grasps import REGULAR, SHAPES, Shape, random_contacts, regular_conta
 from scipy.spatial import ConvexHull, QhullError
 
 import grasp3d
-from grasp3d.wrenches import wrenches
+from grasp3d.quality.wrenches import wrenches
 
 REPEATS = 5
 

@@ -32,7 +32,7 @@ MUG = Path(__file__).parents[1] / "meshes" / "mug.glb"
 def measure(path: Path, vertices: int, threads: int) -> dict[str, float]:
     """Label one mesh and take the times, in this process."""
     from grasp3d import GraspModel, label_surface, load_mesh
-    from grasp3d.rays import SurfaceRays
+    from grasp3d.mesh.ray_tracing import SurfaceRays
 
     raw: list[float] = []
     bare = SurfaceRays.hits

@@ -114,8 +114,8 @@ def processor_time(work: Callable[[], object]) -> float:
 def of_mesh(name: str) -> None:
     """Print a line for each number of fingers on one mesh."""
     import grasp3d
-    from grasp3d.sampling.multifinger import search
     from grasp3d.settings import search_cone
+    from grasp3d.surface.sampling.multifinger import search
 
     mesh = grasp3d.load_mesh(LIBRARY / name)
     before, seconds_before = 0, 0.0
@@ -147,7 +147,7 @@ def reference_times(mesh, fingers: int, friction: float) -> tuple[float, float]:
     from scipy.optimize import linprog
 
     import grasp3d
-    from grasp3d.wrenches import wrenches
+    from grasp3d.quality.wrenches import wrenches
 
     contacts = random_candidates(mesh, fingers, friction)
     bisect = partial(grasp3d.critical_friction_angle, contacts, threads=1)
@@ -167,18 +167,18 @@ def random_candidates(mesh, fingers: int, friction: float):  # noqa: ANN001, ANN
     import numpy as np
 
     import grasp3d
-    from grasp3d.mesh.places import SurfacePlaces
-    from grasp3d.sampling.spread import spread_places
-    from grasp3d.surface_contacts import SurfaceContacts, vertex_places
+    from grasp3d.mesh.surface_points import SurfacePoints
+    from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
+    from grasp3d.surface.sampling.blue_noise import spread_places
 
     rng = np.random.default_rng(0)
     places = spread_places(mesh, USUAL)
     others = np.argsort(rng.random((MANY, USUAL)), axis=1)[:, : fingers - 1]
     smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
-    first = vertex_places(mesh, rng.choice(smooth, MANY))
+    first = vertex_surface_points(mesh, rng.choice(smooth, MANY))
     found = SurfaceContacts(
         mesh,
-        SurfacePlaces(
+        SurfacePoints(
             np.concatenate([first.faces[:, None], places.faces[others]], axis=1),
             np.concatenate([first.weights[:, None], places.weights[others]], axis=1),
         ),

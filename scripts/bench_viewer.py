@@ -24,7 +24,7 @@ from grasp3d.viewer.session.album import album_of
 from grasp3d.viewer.session.painting import picture
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.telling import tell
-from grasp3d.viewer.settings import ViewSettings
+from grasp3d.viewer.view_settings import ViewSettings
 
 MUG = Path(__file__).parents[1] / "meshes" / "mug.glb"
 MOVE, CLICK = 50.0, 100.0

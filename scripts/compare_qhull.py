@@ -14,7 +14,7 @@ from bench_epsilon import qhull
 from random_grasps import REGULAR, SHAPES, random_contacts, regular_contacts
 
 import grasp3d
-from grasp3d.wrenches import wrenches
+from grasp3d.quality.wrenches import wrenches
 
 BAND = 1e-9
 NOISES = (0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4, 1e-3)

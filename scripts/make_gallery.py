@@ -15,12 +15,12 @@ from pathlib import Path
 from PIL import Image, ImageDraw, ImageFont
 
 from grasp3d import GraspModel, label_surface, load_mesh
-from grasp3d.progress import ignore
-from grasp3d.stability import COLORS, MEANING, Label
+from grasp3d.stability.label import COLORS, MEANING, Label
+from grasp3d.system.progress import ignore
 from grasp3d.viewer.scene.lettering import BOLD, PLAIN
 from grasp3d.viewer.scene.pictures import opened
 from grasp3d.viewer.session.album import album_of
-from grasp3d.viewer.settings import ViewSettings
+from grasp3d.viewer.view_settings import ViewSettings
 
 LIBRARY = Path(__file__).parents[1] / "meshes"
 SUFFIXES = {".stl", ".obj", ".ply", ".off", ".glb"}

@@ -19,7 +19,7 @@ from grasp3d import GraspModel, SurfaceLabels, label_surface, load_mesh
 from grasp3d.plots.painting import painted
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
 from grasp3d.rendering import View, picture
-from grasp3d.stability import MEANING
+from grasp3d.stability.label import MEANING
 
 LIBRARY = Path(__file__).parents[1] / "meshes"
 SHOWN = [LIBRARY / "mug.glb", LIBRARY / "spray.glb", LIBRARY / "banana.ply"]

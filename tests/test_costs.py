@@ -2,9 +2,10 @@
 
 import pytest
 
-from grasp3d import GraspModel, MeshError, Sampling, label_surface, mesh_from_arrays
+from grasp3d import GraspModel, Sampling, label_surface, mesh_from_arrays
 from grasp3d.costs import check_cost, labelling_cost
-from tests import shapes
+from grasp3d.errors import MeshError
+from tests.helpers import shapes
 
 
 def test_costs_grow_with_vertices_fingers_and_rays() -> None:

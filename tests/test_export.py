@@ -9,10 +9,8 @@ import pyvista
 import trimesh
 
 from grasp3d import (
-    COLORS,
     GraspModel,
     Label,
-    OutputError,
     Sampling,
     SurfaceLabels,
     label_surface,
@@ -24,8 +22,10 @@ from grasp3d import (
     write_ply,
     write_vtp,
 )
+from grasp3d.errors import OutputError
 from grasp3d.export import WRITERS, writer_for
-from tests import shapes
+from grasp3d.stability import COLORS
+from tests.helpers import shapes
 
 FIELDS = (
     "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue",

@@ -1,58 +1,58 @@
+"""The structure of the package: imports point downward, and each engine has modules of its own.
+
+Imports by name count too: strings that name a module, as for `import_module`, and the stubs of
+public names that packages import from when they are asked.
+"""
+
 import ast
 import re
 import subprocess
 import sys
+from collections.abc import Iterator
+from functools import cache
+from graphlib import TopologicalSorter
 from pathlib import Path
+
+import pytest
 
 import grasp3d
 
-PACKAGE = Path(grasp3d.__file__).parent
+ROOT = Path(grasp3d.__file__).parents[1]
 
-# From the basement to the roof; a floor imports from floors below it and from itself.
-FLOORS = [
-    {"errors", "arrays", "processors", "progress", "versions"},
-    {"settings", "files", "names", "isolation"},
-    {"_kernels", "sensor", "tables", "stability", "costs", "reading"},
-    {"contacts", "cones", "storage"},
-    {"wrenches"},
-    {"solving"},
-    {"quality"},
-    {"critical"},
-    {"distributions", "extremes", "creases"},
-    {"enumeration"},
-    {"tilting", "sampled_angles"},
-    {"verdicts", "planar"},
-    {"classification"},
-    {"mesh"},
-    {"rays", "surface_contacts", "surface_shares"},
-    {"crease_angles", "sampling", "surface_extremes", "surface_crossings"},
-    {"diagnosis"},
-    {"surface_epsilons"},
-    {"vertex_grasps", "label_table"},
-    {"labels"},
-    {"vertex_search"},
-    {"surface", "grasps"},
-    {"sweeps"},
-    {"export", "rendering"},
-    {"plots"},
-    {"paper"},
-    {"batch"},
-    {"viewer"},
-    {"cli"},
+LAYERS = [
+    "errors arrays",
+    "settings system _kernels contact isolation",
+    "quality reading tables costs rendering",
+    "stability mesh storage",
+    "surface planar diagnosis sweeps",
+    "grasps export",
+    "plots batch",
+    "paper viewer",
+    "cli",
 ]
-VIEWER = [
-    {"settings"},
-    {"subjects"},
-    {"session"},
-    {"scene"},
-    {"window", "web"},
-    {"showing"},
-]
-"""The floors of the viewer: what is chosen and drawn knows no window."""
+"""From the lowest to the highest: a module imports from layers below it and from its package."""
+
+WITHIN = {
+    "quality": ["certificates wrenches", "wrench_problem", "closure critical_angle ferrari_canny",
+                "tilting"],
+    "stability": ["extreme_normals label normal_sets", "enumeration thresholds",
+                  "angle_distributions exact sampled_normals", "stability", "classification"],
+    "surface": ["area_statistics contacts label_table", "critical_angles extreme_normals sampling",
+                "epsilon", "vertex_grasps", "labels", "scanning search", "labelling"],
+    "viewer": ["subjects view_settings", "session", "scene", "web window", "show"],
+}  # fmt: skip
+"""The layers within the packages that have several."""
+
+UPWARD = {
+    ("grasp3d.surface.labels", "grasp3d.viewer.show"),
+    ("grasp3d.isolation.calls", "grasp3d.isolation.child"),
+}
+"""`labels.show()` finds the viewer when it is called, as pandas does with plotting; a child process
+is started by the name of its module."""
 
 ENGINES = {
     "manifold3d": {"mesh"},
-    "embreex": {"rays"},
+    "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
     "trimesh": {"mesh", "export", "reading"},
     "distributed": {"batch"},
@@ -72,77 +72,145 @@ ENGINES = {
     "tyro": {"cli"},
 }
 
-
-def imports() -> list[tuple[str, str]]:
-    """Every (room, imported module) of the package."""
-    found = []
-    for path in sorted(PACKAGE.rglob("*.py")):
-        parts = path.relative_to(PACKAGE).with_suffix("").parts
-        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
-            if isinstance(node, ast.Import):
-                found += [(parts[0], alias.name) for alias in node.names]
-            elif isinstance(node, ast.ImportFrom):
-                assert node.level == 0, f"{path}: import by full name"
-                names = [node.module or ""]
-                if node.module == "grasp3d":
-                    names = [f"grasp3d.{alias.name}" for alias in node.names]
-                found += [(parts[0], name) for name in names]
-    return found
+_MODULE = re.compile(r"grasp3d(\.\w+)+")
 
 
-def test_every_room_stands_on_one_floor() -> None:
-    rooms = {p.stem for p in PACKAGE.iterdir() if p.suffix == ".py" or (p / "__init__.py").exists()}
-    assert rooms - {"__init__"} == set().union(*FLOORS)
-    assert sum(len(floor) for floor in FLOORS) == len(set().union(*FLOORS))
+def name_of(path: Path) -> str:
+    """Dotted name of a module, from its file."""
+    parts = path.relative_to(ROOT).with_suffix("").parts
+    return ".".join(parts[:-1] if parts[-1] == "__init__" else parts)
 
 
-def test_imports_point_downward() -> None:
-    floor_of = {room: number for number, floor in enumerate(FLOORS) for room in floor}
-    for room, module in imports():
-        if room == "__init__" or not module.startswith("grasp3d."):
-            continue
-        target = module.split(".")[1]
-        assert target == room or floor_of[target] < floor_of[room], f"{room} imports {module}"
+@cache
+def modules() -> frozenset[str]:
+    return frozenset(name_of(path) for path in (ROOT / "grasp3d").rglob("*.py"))
 
 
-def test_the_viewer_has_floors_of_its_own() -> None:
-    floor_of = {room: number for number, floor in enumerate(VIEWER) for room in floor}
-    viewer = PACKAGE / "viewer"
-    rooms = {p.stem for p in viewer.iterdir() if p.suffix == ".py" or (p / "__init__.py").exists()}
-    assert rooms - {"__init__"} == set(floor_of)
-    for path in viewer.rglob("*.py"):
-        room = path.relative_to(viewer).with_suffix("").parts[0]
-        for target in re.findall(r"from grasp3d\.viewer\.(\w+)", path.read_text(encoding="utf-8")):
-            assert target == room or floor_of[target] < floor_of[room], f"{path} imports {target}"
+def imported(path: Path) -> Iterator[str]:
+    """Full names of what a file imports, or names in a string, and of attributes imported."""
+    package = ".".join(path.parent.relative_to(ROOT).parts)
+    for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+        if isinstance(node, ast.Import):
+            yield from (alias.name for alias in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == (path.suffix == ".pyi"), f"{path}: import by full name"
+            start = f"{package}." if node.level else ""
+            module = f"{start}{node.module or ''}".rstrip(".")
+            yield from (f"{module}.{alias.name}" for alias in node.names)
+        elif isinstance(node, ast.Constant) and _MODULE.fullmatch(str(node.value)):
+            yield str(node.value)
 
 
-def test_each_engine_has_its_own_rooms() -> None:
-    for room, module in imports():
-        allowed = ENGINES.get(module.split(".")[0])
-        assert allowed is None or room in allowed, f"{room} imports {module}"
+def module_of(name: str) -> str:
+    """The module that a name is imported from."""
+    while name not in modules():
+        name = name.rpartition(".")[0]
+    return name
+
+
+@cache
+def imports() -> tuple[tuple[str, str], ...]:
+    """Every (module, name imported by it) of the package."""
+    files = sorted((ROOT / "grasp3d").rglob("*.py*"))
+    return tuple(
+        (name_of(path), name)
+        for path in files
+        if path.suffix in {".py", ".pyi"}
+        for name in imported(path)
+    )
+
+
+def inner_imports() -> Iterator[tuple[str, str]]:
+    """(module, module) of the imports within the package, but those that UPWARD declares."""
+    for module, name in imports():
+        if name.split(".")[0] == "grasp3d" and module != "grasp3d":
+            pair = module, module_of(name)
+            if pair not in UPWARD:
+                yield pair
+
+
+def order_of(layers: list[str]) -> dict[str, int]:
+    names = [(name, number) for number, layer in enumerate(layers) for name in layer.split()]
+    assert len(dict(names)) == len(names)
+    return dict(names)
+
+
+def children(package: str) -> set[str]:
+    """Modules and packages directly in a package."""
+    depth = package.count(".") + 1
+    names = (name.split(".") for name in modules() if name.startswith(f"{package}."))
+    return {parts[depth] for parts in names}
+
+
+@pytest.mark.parametrize("package", ["", *WITHIN])
+def test_imports_point_downward(package: str) -> None:
+    order = order_of(WITHIN[package] if package else LAYERS)
+    full = ".".join(filter(None, ("grasp3d", package)))
+    assert children(full) == set(order)
+    depth = full.count(".") + 1
+    for module, target in inner_imports():
+        if module.startswith(f"{full}.") and target.startswith(f"{full}."):
+            one, other = module.split(".")[depth], target.split(".")[depth]
+            assert one == other or order[other] < order[one], f"{module} imports {target}"
+
+
+def test_no_modules_import_each_other() -> None:
+    graph: dict[str, set[str]] = {}
+    for module, target in inner_imports():
+        if f"{module}.".startswith(f"{target}."):
+            continue  # a package is there before its modules
+        graph.setdefault(module, set()).add(target)
+    TopologicalSorter(graph).prepare()  # raises CycleError
+
+
+def test_what_may_point_upward_still_does() -> None:
+    found = {(module, module_of(name)) for module, name in imports() if name.startswith("grasp3d.")}
+    assert found >= UPWARD
+
+
+def test_each_engine_has_modules_of_its_own() -> None:
+    for module, name in imports():
+        allowed = ENGINES.get(name.split(".")[0])
+        place = module.removeprefix("grasp3d.")
+        assert allowed is None or any(f"{place}.".startswith(f"{engine}.") for engine in allowed), (
+            f"{module} imports {name}"
+        )
+
+
+def loaded_after(code: str) -> set[str]:
+    """Modules that a fresh interpreter has loaded after running some code."""
+    command = [sys.executable, "-c", f"{code}\nimport sys; print(*sys.modules)"]
+    return set(subprocess.run(command, check=True, capture_output=True, text=True).stdout.split())
 
 
 def test_importing_the_package_loads_nothing_heavy() -> None:
-    code = "import grasp3d, sys; print(*sys.modules)"
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], check=True, capture_output=True, text=True
-    ).stdout.split()
-    assert not {"pyvista", "dask", "numba", "trimesh", "embreex", "pyarrow"} & set(loaded)
+    heavy = {"numpy", "pyvista", "dask", "numba", "trimesh", "embreex", "pyarrow"}
+    assert not heavy & loaded_after("import grasp3d")
 
 
 def test_help_of_the_command_line_loads_nothing_heavy() -> None:
-    code = (
-        "import sys, grasp3d.cli\n"
-        "try: grasp3d.cli.main(['label', '--help'])\n"
-        "except SystemExit: print(*sys.modules)"
-    )
-    loaded = subprocess.run(
-        [sys.executable, "-c", code], check=True, capture_output=True, text=True
-    ).stdout.split()
-    assert not {"numpy", "pyvista", "dask", "numba", "trimesh", "rich"} & set(loaded)
+    code = "import grasp3d.cli\ntry: grasp3d.cli.main(['label', '--help'])\nexcept SystemExit: 0"
+    assert not {"numpy", "pyvista", "dask", "numba", "trimesh", "rich"} & loaded_after(code)
 
 
-def test_public_names_exist_and_are_listed() -> None:
-    assert sorted(grasp3d.__all__) == sorted(set(dir(grasp3d)))
-    for name in grasp3d.__all__:
-        assert getattr(grasp3d, name).__doc__
+PACKAGES = ["", "batch", "contact", "diagnosis", "grasps", "mesh", "planar", "quality", "stability",
+            "surface", "viewer"]  # fmt: skip
+
+
+@pytest.mark.parametrize("package", PACKAGES)
+def test_public_names_exist_and_are_documented(package: str) -> None:
+    name = ".".join(filter(None, ("grasp3d", package)))
+    code = f"""
+import inspect, {name} as package
+for name in package.__all__:
+    value = getattr(package, name)
+    assert inspect.isdatadescriptor(value) or value.__doc__, name
+    assert not inspect.ismodule(value) or name == "planar", name
+assert set(package.__all__) <= set(dir(package))
+"""
+    loaded_after(code)
+
+
+def test_few_names_are_at_the_top() -> None:
+    assert len(grasp3d.__all__) <= 40
+    assert re.fullmatch(r"\d+\.\d+.*", grasp3d.__version__)

@@ -15,7 +15,7 @@ import trimesh
 
 from grasp3d import GraspModel, check_mesh, label_surface, load_mesh
 from grasp3d.reading import read_mesh
-from tests import shapes
+from tests.helpers import shapes
 
 REAL = sorted(
     path.name for path in shapes.SHARED.glob("meshes/*") if path.suffix not in {".csv", ".md"}
@@ -118,7 +118,7 @@ for name in sys.argv[1:]:
     begun, row = time.monotonic(), {}
     try:
         mesh = load_mesh(name)
-        told = [step.told for step in mesh.report.repairs]
+        told = [step.message for step in mesh.report.repairs]
         row = {"warnings": mesh.report.warnings, "repairs": told}
         mesh = load_mesh(name, max_edge=mesh.size / 5.0)
         row["shares"] = label_surface(mesh, GraspModel(), sampling=Sampling(rays=8)).fractions()

@@ -12,18 +12,12 @@ from hypothesis import strategies as st
 from hypothesis.extra import numpy as hnp
 from numpy.typing import NDArray
 
-from grasp3d import (
-    GraspModel,
-    Label,
-    OutputError,
-    SettingError,
-    rendering,
-    scan_surface,
-)
+from grasp3d import GraspModel, Label, rendering, scan_surface
+from grasp3d.errors import OutputError, SettingError
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.plots.painting import PALETTE, _cut, painted
 from grasp3d.rendering import MARGIN, Finger, View, can_render, picture
-from tests import shapes
+from tests.helpers import shapes
 
 Image = NDArray[np.uint8]
 

@@ -2,7 +2,8 @@ import math
 
 import pytest
 
-from grasp3d import GraspModel, MeshOptions, Sampling, SettingError
+from grasp3d import GraspModel, MeshOptions, Sampling
+from grasp3d.errors import SettingError
 from grasp3d.settings import search_cone
 
 

@@ -10,11 +10,12 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d import GraspModel, OutputError, SearchCoverageError, SettingError
-from grasp3d.distributions import AngleDistribution, SampledAngles, SphereAngles
+from grasp3d import GraspModel
+from grasp3d.errors import OutputError, SearchCoverageError, SettingError
 from grasp3d.planar import Circle, square
+from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles, SphereAngles
 from grasp3d.sweeps import Sweep, mean_sweep, sweep, write_sweeps
-from tests import shapes
+from tests.helpers import shapes
 from tests.test_distributions import labelled, sampled
 
 frictions = st.lists(st.floats(0.05, 3.0), min_size=1, max_size=4)

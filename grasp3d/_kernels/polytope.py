@@ -53,7 +53,7 @@ class Polytope(NamedTuple):
     plane at hand."""
 
 
-def make_room(facets: int) -> Polytope:
+def make_polytope(facets: int) -> Polytope:
     """Allocate a polytope of so many facets; each new vertex makes several."""
     points = max(facets // 4, 32)
     return Polytope(

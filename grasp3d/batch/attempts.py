@@ -5,8 +5,8 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
+from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.crew import Crew
-from grasp3d.batch.settings import ClusterSettings
 from grasp3d.batch.working import Answer, Ending, Order, versions
 from grasp3d.isolation import Loss, Lost, NeedsMemory, working_folder
 from grasp3d.isolation.packing import packed, unpacked

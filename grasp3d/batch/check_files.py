@@ -6,17 +6,17 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.checking import CheckedMesh
-from grasp3d.batch.settings import BatchSettings
-from grasp3d.diagnosis.record import MeshDiagnosis
-from grasp3d.files import written_whole
+from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis
+from grasp3d.system.files import written_whole
+from grasp3d.system.versions import package_version
 from grasp3d.tables import write_table
-from grasp3d.versions import package_version
 
 SUFFIXES = (".json", ".csv", ".parquet")
 
 _COLUMNS: dict[str, type] = {
-    "mesh": str, "source": str, "refusal": str, "trust": str, "doubts": str, "format": str,
+    "mesh": str, "source": str, "refusal": str, "trust": str, "warnings": str, "format": str,
     "file_bytes": int, "unit": str, "unit_guess": str, "size": float, "bodies": int,
     "cavities": int,
     "vertices_before": int, "vertices_after": int, "faces_before": int, "faces_after": int,
@@ -25,7 +25,7 @@ _COLUMNS: dict[str, type] = {
     "crowded_edges_before": int, "crowded_edges_after": int,
     "area_before": float, "area_after": float, "volume_before": float, "volume_after": float,
     "center_shift": float, "repairs": str, "manifold": str, "crossing_faces": int,
-    "crossing_share": float, "noise": float, "label_vertices": int, "memory": float,
+    "self_intersecting_fraction": float, "noise": float, "label_vertices": int, "memory": float,
     "seconds": float,
 }  # fmt: skip
 
@@ -93,6 +93,6 @@ def _row(found: MeshDiagnosis) -> dict[str, Any]:
         "seconds": found.cost.seconds,
         "unit_guess": found.guess.unit,
         "center_shift": found.center_shift,
-        "doubts": "; ".join(doubt.told for doubt in found.doubts),
+        "warnings": "; ".join(warning.message for warning in found.warnings),
         "repairs": "; ".join(map(str, found.repairs)),
     }

@@ -2,9 +2,9 @@
 
 from dataclasses import dataclass
 
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.settings import BatchSettings
-from grasp3d.diagnosis.record import MeshDiagnosis, Trust
+from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis, Trust
 from grasp3d.errors import GraspError
 from grasp3d.storage import local_copy
 
@@ -32,7 +32,7 @@ def check_file(mesh: MeshFile, settings: BatchSettings) -> CheckedMesh:
         settings: What it is checked for.
     """
     # Loaded here: whoever plans needs no rays and no compiler.
-    from grasp3d.diagnosis import diagnose  # noqa: PLC0415
+    from grasp3d.diagnosis import diagnose
 
     try:
         with local_copy(mesh.source) as path:

@@ -15,12 +15,12 @@ import dask
 from distributed import Client, LocalCluster, Security, rpc
 from distributed.system import MEMORY_LIMIT
 
+from grasp3d.batch.batch_settings import MIN_WORKER_MEMORY, ClusterSettings
 from grasp3d.batch.crew import SAME, Crew, unable
-from grasp3d.batch.settings import MIN_WORKER_MEMORY, ClusterSettings
 from grasp3d.batch.working import KEPT, versions
 from grasp3d.errors import SettingError
 from grasp3d.isolation import end_idle
-from grasp3d.processors import available_processors
+from grasp3d.system.processors import available_processors
 
 CONNECTING = 8.0
 """Time to find a running cluster, and then to be answered by it [s]."""

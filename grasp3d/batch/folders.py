@@ -4,9 +4,9 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from grasp3d.names import as_unicode
 from grasp3d.reading import mesh_suffixes
 from grasp3d.storage import Entry, entries, local_path
+from grasp3d.system.names import as_unicode
 
 RESULT = "_labeled.ply"
 """How results of `grasp3d label` are called, which are no inputs."""

@@ -7,10 +7,10 @@ from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
-from grasp3d.batch.settings import BatchSettings
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.errors import MeshError
-from grasp3d.names import printable
 from grasp3d.reading.side_files import side_names
+from grasp3d.system.names import printable
 
 METHOD = 1
 """Version of the method; to be raised when labels of the same mesh change."""

@@ -9,9 +9,9 @@ from pathlib import Path
 
 from grasp3d.batch.folders import Found, MeshFile, found_at, joined, meshes_below
 from grasp3d.errors import MeshError
-from grasp3d.names import as_unicode, printable, short_hash
 from grasp3d.reading import mesh_suffixes
 from grasp3d.storage import entries, local_path, look, named_like, read_text
+from grasp3d.system.names import as_unicode, printable, short_hash
 
 LIST = ".txt"
 MANY = 10

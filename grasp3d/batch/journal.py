@@ -10,7 +10,7 @@ from types import NoneType
 from typing import Any, get_args, get_origin, get_type_hints
 
 from grasp3d.batch.row import Row
-from grasp3d.names import as_unicode
+from grasp3d.system.names import as_unicode
 
 FOLDER = "journal"
 

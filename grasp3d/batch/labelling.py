@@ -12,22 +12,22 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from grasp3d.batch.batch_settings import ROUNDING, BatchSettings
 from grasp3d.batch.identity import METHOD, content_of, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import BestGrasp, Outcome, Row, Share
-from grasp3d.batch.settings import ROUNDING, BatchSettings
 from grasp3d.costs import labelling_cost
 from grasp3d.errors import GraspError, MeshUnreadError, OutputError
 from grasp3d.isolation import NeedsMemory, allowed_memory, call
-from grasp3d.progress import ignore
 from grasp3d.reading.side_files import side_names
 from grasp3d.settings import GraspModel
 from grasp3d.storage import local_copy
-from grasp3d.versions import package_version
+from grasp3d.system.progress import ignore
+from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
-    from grasp3d.labels import SurfaceLabels
+    from grasp3d.surface.labels import SurfaceLabels
 
 logger = logging.getLogger(__name__)
 
@@ -86,7 +86,7 @@ def warm_up(settings: BatchSettings) -> None:
     Args:
         settings: What meshes will be labelled with.
     """
-    from grasp3d._kernels.compiling import compiled_before  # noqa: PLC0415, as below
+    from grasp3d._kernels.compiling import compiled_before
 
     if not compiled_before():
         logger.info("compiling, which the first run has to do; it takes a minute or two")
@@ -95,8 +95,8 @@ def warm_up(settings: BatchSettings) -> None:
 
 
 def _label_cube(settings: BatchSettings) -> None:
-    from grasp3d.mesh import mesh_from_arrays  # noqa: PLC0415
-    from grasp3d.surface import label_surface  # noqa: PLC0415
+    from grasp3d.mesh import mesh_from_arrays
+    from grasp3d.surface.labelling import label_surface
 
     corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
     mesh = mesh_from_arrays(corners, _CUBE, max_edge=2.0)
@@ -140,9 +140,9 @@ def _head(job: Job, settings: BatchSettings) -> Row:
 
 def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
     # Loaded here: whoever plans a batch or reads its rows needs no rays and no compiler.
-    from grasp3d.diagnosis.lengths import length_doubts  # noqa: PLC0415
-    from grasp3d.mesh import prepare_file  # noqa: PLC0415
-    from grasp3d.surface import label_surface  # noqa: PLC0415
+    from grasp3d.diagnosis.length_warnings import length_warnings
+    from grasp3d.mesh import prepare_file
+    from grasp3d.surface.labelling import label_surface
 
     model, sampling = settings.model, settings.search
     clock = _clock()
@@ -157,7 +157,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
     labelling = next(clock)
     grasps = _best(labels, settings.best)
     _write(labels, job, grasps)
-    doubts = length_doubts(mesh.size, mesh.unit, model, settings.sampling, settings.mesh)
+    warnings = length_warnings(mesh.size, mesh.unit, model, settings.sampling, settings.mesh)
     return replace(
         row,
         labels=job.labels,
@@ -168,7 +168,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
         **_of_angles(labels),
         shares=tuple(_shares(labels, settings)),
         grasps=grasps,
-        warnings="; ".join((*mesh.report.warnings, *doubts)),
+        warnings="; ".join((*mesh.report.warnings, *warnings)),
         seconds_reading=reading,
         seconds_labelling=labelling,
         seconds_writing=next(clock),
@@ -186,8 +186,8 @@ def _clock() -> Iterator[float]:
 
 def _write(labels: "SurfaceLabels", job: Job, grasps: tuple[BestGrasp, ...]) -> None:
     """Write all results of a mesh but its row, each whole or not at all."""
-    from grasp3d.batch.report import object_script, thumbnail  # noqa: PLC0415
-    from grasp3d.export import write_fields, write_ply  # noqa: PLC0415
+    from grasp3d.batch.report import object_script, thumbnail
+    from grasp3d.export import write_fields, write_ply
 
     output = job.output
     for name, write in {job.labels: write_ply, job.fields: write_fields}.items():
@@ -257,14 +257,14 @@ def _shares(labels: "SurfaceLabels", settings: BatchSettings) -> Iterator[Share]
 
 def _best(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
     """Take the best distinct grasps as the summary has them."""
-    from grasp3d.grasps.distinct import best_grasps  # noqa: PLC0415
-    from grasp3d.labels import Reason  # noqa: PLC0415
+    from grasp3d.grasps.distinct import best_grasps
+    from grasp3d.surface.labels import Reason
 
     if not count or not np.any(labels.reason == Reason.FOUND):
         return ()
     best = best_grasps(labels, count)
     # The first finger is at a vertex, whose epsilon is known.
-    places = best.contacts.places
+    places = best.contacts.surface_points
     vertices = labels.mesh.faces[places.faces[:, 0], places.weights[:, 0].argmax(axis=1)]
     return tuple(
         BestGrasp(

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 
+from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.inputs import MeshFile, find_meshes
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row, warm_up
 from grasp3d.batch.plan import Job, plan
@@ -13,7 +14,6 @@ from grasp3d.batch.renaming import known_names
 from grasp3d.batch.report import write_report
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.run import run
-from grasp3d.batch.settings import BatchSettings, ClusterSettings
 from grasp3d.batch.state import Books, Watch, unwatched
 from grasp3d.batch.store import Store
 from grasp3d.errors import OutputError

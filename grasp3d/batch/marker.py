@@ -3,15 +3,15 @@
 import json
 from datetime import UTC, datetime
 
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.folders import MARKER, STORED
 from grasp3d.batch.identity import METHOD, settings_text
 from grasp3d.batch.row import Row
-from grasp3d.batch.settings import BatchSettings
 from grasp3d.errors import OutputError
-from grasp3d.names import printable
 from grasp3d.storage import Folder
+from grasp3d.system.names import printable
+from grasp3d.system.versions import package_version
 from grasp3d.tables import unpack_records
-from grasp3d.versions import package_version
 
 FORMAT = 1
 """Version of the store's files; older versions of grasp3d cannot read newer ones."""

@@ -11,8 +11,8 @@ from pathlib import PurePosixPath
 
 from grasp3d.batch.folders import STORED
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.names import name_key, safe_stem, short_hash
 from grasp3d.storage import Folder, local_path
+from grasp3d.system.names import name_key, safe_stem, short_hash
 
 _SUFFIXES = (".ply", ".parquet", ".js", ".webp")
 """What stands behind a stem in a name of a result."""

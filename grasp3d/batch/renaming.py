@@ -8,8 +8,8 @@ from dataclasses import replace
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError
-from grasp3d.names import as_unicode
 from grasp3d.storage import local_path, look
+from grasp3d.system.names import as_unicode
 
 
 def known_names(meshes: Sequence[MeshFile], rows: Mapping[str, Row]) -> list[MeshFile]:

@@ -4,7 +4,7 @@ from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
 from typing import TypeVar
 
-from grasp3d.batch.settings import ClusterSettings
+from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.isolation import NeedsMemory, unexpected
 
 JobT = TypeVar("JobT")
@@ -52,8 +52,8 @@ def run(
     first = list(islice(jobs, 1))
     if not first:
         return
-    from grasp3d.batch.attempts import Attempts  # noqa: PLC0415, Dask loads slowly
-    from grasp3d.batch.cluster import crew  # noqa: PLC0415
+    from grasp3d.batch.attempts import Attempts
+    from grasp3d.batch.cluster import crew
 
     with crew(cluster) as workers:
         attempts = Attempts(workers, task, settings, lost, cluster)

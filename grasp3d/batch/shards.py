@@ -4,11 +4,11 @@ import json
 import re
 from collections.abc import Iterable
 
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, settings_text
 from grasp3d.batch.journal import FOLDER, NAME, Note, unpack_note
 from grasp3d.batch.row import Row
 from grasp3d.batch.row_box import RowBox
-from grasp3d.batch.settings import BatchSettings
 from grasp3d.storage import Folder
 from grasp3d.tables import pack_records, unpack_records
 

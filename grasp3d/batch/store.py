@@ -8,17 +8,17 @@ from pathlib import Path
 from types import MappingProxyType
 
 from grasp3d.batch import journal
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.folders import MARKER, MeshFile
 from grasp3d.batch.identity import mesh_key
 from grasp3d.batch.journal import Note, pack_note
 from grasp3d.batch.marker import marker_of, read_marker, set_aside
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.row_box import RowBox
-from grasp3d.batch.settings import BatchSettings
 from grasp3d.batch.shards import Shards, read_journal, read_shards
 from grasp3d.errors import OutputError
-from grasp3d.names import as_unicode, printable
 from grasp3d.storage import Folder, Lock
+from grasp3d.system.names import as_unicode, printable
 
 ROWS, SECONDS = 500, 30.0
 """How many rows, or for how long, the journal keeps rows before they go into the summary."""

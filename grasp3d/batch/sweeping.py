@@ -6,16 +6,16 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
+from grasp3d.batch.batch_settings import ROUNDING
 from grasp3d.batch.inputs import MeshFile, find_meshes, real_place
-from grasp3d.batch.settings import ROUNDING
-from grasp3d.distributions import AngleDistribution, SphereAngles
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.planar import Circle, square
-from grasp3d.progress import Progress
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_searched, search_cone
-from grasp3d.stability import Mode
+from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
+from grasp3d.stability.label import Mode
 from grasp3d.storage import local_copy, local_path
 from grasp3d.sweeps import Sweep, mean_sweep, sweep
+from grasp3d.system.progress import Progress
 
 SHAPES: dict[str, Callable[[], AngleDistribution]] = {
     "circle": Circle,
@@ -87,7 +87,7 @@ class SweptMesh:
     sweep: Sweep | None = None
     error: str = ""
     warnings: tuple[str, ...] = ()
-    crease_share: float = 0.0
+    crease_fraction: float = 0.0
     """As in `ObjectMesh`."""
     seconds: float = 0.0
 
@@ -181,7 +181,7 @@ def check_fingers(targets: Iterable[Target], settings: SweepSettings) -> None:
         SettingError: One of the targets is such a shape.
     """
     shapes = [target.name for target in targets if not target.files and not target.folder]
-    if shapes and settings.fingers != 2:  # noqa: PLR2004
+    if shapes and settings.fingers != 2:
         raise SettingError(
             f"{shapes[0]} is known in closed form for two fingers only; got {settings.fingers}"
         )
@@ -211,9 +211,9 @@ def sweep_mesh(
         The sweep; of a mesh that cannot be labelled the reason.
     """
     # Loaded here: whoever plans a sweep needs no rays and no compiler.
-    from grasp3d.diagnosis import length_doubts  # noqa: PLC0415
-    from grasp3d.mesh import prepare_file  # noqa: PLC0415
-    from grasp3d.surface import label_surface  # noqa: PLC0415
+    from grasp3d.diagnosis import length_warnings
+    from grasp3d.mesh import prepare_file
+    from grasp3d.surface.labelling import label_surface
 
     begun = time.perf_counter()
     try:
@@ -228,14 +228,14 @@ def sweep_mesh(
         )
     except GraspError as error:
         return SweptMesh(mesh.name, error=str(error), seconds=time.perf_counter() - begun)
-    doubts = length_doubts(
+    warnings = length_warnings(
         surface.size, surface.unit, settings.model, settings.sampling, settings.mesh
     )
     return SweptMesh(
         mesh.name,
         _swept(mesh.name, labels.angle_distribution(), settings, mode=labels.mode),
-        warnings=(*surface.report.warnings, *doubts),
-        crease_share=surface.crease_share,
+        warnings=(*surface.report.warnings, *warnings),
+        crease_fraction=surface.crease_fraction,
         seconds=time.perf_counter() - begun,
     )
 

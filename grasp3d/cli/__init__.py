@@ -19,8 +19,8 @@ from grasp3d.cli.paper import Paper
 from grasp3d.cli.sweep import Sweep
 from grasp3d.cli.view import View
 from grasp3d.errors import GraspError
-from grasp3d.names import printable
-from grasp3d.versions import package_version
+from grasp3d.system.names import printable
+from grasp3d.system.versions import package_version
 
 Command = (
     Annotated[Label, tyro.conf.subcommand("label")]

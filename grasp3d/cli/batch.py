@@ -11,7 +11,7 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.batch.settings import BatchSettings, ClusterSettings, ShareGrid
+from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings, FractionGrid
 from grasp3d.cli.options import ClusterOptions, ModelOptions, SamplingOptions, SurfaceOptions
 from grasp3d.cli.ranges import resolutions
 from grasp3d.errors import SettingError
@@ -80,11 +80,11 @@ class Batch:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.batch.library import label_library  # noqa: PLC0415
-        from grasp3d.cli import batch_report  # noqa: PLC0415
-        from grasp3d.cli.batch_progress import batch_progress  # noqa: PLC0415
+        from grasp3d.batch.library import label_library
+        from grasp3d.cli import batch_report
+        from grasp3d.cli.batch_progress import batch_progress
 
-        grid = ShareGrid(self.grid_friction, resolutions(self.grid_sensor_resolution))
+        grid = FractionGrid(self.grid_friction, resolutions(self.grid_sensor_resolution))
         settings = BatchSettings(self.model, self.sampling, self.mesh, grid, self.best)
         with batch_progress(quiet=self.quiet, log=self.log) as watch, _interrupted_once():
             try:

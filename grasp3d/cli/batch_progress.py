@@ -14,7 +14,7 @@ from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.state import BatchState
 from grasp3d.cli.report import as_printed
 from grasp3d.errors import OutputError
-from grasp3d.names import printable
+from grasp3d.system.names import printable
 
 EVERY = 10.0
 """Time between two lines where there is no terminal [s]."""
@@ -92,9 +92,9 @@ def _log_row(row: Row) -> None:
 def _duration(seconds: float) -> str:
     """Write a time as people say it."""
     minutes, hours = seconds / 60.0, seconds / 3600.0
-    if minutes < 1.5:  # noqa: PLR2004
+    if minutes < 1.5:
         return f"{seconds:.0f} s"
-    return f"{minutes:.0f} min" if hours < 1.5 else f"{hours:.1f} h"  # noqa: PLR2004
+    return f"{minutes:.0f} min" if hours < 1.5 else f"{hours:.1f} h"
 
 
 @contextmanager

@@ -8,7 +8,7 @@ from rich.table import Table
 from grasp3d.batch.library import REPORT, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.report import MORE, angle_text, as_printed
-from grasp3d.stability import MEANING
+from grasp3d.stability.label import MEANING
 
 MOST_ROWS = 60
 """Meshes of a library that are printed one by one."""

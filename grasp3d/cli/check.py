@@ -6,15 +6,15 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from grasp3d.batch.settings import ClusterSettings
+from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import ClusterOptions, ModelOptions, SamplingOptions, SurfaceOptions
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 if TYPE_CHECKING:
+    from grasp3d.batch.batch_settings import BatchSettings
     from grasp3d.batch.checking import CheckedMesh
     from grasp3d.batch.inputs import MeshFile
-    from grasp3d.batch.settings import BatchSettings
 
 
 @dataclass(frozen=True)
@@ -62,13 +62,13 @@ class Check:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.batch.check_files import SUFFIXES, json_of, write_checks  # noqa: PLC0415
-        from grasp3d.batch.inputs import find_meshes  # noqa: PLC0415
-        from grasp3d.batch.settings import BatchSettings  # noqa: PLC0415
-        from grasp3d.cli import check_report  # noqa: PLC0415
-        from grasp3d.diagnosis.record import Trust  # noqa: PLC0415
-        from grasp3d.files import check_suffix, check_writable  # noqa: PLC0415
-        from grasp3d.storage import local_path  # noqa: PLC0415
+        from grasp3d.batch.batch_settings import BatchSettings
+        from grasp3d.batch.check_files import SUFFIXES, json_of, write_checks
+        from grasp3d.batch.inputs import find_meshes
+        from grasp3d.cli import check_report
+        from grasp3d.diagnosis.mesh_diagnosis import Trust
+        from grasp3d.storage import local_path
+        from grasp3d.system.files import check_suffix, check_writable
 
         files = find_meshes(self.inputs)
         if self.output is not None:
@@ -89,12 +89,12 @@ class Check:
 
     def _checked(self, files: list["MeshFile"], settings: "BatchSettings") -> list["CheckedMesh"]:
         """Check one mesh in this process, several in processes of their own."""
-        from grasp3d.batch.checking import check_file, lost_check  # noqa: PLC0415
-        from grasp3d.cli import report  # noqa: PLC0415
+        from grasp3d.batch.checking import check_file, lost_check
+        from grasp3d.cli import report
 
         if len(files) == 1:
             return [check_file(files[0], settings)]
-        from grasp3d.batch.run import run  # noqa: PLC0415
+        from grasp3d.batch.run import run
 
         rows = []
         with report.counter("checking", len(files), quiet=self.quiet) as advance:

@@ -8,7 +8,7 @@ from rich.table import Table
 
 from grasp3d.batch.checking import CheckedMesh
 from grasp3d.cli.report import as_printed
-from grasp3d.diagnosis.record import Measured, MeshDiagnosis, Trust
+from grasp3d.diagnosis.mesh_diagnosis import Measured, MeshDiagnosis, Trust
 
 FEW = 3
 """Meshes that are shown one by one."""
@@ -59,8 +59,10 @@ def _print_page(console: Console, mesh: CheckedMesh) -> None:
     )
     color = _COLORS[found.trust]
     console.print(f"labels can be trusted: [{color}]{found.trust}[/]")
-    for doubt in found.doubts:
-        console.print(f"[{_COLORS[doubt.trust]}]•[/] {as_printed(doubt.told)}", soft_wrap=True)
+    for warning in found.warnings:
+        console.print(
+            f"[{_COLORS[warning.trust]}]•[/] {as_printed(warning.message)}", soft_wrap=True
+        )
 
 
 def _unit(found: MeshDiagnosis) -> str:
@@ -142,7 +144,7 @@ def _change(before: float, after: float) -> str:
 def _bytes(found: MeshDiagnosis) -> str:
     size = float(found.file_bytes)
     for unit in ("bytes", "kB", "MB"):
-        if size < 1000.0:  # noqa: PLR2004
+        if size < 1000.0:
             return f"{size:.3g} {unit}"
         size /= 1000.0
     return f"{size:.3g} GB"
@@ -152,7 +154,7 @@ def _seconds(seconds: float) -> str:
     if seconds < 1.0:
         return "a second"
     minutes = seconds / 60.0
-    return f"{seconds:.0f} s" if minutes < 2.0 else f"{minutes:.0f} min"  # noqa: PLR2004
+    return f"{seconds:.0f} s" if minutes < 2.0 else f"{minutes:.0f} min"
 
 
 def _print_lines(console: Console, meshes: Sequence[CheckedMesh]) -> None:
@@ -182,9 +184,9 @@ def _print_lines(console: Console, meshes: Sequence[CheckedMesh]) -> None:
         if mesh.diagnosis is None:
             console.print(f"[red]refused:[/] {as_printed(mesh.refusal)}", soft_wrap=True)
             continue
-        for doubt in mesh.diagnosis.doubts:
-            told = as_printed(f"{mesh.name}: {doubt.told}")
-            console.print(f"[{_COLORS[doubt.trust]}]{doubt.trust}:[/] {told}", soft_wrap=True)
+        for warning in mesh.diagnosis.warnings:
+            told = as_printed(f"{mesh.name}: {warning.message}")
+            console.print(f"[{_COLORS[warning.trust]}]{warning.trust}:[/] {told}", soft_wrap=True)
     read = [mesh.diagnosis.trust for mesh in meshes if mesh.diagnosis is not None]
     counts = [f"{read.count(trust)} {trust}" for trust in Trust]
     console.print(

@@ -6,8 +6,8 @@ from typing import Annotated
 
 import tyro
 
+from grasp3d.contact.sensor import Sensor, radius_of, resolution_limit
 from grasp3d.errors import SettingError
-from grasp3d.sensor import Sensor, radius_of, resolution_limit
 from grasp3d.settings import Unit
 
 USUAL_FRICTIONS = tuple(step / 10.0 for step in range(1, 11))
@@ -70,7 +70,7 @@ class Design:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.cli import design_report as report  # noqa: PLC0415
+        from grasp3d.cli import design_report as report
 
         setup = report.Setup(self.radius, self.object_size, self.unit)
         sensor = self.sensor

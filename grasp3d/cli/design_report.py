@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from rich.console import Console
 from rich.table import Table
 
-from grasp3d.cones import effective_friction
-from grasp3d.sensor import Sensor, resolution_limit
+from grasp3d.contact.friction_cones import effective_friction
+from grasp3d.contact.sensor import Sensor, resolution_limit
 from grasp3d.settings import Unit
 
 ROUNDING = 1e-12

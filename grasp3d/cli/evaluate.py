@@ -8,8 +8,8 @@ import tyro
 
 from grasp3d.cli.options import ModelOptions, SurfaceOptions
 from grasp3d.errors import OutputError
-from grasp3d.names import safe_stem
 from grasp3d.settings import GraspModel, MeshOptions, with_fingers
+from grasp3d.system.names import safe_stem
 
 
 @dataclass(frozen=True)
@@ -41,12 +41,12 @@ class Evaluate:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.cli import grasp_report, report  # noqa: PLC0415
-        from grasp3d.files import check_suffix, check_writable  # noqa: PLC0415
-        from grasp3d.grasps.evaluation import evaluate_grasps  # noqa: PLC0415
-        from grasp3d.grasps.reading import read_contacts  # noqa: PLC0415
-        from grasp3d.grasps.writing import SUFFIXES, write_grasps  # noqa: PLC0415
-        from grasp3d.mesh import prepare_file  # noqa: PLC0415
+        from grasp3d.cli import grasp_report, report
+        from grasp3d.grasps.evaluation import evaluate_grasps
+        from grasp3d.grasps.reading import read_contacts
+        from grasp3d.grasps.writing import SUFFIXES, write_grasps
+        from grasp3d.mesh import prepare_file
+        from grasp3d.system.files import check_suffix, check_writable
 
         output = self.output or Path(f"{safe_stem(self.file.stem)}_grasps.csv")
         check_suffix(output, SUFFIXES, "table")

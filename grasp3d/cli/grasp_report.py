@@ -11,7 +11,7 @@ from grasp3d.arrays import Floats
 from grasp3d.cli.report import angle_text, as_printed
 from grasp3d.grasps.evaluation import ROUNDING
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.stability import COLORS, MEANING, Label
+from grasp3d.stability.label import COLORS, MEANING, Label
 
 FIRST = 10
 """Grasps of many that are shown."""
@@ -105,7 +105,7 @@ def _off(grasps: SurfaceGrasps, distance: float) -> str:
 
 def _table(grasps: SurfaceGrasps, count: int, *, off: bool = False) -> Table:
     """The first grasps, a line each; `off`: with how far they were off the surface."""
-    several = grasps.contacts.count > 2  # noqa: PLR2004
+    several = grasps.contacts.count > 2
     table = Table(box=None, pad_edge=False)
     headings = ["grasp", "label", "β*", "α*", "ε", "ε_min", "opening"]
     headings += ["nearest two"] * several + ["off surface"] * off

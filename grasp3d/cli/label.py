@@ -8,11 +8,11 @@ import tyro
 
 from grasp3d.cli.options import ModelOptions, SamplingOptions, SurfaceOptions
 from grasp3d.errors import SettingError
-from grasp3d.names import safe_stem
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.system.names import safe_stem
 
 if TYPE_CHECKING:
-    from grasp3d.labels import SurfaceLabels
+    from grasp3d.surface.labels import SurfaceLabels
 
 
 @dataclass(frozen=True)
@@ -47,11 +47,11 @@ class Label:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.cli import report  # noqa: PLC0415
-        from grasp3d.export import writer_for  # noqa: PLC0415
-        from grasp3d.files import check_writable  # noqa: PLC0415
-        from grasp3d.mesh import prepare_file  # noqa: PLC0415
-        from grasp3d.surface import label_surface  # noqa: PLC0415
+        from grasp3d.cli import report
+        from grasp3d.export import writer_for
+        from grasp3d.mesh import prepare_file
+        from grasp3d.surface.labelling import label_surface
+        from grasp3d.system.files import check_writable
 
         named = safe_stem(self.file.stem) if self.output is None else self.output.stem
         output = self.output or Path(f"{named}_labeled.ply")
@@ -73,12 +73,12 @@ class Label:
 
     def _write_best(self, labels: "SurfaceLabels", output: Path, count: int) -> None:
         """Print the best distinct grasps, write them, and draw them where that is possible."""
-        from grasp3d.cli import grasp_report, report  # noqa: PLC0415
-        from grasp3d.grasps.distinct import best_grasps  # noqa: PLC0415
-        from grasp3d.grasps.writing import write_grasps  # noqa: PLC0415
-        from grasp3d.plots.formats import save_as  # noqa: PLC0415
-        from grasp3d.plots.grasps import draw_grasps, grasp_figure  # noqa: PLC0415
-        from grasp3d.rendering import can_render  # noqa: PLC0415
+        from grasp3d.cli import grasp_report, report
+        from grasp3d.grasps.distinct import best_grasps
+        from grasp3d.grasps.writing import write_grasps
+        from grasp3d.plots.formats import save_as
+        from grasp3d.plots.grasps import draw_grasps, grasp_figure
+        from grasp3d.rendering import can_render
 
         grasps = best_grasps(labels, count)
         write_grasps(output, grasps)

@@ -7,9 +7,9 @@ from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type
 import docstring_parser
 import tyro
 
-from grasp3d.batch.settings import ClusterSettings
+from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
-from grasp3d.viewer.settings import ViewSettings
+from grasp3d.viewer.view_settings import ViewSettings
 
 _NONE = "none"
 

@@ -37,9 +37,9 @@ class Paper:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.cli import paper_report, report  # noqa: PLC0415
-        from grasp3d.paper.settings import PaperSettings  # noqa: PLC0415
-        from grasp3d.paper.writing import write_paper  # noqa: PLC0415
+        from grasp3d.cli import paper_report, report
+        from grasp3d.paper.paper_settings import PaperSettings
+        from grasp3d.paper.writing import write_paper
 
         settings = PaperSettings(
             self.friction, tuple(math.radians(angle) for angle in self.sensor_resolution)

@@ -13,13 +13,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from grasp3d._kernels.compiling import compiled_before
-from grasp3d.diagnosis.lengths import length_doubts
-from grasp3d.labels import Reason, SurfaceLabels
-from grasp3d.names import printable
-from grasp3d.progress import Progress as Told
+from grasp3d.diagnosis.length_warnings import length_warnings
 from grasp3d.settings import Sampling, Tilts
-from grasp3d.stability import COLORS, MEANING
-from grasp3d.stability import Label as Code
+from grasp3d.stability.label import COLORS, MEANING
+from grasp3d.stability.label import Label as Code
+from grasp3d.surface.labels import Reason, SurfaceLabels
+from grasp3d.system.names import printable
+from grasp3d.system.progress import Progress as Told
 
 _WHY = {
     Reason.NO_PARTNER: "no place for the other fingers closes a grasp within the search cone",
@@ -39,7 +39,7 @@ def as_printed(text: str) -> str:
     return escape(printable(text))
 
 
-def tell_compiling() -> None:
+def report_compiling() -> None:
     """Say why the first run takes so long."""
     if not compiled_before():
         line = "compiling, which the first run has to do; it takes a minute or two"
@@ -78,7 +78,7 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         f"[bold]{as_printed(mesh.report.source)}[/]: {len(mesh.vertices)} vertices, "
         f"size {mesh.size:.4g} {mesh.unit or '(unit not stated)'}; friction {model.friction:g}, "
         f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
-        + ("" if model.fingers == 2 else f", {model.fingers} fingers")  # noqa: PLR2004
+        + ("" if model.fingers == 2 else f", {model.fingers} fingers")
     )
     if model.method == "extremes":
         console.print(
@@ -107,8 +107,8 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     for step in mesh.report.repairs:
         console.print(f"repaired: {as_printed(str(step))}")
     sampling = labels.sampling or Sampling()
-    doubts = length_doubts(mesh.size, mesh.unit, model, sampling, mesh.options)
-    for line in (*mesh.report.warnings, *doubts):
+    warnings = length_warnings(mesh.size, mesh.unit, model, sampling, mesh.options)
+    for line in (*mesh.report.warnings, *warnings):
         console.print(f"[yellow]warning:[/] {as_printed(line)}")
     if mesh.report.warnings:
         console.print(MORE)

@@ -6,12 +6,12 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from grasp3d.batch.settings import ClusterSettings
+from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import ClusterOptions, SamplingOptions, SurfaceOptions
 from grasp3d.cli.ranges import resolutions
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.names import safe_stem
 from grasp3d.settings import MeshOptions, Sampling
+from grasp3d.system.names import safe_stem
 
 if TYPE_CHECKING:
     from grasp3d.batch.sweeping import SweepSettings, SweptMesh, Target
@@ -76,16 +76,16 @@ class Sweep:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.batch.sweeping import (  # noqa: PLC0415
+        from grasp3d.batch.sweeping import (
             SweepSettings,
             check_fingers,
             find_targets,
             gather,
         )
-        from grasp3d.cli import sweep_report  # noqa: PLC0415
-        from grasp3d.plots.formats import save_as  # noqa: PLC0415
-        from grasp3d.plots.fractions import sweep_figure  # noqa: PLC0415
-        from grasp3d.sweeps import write_sweeps  # noqa: PLC0415
+        from grasp3d.cli import sweep_report
+        from grasp3d.plots.formats import save_as
+        from grasp3d.plots.fractions import sweep_figure
+        from grasp3d.sweeps import write_sweeps
 
         settings = SweepSettings(
             tuple(sorted(set(self.friction))),
@@ -115,11 +115,11 @@ class Sweep:
 
     def _outputs(self, targets: list["Target"]) -> tuple[Path, Path]:
         """Table and figure to write; both can be written, and neither is one of the meshes."""
-        from grasp3d.batch.sweeping import meshes_of  # noqa: PLC0415
-        from grasp3d.files import check_suffix, check_writable  # noqa: PLC0415
-        from grasp3d.plots.formats import METADATA  # noqa: PLC0415
-        from grasp3d.storage import local_path  # noqa: PLC0415
-        from grasp3d.tables import SUFFIXES  # noqa: PLC0415
+        from grasp3d.batch.sweeping import meshes_of
+        from grasp3d.plots.formats import METADATA
+        from grasp3d.storage import local_path
+        from grasp3d.system.files import check_suffix, check_writable
+        from grasp3d.tables import SUFFIXES
 
         path = Path(targets[0].name)
         name = safe_stem(path.name if targets[0].folder else path.stem)
@@ -135,8 +135,8 @@ class Sweep:
 
     def _swept(self, targets: list["Target"], settings: "SweepSettings") -> list["SweptMesh"]:
         """Sweep the meshes, each once: one alone in this process, several in processes."""
-        from grasp3d.batch.sweeping import lost_mesh, meshes_of, sweep_mesh  # noqa: PLC0415
-        from grasp3d.cli import report  # noqa: PLC0415
+        from grasp3d.batch.sweeping import lost_mesh, meshes_of, sweep_mesh
+        from grasp3d.cli import report
 
         meshes = meshes_of(targets)
         if len(meshes) == 1 and not any(target.folder for target in targets):
@@ -148,7 +148,7 @@ class Sweep:
             return [swept]
         if not meshes:
             return []
-        from grasp3d.batch.run import run  # noqa: PLC0415
+        from grasp3d.batch.run import run
 
         rows = []
         with report.counter("sweeping", len(meshes), quiet=self.quiet) as advance:

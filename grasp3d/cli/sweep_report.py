@@ -11,7 +11,7 @@ from rich.table import Table
 from grasp3d.batch.sweeping import SweptMesh, SweptTarget, Target
 from grasp3d.cli.report import as_printed
 from grasp3d.settings import GraspModel
-from grasp3d.stability import MEANING, Label
+from grasp3d.stability.label import MEANING, Label
 from grasp3d.sweeps import Sweep
 
 LEAST_DEGREES = 0.05
@@ -77,10 +77,10 @@ def print_notes(
 def _print_creased(console: Console, meshes: Sequence[SweptMesh], shares: Sequence[float]) -> None:
     """Print for which meshes the required resolution hangs on how finely they are divided."""
     unsure = MUCH * (1.0 - max(shares, default=0.0))
-    creased = [mesh for mesh in meshes if shares and mesh.crease_share > unsure]
+    creased = [mesh for mesh in meshes if shares and mesh.crease_fraction > unsure]
     if creased:
         told = as_printed(
-            ", ".join(f"{mesh.name} {100.0 * mesh.crease_share:.0f} %" for mesh in creased)
+            ", ".join(f"{mesh.name} {100.0 * mesh.crease_fraction:.0f} %" for mesh in creased)
         )
         console.print(
             f"[yellow]note:[/] strips along creases count as area, on {told}; they shrink "

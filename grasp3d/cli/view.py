@@ -8,9 +8,9 @@ import tyro
 
 from grasp3d.cli.options import ModelOptions, SamplingOptions, SurfaceOptions, ViewOptions
 from grasp3d.errors import GraspError
-from grasp3d.names import printable
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
-from grasp3d.viewer.settings import ViewSettings
+from grasp3d.system.names import printable
+from grasp3d.viewer.view_settings import ViewSettings
 
 if TYPE_CHECKING:
     from grasp3d.viewer.session.album import Album
@@ -55,13 +55,13 @@ class View:
 
     def run(self) -> int:
         """Do it; returns the exit code."""
-        from grasp3d.cli import report  # noqa: PLC0415
-        from grasp3d.viewer.session.album import open_album  # noqa: PLC0415
+        from grasp3d.cli import report
+        from grasp3d.viewer.session.album import open_album
 
         album = open_album(self.target, self.model, self.sampling, self.mesh)
         self._check()
         if not self.quiet:
-            report.tell_compiling()
+            report.report_compiling()
         first = album.exhibits[0]
         try:
             with report.progress(f"opening {first.name}", quiet=self.quiet) as progress:
@@ -73,23 +73,23 @@ class View:
         if self.web:
             self._serve(album)
         elif not (self.screenshot or self.turntable):
-            from grasp3d.viewer.session.session import Session  # noqa: PLC0415
-            from grasp3d.viewer.window.desktop import show_window  # noqa: PLC0415
+            from grasp3d.viewer.session.session import Session
+            from grasp3d.viewer.window.desktop import show_window
 
             show_window(Session(album, self.view))
         return 0
 
     def _check(self) -> None:
         """Tell before the work what would not be possible after it."""
-        from grasp3d.viewer.scene.pictures import check_film, check_picture  # noqa: PLC0415
-        from grasp3d.viewer.window.display import check_display  # noqa: PLC0415
+        from grasp3d.viewer.scene.pictures import check_film, check_picture
+        from grasp3d.viewer.window.display import check_display
 
         if self.screenshot:
             check_picture(self.screenshot)
         if self.turntable:
             check_film(self.turntable)
         if self.web:
-            from grasp3d.viewer.web.page import check_page  # noqa: PLC0415
+            from grasp3d.viewer.web.page import check_page
 
             check_page(self.host, self.port)
         elif not (self.screenshot or self.turntable):
@@ -97,8 +97,8 @@ class View:
 
     def _write(self, album: "Album") -> None:
         """Write the pictures that are asked for."""
-        from grasp3d.cli import report  # noqa: PLC0415
-        from grasp3d.viewer.scene.pictures import save_picture, save_turntable  # noqa: PLC0415
+        from grasp3d.cli import report
+        from grasp3d.viewer.scene.pictures import save_picture, save_turntable
 
         for path, save in ((self.screenshot, save_picture), (self.turntable, save_turntable)):
             if path is None:
@@ -108,7 +108,7 @@ class View:
             self._say(f"written: {path}")
 
     def _serve(self, album: "Album") -> None:
-        from grasp3d.viewer.web.page import serve, taken  # noqa: PLC0415
+        from grasp3d.viewer.web.page import serve, taken
 
         def ready(address: str) -> None:
             note = f"{self.port} is in use; " if taken(address, self.port) else ""

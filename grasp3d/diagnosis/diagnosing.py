@@ -7,20 +7,20 @@ from typing import Unpack
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, first_at_place
+from grasp3d.arrays import Floats, Ints, first_at_position
 from grasp3d.costs import labelling_cost
-from grasp3d.diagnosis.doubts import (
-    body_doubts,
+from grasp3d.diagnosis.length_warnings import length_warnings
+from grasp3d.diagnosis.mesh_diagnosis import Measured, MeshDiagnosis, MeshWarning, Trust
+from grasp3d.diagnosis.mesh_warnings import (
+    body_warnings,
     count_parts,
-    crossing_doubts,
-    hole_doubts,
-    inside_doubts,
-    missing_share,
-    noise_doubts,
-    stray_doubts,
+    hole_warnings,
+    inside_out_warnings,
+    missing_fraction,
+    noise_warnings,
+    self_intersection_warnings,
+    stray_warnings,
 )
-from grasp3d.diagnosis.lengths import length_doubts
-from grasp3d.diagnosis.record import Doubt, Measured, MeshDiagnosis, Trust
 from grasp3d.mesh.manifolds import manifold_status
 from grasp3d.mesh.measures import (
     edge_counts,
@@ -33,12 +33,12 @@ from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.preparing import mend, refined_mesh
 from grasp3d.mesh.repair import RepairedSurface
 from grasp3d.mesh.repair.cleaning import is_face
+from grasp3d.mesh.self_intersections import crossings
 from grasp3d.mesh.units import guess_unit
-from grasp3d.names import printable
-from grasp3d.processors import available_processors
 from grasp3d.reading import RawMesh, read_mesh
 from grasp3d.settings import GraspModel, MeshKeywords, MeshOptions, Sampling
-from grasp3d.surface_crossings import crossings
+from grasp3d.system.names import printable
+from grasp3d.system.processors import available_processors
 
 
 def check_mesh(
@@ -79,17 +79,17 @@ def diagnose(
     share = float(areas[crossed.faces].sum() / areas.sum())
     noise = normal_noise(points, surface.faces)
     bodies, cavities = count_parts(points, surface.faces)
-    doubts = (
-        *(Doubt(Trust.CARE, told) for told in mesh.report.warnings),
-        *inside_doubts(mesh),
-        *_hole_doubts(raw, surface, options, where),
-        *crossing_doubts(int(crossed.faces.sum()), share),
-        *body_doubts(bodies),
-        *stray_doubts(points, surface.faces),
-        *noise_doubts(points, surface.faces, mesh, noise),
+    warnings = (
+        *(MeshWarning(Trust.CARE, message) for message in mesh.report.warnings),
+        *inside_out_warnings(mesh),
+        *_hole_warnings(raw, surface, options, where),
+        *self_intersection_warnings(int(crossed.faces.sum()), share),
+        *body_warnings(bodies),
+        *stray_warnings(points, surface.faces),
+        *noise_warnings(points, surface.faces, mesh, noise),
         *(
-            Doubt(Trust.CARE, told)
-            for told in length_doubts(mesh.size, mesh.unit, model, sampling, options)
+            MeshWarning(Trust.CARE, message)
+            for message in length_warnings(mesh.size, mesh.unit, model, sampling, options)
         ),
     )
     corners = surface.vertices[surface.faces].reshape(-1, 3)
@@ -109,18 +109,18 @@ def diagnose(
         repairs=surface.steps,
         manifold=manifold_status(points, surface.faces),
         crossing_faces=int(crossed.faces.sum()),
-        crossing_share=share,
+        self_intersecting_fraction=share,
         noise=noise,
         label_vertices=len(mesh.vertices),
         cost=labelling_cost(len(mesh.vertices), model, sampling, threads=available_processors()),
-        doubts=doubts,
+        warnings=warnings,
     )
 
 
 def _measured_file(raw: RawMesh, mesh: ObjectMesh) -> Measured:
     """Measure a surface as the file has it, but for vertices at exactly one position."""
     points = (raw.vertices - mesh.center) / mesh.size
-    return _measured(points, first_at_place(raw.vertices)[raw.faces], mesh)
+    return _measured(points, first_at_position(raw.vertices)[raw.faces], mesh)
 
 
 def _measured(points: Floats, faces: Ints, mesh: ObjectMesh) -> Measured:
@@ -146,11 +146,11 @@ def _measured(points: Floats, faces: Ints, mesh: ObjectMesh) -> Measured:
     )
 
 
-def _hole_doubts(
+def _hole_warnings(
     raw: RawMesh, surface: RepairedSurface, options: MeshOptions, where: str
-) -> Iterator[Doubt]:
+) -> Iterator[MeshWarning]:
     """Tell of holes that are there, or that repair has closed by a guess."""
     guessed = any(step.name == "closed" for step in surface.steps)
     if guessed:
         surface = mend(raw, replace(options, repair="safe"), where)
-    yield from hole_doubts(*missing_share(surface.vertices, surface.faces), closed=guessed)
+    yield from hole_warnings(*missing_fraction(surface.vertices, surface.faces), closed=guessed)

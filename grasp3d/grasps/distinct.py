@@ -6,11 +6,11 @@ import math
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
-from grasp3d.crease_angles import critical_angles
 from grasp3d.errors import SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.labels import Reason, SurfaceLabels
-from grasp3d.vertex_grasps import grasps_at
+from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.labels import Reason, SurfaceLabels
+from grasp3d.surface.vertex_grasps import grasps_at
 
 APART = 1.0 / 8.0
 """Distance, in object sizes, between corresponding contacts of grasps that count as distinct."""
@@ -50,7 +50,7 @@ def best_grasps(
     if not (apart >= 0.0 and math.isfinite(apart)):
         raise SettingError(f"distance must be a finite length of at least 0; got {apart:g}")
     vertices = _ranked(labels)
-    contacts = grasps_at(labels.mesh, labels.places, vertices, 0)
+    contacts = grasps_at(labels.mesh, labels.partner_points, vertices, 0)
     kept = _distinct(contacts.points, count, apart)
     found = contacts.take(kept)
     worst, best = critical_angles(found, threads=labels.threads)

@@ -6,16 +6,16 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats, locked
-from grasp3d.contacts import LARGEST
-from grasp3d.crease_angles import critical_angles
+from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.places import SurfacePlaces, nearest_place, nearest_places
-from grasp3d.processors import available_processors
-from grasp3d.progress import Progress, ignore, within
+from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.settings import MAX_FINGERS, GraspModel, with_fingers
-from grasp3d.surface_contacts import SurfaceContacts
+from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.system.processors import available_processors
+from grasp3d.system.progress import Progress, ignore, within
 
 OFF_SURFACE = 1.0 / 100.0
 """Distance, in object sizes, up to which a given contact is moved to the surface."""
@@ -79,7 +79,7 @@ def _on_surface(
 ) -> tuple[SurfaceContacts, Floats]:
     """Contacts (b, n, 3) moved to the surface, and how far they were off it (b, n)."""
     size, count = given.shape[:2]
-    places, _, found = nearest_places(
+    nearest, _, found = nearest_surface_points(
         mesh,
         given.reshape(-1, 3),
         limit=limit + ROUNDING * mesh.size,
@@ -88,8 +88,8 @@ def _on_surface(
     )
     distances = found.reshape(size, count)
     _check_near(mesh, given, distances, limit)
-    faces, weights = places.faces.reshape(size, count), places.weights.reshape(size, count, 3)
-    return SurfaceContacts(mesh, SurfacePlaces(locked(faces), locked(weights))), locked(distances)
+    faces, weights = nearest.faces.reshape(size, count), nearest.weights.reshape(size, count, 3)
+    return SurfaceContacts(mesh, SurfacePoints(locked(faces), locked(weights))), locked(distances)
 
 
 def _checked(points: npt.ArrayLike) -> Floats:
@@ -98,14 +98,14 @@ def _checked(points: npt.ArrayLike) -> Floats:
         given = np.asarray(points, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise ContactError(f"contacts must be an array of numbers: {error}") from error
-    if given.ndim == 2:  # noqa: PLR2004
+    if given.ndim == 2:
         given = given[None]
-    if given.ndim != 3 or given.shape[2] != 3:  # noqa: PLR2004
+    if given.ndim != 3 or given.shape[2] != 3:
         raise ContactError(f"contacts must have shape (b, n, 3); got {np.shape(points)}")
     size, count = given.shape[:2]
     if not size:
         raise ContactError("no grasps: contacts must have shape (b, n, 3) with b at least 1")
-    if not 2 <= count <= MAX_FINGERS:  # noqa: PLR2004
+    if not 2 <= count <= MAX_FINGERS:
         raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {count}")
     if not np.isfinite(given).all():
         grasp, contact, _ = np.argwhere(~np.isfinite(given))[0]
@@ -123,7 +123,7 @@ def _check_near(mesh: ObjectMesh, given: Floats, distances: Floats, limit: float
         return
     grasp, contact = off[0]
     point = (given[grasp, contact] - mesh.center) / mesh.size
-    place, _, _ = nearest_place(mesh, point)
+    place, _, _ = nearest_surface_point(mesh, point)
     distance = float(np.linalg.norm(place - point)) * mesh.size
     unit = mesh.unit or "(unit not stated)"
     raise ContactError(

@@ -62,7 +62,7 @@ def read_contacts(path: str | Path) -> Floats:
 
 def _from_table(path: Path) -> Floats:
     """Contacts of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
-    from grasp3d.tables import read_columns  # noqa: PLC0415, JSON needs no tables
+    from grasp3d.tables import read_columns
 
     found = read_columns(path)
     wanted = _wanted(list(found))
@@ -88,7 +88,7 @@ def _wanted(names: Sequence[str]) -> list[str]:
 
 
 def _check_count(count: int) -> None:
-    if not 2 <= count <= MAX_FINGERS:  # noqa: PLR2004
+    if not 2 <= count <= MAX_FINGERS:
         told = f"more than {MAX_FINGERS}" if count > MAX_FINGERS else str(count)
         raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {told}")
 
@@ -159,7 +159,7 @@ def _grasp(number: int, grasp: object) -> list[list[float]]:
     if not isinstance(grasp, list):
         raise ContactError(f"grasp {number}: expected a list of contacts; found {_kind(grasp)}")
     for which, contact in enumerate(grasp, 1):
-        if not isinstance(contact, list) or len(contact) != 3:  # noqa: PLR2004
+        if not isinstance(contact, list) or len(contact) != 3:
             raise ContactError(
                 f"grasp {number}, contact {which}: expected [x, y, z]; found {_kind(contact)}"
             )

@@ -8,14 +8,15 @@ import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints, locked
 from grasp3d.mesh import ObjectMesh
-from grasp3d.progress import Progress
-from grasp3d.quality import force_closure
+from grasp3d.quality.closure import force_closure
+from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
-from grasp3d.stability import Label, label_angles, max_resolution
-from grasp3d.surface_contacts import SurfaceContacts
-from grasp3d.surface_epsilons import pushing_grasps, surface_epsilons
-from grasp3d.surface_extremes import hull_labels
-from grasp3d.tilting import EpsilonRange
+from grasp3d.stability.label import Label
+from grasp3d.stability.thresholds import label_angles, max_resolution
+from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.epsilon import pushing_grasps, surface_epsilons
+from grasp3d.surface.extreme_normals import hull_labels
+from grasp3d.system.progress import Progress
 
 
 @dataclass(frozen=True, eq=False)

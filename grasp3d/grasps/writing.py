@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.files import check_suffix, written_whole
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.stability import MEANING, Label
-from grasp3d.surface_epsilons import EPSILON_RTOL
-from grasp3d.versions import package_version
+from grasp3d.stability.label import MEANING, Label
+from grasp3d.surface.epsilon import EPSILON_RTOL
+from grasp3d.system.files import check_suffix, written_whole
+from grasp3d.system.versions import package_version
 
 SUFFIXES = (".csv", ".parquet", ".json")
 
@@ -40,7 +40,7 @@ def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
     if path.suffix.lower() == ".json":
         _write_json(path, grasps)
         return
-    from grasp3d.tables import write_columns  # noqa: PLC0415, JSON needs no tables
+    from grasp3d.tables import write_columns
 
     columns = _numbers(grasps)
     for number in range(grasps.contacts.count):

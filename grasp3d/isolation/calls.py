@@ -57,7 +57,7 @@ def call(
         Lost: The child crashed, was killed, took more than the limits, or nobody waits any more.
         Exception: Whatever the function raised, with its traceback in the child as a note.
     """
-    import cloudpickle  # noqa: PLC0415, needed for many meshes only
+    import cloudpickle
 
     request = cloudpickle.dumps((_place(), memory, cloudpickle.dumps((function, arguments))))
     limits = Limits(memory, seconds, cancelled)

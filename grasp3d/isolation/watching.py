@@ -80,7 +80,7 @@ def ask(child: Child, request: bytes, read: Callable[[Child], AnswerT], limits: 
     Raises:
         Lost: A limit ended the child, or it ended by itself.
     """
-    from grasp3d.isolation.trees import Tree  # noqa: PLC0415, needed for few files only
+    from grasp3d.isolation.trees import Tree
 
     tree, watch = Tree(child.process.pid), None
     child.kill_below = tree.kill

@@ -72,7 +72,7 @@ def edge_counts(faces: Ints) -> tuple[int, int]:
     and the faces are wound alike.
     """
     count = edges_of(faces).faces
-    return int((count == 1).sum()), int((count > 2).sum())  # noqa: PLR2004
+    return int((count == 1).sum()), int((count > 2).sum())
 
 
 def is_closed(faces: Ints) -> bool:

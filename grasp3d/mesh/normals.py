@@ -6,8 +6,8 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from grasp3d._kernels.faces import ANY_NORMAL
 from grasp3d._kernels.normal_sets import order_normal_sets
+from grasp3d._kernels.surface_contacts import ANY_NORMAL
 from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
 
 HALF = 0.5
@@ -105,14 +105,14 @@ def paired_edges(faces: Ints) -> tuple[Ints, Ints]:
         The first and the second half-edge of each pair, (E,) each.
     """
     order, first, size = _by_edge(faces)
-    pairs = first[size == 2]  # noqa: PLR2004
+    pairs = first[size == 2]
     return order[pairs], order[pairs + 1]
 
 
 def crowded_edges(faces: Ints) -> Ints:
     """Half-edges that lie on an undirected edge with more than two faces."""
     order, _, size = _by_edge(faces)
-    return order[np.repeat(size, size) > 2]  # noqa: PLR2004
+    return order[np.repeat(size, size) > 2]
 
 
 def _by_edge(faces: Ints) -> tuple[Ints, Ints, Ints]:

@@ -5,8 +5,8 @@ from functools import cached_property
 
 import numpy as np
 
-from grasp3d._kernels.faces import Surface
 from grasp3d._kernels.normal_sets import Sets
+from grasp3d._kernels.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins
@@ -96,7 +96,7 @@ class ObjectMesh:
         return locked(areas)
 
     @cached_property
-    def crease_share(self) -> float:
+    def crease_fraction(self) -> float:
         """Share of the area that counts for vertices on creases; it shrinks on a finer mesh."""
         on_crease = self.normal_sets.counts != 1
         return float(self.vertex_areas[on_crease].sum() / self.vertex_areas.sum())

@@ -18,8 +18,8 @@ from grasp3d.mesh.normals import (
 )
 from grasp3d.mesh.refinement import RefinedSurface
 from grasp3d.mesh.repair import RepairedSurface
-from grasp3d.processors import available_processors
 from grasp3d.settings import MeshOptions
+from grasp3d.system.processors import available_processors
 
 LARGEST_PATCH = 0.5
 """Largest radius in object sizes: a wider patch would reach around the object, where the normals

@@ -16,10 +16,10 @@ from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.patches import fingertip_normals
 from grasp3d.mesh.refinement import refine, refined_faces
 from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, repair_surface
-from grasp3d.mesh.units import doubt_unit
-from grasp3d.names import printable
+from grasp3d.mesh.units import unit_warning
 from grasp3d.reading import RawMesh, check_finite, read_mesh
 from grasp3d.settings import MeshKeywords, MeshOptions, Unit
+from grasp3d.system.names import printable
 
 DEFAULT_EDGE = 1.0 / 32.0
 """Longest edge as a share of the object's size."""
@@ -69,7 +69,7 @@ def mesh_from_arrays(
     chosen = MeshOptions(**options)
     points, corners = np.asarray(vertices), np.asarray(faces)
     for name, array, kinds in (("vertices", points, "fiu"), ("faces", corners, "iu")):
-        if array.ndim != 2 or array.shape[1] != 3:  # noqa: PLR2004
+        if array.ndim != 2 or array.shape[1] != 3:
             raise MeshError(f"{name} must have shape (n, 3); got {array.shape}")
         if array.dtype.kind not in kinds and array.size:
             raise MeshError(f"{name} must be numbers of the right kind; got {array.dtype}")
@@ -249,6 +249,6 @@ def _warnings(
         )
     if declared not in {None, unit}:
         warnings.append(f"the file says its unit is {declared}, but {unit} was asked for")
-    if unit is not None and (doubt := doubt_unit(size, unit)):
+    if unit is not None and (doubt := unit_warning(size, unit)):
         warnings.append(doubt)
     return tuple(warnings)

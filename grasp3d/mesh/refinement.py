@@ -8,7 +8,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from grasp3d.arrays import Floats, Ints, first_at_place, unit_rows
+from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, paired_edges
 
@@ -46,7 +46,7 @@ def refine(
         rows, normals.corners, max_edge * (1.0 + 1e-9), max_iter=MAX_ROUNDS
     )
     count = len(normals.vertices)
-    first = first_at_place(rows[:, :3])  # the two sides of a crease make the same midpoints
+    first = first_at_position(rows[:, :3])  # the two sides of a crease make the same midpoints
     if len(paired_edges(faces)[0]) * 2 < faces.size:
         first = _first_nearby(rows[:, :3], count, 8.0 * max(rounding, np.finfo(np.float64).eps))
     own = (first == np.arange(len(rows))) & (np.arange(len(rows)) >= count)

@@ -51,7 +51,7 @@ def guess_unit(size: float) -> UnitGuess:
     return UnitGuess(likely[0], f"largest extent {size:.4g}: {told}")
 
 
-def doubt_unit(size: float, unit: Unit) -> str:
+def unit_warning(size: float, unit: Unit) -> str:
     """Say why a stated unit is hardly right; empty where it may be.
 
     Args:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
-from grasp3d.classification import classify
-from grasp3d.contacts import Contacts
+from grasp3d.contact.contacts import Contacts
 from grasp3d.paper.markdown import table
-from grasp3d.progress import Progress
-from grasp3d.stability import Label
+from grasp3d.stability.classification import classify
+from grasp3d.stability.label import Label
+from grasp3d.system.progress import Progress
 
 SAMPLES = {2: (2000, (4, 8, 16, 32)), 3: (500, (4, 8, 16)), 4: (200, (4, 8))}
 """For each number of fingers: how many grasps, and the numbers of extreme normals on a rim."""
@@ -83,7 +83,7 @@ def random_grasps(fingers: int, count: int, seed: int = SEED) -> tuple[Contacts,
     """
     rng = np.random.default_rng([seed, fingers])
     points = rng.normal(size=(count, fingers, 3))
-    if fingers == 2:  # noqa: PLR2004
+    if fingers == 2:
         points[:, 1] = -points[:, 0] + 0.25 * rng.normal(size=(count, 3))
     points /= np.linalg.norm(points, axis=-1, keepdims=True)
     normals = -points + 0.25 * rng.normal(size=points.shape)

@@ -2,12 +2,12 @@
 
 from collections.abc import Callable
 
-from grasp3d.paper.settings import PaperSettings
+from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import Circle, Outline, scan, square
 from grasp3d.plots.combinations import combinations_figure
 from grasp3d.plots.cones import cone_figure
 from grasp3d.plots.curves import curves_figure
-from grasp3d.plots.shares import ceiling_figure, shares_figure
+from grasp3d.plots.fraction_figures import ceiling_figure, shares_figure
 from grasp3d.plots.style import Drawing
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.sweeps import Sweep, sweep

@@ -5,13 +5,13 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
-from grasp3d.distributions import AngleDistribution, accuracy_ceiling
 from grasp3d.paper.markdown import percent, shares, table
 from grasp3d.paper.objects import ScannedObject
+from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.paper.quoted import quoted_numbers
-from grasp3d.paper.settings import PaperSettings
 from grasp3d.planar import Circle, Outline, PlanarScan, scan, square
 from grasp3d.settings import GraspModel
+from grasp3d.stability.angle_distributions import AngleDistribution, accuracy_ceiling
 
 DEGREES = (5.0, 10.0, 15.0, 22.6, 30.0, 45.0, 60.0, 90.0, 100.0, 120.0)
 """Resolutions of the tables [degrees]."""

@@ -12,20 +12,21 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats
-from grasp3d.distributions import AngleDistribution, SphereAngles
 from grasp3d.errors import SettingError
-from grasp3d.labels import SurfaceLabels
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
-from grasp3d.paper.settings import PaperSettings
+from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.plots.painting import painted
 from grasp3d.plots.style import Drawing
 from grasp3d.plots.surfaces import fixed_fingers, surface_figure
-from grasp3d.progress import Progress
 from grasp3d.rendering import View
 from grasp3d.settings import DEGREE, GraspModel
-from grasp3d.surface import label_surface, scan_surface
+from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
+from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.scanning import scan_surface
 from grasp3d.sweeps import Sweep, sweep
+from grasp3d.system.progress import Progress
 
 BELOW = (0.0, 0.0, -1.0)
 """Where the first finger stands on the solids: in the middle underneath, as on the square."""

@@ -2,10 +2,10 @@
 
 import math
 
-from grasp3d.distributions import SphereAngles
+from grasp3d.contact.sensor import Sensor, resolution_limit
 from grasp3d.paper.markdown import percent, table
 from grasp3d.planar import circle_fractions, square_fractions
-from grasp3d.sensor import Sensor, resolution_limit
+from grasp3d.stability.angle_distributions import SphereAngles
 
 RADIUS = 10.0
 """Of the paper's hemispherical fingertip, 2 cm across [mm]."""

@@ -5,13 +5,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from grasp3d.labels import SurfaceLabels
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.convergence import ALLOWED
 from grasp3d.paper.markdown import shares, table
-from grasp3d.paper.settings import PaperSettings
+from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.settings import DEGREE, GraspModel
-from grasp3d.surface import label_surface, scan_surface
+from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.scanning import scan_surface
 
 BELOW = (0.0, 0.0, -1.0)
 """Where the first finger stands in scans."""

@@ -6,7 +6,6 @@ from pathlib import Path
 import numpy.typing as npt
 
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.files import check_writable, written_whole
 from grasp3d.paper.convergence import comparisons, convergence_tables
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.numbers import numbers_page
@@ -17,11 +16,12 @@ from grasp3d.paper.objects import (
     real_object,
     solids,
 )
-from grasp3d.paper.settings import PaperSettings
+from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.paper.surfaces import surface_table
 from grasp3d.plots.formats import save
-from grasp3d.progress import Progress, ignore, within
 from grasp3d.rendering import can_render
+from grasp3d.system.files import check_writable, written_whole
+from grasp3d.system.progress import Progress, ignore, within
 
 NUMBERS = "numbers.md"
 SOLIDS = ("sphere", "box", "cylinder")

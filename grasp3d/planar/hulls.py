@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import Bools, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import Places
-from grasp3d.quality import epsilon_of_wrenches
+from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
 from grasp3d.settings import Actuation
 
 MOST_NORMALS = 64

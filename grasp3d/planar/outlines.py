@@ -9,12 +9,12 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Floats, locked
-from grasp3d.distributions import AngleDistribution, check_share
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import STRAIGHT, Places
+from grasp3d.planar.fractions import length_below
 from grasp3d.planar.polygons import TINY, area_centroid, length, simple_polygon
-from grasp3d.planar.shares import length_below
 from grasp3d.settings import whole
+from grasp3d.stability.angle_distributions import AngleDistribution, check_fraction
 
 
 class Outline(AngleDistribution):
@@ -120,7 +120,7 @@ class Circle(Outline):
 
     def worst_quantile(self, share: float) -> float:
         """See `AngleDistribution`: the inverse."""
-        check_share(share)
+        check_fraction(share)
         return share * math.pi / 2.0
 
 

@@ -77,7 +77,7 @@ def _finite_points(corners: npt.ArrayLike) -> Floats:
         points = np.asarray(corners, dtype=np.float64)
     except (TypeError, ValueError) as error:
         raise SettingError(f"corners must be an array of numbers: {error}") from error
-    if points.ndim != 2 or points.shape[1] != 2:  # noqa: PLR2004
+    if points.ndim != 2 or points.shape[1] != 2:
         raise SettingError(f"corners must have shape (k, 2); got {points.shape}")
     if len(points) < FEWEST:
         raise SettingError(f"an outline needs at least {FEWEST} corners; got {len(points)}")

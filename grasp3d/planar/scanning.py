@@ -8,14 +8,15 @@ from typing import Literal, get_args
 import numpy as np
 
 from grasp3d.arrays import Bools, Bytes, Floats, locked
-from grasp3d.cones import effective_friction
+from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import STRAIGHT, TIE, Places, critical_angles
 from grasp3d.planar.hulls import Pairs, Span, extreme_normals, face_normals, tested_normals
 from grasp3d.planar.outlines import Outline
 from grasp3d.planar.polygons import TINY
 from grasp3d.settings import GraspModel, whole
-from grasp3d.stability import Label, label_angles
+from grasp3d.stability.label import Label
+from grasp3d.stability.thresholds import label_angles
 
 Kind = Literal["exact", "extremes", "four"]
 

@@ -23,7 +23,7 @@ from grasp3d.plots.cones import (
 )
 from grasp3d.plots.style import COLUMN, LABEL_COLORS, bare, new_figure, styled
 from grasp3d.settings import GraspModel
-from grasp3d.stability import Label
+from grasp3d.stability.label import Label
 
 LOST = 1.0 / 3.0
 """Share of the tilt that the drawn grasp can lose: so it is ambiguous."""

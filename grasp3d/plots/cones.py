@@ -13,7 +13,7 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.plots.style import COLUMN, LABEL_COLORS, LINES, bare, new_figure, styled
 from grasp3d.settings import GraspModel
-from grasp3d.stability import Label
+from grasp3d.stability.label import Label
 
 OBJECT, DARK = "#F1F1F1", "#333333"
 UP = math.pi / 2.0

@@ -7,8 +7,8 @@ from typing import Any
 from matplotlib import style
 from matplotlib.figure import Figure
 
-from grasp3d.files import check_suffix, written_whole
 from grasp3d.plots.style import styled
+from grasp3d.system.files import check_suffix, written_whole
 
 DPI = 300
 

@@ -21,7 +21,7 @@ from grasp3d.plots.style import (
     new_figure,
     styled,
 )
-from grasp3d.stability import MEANING, Label
+from grasp3d.stability.label import MEANING, Label
 from grasp3d.sweeps import Sweep
 
 PANEL = 1.7

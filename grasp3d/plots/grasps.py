@@ -7,13 +7,13 @@ from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.labels import SurfaceLabels
 from grasp3d.plots.painting import painted
 from grasp3d.plots.style import PAGE, as_text, label_patches, new_figure, styled
 from grasp3d.plots.views import views_of
-from grasp3d.progress import Progress, ignore
 from grasp3d.rendering import Finger, extent_of
-from grasp3d.stability import MEANING, Label
+from grasp3d.stability.label import MEANING, Label
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.progress import Progress, ignore
 
 COLUMNS = 4
 HEIGHT = 1.9

@@ -6,12 +6,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, unit_rows
-from grasp3d.contacts import Contacts
-from grasp3d.critical import critical_friction_angle
-from grasp3d.labels import Reason, SurfaceLabels
+from grasp3d.contact.contacts import Contacts
+from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.rendering import Finger, View, picture
 from grasp3d.settings import GraspModel
-from grasp3d.stability import COLORS, Label, unstable_from
+from grasp3d.stability.label import COLORS, Label
+from grasp3d.stability.thresholds import unstable_from
+from grasp3d.surface.labels import Reason, SurfaceLabels
 
 PLACE, NORMAL, WORST, BEST, COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8
 """What is known at the corner of a triangle."""
@@ -120,7 +121,7 @@ def _cut(corners: Floats, column: int, limit: float) -> tuple[Floats, Floats]:
     """
     below = corners[..., column] < limit  # (n, 3)
     count = below.sum(axis=1)
-    sides = {True: [corners[count == 3]], False: [corners[count == 0]]}  # noqa: PLR2004
+    sides = {True: [corners[count == 3]], False: [corners[count == 0]]}
     for alone, size in ((True, 1), (False, 2)):
         cut = count == size
         first = np.argmax(below[cut] == alone, axis=1)  # the corner that lies alone on its side

@@ -13,7 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
-from grasp3d.stability import COLORS, MEANING, Label
+from grasp3d.stability.label import COLORS, MEANING, Label
 
 Parameters = ParamSpec("Parameters")
 Made = TypeVar("Made")

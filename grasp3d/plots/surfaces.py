@@ -10,10 +10,10 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from grasp3d.arrays import Bytes
-from grasp3d.labels import SurfaceLabels
-from grasp3d.plots.shares import CLOSED_FORM, draw_shares
+from grasp3d.plots.fraction_figures import CLOSED_FORM, draw_shares
 from grasp3d.plots.style import PAGE, label_patches, new_figure, styled
 from grasp3d.rendering import Finger
+from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.sweeps import Sweep
 
 HEIGHT = 2.75

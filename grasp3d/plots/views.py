@@ -6,10 +6,10 @@ import math
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats
-from grasp3d.rays import SurfaceRays
+from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.rendering import ARROW, View
 from grasp3d.settings import DEGREE
-from grasp3d.surface_contacts import SurfaceContacts
+from grasp3d.surface.contacts import SurfaceContacts
 
 AZIMUTHS = 24
 """Directions about the object from which it may be seen."""

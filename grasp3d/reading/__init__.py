@@ -1,6 +1,6 @@
 """From a mesh file to plain arrays, without trusting the file."""
 
-from grasp3d.reading.files import read_mesh
+from grasp3d.reading.mesh_files import read_mesh
 from grasp3d.reading.sources import RawMesh, check_finite, mesh_suffixes
 
 __all__ = ["RawMesh", "check_finite", "mesh_suffixes", "read_mesh"]

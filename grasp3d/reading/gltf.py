@@ -46,7 +46,7 @@ def readable_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
 def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
     """The JSON of a GLB, and its binary data."""
     magic, version, length = struct.unpack_from("<4sII", data.ljust(12, b"\0"))
-    if magic != b"glTF" or version != 2:  # noqa: PLR2004
+    if magic != b"glTF" or version != 2:
         raise MeshError(f"{source.where}: cannot be read as GLB, version 2; {source.hint}")
     found: dict[int, bytes] = {}
     at, end = 12, min(length, len(data))

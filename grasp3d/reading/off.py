@@ -26,13 +26,13 @@ def plain_off(source: Source, data: bytes) -> bytes:
     for number, line in enumerate(lines[start : start + faces]):
         words = line.split()
         count = int(words[0]) if words[0].isdigit() else 0
-        if not 3 <= count < min(len(words), MOST_CORNERS + 1):  # noqa: PLR2004
+        if not 3 <= count < min(len(words), MOST_CORNERS + 1):
             text = line.decode("utf-8", "replace")[:40]
             raise MeshError(
                 f"{source.where}: face {number} ({text!r}) has not the corners that it promises, "
                 f"of which 3 to {MOST_CORNERS:,} are read; export the mesh again"
             )
-        if count <= 4:  # noqa: PLR2004
+        if count <= 4:
             kept.append(line)
         else:
             first, *rest = words[1 : count + 1]

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import trimesh
 
-from grasp3d.arrays import first_at_place
+from grasp3d.arrays import first_at_position
 from grasp3d.errors import MeshError
 from grasp3d.reading.gltf import readable_gltf
 from grasp3d.reading.obj import explain_obj, geometry_of_obj
@@ -176,7 +176,7 @@ def _flattened(source: Source, scene: trimesh.Scene) -> RawMesh:
             "with a surface (not a point cloud, a drawing or another format renamed)?"
         )
     if source.kind == "stl":  # every face brings its own three vertices: keep the first at a place
-        first, faces = np.unique(first_at_place(vertices)[faces], return_inverse=True)
+        first, faces = np.unique(first_at_position(vertices)[faces], return_inverse=True)
         vertices, faces = vertices[first], faces.reshape(-1, 3)
     declared = "m" if source.kind in {"glb", "gltf"} else str(scene.units or "").lower()
     return RawMesh(vertices, faces, source.kind, _UNIT_NAMES.get(declared))

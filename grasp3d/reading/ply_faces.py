@@ -150,7 +150,7 @@ def _corners(
                 f"{source.where}: promises {element.count:,} faces, but {face:,} are there; is "
                 "the file complete?"
             )
-        if not 3 <= count <= MOST_CORNERS:  # noqa: PLR2004
+        if not 3 <= count <= MOST_CORNERS:
             raise MeshError(
                 f"{source.where}: face {face} has {count} corners; 3 to {MOST_CORNERS:,} are read"
             )

@@ -83,7 +83,7 @@ def binary_stl_faces(source: Source) -> int | None:
 
 def _binary(head: bytes) -> bool:
     """Tell binary data from prose: a header of text, but bytes that are no text after it."""
-    return any(byte < 9 or 13 < byte < 32 for byte in head)  # noqa: PLR2004
+    return any(byte < 9 or 13 < byte < 32 for byte in head)
 
 
 def _check_stl(source: Source) -> None:

@@ -9,8 +9,8 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import MeshError
-from grasp3d.names import printable
 from grasp3d.settings import Unit
+from grasp3d.system.names import printable
 
 TRUSTED = ("stl", "ply", "obj", "off")
 """Formats whose size can be told from a header or from the file's own size; they are read here."""

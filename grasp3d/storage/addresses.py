@@ -11,7 +11,7 @@ from typing import Any
 from urllib.parse import unquote, urlsplit
 
 from grasp3d.errors import GraspError
-from grasp3d.names import printable
+from grasp3d.system.names import printable
 
 _LOCAL = ("file://", "local://")
 _PACKAGES = {"s3": "s3fs", "s3a": "s3fs"}
@@ -28,7 +28,7 @@ def local_path(source: str) -> Path | None:
 
 def system_of(url: str) -> tuple[Any, str]:
     """The file system of an address, and the path in it."""
-    import fsspec  # noqa: PLC0415, whoever works on this machine alone needs none
+    import fsspec
 
     system, path = fsspec.core.url_to_fs(url)
     return system, path

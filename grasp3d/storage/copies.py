@@ -6,9 +6,9 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 
 from grasp3d.errors import GraspError, MeshError, MeshUnreadError
-from grasp3d.names import printable, safe_stem
 from grasp3d.reading.side_files import side_names
 from grasp3d.storage.addresses import failures_told, local_path, system_of
+from grasp3d.system.names import printable, safe_stem
 
 
 @contextmanager

@@ -10,10 +10,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grasp3d.errors import MeshError, OutputError
-from grasp3d.files import PART, written_whole
-from grasp3d.names import printable
 from grasp3d.storage.addresses import failures_told, local_path, system_of
 from grasp3d.storage.listing import entries
+from grasp3d.system.files import PART, written_whole
+from grasp3d.system.names import printable
 
 try:
     import fcntl

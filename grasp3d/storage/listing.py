@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from grasp3d.errors import MeshError
-from grasp3d.names import printable
 from grasp3d.storage.addresses import failures_told, local_path, system_of
+from grasp3d.system.names import printable
 
 _STAMPS = ("ETag", "etag", "md5Hash", "content_md5", "LastModified", "last_modified", "mtime",
            "updated", "modified", "created")  # fmt: skip
@@ -81,7 +81,7 @@ def entries(source: str, *, depth: int | None = None) -> list[Entry]:
 
 def named_like(pattern: str) -> Callable[[str], object]:
     """Give what tells whether a name fits a pattern; `**` stands for any folders, or none."""
-    from fsspec.utils import glob_translate  # noqa: PLC0415, few need it
+    from fsspec.utils import glob_translate
 
     try:
         return re.compile(glob_translate(pattern)).match

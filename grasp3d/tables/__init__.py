@@ -1,6 +1,6 @@
 """Tables as files: CSV or Parquet, of columns or of records."""
 
-from grasp3d.tables.files import (
+from grasp3d.tables.columns import (
     SUFFIXES,
     read_columns,
     write_arrays,

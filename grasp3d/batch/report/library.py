@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report.words import settings_in_words
 from grasp3d.batch.row import Row, Share
-from grasp3d.batch.settings import BatchSettings
 
 VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
 """Where the scripts of the objects lie, below the output folder."""

@@ -12,7 +12,7 @@ from grasp3d.batch.row import BestGrasp
 from grasp3d.settings import Sampling, search_cone
 
 if TYPE_CHECKING:
-    from grasp3d.labels import SurfaceLabels
+    from grasp3d.surface.labels import SurfaceLabels
 
 FORMAT = 1
 """Of the script; the page refuses others."""

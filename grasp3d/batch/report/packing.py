@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.names import printable
+from grasp3d.system.names import printable
 
 LEVEL = 6
 """Of compression; higher ones take longer and save next to nothing."""

@@ -6,11 +6,11 @@ from datetime import UTC, datetime
 from importlib.resources import files
 from typing import Protocol
 
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report.library import library_data, object_list
 from grasp3d.batch.report.packing import json_text
 from grasp3d.batch.row import Row
-from grasp3d.batch.settings import BatchSettings
-from grasp3d.versions import package_version
+from grasp3d.system.versions import package_version
 
 FOLDER = "report/"
 """Of the report, below the output folder."""

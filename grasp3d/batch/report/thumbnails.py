@@ -10,10 +10,10 @@ from PIL import Image
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.batch.report.views import telling_view, thickened
 from grasp3d.rendering import AMBIENT, LAMP
-from grasp3d.stability import COLORS, Label
+from grasp3d.stability.label import COLORS, Label
 
 if TYPE_CHECKING:
-    from grasp3d.labels import SurfaceLabels
+    from grasp3d.surface.labels import SurfaceLabels
 
 WIDTH, HEIGHT = 128, 96
 """Of the picture [pixels]."""
@@ -74,7 +74,7 @@ class _Scene:
 
     def __init__(self, labels: "SurfaceLabels", seen: Floats, axes: Floats) -> None:
         # Loaded here: whoever writes pages needs no rays and no compiler.
-        from grasp3d.rays import FaceRays  # noqa: PLC0415
+        from grasp3d.mesh.ray_tracing import FaceRays
 
         mesh = labels.mesh
         self._mesh, self._label = mesh, labels.label

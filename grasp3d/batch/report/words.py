@@ -3,7 +3,7 @@
 import math
 from collections.abc import Iterator
 
-from grasp3d.batch.settings import BatchSettings
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 PAIR = 2

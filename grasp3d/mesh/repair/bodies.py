@@ -85,7 +85,7 @@ class Bodies:
         """Closed bodies that lie wholly within closed others: the inner and outer of each pair."""
         chosen = np.flatnonzero(~self.open & (self.volumes != 0.0))
         own = np.isin(self.body, chosen)
-        if len(chosen) < 2:  # noqa: PLR2004
+        if len(chosen) < 2:
             return chosen[:0], chosen[:0]
         inner, outer = nested(
             self.points,

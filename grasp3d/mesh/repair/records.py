@@ -26,12 +26,12 @@ class RepairStep:
     """What was done, in one word for programs: welded, collapsed, repeated, ..."""
     count: int
     """Vertices, faces or bodies that were changed."""
-    told: str
+    message: str
     """What was done, to be read after the count."""
 
     def __str__(self) -> str:
         """Say it in one sentence."""
-        return f"{self.count} {self.told}"
+        return f"{self.count} {self.message}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -41,7 +41,7 @@ class RepairedSurface:
     vertices: Floats
     """Positions (V', 3): those that were given, unmoved and in their order, then added ones."""
     faces: Ints
-    """Faces (F', 3), counter-clockwise from outside as far as that can be told."""
+    """Faces (F', 3), counter-clockwise from outside as far as that can be message."""
     canonical: Ints
     """For every vertex the one that stands for it, shape (V',); faces use no others."""
     closed: bool

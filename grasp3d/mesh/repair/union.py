@@ -6,7 +6,7 @@ import manifold3d
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Floats, Ints, first_at_place
+from grasp3d.arrays import Floats, Ints, first_at_position
 from grasp3d.mesh.measures import has_area
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.repair.boxes import overlap_groups
@@ -130,7 +130,7 @@ def _joint(points: Floats, whole: manifold3d.Manifold, solids: list[Solid], touc
     )
     places = np.concatenate([solid.places for solid in solids])
     found = np.asarray(mesh.vert_properties)[:, :3]
-    same = first_at_place(np.concatenate([places, found]))[len(places) :]
+    same = first_at_position(np.concatenate([places, found]))[len(places) :]
     new = same >= len(places)
     number = len(given) + np.cumsum(new) - 1
     number[~new] = corners[same[~new]]

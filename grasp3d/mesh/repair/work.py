@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, Ints, first_at_place
+from grasp3d.arrays import Bools, Floats, Ints, first_at_position
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import (
     edges_of,
@@ -37,7 +37,7 @@ class Work:
         self.where, self.vertices = where, vertices
         self.steps: list[RepairStep] = []
         self.warnings: list[str] = []
-        self.place = first_at_place(vertices)
+        self.place = first_at_position(vertices)
         self.canonical = first_of_body(faces, self.place) if apart else self.place
         self.faces = self.canonical[faces]
         joined = int((self.place != np.arange(len(vertices))).sum())

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass, field
 
 from grasp3d.settings import GraspModel
-from grasp3d.stability import MEANING, Label, Mode
+from grasp3d.stability.label import MEANING, Label, Mode
 from grasp3d.viewer.scene.layout import (
     EDGE,
     QUIET,

@@ -185,7 +185,7 @@ def legend_of(paper: Paper, entries: Sequence[Entry]) -> Legend:
     whole = paper.width - 2.0 * paper.margin
     for full in (True, False):
         lines = _flowed(paper, entries, beside, full=full)
-        if len(lines) <= 2:  # noqa: PLR2004
+        if len(lines) <= 2:
             return Legend(full, lines, 0.6 * paper.margin)
     lines = _flowed(paper, entries, whole, full=False)
     return Legend(full=False, lines=lines, foot=0.8 * paper.margin + 2.0 * paper.size)

@@ -8,7 +8,7 @@ import pyvista
 from vtkmodules.vtkRenderingCore import vtkMapper
 
 from grasp3d.arrays import Floats, unit_rows
-from grasp3d.cones import tangents
+from grasp3d.contact.friction_cones import tangents
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import dots
 from grasp3d.viewer.scene.solids import (
@@ -208,7 +208,7 @@ def _joined(points: Floats) -> tuple[Floats, Floats]:
     """Ends of the lines between contacts; all pairs of three, neighbours of more."""
     count = len(points)
     pairs = list(combinations(range(count), 2))
-    if count > 3:  # noqa: PLR2004
+    if count > 3:
         pairs = [(one, (one + 1) % count) for one in range(count)]
     first, second = np.array(pairs).T
     return points[first], points[second]

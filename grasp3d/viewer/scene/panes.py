@@ -11,8 +11,8 @@ from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.framing import dots
 from grasp3d.viewer.scene.solids import lines
 from grasp3d.viewer.session.painting import picture, places, washed_out
-from grasp3d.viewer.settings import Paint
 from grasp3d.viewer.subjects.subject import Subject
+from grasp3d.viewer.view_settings import Paint
 
 INSIDE = "#8C857B"
 """The back of faces, where a section opens the object or its mesh is open."""

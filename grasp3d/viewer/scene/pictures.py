@@ -13,14 +13,14 @@ from PIL import Image
 
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, OutputError, SettingError
-from grasp3d.files import check_suffix, check_writable, written_whole
-from grasp3d.names import safe_stem
-from grasp3d.progress import Progress, ignore, within
 from grasp3d.rendering import View, check_rendering, choose_window
+from grasp3d.system.files import check_suffix, check_writable, written_whole
+from grasp3d.system.names import safe_stem
+from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.album import Album
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.settings import LEAST_HEIGHT, LEAST_WIDTH, ViewSettings
+from grasp3d.viewer.view_settings import LEAST_HEIGHT, LEAST_WIDTH, ViewSettings
 
 FINE = 2
 """Pixels that are drawn for each of a picture, across and down; their mean is shown."""
@@ -121,7 +121,7 @@ def save_turntable(
     Raises:
         GraspError: There is no OpenGL here, the object cannot be shown or the file not written.
     """
-    if not 2 <= frames <= MOST_FRAMES or not 0.0 < seconds <= LONGEST:  # noqa: PLR2004
+    if not 2 <= frames <= MOST_FRAMES or not 0.0 < seconds <= LONGEST:
         raise SettingError(
             f"a turntable has from 2 to {MOST_FRAMES} frames and takes up to {LONGEST:g} seconds; "
             f"got {frames} and {seconds:g}"
@@ -254,7 +254,7 @@ def _write_gif(
 
 def _check_video() -> None:
     try:
-        import imageio_ffmpeg  # noqa: F401, PLC0415
+        import imageio_ffmpeg  # noqa: F401
     except ImportError as error:
         raise OutputError(
             "films as .mp4 need ffmpeg: pip install 'grasp3d[video]'; a .gif needs nothing more"
@@ -263,7 +263,7 @@ def _check_video() -> None:
 
 def _write_video(path: Path, shots: Iterator[Bytes], rate: float) -> None:
     """Write H.264 as every player has it, which takes even numbers of pixels."""
-    import imageio_ffmpeg  # noqa: PLC0415
+    import imageio_ffmpeg
 
     first = _even(next(shots))
     height, width = first.shape[:2]

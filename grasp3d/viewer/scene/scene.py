@@ -29,8 +29,8 @@ from grasp3d.viewer.scene.panes import Pane
 from grasp3d.viewer.scene.picking import prepare, vertex_at
 from grasp3d.viewer.session.inspecting import Inspected
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.settings import ViewSettings
 from grasp3d.viewer.subjects.subject import Subject
+from grasp3d.viewer.view_settings import ViewSettings
 
 if TYPE_CHECKING:
     from grasp3d.viewer.session.album import Exhibit
@@ -226,7 +226,7 @@ class Scene:
     def _numbered(self, number: int, paper: Paper, per_pixel: float) -> list[Item]:
         """Numbers of the contacts of a grasp, where it is seen in a pane now."""
         subject, inspected = self._subject, self._inspected
-        if subject is None or inspected is None or len(inspected.points) < 2:  # noqa: PLR2004
+        if subject is None or inspected is None or len(inspected.points) < 2:
             return []
         renderer, points = self._panes[number].renderer, inspected.points
         tips = points + BALL * subject.size * inspected.normals

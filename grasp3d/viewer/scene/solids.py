@@ -8,7 +8,7 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Floats, Ints, unit_rows
-from grasp3d.cones import tangents
+from grasp3d.contact.friction_cones import tangents
 
 ROUND = 40
 """Corners of a circle."""

@@ -9,12 +9,12 @@ from typing import TypeVar
 
 from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.labels import SurfaceLabels
 from grasp3d.mesh import prepare_file
-from grasp3d.names import as_unicode, printable
-from grasp3d.progress import Progress, within
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_searched
-from grasp3d.surface import label_surface
+from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.names import as_unicode, printable
+from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.inspecting import warm_up
 from grasp3d.viewer.subjects.file_settings import FileSettings
 from grasp3d.viewer.subjects.labelled_file import settings_of_file

@@ -4,9 +4,10 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
-from grasp3d.labels import Reason
 from grasp3d.settings import GraspModel
-from grasp3d.stability import Label, Mode, unstable_from
+from grasp3d.stability.label import Label, Mode
+from grasp3d.stability.thresholds import unstable_from
+from grasp3d.surface.labels import Reason
 from grasp3d.viewer.session.painting import UNSEARCHED
 
 SAME = 1e-4

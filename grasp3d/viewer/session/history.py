@@ -30,7 +30,7 @@ class History:
     def undo(self) -> None:
         """Choose again what was chosen before."""
         self.note()
-        if len(self._past) < 2:  # noqa: PLR2004
+        if len(self._past) < 2:
             self._session.tell("nothing to undo")
             return
         self._past.pop()

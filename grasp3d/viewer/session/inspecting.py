@@ -6,12 +6,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.labels import Reason, SurfaceLabels
-from grasp3d.mesh.places import SurfacePlaces
+from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
-from grasp3d.stability import max_resolution
-from grasp3d.surface_contacts import SurfaceContacts
-from grasp3d.surface_epsilons import surface_epsilons
+from grasp3d.stability.thresholds import max_resolution
+from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.epsilon import surface_epsilons
+from grasp3d.surface.labels import Reason, SurfaceLabels
 from grasp3d.viewer.session.explaining import PAIR, Case, explain
 from grasp3d.viewer.session.painting import codes_of, is_of
 from grasp3d.viewer.subjects.subject import Subject
@@ -157,7 +157,7 @@ def _epsilons(subject: Subject, vertex: int, model: GraspModel) -> list[str]:
 def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]:
     """Fingers of a vertex's grasp that are on creases; of a file that of the vertex alone."""
     labels = subject.labels
-    if several and labels is not None and (labels.places.faces[vertex, 0] >= 0).all():
+    if several and labels is not None and (labels.partner_points.faces[vertex, 0] >= 0).all():
         return tuple(int(finger) for finger in np.flatnonzero(_grasp(labels, vertex).on_crease[0]))
     sides = np.count_nonzero(subject.corner_normals.vertices == vertex)
     return (0,) if sides > 1 else ()
@@ -165,13 +165,13 @@ def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]
 
 def _grasp(labels: SurfaceLabels, vertex: int) -> SurfaceContacts:
     """A vertex and the other contacts of its grasp."""
-    mesh, places = labels.mesh, labels.places
+    mesh, places = labels.mesh, labels.partner_points
     own = int(mesh.canonical[vertex])
     face, corner = divmod(int(np.argmax(mesh.faces.ravel() == own)), 3)
-    first = SurfacePlaces(np.array([[face]]), np.eye(3)[corner][None, None])
+    first = SurfacePoints(np.array([[face]]), np.eye(3)[corner][None, None])
     return SurfaceContacts(
         mesh,
-        SurfacePlaces(
+        SurfacePoints(
             np.concatenate([first.faces, places.faces[vertex, 0][None]], axis=1),
             np.concatenate([first.weights, places.weights[vertex, 0][None]], axis=1),
         ),

@@ -13,9 +13,10 @@ from matplotlib import colormaps
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.settings import GraspModel
-from grasp3d.stability import COLORS, Label, label_angles, unstable_from
-from grasp3d.viewer.settings import Paint
+from grasp3d.stability.label import COLORS, Label
+from grasp3d.stability.thresholds import label_angles, unstable_from
 from grasp3d.viewer.subjects.subject import Subject
+from grasp3d.viewer.view_settings import Paint
 
 UNSEARCHED = 3
 """Code of vertices of which nothing can be told, as the search did not go far enough."""

@@ -17,7 +17,7 @@ from grasp3d.viewer.subjects.subject import Subject
 if TYPE_CHECKING:
     from collections.abc import Callable
 
-    from grasp3d.progress import Progress
+    from grasp3d.system.progress import Progress
     from grasp3d.viewer.session.album import Exhibit
 
 PAUSE = 0.4
@@ -129,23 +129,23 @@ def awaited(subject: Subject, shown: Shown) -> str:
         return f"labels for {count} fixed {'finger' if count == 1 else 'fingers'}"
     if subject.model.fingers != fingers:
         return f"grasps for {fingers} fingers"
-    limit = "largest opening" if fingers == 2 else "reach"  # noqa: PLR2004
+    limit = "largest opening" if fingers == 2 else "reach"
     return f"grasps for this {limit}"
 
 
 def reach_of(sampling: Sampling, model: GraspModel) -> float:
     """How far apart contacts may be."""
-    return sampling.max_opening if model.fingers == 2 else sampling.max_spread  # noqa: PLR2004
+    return sampling.max_opening if model.fingers == 2 else sampling.max_spread
 
 
 def within_reach(sampling: Sampling, shown: Shown) -> Sampling:
     """The search that is asked for; limits of another number of fingers fall away."""
     usual, reach = Sampling(), shown.max_opening
-    if shown.model.fingers == 2:  # noqa: PLR2004
+    if shown.model.fingers == 2:
         return replace(
             sampling, max_opening=reach, min_opening=min(sampling.min_opening, reach),
             candidates=usual.candidates, min_separation=None, max_spread=math.inf,
-            places=usual.places, seed=usual.seed,
+            candidate_points=usual.candidate_points, seed=usual.seed,
         )  # fmt: skip
     apart = sampling.min_separation
     return replace(

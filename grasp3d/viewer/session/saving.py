@@ -6,8 +6,8 @@ from pathlib import Path
 
 from grasp3d.errors import SettingError
 from grasp3d.export import writer_for
-from grasp3d.progress import Progress, within
 from grasp3d.settings import GraspModel, Sampling
+from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.searching import prepared, searched
 from grasp3d.viewer.subjects.subject import Epsilons, Subject
 

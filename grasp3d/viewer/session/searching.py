@@ -8,13 +8,14 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.labels import Reason, SearchReport, SurfaceLabels
 from grasp3d.mesh import ObjectMesh, mesh_from_arrays
-from grasp3d.mesh.places import SurfacePlaces, nearest_places
-from grasp3d.processors import available_processors
-from grasp3d.progress import Progress, within
+from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GraspModel, Sampling, search_cone
-from grasp3d.surface import label_surface, scan_surface
+from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labels import Reason, SearchReport, SurfaceLabels
+from grasp3d.surface.scanning import scan_surface
+from grasp3d.system.processors import available_processors
+from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.inspecting import warm_up
 from grasp3d.viewer.session.painting import labels_at
 from grasp3d.viewer.session.state import Places
@@ -96,7 +97,7 @@ def scanned(subject: Subject, model: GraspModel, fixed: Places, progress: Progre
 
 
 def prepared(subject: Subject, progress: Progress) -> Subject:
-    """Prepare the mesh of a file that names the partners, and find their places on it.
+    """Prepare the mesh of a file that names the partners, and find their surface points.
 
     Raises:
         SettingError: The file does not name them.
@@ -110,7 +111,7 @@ def prepared(subject: Subject, progress: Progress) -> Subject:
     progress(0.5)
     found = (subject.reason == Reason.FOUND) & mesh.on_surface
     held = np.flatnonzero(found & np.isfinite(subject.partners).all(axis=(1, 2)))
-    places = _places_of(mesh, subject.partners, held, within(progress, 0.5, 1.0))
+    points = _partner_points_of(mesh, subject.partners, held, within(progress, 0.5, 1.0))
     labels = SurfaceLabels(
         mesh=mesh,
         model=subject.model,
@@ -120,7 +121,7 @@ def prepared(subject: Subject, progress: Progress) -> Subject:
         critical_angle_best=subject.critical_angle_best,
         partners=subject.partners,
         partner_normals=_normals_of(subject),
-        places=places,
+        partner_points=points,
         opening=subject.opening,
         grip=subject.grip if subject.grip is not None else locked(np.zeros(count), np.int8),
         reason=locked(np.where(mesh.on_surface, subject.reason, Reason.OFF_SURFACE), np.uint8),
@@ -152,12 +153,14 @@ def difference(subject: Subject, other: Subject) -> float:
     return float(subject.weights[one != two].sum())
 
 
-def _places_of(mesh: ObjectMesh, partners: Floats, held: Ints, progress: Progress) -> SurfacePlaces:
+def _partner_points_of(
+    mesh: ObjectMesh, partners: Floats, held: Ints, progress: Progress
+) -> SurfacePoints:
     """Where on the faces partners (V, n - 1, 3) are, twice: the best grasp over either normals."""
     count, others = partners.shape[:2]
     faces = np.full((count, 2, others), -1, dtype=np.int64)
     weights = np.zeros((count, 2, others, 3))
-    near, _, off = nearest_places(
+    near, _, off = nearest_surface_points(
         mesh, partners[held].reshape(-1, 3), limit=1e-3 * mesh.size,
         threads=available_processors(), progress=progress,
     )  # fmt: skip
@@ -165,7 +168,7 @@ def _places_of(mesh: ObjectMesh, partners: Floats, held: Ints, progress: Progres
         raise MeshError("the partners that the file names are not on its surface; label it again")
     faces[held] = near.faces.reshape(-1, 1, others)
     weights[held] = near.weights.reshape(-1, 1, others, 3)
-    return SurfacePlaces(locked(faces), locked(weights))
+    return SurfacePoints(locked(faces), locked(weights))
 
 
 def _normals_of(subject: Subject) -> Floats:

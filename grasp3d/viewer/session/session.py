@@ -5,8 +5,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
-from grasp3d.progress import Progress, ignore
 from grasp3d.settings import MOST_SEARCHED, GraspModel
+from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.session.album import Album
 from grasp3d.viewer.session.inspecting import Inspected, inspect
 from grasp3d.viewer.session.planning import (
@@ -23,8 +23,8 @@ from grasp3d.viewer.session.saving import check_savable, written
 from grasp3d.viewer.session.searching import difference
 from grasp3d.viewer.session.state import Shown, choose
 from grasp3d.viewer.session.work import Ended, Worker
-from grasp3d.viewer.settings import ViewSettings
 from grasp3d.viewer.subjects.subject import Subject
+from grasp3d.viewer.view_settings import ViewSettings
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -135,7 +135,7 @@ class Session:
             SettingError: A value is outside its range; nothing is changed.
         """
         shown = choose(self.shown, choices)
-        if "fingers" in choices and not 2 <= shown.model.fingers <= MOST_SEARCHED:  # noqa: PLR2004
+        if "fingers" in choices and not 2 <= shown.model.fingers <= MOST_SEARCHED:
             raise SettingError(
                 f"fingers must be from 2 to {MOST_SEARCHED}; got {shown.model.fingers}"
             )

@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel
-from grasp3d.viewer.settings import Paint
+from grasp3d.viewer.view_settings import Paint
 
 Axis = Literal["x", "y", "z"]
 Click = Literal["inspect", "fix"]
@@ -83,7 +83,7 @@ class Shown:
                 f"got {math.degrees(self.compare):g}"
             )
         places = np.asarray(self.fixed or np.zeros((1, 3)), dtype=np.float64)
-        if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():  # noqa: PLR2004
+        if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
             raise SettingError("fixed fingers are places of three finite numbers each")
 
 

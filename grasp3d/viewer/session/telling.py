@@ -5,7 +5,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 from grasp3d.settings import GraspModel
-from grasp3d.stability import MEANING, Label, unstable_from
+from grasp3d.stability.label import MEANING, Label
+from grasp3d.stability.thresholds import unstable_from
 from grasp3d.viewer.session.inspecting import Inspected
 from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED, Ramp, labels_at, ramp_of, shares_of
 from grasp3d.viewer.session.session import Session

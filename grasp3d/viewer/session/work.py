@@ -8,7 +8,7 @@ from typing import Generic, TypeVar
 
 from grasp3d.errors import GraspError
 from grasp3d.isolation import unexpected
-from grasp3d.progress import Progress
+from grasp3d.system.progress import Progress
 
 ResultT = TypeVar("ResultT")
 

@@ -8,7 +8,7 @@ from typing import Any, TypeVar, get_args, get_type_hints
 
 from grasp3d.errors import GraspError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, Unit
-from grasp3d.stability import Mode
+from grasp3d.stability.label import Mode
 
 COMMENT = "comment grasp3d "
 NEEDED = ("mode", "friction", "sensor_resolution", "fingers", "method", "search_angle", "unit")

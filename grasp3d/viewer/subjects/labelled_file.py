@@ -22,7 +22,8 @@ from grasp3d.reading.ply import PlyHeader, read_ply_header
 from grasp3d.reading.promises import LONGEST_HEADER, check_promises
 from grasp3d.reading.sources import Source, check_finite, find_source
 from grasp3d.settings import MeshOptions
-from grasp3d.stability import Label, label_angles, unstable_from
+from grasp3d.stability.label import Label
+from grasp3d.stability.thresholds import label_angles, unstable_from
 from grasp3d.viewer.subjects.file_settings import FileSettings, comments_of, settings_from
 from grasp3d.viewer.subjects.ply_table import CURE, damaged, read_tables
 

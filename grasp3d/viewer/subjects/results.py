@@ -13,8 +13,8 @@ from grasp3d.batch.folders import MARKER
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import GraspError, MeshError
-from grasp3d.labels import Reason
-from grasp3d.names import printable
+from grasp3d.surface.labels import Reason
+from grasp3d.system.names import printable
 from grasp3d.tables import read_columns
 from grasp3d.viewer.subjects.file_settings import FileSettings
 from grasp3d.viewer.subjects.labelled_file import settings_of_file

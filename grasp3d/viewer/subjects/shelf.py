@@ -4,7 +4,7 @@ import threading
 from collections import OrderedDict
 from collections.abc import Callable
 
-from grasp3d.progress import Progress
+from grasp3d.system.progress import Progress
 from grasp3d.viewer.subjects.subject import Subject
 
 KEPT = 4

@@ -9,15 +9,16 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bytes, Floats, Ints, first_at_place, locked
-from grasp3d.labels import Reason, SurfaceLabels
+from grasp3d.arrays import Bytes, Floats, Ints, first_at_position, locked
 from grasp3d.mesh.measures import face_areas, is_closed
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.preparing import surface_extent
-from grasp3d.rays import FaceRays
+from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, Unit, search_cone
-from grasp3d.stability import Mode, label_angles
-from grasp3d.surface_shares import vertex_weights
+from grasp3d.stability.label import Mode
+from grasp3d.stability.thresholds import label_angles
+from grasp3d.surface.area_statistics import vertex_weights
+from grasp3d.surface.labels import Reason, SurfaceLabels
 from grasp3d.viewer.subjects.labelled_file import LabelledFile, read_labelled
 
 
@@ -242,7 +243,7 @@ def _reasons(found: LabelledFile) -> Bytes:
     """Why vertices have no grasp, as far as a file without reasons tells, (V,)."""
     missing = Reason.SAME_PLACE if found.settings.mode == "scan" else Reason.NO_PARTNER
     reasons = np.where(np.isinf(found.critical_angle_best), missing, Reason.FOUND)
-    places = first_at_place(found.vertices)
+    places = first_at_position(found.vertices)
     used = np.zeros(len(reasons), dtype=bool)
     used[places[found.faces]] = True
     return np.where(used[places], reasons, Reason.OFF_SURFACE).astype(np.uint8)

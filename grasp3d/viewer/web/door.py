@@ -17,7 +17,7 @@ from PIL import Image
 
 from grasp3d.errors import GraspError
 from grasp3d.viewer.session.album import Album
-from grasp3d.viewer.settings import ViewSettings
+from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.visit import STATIC, Visit
 
 LOG = logging.getLogger(__name__)

@@ -4,7 +4,7 @@ import math
 from collections.abc import Sequence
 from typing import Any
 
-from grasp3d.stability import MEANING, Label
+from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspecting import Inspected
 from grasp3d.viewer.session.keys import DRAWING, KEYS, MOUSE
 from grasp3d.viewer.session.painting import PALETTE, RAMP, Ramp

@@ -16,7 +16,7 @@ from urllib.parse import urlsplit
 from grasp3d.errors import OutputError
 from grasp3d.rendering import can_render
 from grasp3d.viewer.session.album import Album
-from grasp3d.viewer.settings import ViewSettings
+from grasp3d.viewer.view_settings import ViewSettings
 
 if TYPE_CHECKING:
     from grasp3d.viewer.web.door import FrontDoor

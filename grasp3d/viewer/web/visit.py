@@ -25,7 +25,7 @@ from grasp3d.viewer.session.album import Album
 from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.keys import press
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.settings import ViewSettings
+from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.area import MOST_PIXELS, Area
 from grasp3d.viewer.web.fields import CHOICES, choices, choose
 from grasp3d.viewer.web.mirror import fixed_part, mirrored, progress

@@ -178,7 +178,7 @@ class Window:
         self._size = (width, height)
         fine = self._plotter.render_window.DetectDPI() >= FINE
         room = min(width / ROOM[0], height / ROOM[1])
-        self._scale = 2.0 if fine and room >= 2.0 else 1.0  # noqa: PLR2004
+        self._scale = 2.0 if fine and room >= 2.0 else 1.0
         wanted = min(WIDEST, max(NARROWEST, PANEL * width / self._scale)) * self._scale
         self._panel = round(min(wanted, MOST * width))
         border = 1.0 - self._panel / width

@@ -36,8 +36,8 @@ def _tried() -> bool:
 
 def opens_a_window() -> bool:
     """Open the window that VTK chooses, without showing it, and see whether it belongs to X."""
-    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401, PLC0415
-    from vtkmodules.vtkRenderingCore import vtkRenderWindow  # noqa: PLC0415
+    import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
+    from vtkmodules.vtkRenderingCore import vtkRenderWindow
 
     window = vtkRenderWindow()
     window.ShowWindowOff()

@@ -72,7 +72,7 @@ def help_card(width: float, height: float, scale: float) -> Bytes:
     canvas = Canvas(wide, high, scale=scale, paper=WHITE)
     canvas.box((0.0, 0.0, wide, high), WHITE, border=LINE)
     canvas.text(MARGIN, MARGIN + 8.0, "Keys and mouse", size=16, bold=True)
-    if wide > 480.0:  # noqa: PLR2004
+    if wide > 480.0:
         closing = "h, or a click, closes this"
         canvas.text(wide - MARGIN, MARGIN + 8.0, closing, color=QUIET, anchor="r")
     column = (wide - 2.0 * MARGIN) / 2.0

@@ -5,7 +5,7 @@ from pathlib import Path
 import pyvista
 from PIL import Image
 
-from grasp3d.files import written_whole
+from grasp3d.system.files import written_whole
 from grasp3d.viewer.scene.pictures import copied, saved_as
 from grasp3d.viewer.session.session import Session
 

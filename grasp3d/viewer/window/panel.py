@@ -6,13 +6,13 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import get_args
 
-from grasp3d.stability import MEANING, Label
+from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspecting import UNKNOWN
 from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Axis, Section
 from grasp3d.viewer.session.telling import Told
-from grasp3d.viewer.settings import Paint
+from grasp3d.viewer.view_settings import Paint
 from grasp3d.viewer.window.canvas import MORE, QUIET, WARNING, width_of
 from grasp3d.viewer.window.rows import (
     Button,

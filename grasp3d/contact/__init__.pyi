@@ -1,0 +1,4 @@
+from .contacts import Contacts as Contacts
+from .friction_cones import effective_friction as effective_friction
+from .sensor import Sensor as Sensor
+from .sensor import resolution_limit as resolution_limit

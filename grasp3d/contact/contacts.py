@@ -1,0 +1,172 @@
+"""Point contacts between fingers and an object."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, fields
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.errors import ContactError, SettingError
+
+LARGEST = 1e100
+"""Numbers beyond this would overflow when they are squared."""
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Contacts:
+    """Point contacts of one grasp, or of many with the same number of fingers.
+
+    Leading axes (...) are a batch: results have one value per grasp.
+    """
+
+    points: Floats
+    """Where the fingers touch, relative to the centre of mass [mesh unit], shape (..., n, 3)."""
+    normals: Floats
+    """Inward unit normals, the way each finger pushes, shape (..., n, 3)."""
+    friction: Floats
+    """Coulomb coefficients, shape (..., n)."""
+    torsion_radius: Floats
+    """Largest torsional moment about the normal per normal force [mesh unit], shape (..., n);
+    0: a hard finger."""
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        normals: npt.ArrayLike,
+        friction: npt.ArrayLike = 0.5,
+        torsion_radius: npt.ArrayLike = 0.0,
+    ) -> None:
+        """Check, copy and lock.
+
+        Args:
+            points: Shape (..., n, 3), relative to the centre of mass.
+            normals: Inward normals of that shape; they are scaled to length 1.
+            friction: Coulomb coefficients, at least 0: one, or shape (..., n).
+            torsion_radius: Soft fingers: uniform pressure on a disc of radius r under Coulomb
+                friction resists a torsional moment of up to 2/3 friction r per normal force, so
+                give 2/3 * friction * r. One, or shape (..., n).
+
+        Raises:
+            ContactError: Shapes that do not fit, or numbers out of range.
+        """
+        p = _numbers("points", points)
+        n = _numbers("normals", normals)
+        if p.ndim < 2 or p.shape[-1] != 3 or p.shape[-2] == 0:
+            raise ContactError(f"points must have shape (..., n, 3), n >= 1; got {p.shape}")
+        if n.shape != p.shape:
+            raise ContactError(f"normals must have the shape of points {p.shape}; got {n.shape}")
+        if (np.abs(p) > LARGEST).any():
+            raise ContactError(f"points must not exceed {LARGEST:g}; got {np.abs(p).max():g}")
+        largest = np.abs(n).max(axis=-1, keepdims=True)
+        if not (largest > 0.0).all():
+            where = tuple(int(i) for i in np.argwhere(largest[..., 0] == 0.0)[0])
+            raise ContactError(f"the normal of contact {where} has no direction: its length is 0")
+        n = n / largest  # squares of very large or small numbers would be lost
+        lengths = np.linalg.norm(n, axis=-1, keepdims=True)
+        object.__setattr__(self, "points", locked(p))
+        object.__setattr__(self, "normals", locked(n / lengths))
+        for name, given in (("friction", friction), ("torsion_radius", torsion_radius)):
+            values = _numbers(name, given)
+            if (values < 0.0).any():
+                raise ContactError(f"{name} must be at least 0; got {values.min():g}")
+            try:
+                spread = np.broadcast_to(values, p.shape[:-1])
+            except ValueError as error:
+                raise ContactError(
+                    f"{name} must be one number or have shape {p.shape[:-1]}; got {values.shape}"
+                ) from error
+            object.__setattr__(self, name, locked(spread))
+
+    @property
+    def friction_angle(self) -> Floats:
+        """Half-angles of the friction cones [rad], shape (..., n)."""
+        return np.arctan(self.friction)
+
+    def with_friction(self, friction: npt.ArrayLike) -> "Contacts":
+        """The same contacts with another friction, one coefficient or shape (..., n)."""
+        return Contacts(self.points, self.normals, friction, self.torsion_radius)
+
+    def reshape(self, batch: tuple[int, ...]) -> "Contacts":
+        """The same grasps in a batch of another shape, of which one number may be -1."""
+        return self._each(lambda values, rest: values.reshape(*batch, *rest))
+
+    def take(self, which: slice | Ints) -> "Contacts":
+        """Some grasps of a batch, along its first axis."""
+        return self._each(lambda values, _: values[which])
+
+    def _each(self, change: Callable[[Floats, tuple[int, ...]], Floats]) -> "Contacts":
+        """Change the batch of every field; the other axes are handed on beside it."""
+        made = object.__new__(Contacts)
+        for field in fields(self):
+            values = getattr(self, field.name)
+            changed = change(values, values.shape[len(self.batch) :])
+            object.__setattr__(made, field.name, locked(changed))
+        return made
+
+    @property
+    def batch(self) -> tuple[int, ...]:
+        """Shape of the batch; () for one grasp."""
+        return self.points.shape[:-2]
+
+    @property
+    def count(self) -> int:
+        """Contacts of each grasp."""
+        return int(self.points.shape[-2])
+
+
+def _numbers(name: str, values: npt.ArrayLike) -> Floats:
+    """Finite numbers, or an error that says where they are not."""
+    try:
+        array = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ContactError(f"{name} must be an array of numbers: {error}") from error
+    if not np.isfinite(array).all():
+        where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
+        raise ContactError(f"{name} must be finite; {array[where]} at {where}")
+    return array
+
+
+def per_contact(name: str, values: npt.ArrayLike, contacts: Contacts) -> Floats:
+    """Spread a setting over the contacts.
+
+    Args:
+        name: What to call it in an error.
+        values: Finite numbers: one, or shape (..., n).
+        contacts: The contacts.
+
+    Returns:
+        Shape (..., n).
+
+    Raises:
+        SettingError: Numbers that are none, or a shape that does not fit.
+    """
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise SettingError(f"{name} must be a number: {error}") from error
+    if not np.isfinite(numbers).all():
+        raise SettingError(f"{name} must be finite; got {numbers}")
+    try:
+        return np.broadcast_to(numbers, contacts.friction.shape)
+    except ValueError as error:
+        raise SettingError(
+            f"{name} must be one number or have shape {contacts.friction.shape}; "
+            f"got {numbers.shape}"
+        ) from error
+
+
+def centred(points: Floats) -> tuple[Floats, Floats, Floats]:
+    """Points about their middle, divided by their size, as closure does not depend on either.
+
+    Args:
+        points: Shape (..., n, 3).
+
+    Returns:
+        (points, middle (..., 1, 3), size (..., 1, 1)).
+    """
+    middle = points.mean(axis=-2, keepdims=True)
+    around = points - middle
+    size = np.linalg.norm(around, axis=-1, keepdims=True).max(axis=-2, keepdims=True, initial=0.0)
+    size = np.where(size > 0.0, size, 1.0)
+    return around / size, middle, size

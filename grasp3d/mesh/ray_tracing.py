@@ -1,0 +1,75 @@
+"""Every crossing of many rays with a surface: Embree finds the face, 64 bits settle the rest."""
+
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+from embreex.mesh_construction import TriangleMesh
+from embreex.rtcore_scene import EmbreeScene
+
+from grasp3d._kernels.antipodal_candidates import Grasps
+from grasp3d._kernels.normal_sets import Sets
+from grasp3d._kernels.ray_crossings import settle
+from grasp3d._kernels.ray_tracing import Rays, aim
+from grasp3d._kernels.surface_contacts import Surface
+from grasp3d.arrays import Floats, Ints
+
+
+class FaceRays:
+    """Traces rays to the first face that each meets.
+
+    Positions are in the normalised frame (centred, size 1), so that 32 bits of Embree resolve an
+    object of any size, anywhere in space. Several threads may use one instance.
+    """
+
+    def __init__(self, points: Floats, faces: Ints) -> None:
+        self._scene = EmbreeScene(robust=True)
+        TriangleMesh(self._scene, points.astype(np.float32), faces.astype(np.int32))
+        # The first ray makes Embree build its tree, which must not happen in two threads at once.
+        self.hits(np.zeros((1, 3), np.float32), np.ones((1, 3), np.float32))
+
+    def hits(
+        self,
+        origins: npt.NDArray[np.float32],
+        directions: npt.NDArray[np.float32],
+        lengths: npt.NDArray[np.float32] | None = None,
+    ) -> dict[str, npt.NDArray[Any]]:
+        """First face that each ray meets, as Embree answers it; rays may end after `lengths`."""
+        answer: dict[str, npt.NDArray[Any]] = self._scene.run(
+            origins, directions, dists=lengths, output=1
+        )
+        return answer
+
+
+class SurfaceRays(FaceRays):
+    """Traces rays from vertices through a surface and hands every crossing to `settle`."""
+
+    def __init__(self, surface: Surface, sets: Sets) -> None:
+        super().__init__(surface.points, surface.faces)
+        self._surface = surface
+        self._sets = sets
+
+    def settle_all(self, rays: Rays, limits: tuple[float, float], grasps: Grasps) -> int:
+        """Follow every ray through all its crossings and keep each vertex's best grasps.
+
+        Args:
+            rays: The rays; used up.
+            limits: (smallest, largest) opening in the normalised frame.
+            grasps: Written: the best grasps so far.
+
+        Returns:
+            How many rays were traced, those that went on behind a crossing included.
+        """
+        count = len(rays.owner)
+        origins = np.empty((count, 3), dtype=np.float32)
+        directions = np.empty((count, 3), dtype=np.float32)
+        traced = 0
+        while count:
+            traced += count
+            aim(count, rays, self._surface.points, origins, directions)
+            answer = self.hits(origins[:count], directions[:count])
+            count = settle(
+                count, answer["primID"], answer["tfar"], rays, self._surface, self._sets, limits,
+                grasps,
+            )  # fmt: skip
+        return traced

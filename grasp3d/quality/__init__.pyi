@@ -1,0 +1,12 @@
+from .certificates import Certificate as Certificate
+from .certificates import Status as Status
+from .closure import ForceClosure as ForceClosure
+from .closure import force_closure as force_closure
+from .critical_angle import critical_friction_angle as critical_friction_angle
+from .ferrari_canny import Epsilon as Epsilon
+from .ferrari_canny import SmallestEpsilon as SmallestEpsilon
+from .ferrari_canny import epsilon as epsilon
+from .ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches
+from .ferrari_canny import smallest_epsilon as smallest_epsilon
+from .tilting import EpsilonRange as EpsilonRange
+from .tilting import epsilon_range as epsilon_range

@@ -1,0 +1,150 @@
+"""From contacts to the wrenches that they can apply.
+
+A wrench is (f, (p x f) / rho): forces and torques about the centre of mass, torques divided by the
+torque scale rho, so that both count alike and nothing depends on the mesh's unit.
+"""
+
+import math
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.wrench_span import span as span_kernel
+from grasp3d.arrays import Floats
+from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.friction_cones import edge_angles, tangents
+from grasp3d.errors import ContactError, SettingError
+
+Bounded = Literal["force", "normal"]
+"""What a contact force is measured by: its length, or its normal component."""
+
+
+STEEPEST = 1e6
+"""Friction from which unit normal components are lost among the tangential ones."""
+
+
+def check_torque_scale(torque_scale: float) -> None:
+    """Raise SettingError unless the torque scale is a length."""
+    if not (torque_scale > 0.0 and math.isfinite(torque_scale)):
+        raise SettingError(f"torque_scale must be a finite length above 0; got {torque_scale}")
+
+
+def wrench_axes(
+    points: Floats, normals: Floats, torsion_radius: Floats, torque_scale: float
+) -> Floats:
+    """Wrenches of unit forces along each contact's normal and tangents, and of its torsion.
+
+    Every wrench of a contact is linear in its axes. The tangents are those of `cones.tangents`; the
+    fourth axis is the torsional moment that a unit normal force allows.
+
+    Args:
+        points: Relative to the centre of mass [mesh unit], shape (..., 3).
+        normals: Inward unit normals, shape (..., 3).
+        torsion_radius: [mesh unit], shape (...).
+        torque_scale: rho [mesh unit].
+
+    Returns:
+        Shape (..., 4, 6).
+    """
+    first, second = tangents(normals)
+    axes = np.zeros((*points.shape[:-1], 4, 6))
+    for row, force in enumerate((normals, first, second)):
+        axes[..., row, :3] = force
+        axes[..., row, 3:] = np.cross(points, force) / torque_scale
+    axes[..., 3, 3:] = torsion_radius[..., None] * normals / torque_scale
+    return axes
+
+
+def cone_parts(friction_angle: Floats, bounded: Bounded = "force") -> Floats:
+    """Normal and tangential part of a force on the rim of a friction cone.
+
+    Args:
+        friction_angle: Half-angles [rad], shape (...).
+        bounded: 'force': the force has length 1; 'normal': its normal component is 1.
+
+    Returns:
+        Shape (..., 2).
+
+    Raises:
+        SettingError: Another `bounded`, or a cone too wide for a unit normal component.
+    """
+    if bounded not in get_args(Bounded):
+        known = ", ".join(get_args(Bounded))
+        raise SettingError(f"no bound is called {bounded!r}; known: {known}")
+    if bounded == "force":
+        return np.stack([np.cos(friction_angle), np.sin(friction_angle)], axis=-1)
+    if not (friction_angle < math.pi / 2.0).all():
+        raise SettingError("with unit normal components friction cones must stay below 90 degrees")
+    if not (friction_angle < math.atan(STEEPEST)).all():
+        raise SettingError(f"with unit normal components friction must stay below {STEEPEST:g}")
+    return np.stack([np.ones_like(friction_angle), np.tan(friction_angle)], axis=-1)
+
+
+def wrenches(
+    contacts: Contacts,
+    *,
+    edges: int = 8,
+    torque_scale: float = 1.0,
+    phase: float = 0.0,
+    bounded: Bounded = "force",
+) -> Floats:
+    """Primitive wrenches of polygonal friction cones (Wan & Howe 2018, Sec. II).
+
+    Args:
+        contacts: The contacts.
+        edges: Edges of each cone, at least 3.
+        torque_scale: rho [mesh unit].
+        phase: Angle of the first edge about the normal, from the first of `cones.tangents` [rad].
+        bounded: 'force': edges of length 1; 'normal': of normal component 1, as some packages
+            have them.
+
+    Returns:
+        Rows (..., n * m, 6), contact by contact: m = `edges`, and two more, the pure normal force
+        with its torsional moment one way and the other, where any finger is soft (twice its
+        first edge for those that are hard).
+
+    Raises:
+        SettingError: A setting outside its range.
+    """
+    angles = edge_angles(edges, phase)
+    parts = cone_parts(contacts.friction_angle, bounded)[..., None, :]  # (..., n, 1, 2)
+    normal = np.broadcast_to(parts[..., 0], (*parts.shape[:-2], len(angles)))
+    mixes = np.stack(
+        [normal, parts[..., 1] * np.cos(angles), parts[..., 1] * np.sin(angles)], axis=-1
+    )  # (..., n, m, 3)
+    check_torque_scale(torque_scale)
+    axes = wrench_axes(
+        contacts.points, contacts.normals, contacts.torsion_radius, torque_scale
+    )  # (..., n, 4, 6)
+    rows = mixes @ axes[..., :3, :]  # (..., n, m, 6)
+    if (contacts.torsion_radius > 0.0).any():
+        normal, twist = axes[..., :1, :], axes[..., 3:, :]
+        twisted = np.concatenate([normal + twist, normal - twist], axis=-2)
+        resists = contacts.torsion_radius[..., None, None] > 0.0
+        rows = np.concatenate([rows, np.where(resists, twisted, rows[..., :1, :])], axis=-2)
+    return rows.reshape(*rows.shape[:-3], -1, 6)
+
+
+def span(rows: npt.ArrayLike) -> Floats:
+    """Orthonormal basis of the span of wrenches; its length is their rank.
+
+    Two hard fingers, or more on one line, cannot resist a torque about that line: their wrenches
+    span five dimensions. A wrench adds a dimension when, forces and torques each measured by the
+    largest among the rows, more than 1e-10 of it lies outside the span of the others.
+
+    Args:
+        rows: Wrenches (k, 6).
+
+    Returns:
+        Shape (rank, 6).
+
+    Raises:
+        ContactError: Rows of another shape or that are not finite.
+    """
+    given = np.ascontiguousarray(rows, dtype=np.float64)
+    if given.ndim != 2 or given.shape[1] != 6 or not np.isfinite(given).all():
+        raise ContactError(f"wrenches must be finite and of shape (k, 6); got {given.shape}")
+    basis = np.zeros((6, 6))
+    rank = span_kernel(given, np.zeros_like(given), basis)
+    return basis[:rank]

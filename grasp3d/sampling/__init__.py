@@ -1,1 +1,0 @@
-"""Candidate grasps through a place on the surface."""

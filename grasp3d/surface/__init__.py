@@ -1,0 +1,5 @@
+"""Surfaces labelled with the best grasp found at each vertex."""
+
+from lazy_loader import attach_stub
+
+__getattr__, __dir__, __all__ = attach_stub(__name__, __file__)

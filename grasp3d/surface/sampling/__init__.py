@@ -1,0 +1,1 @@
+"""Candidate grasps through the vertices of a surface."""

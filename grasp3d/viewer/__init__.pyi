@@ -1,0 +1,1 @@
+from .view_settings import ViewSettings as ViewSettings

@@ -1,0 +1,187 @@
+"""What is done for one mesh of a batch, and what its row says."""
+
+import math
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import trimesh
+
+from grasp3d import GraspModel, MeshOptions, Sampling, best_grasps, label_surface, load_mesh
+from grasp3d.batch import labelling
+from grasp3d.batch.batch_settings import BatchSettings, FractionGrid
+from grasp3d.batch.inputs import MeshFile
+from grasp3d.batch.labelling import Unchanged, label_job, lost_row
+from grasp3d.batch.plan import Job
+from grasp3d.batch.row import Outcome, Row
+from grasp3d.isolation import NeedsMemory
+from grasp3d.storage import Folder
+from grasp3d.surface.labels import SurfaceLabels
+from tests.helpers import shapes
+
+SETTINGS = BatchSettings(
+    GraspModel(friction=0.4, edges=8), Sampling(rays=16), MeshOptions(unit="cm"), best=2
+)
+
+
+def job_of(source: Path, output: Path, *, known: str = "") -> Job:
+    mesh = MeshFile(source.name, str(source), source.stat().st_size, "stamp")
+    return Job(mesh, source.stem, Folder(str(output)), known)
+
+
+def egg(folder: Path) -> Path:
+    vertices, faces = shapes.sphere(2)
+    mesh = trimesh.Trimesh(vertices * (1.0, 1.0, 1.6), faces, process=False)
+    mesh.export(folder / "egg.ply")
+    return folder / "egg.ply"
+
+
+def row_of(job: Job, settings: BatchSettings = SETTINGS) -> Row:
+    row = label_job(job, settings)
+    assert isinstance(row, Row)
+    return row
+
+
+def labels_of(source: Path, settings: BatchSettings = SETTINGS) -> SurfaceLabels:
+    mesh = load_mesh(source, unit="cm")
+    return label_surface(mesh, settings.model, sampling=settings.search)
+
+
+def test_a_row_says_what_labelling_the_file_gives(tmp_path: Path) -> None:
+    source = egg(tmp_path)
+    row, labels = row_of(job_of(source, tmp_path / "out")), labels_of(source)
+    assert (row.outcome, row.error, row.unit, row.closed) == ("labelled", "", "cm", True)
+    assert (row.stable, row.ambiguous, row.no_grasp_found) == tuple(labels.fractions().values())
+    assert row.critical_angle_p25 == labels.angle_quantiles([0.25])[0]
+    quantiles = (row.epsilon_p10, row.epsilon_p50, row.epsilon_p90)
+    assert quantiles == tuple(labels.epsilon_quantiles([0.1, 0.5, 0.9]))
+    quantiles = (row.epsilon_min_p10, row.epsilon_min_p50, row.epsilon_min_p90)
+    assert quantiles == tuple(labels.epsilon_quantiles([0.1, 0.5, 0.9], of="minimum"))
+    assert row.volume == pytest.approx(labels.mesh.volume)
+    assert row.area == pytest.approx(trimesh.load_mesh(source).area, rel=0.01)
+    assert row.torque_scale == labels.mesh.torque_scale
+    assert row.vertices == len(labels.mesh.vertices)
+    needed = labels.angle_distribution().required_resolution(0.8, friction=0.4)
+    assert row.required_resolution_80 == pytest.approx(needed)
+    assert 0.0 < row.seconds_labelling < row.seconds
+
+
+def test_its_files_hold_the_labels(tmp_path: Path) -> None:
+    source = egg(tmp_path)
+    row, labels = row_of(job_of(source, tmp_path / "out")), labels_of(source)
+    made = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")}
+    assert made == {row.labels, row.fields, row.view, row.thumbnail}
+    written = trimesh.load_mesh(tmp_path / "out" / row.labels, process=False)
+    raw = written.metadata["_ply_raw"]["vertex"]["data"]
+    assert np.array_equal(raw["label"], labels.label)
+    assert np.array_equal(raw["epsilon_min"], np.float32(labels.epsilon_min))
+    fields = pq.read_table(tmp_path / "out" / row.fields)
+    assert fields.num_rows == row.vertices
+    angles = fields.column("critical_angle").to_numpy()
+    assert np.allclose(angles, labels.critical_angle, rtol=1e-6, equal_nan=True)
+
+
+def test_shares_over_the_grid_are_those_of_relabelling(tmp_path: Path) -> None:
+    source = egg(tmp_path)
+    grid = FractionGrid((0.2, 0.6), (0.0, math.radians(10.0), math.radians(50.0)))
+    settings = replace(SETTINGS, grid=grid)
+    row, labels = row_of(job_of(source, tmp_path / "out"), settings), labels_of(source, settings)
+    assert [(one.friction, one.sensor_resolution) for one in row.shares] == [
+        (friction, resolution)
+        for friction in grid.friction
+        for resolution in grid.sensor_resolution
+    ]
+    for one in row.shares:
+        again = labels.relabel(friction=one.friction, sensor_resolution=one.sensor_resolution)
+        told = (one.stable, one.ambiguous, one.no_grasp_found)
+        assert told == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
+
+
+def test_a_grid_that_was_not_asked_for_widens_no_search(tmp_path: Path) -> None:
+    """So labels are those of `grasp3d label`; what was not searched is left empty."""
+    row = row_of(job_of(egg(tmp_path), tmp_path / "out"))
+    assert SETTINGS.search == SETTINGS.sampling
+    assert row.search_angle == pytest.approx(math.atan(0.4) + math.radians(11.3))
+    told = {round(math.degrees(one.sensor_resolution)): one for one in row.shares}
+    assert sorted(told) == sorted([*range(0, 61, 5), 23])  # that of the model besides
+    assert told[20].ambiguous is not None
+    assert told[25].ambiguous is told[25].no_grasp_found is None
+    assert told[60].stable <= told[20].stable <= told[0].stable
+
+
+def test_the_best_grasps_are_those_of_the_surface(tmp_path: Path) -> None:
+    source = egg(tmp_path)
+    row, best = row_of(job_of(source, tmp_path / "out")), best_grasps(labels_of(source), 2)
+    assert len(row.grasps) == 2
+    for number, grasp in enumerate(row.grasps):
+        assert grasp.critical_angle == best.critical_angle[number]
+        assert grasp.epsilon == pytest.approx(best.epsilon[number], rel=0.01)
+        assert np.allclose(grasp.points, best.contacts.points[number])
+        assert np.allclose(grasp.normals, -best.contacts.normals[number])
+        across = np.subtract(*grasp.points)
+        assert grasp.opening == pytest.approx(np.linalg.norm(across))
+        assert np.dot(across, grasp.normals[0]) > 0.0  # outward
+
+
+def test_a_surface_without_any_grasp_has_a_row_without_grasps(tmp_path: Path) -> None:
+    trimesh.Trimesh([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, 2]]).export(tmp_path / "one.ply")
+    row = row_of(job_of(tmp_path / "one.ply", tmp_path / "out"))
+    assert (row.outcome, row.grasps, row.no_grasp_found) == (Outcome.LABELLED, (), 1.0)
+    assert (row.required_resolution_50, row.critical_angle_p50) == (0.0, math.inf)
+    assert row.volume is None
+
+
+def test_a_mesh_that_cannot_be_read_is_refused_and_nothing_is_written(tmp_path: Path) -> None:
+    bad = tmp_path / "bad.stl"
+    bad.write_text("not a mesh", encoding="ascii")
+    row = row_of(job_of(bad, tmp_path / "out"))
+    assert row.outcome == Outcome.REFUSED
+    assert row.error.startswith(f"{bad}: ")
+    assert (row.stable, row.labels) == (None, "")
+    assert row.content  # so that it is not tried again before it changes
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_result_that_cannot_be_written_is_lost_and_tried_again(tmp_path: Path) -> None:
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "labels").touch()  # where a folder should be
+    row = row_of(job_of(egg(tmp_path), tmp_path / "out"))
+    assert row.outcome == Outcome.LOST
+    assert "labels" in row.error
+
+
+def test_the_same_content_is_not_labelled_again(tmp_path: Path) -> None:
+    source = egg(tmp_path)
+    first = row_of(job_of(source, tmp_path / "out"))
+    again = label_job(job_of(source, tmp_path / "out2", known=first.content), SETTINGS)
+    assert again == Unchanged(job_of(source, tmp_path / "out2").mesh)
+    assert not (tmp_path / "out2").exists()
+    source.write_bytes(source.read_bytes() + b"\n")
+    other = row_of(job_of(source, tmp_path / "out", known=first.content))
+    assert other.content != first.content
+    assert other.key != first.key
+
+
+def test_a_mesh_that_needs_more_memory_than_there_is_says_so(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(labelling, "allowed_memory", lambda: 0.1)
+    with pytest.raises(NeedsMemory):
+        label_job(job_of(egg(tmp_path), tmp_path / "out"), SETTINGS)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_lost_mesh_is_called_by_its_source(tmp_path: Path) -> None:
+    row = lost_row(job_of(egg(tmp_path), tmp_path), "took longer than 60 s")
+    assert row.outcome == Outcome.LOST
+    assert row.error == f"{tmp_path / 'egg.ply'}: took longer than 60 s"
+    assert row.mesh == "egg.ply"
+
+
+def test_lengths_in_another_unit_are_told_in_the_row(tmp_path: Path) -> None:
+    trimesh.creation.box((0.04, 0.06, 0.08)).export(tmp_path / "box.stl")
+    settings = BatchSettings(sampling=Sampling(rays=8, max_opening=80.0))
+    row = row_of(job_of(tmp_path / "box.stl", tmp_path / "out"), settings)
+    assert "max_opening 80 is" in row.warnings

@@ -1,0 +1,460 @@
+"""The pages in a real browser, opened as files."""
+
+import io
+import math
+import shutil
+from collections.abc import Iterator
+from dataclasses import dataclass, field, replace
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+from PIL import Image
+
+from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.report import object_script, write_report
+from grasp3d.batch.row import Outcome, Row
+from grasp3d.mesh.primitives import box_mesh, cylinder_mesh
+from grasp3d.settings import DEGREE
+from grasp3d.stability.label import COLORS
+from tests.helpers.reports import Local, put_object, ray_at, row_of
+from tests.helpers.shapes import LIBRARY
+
+playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+BROWSERS = ("chromium", "chromium-browser", "google-chrome")
+BROWSER = next(filter(None, map(shutil.which, BROWSERS)), None)
+pytestmark = pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
+
+OPTIONS = [
+    "--no-sandbox",
+    "--use-angle=swiftshader",
+    "--enable-unsafe-swiftshader",
+    "--disable-background-networking",
+    "--disable-component-update",
+    "--disable-sync",
+    "--no-first-run",
+]
+MODEL = GraspModel(friction=0.3, sensor_resolution=20.0 * DEGREE)
+HIT = "document.title='hit'"
+EVIL = f'evil </script><script>{HIT}</script><img src=x onerror="{HIT}">'
+STEMS = {"spray": "kitchen 100%/#spray?", "box": "box", "cone": "ä/cone", "hand": "hand"}
+
+
+@dataclass
+class Site:
+    """A report in a folder, and the labels that it shows."""
+
+    home: Path
+    labels: dict[str, SurfaceLabels] = field(default_factory=dict)
+    rows: list[Row] = field(default_factory=list)
+
+    def address(self, page: str = "index.html") -> str:
+        return f"{(self.home / 'report' / 'index.html').as_uri().removesuffix('index.html')}{page}"
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
+    made = Site(tmp_path_factory.mktemp("library"))
+    output = Local(made.home)
+    coarse = Sampling(rays=8)
+    meshes = {
+        "spray": load_mesh(LIBRARY / "spray.glb"),
+        "box": box_mesh((0.1, 0.2, 0.3), max_edge=0.04),
+        "cone": load_mesh(LIBRARY / "cone.off"),
+    }
+    for name, mesh in meshes.items():
+        wide = coarse if name == "spray" else replace(coarse, search_angle=60.0 * DEGREE)
+        made.labels[name] = label_surface(mesh, MODEL, sampling=wide, threads=1)
+    mesh = cylinder_mesh(0.5, 1.0, max_edge=0.5)
+    three = replace(MODEL, fingers=3)
+    search = Sampling(candidates=8, search_angle=90.0 * DEGREE)
+    made.labels["hand"] = label_surface(mesh, three, sampling=search, threads=1)
+    for name, labels in made.labels.items():
+        row = row_of(labels, EVIL if name == "cone" else f"{STEMS[name]}.ply", STEMS[name])
+        made.rows.append(put_object(output, labels, row))
+    made.rows += [
+        Row(f"bad {EVIL}", outcome=Outcome.REFUSED, error=f"{EVIL}: has no faces", seconds=0.5),
+        Row("late.stl", outcome=Outcome.LOST, error="late.stl: took more than 1 h"),
+    ]
+    write_report(output, made.rows, BatchSettings(MODEL))
+    return made
+
+
+@pytest.fixture(scope="module")
+def driver() -> Iterator[Any]:
+    with playwright.sync_playwright() as started:
+        yield started.chromium
+
+
+@pytest.fixture(scope="module")
+def browser(driver: Any) -> Iterator[Any]:
+    launched = driver.launch(executable_path=BROWSER, args=OPTIONS)
+    yield launched
+    launched.close()
+
+
+@pytest.fixture
+def page(browser: Any) -> Iterator[Any]:
+    """A page that must not complain, nor ask for anything but files."""
+    context = browser.new_context(viewport={"width": 980, "height": 560})
+    opened = context.new_page()
+    faults: list[str] = []
+    opened.on("console", lambda told: faults.append(told.text) if told.type == "error" else None)
+    opened.on("pageerror", lambda error: faults.append(str(error)))
+    opened.on("requestfailed", lambda request: faults.append(f"failed: {request.url}"))
+    opened.on(
+        "request",
+        lambda request: (
+            None if request.url.startswith(("file:", "data:")) else faults.append(request.url)
+        ),
+    )
+    yield opened
+    title = opened.title()
+    context.close()
+    assert not faults
+    assert title != "hit"
+
+
+def opened(page: Any, address: str) -> Any:
+    page.goto(address)
+    page.wait_for_selector("html[data-ready]")
+    return page
+
+
+def opened_object(page: Any, site: Site, name: str) -> Any:
+    opened(page, site.address(f"object.html#{quote(STEMS[name])}"))
+    page.locator("canvas").wait_for()
+    return page
+
+
+def names(page: Any) -> list[str]:
+    return list(page.locator(".tabulator-row .name").all_inner_texts())
+
+
+def shares(page: Any) -> dict[str, float]:
+    items = page.locator("#shares li")
+    told = items.evaluate_all("all => all.map(one => [one.dataset.label, +one.dataset.share])")
+    shown = items.locator("output").all_inner_texts()
+    assert [f"{100.0 * share:.1f} %" for _, share in told] == shown
+    return dict(told)
+
+
+def picture(page: Any) -> NDArray[np.float64]:
+    """What the stage shows, red, green, blue."""
+    shot = page.locator("canvas").screenshot()
+    return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), dtype=float)
+
+
+def test_table_sorts_by_numbers_and_keeps_what_has_none_last(page: Any, site: Site) -> None:
+    opened(page, site.address())
+    assert names(page) == [row.mesh for row in site.rows]
+    header = page.get_by_role("button", name="Vertices")
+    header.click()
+    labelled = [row for row in site.rows if row.vertices is not None]
+    falling = sorted(labelled, key=lambda row: -(row.vertices or 0))
+    assert names(page)[:4] == [row.mesh for row in falling]
+    header.focus()
+    page.keyboard.press("Enter")
+    assert names(page)[:4] == [row.mesh for row in reversed(falling)]
+    assert page.locator("[role=columnheader][aria-sort=ascending]").count() == 1
+    assert page.get_by_role("grid", name="Meshes").count() == 1
+
+
+def test_table_tells_the_numbers_of_the_rows(page: Any, site: Site) -> None:
+    opened(page, site.address())
+    row, cells = site.rows[0], page.locator(".tabulator-row").first.locator(".tabulator-cell")
+    told = dict(zip(["", "name", "shares", "angle"], cells.all_inner_texts(), strict=False))
+    stable, ambiguous, none = (row.stable or 0.0, row.ambiguous or 0.0, row.no_grasp_found or 0.0)
+    assert told["shares"] == f"S {stable:.0%} · M {ambiguous:.0%} · U {none:.0%}".replace("%", " %")
+    assert told["angle"] == f"{math.degrees(row.critical_angle_p50 or 0.0):.1f}°"
+    assert page.locator(".counts").inner_text().split() == [
+        "4", "labelled", "1", "refused", "1", "lost",
+    ]  # fmt: skip
+    sizes = page.locator("img").evaluate_all("all => all.map(one => one.naturalWidth)")
+    assert sizes == [128] * 4
+
+
+def test_filters_by_name_outcome_and_limits(page: Any, site: Site) -> None:
+    opened(page, site.address())
+    page.locator("#search").fill("KITCHEN")
+    playwright.expect(page.locator("#shown")).to_have_text("1 of 6 meshes")
+    assert names(page) == [site.rows[0].mesh]
+    page.get_by_role("button", name="Clear").click()
+    playwright.expect(page.locator("#shown")).to_have_text("6 meshes")
+    page.locator("#outcome").select_option("refused or lost")
+    playwright.expect(page.locator("#shown")).to_have_text("2 of 6 meshes")
+    assert names(page) == [row.mesh for row in site.rows[4:]]
+    page.locator("#outcome").select_option("all")
+    playwright.expect(page.locator("#shown")).to_have_text("6 meshes")
+    page.get_by_text("Limits").click()
+    page.get_by_label("S, least [%]").fill("50")
+    high = [row.mesh for row in site.rows if row.stable is not None and row.stable >= 0.5]
+    assert 0 < len(high) < 4
+    playwright.expect(page.locator("#shown")).to_have_text(f"{len(high)} of 6 meshes")
+    assert names(page) == high
+
+
+def test_meshes_without_labels_have_a_reason_and_no_link(page: Any, site: Site) -> None:
+    opened(page, site.address())
+    failed = page.locator("#lists section").last
+    assert f"{EVIL}: has no faces" in failed.inner_text()
+    assert failed.locator("a").count() == 0
+    assert page.locator(".tabulator-row").nth(5).locator("a").count() == 0
+    assert page.locator("img[src=x]").count() == 0
+
+
+def test_print_holds_all_rows_as_text(page: Any, site: Site) -> None:
+    opened(page, site.address())
+    page.emulate_media(media="print")
+    page.evaluate("dispatchEvent(new Event('beforeprint'))")
+    printed = page.locator(".tabulator-print-table tbody tr")
+    assert [told.split("\t")[0] for told in printed.all_inner_texts()] == [
+        row.mesh for row in site.rows
+    ]
+    assert f"{EVIL}: has no faces" in printed.nth(4).inner_text()
+    assert page.locator("img[src=x]").count() == 0
+
+
+def test_curves_are_read_at_the_friction_that_is_chosen(page: Any, site: Site) -> None:
+    opened(page, site.address())
+    assert page.locator("#friction option").all_inner_texts() == ["0.3", "0.5"]
+    assert "not told of every mesh" in page.locator("#untold").inner_text()
+    page.locator("#friction").select_option(label="0.5")
+    page.get_by_text("The curves as numbers").click()
+    cells = page.locator("#numbers tbody tr").nth(1).locator("td").all_inner_texts()
+    every = [share for row in site.rows for share in row.shares if share.friction == 0.5]
+    at = [one for one in every if one.sensor_resolution == pytest.approx(10.0 * DEGREE)]
+    median = float(np.median([share.stable for share in at]))
+    assert cells[2] == f"{100.0 * median:.1f} %"
+
+
+def test_page_without_any_label_opens(page: Any, site: Site, tmp_path: Path) -> None:
+    write_report(Local(tmp_path), site.rows[4:], BatchSettings(MODEL))
+    opened(page, Site(tmp_path).address())
+    assert "No mesh was labelled" in page.locator("#curves").inner_text()
+    page.goto(Site(tmp_path).address("object.html"))
+    page.wait_for_selector("html[data-ready=failed]")
+    assert "no such object" in page.locator("#name").inner_text()
+
+
+def test_ten_thousand_rows_sort_and_scroll(page: Any, site: Site, tmp_path: Path) -> None:
+    rows = [
+        replace(site.rows[0], mesh=f"{k}.ply", thumbnail="", vertices=(k * 7919) % 10_007)
+        for k in range(10_000)
+    ]
+    write_report(Local(tmp_path), rows, BatchSettings(MODEL))
+    opened(page, Site(tmp_path).address())
+    page.get_by_role("button", name="Vertices").click()
+    most = max(rows, key=lambda row: row.vertices or 0)
+    assert names(page)[0] == most.mesh
+    assert page.locator(".tabulator-row").count() < 100
+    page.locator(".tabulator-tableholder").evaluate("one => { one.scrollTop = one.scrollHeight; }")
+    least = min(rows, key=lambda row: row.vertices or 0)
+    page.locator("#table").get_by_text(least.mesh, exact=True).wait_for()
+
+
+@pytest.mark.parametrize("name", ["spray", "box", "cone", "hand"])
+def test_shares_follow_the_sliders(page: Any, site: Site, name: str) -> None:
+    opened_object(page, site, name)
+    labels = site.labels[name]
+    expected = labels.fractions()
+    assert shares(page) == pytest.approx(expected, abs=1e-3)
+    for friction, degrees in ((0.25, 10.0), (0.1, 30.0), (0.31, 0.0)):
+        page.locator("#friction").fill(str(friction))
+        page.locator("#resolution").fill(str(degrees))
+        asked = labels.relabel(friction=friction, sensor_resolution=degrees * DEGREE)
+        assert shares(page) == pytest.approx(asked.fractions(), abs=1e-3)
+        assert page.locator("#friction-number").input_value() == str(friction)
+    page.get_by_role("button", name="As labelled").click()
+    assert shares(page) == pytest.approx(expected, abs=1e-3)
+
+
+def test_three_fingers_are_never_surely_unstable_from_90_degrees_on(
+    page: Any, site: Site, tmp_path: Path
+) -> None:
+    labels, output = site.labels["hand"], Local(tmp_path)
+    wide = np.full_like(labels.critical_angle, 100.0 * DEGREE)
+    hand = replace(labels, critical_angle=wide, critical_angle_best=wide)
+    vars(hand)["epsilon_range"] = labels.epsilon_range
+    output.write("report/objects/hand.js", object_script(hand, "hand", ()))
+    write_report(output, site.rows[3:4], BatchSettings(hand.model))
+    opened(page, Site(tmp_path).address("object.html#hand"))
+    for friction, degrees, letter in ((0.02, 150.0, "U"), (0.1, 179.0, "M")):
+        page.locator("#friction-number").fill(str(friction))
+        page.locator("#resolution-number").fill(str(degrees))
+        asked = hand.relabel(friction=friction, sensor_resolution=degrees * DEGREE)
+        assert asked.fractions()[letter] == pytest.approx(1.0)
+        assert shares(page) == pytest.approx(asked.fractions(), abs=1e-3)
+
+
+def test_beyond_the_cone_that_was_searched_the_page_says_so(page: Any, site: Site) -> None:
+    opened_object(page, site, "spray")
+    labels = site.labels["spray"]
+    beyond = math.atan(0.3) + 20.0 * DEGREE
+    assert beyond > labels.search.cone
+    lost = labels.mesh.vertex_areas[labels.critical_angle_best >= beyond].sum()
+    assert "–" not in shares(page)
+    page.locator("#resolution").fill("40")
+    told = shares(page)
+    assert told["–"] == pytest.approx(lost / labels.mesh.vertex_areas.sum(), abs=1e-3)
+    assert told["–"] > 0.005
+    assert told["U"] == 0.0
+    assert "cannot be told apart" in page.locator("#unsearched").inner_text()
+
+
+def test_picture_has_the_colours_of_the_labels(page: Any, site: Site) -> None:
+    opened_object(page, site, "spray")
+    drawn = picture(page)
+    hues = drawn / np.maximum(np.linalg.norm(drawn, axis=2, keepdims=True), 1.0)
+    for label in Label:
+        colour = np.array(COLORS[label], dtype=float)
+        near = np.linalg.norm(hues - colour / np.linalg.norm(colour), axis=2) < 0.05
+        assert near.mean() > 2e-3, label.name
+    lit = drawn[np.linalg.norm(drawn - COLORS[Label.M], axis=2) < 40.0]
+    assert len(lit) > 500  # neither washed out nor dark: colours are turned to linear and back
+    page.locator("#paint").select_option("angle")
+    assert np.abs(picture(page) - drawn).mean() > 1.0
+    assert "grey" in page.locator("#ramp").inner_text()
+
+
+def first_hit(
+    labels: SurfaceLabels, camera: dict[str, list[float]], x: float, y: float
+) -> int | None:
+    """Vertex nearest to where a ray first meets the surface, by every face in turn."""
+    start, way = map(np.array, ray_at(camera, x, y))
+    corners = labels.mesh.vertices[labels.mesh.faces]
+    a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    across = np.cross(way, v)
+    scale = np.einsum("ij,ij->i", u, across)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        from_a = start - a
+        p = np.einsum("ij,ij->i", from_a, across) / scale
+        turned = np.cross(from_a, u)
+        q = turned @ way / scale
+        depth = np.einsum("ij,ij->i", v, turned) / scale
+        met = (p >= 0.0) & (q >= 0.0) & (p + q <= 1.0) & (depth > 0.0)
+    if not met.any():
+        return None
+    face = np.flatnonzero(met)[depth[met].argmin()]
+    place = start + depth[face] * way
+    away = np.linalg.norm(corners[face] - place, axis=1)
+    return int(labels.mesh.faces[face, away.argmin()])
+
+
+def test_click_picks_the_vertex_nearest_to_the_ray(page: Any, site: Site) -> None:
+    opened_object(page, site, "spray")
+    labels = site.labels["spray"]
+    frame = page.locator("canvas").bounding_box()
+    picked = set()
+    for x, y in ((0.5, 0.5), (0.48, 0.7), (0.45, 0.3), (0.53, 0.6), (0.02, 0.9)):
+        before = page.locator("#place").get_attribute("data-vertex")
+        camera = page.evaluate("grasp3dCamera()")
+        pixel = round(frame["width"] * x), round(frame["height"] * y)
+        page.mouse.click(frame["x"] + pixel[0], frame["y"] + pixel[1])
+        at = 2.0 * pixel[0] / frame["width"] - 1.0, 1.0 - 2.0 * pixel[1] / frame["height"]
+        expected = first_hit(labels, camera, *at)
+        shown = page.locator("#place").get_attribute("data-vertex")
+        assert shown == (before if expected is None else str(expected))
+        picked.add(expected)
+        if expected is not None:
+            told = page.locator("#place").inner_text()
+            assert told.startswith(Label(labels.label[expected]).name)
+            assert f"{math.degrees(labels.critical_angle[expected]):.1f}°" in told or "none" in told
+    assert None in picked  # beside the surface nothing is picked
+    assert len(picked) > 3
+
+
+def test_drag_turns_and_does_not_pick(page: Any, site: Site) -> None:
+    opened_object(page, site, "spray")
+    before = picture(page)
+    frame = page.locator("canvas").bounding_box()
+    x, y = frame["x"] + frame["width"] / 2.0, frame["y"] + frame["height"] / 2.0
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 90.0, y, steps=3)
+    page.mouse.move(x + 8.0, y + 30.0, steps=3)  # still on the surface
+    page.mouse.up()
+    assert page.locator("#place").get_attribute("data-vertex") is None
+    turned = picture(page)
+    assert np.abs(turned - before).mean() > 2.0
+    page.get_by_role("button", name="Reset view").click()
+    assert np.abs(picture(page) - before).mean() < 0.5
+
+
+def test_keys_turn_the_picture(page: Any, site: Site) -> None:
+    opened_object(page, site, "box")
+    before = picture(page)
+    page.locator("canvas").focus()
+    page.keyboard.press("ArrowRight")
+    turned = picture(page)
+    assert np.abs(turned - before).mean() > 1.0
+    page.keyboard.press("+")
+    assert np.abs(picture(page) - turned).mean() > 1.0
+
+
+def test_best_grasps_are_listed_and_drawn(page: Any, site: Site) -> None:
+    opened_object(page, site, "box")
+    buttons = page.locator("#grasps button")
+    grasps = site.rows[1].grasps
+    assert buttons.count() == len(grasps) > 0
+    assert f"β* {math.degrees(grasps[0].critical_angle):.1f}°" in buttons.first.inner_text()
+    before = picture(page)
+    buttons.first.click()
+    assert buttons.first.get_attribute("aria-pressed") == "true"
+    assert np.abs(picture(page) - before).max() > 50.0
+
+
+def test_previous_and_next_walk_through_the_library(page: Any, site: Site) -> None:
+    opened(page, site.address())
+    page.locator("#table").get_by_role("link", name=site.rows[0].mesh, exact=True).click()
+    page.wait_for_selector(f"html[data-ready='{STEMS['spray']}']")
+    assert page.get_by_role("button", name="Previous").is_disabled()
+    for row in site.rows[1:4]:
+        page.get_by_role("button", name="Next").click()
+        page.wait_for_function(
+            "name => document.querySelector('#name').textContent === name", arg=row.mesh
+        )
+        page.wait_for_selector("html[data-ready]")
+        assert shares(page)["S"] == pytest.approx(row.stable, abs=1e-3)
+    assert page.get_by_role("button", name="Next").is_disabled()
+    page.get_by_role("button", name="Previous").click()
+    page.wait_for_selector(f"html[data-ready='{STEMS['cone']}']")
+    page.get_by_role("link", name="All meshes").click()
+    page.wait_for_selector("html[data-ready=yes]")
+
+
+def test_sampled_labels_are_told_from_exact_ones(page: Any, site: Site, tmp_path: Path) -> None:
+    labels, output = site.labels["box"], Local(tmp_path)
+    sampled = replace(labels, model=replace(MODEL, method="extremes"))
+    vars(sampled)["epsilon_range"] = labels.epsilon_range  # sampled tilts would take long
+    output.write("report/objects/box.js", object_script(sampled, "box", ()))
+    write_report(output, site.rows[1:2], BatchSettings(sampled.model))
+    opened(page, Site(tmp_path).address("object.html#box"))
+    assert "threshold on the exact critical angle" in page.locator("#method").inner_text()
+    assert "None were kept" in page.locator("#grasps").inner_text()
+    assert shares(page) == pytest.approx(labels.fractions(), abs=1e-3)
+
+
+def test_missing_file_of_an_object_is_said(browser: Any, site: Site, tmp_path: Path) -> None:
+    write_report(Local(tmp_path), site.rows[:1], BatchSettings(MODEL))
+    with browser.new_page() as seen:
+        opened(seen, Site(tmp_path).address("object.html"))
+        assert "missing" in seen.locator("#name").inner_text()
+
+
+def test_addresses_outside_the_library_load_nothing(page: Any, site: Site) -> None:
+    page.goto(site.address("object.html#../../evil"))
+    page.wait_for_selector("html[data-ready=failed]")
+    assert page.locator("script[src*=evil]").count() == 0
+
+
+def test_without_webgl_the_numbers_work(driver: Any, site: Site) -> None:
+    blind = driver.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-3d-apis"])
+    seen = opened(blind.new_page(), site.address("object.html#box"))
+    assert "needs WebGL" in seen.locator("#told").inner_text()
+    assert shares(seen) == pytest.approx(site.labels["box"].fractions(), abs=1e-3)
+    blind.close()

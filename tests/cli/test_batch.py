@@ -1,0 +1,269 @@
+"""`grasp3d batch` as a user has it: in processes of its own, ended at any moment, resumed."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+import duckdb
+import pandas as pd
+import polars as pl
+import pytest
+import trimesh
+
+from grasp3d.batch.row import TIMINGS
+from tests.helpers import shapes
+
+COMMAND = Path(sys.executable).parent / "grasp3d"
+OPTIONS = ("--rays", "8", "--max-edge", "0.15")
+
+
+def grasp3d(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(COMMAND), "batch", *arguments],
+        check=False, capture_output=True, text=True, cwd=cwd, timeout=300,
+    )  # fmt: skip
+
+
+@contextmanager
+def started(*command: str, cwd: Path) -> Iterator[subprocess.Popen[str]]:
+    """A process in a group of its own, all of it ended at the end."""
+    process = subprocess.Popen(
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd,
+        start_new_session=True,
+    )  # fmt: skip
+    try:
+        yield process
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(process.pid, signal.SIGKILL)
+        process.communicate()
+
+
+def wait_for(condition: Callable[[], object], seconds: float = 120.0) -> None:
+    deadline = time.monotonic() + seconds
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.05)
+
+
+def make_library(folder: Path, count: int = 10) -> Path:
+    """Eggs, each another one."""
+    folder.mkdir()
+    vertices, faces = shapes.sphere(2)
+    for number in range(count):
+        egg = trimesh.Trimesh(vertices * (1.0, 1.0, 1.1 + 0.1 * number), faces, process=False)
+        egg.export(folder / f"egg_{number}.ply")
+    return folder
+
+
+def labelled(output: Path) -> int:
+    return len(list((output / "labels").glob("*.ply")))
+
+
+def summary(output: Path) -> list[dict[str, Any]]:
+    """The rows without what differs from run to run."""
+    rows = pd.read_parquet(output / "summary").sort_values("mesh")
+    assert rows["mesh"].is_unique
+    return [
+        {key: str(value) for key, value in row.items() if key not in TIMINGS}
+        for row in rows.to_dict("records")
+    ]
+
+
+def no_half_files(output: Path) -> None:
+    assert not [path for path in output.rglob("*") if ".part" in path.name]
+
+
+@pytest.fixture(scope="module")
+def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A library and what comes of it where nothing goes wrong."""
+    place = tmp_path_factory.mktemp("undisturbed")
+    make_library(place / "in")
+    run = grasp3d("in", "-o", "out", "--log", "log.txt", *OPTIONS, cwd=place)
+    (place / "stderr").write_text(run.stderr, encoding="utf-8")
+    assert (run.returncode, run.stderr.count("Traceback")) == (0, 0)
+    assert "10 labelled, 0 failed" in run.stdout
+    return place
+
+
+def test_without_a_terminal_progress_is_plain_lines(undisturbed: Path) -> None:
+    told = (undisturbed / "stderr").read_text(encoding="utf-8")
+    assert re.fullmatch(r"10 labelled, 0 failed, 0 left, [\d.]+/s", told.splitlines()[-1])
+    assert "\x1b" not in told
+    lines = (undisturbed / "log.txt").read_text(encoding="utf-8").splitlines()
+    assert "10 meshes to label, 0 finished before" in lines[0]
+    assert sum(" INFO labelled egg_" in line for line in lines) == 10
+    quiet = grasp3d("in", "-o", "out", "-q", *OPTIONS, cwd=undisturbed)
+    assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
+
+
+@pytest.mark.slow
+def test_it_goes_on_past_failures(tmp_path: Path) -> None:
+    make_library(tmp_path / "in", 1)
+    (tmp_path / "in" / "deep").mkdir()
+    trimesh.Trimesh(*shapes.box()).export(tmp_path / "in" / "deep" / "box.stl")
+    (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
+    run = grasp3d("in", "-o", "out", "--friction", "1", *OPTIONS, cwd=tmp_path)
+    assert run.returncode == 1
+    assert "2 labelled, 1 failed" in run.stdout
+    assert "Traceback" not in run.stderr
+    rows = pd.read_parquet(tmp_path / "out" / "summary").set_index("mesh")
+    assert rows.loc["egg_0.ply", "stable"] == pytest.approx(1.0)
+    assert 0.0 < rows.loc["egg_0.ply", "epsilon_min_p50"] < rows.loc["egg_0.ply", "epsilon_p50"]
+    assert rows.loc["deep/box.stl", "labels"] == "labels/deep/box.ply"
+    assert "holds no triangles" in rows.loc["bad.obj", "error"]
+    quiet = grasp3d("in", "-o", "out", "--friction", "1", "-q", *OPTIONS, cwd=tmp_path)
+    assert (quiet.returncode, quiet.stdout) == (1, "")
+    assert quiet.stderr.startswith("failed: in/bad.obj: ")
+    assert quiet.stderr.count("\n") == 1
+    assert sorted(path.name for path in (tmp_path / "out").iterdir()) == [
+        ".lock", "fields", "grasp3d.json", "journal", "labels", "report", "summary"
+    ]  # fmt: skip
+
+
+def test_the_same_command_again_has_nothing_to_do(undisturbed: Path) -> None:
+    before = summary(undisturbed / "out")
+    run = grasp3d("in", "-o", "out", *OPTIONS, cwd=undisturbed)
+    assert run.returncode == 0
+    assert "10 labelled, 0 failed; 10 of them were finished before" in run.stdout
+    assert summary(undisturbed / "out") == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
+def test_an_interrupted_batch_says_how_to_go_on_and_does(
+    undisturbed: Path, tmp_path: Path, how: signal.Signals
+) -> None:
+    (tmp_path / "in").symlink_to(undisturbed / "in")
+    command = (str(COMMAND), "batch", "in", "-o", "out", "--workers", "1", *OPTIONS)
+    with started(*command, cwd=tmp_path) as run:
+        wait_for(lambda: labelled(tmp_path / "out") >= 3 or run.poll() is not None)
+        os.killpg(run.pid, how)
+        time.sleep(0.05)
+        with suppress(ProcessLookupError):  # an impatient user
+            os.killpg(run.pid, how)
+        output, errors = run.communicate(timeout=30)
+    assert (run.returncode, output) == (130, "")
+    assert re.search(r"interrupted: \d of 10 meshes are done; what is labelled is kept", errors)
+    assert "Traceback" not in errors
+    rows = summary(tmp_path / "out")
+    assert 2 <= len(rows) < 10
+    no_half_files(tmp_path / "out")
+    again = grasp3d("in", "-o", "out", *OPTIONS, cwd=tmp_path)
+    assert f"; {len(rows)} of them were finished before" in again.stdout
+    assert summary(tmp_path / "out") == summary(undisturbed / "out")
+
+
+@pytest.mark.slow
+def test_killed_again_and_again_it_loses_no_more_than_what_was_in_work(
+    undisturbed: Path, tmp_path: Path
+) -> None:
+    (tmp_path / "in").symlink_to(undisturbed / "in")
+    command = (str(COMMAND), "batch", "in", "-o", "out", "--workers", "1", *OPTIONS)
+    done, out = 0, tmp_path / "out"
+    for _ in range(3):
+        with started(*command, cwd=tmp_path) as run:
+            wait_for(lambda: labelled(out) >= min(10, done + 2) or run.poll() is not None)  # noqa: B023
+            run.kill()
+        kept = len(list((out / "journal").glob("*"))) + (
+            len(summary(out)) if any((out / "summary").glob("*")) else 0
+        )
+        assert kept >= labelled(out) - 1
+        done = labelled(out)
+    assert grasp3d("in", "-o", "out", *OPTIONS, cwd=tmp_path).returncode == 0
+    assert summary(out) == summary(undisturbed / "out")
+    no_half_files(out)
+
+
+def free_port() -> int:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        return int(taken.getsockname()[1])
+
+
+@pytest.mark.slow
+def test_a_cluster_that_loses_a_worker_and_its_client_gives_the_same_rows(
+    undisturbed: Path, tmp_path: Path
+) -> None:
+    """A scheduler and two workers as processes; a worker is killed, then the client."""
+    (tmp_path / "in").symlink_to(undisturbed / "in")
+    out, dask = tmp_path / "out", str(COMMAND.with_name("dask"))
+    address = f"tcp://127.0.0.1:{free_port()}"
+    scheduler = (dask, "scheduler", "--host", address, "--no-dashboard")
+    worker = (dask, "worker", address, "--host", "127.0.0.1", "--nthreads", "1", "--no-dashboard")
+    command = (str(COMMAND), "batch", "in", "-o", "out", "--scheduler", address, *OPTIONS)
+    elsewhere = tmp_path / "elsewhere"
+    elsewhere.mkdir()
+    with (
+        started(*scheduler, cwd=elsewhere),
+        started(*worker, "--no-nanny", cwd=elsewhere) as doomed,
+        started(*worker, cwd=elsewhere),
+    ):
+        with started(*command, cwd=tmp_path) as run:
+            wait_for(lambda: labelled(out) >= 2 or run.poll() is not None)
+            doomed.kill()
+            wait_for(lambda: labelled(out) >= 4 or run.poll() is not None)
+            assert run.poll() is None
+            run.kill()
+        again = grasp3d("in", "-o", "out", "--scheduler", address, *OPTIONS, cwd=tmp_path)
+    assert again.returncode == 0
+    assert "10 labelled, 0 failed" in again.stdout
+    assert int(re.search(r"; (\d+) of them were finished before", again.stdout)[1]) >= 2  # type: ignore[index]
+    assert summary(out) == summary(undisturbed / "out")
+    no_half_files(out)
+
+
+def test_the_documented_one_liners_read_the_results(
+    undisturbed: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Those of docs/library.md, word for word."""
+    docs = Path(__file__).parents[2] / "docs" / "library.md"
+    lines = re.findall(
+        r"^(?:pandas|polars|duckdb)\..*$", docs.read_text(encoding="utf-8"), re.MULTILINE
+    )
+    assert len(lines) >= 3
+    monkeypatch.chdir(undisturbed)
+    (undisturbed / "results").symlink_to("out")
+    known = {"pandas": pd, "polars": pl, "duckdb": duckdb}
+    for line in lines:
+        found = eval(line, dict(known))  # noqa: S307
+        assert len(found) > 0, line
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        (["in", "-o", "out", "--grid-friction", "0"], "friction must be"),
+        (["in", "-o", "out", "--grid-sensor-resolution", "x"], "sensor resolution 'x'"),
+        (["in", "-o", "out", "--timeout", "0"], "timeout must be"),
+        (["in", "-o", "out", "--worker-memory", "0.01"], "worker memory must be"),
+        (["in", "-o", "out", "--scheduler", "tcp://127.0.0.1:1"], "127.0.0.1:1"),
+        (["in", "-o", "out", "--log", "no/where.txt"], "cannot be written"),
+        (["in/*.obj", "-o", "out"], "no mesh in it"),
+        (["list.txt", "-o", "out"], "nowhere.stl"),
+        (["nothing://lib", "-o", "out"], "nothing"),
+        (["in", "-o", "in/egg_0.ply"], "egg_0.ply"),
+        (["in", "-o", "out", "--best", "-1"], "best grasps must be"),
+        (["in/**x/[a", "-o", "out"], "is no pattern of names"),
+        (["in", "-o", ""], "no folder for the results"),
+    ],
+)
+def test_bad_input_is_one_line_and_exit_code_2(
+    tmp_path: Path, arguments: list[str], message: str
+) -> None:
+    make_library(tmp_path / "in", 2)
+    (tmp_path / "list.txt").write_text("in\nnowhere.stl\n", encoding="utf-8")
+    run = grasp3d(*arguments, cwd=tmp_path)
+    assert run.returncode == 2
+    assert message in run.stderr
+    *before, last = run.stderr.splitlines()
+    assert last.startswith("grasp3d: ")
+    assert before in ([], ["2 meshes to label, 0 finished before"])

@@ -1,0 +1,182 @@
+"""`grasp3d check`, through the command's own door."""
+
+import json
+import re
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv as pc
+import pyarrow.parquet as pq
+import pytest
+
+from tests.helpers import shapes
+from tests.test_cli import export
+from tests.test_cli import grasp3d as real_grasp3d
+from tests.test_cli_evaluate import grasp3d
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    export(tmp_path / "box.stl", shapes.box((0.04, 0.06, 0.08)))
+    return tmp_path
+
+
+def library(folder: Path) -> Path:
+    """A folder with a sound mesh, an open one and a broken one."""
+    made = folder / "library"
+    (made / "below").mkdir(parents=True)
+    export(made / "box.stl", shapes.box((0.04, 0.06, 0.08)))
+    vertices, faces = shapes.sphere(2, 0.05)
+    export(made / "below" / "open [red].ply", (vertices, faces[4:]))
+    (made / "broken.stl").write_bytes(b"no mesh at all")
+    return made
+
+
+def test_a_page_tells_what_there_is_and_what_it_will_take(folder: Path) -> None:
+    """Once as a user has it, in a process of its own."""
+    run = real_grasp3d("check", "box.stl", "--unit", "m", cwd=folder)
+    assert run.returncode == 0, run.stderr
+    for told in (
+        "STL, 684 bytes",
+        "unit: m\n",
+        "0.04 x 0.06 x 0.08",
+        "0.000192",
+        "Manifold takes it: yes",
+        "labels can be trusted: yes",
+    ):
+        assert told in run.stdout
+    assert "•" not in run.stdout
+    assert run.stderr == ""
+
+
+def test_doubts_and_repairs_are_told(folder: Path) -> None:
+    vertices, faces = shapes.sphere(2, 50.0)
+    export(folder / "ball.ply", (vertices, faces[20:, ::-1]))
+    run = grasp3d("check", "ball.ply", "--max-opening", "0.08", cwd=folder)
+    assert run.returncode == 1
+    assert "repaired: 300 faces turned: they were inside out" in run.stdout
+    assert "not stated; largest extent 100: " in run.stdout
+    assert "10 cm if mm" in run.stdout
+    assert "labels can be trusted: no" in run.stdout
+    assert "• max_opening 0.08 is 1/1,323 of the object's size" in run.stdout
+    assert run.stderr == ""
+
+
+def test_a_folder_has_a_line_for_each_mesh_and_a_refusal_stops_nothing(folder: Path) -> None:
+    library(folder)
+    run = real_grasp3d("check", "library", "-o", "report.json", cwd=folder)
+    assert run.returncode == 1
+    assert "Traceback" not in run.stderr
+    assert re.search(r"refused: library/broken\.stl: cannot be read as STL", run.stdout)
+    assert "below/open [red].ply: the surface is open" in run.stdout.replace("\n", " ")
+    assert "labels can be trusted: 1 yes, 1 with care, 0 no; refused: 1" in run.stdout
+    report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
+    assert [(mesh["mesh"], mesh["trust"]) for mesh in report["meshes"]] == [
+        ("below/open [red].ply", "with care"),
+        ("box.stl", "yes"),
+        ("broken.stl", "no"),
+    ]
+    assert report["grasp3d"]["mesh"]["repair"] == "safe"
+    opened, sound, broken = report["meshes"]
+    assert broken["refusal"].startswith("library/broken.stl: ")
+    assert opened["after"]["volume"] is None
+    assert sound["after"]["volume"] == pytest.approx(0.04 * 0.06 * 0.08)
+    assert sound["refusal"] is None
+
+
+@pytest.mark.parametrize("suffix", ["csv", "parquet"])
+def test_a_table_has_a_row_for_each_mesh(folder: Path, suffix: str) -> None:
+    vertices, faces = shapes.sphere(2, 0.05)
+    export(folder / "ball.ply", (vertices, faces[:, ::-1]))
+    (folder / "broken.stl").write_bytes(b"no mesh at all")
+    for name in ("ball.ply", "broken.stl"):
+        assert grasp3d("check", name, "-o", f"{name}.{suffix}", cwd=folder).stderr == ""
+    read = {"csv": pc.read_csv, "parquet": pq.read_table}[suffix]
+    (ball,) = read(folder / f"ball.ply.{suffix}").to_pylist()
+    (broken,) = read(folder / f"broken.stl.{suffix}").to_pylist()
+    assert (ball["mesh"], ball["trust"], ball["faces_after"]) == ("ball.ply", "yes", 320)
+    assert ball["volume_after"] == pytest.approx(-ball["volume_before"])
+    assert ball["repairs"] == "320 faces turned: they were inside out"
+    assert np.isfinite([ball["memory"], ball["seconds"], ball["noise"]]).all()
+    assert broken["trust"] == "no"
+    assert broken["refusal"].startswith("broken.stl: ")
+    assert broken["faces_after"] is None
+
+
+def test_meshes_of_one_name_are_told_apart(folder: Path) -> None:
+    for below in ("a", "b"):
+        (folder / below).mkdir()
+        export(folder / below / "box.stl", shapes.box((0.04, 0.06, 0.08)))
+    run = grasp3d("check", "a/box.stl", "b", "--json", "--workers", "1", cwd=folder)
+    names = [mesh["mesh"] for mesh in json.loads(run.stdout)["meshes"]]
+    assert names == ["a/box.stl", "b/box.stl"]
+
+
+def test_a_surface_wound_both_ways_is_not_called_watertight(folder: Path) -> None:
+    vertices, faces = shapes.box((0.04, 0.06, 0.08))
+    faces[0] = faces[0, ::-1]
+    export(folder / "turned.ply", (vertices, faces))
+    assert "no, wound both ways" in grasp3d("check", "turned.ply", cwd=folder).stdout
+
+
+def test_json_goes_to_standard_output_and_nothing_else(folder: Path) -> None:
+    run = grasp3d("check", "box.stl", "--json", cwd=folder)
+    assert run.returncode == 0
+    (mesh,) = json.loads(run.stdout)["meshes"]
+    assert (mesh["mesh"], mesh["format"], mesh["repairs"]) == ("box.stl", "stl", [])
+    assert mesh["guess"]["unit"] == "m"
+
+
+def test_strict_takes_no_doubt(folder: Path) -> None:
+    vertices, faces = shapes.sphere(2, 0.05)
+    export(folder / "open.ply", (vertices, faces[1:]))
+    export(folder / "pierced.ply", (vertices, faces[5:]))
+    assert grasp3d("check", "box.stl", "--strict", cwd=folder).returncode == 0
+    assert grasp3d("check", "pierced.ply", cwd=folder).returncode == 0
+    assert grasp3d("check", "pierced.ply", "--strict", cwd=folder).returncode == 1
+
+
+def test_quiet_prints_nothing(folder: Path) -> None:
+    run = grasp3d("check", "box.stl", "-q", cwd=folder)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (["nothing.stl"], "there is no such file or folder"),
+        (["."], ""),
+        (["box.stl", "-o", "report.txt"], "no report is called '.txt'"),
+        (["box.stl", "-o", "missing/report.json"], "cannot be written"),
+        (["box.stl", "--workers", "-1"], "workers must be at least 0"),
+        (["box.stl", "--repair", "all"], "invalid"),
+        (["box.stl", "--max-memory", "0.1"], "max memory must be at least 0.5 GB"),
+        (["box.stl", "--patch-radius", "-1"], "patch radius must be"),
+        ([], "no input"),
+    ],
+)
+def test_wrong_use_is_one_line_and_exit_code_2(
+    folder: Path, arguments: list[str], said: str
+) -> None:
+    if arguments == ["."]:
+        (folder / "box.stl").unlink()
+        said = "no mesh in it"
+    run = grasp3d("check", *arguments, cwd=folder)
+    assert run.returncode == 2
+    assert said in run.stderr
+    assert run.stdout == ""
+
+
+def test_a_report_never_replaces_a_mesh(folder: Path) -> None:
+    (folder / "box.json").symlink_to(folder / "box.stl")
+    before = (folder / "box.stl").read_bytes()
+    run = grasp3d("check", "box.stl", "-o", "box.json", cwd=folder)
+    assert run.returncode == 2
+    assert "is the mesh itself" in run.stderr
+    assert (folder / "box.stl").read_bytes() == before
+
+
+def test_label_tells_lengths_in_another_unit(folder: Path) -> None:
+    run = grasp3d("label", "box.stl", "--max-opening", "80", "--max-edge", "0.04", cwd=folder)
+    assert run.returncode == 0
+    assert re.search(r"warning: max_opening 80 is [\d.,]+ times the object's size", run.stdout)

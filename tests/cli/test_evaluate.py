@@ -1,0 +1,215 @@
+"""`grasp3d evaluate` and `grasp3d label --best`, through the command's own door."""
+
+import io
+import json
+import math
+import os
+import re
+import subprocess
+from contextlib import chdir, redirect_stderr, redirect_stdout
+from pathlib import Path
+from unittest import mock
+
+import numpy as np
+import pyarrow.csv as pc
+import pyarrow.parquet as pq
+import pytest
+from PIL import Image
+
+from grasp3d import rendering
+from grasp3d.cli import main
+from tests.helpers import shapes
+from tests.test_cli import export
+from tests.test_cli import grasp3d as real_grasp3d
+from tests.test_rendering import needs_opengl
+
+BOX = (1.0, 0.7, 0.5)
+PAIR = [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]]
+THREE = [
+    [[0.505, 0.1, 0.1], [-0.5, 0.1, 0.1], [0.0, 0.35, 0.1]],
+    [[0.5, 0.1, 0.1], [0.5, -0.1, 0.1], [0.5, 0.0, -0.1]],
+    [[0.5, 0.1, 0.1], [0.5, 0.1, 0.1], [0.5, 0.1, 0.1]],
+]
+TWO_FINGERS = ("--rays", "16", "--max-edge", "0.2")
+
+
+def grasp3d(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run the command in this process; a new one for each would cost seconds."""
+    out, err, words = io.StringIO(), io.StringIO(), list(map(str, arguments))
+    environment = mock.patch.dict(os.environ, COLUMNS="160")
+    with environment, chdir(cwd), redirect_stdout(out), redirect_stderr(err):
+        try:
+            code = main(words)
+        except SystemExit as ended:  # errors of usage
+            code = int(ended.code or 0)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    export(tmp_path / "my box.stl", shapes.box(BOX))
+    (tmp_path / "three.json").write_text(json.dumps(THREE), encoding="utf-8")
+    (tmp_path / "pair.json").write_text(json.dumps([PAIR]), encoding="utf-8")
+    return tmp_path
+
+
+def test_contacts_come_in_and_how_reliable_they_are_goes_out(folder: Path) -> None:
+    """Once as a user has it, in a process of its own."""
+    run = real_grasp3d(
+        "evaluate", "my box.stl", "three.json", "--unit", "m", "--friction", "1", cwd=folder
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "my box.stl: 3 grasps of 3 fingers; friction 1, sensor resolution 22.6°" in run.stdout
+    rows = pc.read_csv(folder / "my box_grasps.csv").to_pylist()
+    assert [row["label"] for row in rows] == ["S", "U", "U"]
+    for name, count in (("S +surely stable", 1), ("M .*", 0), ("U +surely unstable", 2)):
+        assert re.search(rf"■ {name} +{count} +{100.0 * count / 3.0:.1f} %", run.stdout)
+    assert rows[0]["x1"] == 0.5
+    assert rows[0]["distance1"] == pytest.approx(0.005)
+    assert "off the surface: half of the contacts at most 0, all at most 0.005 m" in run.stdout
+    first = next(line for line in run.stdout.splitlines() if re.match(r" +1 +■ S", line))
+    assert first.split()[3] == f"{math.degrees(rows[0]['critical_angle']):.1f}°"
+    assert first.split()[-1] == "0.005"
+    assert re.search(r"3 +■ U +none +none +0.000", run.stdout)
+    assert "written: my box_grasps.csv" in run.stdout
+    assert len(list(folder.iterdir())) == 4
+
+
+@pytest.mark.parametrize("name", ["out.csv", "out.parquet", "out.json"])
+def test_results_are_written_in_every_format_and_quietly(folder: Path, name: str) -> None:
+    arguments = ("my box.stl", "pair.json", "-o", name, "--sensor-resolution", "30", "-q")
+    run = grasp3d("evaluate", *arguments, cwd=folder)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+    path = folder / name
+    if path.suffix == ".json":
+        found = json.loads(path.read_text(encoding="utf-8"))
+        assert found["grasp3d"]["sensor_resolution"] == pytest.approx(math.radians(30.0))
+        row = found["grasps"][0]
+    else:
+        row = (pc.read_csv if path.suffix == ".csv" else pq.read_table)(path).to_pylist()[0]
+    assert (row["label"], row["rank"]) == ("S", 5)
+    assert row["max_resolution"] == pytest.approx(2.0 * math.atan(0.5))
+
+
+def test_many_grasps_are_told_in_few_lines(folder: Path) -> None:
+    (folder / "many.json").write_text(json.dumps([PAIR] * 200), encoding="utf-8")
+    run = grasp3d("evaluate", "my box.stl", "many.json", "-o", "many.csv", cwd=folder)
+    assert run.returncode == 0
+    assert "the first 10 of 200" in run.stdout
+    assert len(run.stdout.splitlines()) < 30
+    assert pc.read_csv(folder / "many.csv").num_rows == 200
+
+
+BAD: dict[str, tuple[list[str], str]] = {
+    "no contacts": (["evaluate", "my box.stl", "no.csv"], "no.csv: there is no such file"),
+    "no mesh": (["evaluate", "no.stl", "pair.json"], "there is no such file"),
+    "suffix": (["evaluate", "my box.stl", "my box.stl"], "contacts are read from .csv"),
+    "columns": (["evaluate", "my box.stl", "bad.csv"], "found a b c"),
+    "format": (["evaluate", "my box.stl", "pair.json", "-o", "x.xlsx"], "known: .csv"),
+    "output": (["evaluate", "my box.stl", "pair.json", "-o", "no/x.csv"], "cannot be written"),
+    "onto the contacts": (
+        ["evaluate", "my box.stl", "pair.json", "-o", "pair.json"],
+        "pair.json: holds the contacts; name another file",
+    ),
+    "far off": (["evaluate", "my box.stl", "far.json"], "grasp 1, contact 2 at (-500, 0, 0)"),
+    "fingers": (["evaluate", "my box.stl", "three.json", "--fingers", "4"], "have 3 fingers"),
+    "distance": (
+        ["evaluate", "my box.stl", "pair.json", "--max-distance", "-1"],
+        "max_distance must be",
+    ),
+    "friction": (["evaluate", "my box.stl", "pair.json", "--friction", "0"], "friction must be"),
+    "none of the best": (["label", "my box.stl", "--best", "0"], "best must be at least 1"),
+    "negative": (["label", "my box.stl", "--best", "-2"], "best must be at least 1"),
+    "no word for a number": (["label", "my box.stl", "--best", "all"], "invalid"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(folder: Path, name: str) -> None:
+    (folder / "bad.csv").write_text("a,b,c\n1,2,3\n", encoding="utf-8")
+    (folder / "far.json").write_text(json.dumps([[PAIR[0], [-500, 0, 0]]]), encoding="utf-8")
+    before = {path: path.read_bytes() for path in folder.iterdir()}
+    arguments, said = BAD[name]
+    run = grasp3d(*arguments, cwd=folder)
+    assert run.returncode == 2
+    assert run.stdout == ""
+    assert said in run.stderr
+    if name != "no word for a number":  # the parser frames what it says
+        assert re.fullmatch(r"grasp3d: [^\n]+\n", run.stderr)
+    assert {path: path.read_bytes() for path in folder.iterdir()} == before
+
+
+def rows_told(text: str) -> list[list[str]]:
+    """The lines of the table of grasps."""
+    return [line.split() for line in text.splitlines() if re.match(r" +\d+ +■ [SMU] ", line)]
+
+
+@pytest.mark.parametrize(
+    ("fingers", "options"),
+    [(2, TWO_FINGERS), (3, ("--fingers", "3", "--candidates", "8", "--max-edge", "0.3"))],
+)
+def test_the_best_grasps_evaluated_again_are_the_same(
+    folder: Path, fingers: int, options: tuple[str, ...], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rendering, "can_render", lambda: False)
+    (folder / "out").mkdir()
+    output = ("-o", "out/labels.npz")
+    run = grasp3d("label", "my box.stl", *options, *output, "--best", "5", cwd=folder)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "the 5 best grasps that are distinct" in run.stdout
+    assert "no pictures: they need OpenGL" in run.stdout
+    assert f"written: {Path('out/labels_grasps.json')}" in run.stdout
+    assert {path.name for path in (folder / "out").iterdir()} == {
+        "labels.npz",
+        "labels_grasps.json",
+    }
+    best = json.loads((folder / "out" / "labels_grasps.json").read_text())["grasps"]
+    assert [len(grasp["contacts"]) for grasp in best] == [fingers] * 5
+    edge = options[-2:]
+    run_again = grasp3d(
+        "evaluate", "my box.stl", "out/labels_grasps.json", "-o", "again.json", *edge, cwd=folder
+    )
+    assert run_again.returncode == 0
+    again = json.loads((folder / "again.json").read_text())["grasps"]
+    for one, other in zip(best, again, strict=True):
+        assert one["label"] == other["label"]
+        for name in ("critical_angle", "critical_angle_best", "max_resolution", "opening"):
+            assert other[name] == pytest.approx(one[name], abs=1e-6), name
+        assert other["epsilon"] == pytest.approx(one["epsilon"], rel=0.02)
+    assert [row[:7] for row in rows_told(run.stdout)] == [
+        row[:7] for row in rows_told(run_again.stdout)
+    ]
+
+
+def test_fewer_grasps_than_were_asked_for_are_said(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(rendering, "can_render", lambda: False)
+    run = grasp3d("label", "my box.stl", *TWO_FINGERS, "--best", "5000", cwd=folder)
+    assert run.returncode == 0
+    count = len(json.loads((folder / "my box_grasps.json").read_text())["grasps"])
+    assert f"the {count} best grasps" in run.stdout
+    assert "5000 were asked for; all others are near one of these" in run.stdout
+    few = ("--max-opening", "0.01", "--best", "3")
+    run = grasp3d("label", "my box.stl", *TWO_FINGERS, *few, cwd=folder)
+    assert run.returncode == 0
+    assert "best grasps: none was found" in run.stdout
+    assert "OpenGL" not in run.stdout
+    assert json.loads((folder / "my box_grasps.json").read_text())["grasps"] == []
+
+
+@needs_opengl
+def test_the_best_grasps_are_drawn(folder: Path) -> None:
+    run = grasp3d("label", "my box.stl", *TWO_FINGERS, "--best", "2", cwd=folder)
+    assert run.returncode == 0
+    assert "written: my box_grasps.json, my box_grasps.png" in run.stdout
+    with Image.open(folder / "my box_grasps.png") as image:
+        pixels = np.asarray(image.convert("RGB"))
+    assert (pixels == 255).all(axis=2).mean() > 0.3
+    assert (pixels.max(axis=2) < 60).mean() > 0.003
+    assert sorted(path.name for path in folder.glob("my box*")) == [
+        "my box.stl",
+        "my box_grasps.json",
+        "my box_grasps.png",
+        "my box_labeled.ply",
+    ]

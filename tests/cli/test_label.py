@@ -1,0 +1,208 @@
+"""The real command in a process of its own."""
+
+import math
+import os
+import re
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from tests.helpers import shapes
+
+COMMAND = Path(sys.executable).with_name("grasp3d")
+
+
+def grasp3d(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(COMMAND), *map(str, arguments)],
+        check=False,
+        capture_output=True,
+        text=True,
+        cwd=cwd,
+        env={**os.environ, "COLUMNS": "160"},
+    )
+
+
+def export(path: Path, shape: shapes.Surface) -> Path:
+    path.parent.mkdir(parents=True, exist_ok=True)
+    trimesh.Trimesh(*shape, process=False).export(path)
+    return path
+
+
+def test_label_writes_the_ply_and_prints_the_fractions(tmp_path: Path) -> None:
+    export(tmp_path / "in" / "my box.stl", shapes.box((0.06, 0.04, 0.1)))
+    run = grasp3d("label", "in/my box.stl", "--unit", "m", "--friction", "1", cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert re.search(r"S +surely stable +9\d\.\d %", run.stdout)
+    assert "no grasp found" in run.stdout
+    mesh = trimesh.load_mesh(tmp_path / "my box_labeled.ply", process=False)
+    labels = mesh.metadata["_ply_raw"]["vertex"]["data"]["label"]
+    assert set(labels) == {1, 2}
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["in", "my box_labeled.ply"]
+
+
+def test_angles_are_degrees_on_the_command_line(tmp_path: Path) -> None:
+    source = export(tmp_path / "ball.ply", shapes.sphere(2))
+    arguments = ("--sensor-resolution", "30", "--friction", "0.2", "--search-angle", "40")
+    run = grasp3d("label", source, "-o", "out.npz", *arguments, cwd=tmp_path)
+    assert run.returncode == 0
+    with np.load(tmp_path / "out.npz") as data:
+        assert float(str(data["setting_sensor_resolution"])) == pytest.approx(math.radians(30.0))
+        assert float(str(data["setting_search_angle"])) == pytest.approx(math.radians(40.0))
+        assert set(data["label"]) == {1}  # 15 degrees of tilt against 11.3 of friction
+
+
+OPTIONS: dict[str, tuple[list[str], str, dict[str, str]]] = {
+    "usual": ([], "smallest over all tilts", {"epsilon_min": "exact", "edges": "None"}),
+    "circular": (["--edges", "none"], "smallest over all tilts", {"edges": "None"}),
+    "polygons": (
+        ["--edges", "8"],
+        "at the effective friction",
+        {"edges": "8", "epsilon_min": "effective_friction", "epsilon_rank": "5"},
+    ),
+    "per finger": (
+        ["--actuation", "per_finger"],
+        "smallest over all tilts",
+        {"actuation": "per_finger", "epsilon_rank": "5"},
+    ),
+    "soft": (
+        ["--torsion-radius", "0.05"],
+        "smallest over sampled tilts",
+        {"torsion_radius": "0.05", "epsilon_min": "sampled_tilts", "epsilon_rank": "6"},
+    ),
+}
+
+
+@pytest.mark.parametrize("name", OPTIONS)
+def test_epsilon_is_written_and_told_as_the_options_say(tmp_path: Path, name: str) -> None:
+    source = export(tmp_path / "ball.ply", shapes.sphere(2))
+    options, over, settings = OPTIONS[name]
+    run = grasp3d("label", source, "-o", "out.npz", "--max-edge", "9", *options, cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (0, "")
+    numbers = r"(\d\.\d{3}), (\d\.\d{3}), (\d\.\d{3})"
+    told = re.search(f"epsilon, 10/50/90 % of the area: {numbers}; {over}: {numbers}", run.stdout)
+    assert told
+    with np.load(tmp_path / "out.npz") as data:
+        for key, value in settings.items():
+            assert str(data[f"setting_{key}"]) == value
+        assert (data["epsilon_min"] > 0.0).all()
+        assert data["epsilon"].min() - 1e-3 <= float(told[2]) <= data["epsilon"].max() + 1e-3
+        assert float(told[5]) < float(told[2])
+
+
+def test_every_output_format_can_be_asked_for(tmp_path: Path) -> None:
+    source = export(tmp_path / "ball.ply", shapes.sphere(2))
+    for suffix in ("ply", "glb", "npz", "vtp"):
+        run = grasp3d("label", source, "-o", f"out.{suffix}", "--edges", "8", "-q", cwd=tmp_path)
+        assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+        assert (tmp_path / f"out.{suffix}").stat().st_size > 1000
+
+
+BAD: dict[str, tuple[list[str], str]] = {
+    "missing": (["label", "nothing.stl"], "there is no such file"),
+    "folder": (["label", "."], "is a folder"),
+    "empty": (["label", "empty.stl"], "the file is empty"),
+    "prose": (["label", "prose.stl"], "holds no triangles"),
+    "no faces": (["label", "points.ply"], "holds no triangles"),
+    "nan": (["label", "nan.off"], "not a finite number"),
+    "infinite": (["label", "inf.obj"], "not a finite number"),
+    "friction": (["label", "ball.ply", "--friction", "0"], "friction must be"),
+    "negative friction": (["label", "ball.ply", "--friction", "-0.5"], "friction must be"),
+    "resolution": (["label", "ball.ply", "--sensor-resolution", "-1"], "below 180 degrees"),
+    "coarse": (["label", "ball.ply", "--sensor-resolution", "180"], "below 180 degrees"),
+    "edges": (["label", "ball.ply", "--edges", "2"], "edges must be from 3 to 360"),
+    "torsion": (["label", "ball.ply", "--torsion-radius", "-1"], "torsion radius must be"),
+    "format": (["label", "ball.ply", "-o", "x.docx"], "known: .ply"),
+    "output": (["label", "ball.ply", "-o", "no/where.ply"], "cannot be written"),
+    "no input": (["batch", "-o", "out"], "no input"),
+    "no mesh": (["batch", "void", "-o", "out"], "no mesh in it"),
+    "no folder": (["batch", "nowhere", "-o", "out"], "no such file or folder"),
+    "output is a file": (["batch", "ball.ply", "-o", "ball.ply"], "its folder is a file"),
+    "onto itself": (["label", "ball.ply", "-o", "ball.ply"], "is the mesh itself"),
+    "workers": (["batch", "ball.ply", "-o", "out", "--workers", "-1"], "workers must be"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(
+    tmp_path: Path, name: str
+) -> None:
+    export(tmp_path / "ball.ply", shapes.sphere(2))
+    (tmp_path / "void").mkdir()
+    (tmp_path / "empty.stl").touch()
+    (tmp_path / "prose.stl").write_text("Not a mesh at all.\n" * 9, encoding="ascii")
+    (tmp_path / "points.ply").write_text(
+        "ply\nformat ascii 1.0\nelement vertex 1\nproperty float x\nproperty float y\n"
+        "property float z\nend_header\n0 0 0\n",
+        encoding="ascii",
+    )
+    triangle = "0 0 0\n1 0 0\n0 {} 0\n"
+    (tmp_path / "nan.off").write_text(
+        "OFF\n3 1 0\n" + triangle.format("nan") + "3 0 1 2\n", encoding="ascii"
+    )
+    (tmp_path / "inf.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n", encoding="ascii")
+    before = sorted(p for p in tmp_path.rglob("*"))
+    arguments, message = BAD[name]
+    run = grasp3d(*arguments, cwd=tmp_path)
+    assert run.returncode == 2
+    assert message in run.stderr
+    assert run.stderr.count("\n") == 1
+    assert run.stderr.startswith("grasp3d: ")
+    assert "Traceback" not in run.stderr
+    assert run.stdout == ""
+    assert sorted(p for p in tmp_path.rglob("*")) == before
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [
+        ["label"],
+        ["label", "x", "--frict", "1"],
+        ["bake"],
+        ["label", "x", "--friction", "high"],
+        ["label", "x", "--edges", "some"],
+        ["label", "x", "--actuation", "both"],
+    ],
+)
+def test_bad_usage_exits_with_2_and_points_to_the_help(
+    tmp_path: Path, arguments: list[str]
+) -> None:
+    run = grasp3d(*arguments, cwd=tmp_path)
+    assert run.returncode == 2
+    assert "--help" in run.stderr
+    assert "Traceback" not in run.stderr
+
+
+def test_a_reader_that_has_seen_enough_is_no_error(tmp_path: Path) -> None:
+    run = subprocess.run(  # noqa: S602
+        f"'{COMMAND}' batch --help | head -n 1",
+        check=False, capture_output=True, text=True, shell=True, cwd=tmp_path,
+    )  # fmt: skip
+    assert run.stdout.startswith("usage: grasp3d batch")
+    assert run.stderr == ""
+
+
+def test_help_answers_quickly_and_names_the_settings(tmp_path: Path) -> None:
+    begun = time.perf_counter()
+    run = grasp3d("label", "--help", cwd=tmp_path)
+    assert time.perf_counter() - begun < 5.0  # what is loaded is tested in test_layers
+    assert "INT|none" in run.stdout
+    for option in (
+        "--edges",
+        "--actuation",
+        "--torsion-radius",
+        "--friction",
+        "--sensor-resolution",
+        "--grip",
+        "--max-opening",
+        "--unit",
+    ):
+        assert option in run.stdout
+    assert "22.6" in run.stdout
+    assert "type: ignore" not in run.stdout
+    assert grasp3d("--version", cwd=tmp_path).stdout.startswith("grasp3d 0.")

@@ -1,0 +1,118 @@
+"""Files with names that shells, terminals and file systems mind, through the command's own door."""
+
+import json
+import os
+import sys
+from pathlib import Path
+
+import pyarrow.parquet as pq
+import pytest
+
+from grasp3d import rendering
+from grasp3d.system.names import as_unicode, printable, safe_stem, short_hash
+from tests.helpers import shapes
+from tests.test_cli import export
+from tests.test_cli import grasp3d as real_grasp3d
+from tests.test_cli_evaluate import grasp3d
+
+QUICK = ("--rays", "8", "--max-edge", "9")
+LONG = "é" * 123  # with its suffix 250 bytes
+UNDECODABLE = os.fsdecode(b"mug\xff")
+STEMS = {
+    "ünï 物体 #1": "ünï 物体 #1",
+    "-rf": "-rf",
+    "a b": "a b",
+    "[red]": "[red]",
+    "CON": "_CON",
+    LONG: "é" * 70,
+    "two\nlines": "two_lines",
+    UNDECODABLE: "mug_",
+    ":apple: \\[b]": "_apple_ _[b]",
+}
+pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="others take no such names")
+
+
+def result(stem: str) -> str:
+    """What a result is called after an input."""
+    safe = STEMS[stem]
+    return safe if safe == stem else f"{safe}-{short_hash(stem)}"
+
+
+@pytest.mark.parametrize("stem", STEMS)
+def test_a_result_has_a_safe_name_after_its_input(tmp_path: Path, stem: str) -> None:
+    source = export(tmp_path / "in" / f"{stem}.stl", shapes.sphere(1))
+    (tmp_path / "out").mkdir()
+    run = grasp3d("label", source, "--unit", "m", *QUICK, cwd=tmp_path / "out")
+    assert (run.returncode, run.stderr) == (0, "")
+    assert [path.name for path in (tmp_path / "out").iterdir()] == [f"{result(stem)}_labeled.ply"]
+    assert f"written: {result(stem)}_labeled.ply" in run.stdout.splitlines()
+    assert run.stdout.replace("\n", "").startswith(f"{printable(stem)}.stl: ")
+
+
+def test_a_name_of_dots_has_a_result_that_is_not_hidden(tmp_path: Path) -> None:
+    export(tmp_path / "x.stl", shapes.sphere(1)).rename(tmp_path / "..stl")
+    run = grasp3d("label", "./..stl", "-q", *QUICK, cwd=tmp_path)
+    if Path("..stl").suffix:  # to some versions of Python it has none
+        assert (run.returncode, run.stderr) == (0, "")
+        assert (tmp_path / f"{safe_stem('.')}_labeled.ply").exists()
+    else:
+        assert (run.returncode, run.stderr.count("\n")) == (2, 1)
+
+
+def test_all_that_is_named_after_an_input_has_a_safe_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """And what is in these files is named in full."""
+    monkeypatch.setattr(rendering, "can_render", lambda: False)  # pictures are tested elsewhere
+    source = export(tmp_path / "in" / "a\n$b$:c.stl", shapes.sphere(1))
+    (tmp_path / "pair.json").write_text("[[[1, 0, 0], [-1, 0, 0]]]", encoding="utf-8")
+    runs = [
+        grasp3d("label", source, "--best", "1", *QUICK, cwd=tmp_path),
+        grasp3d("evaluate", source, "pair.json", "--max-distance", "1", cwd=tmp_path),
+        grasp3d("sweep", source, "--sensor-resolution", "20", *QUICK, cwd=tmp_path),
+    ]
+    assert [(run.returncode, run.stderr) for run in runs] == [(0, "")] * 3
+    stem = safe_stem("a\n$b$:c")
+    made = {path.name for path in tmp_path.iterdir()} - {"in", "pair.json"}
+    assert made == {
+        f"{stem}_{end}"
+        for end in ("labeled.ply", "grasps.json", "grasps.csv", "sweep.csv", "sweep.svg")
+    }
+    told = json.loads((tmp_path / f"{stem}_grasps.json").read_text(encoding="utf-8"))
+    assert "a\n$b$:c.stl" in json.dumps(told, ensure_ascii=False).replace("\\n", "\n")
+
+
+def test_a_mesh_that_cannot_be_read_is_one_line_whatever_its_name(tmp_path: Path) -> None:
+    for stem in STEMS:
+        (tmp_path / f"{stem}.stl").touch()
+        run = grasp3d("label", tmp_path / f"{stem}.stl", cwd=tmp_path)
+        assert (run.returncode, run.stderr.count("\n")) == (2, 1)
+        assert printable(f"{stem}.stl: the file is empty") in run.stderr
+
+
+@pytest.mark.slow
+def test_a_batch_keeps_every_mesh_and_every_result(tmp_path: Path) -> None:
+    """Once as a user has it, in processes of its own."""
+    meshes = [f"in/{stem}.stl" for stem in STEMS] + ["in/a/mug.stl", "in/b/mug.stl"]
+    meshes += ["in/mug.stl", "in/mug.obj", "in/MUG.STL", "in/co:lon/x.ply", "far/mug.stl"]
+    before = {}
+    for name in meshes:
+        before[name] = export(tmp_path / name, shapes.sphere(1)).read_bytes()
+    (tmp_path / "in" / "bad\nfile.stl").touch()
+    run = real_grasp3d(
+        "batch", "in", "far", "-o", "in", "--workers", "1", "--unit", "m", *QUICK, cwd=tmp_path
+    )
+    assert (run.returncode, "Traceback" in run.stderr) == (1, False)
+    assert f"{len(meshes)} labelled, 1 failed" in run.stdout
+    assert {name: (tmp_path / name).read_bytes() for name in meshes} == before
+    rows = pq.read_table(tmp_path / "in" / "summary").to_pylist()
+    made = {row["labels"] for row in rows if not row["error"]}
+    assert len({name.casefold() for name in made}) == len(made) == len(meshes)
+    assert all((tmp_path / "in" / name).is_file() for name in made)
+    assert {f"labels/{safe_stem(as_unicode(stem))}.ply" for stem in STEMS} <= made
+    assert {"labels/a/mug.ply", "labels/b/mug.ply", "labels/mug_obj.ply"} <= made
+    lines = run.stdout.splitlines()
+    assert any(line.startswith("[red].stl ") for line in lines)
+    assert any(line.startswith(":apple: \\[b].stl ") for line in lines)
+    assert any(line.startswith("two\\nlines.stl ") for line in lines)
+    assert "failed: in/bad\\nfile.stl: the file is empty; export the mesh again" in lines

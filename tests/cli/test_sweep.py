@@ -1,0 +1,295 @@
+"""The real command in a process of its own, and how it reads what it is given."""
+
+import json
+import math
+import os
+import re
+import shutil
+import signal
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pyarrow.csv as pc
+import pyarrow.parquet as pq
+import pytest
+from PIL import Image
+
+from grasp3d import GraspModel, Sampling, label_surface, load_mesh
+from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d.batch.inputs import MeshFile
+from grasp3d.batch.run import run
+from grasp3d.batch.sweeping import (
+    SweepSettings,
+    SweptMesh,
+    find_targets,
+    lost_mesh,
+    meshes_of,
+    sweep_mesh,
+)
+from grasp3d.cli.ranges import resolutions
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.stability.angle_distributions import SphereAngles
+from grasp3d.sweeps import sweep
+from tests.helpers import shapes
+from tests.test_cli import export, grasp3d
+
+QUICK = ("--rays", "16", "--max-edge", "9")
+SETTINGS = SweepSettings((0.2, 1.0), tuple(np.radians([0.0, 30.0])), Sampling(rays=16))
+
+
+def rows_of(path: Path) -> list[dict[str, Any]]:
+    table = pc.read_csv(path) if path.suffix == ".csv" else pq.read_table(path)
+    rows: list[dict[str, Any]] = table.to_pylist()
+    return rows
+
+
+def test_a_file_is_swept_into_a_table_and_a_figure(tmp_path: Path) -> None:
+    source = export(tmp_path / "in" / "my blob.stl", shapes.lopsided())
+    done = grasp3d("sweep", "in/my blob.stl", "--unit", "cm", "--rays", "16", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    names = {path.name for path in tmp_path.iterdir()}
+    assert names == {"in", "my blob_sweep.csv", "my blob_sweep.svg"}
+    assert "U no grasp found" in done.stdout
+    assert "surely unstable" not in done.stdout
+    assert "written: my blob_sweep.csv, my blob_sweep.svg" in done.stdout
+    assert "creases" not in done.stdout
+
+    model = GraspModel(friction=1.0, sensor_resolution=math.radians(60.0))
+    mesh = load_mesh(source, unit="cm")
+    labels = label_surface(mesh, model, sampling=Sampling(rays=16))
+    rows = rows_of(tmp_path / "my blob_sweep.csv")
+    assert len(rows) == 3 * 62
+    assert {row["name"] for row in rows} == {"my blob.stl"}
+    for row in rows:
+        again = labels.relabel(
+            friction=row["friction"], sensor_resolution=row["sensor_resolution"]
+        ).fractions()
+        shares = (row["stable"], row["ambiguous"], row["unstable"])
+        assert shares == pytest.approx(tuple(again.values()), abs=1e-9)
+        assert row["accuracy_ceiling"] == pytest.approx(1.0 - again["M"] / 2.0)
+    needed = rows[62]["required_resolution_50"]
+    assert rows[62]["friction"] == 0.5
+    assert f"{math.degrees(needed):.1f}°" in done.stdout
+    assert labels.relabel(friction=0.5, sensor_resolution=needed - 1e-6).fractions()["S"] >= 0.5
+    root = ET.parse(tmp_path / "my blob_sweep.svg").getroot()  # noqa: S314, our own file
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+
+
+@pytest.mark.slow
+def test_a_folder_is_swept_past_a_broken_mesh_with_the_mean_of_the_others(tmp_path: Path) -> None:
+    export(tmp_path / "in" / "ball.ply", shapes.sphere(2))
+    export(tmp_path / "in" / "deep" / "box.stl", shapes.box())
+    (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
+    done = grasp3d(
+        "sweep", "in", "in/ball.ply", "-o", "out.parquet", "--figure", "out.png",
+        "--workers", "2", "--friction", "0.5", "--sensor-resolution", "0", "20", "60", *QUICK,
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert done.returncode == 1
+    assert "failed: in/bad.obj: " in done.stdout
+    assert "2 swept, 1 failed" in done.stdout
+    assert "Traceback" not in done.stderr + done.stdout
+    rows = rows_of(tmp_path / "out.parquet")
+    swept = [row for row in rows if not row["error"]]
+    names = [row["name"] for row in swept]
+    assert names == [name for name in ("ball.ply", "deep/box.stl", "in (mean of 2)") for _ in "abc"]
+    ball, box, mean = (np.array([row["stable"] for row in swept[k : k + 3]]) for k in (0, 3, 6))
+    assert mean == pytest.approx((ball + box) / 2.0)
+    (failed,) = [row for row in rows if row["error"]]
+    assert failed["name"] == "bad.obj"
+    assert "holds no triangles" in failed["error"]
+    settings = json.loads(pq.read_schema(tmp_path / "out.parquet").metadata[b"grasp3d"])
+    assert settings["friction"] == [0.5]
+    assert settings["sampling"]["rays"] == 16
+    with Image.open(tmp_path / "out.png") as picture:
+        assert picture.width == pytest.approx(7.16 * 300, abs=2)
+        assert picture.height > 3 * 300
+
+
+@pytest.mark.slow
+def test_creases_that_decide_the_required_resolution_are_told(tmp_path: Path) -> None:
+    export(tmp_path / "box.stl", shapes.box())
+    once = ("--friction", "0.5", "--sensor-resolution", "20", "--rays", "8")
+    for edge, told in (("0.1", True), ("0.02", False)):
+        done = grasp3d("sweep", "box.stl", *once, "--max-edge", edge, cwd=tmp_path)
+        assert (done.returncode, done.stderr) == (0, "")
+        assert ("strips along creases count as area, on box.stl" in done.stdout) == told
+
+
+def test_a_folder_of_which_nothing_can_be_swept_has_a_table_of_reasons(tmp_path: Path) -> None:
+    (tmp_path / "in").mkdir()
+    (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
+    done = grasp3d("sweep", "in", cwd=tmp_path)
+    assert done.returncode == 1
+    assert "0 swept, 1 failed" in done.stdout
+    assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "in_sweep.csv"]
+    (row,) = rows_of(tmp_path / "in_sweep.csv")
+    assert "holds no triangles" in row["error"]
+
+
+def test_the_shapes_have_their_closed_forms(tmp_path: Path) -> None:
+    done = grasp3d("sweep", "circle", "square", "sphere", "--share", "0.1", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "U surely unstable" in done.stdout
+    assert "no grasp found" not in done.stdout
+    rows = rows_of(tmp_path / "sweep.csv")
+    assert list(dict.fromkeys(row["name"] for row in rows)) == ["circle", "square", "sphere"]
+    assert {row["mode"] for row in rows} == {"scan"}
+    for row in rows:
+        beta, tilt = math.atan(row["friction"]), row["sensor_resolution"] / 2.0
+        if row["name"] == "circle":
+            stable = 2.0 * max(0.0, beta - tilt) / math.pi
+        elif row["name"] == "sphere":
+            stable = math.sin(max(0.0, beta - tilt)) ** 2
+        else:
+            continue
+        assert row["stable"] == pytest.approx(stable, abs=1e-12)
+    assert (tmp_path / "sweep.svg").stat().st_size > 10_000
+
+
+def test_a_shape_and_a_folder_of_its_name_are_told_apart(tmp_path: Path) -> None:
+    export(tmp_path / "circle" / "ball.ply", shapes.sphere(2))
+    done = grasp3d("sweep", "circle", "-o", "shape.csv", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "for the file or folder of that name write ./circle" in done.stdout
+    assert {row["mode"] for row in rows_of(tmp_path / "shape.csv")} == {"scan"}
+    done = grasp3d("sweep", "./circle/ball.ply", "-q", *QUICK, cwd=tmp_path)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert {row["mode"] for row in rows_of(tmp_path / "ball_sweep.csv")} == {"label"}
+
+
+def test_mesh_and_shape_together_say_what_u_means_for_each(tmp_path: Path) -> None:
+    export(tmp_path / "ball.ply", shapes.sphere(2))
+    done = grasp3d("sweep", "ball.ply", "sphere", *QUICK, cwd=tmp_path)
+    assert done.returncode == 0
+    assert "U no grasp found (on sphere: surely unstable)" in done.stdout
+
+
+BAD: dict[str, tuple[list[str], str]] = {
+    "nothing": ([], "nothing to sweep"),
+    "missing": (["nothing.stl"], "there is no such file"),
+    "no mesh": (["void"], "no mesh in it"),
+    "broken": (["prose.stl"], "holds no triangles"),
+    "table": (["circle", "-o", "x.xlsx"], "known: .csv .parquet"),
+    "figure": (["circle", "--figure", "x.docx"], "known: .svg .png .pdf"),
+    "output": (["circle", "-o", "no/where.csv"], "cannot be written"),
+    "figure's folder": (["circle", "--figure", "no/where.svg"], "cannot be written"),
+    "onto itself": (["ball.ply", "-o", "link.csv"], "is the mesh itself"),
+    "friction": (["circle", "--friction", "0.5", "0"], "friction must be"),
+    "no friction": (["circle", "--friction"], "at least one friction"),
+    "resolution": (["circle", "--sensor-resolution", "180"], "below 180 degrees"),
+    "word": (["circle", "--sensor-resolution", "fine"], "a number of degrees, or FROM:TO:STEP"),
+    "step": (["circle", "--sensor-resolution", "0:60:0"], "STEP above 0"),
+    "share": (["circle", "--share", "50"], "each share must be"),
+    "search": (["ball.ply", "--search-angle", "30"], "75 degrees; got 30"),
+    "workers": (["circle", "--workers", "-1"], "workers must be"),
+    "fingers": (["circle", "--fingers", "3"], "closed form for two fingers only; got 3"),
+    "too many fingers": (["ball.ply", "--fingers", "6"], "fingers must be from 2 to 5; got 6"),
+    "another's": (["ball.ply", "--fingers", "3", "--rays", "16"], "rays says nothing about 3"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(
+    tmp_path: Path, name: str
+) -> None:
+    ball = export(tmp_path / "ball.ply", shapes.sphere(1))
+    (tmp_path / "link.csv").symlink_to(ball)
+    (tmp_path / "void").mkdir()
+    (tmp_path / "prose.stl").write_text("Not a mesh at all.\n" * 9, encoding="ascii")
+    before = sorted(tmp_path.rglob("*"))
+    arguments, message = BAD[name]
+    done = grasp3d("sweep", *arguments, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert message in done.stderr
+    assert done.stderr.startswith("grasp3d: ")
+    assert done.stderr.count("\n") == 1
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_help_tells_the_shapes_and_how_ranges_are_written(tmp_path: Path) -> None:
+    done = grasp3d("sweep", "--help", cwd=tmp_path)
+    for told in ("circle|square|sphere", "DEGREES|FROM:TO:STEP", "0:60:1 22.6", "--share"):
+        assert told in done.stdout
+
+
+def test_resolutions_are_numbers_and_ranges_with_both_ends() -> None:
+    degrees = [math.degrees(value) for value in resolutions(("22.6", "0:60:2.5", "5", "0:1:0.1"))]
+    expected = sorted({22.6, *(2.5 * k for k in range(25)), *(0.1 * k for k in range(11))})
+    assert degrees == pytest.approx(expected, abs=1e-9)
+    assert resolutions(("7:7:1",)) == (math.radians(7.0),)
+    assert resolutions(("0:10:4",)) == pytest.approx(np.radians([0.0, 4.0, 8.0]))
+    for word in ("", "a", "1:2", "0:1:2:3", "3:1:1", "0:1:-1", "0:inf:1", "nan:1:1"):
+        with pytest.raises(SettingError, match="FROM:TO:STEP"):
+            resolutions((word,))
+    with pytest.raises(SettingError, match="more than 10000"):
+        resolutions(("0:60:1e-6",))
+
+
+def test_targets_are_told_apart_by_names_that_do_not_meet(tmp_path: Path) -> None:
+    one = export(tmp_path / "one" / "mug.stl", shapes.sphere(0))
+    two = export(tmp_path / "two" / "mug.stl", shapes.sphere(0))
+    export(tmp_path / "two" / "cup.stl", shapes.sphere(0))
+    shutil.copy(one, tmp_path / "circle")
+    folder = str(tmp_path / "two")
+    targets = find_targets(["circle", str(one), folder, str(two), "circle", f"{folder}/"])
+    assert [target.name for target in targets] == ["circle", str(one), "two", str(two)]
+    assert [target.folder for target in targets] == [False, False, True, False]
+    assert [mesh.name for mesh in targets[2].files] == ["cup.stl", str(two)]
+    assert [mesh.name for mesh in meshes_of(targets)] == [str(one), "cup.stl", str(two)]
+    with pytest.raises(MeshError, match="no such file"):
+        find_targets([str(tmp_path / "square")])
+
+
+def test_the_search_covers_what_is_swept_and_no_more_is_claimed(tmp_path: Path) -> None:
+    ball = export(tmp_path / "ball.ply", shapes.sphere(2))
+    narrow = SweepSettings((0.2,), (0.0, 0.1), Sampling(rays=16))
+    swept = sweep_mesh(MeshFile("ball", str(ball)), narrow).sweep
+    assert swept is not None
+    assert swept.distribution.limit == pytest.approx(math.atan(0.2) + 0.05)
+    wide = SweepSettings((2.0,), (3.0,), Sampling(rays=16))
+    swept = sweep_mesh(MeshFile("ball", str(ball)), wide).sweep
+    assert swept is not None
+    assert swept.distribution.limit == math.pi / 2.0
+
+
+def killed(mesh: MeshFile, settings: SweepSettings) -> SweptMesh:
+    """A sweep whose process dies on one mesh."""
+    if "deadly" in mesh.name:
+        os.kill(os.getpid(), signal.SIGKILL)
+    return sweep_mesh(mesh, settings)
+
+
+@pytest.mark.slow
+def test_a_mesh_that_kills_its_process_costs_its_own_row_only(tmp_path: Path) -> None:
+    files = [
+        MeshFile(name, str(export(tmp_path / name, shapes.sphere(1))))
+        for name in ("1.ply", "2_deadly.ply", "3.ply")
+    ]
+    rows = {
+        row.name: row
+        for row in run(killed, files, SETTINGS, lost=lost_mesh, cluster=ClusterSettings(2))
+    }
+    assert sorted(rows) == [mesh.name for mesh in files]
+    assert "killed from outside" in rows["2_deadly.ply"].error
+    alone = sweep_mesh(files[0], SETTINGS)
+    assert alone.sweep is not None
+    for name in ("1.ply", "3.ply"):
+        swept = rows[name].sweep
+        assert swept is not None
+        assert np.array_equal(swept.stable, alone.sweep.stable)
+        assert swept.required_resolution(0.5) == pytest.approx(alone.sweep.required_resolution(0.5))
+
+
+def test_the_printed_shares_are_those_of_the_shape(tmp_path: Path) -> None:
+    done = grasp3d("sweep", "sphere", "--friction", "1", cwd=tmp_path)
+    (line,) = re.findall(r"^sphere +1 +(.*)$", done.stdout.split("required")[0], re.MULTILINE)
+    swept = sweep(
+        SphereAngles(), friction=1.0, sensor_resolution=np.radians([0.0, 15.0, 22.6, 45.0, 60.0])
+    )
+    printed = [[int(number) for number in cell.split("/")] for cell in line.split()]
+    assert [sum(cell) for cell in printed] == [100] * 5
+    exact = 100.0 * np.stack([swept.stable[0], swept.ambiguous[0], swept.unstable[0]], axis=1)
+    assert np.abs(np.array(printed) - exact).max() <= 1.0

@@ -1,0 +1,136 @@
+"""`grasp3d view` as a command of its own; the window and the page have tests of theirs."""
+
+import os
+import re
+import signal
+import socket
+import subprocess
+import sys
+from pathlib import Path
+from urllib.request import urlopen
+
+import numpy as np
+import pytest
+import trimesh
+from PIL import Image
+
+from grasp3d import rendering
+from grasp3d.cli import main
+from tests.helpers import shapes
+
+COMMAND = Path(sys.executable).with_name("grasp3d")
+KEPT = {
+    name: value for name, value in os.environ.items() if name not in {"DISPLAY", rendering.WINDOW}
+}
+needs_opengl = pytest.mark.skipif(
+    not (os.environ.get("CI") or rendering.can_render()), reason="needs OpenGL"
+)
+
+
+def view(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        [str(COMMAND), "view", *map(str, arguments)],
+        check=False, capture_output=True, text=True, cwd=cwd, env=KEPT, timeout=300,
+    )  # fmt: skip
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    trimesh.Trimesh(*shapes.box((0.06, 0.04, 0.1)), process=False).export(tmp_path / "box.stl")
+    return tmp_path
+
+
+@needs_opengl
+def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
+    options = ("--width", "401", "--height", "301", "--friction", "0.9", "--paint", "label")
+    run = view("box.stl", "--screenshot", "a.png", "--turntable", "a.gif", *options, cwd=box)
+    assert run.returncode == 0
+    assert re.fullmatch(r"(compiling, .*\n)?", run.stderr)  # where nothing was compiled before
+    assert run.stdout == "written: a.png\nwritten: a.gif\n"
+    with Image.open(box / "a.png") as image:
+        colors = np.array(image.convert("RGB"))
+    assert colors.shape == (301, 401, 3)
+    green = (colors[..., 1] > colors[..., 0] + 50) & (colors[..., 1] > colors[..., 2])
+    assert green.mean() > 0.1  # most of a box is S
+    with Image.open(box / "a.gif") as film:
+        assert film.n_frames > 10
+    assert sorted(p.name for p in box.iterdir()) == ["a.gif", "a.png", "box.stl"]
+
+
+def test_without_a_display_it_says_what_to_do(box: Path) -> None:
+    run = view("box.stl", cwd=box)
+    assert run.returncode == 2
+    assert re.fullmatch(r"grasp3d: no display here: .* --web .* --screenshot .*\n", run.stderr)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "told"),
+    [
+        (["none.stl", "--screenshot", "a.png"], "none.stl: no such file or folder"),
+        ([".", "--screenshot", "a.png"], "none that grasp3d batch has written"),
+        (["bad.ply", "--screenshot", "a.png"], "bad.ply: .*label"),
+        (["text.stl", "--screenshot", "a.png"], "text.stl: "),
+        (["box.stl", "--screenshot", "a.jpg"], r"a\.jpg: .*\.png"),
+        (["box.stl", "--turntable", "a.avi"], r"a\.avi: .*\.gif"),
+        (["box.stl", "--screenshot", "none/a.png"], "none/a.png: cannot be written"),
+        (["box.stl", "--screenshot", "box.stl"], "box.stl: "),
+        (["box.stl", "--screenshot", "a.png", "--fingers", "9"], "fingers must be from 2 to 5"),
+        (["box.stl", "--web", "--port", "70000"], "port"),
+        (["box.stl", "--web", "--host", "no.such.host.invalid"], "no.such.host.invalid"),
+    ],
+)
+def test_a_mistake_is_one_line_and_exit_code_2(
+    box: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    capsys: pytest.CaptureFixture[str],
+    arguments: list[str],
+    told: str,
+) -> None:
+    (box / "text.stl").write_text("no mesh at all\n")
+    header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
+    rest = "property float z\nproperty uchar label\nelement face 1\n"
+    end = "property list uchar int vertex_indices\nend_header\n0 0 0 1\n1 0 0 2\n0 1 0 7\n3 0 1 2\n"
+    (box / "bad.ply").write_text(header + rest + end)
+    before = (box / "box.stl").read_bytes()
+    monkeypatch.chdir(box)
+    assert main(["view", *arguments]) == 2
+    error = capsys.readouterr().err
+    assert re.fullmatch(rf"grasp3d: .*{told}.*\n", error), error
+    assert (box / "box.stl").read_bytes() == before
+    assert not list(box.glob("a.*"))
+
+
+@needs_opengl
+def test_the_page_is_served_at_a_free_port_until_it_is_ended(box: Path) -> None:
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        words = [str(COMMAND), "view", "box.stl", "--web", "--port", str(port)]
+        with subprocess.Popen(
+            words, cwd=box, env=KEPT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+        ) as run:
+            try:
+                assert run.stdout is not None
+                line = run.stdout.readline()
+                found = re.match(rf"{port} is in use; (http://127\.0\.0\.1:(\d+)/) shows ", line)
+                assert found is not None, line
+                assert port < int(found[2]) <= port + 20
+                with urlopen(found[1]) as page:  # noqa: S310
+                    assert b"<html" in page.read().lower()
+                run.send_signal(signal.SIGINT)
+                out, error = run.communicate(timeout=60)
+            finally:
+                run.kill()
+    assert (run.returncode, out) == (130, "")
+    assert re.fullmatch(r"(compiling, .*\n)?grasp3d: interrupted\n", error)
+
+
+@needs_opengl
+def test_the_first_run_says_what_takes_so_long(box: Path, tmp_path: Path) -> None:
+    words = [str(COMMAND), "view", "box.stl", "--web", "--port", "0"]
+    empty = {**KEPT, "NUMBA_CACHE_DIR": str(tmp_path / "none")}
+    with subprocess.Popen(words, cwd=box, env=empty, text=True, stderr=subprocess.PIPE) as run:
+        assert run.stderr is not None
+        assert run.stderr.readline().startswith("compiling, which the first run has to do")
+        run.kill()

@@ -1,0 +1,327 @@
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from scipy.integrate import quad
+
+import grasp3d
+from grasp3d.contact.friction_cones import effective_friction
+from grasp3d.contact.sensor import SMALL, Sensor, radius_of, resolution_limit
+from grasp3d.errors import SettingError
+
+radii = st.floats(1e-3, 1e3)
+resolutions = st.floats(1e-6, 3.1)
+openings = st.floats(1e-2, 1e4)
+frictions = st.floats(1e-3, 20.0)
+tips = st.one_of(radii, st.just(math.inf))
+
+
+@st.composite
+def sensors(draw: st.DrawFn) -> Sensor:
+    """Round ones and flat ones."""
+    radius = draw(tips)
+    if math.isinf(radius):
+        return Sensor(draw(st.floats(1e-3, 1e3)), radius)
+    return Sensor.for_resolution(draw(resolutions), radius)
+
+
+@given(resolutions, radii)
+def test_a_sensor_made_for_a_resolution_has_it(resolution: float, radius: float) -> None:
+    sensor = Sensor.for_resolution(resolution, radius)
+    assert sensor.resolution == pytest.approx(resolution, rel=1e-15)
+    assert sensor.receptive_field == pytest.approx(resolution * radius, rel=1e-15)
+    assert sensor.tilt == sensor.resolution / 2.0
+    again = Sensor.of_curvature(sensor.receptive_field, sensor.curvature)
+    assert again.fingertip_radius == pytest.approx(radius, rel=1e-15)
+    assert again.receptive_field == sensor.receptive_field
+
+
+@given(frictions, radii)
+def test_just_too_coarse_without_locations_is_the_bound_of_the_paper(
+    friction: float, radius: float
+) -> None:
+    sensor = Sensor.limiting(friction, radius)
+    assert sensor.resolution == pytest.approx(resolution_limit(friction), rel=1e-14)
+    assert sensor.required_friction == pytest.approx(friction, rel=1e-12)
+
+
+@given(frictions, tips, openings)
+def test_just_too_coarse_needs_just_the_friction_that_it_was_made_for(
+    friction: float, radius: float, opening: float
+) -> None:
+    sensor = Sensor.limiting(friction, radius, opening=opening)
+    assert sensor.misalignment(opening) == pytest.approx(math.atan(friction), rel=1e-9)
+    assert sensor.required_friction_at(opening) == pytest.approx(friction, rel=1e-7)
+    finer = dataclasses.replace(sensor, receptive_field=0.99 * sensor.receptive_field)
+    assert finer.required_friction_at(opening) < friction
+    assert sensor.required_friction < friction
+
+
+@given(sensors(), openings)
+def test_no_friction_is_left_at_the_required_one_and_some_just_above(
+    sensor: Sensor, opening: float
+) -> None:
+    for needed, angle in (
+        (sensor.required_friction, sensor.resolution),
+        (sensor.required_friction_at(opening), 2.0 * sensor.misalignment(opening)),
+    ):
+        assume(needed < 1e6)
+        assert effective_friction(needed, angle) == pytest.approx(0.0, abs=1e-9)
+        assert effective_friction(1.001 * needed + 1e-6, angle) > 0.0
+
+
+@given(sensors(), openings, st.floats(1.01, 10.0))
+def test_wider_openings_and_finer_sensors_need_less_friction(
+    sensor: Sensor, opening: float, factor: float
+) -> None:
+    finer = dataclasses.replace(sensor, receptive_field=sensor.receptive_field / factor)
+    for size in (opening, math.inf):
+        assert finer.required_friction_at(size) <= sensor.required_friction_at(size)
+    assert finer.line_error(opening) <= sensor.line_error(opening)
+    wide, narrow = sensor.line_error(factor * opening), sensor.line_error(opening)
+    assert wide <= narrow
+    assert sensor.line_error(math.inf) == 0.0
+    assert sensor.required_friction_at(math.inf) == sensor.required_friction
+    assert narrow <= math.atan2(sensor.receptive_field, opening) * (1.0 + 1e-12)
+
+
+@given(sensors(), openings, st.sampled_from([1e-3, 0.0254, 10.0, 1e6]))
+def test_the_unit_of_length_does_not_matter(sensor: Sensor, opening: float, unit: float) -> None:
+    scaled = Sensor(unit * sensor.receptive_field, unit * sensor.fingertip_radius)
+    assert scaled.resolution == pytest.approx(sensor.resolution, rel=1e-14)
+    assert scaled.line_error(unit * opening) == pytest.approx(sensor.line_error(opening), rel=1e-12)
+    assert scaled.location_uncertainty == pytest.approx(unit * sensor.location_uncertainty)
+
+
+@given(sensors().filter(lambda sensor: not sensor.flat), openings, st.data())
+def test_round_fingertips_come_to_flat_ones_as_they_grow(
+    sensor: Sensor, opening: float, data: st.DataObject
+) -> None:
+    flat = Sensor(sensor.receptive_field, math.inf)
+    # Bent by far less than its receptive field and the opening can show.
+    factor = data.draw(st.floats(1e9, 1e30))
+    near = Sensor(sensor.receptive_field, factor * max(sensor.receptive_field, opening))
+    assert near.misalignment(opening) == pytest.approx(flat.misalignment(opening), rel=1e-6)
+    friction = data.draw(frictions)
+    limits = [
+        Sensor.limiting(friction, tip.fingertip_radius, opening=opening) for tip in (near, flat)
+    ]
+    assert limits[0].receptive_field == pytest.approx(limits[1].receptive_field, rel=1e-6)
+
+
+def contacts_within(
+    sensor: Sensor, opening: float, tilts: np.ndarray, turns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """Contacts of two opposing fingers, tilted by (k, 2) angles in (k, 2) directions about x.
+
+    The tips stand where they stand; a contact at an angle on a tip lies along its arc from where
+    it is perceived, (k, 2, 3) each.
+    """
+    inward = np.array([1.0, -1.0])
+    aside = np.stack([np.zeros_like(turns), np.cos(turns), np.sin(turns)], axis=-1)
+    along = np.array([1.0, 0.0, 0.0])
+    if sensor.flat:
+        normals = np.broadcast_to(inward[:, None] * along, aside.shape)
+        return -0.5 * opening * normals + tilts[..., None] * aside, normals
+    radius = sensor.fingertip_radius
+    normals = inward[:, None] * np.cos(tilts)[..., None] * along + np.sin(tilts)[..., None] * aside
+    centers = -inward[:, None] * (opening / 2.0 + radius) * along
+    return centers + radius * normals, normals
+
+
+@pytest.mark.parametrize(
+    ("sensor", "opening"),
+    [
+        (Sensor(4.0, 10.0), 50.0),
+        (Sensor(9.0, 10.0), 20.0),
+        (Sensor(9.0, 10.0), 300.0),
+        (Sensor(0.5, 10.0), 2.0),
+        (Sensor(6.0, math.inf), 30.0),
+        (Sensor(6.0, math.inf), 2.0),
+        (Sensor(1.0, 1.0), 10.0),
+    ],
+)
+def test_misalignment_is_the_largest_critical_angle_of_grasps_that_feel_alike(
+    sensor: Sensor, opening: float
+) -> None:
+    rng = np.random.default_rng(7)
+    reach = sensor.location_uncertainty if sensor.flat else sensor.tilt
+    tilts = reach * np.sqrt(rng.uniform(size=(4000, 2)))
+    turns = rng.uniform(0.0, 2.0 * math.pi, size=(4000, 2))
+    tilts[0], turns[0] = reach, (0.0, math.pi)  # the ends of both fields, on opposite sides
+    points, normals = contacts_within(sensor, opening, tilts, turns)
+    angles = grasp3d.critical_friction_angle(grasp3d.Contacts(points, normals, friction=0.5))
+    assert angles[0] == pytest.approx(sensor.misalignment(opening), abs=1e-12)
+    assert angles.max() <= sensor.misalignment(opening) + 1e-12
+    lines = points[:, 1] - points[:, 0]
+    turned = np.arctan2(np.linalg.norm(lines[:, 1:], axis=1), lines[:, 0])
+    assert turned[0] == pytest.approx(sensor.line_error(opening), abs=1e-12)
+    assert turned.max() <= sensor.line_error(opening) + 1e-12
+
+
+def test_no_line_turns_past_the_one_that_touches_both_tips() -> None:
+    sensor, opening = Sensor(28.0, 10.0), 4.0  # a tilt of 80 degrees on a thin plate
+    tilts = np.stack(np.meshgrid(*2 * [np.linspace(0.0, sensor.tilt, 801)]), -1).reshape(-1, 2)
+    points, _ = contacts_within(sensor, opening, tilts, np.full_like(tilts, [0.0, math.pi]))
+    lines = points[:, 1] - points[:, 0]
+    turned = np.arctan2(-lines[:, 1], lines[:, 0]).max()
+    assert sensor.line_error(opening) == pytest.approx(turned, abs=1e-6)
+    assert sensor.line_error(opening) == pytest.approx(math.asin(10.0 / 12.0))
+    assert sensor.misalignment(opening) > math.pi / 2.0
+    assert math.isinf(sensor.required_friction_at(opening))
+
+
+@given(resolutions)
+def test_numbers_of_sensors_are_areas_rounded_up(resolution: float) -> None:
+    sensor = Sensor.for_resolution(resolution, 3.0)
+    hemisphere = 2.0 * math.pi * 3.0**2
+    disc = math.pi * (sensor.receptive_field / 2.0) ** 2
+    cap = quad(lambda a: 2.0 * math.pi * 3.0**2 * math.sin(a), 0.0, resolution / 2.0)[0]
+    for count, area in ((sensor.sensors_by_discs, disc), (sensor.sensors_by_caps, cap)):
+        assert count is not None
+        assert count * area >= hemisphere * (1.0 - 1e-9)
+        assert (count - 1) * area < hemisphere * (1.0 + 1e-9)
+    assert sensor.sensors_by_caps is not None
+    assert sensor.sensors_by_discs is not None
+    assert 0 <= sensor.sensors_by_caps - sensor.sensors_by_discs <= 1
+
+
+@pytest.mark.parametrize("count", range(2, 400))
+def test_what_covers_exactly_is_not_rounded_up(count: int) -> None:
+    discs = Sensor.for_resolution(math.sqrt(8.0 / count), 7.0)
+    assert discs.sensors_by_discs == count
+    caps = Sensor.for_resolution(2.0 * math.acos(1.0 - 1.0 / count), 7.0)
+    assert caps.sensors_by_caps == count
+
+
+def test_the_numbers_of_the_paper() -> None:
+    half = Sensor.limiting(0.5, 10.0)
+    assert math.degrees(half.resolution) == pytest.approx(53.13010235415598, rel=1e-14)
+    assert half.receptive_field == pytest.approx(20.0 * math.atan(0.5), rel=1e-14)
+    assert half.receptive_field == pytest.approx(9.27, abs=0.005)
+    assert (half.sensors_by_discs, half.sensors_by_caps) == (10, 10)
+    fifth = Sensor.limiting(0.2, 10.0)
+    assert math.degrees(fifth.resolution) == pytest.approx(22.619864948040426, rel=1e-14)
+    assert fifth.receptive_field == pytest.approx(3.948, abs=0.0005)
+    assert (fifth.sensors_by_discs, fifth.sensors_by_caps) == (52, 52)
+    assert Sensor(4.0, 10.0).sensors_by_discs == 50  # 3.95 mm rounded to 4, as in the paper
+
+
+def test_a_flat_fingertip_has_one_normal_and_an_uncertain_place() -> None:
+    for sensor in (Sensor(4.0, math.inf), Sensor.of_curvature(4.0, 0.0)):
+        assert (sensor.flat, sensor.curvature, sensor.resolution, sensor.tilt) == (True, 0, 0, 0)
+        assert sensor.location_uncertainty == 2.0
+        assert sensor.required_friction == 0.0
+        assert sensor.required_friction_at(20.0) == pytest.approx(0.2)
+        assert sensor.line_error(20.0) == pytest.approx(math.atan(0.2))
+        assert (sensor.sensors_by_discs, sensor.sensors_by_caps) == (None, None)
+
+
+def test_the_tiniest_and_the_longest_fields() -> None:
+    for field, radius in ((1e-300, 1.0), (1e-300, 1e300), (5e-324, 1e308), (1.0, 1e308)):
+        tiny = Sensor(field, radius)
+        assert (tiny.sensors_by_discs, tiny.sensors_by_caps) == (None, None)
+        assert 0.0 <= tiny.misalignment(10.0) <= math.atan(0.1 * field) * (1.0 + 1e-6) + 1e-300
+        assert tiny.warnings(1e3) == ()
+    near = Sensor(1e-9, 1.0)
+    assert near.sensors_by_discs == pytest.approx(8e18)
+    half_way = Sensor(math.nextafter(math.pi, 0.0), 1.0)
+    assert (half_way.sensors_by_discs, half_way.sensors_by_caps) == (1, 1)
+    assert half_way.required_friction > 1e15
+    assert math.isinf(half_way.required_friction_at(1.0))
+
+
+@pytest.mark.parametrize("friction", [1e-9, 1e-6, 10.0, 1e6])
+def test_the_least_and_the_largest_friction(friction: float) -> None:
+    sensor = Sensor.limiting(friction, 10.0)
+    assert 0.0 < sensor.resolution < math.pi
+    assert sensor.required_friction == pytest.approx(friction, rel=1e-9)
+    for opening in (1e-300, 1e-6, 1.0, 1e300):
+        counted = Sensor.limiting(friction, 10.0, opening=opening)
+        assert 0.0 < counted.resolution <= sensor.resolution
+        assert counted.misalignment(opening) == pytest.approx(math.atan(friction), rel=1e-9)
+
+
+@pytest.mark.parametrize("radius", [10.0, math.inf])
+def test_a_warning_stands_where_the_location_is_not_small_against_the_object(radius: float) -> None:
+    sensor = Sensor(4.0, radius)
+    limit = sensor.location_uncertainty / SMALL
+    assert sensor.warnings(1.001 * limit) == ()
+    (warning,) = sensor.warnings(0.999 * limit)
+    needed = f"above {sensor.required_friction_at(0.999 * limit):.4g} instead of "
+    assert needed + f"{sensor.required_friction:.4g}" in warning
+    assert warning.startswith("the location uncertainty, 5.01 % of the object's size, is not small")
+    # What the limit means: the line takes a friction of 0.1 for itself.
+    assert sensor.line_error(limit) == pytest.approx(math.atan(2.0 * SMALL), rel=0.03)
+    (worst,) = Sensor(31.0, 10.0).warnings(20.0)
+    assert worst.endswith("which no friction can bear")
+
+
+@pytest.mark.parametrize(
+    ("field", "radius", "message"),
+    [
+        (0.0, 10.0, "receptive field must be a finite length above 0; got 0"),
+        (-1.0, 10.0, "receptive field must be a finite length above 0; got -1"),
+        (math.nan, 10.0, "receptive field must be a finite length"),
+        (math.inf, 10.0, "receptive field must be a finite length"),
+        (math.inf, math.inf, "receptive field must be a finite length"),
+        (1.0, 0.0, "fingertip radius must be above 0, inf for flat; got 0"),
+        (1.0, -2.0, "fingertip radius must be above 0"),
+        (1.0, math.nan, "fingertip radius must be above 0"),
+        (10.0 * math.pi, 10.0, r"half the fingertip's circumference, pi x 10 = 31.42; got 31.4159"),
+        (40.0, 10.0, "must be shorter than half"),
+    ],
+)
+def test_no_sensor_is_made_of_lengths_that_are_none(
+    field: float, radius: float, message: str
+) -> None:
+    with pytest.raises(SettingError, match=message):
+        Sensor(field, radius)
+
+
+@pytest.mark.parametrize("curvature", [-0.1, math.nan, math.inf])
+def test_curvature_is_a_finite_number_from_0(curvature: float) -> None:
+    with pytest.raises(SettingError, match="curvature must be a finite number of at least 0"):
+        Sensor.of_curvature(1.0, curvature)
+    assert math.isinf(radius_of(1e-320))
+
+
+@pytest.mark.parametrize("resolution", [0.0, -0.1, math.pi, math.nan, 22.6])
+def test_a_round_tip_resolves_more_than_nothing_and_less_than_180_degrees(
+    resolution: float,
+) -> None:
+    with pytest.raises(SettingError, match="above 0 and below 180 degrees"):
+        Sensor.for_resolution(resolution, 10.0)
+
+
+def test_a_flat_tip_is_not_made_for_a_resolution_and_has_no_limit_by_its_normals() -> None:
+    with pytest.raises(SettingError, match="its resolution is 0; give its receptive field"):
+        Sensor.for_resolution(0.3, math.inf)
+    with pytest.raises(SettingError, match="give the opening"):
+        Sensor.limiting(0.5, math.inf)
+    with pytest.raises(SettingError, match="fingertip radius must be above 0"):
+        Sensor.limiting(0.5, -1.0)
+    with pytest.raises(SettingError, match="fingertip radius must be above 0"):
+        Sensor.for_resolution(0.5, math.nan)
+
+
+@pytest.mark.parametrize("opening", [0.0, -1.0, math.nan])
+def test_an_opening_is_above_0(opening: float) -> None:
+    sensor = Sensor(4.0, 10.0)
+    for ask in (
+        sensor.line_error, sensor.misalignment, sensor.required_friction_at, sensor.warnings,
+        lambda size: Sensor.limiting(0.5, 10.0, opening=size),
+    ):  # fmt: skip
+        with pytest.raises(SettingError, match="distance between two fingers must be above 0"):
+            ask(opening)
+
+
+@pytest.mark.parametrize("friction", [0.0, -0.5, math.nan, math.inf])
+def test_friction_is_a_finite_number_above_0(friction: float) -> None:
+    with pytest.raises(SettingError, match="friction must be a finite number above 0"):
+        resolution_limit(friction)
+    with pytest.raises(SettingError, match="friction must be a finite number above 0"):
+        Sensor.limiting(friction, 10.0)

@@ -1,0 +1,156 @@
+import itertools
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from grasp3d import (
+    GraspModel,
+    Sampling,
+    SurfaceLabels,
+    label_surface,
+    mesh_from_arrays,
+    scan_surface,
+)
+from grasp3d.errors import SettingError
+from grasp3d.grasps.distinct import ALIKE, APART, best_grasps, matched_distance
+from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.surface.labels import Reason
+from tests.helpers import shapes
+
+Floats = NDArray[np.float64]
+
+ALL = 10_000
+
+
+@cache
+def labels(fingers: int) -> SurfaceLabels:
+    """A blob without symmetry, or a box, where many grasps are equally good and creases are."""
+    vertices, faces = shapes.sphere(2)
+    x, y, z = vertices.T
+    blob = vertices * (1.0 + 0.25 * x * y + 0.15 * z**3)[:, None] * (1.0, 0.8, 1.3)
+    mesh = mesh_from_arrays(blob, faces, unit="cm", max_edge=9.0)
+    sampling = Sampling(rays=16) if fingers == 2 else Sampling(candidates=8)
+    return label_surface(mesh, GraspModel(fingers=fingers), sampling=sampling)
+
+
+@cache
+def box_labels() -> SurfaceLabels:
+    mesh = mesh_from_arrays(*shapes.box((1.0, 0.7, 0.5)), max_edge=0.2)
+    return label_surface(mesh, GraspModel(), sampling=Sampling(rays=16))
+
+
+def farthest_pair(one: Floats, other: Floats) -> float:
+    """Straight from the definition."""
+    return min(
+        max(math.dist(a, b) for a, b in zip(one, order, strict=True))
+        for order in itertools.permutations(other)
+    )
+
+
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+def test_matching_tries_every_order(count: int) -> None:
+    points = np.random.default_rng(count).normal(size=(20, count, 3))
+    other = points[4][::-1]
+    found = matched_distance(points, other)
+    assert found[4] == 0.0
+    assert found == pytest.approx([farthest_pair(some, other) for some in points])
+
+
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_the_best_grasps_are_apart_and_every_other_is_near_a_better_one(fingers: int) -> None:
+    of = labels(fingers)
+    apart = APART * of.mesh.size
+    found = best_grasps(of, ALL)
+    points = found.contacts.points
+    assert 1 < found.size < 100
+    for one, two in itertools.combinations(points, 2):
+        assert farthest_pair(one, two) >= apart
+    held = np.flatnonzero(of.reason == Reason.FOUND)
+    worst = found.critical_angle
+    for vertex in held[::7]:
+        grasp = np.concatenate([of.mesh.vertices[vertex, None], of.partners[vertex]])
+        near = np.array([farthest_pair(grasp, some) for some in points]) < apart + 1e-9
+        assert (worst[near] < of.critical_angle[vertex] + ALIKE + 3e-4).any()
+
+
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_the_best_come_first_and_larger_epsilons_among_equals(fingers: int) -> None:
+    found = best_grasps(labels(fingers), ALL, distance=0.0)
+    step = np.floor(found.critical_angle / ALIKE)
+    assert found.critical_angle.min() == found.critical_angle[step == step[0]].min()
+    # The angles were computed anew, within their own tolerance.
+    assert (np.diff(step) >= -1.0).all()
+    assert len(set(step)) > 2
+    first = best_grasps(labels(fingers), 5, distance=0.0)
+    assert first.size == 5
+    assert np.array_equal(first.contacts.points, found.contacts.points[:5])
+    on_box = best_grasps(box_labels(), 20, distance=0.0)
+    assert on_box.critical_angle == pytest.approx(np.zeros(20), abs=ALIKE)
+    assert (np.diff(on_box.epsilon) <= 0.01 * on_box.epsilon[:-1]).all()
+    assert on_box.epsilon[0] >= 0.99 * np.nanmax(box_labels().epsilon)
+
+
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_they_are_the_vertices_own_grasps(fingers: int) -> None:
+    of = labels(fingers)
+    found = best_grasps(of, 6)
+    assert found.model == of.model
+    assert (found.distance == 0.0).all()
+    assert (found.separation > 0.0).all()
+    for row in range(6):
+        gaps = np.linalg.norm(of.mesh.vertices - found.contacts.points[row, 0], axis=1)
+        vertex = int(gaps.argmin())
+        assert gaps[vertex] < 1e-12
+        assert found.contacts.points[row, 1:] == pytest.approx(of.partners[vertex])
+        assert found.critical_angle[row] == pytest.approx(of.critical_angle[vertex], abs=2e-4)
+        assert found.label[row] == of.label[vertex]
+        assert found.epsilon[row] == pytest.approx(of.epsilon[vertex], rel=0.02)
+        assert found.opening[row] == pytest.approx(of.opening[vertex])
+
+
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_evaluated_again_they_are_the_same(fingers: int) -> None:
+    found = best_grasps(labels(fingers), 20)
+    again = evaluate_grasps(found.mesh, found.contacts.points, found.model)
+    assert again.critical_angle == pytest.approx(found.critical_angle, abs=1e-6)
+    assert again.critical_angle_best == pytest.approx(found.critical_angle_best, abs=1e-6)
+    assert np.array_equal(again.label, found.label)
+    assert np.array_equal(again.contacts.on_crease, found.contacts.on_crease)
+    assert again.epsilon == pytest.approx(found.epsilon, rel=0.02)
+
+
+def test_two_fingers_on_a_box_are_no_grasp_twice() -> None:
+    """Whether a vertex is the first contact or the second."""
+    found = best_grasps(box_labels(), ALL, distance=1e-6)
+    pairs = np.sort(np.round(found.contacts.points, 5).view("f8,f8,f8")[..., 0], axis=1)
+    assert len(np.unique(pairs, axis=0)) == found.size
+
+
+def test_in_a_scan_the_fixed_finger_is_one_of_each_grasp() -> None:
+    fixed = np.array([0.0, 0.0, 0.25])
+    scan = scan_surface(box_labels().mesh, GraspModel(), fixed=fixed)
+    found = best_grasps(scan, 4)
+    assert found.contacts.points[:, 1] == pytest.approx(np.tile(fixed, (4, 1)))
+    assert found.critical_angle[0] == pytest.approx(0.0, abs=1e-9)
+    assert found.contacts.points[0, 0] == pytest.approx([0.0, 0.0, -0.25])
+
+
+def test_where_no_grasp_was_found_there_is_none() -> None:
+    mesh = box_labels().mesh
+    none = label_surface(mesh, sampling=Sampling(rays=8, max_opening=0.01))
+    found = best_grasps(none, 3)
+    assert found.size == 0
+    for name in ("label", "epsilon", "rank", "opening", "separation", "max_resolution"):
+        assert getattr(found, name).shape == (0,)
+
+
+def test_what_is_no_number_of_grasps_or_no_distance_is_refused() -> None:
+    for count in (0, -3):
+        with pytest.raises(SettingError, match="at least 1"):
+            best_grasps(box_labels(), count)
+    for distance in (-1.0, math.nan, math.inf):
+        with pytest.raises(SettingError, match="distance must be"):
+            best_grasps(box_labels(), 2, distance=distance)

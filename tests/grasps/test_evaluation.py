@@ -1,0 +1,235 @@
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from grasp3d import GraspModel, classify, mesh_from_arrays
+from grasp3d.contact.contacts import Contacts
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.grasps.evaluation import OFF_SURFACE, evaluate_grasps
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.mesh import ObjectMesh
+from grasp3d.quality.critical_angle import critical_friction_angle
+from tests.helpers import shapes
+
+Floats = NDArray[np.float64]
+
+TRIANGLE = np.array([[math.cos(a), math.sin(a), 0.0] for a in np.radians([0.0, 120.0, 240.0])])
+FIELDS = (
+    "label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon", "epsilon_min",
+    "epsilon_max", "rank", "opening", "separation",
+)  # fmt: skip
+
+
+@cache
+def ball() -> ObjectMesh:
+    return mesh_from_arrays(*shapes.sphere(3), unit="m", max_edge=9.0)
+
+
+@cache
+def blob() -> ObjectMesh:
+    return mesh_from_arrays(*shapes.lopsided(), max_edge=9.0)
+
+
+@cache
+def block() -> ObjectMesh:
+    return mesh_from_arrays(*shapes.box((2.0, 1.0, 0.5)), max_edge=0.25)
+
+
+def drawn(mesh: ObjectMesh, grasps: int, fingers: int, seed: int) -> Floats:
+    """Contacts anywhere on a surface, and some at its vertices."""
+    rng = np.random.default_rng(seed)
+    corners = mesh.vertices[mesh.faces[rng.integers(len(mesh.faces), size=(grasps, fingers))]]
+    weights = rng.dirichlet([0.5, 0.5, 0.5], (grasps, fingers))
+    weights[:: max(1, grasps // 8), 0] = (1.0, 0.0, 0.0)
+    return np.asarray((weights[..., None, :] @ corners)[..., 0, :])
+
+
+def same(one: SurfaceGrasps, other: SurfaceGrasps, rows: object = slice(None)) -> None:
+    for name in FIELDS:
+        assert np.array_equal(getattr(one, name)[rows], getattr(other, name), equal_nan=True), name
+
+
+def test_three_fingers_about_a_ball_are_surely_stable_at_any_friction() -> None:
+    for friction, resolution in ((0.05, 0.0), (0.5, math.radians(22.6))):
+        model = GraspModel(friction, resolution)
+        grasps = evaluate_grasps(ball(), 1.001 * TRIANGLE, model)
+        assert grasps.model.fingers == 3
+        assert grasps.label.tolist() == [2]
+        assert grasps.critical_angle[0] == pytest.approx(0.0, abs=0.02)
+        assert grasps.rank.tolist() == [6]
+        assert 0.0 <= grasps.epsilon_min[0] <= grasps.epsilon[0] <= grasps.epsilon_max[0]
+        assert grasps.epsilon[0] > 0.0
+        sides = (grasps.opening[0], grasps.separation[0])
+        assert sides == pytest.approx([math.sqrt(3.0)] * 2, rel=0.02)
+        assert grasps.distance[0] == pytest.approx([0.001] * 3, abs=0.01)
+
+
+def test_the_fields_are_those_of_a_single_grasp_at_the_same_contacts() -> None:
+    """Anywhere on a smooth surface, against the functions for plain contacts."""
+    model = GraspModel(0.8, math.radians(20.0), fingers=3)
+    grasps = evaluate_grasps(blob(), drawn(blob(), 40, 3, 1), model)
+    smooth = np.flatnonzero(~grasps.contacts.on_crease.any(axis=1))
+    assert len(smooth) > 30
+    for row in smooth:
+        points = grasps.contacts.points[row] - blob().center_mass
+        contacts = Contacts(points, grasps.contacts.normals[row], model.friction)
+        angle = critical_friction_angle(contacts)
+        assert grasps.critical_angle[row] == pytest.approx(float(angle), abs=2e-4)
+        told = classify(
+            contacts, model.sensor_resolution, torque_scale=blob().torque_scale, rtol=0.01
+        )
+        if min(abs(angle - model.friction_angle + s * model.tilt) for s in (-1.0, 1.0)) > 1e-3:
+            assert grasps.label[row] == told.label
+        assert grasps.epsilon[row] == pytest.approx(float(told.epsilon), rel=0.03, abs=1e-6)
+        assert grasps.epsilon_min[row] == pytest.approx(float(told.epsilon_min), rel=0.03, abs=1e-6)
+        assert grasps.opening[row] >= grasps.separation[row] > 0.0
+
+
+@pytest.mark.parametrize("fingers", [2, 3, 4])
+def test_neither_the_order_of_grasps_nor_that_of_contacts_matters(fingers: int) -> None:
+    points = drawn(block(), 24, fingers, fingers)
+    grasps = evaluate_grasps(block(), points, threads=1)
+    turned = np.random.default_rng(7).permutation(len(points))
+    same(grasps, evaluate_grasps(block(), points[turned], threads=2), turned)
+    alone = evaluate_grasps(block(), points[3])
+    same(grasps, alone, slice(3, 4))
+    swapped = evaluate_grasps(block(), points[:, ::-1])
+    assert swapped.critical_angle == pytest.approx(grasps.critical_angle, abs=3e-4)
+    assert swapped.critical_angle_best == pytest.approx(grasps.critical_angle_best, abs=3e-4)
+    assert swapped.epsilon == pytest.approx(grasps.epsilon, rel=0.02, abs=1e-9)
+    assert swapped.opening == pytest.approx(grasps.opening)
+
+
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_moving_object_and_contacts_together_changes_nothing(fingers: int) -> None:
+    vertices, faces = shapes.lopsided()
+    points = drawn(blob(), 30, fingers, 11)
+    turn, shift, scale = shapes.rotation(4), np.array([3.0, -20.0, 7.0]), 40.0
+    moved = mesh_from_arrays(scale * vertices @ turn.T + shift, faces, max_edge=999.0)
+    grasps = evaluate_grasps(blob(), points)
+    other = evaluate_grasps(moved, scale * points @ turn.T + shift)
+    smooth = ~grasps.contacts.on_crease.any(axis=1)
+    assert smooth.sum() > 20
+    for name in ("critical_angle", "critical_angle_best", "max_resolution"):
+        assert getattr(other, name)[smooth] == pytest.approx(
+            getattr(grasps, name)[smooth], abs=2e-4
+        )
+    assert other.epsilon[smooth] == pytest.approx(grasps.epsilon[smooth], rel=0.02, abs=1e-9)
+    assert other.opening == pytest.approx(scale * grasps.opening)
+    assert other.separation == pytest.approx(scale * grasps.separation)
+
+
+def test_contacts_on_creases_may_have_any_normal_between_the_faces() -> None:
+    """Two fingers in the middles of opposite sides, then on opposite edges, of a box."""
+    sides = [[0.0, 0.5, 0.0], [0.0, -0.5, 0.0]]
+    edges = [[0.0, 0.5, 0.25], [0.0, -0.5, -0.25]]
+    grasps = evaluate_grasps(block(), [sides, edges])
+    assert grasps.contacts.on_crease.tolist() == [[False, False], [True, True]]
+    assert grasps.critical_angle == pytest.approx([0.0, math.atan(2.0)])
+    assert grasps.critical_angle_best == pytest.approx([0.0, 0.0], abs=1e-9)
+    assert grasps.label.tolist() == [2, 1]
+    assert grasps.rank.tolist() == [5, 5]
+
+
+def test_all_contacts_at_one_place_are_a_grasp_that_is_none() -> None:
+    grasps = evaluate_grasps(ball(), np.tile(TRIANGLE[0], (1, 3, 1)))
+    assert np.isinf(grasps.critical_angle).all()
+    assert (grasps.label == 0).all()
+    assert grasps.max_resolution[0] == grasps.epsilon[0] == grasps.opening[0] == 0.0
+
+
+def test_labels_of_method_extremes_hold_what_exact_ones_prove() -> None:
+    """No tilt that is tried contradicts an exact S or U."""
+    points = drawn(ball(), 12, 3, 2)
+    exact = evaluate_grasps(ball(), points, GraspModel(0.9))
+    told: list[float] = []
+    model = GraspModel(0.9, method="extremes", extreme_normals=3)
+    tried = evaluate_grasps(ball(), points, model, progress=told.append)
+    assert (tried.label[exact.label == 2] == 2).all()
+    assert (tried.label[exact.label == 0] == 0).all()
+    assert told == sorted(told)
+    assert told[-1] == 1.0
+    closed = tried.epsilon > 0.0
+    assert closed.any()
+    assert (tried.epsilon_min <= tried.epsilon).all()
+    assert (tried.epsilon <= tried.epsilon_max).all()
+
+
+def test_what_takes_long_tells_how_far_it_is() -> None:
+    shares: list[float] = []
+    grasps = evaluate_grasps(block(), drawn(block(), 50, 3, 3), progress=shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+    measured: list[float] = []
+    grasps.measure(measured.append)
+    assert measured[-1] == 1.0
+    assert np.isfinite(grasps.epsilon).all()
+
+
+def test_ten_thousand_grasps_are_as_good_as_one_by_one() -> None:
+    points = drawn(ball(), 10_000, 3, 9)
+    grasps = evaluate_grasps(ball(), points)
+    assert set(grasps.label) == {0, 1, 2}
+    for row in range(0, 10_000, 2_500):
+        alone = evaluate_grasps(ball(), points[row])
+        assert alone.critical_angle[0] == grasps.critical_angle[row]
+
+
+def test_contacts_on_the_surface_need_no_distance() -> None:
+    points = drawn(blob(), 30, 3, 5)
+    grasps = evaluate_grasps(blob(), points, max_distance=0.0)
+    assert grasps.distance.max() < 1e-9 * blob().size  # what counts as on an edge is moved there
+    assert np.linalg.norm(grasps.contacts.points - points, axis=2) == pytest.approx(grasps.distance)
+
+
+def test_contacts_far_off_the_surface_are_named() -> None:
+    limit = OFF_SURFACE * ball().size
+    points = np.tile(TRIANGLE, (5, 1, 1))
+    points[:, 0] *= 1.0 + 0.9 * limit
+    assert evaluate_grasps(ball(), points).distance[:, 0].max() < limit
+    points[3, 1] *= 1.0 + 2.0 * limit
+    points[4, 2] *= 1000.0
+    with pytest.raises(ContactError) as caught:
+        evaluate_grasps(ball(), points)
+    said = str(caught.value)
+    assert said.startswith("grasp 4, contact 2 at (-0.52")
+    for part in ("0.04", "0.02", "2 of 15 contacts", "arrays", "2 m in size", "max_distance"):
+        assert part in said
+    assert "\n" not in said
+    assert evaluate_grasps(ball(), points, max_distance=1e4).distance[4, 2] == pytest.approx(
+        999.0, rel=0.01
+    )
+
+
+BAD: dict[str, tuple[object, str]] = {
+    "nothing": (np.empty((0, 3, 3)), "no grasps"),
+    "empty": ([], "shape"),
+    "one contact": ([[[1.0, 0.0, 0.0]]], "2 to 32 contacts; got 1"),
+    "many contacts": (np.zeros((1, 33, 3)), "2 to 32 contacts; got 33"),
+    "plane": (np.zeros((4, 3, 2)), "shape (b, n, 3)"),
+    "flat": ([1.0, 0.0, 0.0], "shape (b, n, 3)"),
+    "ragged": ([[[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]], [[1.0, 0.0, 0.0]]], "array of numbers"),
+    "words": ([[["a", "b", "c"]] * 2], "array of numbers"),
+    "nan": ([[[1.0, 0.0, 0.0], [0.0, math.nan, 0.0]]], "grasp 1, contact 2"),
+    "huge": ([[[1.0, 0.0, 0.0], [0.0, 1e200, 0.0]]], "must not exceed"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_contacts_that_are_none_are_refused_in_one_line(name: str) -> None:
+    points, said = BAD[name]
+    with pytest.raises(ContactError) as caught:
+        evaluate_grasps(ball(), points)
+    assert said in str(caught.value)
+    assert "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize("options", [{"max_distance": -1.0}, {"max_distance": math.nan}])
+def test_distances_that_are_none_are_refused(options: dict[str, float]) -> None:
+    with pytest.raises(SettingError, match="max_distance must be"):
+        evaluate_grasps(ball(), TRIANGLE, **options)
+    with pytest.raises(SettingError, match="threads"):
+        evaluate_grasps(ball(), TRIANGLE, threads=0)

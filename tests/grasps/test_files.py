@@ -1,0 +1,247 @@
+import csv
+import json
+import math
+import re
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+import pyarrow.parquet as pq
+import pytest
+
+from grasp3d import GraspModel, mesh_from_arrays
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.reading import read_contacts
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.grasps.writing import SUFFIXES, write_grasps
+from tests.helpers import shapes
+
+NAMES = ["x1", "y1", "z1", "x2", "y2", "z2", "x3", "y3", "z3"]
+GRASPS = [
+    [[0.5, 0.1, 0.2], [-0.5, 0.1, 0.1], [0.0, 0.5, 0.3]],
+    [[0.25, 0.1, 0.5], [-0.25, 0.1, 0.5], [0.0, 0.1, -0.5]],
+    [[0.5, 0.5, 0.125], [0.5, 0.5, 0.125], [0.5, 0.5, 0.125]],
+]
+EACH = [
+    "grasp", "label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon",
+    "epsilon_min", "epsilon_max", "rank", "opening", "separation",
+]  # fmt: skip
+EACH_CONTACT = ["x", "y", "z", "nx", "ny", "nz", "distance", "on_crease"]
+
+
+@cache
+def grasps() -> SurfaceGrasps:
+    """On faces, on a crease, and a grasp that is none: all its contacts at one place."""
+    mesh = mesh_from_arrays(*shapes.box(), unit="cm", max_edge=0.5)
+    found = evaluate_grasps(mesh, GRASPS, GraspModel(0.9, edges=8), max_distance=0.1)
+    assert np.isinf(found.critical_angle).tolist() == [False, False, True]
+    assert found.contacts.on_crease.any()
+    return found
+
+
+@pytest.mark.parametrize("suffix", SUFFIXES)
+def test_what_is_written_can_be_read_back_and_is_the_same_grasps(
+    tmp_path: Path, suffix: str
+) -> None:
+    path = tmp_path / f"out{suffix}"
+    write_grasps(path, grasps())
+    points = read_contacts(path)
+    assert np.array_equal(points, grasps().contacts.points)
+    again = evaluate_grasps(grasps().mesh, points, grasps().model)
+    for name in EACH[1:]:
+        assert np.array_equal(getattr(again, name), getattr(grasps(), name)), name
+    assert [p.name for p in tmp_path.iterdir()] == [path.name]
+
+
+def test_tables_have_a_row_for_each_grasp(tmp_path: Path) -> None:
+    write_grasps(tmp_path / "out.csv", grasps())
+    with (tmp_path / "out.csv").open(newline="") as stream:
+        header, *rows = csv.reader(stream)
+    assert header == EACH + [f"{name}{i}" for i in (1, 2, 3) for name in EACH_CONTACT]
+    table = [dict(zip(header, row, strict=True)) for row in rows]
+    assert [row["grasp"] for row in table] == ["1", "2", "3"]
+    assert [row["label"] for row in table] == ["UMS"[code] for code in grasps().label]
+    assert table[2]["critical_angle"] == "inf"
+    for number, row in enumerate(table):
+        assert float(row["epsilon"]) == grasps().epsilon[number]
+        assert float(row["opening"]) == grasps().opening[number]
+        for i in range(3):
+            outward = [float(row[f"n{axis}{i + 1}"]) for axis in "xyz"]
+            assert outward == pytest.approx((-grasps().contacts.normals[number, i]).tolist())
+            assert float(row[f"distance{i + 1}"]) == grasps().distance[number, i]
+    assert table[0]["ny3"] == "1"
+    assert (table[0]["on_crease1"], table[2]["on_crease1"]) == ("false", "true")
+    write_grasps(tmp_path / "out.parquet", grasps())
+    kept = pq.read_table(tmp_path / "out.parquet")
+    assert kept.column_names == header
+    settings = json.loads(kept.schema.metadata[b"grasp3d"])
+    assert settings["friction"] == 0.9
+    assert settings["fingers"] == 3
+    assert settings["epsilon_min"] == "effective_friction"
+
+
+def test_json_is_json_and_tells_what_is_meant(tmp_path: Path) -> None:
+    def refuse(word: str) -> None:
+        raise AssertionError(f"{word} is no JSON")
+
+    write_grasps(tmp_path / "out.json", grasps())
+    text = (tmp_path / "out.json").read_text(encoding="utf-8")
+    found = json.loads(text, parse_constant=refuse)
+    assert found["grasp3d"]["unit"] == "cm"
+    assert found["grasp3d"]["labels"]["U"] == "surely unstable"
+    assert found["grasp3d"]["sensor_resolution"] == pytest.approx(math.radians(22.6))
+    assert [list(grasp) for grasp in found["grasps"]] == [[*EACH, "contacts"]] * 3
+    assert found["grasps"][2]["critical_angle"] is None
+    first = found["grasps"][0]
+    assert first["epsilon_max"] == grasps().epsilon_max[0]
+    last = first["contacts"][2]
+    assert list(last) == ["point", "normal", "distance", "on_crease"]
+    assert last["point"] == pytest.approx([0.0, 0.5, 0.3])
+    assert (last["normal"], last["on_crease"]) == ([0.0, 1.0, 0.0], False)
+    assert "-0.0" not in json.dumps(last["normal"])
+
+
+def test_without_a_grasp_there_is_an_empty_list(tmp_path: Path) -> None:
+    none = grasps().contacts.take(np.empty(0, dtype=np.int64))
+    empty = np.empty(0)
+    nothing = SurfaceGrasps(none, grasps().model, np.empty((0, 3)), empty, empty)
+    for suffix in SUFFIXES:
+        write_grasps(tmp_path / f"out{suffix}", nothing)
+        with pytest.raises(ContactError, match="no grasps in it"):
+            read_contacts(tmp_path / f"out{suffix}")
+
+
+def test_grasps_are_written_where_asked_or_not_at_all(tmp_path: Path) -> None:
+    with pytest.raises(OutputError, match=r"known: \.csv \.parquet \.json"):
+        write_grasps(tmp_path / "out.xlsx", grasps())
+    for suffix in SUFFIXES:
+        with pytest.raises(OutputError, match="cannot be written"):
+            write_grasps(tmp_path / "no" / f"out{suffix}", grasps())
+
+
+def table(path: Path, names: list[str] | None = None, rows: Any = None, end: str = "\n") -> Path:
+    given = np.reshape(GRASPS, (3, 9)).tolist() if rows is None else rows
+    lines = [",".join(names or NAMES), *(",".join(map(str, row)) for row in given)]
+    path.write_text(end.join(lines) + end, encoding="utf-8")
+    return path
+
+
+def test_other_columns_any_order_and_other_habits_do_not_matter(tmp_path: Path) -> None:
+    rows = np.reshape(GRASPS, (3, 9))
+    order = np.random.default_rng(1).permutation(9)
+    mixed = [[f"grasp {k}", *row[order].tolist(), ""] for k, row in enumerate(rows)]
+    names = ["name", *[NAMES[k] for k in order], "notes"]
+    path = table(tmp_path / "mixed.csv", names, mixed, end="\r\n")
+    assert np.array_equal(read_contacts(path), GRASPS)
+    spaced = table(tmp_path / "spaced.CSV", [f" {name} " for name in NAMES])
+    assert np.array_equal(read_contacts(spaced), GRASPS)
+    marked = tmp_path / "marked.csv"
+    marked.write_bytes(b"\xef\xbb\xbf" + spaced.read_bytes())
+    assert np.array_equal(read_contacts(marked), GRASPS)
+    whole = pa.table({name: pa.array([1, 2], pa.int32()) for name in NAMES[:6]})
+    pq.write_table(whole, tmp_path / "whole.parquet")
+    assert read_contacts(tmp_path / "whole.parquet").tolist() == [[[k] * 3] * 2 for k in (1, 2)]
+    plain = tmp_path / "plain.json"
+    plain.write_text(json.dumps(GRASPS))
+    assert np.array_equal(read_contacts(plain), GRASPS)
+
+
+def test_numbers_that_were_read_are_the_numbers_that_stand_there(tmp_path: Path) -> None:
+    values = np.random.default_rng(2).normal(size=(50, 4, 3)) * 1e3
+    names = [f"{axis}{k}" for k in (1, 2, 3, 4) for axis in "xyz"]
+    path = table(tmp_path / "many.csv", names, values.reshape(50, 12).tolist())
+    assert np.array_equal(read_contacts(path), values)
+
+
+COMMA = ";".join(NAMES)
+BAD_TABLES: dict[str, tuple[str, str]] = {
+    "no such columns": ("a,b,c\n1,2,3\n", "expected columns x1 y1 z1 x2 y2 z2 ...; found a b c"),
+    "no header": ("0.5,1,2,3,4,5\n1,2,3,4,5,6\n", "expected columns"),
+    "semicolons": (f"{COMMA}\n1;2;3;4;5;6;7;8;9\n", "expected columns"),
+    "gap": ("x1,y1,z1,x2,y2\n1,2,3,4,5\n", "column z2 is missing of x1 y1 z1 x2 y2 z2 ...; found"),
+    "hole": ("x1,y1,z1,x3,y3,z3\n1,2,3,4,5,6\n", "column x2 is missing"),
+    "far": ("x1,y1,z1,x99999999999,y2,z2\n1,2,3,4,5,6\n", "column x2 is missing"),
+    "one": ("x1,y1,z1\n1,2,3\n", "2 to 32 contacts; got 1"),
+    "twice": ("x1,y1,z1,x2,y2,z2,x1\n1,2,3,4,5,6,7\n", "two columns are called 'x1'"),
+    "word": ("x1,y1,z1,x2,y2,z2\n1,2,3,4,5,6\n1,2,3,4,far,6\n", "y2 is no finite number: 'far'"),
+    "nan": ("x1,y1,z1,x2,y2,z2\n1,2,nan,4,5,6\n", "grasp 1: z1 is empty or no number"),
+    "empty cell": ("x1,y1,z1,x2,y2,z2\n1,2,3,4,5,6\n1,2,,4,5,6\n", "grasp 2: z1 is empty"),
+    "infinite": ("x1,y1,z1,x2,y2,z2\n1,2,3,4,5,inf\n", "grasp 1: z2 is no finite number: 'inf'"),
+    "truth": ("x1,y1,z1,x2,y2,z2\n1,2,true,4,5,6\n", "grasp 1: z1 is no finite number: 'True'"),
+    "ragged": ("x1,y1,z1,x2,y2,z2\n1,2,3\n", "Expected 6 columns, got 3"),
+    "only a header": ("x1,y1,z1,x2,y2,z2\n", "there are no grasps in it"),
+    "nothing": ("", "Empty CSV"),
+}  # fmt: skip
+BAD_JSON: dict[str, tuple[str, str]] = {
+    "no json": ("[[[1, 2", "is no JSON"),
+    "number": ("3", "expected a list of grasps, each a list of two or more contacts [x, y, z]"),
+    "object": ('{"contacts": []}', "or under 'grasps'"),
+    "none": ("[]", "there are no grasps in it"),
+    "one grasp": ("[[0, 0, 1], [0, 0, 2]]", "grasp 1, contact 1: expected [x, y, z]; found 0"),
+    "plane": ("[[[0, 1], [0, 2]]]", "grasp 1, contact 1: expected [x, y, z]; found a list of 2"),
+    "word": ('[[[0, 0, 1], [0, "a", 2]]]', 'grasp 1, contact 2: "a" is no finite number'),
+    "text": ('[[[0, 0, 1], [0, "1", 2]]]', 'grasp 1, contact 2: "1" is no finite number'),
+    "nan": ("[[[0, 0, 1], [0, NaN, 2]]]", "grasp 1, contact 2: NaN is no finite number"),
+    "truth": ("[[[0, 0, 1], [0, true, 2]]]", "true is no finite number"),
+    "huge": (f"[[[0, 0, 1], [0, 1{'0' * 400}, 2]]]", "is no finite number"),
+    "one contact": ("[[[0, 0, 1]]]", "grasp 1: a grasp has 2 to 32 contacts; got 1"),
+    "different": (
+        json.dumps([GRASPS[0], GRASPS[1], GRASPS[2][:2]]),
+        "grasp 1 has 3, grasp 3 has 2",
+    ),
+    "deep": ("[" * 100_000, "is no JSON|recursion"),
+    "no list": ('[{"points": []}]', "grasp 1: expected a list of contacts; found an object"),
+    "no point": ('{"grasps": [{"contacts": [{"at": 1}]}]}', "expected [x, y, z]; found null"),
+}
+
+
+@pytest.mark.parametrize("name", [*BAD_TABLES, *(f"json: {name}" for name in BAD_JSON)])
+def test_files_that_are_no_contacts_are_refused_in_one_line(tmp_path: Path, name: str) -> None:
+    kind, _, rest = name.partition("json: ")
+    text, said = BAD_JSON[rest] if not kind else BAD_TABLES[name]
+    path = tmp_path / ("contacts.csv" if kind else "contacts.json")
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(ContactError) as caught:
+        read_contacts(path)
+    message = str(caught.value)
+    assert message.startswith(f"{path}: ")
+    assert any(part in message for part in said.split("|")), message
+    assert "\n" not in message
+    assert len(message) < len(str(path)) + 250
+
+
+def test_files_that_cannot_be_read_are_told_in_one_line(tmp_path: Path) -> None:
+    for name, said in (
+        ("nothing.csv", "there is no such file"),
+        ("nothing.parquet", "there is no such file"),
+        ("nothing.json", "there is no such file"),
+        ("contacts.txt", "contacts are read from .csv, .parquet, .json; got '.txt'"),
+    ):
+        with pytest.raises(ContactError, match=re.escape(said)) as caught:
+            read_contacts(tmp_path / name)
+        assert "\n" not in str(caught.value)
+    for suffix in SUFFIXES:
+        (tmp_path / f"folder{suffix}").mkdir()
+        with pytest.raises(ContactError, match="is a folder"):
+            read_contacts(tmp_path / f"folder{suffix}")
+        path = tmp_path / f"bytes{suffix}"
+        path.write_bytes(b"\xff\xfe\x00PAR1" * 9)
+        with pytest.raises(ContactError) as caught:
+            read_contacts(path)
+        assert "\n" not in str(caught.value)
+
+
+def test_columns_of_parquet_that_are_no_numbers_are_named(tmp_path: Path) -> None:
+    columns: dict[str, Any] = {name: [1.0, 2.0] for name in NAMES[:6]}
+    for values, said in (
+        ([1.0, None], "grasp 2: z2 is empty"),
+        ([[1.0], [2.0]], "grasp 1: z2 is no finite number"),
+        (["far", "away"], "grasp 1: z2 is no finite number: 'far'"),
+        ([None, None], "grasp 1: z2 is empty"),
+    ):
+        pq.write_table(pa.table({**columns, "z2": values}), tmp_path / "some.parquet")
+        with pytest.raises(ContactError, match=said):
+            read_contacts(tmp_path / "some.parquet")

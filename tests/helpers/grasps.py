@@ -1,0 +1,92 @@
+"""Grasps of known kinds."""
+
+import json
+import math
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+from random_grasps import REGULAR, Shape, random_contacts
+
+from grasp3d import Contacts
+from tests.helpers import shapes
+
+Floats = NDArray[np.float64]
+
+PAIR = REGULAR["antipodal pair"]
+TRIANGLE = REGULAR["three at 120 deg"]
+TETRAHEDRON = REGULAR["tetrahedron"]
+OCTAHEDRON = np.vstack([np.eye(3), -np.eye(3)])
+REGULAR_SHAPES = {
+    "pair": PAIR,
+    "triangle": TRIANGLE,
+    "tetrahedron": TETRAHEDRON,
+    "octahedron": OCTAHEDRON,
+}
+
+LINE = Contacts([[-1, 0, 0], [0, 0, 0], [1, 0, 0]], [[1, 0, 0], [0, 1, 0], [-1, 0, 0]], 0.5)
+
+
+def just_off_a_line(gap: float) -> Contacts:
+    return Contacts([[-1, 0, 0], [0, gap, 0], [1, 0, 0]], LINE.normals, 0.5)
+
+
+def reference(name: str) -> list[dict[str, Any]]:
+    """Cases of a reference file, solved elsewhere; skips where it is absent."""
+    cases: list[dict[str, Any]] = json.loads(shapes.shared("reference", name).read_text())
+    return cases
+
+
+def of_case(case: dict[str, Any]) -> Contacts:
+    return Contacts(case["points"], case["inward_normals"], case["mu"], case["torsion_radius"])
+
+
+def around_a_ball(name: str, friction: float = 0.5, torsion_radius: float = 0.0) -> Contacts:
+    """A regular grasp of the unit ball."""
+    points = REGULAR_SHAPES[name]
+    return Contacts(points, -points, friction, torsion_radius)
+
+
+def drawn(fingers: int, seed: int, *, soft: bool = False) -> Contacts:
+    """One random grasp."""
+    return one(random_contacts(Shape(fingers, 8, soft=soft), 1, seed), 0)
+
+
+def form_closing(seed: int, fingers: int = 16) -> Contacts:
+    """Contacts on a ball with tilted normals, so many that they close without friction."""
+    rng = np.random.default_rng(seed)
+    points = rng.normal(size=(fingers, 3))
+    points /= np.linalg.norm(points, axis=1, keepdims=True)
+    normals = -points + 0.6 * rng.normal(size=points.shape)
+    return Contacts(points, normals, 0.0)
+
+
+def one(contacts: Contacts, *index: int) -> Contacts:
+    """One grasp of a batch."""
+    return Contacts(
+        contacts.points[index],
+        contacts.normals[index],
+        contacts.friction[index],
+        contacts.torsion_radius[index],
+    )
+
+
+def changed(contacts: Contacts, **fields: Any) -> Contacts:
+    """The same contacts but for some of their fields."""
+    names = ("points", "normals", "friction", "torsion_radius")
+    return Contacts(*(fields.get(name, getattr(contacts, name)) for name in names))
+
+
+def at_angle(contacts: Contacts, beta: float) -> Contacts:
+    """The same contacts with another friction angle."""
+    return changed(contacts, friction=math.tan(beta))
+
+
+def stacked(many: list[Contacts]) -> Contacts:
+    """A batch of single grasps."""
+    return Contacts(
+        np.stack([c.points for c in many]),
+        np.stack([c.normals for c in many]),
+        np.stack([c.friction for c in many]),
+        np.stack([c.torsion_radius for c in many]),
+    )

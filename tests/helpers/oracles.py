@@ -1,0 +1,170 @@
+"""Slow and obvious versions of what the package computes quickly."""
+
+import itertools
+import math
+
+import numpy as np
+from numpy.typing import NDArray
+from scipy.optimize import linprog
+from scipy.spatial import ConvexHull
+
+from grasp3d import Contacts
+
+Floats = NDArray[np.float64]
+
+
+def angle(a: Floats, b: Floats) -> float:
+    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
+
+
+def critical_angle(p1: Floats, n1: Floats, p2: Floats, n2: Floats, *signs: int) -> float:
+    """Two fingers, straight from the definition; `signs` +1 squeeze, -1 expand."""
+    d = (p2 - p1) / np.linalg.norm(p2 - p1)
+    return min(max(angle(n1, s * d), angle(n2, -s * d)) for s in signs or (1, -1))
+
+
+def closes(p1: Floats, n1: Floats, p2: Floats, n2: Floats, beta: float) -> bool:
+    """Force closure of two hard fingers by a linear program over 64-sided friction cones.
+
+    Closed iff non-trivial forces, each strictly inside its cone, balance; strictly inside is asked
+    for by a margin: every edge of the cone carries at least a little.
+    """
+    wrenches = []
+    for p, n in ((p1, n1), (p2, n2)):
+        edges = cone_edges(n, beta, 64)
+        wrenches.append(np.hstack([edges, np.cross(p, edges)]))
+    columns = np.vstack(wrenches).T
+    count = columns.shape[1]
+    answer = linprog(np.zeros(count), A_eq=columns, b_eq=np.zeros(6), bounds=[(1e-6, None)] * count)
+    return bool(answer.status == 0)
+
+
+def cone_edges(normal: Floats, beta: float, count: int) -> Floats:
+    axis = np.eye(3)[np.argmin(np.abs(normal))]
+    e1 = np.cross(axis, normal)
+    e1 /= np.linalg.norm(e1)
+    e2 = np.cross(normal, e1)
+    turn = np.arange(count) * 2.0 * math.pi / count
+    around = np.outer(np.cos(turn), e1) + np.outer(np.sin(turn), e2)
+    return np.asarray(math.cos(beta) * normal + math.sin(beta) * around)
+
+
+def tilted(normal: Floats, most: float, rng: np.random.Generator) -> Floats:
+    """A unit vector at most `most` away from `normal`, half of the time on the rim."""
+    tilt = most if rng.random() < 0.5 else most * math.sqrt(rng.random())
+    return cone_edges(normal, tilt, 360)[rng.integers(360)]
+
+
+def crossings(
+    origin: Floats, direction: Floats, vertices: Floats, faces: NDArray[np.int64]
+) -> list[tuple[int, float]]:
+    """Every (face, distance) that a ray meets, each triangle tested in 64 bits."""
+    a, b, c = (vertices[faces[:, k]] for k in range(3))
+    matrix = np.stack([b - a, c - a, np.broadcast_to(-direction, a.shape)], axis=2)
+    regular = np.abs(np.linalg.det(matrix)) > 1e-14
+    u, v, t = np.linalg.solve(matrix[regular], (origin - a[regular])[:, :, None])[:, :, 0].T
+    inside = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t > 1e-6)
+    hits = zip(np.flatnonzero(regular)[inside], t[inside], strict=True)
+    return sorted(((int(f), float(d)) for f, d in hits), key=lambda hit: hit[1])
+
+
+def smallest_angle(normals: Floats, direction: Floats) -> float:
+    """Angle to the convex cone of the normals: to its corners, edges and inside, all tried."""
+    best = min(angle(n, direction) for n in normals)
+    for a, b in itertools.combinations(normals, 2):
+        for share in np.linspace(0.0, 1.0, 2001):
+            best = min(best, angle((1.0 - share) * a + share * b, direction))
+    for triple in itertools.combinations(normals, 3):
+        matrix = np.stack(triple, axis=1)
+        if abs(np.linalg.det(matrix)) > 1e-9 and (np.linalg.solve(matrix, direction) >= 0.0).all():
+            return 0.0
+    return best
+
+
+def turned(normal: Floats, goal: Floats, most: float) -> Floats:
+    """Turn a unit vector by `most` toward a goal, but not past it; away from it if negative."""
+    gap = angle(normal, goal)
+    across = goal - np.dot(goal, normal) * normal
+    if np.linalg.norm(across) < 1e-12 * np.linalg.norm(goal):
+        across = cone_edges(normal, math.pi / 2.0, 3)[0]
+    across = across / np.linalg.norm(across)
+    turn = max(min(most, gap), gap - math.pi)
+    return np.asarray(math.cos(turn) * normal + math.sin(turn) * across)
+
+
+def works(contacts: Contacts, u: Floats, torque_scale: float = 1.0) -> Floats:
+    """The forces that do work in a direction, one for each contact: u_f + (u_tau x p) / rho."""
+    return np.asarray(u[:3] + np.cross(u[3:], contacts.points) / torque_scale)
+
+
+def support(
+    contacts: Contacts,
+    u: Floats,
+    *,
+    cone_offset: float = 0.0,
+    actuation: str = "total",
+    torque_scale: float = 1.0,
+) -> float:
+    """Farthest wrench of circular cones in a direction, straight from the angles."""
+    heights = []
+    for i, g in enumerate(works(contacts, u, torque_scale)):
+        beta = max(float(contacts.friction_angle[i]) + cone_offset, 0.0)
+        off = max(0.0, angle(g, contacts.normals[i]) - beta)
+        height = float(np.linalg.norm(g)) * math.cos(off)
+        twist = abs(np.dot(u[3:], contacts.normals[i])) * contacts.torsion_radius[i] / torque_scale
+        if twist > 0.0:
+            height = max(height, float(np.dot(g, contacts.normals[i]) + twist))
+        heights.append(max(height, 0.0))
+    return max(heights) if actuation == "total" else sum(heights)
+
+
+def epsilon_of_hull(rows: Floats) -> float:
+    """Distance from the origin to the nearest facet of the whole convex hull, by Qhull.
+
+    Negative where the origin is outside. Raises scipy.spatial.QhullError where Qhull gives up.
+    """
+    _, sizes, basis = np.linalg.svd(rows)
+    rank = int((sizes > 1e-7 * sizes[0]).sum())
+    return float(-ConvexHull(rows @ basis[:rank].T).equations[:, -1].max())
+
+
+def minkowski_sum(bodies: Floats) -> Floats:
+    """Every sum of one row, or of nothing, from each of the bodies (n, m, 6)."""
+    sums = np.zeros((1, bodies.shape[-1]))
+    for rows in bodies:
+        some = np.vstack([np.zeros((1, rows.shape[-1])), rows])
+        sums = (sums[:, None] + some).reshape(-1, rows.shape[-1])
+    return sums
+
+
+def hull_holds_origin(rows: Floats) -> bool:
+    """Whether the origin is inside the hull, by a linear program: all rows weigh something."""
+    count = len(rows)
+    answer = linprog(
+        np.zeros(count), A_eq=rows.T, b_eq=np.zeros(rows.shape[1]), bounds=[(1.0, None)] * count
+    )
+    return bool(answer.status == 0)
+
+
+def smallest_angles_of_work(points: Floats, normals: Floats, directions: Floats) -> Floats:
+    """For each direction the smallest angle between a contact's work and its normal."""
+    work = directions[:, None, :3] + np.cross(directions[:, None, 3:], points)  # (k, n, 3)
+    across = np.linalg.norm(np.cross(work, normals), axis=-1)
+    return np.asarray(np.arctan2(across, (work * normals).sum(axis=-1)).min(axis=-1))
+
+
+def distance_to_triangles(point: Floats, triangles: Floats) -> Floats:
+    """To each of (F, 3, 3): to the foot of the perpendicular where inside, else to the edges."""
+    ends = [(triangles[:, i], triangles[:, (i + 1) % 3]) for i in range(3)]
+    distances = []
+    for p, q in ends:
+        along = ((point - p) * (q - p)).sum(axis=1) / ((q - p) ** 2).sum(axis=1)
+        feet = p + np.clip(along, 0.0, 1.0)[:, None] * (q - p)
+        distances.append(np.linalg.norm(feet - point, axis=1))
+    across = np.cross(ends[0][1] - ends[0][0], ends[1][1] - ends[1][0])
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    height = ((point - triangles[:, 0]) * across).sum(axis=1)
+    foot = point - height[:, None] * across
+    inside = [(np.cross(q - p, foot - p) * across).sum(axis=1) >= 0.0 for p, q in ends]
+    distances.append(np.where(np.all(inside, axis=0), np.abs(height), math.inf))
+    return np.asarray(np.min(distances, axis=0))

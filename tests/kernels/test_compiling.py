@@ -1,0 +1,192 @@
+import json
+import os
+import shutil
+import subprocess
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+from grasp3d._kernels import compiling
+
+CALLEE = """
+from small.compiling import inlined, kernel, merged
+
+@kernel
+def called(x):
+    return x + {step}
+
+@inlined
+def written_out(x):
+    return x + 10 * {step}
+
+@merged
+def merged_in(x):
+    return x + 100 * {step}
+"""
+
+CALLER = """
+from small.callee import called, merged_in, written_out
+from small.compiling import kernel
+
+@kernel
+def climb(x):
+    return merged_in(written_out(called(x)))
+"""
+
+REPORT = """
+import json
+import numba
+from small.caller import climb
+from small.compiling import cache_folder
+print(json.dumps({
+    "value": climb(0),
+    "hits": sum(climb.stats.cache_hits.values()),
+    "folder": str(cache_folder()),
+    "setting": numba.config.CACHE_DIR,
+}))
+"""
+
+PURE = """
+import numpy as np
+from scipy.spatial import ConvexHull
+from grasp3d._kernels import growing_hull
+from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
+
+assert not hasattr(growing_hull.grow, "py_func"), "this was to run uncompiled"
+cross = epsilon_of_wrenches(np.vstack([np.eye(6), -np.eye(6)]))
+assert abs(cross.lower - 6.0**-0.5) < 1e-12 and cross.closed
+assert not epsilon_of_wrenches(np.eye(6)).closed
+closed = 0
+for seed in range(8):
+    wrenches = np.random.default_rng(seed).normal(size=(10 + 2 * seed, 6))
+    inside = max(0.0, -ConvexHull(wrenches).equations[:, -1].max())
+    found = epsilon_of_wrenches(wrenches)
+    assert abs(found.lower - inside) < 1e-12 and abs(found.upper - inside) < 1e-12
+    assert found.closed == (inside > 0.0)
+    closed += inside > 0.0
+assert closed > 2
+"""
+
+
+@dataclass
+class Package:
+    """Two small kernels, one calling the other, with our decorators, in a folder of their own."""
+
+    home: Path
+
+    @property
+    def folder(self) -> Path:
+        return self.home / "small"
+
+    def write(self, step: int) -> None:
+        (self.folder / "callee.py").write_text(CALLEE.format(step=step), encoding="utf-8")
+
+    def run(self, **variables: str) -> dict[str, Any]:
+        """Call the kernels in a fresh interpreter that knows no home but the package's."""
+        kept = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "XDG_"))}
+        env = {
+            **kept,
+            "PYTHONPATH": str(self.home),
+            # Python would overlook a change within the same second: that is not what we test.
+            "PYTHONDONTWRITEBYTECODE": "1",
+            "XDG_CACHE_HOME": str(self.home / "cache"),
+            **variables,
+        }
+        answer = subprocess.run(
+            [sys.executable, "-W", "error", "-c", REPORT],
+            capture_output=True,
+            text=True,
+            env=env,
+            check=False,
+        )
+        assert answer.returncode == 0, answer.stderr
+        report: dict[str, Any] = json.loads(answer.stdout)
+        return report
+
+    def block(self) -> None:
+        """Leave no polytope beside the sources, for an administrator neither."""
+        (self.folder / "__pycache__").write_text("not a folder")
+
+
+@pytest.fixture
+def package(tmp_path: Path) -> Package:
+    made = Package(tmp_path)
+    made.folder.mkdir()
+    (made.folder / "__init__.py").touch()
+    (made.folder / "caller.py").write_text(CALLER, encoding="utf-8")
+    shutil.copy(compiling.__file__, made.folder / "compiling.py")
+    made.write(step=1)
+    return made
+
+
+def machine_code(folder: Path) -> dict[Path, int]:
+    """When each file of compiled kernels was written."""
+    return {path: path.stat().st_mtime_ns for path in folder.rglob("*.nb[ic]")}
+
+
+def test_a_change_in_one_file_reaches_its_callers_in_others(package: Package) -> None:
+    assert package.run()["value"] == 111
+    package.write(step=2)
+    changed = package.run()
+    assert (changed["value"], changed["hits"]) == (222, 0)
+
+
+def test_machine_code_is_kept_while_no_file_changes(package: Package) -> None:
+    first = package.run()
+    kept = machine_code(package.folder)
+    assert kept
+    assert first["hits"] == 0
+    second = package.run()
+    assert (second["value"], second["hits"]) == (111, 1)
+    assert machine_code(package.folder) == kept
+
+
+def test_a_package_that_cannot_be_written_leaves_it_to_the_users_cache(package: Package) -> None:
+    package.block()
+    assert package.run()["hits"] == 0
+    second = package.run()
+    assert (second["value"], second["hits"]) == (111, 1)
+    assert machine_code(package.home / "cache" / "grasp3d")
+
+
+@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "NUMBA_CACHE_DIR"])
+def test_kernels_run_where_no_machine_code_can_be_kept(package: Package, variable: str) -> None:
+    package.block()
+    report = package.run(**{variable: str(package.folder / "caller.py" / "below")})
+    assert (report["value"], report["folder"]) == (111, "None")
+    assert not machine_code(package.home)
+
+
+def test_the_folder_set_for_numba_comes_first(package: Package) -> None:
+    chosen = package.home / "chosen"
+    report = package.run(NUMBA_CACHE_DIR=str(chosen))
+    assert Path(report["folder"]).parent == chosen
+    assert machine_code(chosen)
+    assert machine_code(chosen) == machine_code(package.home)
+
+
+def test_other_packages_keep_their_own_folder(package: Package) -> None:
+    assert package.run()["setting"] == ""
+    chosen = str(package.home / "chosen")
+    assert package.run(NUMBA_CACHE_DIR=chosen)["setting"] == chosen
+
+
+def test_epsilon_means_the_same_uncompiled() -> None:
+    env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
+    subprocess.run([sys.executable, "-W", "error", "-c", PURE], check=True, env=env)
+
+
+def test_a_user_without_a_home(package: Package) -> None:
+    assert package.run(XDG_CACHE_HOME="", HOME="~")["value"] == 111  # "~": no home known
+
+
+def test_what_old_sources_left_is_removed(package: Package) -> None:
+    package.run()
+    (old,) = package.folder.rglob("grasp3d-kernels-*")
+    os.utime(old, (0.0, 0.0))
+    package.write(step=2)
+    package.run()
+    assert not old.exists()

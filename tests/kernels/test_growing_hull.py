@@ -1,0 +1,213 @@
+import itertools
+import math
+from collections import Counter
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import epsilon_of_wrenches
+from grasp3d._kernels import growing_hull
+from grasp3d._kernels.polytope import Polytope, make_polytope
+from grasp3d._kernels.support_functions import ROWS, Body
+from grasp3d.quality.wrenches import wrenches
+from tests.helpers import grasps, oracles
+
+seeds = st.integers(0, 100_000)
+dimensions = st.integers(1, 6)
+few = settings(max_examples=40, deadline=None)
+
+EXACT = (0.0, 0.0, math.inf, 0.0)
+SIGN = (0.0, 1e4, 0.0, 1.0)
+UNSET = int(growing_hull.UNSET)
+
+
+class Grown:
+    """A polytope grown over rows (n, d) of full rank."""
+
+    def __init__(self, rows: np.ndarray, goal: Any = EXACT, facets: int = 1 << 14) -> None:
+        self.dim = rows.shape[1]
+        padded = np.pad(rows, ((0, 0), (0, 6 - self.dim)))
+        body = Body(
+            kind=ROWS, spherical=True, soft=False, axes=np.ascontiguousarray(padded.T[None]),
+            cones=np.ones((1, 2)), rim=np.zeros((0, 2)),
+        )  # fmt: skip
+        self.rows = padded
+        self.metric = np.ones(6)
+        self.polytope: Polytope = make_polytope(facets)
+        dims: Any = (0,) * 6 if self.dim == 6 else np.zeros(self.dim, dtype=np.int64)
+        self.status, self.lower, self.upper, vertices, used = growing_hull.grow(
+            body, dims, self.metric, goal, self.polytope
+        )
+        self.direction = self.polytope.vectors[16, :6].copy()
+        self.points = self.polytope.points[:vertices]
+        self.facets = np.flatnonzero(~np.isnan(self.polytope.planes[6, :used]))
+        self.corners = self.polytope.corners[self.facets, : self.dim].astype(int)
+
+
+def random_rows(dimension: int, seed: int) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    off_centre = 0.3 * rng.normal(size=dimension)
+    return rng.normal(size=(rng.integers(dimension + 1, 12 * dimension), dimension)) + off_centre
+
+
+def regular_rows(name: str, edges: int) -> np.ndarray:
+    return wrenches(grasps.around_a_ball(name, torsion_radius=0.3), edges=edges)
+
+
+def check_boundary(grown: Grown) -> None:
+    """The facets close a polytope: every ridge joins two, and nothing lies above any."""
+    ridges = Counter(
+        frozenset(ridge)
+        for corners in grown.corners
+        for ridge in itertools.combinations(corners, grown.dim - 1)
+    )
+    if grown.dim > 1:
+        assert set(ridges.values()) == {2}
+    assert all(len(set(corners)) == grown.dim for corners in grown.corners)
+    planes = grown.polytope.planes[:, grown.facets]
+    np.testing.assert_allclose(np.linalg.norm(planes[:6], axis=0), 1.0, atol=1e-12)
+    heights = grown.points @ planes[:6] - planes[6]  # (vertices, facets)
+    assert heights.max() < 1e-10
+    of_corners = np.take_along_axis(heights, grown.corners.T, axis=0)
+    assert np.abs(of_corners).max() < 1e-9
+    assert (planes[6] >= -1e-12).all() or grown.upper == 0.0
+
+
+def check_neighbours(grown: Grown) -> None:
+    """Neighbours look back at one another across the ridge that they share."""
+    across, corners = grown.polytope.across, grown.polytope.corners
+    live = set(grown.facets.tolist())
+    known = 0
+    for f in live:
+        for c in range(grown.dim):
+            link = int(across[f, c])
+            if link == UNSET:  # among the facets made last
+                continue
+            other, place = link >> 3, link & 7
+            assert other in live
+            assert int(across[other, place]) == 8 * f + c
+            mine = np.delete(corners[f, : grown.dim], c)
+            theirs = np.delete(corners[other, : grown.dim], place)
+            assert set(mine.tolist()) == set(theirs.tolist())
+            known += 1
+    assert known >= grown.dim or grown.dim == 1
+
+
+@given(dimensions, seeds)
+@few
+def test_a_grown_polytope_is_closed_and_convex(dimension: int, seed: int) -> None:
+    grown = Grown(random_rows(dimension, seed))
+    if len(grown.facets):
+        check_boundary(grown)
+        check_neighbours(grown)
+
+
+@pytest.mark.parametrize("edges", [3, 4, 8, 16])
+@pytest.mark.parametrize("name", grasps.REGULAR_SHAPES)
+def test_coplanar_wrenches_make_a_closed_polytope_too(name: str, edges: int) -> None:
+    grown = Grown(regular_rows(name, edges))
+    check_boundary(grown)
+    check_neighbours(grown)
+
+
+@given(dimensions, seeds)
+@few
+def test_its_vertices_are_wrenches(dimension: int, seed: int) -> None:
+    grown = Grown(random_rows(dimension, seed))
+    owners = grown.polytope.owners[: len(grown.points)]
+    np.testing.assert_array_equal(grown.points, grown.rows[owners])
+    assert len(set(owners.tolist())) == len(owners)
+
+
+@given(dimensions, seeds)
+@few
+def test_its_nearest_facet_is_one_of_the_whole_hull(dimension: int, seed: int) -> None:
+    rows = random_rows(dimension, seed)
+    grown = Grown(rows)
+    expected = distance(rows)
+    assert grown.status == growing_hull.CONVERGED
+    assert grown.lower <= grown.upper + 1e-12
+    assert grown.upper == pytest.approx(max(expected, 0.0), abs=1e-10)
+    reached = (grown.rows @ grown.direction).max()
+    if expected > 1e-9:
+        assert np.linalg.norm(grown.direction) == pytest.approx(1.0)
+        assert reached == pytest.approx(grown.upper, abs=1e-12)
+        assert grown.lower == pytest.approx(expected, abs=1e-10)
+    elif expected < -1e-9:
+        assert len(grown.facets) == 0
+        assert reached <= 1e-11
+
+
+@given(dimensions, seeds)
+@few
+def test_the_sign_alone_agrees(dimension: int, seed: int) -> None:
+    rows = random_rows(dimension, seed)
+    expected = distance(rows)
+    grown = Grown(rows, SIGN)
+    assert (len(grown.facets) > 0 and grown.lower > 0.0) == (expected > 0.0)
+
+
+@given(seeds, st.integers(1, 3))
+@few
+def test_a_lower_dimension_in_six_is_found_by_its_span(seed: int, times: int) -> None:
+    for dimension in range(1, 7):
+        rng = np.random.default_rng(seed + dimension)
+        rows = random_rows(dimension, seed)
+        turn = np.linalg.qr(rng.normal(size=(6, 6)))[0]
+        embedded = np.tile(rows, (times, 1)) @ turn[:dimension]
+        answer = epsilon_of_wrenches(embedded)
+        assert answer.rank == dimension
+        assert answer.value == pytest.approx(max(distance(rows), 0.0), abs=1e-10)
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3, 4, 5, 6])
+def test_a_cross_polytope(dimension: int) -> None:
+    grown = Grown(np.vstack([np.eye(dimension), -np.eye(dimension)]))
+    assert grown.status == growing_hull.CONVERGED
+    assert grown.upper == pytest.approx(1.0 / math.sqrt(dimension), abs=1e-14)
+    check_boundary(grown)
+
+
+@pytest.mark.parametrize("dimension", [1, 2, 3, 4, 5, 6])
+def test_a_cube(dimension: int) -> None:
+    """Its facets are no simplices."""
+    grown = Grown(np.array(list(itertools.product([-1.0, 1.0], repeat=dimension))))
+    assert grown.upper == pytest.approx(1.0, abs=1e-12)
+    assert grown.lower == pytest.approx(1.0, abs=1e-12)
+    check_boundary(grown)
+
+
+@pytest.mark.parametrize("facets", [16, 64, 256])
+def test_a_full_room_ends_the_growth_with_bounds_that_hold(facets: int) -> None:
+    rows = np.random.default_rng(0).normal(size=(400, 6))
+    expected = oracles.epsilon_of_hull(rows)
+    grown = Grown(rows, facets=facets)
+    assert grown.status == growing_hull.EXHAUSTED
+    assert grown.lower <= expected <= grown.upper
+
+
+def test_bounds_need_not_come_nearer_than_asked() -> None:
+    rows = np.random.default_rng(1).normal(size=(300, 6))
+    expected = oracles.epsilon_of_hull(rows)
+    loose, exact = Grown(rows, (0.3, 0.0, math.inf, 0.0)), Grown(rows)
+    assert loose.lower <= expected <= loose.upper
+    assert loose.upper - loose.lower <= 0.3 * loose.upper + 1e-12
+    assert len(loose.points) < len(exact.points)
+
+
+def test_growth_stops_at_what_does_not_matter() -> None:
+    rows = np.random.default_rng(1).normal(size=(300, 6))
+    expected = oracles.epsilon_of_hull(rows)
+    cut = Grown(rows, (0.0, 0.0, 0.5 * expected, 0.0))
+    assert 0.5 * expected <= cut.lower <= expected + 1e-12
+    assert len(cut.points) < len(Grown(rows).points)
+
+
+def distance(rows: np.ndarray) -> float:
+    """Distance from the origin to the hull's boundary, negative outside."""
+    if rows.shape[1] == 1:
+        return float(min(rows.max(), -rows.min()))
+    return oracles.epsilon_of_hull(rows)

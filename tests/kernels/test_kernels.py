@@ -1,0 +1,177 @@
+import json
+import math
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d._kernels.antipodal_candidates import NO_PARTNER, Grasps
+from grasp3d._kernels.antipodal_directions import Frames, seed_rays
+from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
+from grasp3d._kernels.normal_sets import Sets, order_normal_sets
+from grasp3d._kernels.scanning import scan
+from tests.helpers import oracles, shapes
+
+seeds = st.integers(0, 100_000)
+
+
+def unit(rng: np.random.Generator) -> np.ndarray:
+    vector = rng.normal(size=3)
+    return vector / np.linalg.norm(vector)
+
+
+def polygon(normals: np.ndarray) -> tuple[np.ndarray, int, np.ndarray, float]:
+    rows = np.ascontiguousarray(normals, dtype=np.float64).copy()
+    start = np.array([0, len(rows)])
+    counts, centres, radii = np.zeros(1, dtype=np.int64), np.zeros((1, 3)), np.zeros(1)
+    order_normal_sets(start, rows, counts, centres, radii)
+    return rows, int(counts[0]), centres[0], float(radii[0])
+
+
+@given(seeds, st.integers(1, 7), st.floats(0.05, 1.2))
+@settings(max_examples=40, deadline=None)
+def test_smallest_and_largest_angle_to_a_set_of_normals(
+    seed: int, count: int, spread: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    middle = unit(rng)
+    normals = np.array([oracles.tilted(middle, spread, rng) for _ in range(count)])
+    rows, corners, _, _ = polygon(normals)
+    direction = unit(rng)
+    least = smallest_angle(rows, 0, corners, *direction)
+    most = largest_angle(rows, 0, corners, *direction)
+    assert least == pytest.approx(oracles.smallest_angle(normals, direction), abs=2e-3)
+    assert most == pytest.approx(math.pi - oracles.smallest_angle(normals, -direction), abs=2e-3)
+
+
+def test_angles_are_exact_where_the_cosine_is_flat() -> None:
+    for tiny in (0.0, 1e-12, 1e-9):
+        normal = np.array([[1.0, 0.0, 0.0]])
+        turned = (math.cos(tiny), math.sin(tiny), 0.0)
+        assert smallest_angle(normal, 0, 1, *turned) == pytest.approx(tiny, rel=1e-9)
+        assert largest_angle(normal, 0, 1, -1.0, 0.0, 0.0) == math.pi
+
+
+def test_the_normals_of_a_box_corner_span_a_right_angled_triangle() -> None:
+    rows, corners, centre, radius = polygon(np.eye(3)[[2, 0, 1]])
+    assert corners == 3
+    assert centre == pytest.approx(np.full(3, 1 / math.sqrt(3)))
+    assert radius == pytest.approx(math.acos(1 / math.sqrt(3)))
+    assert smallest_angle(rows, 0, corners, *centre) == 0.0
+    assert largest_angle(rows, 0, corners, *centre) == pytest.approx(radius)
+
+
+def test_normals_on_one_great_circle_are_an_arc() -> None:
+    turns = np.radians([0.0, 10.0, 25.0, 40.0])
+    rows, corners, _, _ = polygon(np.stack([np.cos(turns), np.sin(turns), 0 * turns], axis=1))
+    assert corners == 2
+    assert smallest_angle(rows, 0, corners, 0.0, 1.0, 0.0) == pytest.approx(math.radians(50.0))
+
+
+def test_opposite_normals_allow_every_direction() -> None:
+    rows, corners, _, radius = polygon(np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]))
+    assert (corners, radius) == (0, math.pi)
+    assert smallest_angle(rows, 0, corners, 1.0, 0.0, 0.0) == 0.0
+    assert largest_angle(rows, 0, corners, 1.0, 0.0, 0.0) == math.pi
+
+
+def critical_angle(p1: np.ndarray, n1: np.ndarray, p2: np.ndarray, n2: np.ndarray) -> float:
+    sets = Sets(np.array([0, 1]), np.array([1]), n2[None].copy())
+    worst, best, signs = np.empty(1), np.empty(1), np.empty(1, dtype=np.int8)
+    scan(p1, n1[None].copy(), p2[None].copy(), sets, worst, best, signs)
+    assert worst == best
+    return float(worst[0])
+
+
+@given(seeds)
+@settings(max_examples=100, deadline=None)
+def test_two_fingers_against_the_definition(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    grasp = (rng.normal(size=3), unit(rng), rng.normal(size=3), unit(rng))
+    assert critical_angle(*grasp) == pytest.approx(oracles.critical_angle(*grasp), abs=1e-12)
+
+
+def test_two_fingers_against_reference_grasps() -> None:
+    cases = json.loads(shapes.shared("reference", "epsilon.json").read_text())
+    compared = 0
+    for case in cases:
+        points, normals = np.array(case["points"]), np.array(case["inward_normals"])
+        if len(points) != 2 or case["critical_friction_angle"] is None:
+            continue
+        found = critical_angle(points[0], normals[0], points[1], normals[1])
+        assert found == pytest.approx(case["critical_friction_angle"], abs=1e-6)
+        compared += 1
+    assert compared > 10
+
+
+def test_contacts_at_one_place_have_no_angle() -> None:
+    p, n = np.zeros(3), np.array([0.0, 0.0, 1.0])
+    assert critical_angle(p, n, p, n) == math.inf
+
+
+def no_grasps() -> Grasps:
+    """Nothing found yet at one vertex."""
+    return Grasps(
+        np.full(1, np.inf),
+        np.full(1, np.inf),
+        np.zeros((1, 3)),
+        np.zeros((1, 3)),
+        np.zeros((1, 3)),
+        np.zeros((1, 3)),
+        np.full((1, 2), -1),
+        np.zeros((1, 2, 3)),
+        np.zeros(1, dtype=np.int8),
+        np.zeros(1, dtype=np.int8),
+        np.full(1, NO_PARTNER, dtype=np.uint8),
+        np.zeros((1, 3, 3)),
+        np.full((1, 3), np.inf),
+        np.zeros((1, 3), dtype=np.int8),
+        1.0,
+    )
+
+
+def test_seed_directions_fill_their_cone_and_begin_with_the_normal() -> None:
+    normal = np.array([[0.0, 0.0, 1.0]])
+    sets = Sets(np.array([0, 1]), np.array([1]), normal)
+    frames = Frames(normal, np.array([[1.0, 0.0, 0.0]]), np.zeros(1))
+    cone = 0.7
+    rays = seed_rays(np.array([0]), 500, (0, 500), cone, 1, frames, sets, no_grasps())
+    closing = rays.closing
+    assert len(rays.owner) == 500
+    assert set(rays.signs) == {1}
+    assert closing[0] == pytest.approx(normal[0])
+    assert np.linalg.norm(closing, axis=1) == pytest.approx(np.ones(500))
+    heights = closing[:, 2]
+    assert heights.min() >= math.cos(cone)
+    # As many in every slice of equal area, and balanced all around.
+    slices = np.histogram(heights, bins=5, range=(math.cos(cone), 1.0))[0]
+    assert slices.min() >= 95
+    assert np.abs(closing[:, :2].mean(axis=0)).max() < 0.02
+
+
+def test_seed_directions_at_a_crease_cover_both_cones() -> None:
+    rows, corners, centre, radius = polygon(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
+    sets = Sets(np.array([0, 2]), np.array([corners]), rows)
+    frames = Frames(centre[None], np.array([[0.0, 1.0, 0.0]]), np.array([radius]))
+    cone = 0.5
+    closing = seed_rays(np.array([0]), 400, (0, 400), cone, 1, frames, sets, no_grasps()).closing
+    gaps = [smallest_angle(rows, 0, corners, *d) for d in closing]
+    assert max(gaps) <= cone
+    for normal in rows[:2]:
+        assert np.abs(closing - normal).sum(axis=1).min() < 1e-12
+        assert (closing @ normal > math.cos(cone)).sum() > 40
+
+
+@pytest.mark.slow
+def test_the_kernels_mean_the_same_uncompiled() -> None:
+    if os.environ.get("NUMBA_DISABLE_JIT") == "1":
+        return
+    subprocess.run(
+        [sys.executable, "-m", "pytest", "-q", __file__, "-p", "no:cacheprovider"],
+        check=True,
+        env={**os.environ, "NUMBA_DISABLE_JIT": "1"},
+    )

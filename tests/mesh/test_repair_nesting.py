@@ -1,0 +1,249 @@
+"""Which body lies in which, and many bodies at once; whatever the order of the faces."""
+
+import manifold3d
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d.mesh.measures import signed_volumes
+from grasp3d.mesh.repair import RepairedSurface, boxes, repair_surface
+from grasp3d.mesh.repair.bodies import Bodies
+from grasp3d.mesh.repair.boxes import enclosed, overlap_groups, overlapping
+from grasp3d.mesh.repair.records import counted
+from grasp3d.mesh.repair.seams import without_slits
+from tests.helpers import shapes
+from tests.helpers.shapes import Surface
+
+ORDERS = range(6)
+
+FINE = 1.0 / 3.0
+"""Scale that makes positions need more than 32 bits, so that they count as exact."""
+
+
+def joined(*surfaces: Surface) -> Surface:
+    starts = np.cumsum([0, *(len(vertices) for vertices, _ in surfaces)])
+    return (
+        np.concatenate([vertices for vertices, _ in surfaces]),
+        np.concatenate(
+            [faces + start for (_, faces), start in zip(surfaces, starts, strict=False)]
+        ),
+    )
+
+
+def moved(surface: Surface, shift: tuple[float, float, float], scale: float = 1.0) -> Surface:
+    return surface[0] * scale + shift, surface[1]
+
+
+def inward(surface: Surface) -> Surface:
+    return surface[0], surface[1][:, ::-1]
+
+
+def surface_of(solid: manifold3d.Manifold) -> Surface:
+    mesh = solid.to_mesh64()
+    return (
+        np.array(mesh.vert_properties)[:, :3],
+        np.array(mesh.tri_verts).astype(np.int64),
+    )
+
+
+def in_order(surface: Surface, seed: int) -> Surface:
+    """The same faces in another order, each from another corner."""
+    vertices, faces = surface
+    rng = np.random.default_rng(seed)
+    start = rng.integers(0, 3, len(faces))[:, None]
+    turned = np.take_along_axis(faces, (np.arange(3) + start) % 3, axis=1)
+    return vertices, turned[rng.permutation(len(faces))]
+
+
+def repaired(surface: Surface) -> RepairedSurface:
+    return repair_surface(*surface, "safe", "test")
+
+
+def volume_of(surface: RepairedSurface) -> float:
+    return float(signed_volumes(surface.vertices, surface.faces).sum())
+
+
+def steps_of(surface: RepairedSurface) -> dict[str, int]:
+    return {step.name: step.count for step in surface.steps}
+
+
+# Within or not
+
+
+@pytest.mark.parametrize("width", [0.5, 0.8, 1.1])
+@pytest.mark.parametrize("seed", ORDERS)
+def test_a_bar_through_a_hollow_ball_does_not_take_its_cavity(width: float, seed: int) -> None:
+    """The bar crosses the cavity, and corners of the cavity lie in the bar."""
+    ball, hollow = manifold3d.Manifold.sphere(1.0, 24), manifold3d.Manifold.sphere(0.6, 16)
+    bar = manifold3d.Manifold.cube([width, width, 3.0], center=True).rotate([30.0, 40.0, 0.0])
+    surface = joined(surface_of(ball), inward(surface_of(hollow)), surface_of(bar))
+    mended = repaired(in_order(surface, seed))
+    assert volume_of(mended) == pytest.approx(((ball - hollow) + bar).volume(), rel=1e-8)
+    assert mended.closed
+    assert mended.warnings == ()
+    assert steps_of(mended) == {"united": 2}
+
+
+@pytest.mark.parametrize("seed", ORDERS)
+def test_an_inward_ball_half_out_of_a_body_is_no_cavity(seed: int) -> None:
+    """Its box lies within that of the cube."""
+    cube = manifold3d.Manifold.cube([1.0, 1.0, 1.0], center=True).rotate([45.0, 35.264, 0.0])
+    vertices, faces = surface_of(cube)
+    middle = vertices[faces[0]].mean(axis=0)
+    ball = manifold3d.Manifold.sphere(0.15, 24).translate(middle.tolist())
+    mended = repaired(in_order(joined((vertices, faces), inward(surface_of(ball))), seed))
+    assert volume_of(mended) == pytest.approx((cube + ball).volume(), rel=1e-8)
+    assert steps_of(mended) == {"inverted": ball.num_tri(), "united": 2}
+    assert mended.warnings == ()
+
+
+@pytest.mark.parametrize("seed", ORDERS)
+@pytest.mark.parametrize("depth", [-0.1, 0.0])
+def test_what_touches_a_slanted_wall_from_inside_is_not_within(depth: float, seed: int) -> None:
+    """A box wound inward whose face lies flush in the wall, and one with a gap to it."""
+    small = moved(shapes.box((0.5, 0.5, 0.5)), (0.25 + depth, 0.0, 0.0))
+    vertices, faces = joined(shapes.box(), inward(small))
+    turned = vertices @ shapes.rotation(seed).T, faces
+    inner, outer = Bodies(*in_order(turned, seed)).within
+    assert len(inner) == len(outer) == (depth < 0.0)
+
+
+@pytest.mark.parametrize("seed", ORDERS)
+def test_each_cavity_belongs_to_the_smallest_body_that_holds_it(seed: int) -> None:
+    """Shells in shells, each a little off the middle; a bar through all walls."""
+    radii = (1.0, 0.85, 0.7, 0.5)
+    balls = [moved(shapes.sphere(2), (0.02 * k, 0.0, 0.0), r) for k, r in enumerate(radii)]
+    shells = [inward(ball) if k % 2 else ball for k, ball in enumerate(balls)]
+    bodies = Bodies(*in_order(joined(*shells), seed))
+    order = np.argsort(-np.abs(bodies.volumes))  # the outermost first
+    place = np.argsort(order)
+    owners = place[bodies.owners()[order]]
+    assert owners.tolist() == [0, 0, 2, 2]
+    assert {(place[i], place[j]) for i, j in zip(*bodies.within, strict=True)} == {
+        (i, j) for i in range(4) for j in range(i)
+    }
+    assert bodies.doubled() == 0
+    solids = [manifold3d.Manifold(manifold3d.Mesh64(v, f.astype(np.uint64))) for v, f in balls]
+    bar = shapes.box((0.1, 0.1, 3.0))
+    whole = (solids[0] - solids[1]) + (solids[2] - solids[3])
+    whole += manifold3d.Manifold(manifold3d.Mesh64(bar[0], bar[1].astype(np.uint64)))
+    mended = repaired(in_order(joined(*shells, bar), seed))
+    assert volume_of(mended) == pytest.approx(whole.volume(), rel=1e-8)
+    assert steps_of(mended) == {"united": 3}
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    st.integers(0, 1000),
+    st.tuples(*[st.floats(-0.4, 0.4)] * 3),
+    st.floats(0.05, 0.5),
+)
+def test_within_is_what_an_intersection_says(
+    seed: int, shift: tuple[float, float, float], size: float
+) -> None:
+    """Against Manifold's intersection, which is all of a body that lies within."""
+    outer = shapes.sphere(1)
+    inner = moved((shapes.box()[0] @ shapes.rotation(seed).T, shapes.box()[1]), shift, size)
+    one, two = (
+        manifold3d.Manifold(manifold3d.Mesh64(v, f.astype(np.uint64))) for v, f in (outer, inner)
+    )
+    outside = 1.0 - (one ^ two).volume() / two.volume()
+    found, _ = Bodies(*in_order(joined(outer, inward(inner)), seed)).within
+    assert len(found) == (abs(outside) < 1e-9)
+
+
+# Unions
+
+
+def test_a_solid_without_a_volume_is_not_united() -> None:
+    """Two cavities that overlap are larger together than the body around them."""
+    box = shapes.box()
+    two = joined(
+        inward(moved(box, (0.02, 0.0, 0.0), 0.9)), inward(moved(box, (-0.02, 0.0, 0.0), 0.9))
+    )
+    hollow = joined(box, two)
+    row = [moved(shapes.box(), (0.9 * k, 0.0, 0.0)) for k in range(1, 6)]
+    mended = repaired(joined(hollow, *row))
+    assert mended.steps == ()
+    assert len(mended.warnings) == 1
+    assert "6 bodies seem to overlap but could not be united soundly" in mended.warnings[0]
+
+
+@pytest.mark.parametrize("seed", [0, 1])
+def test_a_long_chain_of_cubes_is_one_bar(seed: int) -> None:
+    cubes = [moved(shapes.box(), (0.5 * k, 0.0, 0.0)) for k in range(300)]
+    chain = moved(joined(*cubes), (0.0, 0.0, 0.0), FINE)
+    mended = repaired(in_order(chain, seed))
+    assert volume_of(mended) == pytest.approx(150.5 * FINE**3, rel=1e-7)
+    assert mended.closed
+    assert mended.bodies == 1
+    assert steps_of(mended)["united"] == 300
+    assert mended.warnings == ()
+
+
+def test_many_pairs_are_each_united() -> None:
+    """Groups far from each other do not mix up their vertices."""
+    pair = joined(shapes.box(), moved(shapes.box(), (0.5, 0.2, 0.1)))
+    pairs = [moved(pair, (3.0 * k, 0.0, 0.0)) for k in range(100)]
+    mended = repaired(moved(joined(*pairs), (0.0, 0.0, 0.0), FINE))
+    assert volume_of(mended) == pytest.approx(164.0 * FINE**3, rel=1e-7)
+    assert mended.bodies == 100
+    assert steps_of(mended) == {"united": 200}
+    step = np.abs(mended.vertices - mended.vertices[mended.canonical]).max()
+    assert step < 1e-6
+
+
+def test_faces_against_each_other_cancel_one_by_one() -> None:
+    faces = np.array([[0, 1, 2], [3, 4, 5], [2, 1, 0], [1, 2, 0], [5, 4, 3], [6, 7, 8], [6, 6, 8]])
+    assert without_slits(faces).tolist() == [[1, 2, 0], [6, 7, 8]]
+
+
+# Boxes
+
+
+@given(st.integers(0, 1000), st.integers(1, 30), st.floats(0.01, 2.0), st.integers(1, 200))
+@settings(max_examples=40, deadline=None)
+def test_boxes_overlap_as_each_against_each_says(
+    seed: int, count: int, size: float, at_once: int
+) -> None:
+    rng = np.random.default_rng(seed)
+    lower = rng.integers(-4, 4, (count, 3)) / 2.0  # many that touch
+    upper = lower + np.round(2.0 * size * rng.random((count, 3))) / 2.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(boxes, "AT_ONCE", at_once)
+        found = [pair for pairs in overlapping(lower, upper) for pair in zip(*pairs, strict=True)]
+        groups = overlap_groups(lower, upper)
+        inside = set(zip(*enclosed(lower, upper), strict=True))
+    meet = (lower[:, None] <= upper).all(axis=2) & (lower <= upper[:, None]).all(axis=2)
+    assert len(found) == len({frozenset(pair) for pair in found})
+    assert {(min(p), max(p)) for p in found} == set(zip(*np.nonzero(np.triu(meet, 1)), strict=True))
+    within = (lower[:, None] > lower).all(axis=2) & (upper[:, None] < upper).all(axis=2)
+    assert inside == set(zip(*np.nonzero(within), strict=True))
+    linked = np.linalg.matrix_power(meet.astype(float), count) > 0.0
+    expected = {tuple(np.flatnonzero(row)) for row in linked if row.sum() > 1}
+    assert {tuple(sorted(group)) for group in groups} == expected
+
+
+def test_no_boxes_overlap_nothing() -> None:
+    none = np.empty((0, 3))
+    assert overlap_groups(none, none) == []
+    assert all(len(part) == 0 for part in enclosed(none, none))
+
+
+# Words
+
+
+@pytest.mark.parametrize(
+    ("count", "things", "told"),
+    [
+        (1, "faces", "1 face"),
+        (2, "faces", "2 faces"),
+        (1, "bodies", "1 body"),
+        (1, "vertices", "1 vertex"),
+        (1, "sealed cavities", "1 sealed cavity"),
+        (0, "bodies", "0 bodies"),
+    ],
+)
+def test_one_thing_is_told_as_one(count: int, things: str, told: str) -> None:
+    assert counted(count, things) == told

@@ -1,0 +1,238 @@
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import mesh_from_arrays
+from grasp3d.mesh.repair import repair_surface
+from grasp3d.mesh.self_intersections import Crossings, crossings
+from grasp3d.reading import read_mesh
+from tests.helpers import shapes
+from tests.helpers.shapes import Surface
+
+ROUNDED = 1e-6
+SURE = 1e-4
+"""Reach beyond a face from which 32 bits must see an edge."""
+
+
+def normalised(shape: Surface) -> Surface:
+    vertices, faces = shape
+    used = vertices[np.unique(faces)]
+    middle = used.mean(axis=0)
+    return (vertices - middle) / (2.0 * np.linalg.norm(used - middle, axis=1).max()), faces
+
+
+def slowly(shape: Surface) -> dict[tuple[int, int], float]:
+    """Pairs of faces without a common vertex of which an edge passes through the other.
+
+    With how far it reaches beyond the face on both sides, or passes from its border, if less.
+    """
+    points, faces = shape
+    triangles = points[faces]
+    sides = np.roll(triangles, -1, axis=1) - triangles
+    normals = np.cross(sides[:, 0], sides[:, 1])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    inward = np.cross(normals[:, None], sides)
+    inward /= np.linalg.norm(inward, axis=2)[..., None]
+    heights = points @ normals.T - (triangles[:, 0] * normals).sum(axis=1)  # (V, F)
+    found: dict[tuple[int, int], float] = {}
+    for face, corners in enumerate(faces):
+        for a, b in zip(corners, np.roll(corners, -1), strict=True):
+            above, below = heights[a], heights[b]
+            (others,) = np.nonzero(above * below < 0.0)
+            share = above[others] / (above[others] - below[others])
+            place = points[a] + share[:, None] * (points[b] - points[a])
+            depths = ((place[:, None] - triangles[others]) * inward[others]).sum(axis=2)
+            reach = np.minimum(np.abs(above[others]), np.abs(below[others]))
+            least = np.minimum(depths.min(axis=1), reach)
+            for other, depth in zip(others[least > 0.0], least[least > 0.0], strict=True):
+                if not set(corners) & set(faces[other]):
+                    pair = min(face, int(other)), max(face, int(other))
+                    found[pair] = max(float(depth), found.get(pair, 0.0))
+    return found
+
+
+def check(found: Crossings, shape: Surface) -> set[tuple[int, int]]:
+    """All that is sure is found, and nothing that is not so; returns what was found."""
+    pairs = {(int(a), int(b)) for a, b in found.pairs}
+    assert len(pairs) == found.count
+    known = slowly(shape)
+    assert min((known.get(pair, 0.0) for pair in pairs), default=1.0) > 0.9 * ROUNDED
+    assert {pair for pair, depth in known.items() if depth > SURE} <= pairs
+    assert np.array_equal(np.flatnonzero(found.faces), np.unique(found.pairs))
+    return pairs
+
+
+@settings(max_examples=60, deadline=None)
+@given(seed=st.integers(0, 2**32), count=st.integers(2, 40), size=st.floats(0.1, 1.0))
+def test_what_is_found_among_random_triangles_is_so_and_nothing_sure_is_missed(
+    seed: int, count: int, size: float
+) -> None:
+    rng = np.random.default_rng(seed)
+    middles = rng.uniform(-0.3, 0.3, (count, 1, 3))
+    points = (middles + rng.uniform(-size / 3.0, size / 3.0, (count, 3, 3))).reshape(-1, 3)
+    shape = points, np.arange(3 * count).reshape(-1, 3)
+    pairs = check(crossings(*shape), shape)
+    order = rng.permutation(count)
+    turned = shape[1][order][:, ::-1]
+    again = {tuple(sorted(order[pair])) for pair in crossings(points, turned).pairs}
+    assert {tuple(pair) for pair in again} == pairs
+
+
+def joined(*parts: Surface) -> Surface:
+    faces, start = [], 0
+    for vertices, corners in parts:
+        faces.append(corners + start)
+        start += len(vertices)
+    return np.concatenate([vertices for vertices, _ in parts]), np.concatenate(faces)
+
+
+def two_spheres() -> Surface:
+    vertices, faces = shapes.sphere(3)
+    moved = vertices @ shapes.rotation(1).T + (0.9, 0.3, 0.2)
+    return normalised(joined((vertices, faces), (moved, faces)))
+
+
+def crossing_tube() -> Surface:
+    """A closed tube along a figure of eight that runs through itself."""
+    turns, around = 96, 12
+    t = np.linspace(0.0, 2.0 * np.pi, turns, endpoint=False)[:, None]
+    s = np.linspace(0.0, 2.0 * np.pi, around, endpoint=False)[None]
+    x, y, z = np.sin(t), np.sin(2.0 * t) / 2.0, 0.05 * np.cos(t)
+    along = np.stack([np.cos(t), np.cos(2.0 * t), -0.05 * np.sin(t)], axis=-1)
+    along /= np.linalg.norm(along, axis=-1, keepdims=True)
+    side = np.cross(along, (0.0, 0.0, 1.0))
+    side /= np.linalg.norm(side, axis=-1, keepdims=True)
+    up = np.cross(side, along)
+    centre = np.stack([x, y, z], axis=-1)
+    points = centre + 0.15 * (np.cos(s)[..., None] * side + np.sin(s)[..., None] * up)
+    return normalised((points.reshape(-1, 3), ringed(turns, around)))
+
+
+def ringed(turns: int, around: int) -> np.ndarray:
+    i, j = np.meshgrid(np.arange(turns), np.arange(around), indexing="ij")
+    a, b = i * around + j, (i + 1) % turns * around + j
+    c, d = i * around + (j + 1) % around, (i + 1) % turns * around + (j + 1) % around
+    return np.concatenate(
+        [np.stack([a, b, c], -1).reshape(-1, 3), np.stack([b, d, c], -1).reshape(-1, 3)]
+    )
+
+
+def folded_sheet() -> Surface:
+    """An open sheet bent so far that its end passes through its beginning."""
+    u, v = np.meshgrid(np.linspace(0.0, 1.0, 40), np.linspace(-0.5, 0.5, 21), indexing="ij")
+    angle = 1.7 * np.pi * u
+    radius = 0.5 - 0.25 * u
+    points = np.stack([radius * np.cos(angle), radius * np.sin(angle), v], axis=-1)
+    points += 0.5 * (u**6)[..., None] * np.array([1.0, 0.7, 0.1])
+    i, j = np.meshgrid(np.arange(39), np.arange(20), indexing="ij")
+    a = i * 21 + j
+    faces = np.concatenate(
+        [np.stack([a, a + 21, a + 1], -1), np.stack([a + 21, a + 22, a + 1], -1)]
+    )
+    return normalised((points.reshape(-1, 3), faces.reshape(-1, 3)))
+
+
+@pytest.mark.parametrize("shape", [two_spheres(), crossing_tube(), folded_sheet()])
+def test_crossings_of_known_shapes_are_found_nearly_all(shape: Surface) -> None:
+    found = crossings(*shape)
+    pairs = check(found, shape)
+    known = [depth for depth in slowly(shape).values() if depth > ROUNDED]
+    assert len(known) > 50
+    assert len(pairs) >= 0.99 * len(known)
+
+
+def test_the_faces_that_meshlab_selects_are_those_found() -> None:
+    pymeshlab = shapes.reader("pymeshlab")
+    points, faces = two_spheres()
+    meshes = pymeshlab.MeshSet()
+    meshes.add_mesh(pymeshlab.Mesh(points, faces.astype(np.int32)))
+    meshes.compute_selection_by_self_intersections_per_face()
+    selected = np.asarray(meshes.current_mesh().face_selection_array()).astype(bool)
+    found = crossings(points, faces).faces
+    assert not (found & ~selected).any()
+    assert found.sum() >= 0.99 * selected.sum()
+
+
+CLEAN = {
+    "sphere": shapes.sphere(3),
+    "torus": shapes.torus(),
+    "box": shapes.box(),
+    "thin plate": shapes.box((1.0, 1.0, 2e-5)),
+    "tube": shapes.tube(),
+    "cone": shapes.cone(0.1),
+    "touching boxes": joined(shapes.box(), (shapes.box()[0] + (1.0, 0.3, 0.2), shapes.box()[1])),
+    "boxes on an edge": joined(shapes.box(), (shapes.box()[0] + (1.0, 1.0, 0.0), shapes.box()[1])),
+    "ball inside": joined(shapes.sphere(3), (0.999 * shapes.sphere(3)[0], shapes.sphere(3)[1])),
+    "one triangle": (np.eye(3), np.array([[0, 1, 2]])),
+}
+
+
+@pytest.mark.parametrize("name", CLEAN)
+def test_clean_surfaces_cross_nowhere_refined_or_rounded(name: str) -> None:
+    points, faces = normalised(CLEAN[name])
+    mesh = mesh_from_arrays(points, faces)
+    turned = points @ shapes.rotation(3).T
+    rounded = (turned + 0.3).astype(np.float32).astype(np.float64) - 0.3
+    for shape in ((points, faces), (mesh.normalized, mesh.faces), (rounded, faces)):
+        assert crossings(*shape).count == 0
+
+
+def test_shipped_meshes_cross_nowhere() -> None:
+    for path in sorted(shapes.LIBRARY.glob("*.*")):
+        if path.suffix not in {".md", ".png"}:
+            raw = read_mesh(path)
+            surface = repair_surface(raw.vertices, raw.faces, "safe", path.name)
+            assert crossings(*normalised((surface.vertices, surface.faces))).count == 0
+
+
+def test_vertices_are_told_apart_by_their_place() -> None:
+    """A soup of triangles is not one that crosses at its own corners."""
+    points, faces = normalised(shapes.sphere(3))
+    soup = points[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
+    assert crossings(*soup).count == 0
+    shape = two_spheres()
+    soup = shape[0][shape[1]].reshape(-1, 3), np.arange(shape[1].size).reshape(-1, 3)
+    assert np.array_equal(crossings(*soup).pairs, crossings(*shape).pairs)
+
+
+def test_faces_with_a_common_vertex_do_not_count() -> None:
+    """The far side of the second face passes through the first."""
+    points = np.array([[0, 0, 0], [0.4, -0.2, 0], [0.4, 0.2, 0], [0.2, 0, -0.1], [0.3, 0, 0.1]])
+    faces = np.array([[0, 1, 2], [0, 3, 4]])
+    assert crossings(points, faces).count == 0
+    assert crossings(points[faces].reshape(-1, 3), np.arange(6).reshape(-1, 3)).count == 0
+    points = np.concatenate([points, [[0.0, 0.0, 0.01]]])
+    assert crossings(points, np.array([[0, 1, 2], [5, 3, 4]])).count == 1
+
+
+def test_faces_smaller_than_32_bits_resolve_are_left_alone() -> None:
+    points = np.concatenate([1e-8 * np.eye(3), 1e-8 * (1.0 - np.eye(3))])
+    assert crossings(points, np.array([[0, 1, 2], [3, 4, 5]])).count == 0
+
+
+def test_an_edge_of_three_faces_crosses_with_all_three() -> None:
+    points = np.array(
+        [
+            [-0.3, -0.3, 0.0], [0.3, -0.3, 0.0], [0.0, 0.4, 0.0],
+            [0.0, 0.0, -0.2], [0.0, 0.0, 0.2], [0.5, 0.1, 0.1], [-0.5, 0.1, 0.1], [0.1, -0.5, 0.1],
+        ]
+    )  # fmt: skip
+    faces = np.array([[0, 1, 2], [3, 4, 5], [3, 4, 6], [4, 3, 7]])
+    assert crossings(points, faces).pairs.tolist() == [[0, 1], [0, 2], [0, 3]]
+
+
+def test_an_edge_through_many_leaves_crosses_each_of_them() -> None:
+    heights = np.linspace(-0.2, 0.2, 50)
+    leaves = np.array([[[-0.3, -0.3, z], [0.3, -0.3, z], [0.0, 0.4, z]] for z in heights])
+    needle = np.array([[[0.01, 0.0, -0.4], [0.0, 0.01, 0.4], [0.5, 0.5, 0.45]]])
+    points = np.concatenate([leaves, needle]).reshape(-1, 3)
+    found = crossings(points, np.arange(len(points)).reshape(-1, 3))
+    assert {(leaf, 50) for leaf in range(50)} <= {(int(a), int(b)) for a, b in found.pairs}
+
+
+def test_the_shells_of_a_real_mesh_cross_where_they_meet() -> None:
+    raw = read_mesh(shapes.shared("meshes", "classic_teapot.obj"))
+    surface = repair_surface(raw.vertices, raw.faces, "safe", "teapot")
+    shape = normalised((surface.vertices, surface.faces))
+    assert len(check(crossings(*shape), shape)) > 150

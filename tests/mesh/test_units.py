@@ -1,0 +1,105 @@
+import csv
+from typing import get_args
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grasp3d import mesh_from_arrays
+from grasp3d.mesh.units import METRES, PLAUSIBLE, USUAL, guess_unit, length_text, unit_warning
+from grasp3d.settings import Unit
+from tests.helpers import shapes
+
+EQUALLY, NONE = "these are equally plausible", "no hand holds any of these"
+SIZES = st.floats(-7.0, 7.0).map(lambda exponent: 10.0**exponent)
+
+
+@pytest.mark.parametrize(
+    ("size", "unit", "reason"),
+    [
+        (120.0, "mm", "largest extent 120: 12 cm if mm, 120 m if m"),
+        (0.12, "m", "largest extent 0.12: 12 cm if m, 0.12 mm if mm"),
+        (50.0, "mm", "largest extent 50: 5 cm if mm, 50 m if m"),
+        (1500.0, "mm", "largest extent 1500: 1.5 m if mm, 1500 m if m"),
+        (0.004, "m", "largest extent 0.004: 4 mm if m, 0.004 mm if mm"),
+        (
+            1.35,
+            None,
+            "largest extent 1.35: 1.4 m if m, 1.4 cm if cm, 3.4 cm if in; " + EQUALLY,
+        ),
+        (0.7, None, "largest extent 0.7: 70 cm if m, 1.8 cm if in; " + EQUALLY),
+        (
+            1e5,
+            None,
+            "largest extent 1e+05: 100000 m if m, 1000 m if cm, 100 m if mm, 2500 m if in; " + NONE,
+        ),
+    ],
+)
+def test_the_unit_is_guessed_and_said_why(size: float, unit: str | None, reason: str) -> None:
+    guess = guess_unit(size)
+    assert (guess.unit, guess.reason) == (unit, reason)
+
+
+@given(SIZES)
+def test_what_is_guessed_may_be_held_and_none_only_where_that_is_due(size: float) -> None:
+    guess = guess_unit(size)
+    held = {unit for unit in get_args(Unit) if within(size * METRES[unit], PLAUSIBLE)}
+    usual = {unit for unit in ("m", "mm") if within(size * METRES[unit], USUAL)}
+    assert guess.unit is None or guess.unit in held
+    assert "\n" not in guess.reason
+    if usual:
+        assert {guess.unit} == usual
+    if guess.unit is None:
+        assert len(held) != 1
+
+
+def within(metres: float, limits: tuple[float, float]) -> bool:
+    return limits[0] * (1.0 - 1e-9) <= metres <= limits[1] * (1.0 + 1e-9)
+
+
+@given(SIZES, st.sampled_from(get_args(Unit)))
+def test_a_stated_unit_is_doubted_just_where_it_makes_the_object_implausible(
+    size: float, unit: Unit
+) -> None:
+    assert (unit_warning(size, unit) == "") == within(size * METRES[unit], PLAUSIBLE)
+
+
+def test_a_doubt_says_what_would_be_plausible() -> None:
+    assert unit_warning(120.0, "m") == (
+        "the object is 120 m large if its unit is m: is the unit right? "
+        "If its unit were mm it would be 12 cm"
+    )
+    assert "If its unit were cm, mm or in it would be 6 cm, 6 mm or 15 cm" in unit_warning(6.0, "m")
+    assert "no unit (m, cm, mm, in) makes it one that a hand may hold" in unit_warning(1e6, "cm")
+
+
+def test_a_mesh_warns_of_its_unit() -> None:
+    vertices, faces = shapes.sphere(1)
+    mesh = mesh_from_arrays(60.0 * vertices, faces, unit="m")
+    assert mesh.report.warnings == (unit_warning(mesh.size, "m"),)
+    assert "If its unit were mm it would be 12 cm" in mesh.report.warnings[0]
+    assert mesh_from_arrays(60.0 * vertices, faces, unit="mm").report.warnings == ()
+    assert mesh_from_arrays(60.0 * vertices, faces).report.warnings == ()
+
+
+@pytest.mark.parametrize(
+    ("metres", "text"),
+    [(120.0, "120 m"), (0.996, "1 m"), (0.0994, "9.9 cm"), (0.01, "1 cm"), (9.9e-3, "9.9 mm")],
+)
+def test_lengths_are_written_in_their_own_unit(metres: float, text: str) -> None:
+    assert length_text(metres) == text
+
+
+def test_units_of_real_meshes_are_guessed_or_left_open() -> None:
+    """Where somebody knows the unit it is guessed, or told to be one of several."""
+    with shapes.shared("meshes", "manifest.csv").open(encoding="utf-8") as stream:
+        rows = list(csv.DictReader(stream))
+    hits = 0
+    for row in rows:
+        guess = guess_unit(max(map(float, row["extents"].split())))
+        known = row["unit_guess"].replace("inch", "in").replace("arbitrary; mm plausible", "mm")
+        unit = known.split()[0]
+        hits += guess.unit == (None if unit == "arbitrary" else unit)
+        assert guess.unit in {None, unit}
+        assert guess.unit or unit == "arbitrary" or f" if {unit}" in guess.reason
+    assert hits >= len(rows) - 2

@@ -1,0 +1,451 @@
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from ctypes.util import find_library
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import numpy as np
+import pytest
+from matplotlib.image import AxesImage
+from PIL import Image
+
+from grasp3d import GraspModel, critical_friction_angle, mesh_from_arrays
+from grasp3d.cli import main
+from grasp3d.contact.contacts import Contacts
+from grasp3d.errors import SettingError
+from grasp3d.mesh.primitives import box_mesh
+from grasp3d.paper.figures import FIGURES
+from grasp3d.paper.markdown import percent
+from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page
+from grasp3d.paper.objects import (
+    best_place,
+    object_figure,
+    real_object,
+    solids,
+    view_of,
+)
+from grasp3d.paper.paper_settings import PaperSettings
+from grasp3d.paper.quoted import quoted_numbers
+from grasp3d.paper.surfaces import surface_table
+from grasp3d.plots.surfaces import surface_figure
+from grasp3d.rendering import WINDOW, can_render
+from tests.helpers import shapes
+from tests.helpers.figures import check_words
+
+COMMAND = Path(sys.executable).with_name("grasp3d")
+PAPER = PaperSettings()
+SOLIDS = list(solids(PAPER))
+NAMES = [
+    *(f"figure_{number:02d}" for number in range(5, 12)),
+    "surface_box",
+    "surface_cylinder",
+    "surface_sphere",
+]
+FIXED = ("--fixed", "0", "0", "-9")
+
+
+def rows_of(page: str, title: str) -> dict[tuple[str, ...], list[str]]:
+    """Cells of the table under a heading, by their first two."""
+    under = page.split(f"## {title}", 1)[1].split("\n## ", 1)[0]
+    lines = [line for line in under.splitlines() if line.startswith("|")][2:]
+    cells = [[cell.strip() for cell in line.strip("|").split("|")] for line in lines]
+    return {(row[0], row[1]): row for row in cells}
+
+
+def number(cell: str) -> float:
+    found = re.search(r"-?\d+(\.\d+)?", cell)
+    assert found
+    return float(found[0])
+
+
+@pytest.fixture(scope="module")
+def page() -> str:
+    return numbers_page(PAPER, SOLIDS, {})
+
+
+@pytest.mark.parametrize(
+    ("settings", "said"),
+    [
+        ({"friction": 0.0}, "friction"),
+        ({"sensor_resolutions": ()}, "one or two"),
+        ({"sensor_resolutions": (0.1, 0.2, 0.3)}, "one or two .* got 3"),
+        ({"sensor_resolutions": (0.1, 0.1)}, "named once"),
+        ({"sensor_resolutions": (4.0,)}, "below 180"),
+    ],
+)
+def test_settings_that_cannot_be_drawn_say_so(settings: dict[str, object], said: str) -> None:
+    with pytest.raises(SettingError, match=said):
+        PaperSettings(**settings)  # type: ignore[arg-type]
+
+
+def test_the_settings_of_the_paper_are_the_defaults() -> None:
+    assert PAPER.friction == 1.0
+    assert np.degrees(PAPER.sensor_resolutions) == pytest.approx([30.0, 15.0])
+
+
+@pytest.mark.parametrize("name", FIGURES)
+@pytest.mark.parametrize("friction", [1.0, 0.2])
+def test_no_word_of_a_figure_is_hidden(name: str, friction: float) -> None:
+    check_words(FIGURES[name](PaperSettings(friction=friction)))
+
+
+def test_the_figures_are_those_of_the_paper() -> None:
+    assert list(FIGURES) == NAMES[:7]
+
+
+def test_shares_of_the_circle_in_its_figure_are_the_closed_form() -> None:
+    stable, ambiguous, unstable = FIGURES["figure_08"](PAPER).axes[0].collections
+    degrees = np.linspace(1.0, 89.0, 40)
+    beta, alpha = 45.0, degrees
+    for area, expected in (
+        (stable, 100.0 * (beta - alpha / 2.0) / 90.0),
+        (ambiguous, 100.0 * 2.0 * alpha / 180.0),
+        (unstable, 100.0 * (beta - alpha / 2.0) / 90.0),
+    ):
+        x, y = np.asarray(area.get_paths()[0].vertices).T
+        inner = (x > 0.0) & (x < 90.0)
+        top, low = np.full(len(degrees), -1.0), np.full(len(degrees), 101.0)
+        for place in np.unique(x[inner]):
+            at = np.isclose(x, place)
+            nearest = np.isclose(degrees, place, atol=0.13)
+            top[nearest], low[nearest] = y[at].max(), y[at].min()
+        known = top >= 0.0
+        assert known.sum() > 30
+        assert (top - low)[known] == pytest.approx(expected[known], abs=0.3)
+
+
+def test_the_ceilings_agree_with_the_reference() -> None:
+    reference = json.loads(shapes.shared("reference", "planar.json").read_text())
+    lines = {line.get_label(): line for line in FIGURES["figure_11"](PAPER).axes[0].lines}
+    for name in ("circle", "square"):
+        x, y = (np.asarray(data, float) for data in lines[name].get_data())
+        for case in reference[name]:
+            if case["mu"] == 1.0 and case["alpha_deg"] < 89.0:
+                expected = 100.0 * (case["S"] + case["U"] + case["M"] / 2.0)
+                assert np.interp(case["alpha_deg"], x, y) == pytest.approx(expected, abs=0.01)
+
+
+def test_numbers_of_the_text_agree_with_their_closed_forms() -> None:
+    rows = rows_of(f"## quoted\n{quoted_numbers()}", "quoted")
+    by_start = {first: row for (first, _), row in rows.items()}
+    for friction, radius in ((0.5, 10.0), (0.2, 10.0)):
+        alpha = 2.0 * math.atan(friction)
+        tip = f"fingertip of 2 cm diameter, μ = {friction:g}"
+        said = f"μ = {friction:g} (Sec. III)"
+        bound = next(row for first, row in by_start.items() if first.endswith(said))
+        assert number(bound[2]) == pytest.approx(math.degrees(alpha), abs=0.005)
+        assert number(by_start[f"arc, {tip}"][2]) == pytest.approx(radius * alpha, abs=0.005)
+        counted = by_start[f"sensors, {tip}"][2]
+        discs = math.ceil(2.0 * math.pi * radius**2 / (math.pi * (radius * alpha / 2.0) ** 2))
+        caps = math.ceil(1.0 / (1.0 - math.cos(alpha / 2.0)))
+        assert counted == f"{discs} (equal discs), {caps} (spherical caps)"
+    assert by_start["sensors, fingertip of 2 cm diameter, μ = 0.5"][1] == "at least 10"
+    differing = by_start["sensors, fingertip of 2 cm diameter, μ = 0.2"]
+    assert differing[1] == "50"
+    assert differing[4].startswith("**differs**")
+    assert differing[4].endswith(f"gives {math.ceil(8.0 / 0.4**2)}")
+
+
+def test_the_share_read_off_the_paper_is_told_as_it_is() -> None:
+    text = quoted_numbers()
+    rows = rows_of(f"## quoted\n{text}", "quoted")
+    shares = {key[0]: row for key, row in rows.items() if "ambiguous" in key[0]}
+    circle, square, sphere = shares.values()
+    alpha = math.radians(22.6)
+    assert circle[1] == "almost 20 %"
+    assert number(circle[2]) == pytest.approx(100.0 * 2.0 * alpha / math.pi, abs=0.05)
+    assert "differs" in circle[4]
+    # Opposite side: |x| <= 2 tan(beta - a) .. ; neighbours: the line within beta + a of both.
+    low, high = math.radians(45.0 - 11.3), math.radians(45.0 + 11.3)
+    side = 1.0 / math.tan(low) - 1.0 / math.tan(high)
+    assert number(square[2]) == pytest.approx(100.0 * 2.0 * side / 8.0, abs=0.05)
+    expected = [100.0 * math.sin(2.0 * math.atan(mu)) * math.sin(alpha) for mu in (0.2, 1.0)]
+    assert [number(part) for part in sphere[2].split(" to ")] == pytest.approx(expected, abs=0.05)
+
+
+def test_shares_of_the_circle_agree_with_their_closed_form(page: str) -> None:
+    for friction in (1.0, SLIPPERY):
+        beta = math.degrees(math.atan(friction))
+        rows = rows_of(page, f"The circle over the resolution, μ = {friction:g}")
+        assert len(rows) == len(DEGREES)
+        for row in rows.values():
+            alpha = number(row[0])
+            stable = max(0.0, (beta - alpha / 2.0) / 90.0)
+            unstable = max(0.0, 1.0 - (beta + alpha / 2.0) / 90.0)
+            shares = [stable, 1.0 - stable - unstable, unstable]
+            assert [number(cell) for cell in row[1:4]] == pytest.approx(
+                [100.0 * share for share in shares], abs=0.051
+            )
+            ceiling = stable + unstable + shares[1] / 2.0
+            assert number(row[4]) == pytest.approx(100.0 * ceiling, abs=0.051)
+
+
+@pytest.mark.parametrize("name", ["circle", "square"])
+@pytest.mark.parametrize("friction", [1.0, SLIPPERY])
+def test_the_four_combinations_fall_short_beyond_twice_the_friction_angle(
+    page: str, name: str, friction: float
+) -> None:
+    bound = 2.0 * math.degrees(math.atan(friction))
+    for row in rows_of(page, f"The {name} over the resolution, μ = {friction:g}").values():
+        alpha, differ, with_rings = number(row[0]), number(row[8]), number(row[9])
+        assert with_rings == 0.0
+        if alpha < bound:
+            assert differ == 0.0
+            assert [number(cell) for cell in row[5:8]] == pytest.approx(
+                [number(cell) for cell in row[1:4]], abs=0.3
+            )
+        elif alpha > bound + 1.0:
+            assert differ > 1.0
+            assert number(row[7]) - number(row[3]) == pytest.approx(differ, abs=0.5)  # U for M
+
+
+def test_round_cones_reach_their_least_epsilon_at_the_effective_friction(page: str) -> None:
+    rows = list(rows_of(page, "ε at the effective friction").values())
+    for cut, full in zip(rows[::2], rows[1::2], strict=True):
+        assert number(cut[4]) > number(cut[3]) + 0.01
+        assert float(full[5]) < 1e-4
+        assert number(full[4]) < number(full[2])
+
+
+def test_the_sphere_agrees_with_its_closed_form(page: str) -> None:
+    rows = rows_of(page, "In space")
+    for alpha in (30.0, 15.0):
+        row = rows["sphere", f"{alpha:g}°"]
+        stable = 100.0 * math.sin(math.radians(45.0 - alpha / 2.0)) ** 2
+        ambiguous = 100.0 * math.sin(math.radians(90.0)) * math.sin(math.radians(alpha))
+        expected = [stable, ambiguous, 100.0 - stable - ambiguous]
+        assert [number(cell) for cell in row[6:9]] == pytest.approx(expected, abs=0.051)
+        assert [number(cell) for cell in row[2:5]] == pytest.approx(expected, abs=0.5)
+
+
+def test_the_box_agrees_with_places_drawn_at_random() -> None:
+    rng = np.random.default_rng(7)
+    axis, sign = rng.integers(3, size=40_000), rng.choice([-1.0, 1.0], size=40_000)
+    points = rng.uniform(-1.0, 1.0, size=(40_000, 3))
+    points[np.arange(40_000), axis] = sign
+    normals = np.zeros_like(points)
+    normals[np.arange(40_000), axis] = -sign
+    apart = points - (0.0, 0.0, -1.0)
+    apart /= np.linalg.norm(apart, axis=1, keepdims=True)
+    first = np.degrees(np.arccos(apart[:, 2]))
+    second = np.degrees(np.arccos(np.clip(-(apart * normals).sum(axis=1), -1.0, 1.0)))
+    squeeze, expand = np.maximum(first, second), np.maximum(180.0 - first, 180.0 - second)
+    critical = np.minimum(squeeze, expand)
+    box = SOLIDS[1]
+    for scanned, alpha in zip(box.scans, (30.0, 15.0), strict=True):
+        found = scanned.fractions()
+        assert found["S"] == pytest.approx((critical < 45.0 - alpha / 2.0).mean(), abs=0.01)
+        assert found["U"] == pytest.approx((critical >= 45.0 + alpha / 2.0).mean(), abs=0.01)
+
+
+def test_further_sections_stand_at_the_end_of_the_page() -> None:
+    page = numbers_page(PAPER, SOLIDS[:1], {"One": "| a table |", "Another": "| b |"})
+    assert page.endswith("## One\n\n| a table |\n\n## Another\n\n| b |\n")
+
+
+def test_hulls_on_solids_contradict_exact_labels_only_as_sampling_may() -> None:
+    rows = [line.strip("| ").split(" | ") for line in surface_table(PAPER).splitlines()]
+    rows = [row for row in rows if row[0] in {"sphere", "box", "cylinder"}]
+    assert len(rows) == 12
+    assert {row[-1] for row in rows} == {"0"}
+    apart = [float(row[-2].rstrip(" %")) for row in rows]
+    assert 0.0 < max(apart[::2]) < 4.0  # circular cones
+    assert max(apart[::2]) < max(apart[1::2]) < 12.0  # polygons lie inside them
+
+
+def test_shares_are_percent_with_one_decimal() -> None:
+    assert [percent(share) for share in (0.0, -0.0, 0.3333, 1.0)] == [
+        "0.0 %", "0.0 %", "33.3 %", "100.0 %",
+    ]  # fmt: skip
+
+
+def test_the_finger_takes_a_best_place_with_room_for_the_other() -> None:
+    vertices, faces = shapes.lopsided()
+    mesh = mesh_from_arrays(vertices[:, ::-1], faces[:, ::-1])
+    model = GraspModel(friction=0.6, sensor_resolution=math.radians(20.0))
+    place = best_place(mesh, model)
+    scanned = real_object(mesh, "blob", PaperSettings(0.6, (model.sensor_resolution,)))
+    assert scanned.scans[0].partners[0, 0] == pytest.approx(place)
+    critical = scanned.scans[0].critical_angle
+    best = int(critical.argmin())
+    pair = Contacts(
+        [place, mesh.vertices[best]], [scanned.scans[0].partner_normals[0, 0], mesh.normals[best]]
+    )
+    assert critical_friction_angle(pair) == pytest.approx(critical[best], abs=1e-9)
+    assert critical[best] < math.radians(3.0)
+    assert scanned.scans[0].fractions()["S"] > 0.01
+
+
+def test_an_object_without_a_grasp_asks_for_a_place() -> None:
+    sheet = mesh_from_arrays([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]], [[0, 1, 2]])
+    with pytest.raises(SettingError, match="--fixed"):
+        best_place(sheet, GraspModel())
+    scanned = real_object(sheet, "sheet", PAPER, fixed=(0.1, 0.1, 0.0))
+    assert scanned.scans[0].fractions()["S"] == 0.0
+
+
+@pytest.mark.parametrize("push", [(1, 0, 0), (0, -1, 0), (0.6, 0.64, 0.48), (0, 0, 1), (0, 0, -1)])
+def test_a_finger_is_seen_from_the_side_and_its_partner_from_the_front(
+    push: tuple[float, float, float],
+) -> None:
+    inward = np.array(push)
+    across, up, toward = view_of(inward).axes @ -inward
+    assert -0.5 < toward < 0.0  # the finger stands a little behind the object, the partner before
+    assert math.hypot(across, up) > 0.85
+
+
+def test_without_pictures_the_shares_alone_are_drawn() -> None:
+    sphere = SOLIDS[0]
+    figure = object_figure(sphere, PAPER, pictures=False)
+    assert len(figure.axes) == 1
+    check_words(figure)
+    dashed = [np.asarray(line.get_ydata()) for line in figure.axes[0].lines]
+    alpha = PAPER.swept
+    within = alpha <= math.pi / 2.0
+    stable = 100.0 * np.sin(math.pi / 4.0 - alpha[within] / 2.0) ** 2
+    assert dashed[0][within] == pytest.approx(stable)
+    assert dashed[1][within] == pytest.approx(100.0 - stable)
+
+
+def test_pictures_stand_beside_the_shares() -> None:
+    pictures = [np.full((20, 20, 3), shade, np.uint8) for shade in (90, 200)]
+    box = SOLIDS[1]
+    figure = surface_figure(box.scans, pictures, box.sweep(PAPER))
+    check_words(figure)
+    images = [axes.findobj(AxesImage)[0] for axes in figure.axes[:2]]
+    for image, picture in zip(images, pictures, strict=True):
+        assert (np.asarray(image.get_array()) == picture).all()
+    assert [axes.get_title() for axes in figure.axes[:2]] == [
+        r"$\alpha$ = 30°", r"$\alpha$ = 15°",
+    ]  # fmt: skip
+    shares = box.scans[0].fractions()
+    assert f"S {100.0 * shares['S']:.1f} %" in figure.axes[0].get_xlabel()
+    marks = figure.axes[2].lines[0]
+    assert np.asarray(marks.get_xdata()) == pytest.approx([30.0, 15.0])
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--fixed", "1", "2", "3"), "needs an object"),
+        (("--sensor-resolution", "10", "20", "30"), "one or two"),
+        (("--friction", "0"), "above 0"),
+        (("--object", "missing.stl"), "missing.stl: there is no such file"),
+    ],
+)
+def test_mistakes_are_one_line_and_leave_nothing(
+    arguments: tuple[str, ...],
+    said: str,
+    tmp_path: Path,
+    capsys: pytest.CaptureFixture[str],
+) -> None:
+    assert main(["paper", "-o", str(tmp_path / "out"), *arguments]) == 2
+    error = capsys.readouterr().err
+    assert said in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_file_in_the_folders_place_is_kept(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    (tmp_path / "out").write_text("mine")
+    assert main(["paper", "-o", str(tmp_path / "out")]) == 2
+    assert capsys.readouterr().err.startswith("grasp3d: ")
+    (tmp_path / "folder" / "numbers.md").mkdir(parents=True)
+    assert main(["paper", "-o", str(tmp_path / "folder")]) == 2
+    assert "numbers.md: is a folder" in capsys.readouterr().err
+    assert (tmp_path / "out").read_text() == "mine"
+    assert [path.name for path in (tmp_path / "folder").iterdir()] == ["numbers.md"]
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Path, str]]:
+    """The real command twice at once, each in an empty folder: with OpenGL, if any, and without."""
+    folder = tmp_path_factory.mktemp("paper")
+    box = box_mesh((2.0, 3.0, 4.0), max_edge=1.0)
+    lines = ["OFF", f"{len(box.vertices)} {len(box.faces)} 0"]
+    lines += [" ".join(map(str, row)) for row in box.vertices]
+    lines += [f"3 {' '.join(map(str, row))}" for row in box.faces]
+    (folder / "box.off").write_text("\n".join(lines))
+    (folder / "first").mkdir()
+    (folder / "first" / "mine.txt").write_text("mine")
+    (folder / "first" / "figure_05.svg").write_text("old")
+    without = {**os.environ, WINDOW: "vtkOSOpenGLRenderWindow", "DISPLAY": ""}
+    object_ = ("--object", str(folder / "box.off"), *FIXED)
+    started = [
+        subprocess.Popen(
+            [str(COMMAND), "paper", "-o", output, *arguments],
+            cwd=folder,
+            env={**environment, "COLUMNS": "160"},
+            stdout=subprocess.PIPE,
+            stderr=subprocess.PIPE,
+            text=True,
+        )
+        for output, arguments, environment in (
+            ("first", object_, dict(os.environ)),
+            ("second/deeper", (), without),
+        )
+    ]
+    told = []
+    for output, process in zip(("first", "second/deeper"), started, strict=True):
+        out, error = process.communicate(timeout=300)
+        assert (process.returncode, error) == (0, "")
+        told.append((folder / output, out))
+    return told
+
+
+@pytest.mark.slow
+def test_the_command_writes_all_of_the_paper(runs: list[tuple[Path, str]]) -> None:
+    (first, told), (second, _) = runs
+    expected = sorted([f"{name}{end}" for name in NAMES for end in (".png", ".svg")])
+    objects = ["surface_object.png", "surface_object.svg"]
+    assert sorted(path.name for path in second.iterdir()) == sorted([*expected, "numbers.md"])
+    assert sorted(path.name for path in first.iterdir()) == sorted(
+        [*expected, *objects, "numbers.md", "mine.txt"]
+    )
+    assert (first / "mine.txt").read_text() == "mine"
+    for name in [*expected, *objects]:
+        path = first / name
+        assert 8_000 < path.stat().st_size < 900_000
+        assert name.partition(".")[0] in told
+        if path.suffix == ".svg":
+            assert ET.parse(path).getroot().tag.endswith("svg")  # noqa: S314, our own file
+        else:
+            with Image.open(path) as image:
+                assert min(image.size) > 700
+                assert len(np.unique(np.asarray(image.convert("L")))) > 30
+    assert "--object" not in told
+
+
+@pytest.mark.slow
+def test_two_runs_write_the_same_bytes(runs: list[tuple[Path, str]]) -> None:
+    (first, _), (second, _) = runs
+    for name in NAMES[:7]:
+        for end in (".svg", ".png"):
+            path = f"{name}{end}"
+            assert (first / path).read_bytes() == (second / path).read_bytes(), path
+    one, other = ((folder / "numbers.md").read_text() for folder in (first, second))
+    lines = [line for line in one.splitlines() if not line.startswith("| box | ")]
+    assert lines == [line for line in other.splitlines() if not line.startswith("| box | ")]
+    assert one.count("\n| 2 | 2,000 |") == 8  # convergence: four rims, circular and polygonal cones
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(find_library("OSMesa") is not None, reason="OSMesa draws")
+def test_without_opengl_everything_else_is_drawn(runs: list[tuple[Path, str]]) -> None:
+    (first, told), (second, without) = runs
+    assert "no OpenGL here, so surface_sphere, surface_box, surface_cylinder show" in without
+    assert "--object FILE" in without
+    for solid in ("sphere", "box", "cylinder"):
+        svg = (second / f"surface_{solid}.svg").read_text()
+        assert "<image" not in svg
+        assert f"<!-- {solid}" in svg
+    if can_render():
+        assert "OpenGL" not in told
+        for solid in ("sphere", "box", "cylinder", "object"):
+            assert (first / f"surface_{solid}.svg").read_text().count("<image") == 2

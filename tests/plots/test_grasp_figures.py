@@ -1,0 +1,105 @@
+"""The sheet of the best grasps: that its words fit, and that its views show the fingers."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, mesh_from_arrays
+from grasp3d.arrays import locked
+from grasp3d.grasps.distinct import best_grasps
+from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.mesh import ObjectMesh
+from grasp3d.plots.grasps import MOST_PICTURES, PIXELS, draw_grasps, grasp_figure
+from grasp3d.plots.painting import PALETTE, painted
+from grasp3d.plots.views import views_of
+from grasp3d.rendering import can_render, extent_of
+from tests.helpers import shapes
+from tests.helpers.figures import check_words, drawn_words
+from tests.test_rendering import needs_opengl
+
+BLANK = np.full((8, 8, 3), 255, dtype=np.uint8)
+
+
+@cache
+def labels() -> SurfaceLabels:
+    mesh = mesh_from_arrays(*shapes.box((1.0, 0.7, 0.5)), unit="m", max_edge=0.2)
+    return label_surface(mesh, GraspModel(), sampling=Sampling(rays=16))
+
+
+@cache
+def grasps() -> SurfaceGrasps:
+    return best_grasps(labels(), MOST_PICTURES + 1)
+
+
+@pytest.mark.parametrize("count", [1, 2, 4, 7, MOST_PICTURES])
+def test_words_fit_and_grasps_are_numbered(count: int) -> None:
+    figure = grasp_figure(labels(), grasps(), [BLANK] * count)
+    check_words(figure)
+    said = [words for words, _ in drawn_words(figure)]
+    titles = [words for words in said if "varepsilon" in words]
+    assert len(titles) == count
+    for number, title in enumerate(titles):
+        assert rf"\bf{{{number + 1}}}" in title
+        angle = math.degrees(grasps().critical_angle[number])
+        assert f"{angle:.1f}°" in title
+        assert f"{grasps().epsilon[number]:.3f}" in title
+    assert any("2 fingers" in words for words in said)
+    assert any("no grasp found" in words for words in said)
+
+
+def test_a_long_name_and_large_numbers_fit() -> None:
+    mesh = labels().mesh
+    report = replace(mesh.report, source=f"{'W' * 200} and $1 or $2.ply")
+    named = replace(labels(), mesh=replace(mesh, report=report))
+    bad = replace(grasps(), critical_angle=locked(np.full(grasps().size, math.pi / 2.0)))
+    for count in (1, 9):
+        figure = grasp_figure(named, bad, [BLANK] * count)
+        check_words(figure)
+        assert any("…WWW" in said and "or \\$2.ply" in said for said, _ in drawn_words(figure))
+
+
+def seen_from(mesh: ObjectMesh, points: object) -> NDArray[np.float64]:
+    found = evaluate_grasps(mesh, points).contacts
+    (view,) = views_of(found, extent_of(mesh.vertices))
+    return np.asarray(view.axes @ -found.normals[0].T)
+
+
+def test_fingers_are_seen_from_the_side_that_they_are_on() -> None:
+    """Toward the eye is the third axis; both fingers beside the picture's plane or before it."""
+    box = labels().mesh
+    right, up, _ = seen_from(box, [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]])
+    assert np.hypot(right, up).min() > 0.9
+    for below in (0.25, -0.25):
+        three = [[0.5, 0.0, 0.0], [0.0, 0.35, 0.0], [0.1, 0.0, below]]
+        _, _, toward = seen_from(box, three)
+        assert toward.min() > -1e-9
+        assert toward.max() > 0.2
+
+
+def test_fingers_inside_a_tube_are_seen_through_its_end() -> None:
+    mesh = mesh_from_arrays(*shapes.tube(0.4, 0.5, 0.5), max_edge=9.0)
+    found = evaluate_grasps(mesh, [[0.4, 0.0, 0.15], [-0.4, 0.0, 0.15]])
+    (view,) = views_of(found.contacts, extent_of(mesh.vertices))
+    assert view.elevation > math.radians(30.0)
+
+
+@needs_opengl
+def test_every_grasp_is_drawn_with_its_fingers() -> None:
+    shares: list[float] = []
+    few = best_grasps(labels(), 2)
+    pictures = draw_grasps(labels(), few, progress=shares.append)
+    assert can_render()
+    assert shares == [0.5, 1.0]
+    assert [picture.shape for picture in pictures] == [(PIXELS[1], PIXELS[0], 3)] * 2
+    (view, *_) = views_of(few.contacts, extent_of(labels().mesh.vertices))
+    bare = painted(labels(), view=view, size=PIXELS)
+    for picture in (bare, *pictures):
+        assert (np.abs(picture - PALETTE[2].astype(int)).max(axis=2) < 60).mean() > 0.02
+    dark = [(picture.max(axis=2) < 60).mean() for picture in (bare, *pictures)]
+    assert dark[0] < 0.001
+    assert min(dark[1:]) > 0.003

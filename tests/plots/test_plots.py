@@ -1,0 +1,315 @@
+import math
+from itertools import pairwise
+from pathlib import Path
+from xml.etree import ElementTree as ET
+
+import matplotlib as mpl
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from hypothesis.extra import numpy as hnp
+from matplotlib.colors import to_hex
+from matplotlib.figure import Figure
+from matplotlib.patches import Wedge
+from numpy.typing import NDArray
+from PIL import Image
+
+from grasp3d import GraspModel, Label
+from grasp3d.errors import OutputError, SettingError
+from grasp3d.planar import Circle, PlanarScan, Polyline, scan, square
+from grasp3d.plots.combinations import combinations_figure, holding
+from grasp3d.plots.cones import cone_figure
+from grasp3d.plots.curves import Over, at_corner, curves_figure, label_runs, places
+from grasp3d.plots.formats import DPI, save
+from grasp3d.plots.fraction_figures import ceiling_figure, shares_figure
+from grasp3d.plots.style import (
+    LABEL_COLORS,
+    LINES,
+    STYLE,
+    label_patches,
+    new_figure,
+    styled,
+)
+from grasp3d.stability import COLORS
+from grasp3d.sweeps import sweep
+from tests.helpers.figures import check_words
+
+MODEL = GraspModel(friction=1.0, sensor_resolution=math.radians(30.0))
+SCANS: dict[str, tuple[PlanarScan, Over]] = {
+    "circle": (scan(Circle(), MODEL, places=180), "angle"),
+    "square": (scan(square(), MODEL, places=160), "position"),
+    "triangle": (
+        scan(Polyline([(0.0, 0.0), (3.0, 0.0), (1.0, 2.0)], fixed=1.2), MODEL, places=90),
+        "position",
+    ),
+}
+
+
+def drawable() -> st.SearchStrategy[GraspModel]:
+    """Models whose extreme cones share a cone and stay above the surface."""
+    return st.tuples(st.floats(0.05, 1.5), st.floats(0.02, 0.98)).map(
+        lambda drawn: GraspModel(
+            friction=math.tan(drawn[0]),
+            sensor_resolution=2.0 * drawn[1] * min(drawn[0], math.pi / 2.0 - drawn[0]),
+        )
+    )
+
+
+def wedges(figure: Figure) -> list[Wedge]:
+    return [patch for patch in figure.findobj(Wedge) if patch.get_fill()]
+
+
+@settings(max_examples=10)
+@given(drawable())
+def test_the_effective_cone_is_what_the_extreme_cones_share(model: GraspModel) -> None:
+    extreme, other, effective = wedges(cone_figure(model))
+    assert effective.theta1 == pytest.approx(max(extreme.theta1, other.theta1))
+    assert effective.theta2 == pytest.approx(min(extreme.theta2, other.theta2))
+    half_angle = 0.5 * math.radians(effective.theta2 - effective.theta1)
+    assert half_angle == pytest.approx(model.friction_angle - model.tilt)
+    assert 0.5 * (effective.theta1 + effective.theta2) == pytest.approx(90.0)
+    assert to_hex(effective.get_facecolor()).upper() == LABEL_COLORS[Label.S]
+
+
+@settings(max_examples=10)
+@given(drawable())
+def test_extreme_normals_are_half_the_resolution_off(model: GraspModel) -> None:
+    axes = cone_figure(model).axes[0]
+    named = [text.get_position() for text in axes.texts if "\nnormal" in text.get_text()]
+    angles = sorted(math.atan2(y, x) - math.pi / 2.0 for x, y in named)
+    assert angles == pytest.approx([-model.tilt, 0.0, model.tilt])
+    said = " ".join(text.get_text() for text in axes.texts)
+    for angle in (model.tilt, model.friction_angle, model.friction_angle - model.tilt):
+        assert f"{math.degrees(angle):.3g}°" in said
+
+
+@pytest.mark.parametrize(
+    ("friction", "degrees"), [(0.2, 30.0), (0.2, 22.62), (1.0, 0.0), (5.0, 60.0)]
+)
+def test_cones_that_cannot_be_drawn_say_so(friction: float, degrees: float) -> None:
+    model = GraspModel(friction=friction, sensor_resolution=math.radians(degrees))
+    for make in (cone_figure, combinations_figure):
+        with pytest.raises(SettingError, match="below atan"):
+            make(model)
+
+
+@settings(max_examples=8)
+@given(drawable())
+def test_every_combination_says_whether_both_cones_hold_the_line(model: GraspModel) -> None:
+    figure = combinations_figure(model)
+    verdicts = []
+    for axes, signs in zip(
+        figure.axes, [(1, 1), (1, -1), (-1, 1), (-1, -1)], strict=True
+    ):  # fmt: skip
+        cones = [patch for patch in axes.patches if isinstance(patch, Wedge) and patch.get_fill()]
+        line = next(line for line in axes.lines if line.get_linewidth() == 1.8)
+        first, second = np.transpose([line.get_xdata(), line.get_ydata()]).astype(float)
+        inside = []
+        for cone, contact, other, sign in zip(
+            cones, (first, second), (second, first), signs, strict=True
+        ):
+            middle = math.radians(0.5 * (cone.theta1 + cone.theta2))
+            axis = np.array([math.cos(middle), math.sin(middle)])
+            along = (other - contact) / np.linalg.norm(other - contact)
+            inside.append(math.acos(axis @ along) < model.friction_angle)
+            turned = math.atan2(*(-contact[::-1])) + sign * model.tilt
+            assert math.remainder(middle - turned, 2.0 * math.pi) == pytest.approx(0.0, abs=1e-9)
+            assert contact == pytest.approx(np.asarray(cone.center))
+        stable = all(inside)
+        assert axes.get_title().endswith("\nstable") == stable
+        assert to_hex(line.get_color()).upper() == LABEL_COLORS[Label.S if stable else Label.U]
+        verdicts.append(stable)
+    assert verdicts.count(True) == 1  # ambiguous: only when both tilt toward the line
+
+
+@given(st.floats(0.0, 7.0), st.floats(0.0, 7.0), st.floats(0.0, 7.0), st.floats(0.01, 1.5))
+def test_cones_hold_the_line_within_their_half_angle(
+    line: float, first: float, second: float, beta: float
+) -> None:
+    along = np.array([math.cos(line), math.sin(line)])
+    axes = np.array([[math.cos(turn), math.sin(turn)] for turn in (first, second)])
+    off = np.arccos(np.clip(axes @ along * [1.0, -1.0], -1.0, 1.0))
+    near = np.abs(off - beta) < 1e-6
+    found = holding(
+        np.array([[0.3, 0.1], [0.3, 0.1] + 2.0 * along]), np.array([first, second]), beta
+    )
+    assert ((found == (off < beta)) | near).all()
+
+
+@pytest.mark.parametrize("name", SCANS)
+def test_curves_are_those_of_the_scan(name: str) -> None:
+    found, over = SCANS[name]
+    axes = curves_figure([found], over=over).axes[0]
+    corners = at_corner(found)
+    lines = [line for line in axes.lines if len(line.get_xdata()) == len(found.position) + 1]
+    expected = [found.epsilon_effective, *found.epsilon_extremes, found.epsilon]
+    for line, epsilon in zip(lines, expected, strict=True):
+        drawn = np.asarray(line.get_ydata())
+        assert drawn[:-1][~corners] == pytest.approx(epsilon[~corners], abs=0.0)
+        assert np.isnan(drawn[:-1][corners]).all()
+        assert drawn[-1] == epsilon[0]
+        if over == "angle":
+            assert np.asarray(line.get_xdata())[:-1] == pytest.approx(np.degrees(found.angle))
+        else:
+            assert np.asarray(line.get_xdata())[:-1] == pytest.approx(
+                found.position - found.outline.fixed
+            )
+    dots = [line for line in axes.lines if line.get_marker() == "o"]
+    if corners.any():
+        for dot, epsilon in zip(dots, expected, strict=True):
+            assert np.asarray(dot.get_ydata()) == pytest.approx(epsilon[corners], abs=0.0)
+    else:
+        assert not dots
+
+
+@pytest.mark.parametrize("name", SCANS)
+def test_bars_are_the_labels_along_the_outline(name: str) -> None:
+    found, over = SCANS[name]
+    axes = curves_figure([found], over=over).axes[1]
+    x, corners = places(found, over), at_corner(found)
+    bars = [(patch.get_x(), patch.get_width(), patch.get_facecolor()) for patch in axes.patches]
+    reached = 0.0
+    for start, width, _ in bars:
+        assert start == pytest.approx(reached)
+        reached = start + width
+    assert reached == pytest.approx(x[-1])
+    for place, label in zip(x[:-1][~corners], found.label[~corners], strict=True):
+        color = next(c for start, width, c in bars if start <= place <= start + width)
+        assert to_hex(color).upper() == LABEL_COLORS[Label(label)]
+    for text in axes.texts:
+        place = text.get_position()[0]
+        assert np.abs(x[:-1][corners] - place).min(initial=9.0) > 0.02 * x[-1]
+        color = next(c for start, width, c in bars if start <= place <= start + width)
+        assert to_hex(color).upper() == LABEL_COLORS[Label[text.get_text()]]
+    marks = [
+        (float(np.asarray(line.get_xdata())[0]), to_hex(line.get_markerfacecolor()).upper())
+        for line in axes.lines
+    ]
+    assert marks == [
+        (place, LABEL_COLORS[Label(label)])
+        for place, label in zip(x[:-1][corners], found.label[corners], strict=True)
+    ]
+
+
+def test_bars_of_the_circle_end_where_its_closed_form_says() -> None:
+    found = scan(Circle(), MODEL, places=1440)
+    axes = curves_figure([found], over="angle").axes[1]
+    ends = [patch.get_x() + patch.get_width() for patch in axes.patches]
+    # Off both normals by (180 - theta) / 2: S within beta - alpha / 2, U from beta + alpha / 2 on.
+    assert ends == pytest.approx([60.0, 120.0, 240.0, 300.0, 360.0], abs=0.13)
+
+
+def test_corners_tell_their_range_of_normals() -> None:
+    found, over = SCANS["square"]
+    axes = curves_figure([found], over=over).axes[0]
+    assert [text.get_text() for text in axes.texts] == ["corner:\nnormals\nspan 120°"]  # 90 + alpha
+    dotted = [
+        float(np.asarray(line.get_xdata())[0]) for line in axes.lines if line.get_linestyle() == ":"
+    ]
+    assert dotted == pytest.approx([1.0, 3.0, 5.0, 7.0])
+
+
+@given(hnp.arrays(np.uint8, st.integers(1, 30), elements=st.integers(0, 2)))
+def test_runs_hold_every_label_and_leave_no_gap(labels: NDArray[np.uint8]) -> None:
+    x = np.arange(len(labels)) + 0.25
+    runs = label_runs(x, labels, float(len(labels)))
+    assert runs[0].start == 0.0
+    assert runs[-1].end == len(labels)
+    for before, after in pairwise(runs):
+        assert before.end == after.start
+        assert before.label != after.label
+    for place, label in zip(x, labels, strict=True):
+        assert [run.label for run in runs if run.start <= place < run.end] == [label]
+
+
+def test_shares_and_ceiling_belong_to_their_sweeps() -> None:
+    sweeps = [
+        sweep(outline, friction=1.0, sensor_resolution=np.radians([0, 30, 60]), name=outline.name)
+        for outline in (Circle(), square())
+    ]
+    axes = shares_figure(sweeps[0]).axes[0]
+    areas = [np.asarray(area.get_paths()[0].vertices) for area in axes.collections]
+    at_30 = [np.sort(np.unique(area[np.isclose(area[:, 0], 30.0), 1])) for area in areas]
+    assert np.concatenate([np.diff(edges) for edges in at_30]) == pytest.approx([100.0 / 3.0] * 3)
+    lines = ceiling_figure(sweeps).axes[0].lines
+    for line, one in zip(lines, sweeps, strict=True):
+        assert line.get_label() == one.name
+        assert np.asarray(line.get_ydata()) == pytest.approx(100.0 * one.accuracy_ceiling[0])
+
+
+@pytest.mark.parametrize("name", SCANS)
+def test_no_word_of_the_curves_is_hidden(name: str) -> None:
+    found, over = SCANS[name]
+    check_words(curves_figure([found, found], over=over, unit="half sides"))
+
+
+def example() -> Figure:
+    figure = new_figure(3.5, 2.0)
+    axes = figure.add_subplot()
+    axes.plot([0.0, 1.0], [0.2, 0.8], **LINES[1])
+    axes.fill_between([0.0, 1.0], [0.0, 0.1], color=LABEL_COLORS[Label.S])
+    axes.set(xlabel=r"$\alpha$ [°]", title="both")
+    figure.legend(handles=label_patches(), loc="outside lower center")
+    return figure
+
+
+def test_figures_are_the_same_bytes_every_time(tmp_path: Path) -> None:
+    first = save(styled(example)(), tmp_path / "first")
+    mpl.rcParams["font.size"] = 23.0  # whatever else the process draws
+    mpl.rcParams["svg.hashsalt"] = "other"
+    try:
+        second = save(styled(example)(), tmp_path / "second.png")
+    finally:
+        mpl.rcdefaults()
+    assert [path.name for path in second] == ["second.svg", "second.png"]
+    for one, other in zip(first, second, strict=True):
+        assert one.read_bytes() == other.read_bytes()
+    assert sorted(path.name for path in tmp_path.iterdir()) == [
+        "first.png", "first.svg", "second.png", "second.svg",
+    ]  # fmt: skip
+
+
+def test_vector_graphics_are_xml_and_pictures_have_their_size(tmp_path: Path) -> None:
+    vector, picture = save(styled(example)(), tmp_path / "figure")
+    root = ET.parse(vector).getroot()  # noqa: S314, our own file
+    assert root.tag == "{http://www.w3.org/2000/svg}svg"
+    assert not list(root.iter("{http://www.w3.org/2000/svg}text"))  # outlines, for every viewer
+    assert "<!-- both -->" in vector.read_text()
+    assert "dc:date" not in vector.read_text()
+    with Image.open(picture) as image:
+        assert image.size == (round(3.5 * DPI), round(2.0 * DPI))
+        assert LABEL_COLORS[Label.S] in {
+            "#{:02X}{:02X}{:02X}".format(*color[:3])
+            for _, color in image.convert("RGB").getcolors(1 << 20) or []
+        }
+
+
+def test_a_figure_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
+    paths = save(styled(example)(), tmp_path / "figure")
+    before = [path.read_bytes() for path in paths]
+    broken = styled(example)()
+    broken.axes[0].set_title(r"$\nonsense{$")
+    with pytest.raises(ValueError, match="nonsense"):
+        save(broken, tmp_path / "figure")
+    assert [path.read_bytes() for path in paths] == before
+    assert len(list(tmp_path.iterdir())) == 2
+    with pytest.raises(OutputError, match="nowhere"):
+        save(styled(example)(), tmp_path / "nowhere" / "figure")
+
+
+def test_the_style_holds_only_while_a_figure_is_drawn() -> None:
+    before = dict(mpl.rcParams)
+    inside = styled(lambda: {name: mpl.rcParams[name] for name in STYLE})()
+    assert inside == STYLE
+    assert dict(mpl.rcParams) == before
+
+
+def test_labels_have_their_own_colours_and_curves_others() -> None:
+    assert {label.name: color for label, color in LABEL_COLORS.items()} == {
+        "S": "#009E73", "M": "#F0E442", "U": "#D55E00",
+    }  # fmt: skip
+    assert set(LABEL_COLORS) == set(COLORS)
+    assert [patch.get_label()[0] for patch in label_patches()] == ["S", "M", "U"]
+    assert len({str(line["linestyle"]) for line in LINES}) == len(LINES)
+    assert not {line["color"] for line in LINES} & set(LABEL_COLORS.values())

@@ -1,0 +1,191 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import Contacts
+from grasp3d.contact.friction_cones import cone_edges
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.quality.wrenches import cone_parts, span, wrench_axes, wrenches
+from tests.helpers import grasps
+
+seeds = st.integers(0, 100_000)
+
+
+@given(seeds, st.integers(1, 5), st.integers(3, 12), st.floats(0.01, 100.0), st.floats(-4.0, 4.0))
+@settings(max_examples=50)
+def test_a_wrench_is_the_force_and_its_torque_by_the_torque_scale(
+    seed: int, fingers: int, edges: int, torque_scale: float, phase: float
+) -> None:
+    contacts = grasps.drawn(max(fingers, 2), seed)
+    rows = wrenches(contacts, edges=edges, torque_scale=torque_scale, phase=phase)
+    forces = cone_edges(contacts.normals, contacts.friction_angle, edges=edges, phase=phase)
+    torques = np.cross(contacts.points[:, None], forces) / torque_scale
+    expected = np.concatenate([forces, torques], axis=-1).reshape(-1, 6)
+    np.testing.assert_allclose(rows, expected, atol=1e-13 * max(1.0, 1.0 / torque_scale))
+
+
+@given(seeds, st.floats(1e-9, 1e9))
+@settings(max_examples=50)
+def test_the_mesh_unit_and_the_torque_scale_cancel(seed: int, unit: float) -> None:
+    contacts = grasps.drawn(2, seed, soft=True)
+    scaled = grasps.changed(
+        contacts, points=unit * contacts.points, torsion_radius=unit * contacts.torsion_radius
+    )
+    np.testing.assert_allclose(
+        wrenches(scaled, torque_scale=unit), wrenches(contacts), rtol=1e-12, atol=1e-14
+    )
+
+
+@given(seeds)
+@settings(max_examples=20)
+def test_unit_normal_components_lengthen_the_edges(seed: int) -> None:
+    contacts = grasps.drawn(3, seed)
+    by_force = wrenches(contacts, edges=8).reshape(3, 8, 6)
+    by_normal = wrenches(contacts, edges=8, bounded="normal").reshape(3, 8, 6)
+    lengths = 1.0 / np.cos(contacts.friction_angle)
+    np.testing.assert_allclose(by_normal, by_force * lengths[:, None, None], rtol=1e-13, atol=1e-14)
+    components = np.einsum("nmk,nk->nm", by_normal[..., :3], contacts.normals)
+    np.testing.assert_allclose(components, 1.0, rtol=1e-14)
+
+
+def test_the_rows_of_the_reference() -> None:
+    for case in grasps.reference("epsilon.json"):
+        rows = wrenches(
+            grasps.of_case(case), edges=case["edges"], torque_scale=case["torque_scale"]
+        )
+        expected = np.concatenate([np.array(rows) for rows in case["wrenches"]])
+        assert rows.shape == expected.shape, case["id"]
+        np.testing.assert_allclose(rows, expected, rtol=0.0, atol=1e-15, err_msg=str(case["id"]))
+
+
+def test_soft_fingers_add_their_torsion_both_ways() -> None:
+    contacts = Contacts([[0.0, 0.0, -2.0]], [[0.0, 0.0, 1.0]], 0.5, 0.3)
+    rows = wrenches(contacts, edges=4, torque_scale=2.0)
+    assert rows.shape == (6, 6)
+    np.testing.assert_allclose(rows[4], [0, 0, 1, 0, 0, 0.15])
+    np.testing.assert_allclose(rows[5], [0, 0, 1, 0, 0, -0.15])
+    hard = wrenches(grasps.changed(contacts, torsion_radius=0.0), edges=4, torque_scale=2.0)
+    np.testing.assert_array_equal(rows[:4], hard)
+
+
+def test_one_soft_finger_gives_all_contacts_the_same_number_of_rows() -> None:
+    contacts = Contacts(grasps.PAIR, -grasps.PAIR, 0.5, [0.1, 0.0])
+    rows = wrenches(contacts, edges=5).reshape(2, 7, 6)
+    np.testing.assert_array_equal(rows[1, 5], rows[1, 6])
+
+
+def test_a_batch_is_its_grasps_one_by_one() -> None:
+    many = grasps.stacked([grasps.drawn(3, seed) for seed in range(6)])
+    rows = wrenches(many, edges=8)
+    assert rows.shape == (6, 24, 6)
+    for i in range(6):
+        np.testing.assert_array_equal(rows[i], wrenches(grasps.one(many, i), edges=8))
+
+
+def test_every_wrench_is_linear_in_the_axes() -> None:
+    contacts = grasps.drawn(2, 3, soft=True)
+    axes = wrench_axes(contacts.points, contacts.normals, contacts.torsion_radius, 0.7)
+    beta = contacts.friction_angle[0]
+    edge = wrenches(contacts, edges=4, torque_scale=0.7)[1]  # a quarter turn: the second tangent
+    mixed = math.cos(beta) * axes[0, 0] + math.sin(beta) * axes[0, 2]
+    np.testing.assert_allclose(edge, mixed, atol=1e-15)
+
+
+def spread(normals: Any) -> Contacts:
+    return Contacts([[1.0, 2.0, 3.0]] * len(normals), normals, 0.5)
+
+
+TWO_SOFT = Contacts(grasps.PAIR, -grasps.PAIR, 0.5, 0.1)
+RANKS = {
+    "one contact": (spread([[0, 0, 1]]), 3),
+    "one soft contact": (Contacts([[1.0, 2.0, 3.0]], [[0, 0, 1]], 0.5, 0.1), 4),
+    "all at one place": (spread([[0, 0, 1], [0, 1, 0], [1, 1, 1]]), 3),
+    "two hard": (grasps.drawn(2, 0), 5),
+    "two hard, antipodal": (grasps.around_a_ball("pair"), 5),
+    "three on a line": (grasps.LINE, 5),
+    "three on a line, normals alike": (grasps.changed(grasps.LINE, normals=[[0, 0, 1.0]] * 3), 5),
+    "two soft": (TWO_SOFT, 6),
+    "one soft, one hard": (grasps.changed(TWO_SOFT, torsion_radius=[0.1, 0.0]), 6),
+    "three": (grasps.drawn(3, 0), 6),
+    "three at 120 degrees": (grasps.around_a_ball("triangle"), 6),
+    "five": (grasps.drawn(5, 0), 6),
+}
+
+
+@pytest.mark.parametrize("unit", [1e-9, 1e-3, 1.0, 1e3, 1e9])
+@pytest.mark.parametrize("name", RANKS)
+def test_ranks_of_known_grasps(name: str, unit: float) -> None:
+    contacts, rank = RANKS[name]
+    scaled = grasps.changed(
+        contacts, points=unit * contacts.points, torsion_radius=unit * contacts.torsion_radius
+    )
+    for torque_scale in (unit, 1.0):
+        basis = span(wrenches(scaled, torque_scale=torque_scale))
+        assert len(basis) == rank
+        np.testing.assert_allclose(basis @ basis.T, np.eye(rank), atol=1e-12)
+
+
+@pytest.mark.parametrize("noise", [1e-16, 1e-14, 1e-12])
+@pytest.mark.parametrize("name", RANKS)
+def test_rounding_adds_no_rank(name: str, noise: float) -> None:
+    contacts, rank = RANKS[name]
+    rng = np.random.default_rng(0)
+    for _ in range(20):
+        rows = wrenches(contacts)
+        rows = rows + noise * rng.normal(size=rows.shape)
+        assert len(span(rows)) == rank
+
+
+@given(seeds, st.integers(1, 6))
+@settings(max_examples=60)
+def test_the_basis_spans_the_rows(seed: int, rank: int) -> None:
+    rng = np.random.default_rng(seed)
+    rows = rng.normal(size=(rng.integers(rank, 20), rank)) @ rng.normal(size=(rank, 6))
+    basis = span(rows)
+    assert len(basis) == np.linalg.matrix_rank(rows, tol=1e-7 * np.abs(rows).max())
+    np.testing.assert_allclose(rows @ basis.T @ basis, rows, atol=1e-9 * np.abs(rows).max())
+
+
+def test_span_of_little_or_nothing() -> None:
+    assert span(np.zeros((4, 6))).shape == (0, 6)
+    assert span(np.zeros((0, 6))).shape == (0, 6)
+    only_torque = span([[0, 0, 0, 0, 0, 3.0]])
+    np.testing.assert_allclose(np.abs(only_torque), [[0, 0, 0, 0, 0, 1.0]])
+
+
+def test_a_triple_just_off_a_line_has_the_sixth_dimension() -> None:
+    assert len(span(wrenches(grasps.just_off_a_line(1e-6)))) == 6
+    assert len(span(wrenches(grasps.just_off_a_line(1e-12)))) == 5
+
+
+@pytest.mark.parametrize("rows", [np.zeros(6), np.zeros((2, 3)), np.full((1, 6), math.nan)])
+def test_span_refuses_what_are_no_wrenches(rows: np.ndarray) -> None:
+    with pytest.raises(ContactError, match=r"wrenches must be finite and of shape \(k, 6\); got"):
+        span(rows)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"edges": 2}, "at least 3 edges, a whole number; got 2"),
+        ({"phase": math.nan}, "phase of the edges must be finite; got nan"),
+        ({"torque_scale": 0.0}, "torque_scale must be a finite length above 0; got 0"),
+        ({"torque_scale": -1.0}, "torque_scale must be a finite length above 0; got -1"),
+        ({"torque_scale": math.inf}, "torque_scale must be a finite length above 0; got inf"),
+        ({"torque_scale": math.nan}, "torque_scale must be a finite length above 0; got nan"),
+        ({"bounded": "length"}, "no bound is called 'length'; known: force, normal"),
+    ],
+)
+def test_settings_out_of_range(options: dict[str, Any], message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        wrenches(grasps.LINE, **options)
+
+
+def test_a_flat_cone_has_no_unit_normal_component() -> None:
+    with pytest.raises(SettingError, match="friction cones must stay below 90 degrees"):
+        cone_parts(np.array([0.3, math.pi / 2.0]), "normal")
+    np.testing.assert_allclose(cone_parts(np.array([math.pi / 2.0])), [[0.0, 1.0]], atol=1e-15)

@@ -1,0 +1,306 @@
+"""glTF, GLB and 3MF: scenes whose parts must all be there, each in its place."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grasp3d.errors import MeshError
+from grasp3d.reading import RawMesh, read_mesh
+from tests.helpers import mesh_files, shapes
+from tests.helpers.mesh_files import (
+    DATA,
+    FACES,
+    VERTICES,
+    Tree,
+    written,
+    xml_components,
+    xml_object,
+)
+
+
+def scene(tmp_path: Path, change: Callable[[Tree], None], data: bytes = DATA) -> RawMesh:
+    tree = mesh_files.tree()
+    change(tree)
+    return read_mesh(written(tmp_path, "a.glb", mesh_files.glb(tree, data)))
+
+
+def primitive(tree: Tree) -> Tree:
+    part: Tree = tree["meshes"][0]["primitives"][0]
+    return part
+
+
+def nothing(_: Tree) -> None:
+    pass
+
+
+def test_a_glb_and_a_gltf_with_its_data_beside_or_within(tmp_path: Path) -> None:
+    (tmp_path / "parts").mkdir()
+    (tmp_path / "parts" / "my data.bin").write_bytes(DATA)
+    for uri in ("parts/my%20data.bin", "parts/my data.bin", "./parts/my data.bin"):
+        raw = read_mesh(written(tmp_path, "a.gltf", mesh_files.gltf(mesh_files.tree(), uri)))
+        assert np.array_equal(raw.vertices, VERTICES)
+    for uri in (mesh_files.embedded(), "data:," + "".join(f"%{byte:02x}" for byte in DATA)):
+        raw = read_mesh(written(tmp_path, "a.gltf", mesh_files.gltf(mesh_files.tree(), uri)))
+        assert np.array_equal(raw.faces, FACES)
+    tree = mesh_files.tree()
+    tree["buffers"][0]["uri"] = "parts/my data.bin"
+    raw = read_mesh(written(tmp_path, "b.glb", mesh_files.glb(tree, b"")))
+    assert np.array_equal(raw.vertices, VERTICES)
+    assert (raw.format, raw.unit) == ("glb", "m")
+
+
+def test_nodes_place_their_mesh_and_their_children(tmp_path: Path) -> None:
+    half = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]  # a quarter turn about z, as x y z w
+
+    def change(tree: Tree) -> None:
+        tree["nodes"] = [
+            {"children": [1, 2], "translation": [10, 0, 0], "camera": 0, "name": "world"},
+            {"mesh": 0, "rotation": half, "scale": [2, 2, 2], "name": "world"},
+            {"mesh": 0, "matrix": [1, 0, 0, 0, 0, 1, 0, 0, 0, 0, 1, 0, 0, 5, 0, 1]},
+            {"mesh": 0},
+        ]
+        tree["cameras"] = [{"type": "perspective", "perspective": {"yfov": 1, "znear": 0.1}}]
+
+    raw = scene(tmp_path, change)
+    turned = VERTICES[:, [1, 0, 2]] * (-2, 2, 2) + (10, 0, 0)
+    wanted = np.vstack([turned, VERTICES + (10, 5, 0)])
+    assert in_order(raw.vertices) == pytest.approx(in_order(wanted))
+    assert len(raw.faces) == 8
+
+
+def in_order(rows: np.ndarray) -> np.ndarray:
+    return np.array(sorted(rows.round(9).tolist()))
+
+
+def test_a_mirrored_part_keeps_its_outside(tmp_path: Path) -> None:
+    raw = scene(tmp_path, lambda tree: tree["nodes"][0].update(scale=[-1, 1, 1]))
+    a, b, c = (raw.vertices[raw.faces[:, k]] for k in range(3))
+    assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(1.0 / 6.0)
+
+
+def test_strips_and_corners_without_indices(tmp_path: Path) -> None:
+    raw = scene(tmp_path, lambda tree: primitive(tree).update(mode=5))
+    strip = FACES.ravel()
+    wanted = [
+        strip[[k, k + 1, k + 2] if k % 2 == 0 else [k + 1, k, k + 2]] for k in range(len(strip) - 2)
+    ]
+    assert as_sets(raw.faces) == as_sets(np.array([row for row in wanted if len(set(row)) == 3]))
+
+    def change(tree: Tree) -> None:
+        del primitive(tree)["indices"]
+        tree["accessors"][0]["count"] = 3
+
+    assert scene(tmp_path, change).faces.tolist() == [[0, 1, 2]]
+
+
+def as_sets(faces: np.ndarray) -> list[list[int]]:
+    """Faces without their degenerate ones, each begun with its smallest corner."""
+    rows = (row for row in faces.tolist() if len(set(row)) == 3)
+    return sorted(row[row.index(min(row)) :] + row[: row.index(min(row))] for row in rows)
+
+
+def test_interleaved_positions_and_quantized_ones(tmp_path: Path) -> None:
+    wide = np.zeros((4, 6), dtype="<f4")
+    wide[:, :3], wide[:, 3:] = VERTICES, 7.0
+
+    def stride(tree: Tree) -> None:
+        tree["bufferViews"][0].update(byteLength=96, byteStride=24)
+        tree["bufferViews"][1]["byteOffset"] = 96
+
+    assert np.array_equal(scene(tmp_path, stride, wide.tobytes() + DATA[48:]).vertices, VERTICES)
+
+    def small(tree: Tree) -> None:
+        tree["bufferViews"][0].update(byteLength=30, byteStride=8)
+        tree["accessors"][0]["componentType"] = 5122
+        tree["extensionsRequired"] = ["KHR_mesh_quantization"]
+        tree["nodes"][0]["scale"] = [0.5, 0.5, 0.5]
+
+    short = np.zeros((4, 4), dtype="<i2")
+    short[:, :3] = 2 * VERTICES
+    raw = scene(tmp_path, small, short.tobytes().ljust(48, b"\0") + DATA[48:])
+    assert np.array_equal(raw.vertices, VERTICES)
+
+
+def test_what_is_no_surface_is_passed_over(tmp_path: Path) -> None:
+    def change(tree: Tree) -> None:
+        tree["meshes"][0]["primitives"] += [
+            {"attributes": {"POSITION": 0}, "mode": mode} for mode in range(4)
+        ]
+        part = primitive(tree)
+        part["material"] = 5
+        part["attributes"] |= {"NORMAL": 77, "TEXCOORD_0": 2, "_OWN": 3}
+        part["extensions"] = {"KHR_draco_mesh_compression": {"bufferView": 9}}
+        tree["accessors"].append({"componentType": 5126, "count": 3, "type": "MAT4", "sparse": {}})
+        tree["images"] = [{"uri": "/etc/passwd"}, {"uri": "http://127.0.0.1/a.png"}]
+        tree["extensionsUsed"] = tree["extensionsRequired"] = ["KHR_materials_unlit"]
+
+    assert np.array_equal(scene(tmp_path, change).faces, FACES)
+
+
+def at(path: str, value: object) -> Callable[[Tree], None]:
+    """Change of one entry, such as `nodes.0.mesh`."""
+
+    def change(tree: Tree) -> None:
+        *way, last = (int(key) if key.isdigit() else key for key in path.split("."))
+        place = tree
+        for key in way:
+            place = place[key]  # type: ignore[index]
+        place[last] = value  # type: ignore[index]
+
+    return change
+
+
+PART = "meshes.0.primitives.0"
+CHAIN = [{"mesh": 0}, {"children": [2]}, {"children": [1]}]
+MISREAD: dict[str, tuple[Callable[[Tree], None], str]] = {
+    "fans": (at(f"{PART}.mode", 6), "is made of fans"),
+    "mode": (at(f"{PART}.mode", "4"), "is made of fans"),
+    "sparse": (at("accessors.0.sparse", {"count": 1}), "POSITION of mesh 0 are sparse"),
+    "normalized": (at("accessors.0.normalized", 1), "POSITION of mesh 0 are normalized"),
+    "compressed": (
+        at("accessors.1", {"count": 12, "type": "SCALAR", "componentType": 5123}),
+        "compr",
+    ),
+    "needed": (at("extensionsRequired", ["KHR_draco_mesh_compression"]), "needs the extension"),
+    "skin": (at("nodes.0.skin", 0), "node 0 is posed by a skeleton"),
+    "weights": (at("nodes.0.weights", [0.5]), "node 0 is posed"),
+    "morph": (at("meshes.0.weights", [0, 0.5]), "mesh 0 is moved by morph targets"),
+    "many": (at("nodes.0.extensions", {"EXT_mesh_gpu_instancing": {}}), "node 0 is instanced"),
+    "from the end": (at("nodes.0.mesh", -1), "mesh of node 0 is no whole number"),
+    "offset": (at("accessors.0.byteOffset", -12), "byteOffset of accessor 0 is no whole number"),
+    "view": (at("bufferViews.0.buffer", 0.5), "buffer of bufferView 0 is no whole number"),
+    "stride": (at("bufferViews.0.byteStride", -12), "byteStride of bufferView 0"),
+    "count": (at("accessors.0.count", 10**12), "promises 1,000,000,000,000 entries"),
+    "short": (at("accessors.0.count", 5), "cannot be read as GLB"),
+    "type": (at("accessors.0.type", "VEC2"), "POSITION of mesh 0 are of a wrong type"),
+    "index type": (at("accessors.1.componentType", 5126), "indices of mesh 0 are of a wrong type"),
+    "indices": (at(f"{PART}.indices", 7), "mesh 0 has no indices that are there"),
+    "position": (at(f"{PART}.attributes", {}), "mesh 0 has no POSITION"),
+    "twice": (at("nodes", [{"mesh": 0, "children": [1, 1]}, {}]), "has two parents"),
+    "gone": (at("nodes.0.children", [4]), "node 4 is not there"),
+    "no child": (at("nodes.0.children", ["a\nb" * 50]), "node of a child is not there"),
+    "circle": (at("nodes", CHAIN), "its nodes lie within themselves"),
+    "root": (at("scenes.0.nodes", [0, 0]), "a scene has a node that is not there"),
+    "list": (at("accessors", [5]), "its accessors are no list of objects"),
+    "infinite": (at("nodes.0.scale", [1e300, 1e300, 1e999]), "cannot be read as GLB|finite"),
+    "address": (at("buffers.0.uri", 7), "the address of a buffer is no text"),
+    "embedded": (at("buffers.0.uri", "data:;base64,AAA"), "its embedded data are damaged"),
+    "empty": (at("scenes.0.nodes", []), "holds no triangles"),
+}
+
+
+@pytest.mark.parametrize("name", MISREAD)
+def test_what_would_be_misread_is_refused_with_one_line(tmp_path: Path, name: str) -> None:
+    change, message = MISREAD[name]
+    with pytest.raises(MeshError, match=message) as caught:
+        scene(tmp_path, change)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_corner_beyond_its_part_is_not_one_of_the_next(tmp_path: Path) -> None:
+    def change(tree: Tree) -> None:
+        tree["meshes"].append(tree["meshes"][0])
+        tree["nodes"] = [{"mesh": 0}, {"mesh": 1}]
+        tree["scenes"][0]["nodes"] = [0, 1]
+
+    data = DATA[:48] + np.array([0, 2, 5], dtype="<u2").tobytes() + DATA[54:]
+    with pytest.raises(MeshError, match="face 0 uses vertex 5, but there are 4"):
+        scene(tmp_path, change, data)
+
+
+def test_a_damaged_container_is_refused(tmp_path: Path) -> None:
+    good = mesh_files.glb(mesh_files.tree())
+    for data, message in (
+        (good[:-5], "promises 72 bytes, but 67 are left"),
+        (good.replace(b"glTF\x02", b"glTF\x01"), "cannot be read as GLB, version 2"),
+        (good.replace(b'{"asset"', b'["asset"'), "its JSON cannot be read"),
+    ):
+        with pytest.raises(MeshError, match=message):
+            read_mesh(written(tmp_path, "a.glb", data))
+    with pytest.raises(MeshError, match="its JSON is no glTF"):
+        read_mesh(written(tmp_path, "a.gltf", json.dumps([1])))
+
+
+ITEM = '<item objectid="{}"/>'.format
+MOVED = 'transform="0 2 0 -2 0 0 0 0 2 5 6 7"'
+
+
+def test_a_3mf_with_components_transforms_and_units(tmp_path: Path) -> None:
+    objects = xml_object(1) + xml_components(2, f'objectid="1" {MOVED}', 'objectid="1"')
+    build = '<item objectid="2" transform="1 0 0 0 1 0 0 0 1 100 0 0"/>' + ITEM(1)
+    raw = read_mesh(written(tmp_path, "a.3mf", mesh_files.three_mf(objects, build)))
+    turned = VERTICES[:, [1, 0, 2]] * (-2, 2, 2) + (105, 6, 7)
+    wanted = np.vstack([turned, VERTICES + (100, 0, 0), VERTICES])
+    assert in_order(raw.vertices) == pytest.approx(in_order(wanted))
+    assert (raw.format, raw.unit) == ("3mf", "in")
+    for said, unit in (("millimeter", "mm"), ("meter", "m"), ("micron", None)):
+        data = mesh_files.three_mf(objects, build, said)
+        assert read_mesh(written(tmp_path, "a.3mf", data)).unit == unit
+
+
+def test_an_object_in_another_file_of_a_3mf(tmp_path: Path) -> None:
+    outer = xml_components(7, 'p:path="/3D/part.model" objectid="1"')
+    inner = mesh_files.xml_model(xml_object(1), "")
+    raw = read_mesh(written(tmp_path, "a.3mf", mesh_files.three_mf(outer, ITEM(7), part=inner)))
+    assert np.array_equal(raw.vertices, VERTICES)
+
+
+def test_a_3mf_says_the_same_to_another_reader(tmp_path: Path) -> None:
+    pymeshlab = shapes.reader("pymeshlab")
+    path = written(tmp_path, "a.3mf", mesh_files.three_mf(xml_object(1), ITEM(1)))
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(str(path))
+    raw = read_mesh(path)
+    assert np.array_equal(raw.vertices, meshes.current_mesh().vertex_matrix())
+    assert np.array_equal(raw.faces, meshes.current_mesh().face_matrix())
+
+
+def doubled(times: int) -> str:
+    rows = [xml_object(1)]
+    for k in range(1, times + 1):
+        second = f'objectid="{k}" transform="1 0 0 0 1 0 0 0 1 {2**k} 0 0"'
+        rows.append(xml_components(k + 1, f'objectid="{k}"', second))
+    return "".join(rows)
+
+
+INNER = mesh_files.xml_model(xml_object(1) + xml_object(2), "")
+TWO = xml_components(7, 'p:path="/3D/part.model" objectid="1"')
+BAD_3MF: dict[str, tuple[bytes, str]] = {
+    "doubled": (mesh_files.three_mf(doubled(25), ITEM(26)), "33,554,432 copies of its parts, 10,"),
+    "nested": (mesh_files.three_mf(doubled(10), ITEM(11)), "1,024 copies of its parts, of which"),
+    "missing": (mesh_files.three_mf(xml_object(1), ITEM(1) + ITEM(2)), "object '2' is missing"),
+    "empty": (mesh_files.three_mf(xml_object(1, " "), ITEM(1)), "object '1' is missing, empty"),
+    "circle": (
+        mesh_files.three_mf(
+            xml_components(1, 'objectid="2"') + xml_components(2, 'objectid="1"'), ITEM(1)
+        ),
+        "lies within itself",
+    ),
+    "two": (mesh_files.three_mf(TWO, ITEM(7), part=INNER), "does not hold just one"),
+    "gone": (mesh_files.three_mf(TWO, ITEM(7)), "does not hold just one"),
+    "item": (
+        mesh_files.three_mf(xml_object(1), '<item objectid="1" p:path="/3D/part.model"/>'),
+        "lie in several files",
+    ),
+    "beyond": (
+        mesh_files.three_mf(xml_object(1, mesh_files.xml_mesh(faces=FACES + 4)), ITEM(1)),
+        "face 0 uses vertex 4",
+    ),
+    "models": (mesh_files.packed({"a.model": ""}), "its XML cannot be read|holds 0 models"),
+    "nothing": (mesh_files.three_mf("", ""), "holds no triangles"),
+    "letters": (
+        mesh_files.three_mf(xml_object(1).replace('x="1.0"', 'x="l"'), ITEM(1)),
+        "read to its",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_3MF)
+def test_a_3mf_that_would_be_misread_is_refused(tmp_path: Path, name: str) -> None:
+    data, message = BAD_3MF[name]
+    with pytest.raises(MeshError, match=message) as caught:
+        read_mesh(written(tmp_path, "a.3mf", data))
+    assert "\n" not in str(caught.value)

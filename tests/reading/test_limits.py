@@ -1,0 +1,512 @@
+"""What reading may take, and where it may look: the process that reads, and its limits."""
+
+import os
+import signal
+import struct
+import subprocess
+import sys
+import threading
+import time
+import zipfile
+from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
+from contextlib import contextmanager
+from pathlib import Path
+
+import numpy as np
+import psutil
+import pytest
+
+import grasp3d
+from grasp3d.errors import MeshError
+from grasp3d.reading import archives, isolation, read_mesh
+from tests.helpers import mesh_files
+from tests.helpers.mesh_files import DATA, VERTICES, written
+
+ROOT = str(Path(grasp3d.__file__).parents[1])
+posix = pytest.mark.skipif(os.name != "posix", reason="signals and limits of POSIX")
+
+
+def good(folder: Path, name: str = "good.glb") -> Path:
+    return written(folder, name, mesh_files.glb(mesh_files.tree()))
+
+
+def slow(folder: Path, nodes: int = 30_000) -> Path:
+    """A file that takes seconds: its nodes are a long chain."""
+    tree = mesh_files.tree()
+    tree["nodes"] = [*({"children": [k + 1]} for k in range(nodes)), {"mesh": 0}]
+    return written(folder, "slow.glb", mesh_files.glb(tree))
+
+
+def large(folder: Path, parts: int) -> Path:
+    """A small file of which each byte begins a number, in each of its parts anew."""
+    count = 600_000
+    tree = mesh_files.tree()
+    tree["bufferViews"] = [{"buffer": 0, "byteLength": count + 12, "byteStride": 1}]
+    positions = {"bufferView": 0, "componentType": 5126, "count": count, "type": "VEC3"}
+    tree["accessors"] = [positions] * parts
+    rows = [{"attributes": {"POSITION": k}} for k in range(parts)]
+    tree["meshes"] = [{"primitives": rows}]
+    return written(folder, "large.glb", mesh_files.glb(tree, bytes(count + 12)))
+
+
+def readers() -> list[psutil.Process]:
+    return [
+        process
+        for process in psutil.Process().children()
+        if process.status() != psutil.STATUS_ZOMBIE
+        and any("grasp3d.reading.child" in word for word in process.cmdline())
+    ]
+
+
+def is_read(path: Path) -> bool:
+    return np.array_equal(read_mesh(path).vertices, VERTICES)
+
+
+def test_one_process_reads_many_files(tmp_path: Path) -> None:
+    assert is_read(good(tmp_path))
+    (first,) = readers()
+    assert is_read(good(tmp_path))
+    assert [process.pid for process in readers()] == [first.pid]
+
+
+@posix
+@pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits of Linux")
+def test_a_file_that_needs_more_memory_than_allowed_is_refused(tmp_path: Path) -> None:
+    path = large(tmp_path, 7)
+    assert path.stat().st_size < 1_000_000
+    with pytest.raises(
+        MeshError, match=r"max_memory, 0\.5 GB \(--max-memory\).*STL or PLY"
+    ) as info:
+        read_mesh(path, max_memory=0.5)
+    assert "\n" not in str(info.value)
+    assert len(read_mesh(path, max_memory=2.0).faces) == 7 * 200_000
+    assert is_read(good(tmp_path))
+
+
+def test_a_file_that_takes_too_long_is_refused(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path = slow(tmp_path)
+    assert is_read(good(tmp_path))
+    monkeypatch.setattr(isolation, "SECONDS", 0.2)
+    with pytest.raises(MeshError, match="reading it took more than"):
+        read_mesh(path)
+    monkeypatch.undo()
+    assert is_read(good(tmp_path))
+    assert len(readers()) == 1
+
+
+@contextmanager
+def reading(path: Path, told: list[str]) -> Iterator[None]:
+    """Read a file in a thread, which has begun when this begins."""
+
+    def read() -> None:
+        try:
+            read_mesh(path)
+        except MeshError as error:
+            told.append(str(error))
+
+    thread = threading.Thread(target=read)
+    thread.start()
+    time.sleep(0.3)
+    yield
+    thread.join()
+
+
+@posix
+def test_a_process_that_is_killed_is_replaced(tmp_path: Path) -> None:
+    assert is_read(good(tmp_path))
+    told: list[str] = []
+    with reading(slow(tmp_path), told):
+        (process,) = readers()
+        process.send_signal(signal.SIGKILL)
+    assert "its reader was killed from outside" in told[0]
+    assert is_read(good(tmp_path))
+    (process,) = readers()
+    process.kill()
+    process.wait()
+    assert is_read(good(tmp_path))
+
+
+@posix
+def test_an_interrupted_reading_leaves_no_answer_for_the_next(tmp_path: Path) -> None:
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    path = slow(tmp_path)
+    assert is_read(good(tmp_path))
+    before = signal.signal(signal.SIGALRM, interrupt)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.3)
+        with pytest.raises(KeyboardInterrupt):
+            read_mesh(path)
+    finally:
+        signal.signal(signal.SIGALRM, before)
+    tree = mesh_files.tree()
+    tree["nodes"][0]["scale"] = [3, 3, 3]
+    path = written(tmp_path, "other.glb", mesh_files.glb(tree))
+    assert np.array_equal(read_mesh(path).vertices, 3 * VERTICES)
+
+
+def test_a_process_that_cannot_be_started_is_told(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for process in readers():
+        process.kill()
+        process.wait()
+    monkeypatch.setattr(sys, "executable", str(tmp_path / "python"))
+    with pytest.raises(MeshError, match=r"cannot be started \(No such file"):
+        read_mesh(good(tmp_path))
+    monkeypatch.undo()
+    assert is_read(good(tmp_path))
+
+
+def test_threads_may_read_at_once(tmp_path: Path) -> None:
+    paths = []
+    for k in range(24):
+        tree = mesh_files.tree()
+        tree["nodes"][0]["translation"] = [k, 0, 0]
+        paths.append(written(tmp_path, f"{k}.glb", mesh_files.glb(tree)))
+        paths.append(
+            written(tmp_path, f"{k}.stl", mesh_files.stl_text().replace("vertex 0", f"vertex {k}"))
+        )
+    with ThreadPoolExecutor(8) as pool:
+        found = list(pool.map(read_mesh, paths))
+    for k in range(24):
+        assert found[2 * k].vertices.min(axis=0).tolist() == [k, 0, 0]
+        assert found[2 * k + 1].vertices[:, 0].max() == max(k, 1)
+
+
+def run(
+    code: str, *args: object, flags: tuple[str, ...] = ("-P",), **options: object
+) -> subprocess.CompletedProcess[str]:
+    """Run a script in a fresh interpreter that imports this package."""
+    env = {**os.environ, "PYTHONPATH": ROOT}
+    return subprocess.run(  # type: ignore[call-overload,no-any-return]
+        [sys.executable, *flags, "-c", code, *map(str, args)],
+        check=False,
+        **{"capture_output": True, "text": True, "timeout": 60, "env": env, **options},
+    )
+
+
+READ = """
+import sys; sys.path.insert(0, sys.argv.pop(1)) if sys.flags.isolated else None
+from pathlib import Path
+from grasp3d.reading import read_mesh
+print(len(read_mesh(Path(sys.argv[1])).faces))
+"""
+
+
+def test_nothing_is_left_behind(tmp_path: Path) -> None:
+    script = READ + "import psutil; print(psutil.Process().children()[0].pid)"
+    done = run(script, good(tmp_path), flags=("-P", "-W", "error", "-X", "dev"))
+    assert (done.returncode, done.stderr) == (0, "")
+    faces, pid = done.stdout.split()
+    assert faces == "4"
+    assert not psutil.pid_exists(int(pid))
+
+
+ENDED = """
+import os, sys, signal, threading, time
+from pathlib import Path
+import psutil
+from grasp3d.reading import isolation, read_mesh
+read_mesh(Path(sys.argv[1]))
+isolation.SECONDS = 0.5
+threading.Thread(target=lambda: read_mesh(Path(sys.argv[2])), daemon=True).start()
+time.sleep(0.2)
+print(psutil.Process().children()[0].pid, flush=True)
+if len(sys.argv) > 3 and not os.fork():  # one that lives on, and holds nothing of the other
+    os.close(1)
+    os.close(2)
+    time.sleep(15.0)
+    os._exit(0)
+os.kill(os.getpid(), signal.SIGKILL)
+"""
+
+
+@posix
+@pytest.mark.parametrize("case", ["idle", "busy", "forked"])
+def test_the_process_ends_with_one_that_is_killed(tmp_path: Path, case: str) -> None:
+    path = good(tmp_path)
+    other = slow(tmp_path, 100_000) if case == "busy" else path
+    done = run(ENDED, path, other, *(["fork"] if case == "forked" else []))
+    assert done.returncode == -signal.SIGKILL
+    pid, end = int(done.stdout), time.monotonic() + 8.0
+    while psutil.pid_exists(pid) and psutil.Process(pid).status() != psutil.STATUS_ZOMBIE:
+        assert time.monotonic() < end
+        time.sleep(0.05)
+
+
+FORKED = """
+import os, sys, threading, time
+from pathlib import Path
+from grasp3d.reading import parsing, read_mesh
+good, slow, text = map(Path, sys.argv[1:])
+read_mesh(good)
+thread = threading.Thread(target=read_mesh, args=(slow,))
+for _ in range(2):  # while the reader is busy, and while it is idle
+    if not thread.ident:
+        thread.start()
+        time.sleep(0.3)
+    parsing._lock.acquire()  # as if another thread were reading here
+    pid = os.fork()
+    if pid:
+        parsing._lock.release()
+    if not pid:
+        read_mesh(text)
+        print(len(read_mesh(good).faces), flush=True)
+        sys.exit(7)
+    assert os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1]) == 7
+    thread.join()
+    print(len(read_mesh(good).faces), flush=True)
+"""
+
+
+@pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
+def test_a_forked_process_reads_for_itself_while_the_other_reads(tmp_path: Path) -> None:
+    flags = ("-P", "-X", "dev", "-W", "error::ResourceWarning")
+    text = written(tmp_path, "a.stl", mesh_files.stl_text())
+    done = run(FORKED, good(tmp_path), slow(tmp_path, 8000), text, flags=flags)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.split() == ["4"] * 4
+
+
+TRAP = "open(__file__ + '.sprung', 'w')\n"
+
+
+def test_modules_of_the_working_folder_are_not_run(tmp_path: Path) -> None:
+    for name in ("json", "trimesh", "numpy", "struct", "signal", "typing"):
+        written(tmp_path, f"{name}.py", TRAP)
+    (tmp_path / "grasp3d").mkdir()
+    written(tmp_path / "grasp3d", "__init__.py", TRAP)
+    good(tmp_path)
+    done = run(READ, "good.glb", cwd=tmp_path)
+    assert (done.stdout, done.stderr) == ("4\n", "")
+    assert not list(tmp_path.rglob("*.sprung"))
+    done = run(READ, ROOT, "good.glb", flags=("-I",), cwd=tmp_path)
+    assert (done.stdout, done.stderr) == ("4\n", "")
+    enter = f"import os; import grasp3d.reading.mesh_files; os.chdir({str(tmp_path)!r})\n"
+    env = {**os.environ, "PYTHONPATH": ROOT + os.pathsep}  # an empty entry is the working folder
+    done = run(enter + READ, "good.glb", cwd=ROOT, env=env)
+    assert (done.stdout, done.stderr) == ("4\n", "")
+    assert not list(tmp_path.rglob("*.sprung"))
+
+
+@posix
+def test_a_working_folder_that_is_gone_does_no_harm(tmp_path: Path) -> None:
+    (tmp_path / "gone").mkdir()
+    leave = f"import os; os.chdir({str(tmp_path / 'gone')!r}); os.rmdir(os.getcwd())"
+    done = run(leave + READ, good(tmp_path))
+    assert (done.stdout, done.stderr) == ("4\n", "")
+
+
+@posix
+def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+    name = os.fsdecode(b"\xff\n.glb")
+    assert is_read(good(tmp_path, name))
+    with pytest.raises(MeshError, match=r"\\udcff\\n\.glb: a part of it") as caught:
+        read_mesh(written(tmp_path, name, mesh_files.glb(mesh_files.tree())[:20]))
+    assert "\n" not in str(caught.value)
+
+
+def test_deep_json_and_deep_objects_are_refused(tmp_path: Path) -> None:
+    text = b'{"asset": ' + b"[" * 500_000
+    with pytest.raises(MeshError, match="its JSON cannot be read"):
+        read_mesh(written(tmp_path, "a.gltf", text))
+    rows = [mesh_files.xml_object(0)]
+    rows += [mesh_files.xml_components(k + 1, f'objectid="{k}"') for k in range(3000)]
+    data = mesh_files.three_mf("".join(rows), '<item objectid="3000"/>')
+    with pytest.raises(MeshError, match="its parts go in circles, or too deep"):
+        read_mesh(written(tmp_path, "a.3mf", data))
+
+
+@pytest.mark.parametrize("suffix", ["stl", "ply", "obj", "off"])
+def test_a_large_file_is_refused_before_it_is_read(tmp_path: Path, suffix: str) -> None:
+    path = written(tmp_path, f"a.{suffix}", "solid")
+    os.truncate(path, 10**9)
+    with pytest.raises(MeshError, match=r"max_memory is 0\.5 GB; simplify .*--max-memory"):
+        read_mesh(path, max_memory=0.5)
+
+
+def test_running_out_of_memory_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(_: Path) -> bytes:
+        raise MemoryError
+
+    monkeypatch.setattr(Path, "read_bytes", refuse)
+    with pytest.raises(MeshError, match="needs more memory than there is"):
+        read_mesh(written(tmp_path, "a.stl", mesh_files.stl_binary()))
+
+
+MODEL = mesh_files.xml_model(mesh_files.xml_object(1), '<item objectid="1"/>')
+DECLARED = MODEL.replace("<model", '<!DOCTYPE model [<!ENTITY a "aa">]><model', 1)
+PACKED = mesh_files.packed({"3D/3dmodel.model": MODEL})
+ARCHIVES: dict[str, tuple[bytes, str]] = {
+    "entities.3mf": (mesh_files.packed({"3D/3dmodel.model": DECLARED}), "declares a document type"),
+    "wide.3mf": (
+        mesh_files.packed(
+            {"3D/3dmodel.model": DECLARED.replace("UTF-8", "UTF-16").encode("utf-16")}
+        ),
+        "declares a document type",
+    ),
+    "strange.3mf": (
+        mesh_files.packed({"3D/3dmodel.model": MODEL.replace("UTF-8", "rot13")}),
+        "its XML cannot be read",
+    ),
+    "bomb.3mf": (
+        mesh_files.packed({"3D/3dmodel.model": MODEL, "a.png": bytes(20_000_000)}),
+        "more than 100 times its size",
+    ),
+    "liar.3mf": (
+        PACKED.replace(struct.pack("<I", len(MODEL)), struct.pack("<I", 400)),
+        "cannot be read as 3MF",
+    ),
+    "many.3mf": (
+        mesh_files.packed({f"{k}.txt": "" for k in range(archives.MOST_ENTRIES + 1)}),
+        "holds 10,001 files",
+    ),
+    "lzma.3mf": (
+        mesh_files.packed({"3D/3dmodel.model": MODEL}, zipfile.ZIP_LZMA),
+        "is packed in a",
+    ),
+    "cut.3mf": (PACKED[:-9], "cannot be read as 3MF"),
+    "flipped.3mf": (PACKED[:80] + b"\xff\xff\xff\xff" + PACKED[84:], "cannot be read as 3MF"),
+    "prose.3dxml": (b"prose", "cannot be read as 3DXML"),
+    "empty.3dxml": (mesh_files.packed({"a.xml": "<a/>"}), "cannot be read as 3DXML"),
+    "entities.xaml": (DECLARED.encode(), "declares a document type"),
+    "prose.xaml": (b"prose", "its XML cannot be read"),
+    "model.xaml": (MODEL.encode(), "cannot be read as XAML"),
+}
+
+
+@pytest.mark.parametrize("name", ARCHIVES)
+def test_archives_and_documents_that_are_traps_are_refused(tmp_path: Path, name: str) -> None:
+    data, message = ARCHIVES[name]
+    with pytest.raises(MeshError, match=message) as caught:
+        read_mesh(written(tmp_path, name, data))
+    assert "\n" not in str(caught.value)
+
+
+def test_an_archive_that_needs_more_memory_unpacked_is_refused(tmp_path: Path) -> None:
+    noise = np.random.default_rng(0).bytes(60_000_000)
+    data = mesh_files.packed({"3D/3dmodel.model": MODEL, "a.png": noise}, zipfile.ZIP_STORED)
+    with pytest.raises(MeshError, match=r"max_memory is 0\.5 GB"):
+        read_mesh(written(tmp_path, "a.3mf", data), max_memory=0.5)
+
+
+def test_a_xaml_is_read(tmp_path: Path) -> None:
+    corners = " ".join(",".join(map(str, row)) for row in VERTICES.tolist())
+    text = (
+        '<Viewport3D xmlns="http://schemas.microsoft.com/winfx/2006/xaml/presentation">'
+        "<GeometryModel3D><DiffuseMaterial/><MeshGeometry3D "
+        f'Positions="{corners}" Normals="{corners}" TriangleIndices="0,2,1 0,1,3 1,2,3 0,3,2"/>'
+        "</GeometryModel3D></Viewport3D>"
+    )
+    assert is_read(written(tmp_path, "a.xaml", text))
+
+
+OUTSIDE = (
+    "../secret.bin", "a/../../secret.bin", "%2e%2e/secret.bin", "%2E%2E%2Fsecret.bin",
+    "..\\secret.bin", "/etc/passwd", "file:///etc/passwd", "FILE:secret.bin", "C:\\secret.bin",
+    "http://127.0.0.1:9/a.bin", "//127.0.0.1/a.bin", "\\\\host\\a.bin", "good.bin\0", "good%00.bin",
+    "", ".", "folder", "out.bin", "deep/out.bin", "http:good.bin", "data.bin\n", "[", "gone.bin",
+)  # fmt: skip
+
+
+def set_up(tmp_path: Path) -> Path:
+    """A folder whose neighbour is a secret, with links to it and within."""
+    folder = tmp_path / "folder"
+    (folder / "folder").mkdir(parents=True)
+    (folder / "deep").symlink_to(tmp_path)
+    for name in ("secret.bin", "out.bin", "folder/good.bin"):
+        (tmp_path / name).write_bytes(DATA)
+    (folder / "out.bin").symlink_to(tmp_path / "secret.bin")
+    (folder / "in.bin").symlink_to(folder / "good.bin")
+    return folder
+
+
+@posix
+@pytest.mark.parametrize("uri", OUTSIDE)
+def test_a_gltf_has_no_way_out_of_its_folder(tmp_path: Path, uri: str) -> None:
+    path = written(set_up(tmp_path), "a.gltf", mesh_files.gltf(mesh_files.tree(), uri))
+    with pytest.raises(MeshError, match=r"asks for|is missing|is no file") as caught:
+        read_mesh(path)
+    assert "\n" not in str(caught.value)
+
+
+@posix
+def test_links_within_the_folder_are_followed(tmp_path: Path) -> None:
+    folder = set_up(tmp_path)
+    assert is_read(written(folder, "a.gltf", mesh_files.gltf(mesh_files.tree(), "in.bin")))
+
+
+HOOK = """
+import os, sys
+log = os.open(os.environ["AUDIT_LOG"], os.O_WRONLY | os.O_APPEND)
+def hook(event, args):
+    if event == "open" and isinstance(args[0], (str, bytes)):
+        os.write(log, f"open {os.fsdecode(args[0])}\\n".encode())
+    elif event.startswith(("socket.", "os.system", "os.exec", "urllib", "webbrowser")):
+        os.write(log, f"other {event}\\n".encode())
+sys.addaudithook(hook)
+"""
+READ_ALL = """
+import sys
+from pathlib import Path
+from grasp3d import GraspError
+from grasp3d.reading import read_mesh
+for name in sys.argv[1:]:
+    try:
+        print(len(read_mesh(Path(name)).faces))
+    except GraspError as error:
+        print("refused")
+"""
+
+
+@posix
+def test_only_the_files_of_the_mesh_are_opened(tmp_path: Path) -> None:
+    folder = set_up(tmp_path)
+    secret = (tmp_path / "secret.bin").as_uri()
+    written(folder, "a.mtl", f"newmtl red\nmap_Kd {tmp_path}/secret.bin\n")
+    lines = f"mtllib a.mtl\nmtllib {tmp_path}/secret.bin\nusemtl red\nmap_Kd ../secret.bin\n"
+    comment = "comment TextureFile ../secret.bin\nelement vertex"
+    tree = mesh_files.tree()
+    tree["images"] = [{"uri": "../secret.bin"}, {"uri": "http://127.0.0.1:9/a.png"}]
+    tree["textures"], tree["materials"] = (
+        [{"source": 0}],
+        [{"pbrMetallicRoughness": {"baseColorTexture": {"index": 0}}}],
+    )
+    tree["meshes"][0]["primitives"][0]["material"] = 0
+    relations = (
+        f'<Relationships><Relationship Target="{secret}" TargetMode="External"/></Relationships>'
+    )
+    files = {
+        "a.obj": lines + mesh_files.obj_text(),
+        "a.ply": mesh_files.ply_text().replace("element vertex", comment),
+        "a.glb": mesh_files.glb(tree),
+        "a.gltf": mesh_files.gltf(mesh_files.tree(), "good.bin"),
+        "b.gltf": mesh_files.gltf(mesh_files.tree(), "../secret.bin"),
+        "c.gltf": mesh_files.gltf(mesh_files.tree(), "http://127.0.0.1:9/a.bin"),
+        "a.3mf": mesh_files.packed(
+            {"3D/3dmodel.model": MODEL, "_rels/.rels": relations, "../../secret.bin": "x"}
+        ),
+    }
+    paths = [written(folder, name, content) for name, content in files.items()]
+    hooks, log = tmp_path / "hooks", tmp_path / "log"
+    hooks.mkdir()
+    written(hooks, "sitecustomize.py", HOOK)
+    log.touch()
+    path = os.pathsep.join([str(hooks), ROOT])
+    env = {**os.environ, "PYTHONPATH": path, "AUDIT_LOG": str(log)}
+    done = run(READ_ALL, *paths, env=env)
+    assert done.stderr == ""
+    assert done.stdout.split() == ["4", "4", "4", "4", "refused", "refused", "4"]
+    events = log.read_text(encoding="utf-8").splitlines()
+    assert {line.split()[0] for line in events} == {"open"}
+    opened = {line.removeprefix("open ") for line in events}
+    ours = {name for name in opened if name.startswith(str(tmp_path)) and "/hooks/" not in name}
+    assert ours == {*map(str, paths), str(folder / "good.bin")}
+    roots = {sys.prefix, sys.base_prefix, ROOT, str(hooks), "/proc/", os.devnull, "__editable__"}
+    roots |= {str(Path(root).resolve()) for root in (sys.prefix, sys.base_prefix)}
+    assert [name for name in opened - ours if not name.startswith(tuple(roots))] == []

@@ -1,0 +1,331 @@
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d.errors import MeshError
+from grasp3d.reading import mesh_suffixes, read_mesh
+from tests.helpers import mesh_files, shapes
+from tests.helpers.mesh_files import FACES, SIX, VERTICES, written
+
+
+def exported(path: Path) -> tuple[np.ndarray, np.ndarray]:
+    vertices, faces = shapes.sphere(2)
+    vertices = vertices.astype(np.float32).astype(np.float64)
+    trimesh.Trimesh(vertices, faces, process=False).export(path)
+    return vertices, faces
+
+
+@pytest.mark.parametrize("suffix", ["ply", "off", "obj", "glb", "gltf", "3mf"])
+def test_indexed_formats_keep_their_own_order(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"ball.{suffix}"
+    vertices, faces = shapes.sphere(2)
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    if suffix == "gltf":
+        for name, data in trimesh.exchange.gltf.export_gltf(trimesh.Scene(mesh)).items():
+            (tmp_path / (path.name if name.endswith(".gltf") else name)).write_bytes(data)
+    elif suffix == "obj":
+        mesh.export(path, digits=12)
+    else:
+        mesh.export(path)
+    raw = read_mesh(path)
+    assert raw.vertices == pytest.approx(vertices, abs=1e-6)
+    assert np.array_equal(raw.faces, faces)
+    assert raw.format == suffix
+
+
+def test_an_stl_has_each_place_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "ball.stl"
+    vertices, faces = exported(path)
+    raw = read_mesh(path)
+    assert len(raw.vertices) == len(vertices)
+    assert np.array_equal(raw.vertices[raw.faces], vertices[faces])
+    first_use = list(dict.fromkeys(raw.faces.ravel().tolist()))
+    assert first_use == list(range(len(vertices)))
+
+
+def test_a_textured_obj_keeps_its_vertices(tmp_path: Path) -> None:
+    (tmp_path / "t.obj").write_text(
+        "mtllib t.mtl\no part\nv 9 9 9\nv 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n"
+        "vt 0 0\nvt 1 0\nvt 0 1\nvn 0 0 1\n"
+        "usemtl red\nf 2/1/1 4/2/1 3/3/1\nf 2/2/1 3/1/1 5/3/1\n"
+        "usemtl blue\ng other\nf -4//1 -1//1 -2//1\nf 3/1 \\\n4/2 5/3\n",
+        encoding="utf-8",
+    )
+    raw = read_mesh(tmp_path / "t.obj")
+    assert raw.vertices.tolist() == [[9, 9, 9], [0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]]
+    assert sorted(map(sorted, raw.faces.tolist())) == [[1, 2, 3], [1, 2, 4], [1, 3, 4], [2, 3, 4]]
+
+
+def test_relative_indices_count_from_where_they_stand(tmp_path: Path) -> None:
+    (tmp_path / "r.obj").write_text(
+        "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n",
+        encoding="utf-8",
+    )
+    assert read_mesh(tmp_path / "r.obj").faces.tolist() == [[0, 1, 2], [3, 4, 5]]
+
+
+def test_a_scene_becomes_one_mesh_with_each_part_in_its_place(tmp_path: Path) -> None:
+    box = trimesh.creation.box()
+    scene = trimesh.Scene()
+    scene.add_geometry(box)
+    moved = trimesh.transformations.translation_matrix([3.0, 0.0, 0.0])
+    scene.add_geometry(box, transform=moved)
+    scene.export(tmp_path / "two.glb")
+    raw = read_mesh(tmp_path / "two.glb")
+    assert len(raw.faces) == 24
+    assert np.ptp(raw.vertices, axis=0) == pytest.approx([4.0, 1.0, 1.0])
+    assert raw.unit == "m"
+
+
+def test_quads_become_triangles(tmp_path: Path) -> None:
+    (tmp_path / "q.off").write_text("OFF\n4 1 0\n0 0 0\n1 0 0\n1 1 0\n0 1 0\n4 0 1 2 3\n")
+    assert len(read_mesh(tmp_path / "q.off").faces) == 2
+
+
+def test_common_formats_are_read() -> None:
+    assert {".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf"} <= mesh_suffixes()
+
+
+def places(path: Path) -> np.ndarray:
+    """Corners of each face, each face begun with its first corner in order; rows in order."""
+    raw = read_mesh(path)
+    return in_order(raw.vertices[raw.faces])
+
+
+def in_order(corners: np.ndarray) -> np.ndarray:
+    turned = []
+    for face in corners.tolist():
+        start = min(range(3), key=lambda k: face[k])
+        turned.append([face[(start + k) % 3] for k in range(3)])
+    return np.array(sorted(turned))
+
+
+TETRAHEDRON = in_order(VERTICES[FACES])
+STL = mesh_files.stl_text()
+OFF = mesh_files.off_text()
+OBJ = mesh_files.obj_text()
+PLY = mesh_files.ply_text()
+HALF = STL.index("  facet", 20)
+GOOD: dict[str, str | bytes] = {
+    "plain.stl": STL,
+    "capitals.stl": STL.upper(),
+    "windows.stl": mesh_files.stl_text(end="\r\n"),
+    "old_mac.stl": mesh_files.stl_text(end="\r"),
+    "cut_newline.stl": STL.rstrip(),
+    "solid.stl": mesh_files.stl_text("my solid part"),
+    "endsolid.stl": mesh_files.stl_text("endsolid"),
+    "vertex.stl": mesh_files.stl_text("vertex 1 2 3 facet normal outer loop"),
+    "latin.stl": STL.encode().replace(b"part", "Müller".encode("latin-1")),
+    "two_solids.stl": STL[:HALF] + "endsolid part\nsolid Other\n" + STL[HALF:],
+    "nameless.stl": STL.replace(" part", ""),
+    "binary.stl": mesh_files.stl_binary(),
+    "binary_solid.stl": mesh_files.stl_binary(b"solid exported facet normal"),
+    "coloured.stl": mesh_files.stl_binary(b"COLOR=\x80\x80\x80\xff", attribute=0x83FF),
+    "trailing.stl": mesh_files.stl_binary(b"solid", tail=b"\0"),
+    "plain.off": OFF,
+    "comments.off": "# top\n"
+    + OFF.replace("OFF", "OFF # kind\n# counts:").replace("\n3", " # x\n3"),
+    "late_comment.off": OFF.replace("\n3", "\n# faces\n3", 1),
+    "coloured.off": OFF.replace("\n", " 255 0 0\n").replace("OFF 255 0 0", "OFF", 1),
+    "first_line.off": OFF.replace("OFF\n", "COFF  "),
+    "blank_lines.off": OFF.replace("\n", "\n\n"),
+    "windows.off": OFF.replace("\n", "\r\n").rstrip(),
+    "plain.obj": OBJ,
+    "windows.obj": OBJ.replace("\n", "\r\n").rstrip(),
+    "continued.obj": OBJ.replace("f 1 3 2", "f 1 \\\n3 \\\n2"),
+    "negative.obj": OBJ.replace("f 1 3 2", "f -4 -2 -3"),
+    "others.obj": "o a\ng b\ns off\nvp 1 2\n" + OBJ.replace("v 0.0", "v\t0.0") + "l 1 2\np 1\n",
+    "weights.obj": OBJ.replace("v 1.0 0.0 0.0", "v 1.0 0.0 0.0 1.0 0.5 0.5"),
+    "plain.ply": PLY,
+    "windows.ply": PLY.replace("\n", "\r\n"),
+    "comment.ply": PLY.replace("element face", "comment the end_header comes\nelement face"),
+    "latin.ply": PLY.encode().replace(b"element", "comment für\nelement".encode("latin-1"), 1),
+    "blank_lines.ply": PLY.replace("\n3", "\n\n3"),
+    "texture.ply": PLY.replace("ply\n", "ply\n", 1).replace(
+        "end", "comment TextureFile a.png\nend"
+    ),
+    "edges.ply": PLY.replace(
+        "end_header", "element edge 1\nproperty int vertex1\nproperty int vertex2\nend_header"
+    )
+    + "0 1\n",
+}
+
+
+@pytest.mark.parametrize("name", GOOD)
+def test_the_ways_of_writing_a_tetrahedron(tmp_path: Path, name: str) -> None:
+    assert np.array_equal(places(written(tmp_path, name, GOOD[name])), TETRAHEDRON)
+
+
+POLYGONS = [[0, 1, 2, 3], [3, 4, 0], [0, 4, 3, 2, 1]]
+"""As many corners as three faces of four: trimesh takes the first face for the rule."""
+
+
+def fans(polygons: list[list[int]]) -> np.ndarray:
+    rows = [[p[0], p[k], p[k + 1]] for p in polygons for k in range(1, len(p) - 1)]
+    return in_order(SIX[np.array(rows)])
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+@pytest.mark.parametrize("number", ["float", "double"])
+@pytest.mark.parametrize("polygons", [POLYGONS, POLYGONS[:2], POLYGONS[1:2], POLYGONS[2:]])
+def test_a_binary_ply_of_any_polygons(
+    tmp_path: Path, order: str, number: str, polygons: list[list[int]]
+) -> None:
+    data = mesh_files.ply_binary(polygons, order, number)
+    assert np.array_equal(places(written(tmp_path, "a.ply", data)), fans(polygons))
+    plyfile = shapes.reader("plyfile")
+    found = plyfile.PlyData.read(tmp_path / "a.ply")
+    assert [row.tolist() for row in found["face"]["vertex_indices"]] == polygons
+
+
+@pytest.mark.parametrize("name", ["a.off", "a.obj", "a.ply"])
+def test_polygons_of_a_text_become_fans(tmp_path: Path, name: str) -> None:
+    rows = [" ".join(map(str, row)) for row in SIX.tolist()]
+    faces = [f"{len(p)} " + " ".join(map(str, p)) for p in POLYGONS]
+    if name == "a.off":
+        lines = ["OFF 6 3 0", *rows, *faces]
+    elif name == "a.obj":
+        lines = [f"v {row}" for row in rows]
+        lines += ["f " + " ".join(str(i + 1) for i in p) for p in POLYGONS]
+    else:
+        head = PLY.replace("vertex 4", "vertex 6").replace("face 4", "face 3")
+        lines = [head[: head.index("end_header") + 10], *rows, *faces]
+    path = written(tmp_path, name, "\n".join(lines))
+    area = places(path)
+    assert len(area) == 6
+    normals = np.cross(area[:, 1] - area[:, 0], area[:, 2] - area[:, 0]).sum(axis=0)
+    wanted = fans(POLYGONS)
+    other = np.cross(wanted[:, 1] - wanted[:, 0], wanted[:, 2] - wanted[:, 0]).sum(axis=0)
+    assert normals == pytest.approx(other)
+
+
+@pytest.mark.parametrize("suffix", ["stl", "ply", "obj", "off"])
+def test_other_readers_see_the_same(tmp_path: Path, suffix: str) -> None:
+    pymeshlab = shapes.reader("pymeshlab")
+    path = tmp_path / f"ball.{suffix}"
+    exported(path)
+    meshes = pymeshlab.MeshSet()
+    meshes.load_new_mesh(str(path))
+    found = meshes.current_mesh()
+    corners = found.vertex_matrix()[found.face_matrix()]
+    assert places(path) == pytest.approx(in_order(corners), abs=1e-7)
+
+
+BAD: dict[str, tuple[str | bytes, str]] = {
+    "empty.stl": (b"", "the file is empty"),
+    "prose.stl": ("This is not a mesh.\n" * 40, "cannot be read as STL: it holds no triangles"),
+    "cut.stl": (STL[:300], "cannot be read as STL: 2 facets with 4 corners, and 0 ends"),
+    "corner.stl": (STL.replace("vertex", "vortex", 1), "with 11 corners"),
+    "digits.stl": (STL.replace("1.0", "1,0", 1), "could not be read to its end"),
+    "cut_binary.stl": (mesh_files.stl_binary()[:-51], "promises 4 faces, but 2 are there"),
+    "nan.stl": (mesh_files.stl_binary().replace(b"\x80\x3f\0\0", b"\xc0\x7f\0\0"), "not a finite"),
+    "prose.obj": ("f a b c\n", "line 1, .*export the mesh again"),
+    "beyond.obj": ("v 0 0 0\nf 1 2 3\n", r"line 2, .* \(there are 1 vertices\)"),
+    "zero.obj": (OBJ + "f 0 1 2\n", "a face uses vertex 0"),
+    "flat.obj": ("v 0 0\n" + OBJ, "needs three coordinates"),
+    "long.obj": (OBJ + "f " + "1 2 3 " * 400, "a face of 1,200 corners; 3 to 1,000 are read"),
+    "prose.off": ("OFF of the record", "no counts"),
+    "corners.off": (OFF.replace("\n3 0 2 1", "\n4 0 2 1"), "has not the corners"),
+    "letters.off": (OFF.replace("\n3 0 2 1", "\nx 0 2 1"), "has not the corners"),
+    "beyond.off": (OFF.replace("\n3 0 2 1", "\n3 0 2 9"), "outside the range"),
+    "long.off": (OFF.replace("\n3 0 2 1", "\n1200" + " 0 1 2" * 400), "3 to 1,000 are read"),
+    "cut.off": (OFF[:-9], "promises 4 vertices and 4 faces"),
+    "bomb.off": (OFF.replace("4 4 6", "4 99999999999 6"), "promises 99,999,999,999 faces"),
+    "prose.ply": (b"plyx", "cannot be read as PLY"),
+    "points.ply": (
+        PLY[: PLY.index("element face")] + "end_header\n0 0 0\n",
+        "vertices|no triangles",
+    ),
+    "unknown.ply": (PLY.replace("double", "number", 1), "cannot be understood"),
+    "length.ply": (PLY.replace("list uchar", "list float"), "cannot be understood"),
+    "nothing.ply": (PLY.replace("element vertex 4", "comment"), "cannot be understood"),
+    "twice.ply": (PLY.replace("double y", "double x"), "with a property twice"),
+    "real.ply": (PLY.replace("uchar int", "uchar float"), "corners that are no whole numbers"),
+    "shift.ply": (PLY.replace("\n3 0 2 1", "\n4 0 2 1"), "has not the numbers"),
+    "word.ply": (PLY.replace("\n3 0 2 1", "\nthree 0 2 1"), "has not the numbers"),
+    "wide.ply": (PLY.replace("\n0.0", "\n7 0.0", 1), "vertex 0 .* has not the numbers"),
+    "beyond.ply": (PLY.replace("\n3 0 2 1", "\n3 0 2 9"), "face 0 uses vertex 9, but there are 4"),
+    "before.ply": (PLY.replace("\n3 0 2 1", "\n3 0 2 -1"), "face 0 uses vertex -1"),
+    "bomb.ply": (
+        PLY.replace("vertex 4", "vertex 999999999999"),
+        "promises 999,999,999,999 vertices",
+    ),
+    "less.ply": (PLY.replace("face 4", "face -4"), "promises -4 faces"),
+    "cut_faces.ply": (mesh_files.ply_binary(POLYGONS)[:-30], "promises 3 faces, but 2 are there"),
+    "line.ply": (mesh_files.ply_binary([[0, 1, 2], [0, 1]]), "face 1 has 2 corners"),
+    "cut.glb": (b"glTF\x02\x00\x00\x00", "its JSON cannot be read"),
+    "drawing.dxf": (b"0", r"files named \*\.dxf are not read"),
+    "noname": (b"0", "has no suffix"),
+    "other.obj": (mesh_files.stl_binary(), "holds no triangles"),
+    "other.off": (PLY, "its content looks like PLY"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_damaged_files_are_refused_with_one_line(tmp_path: Path, name: str) -> None:
+    data, message = BAD[name]
+    with pytest.raises(MeshError, match=message) as caught:
+        read_mesh(written(tmp_path, name, data))
+    assert "\n" not in str(caught.value)
+    assert name in str(caught.value)
+
+
+TWO_LISTS = PLY.replace("end_header", "property list uchar float weights\nend_header")
+
+
+def test_lists_of_differing_lengths_are_read_beside_the_corners_or_refused(tmp_path: Path) -> None:
+    """In a text each line says where it ends; of binary lists only one may vary."""
+    text = TWO_LISTS[: TWO_LISTS.index("\n3") + 1]
+    rows = [f"3 {a} {b} {c} {n} " + "0.5 " * n for n, (a, b, c) in enumerate(FACES.tolist())]
+    assert np.array_equal(places(written(tmp_path, "a.ply", text + "\n".join(rows))), TETRAHEDRON)
+    binary = mesh_files.ply_binary(POLYGONS)
+    binary = binary.replace(b"property short flag", b"property list uchar uchar flag")
+    with pytest.raises(MeshError, match="2 lists of differing lengths"):
+        read_mesh(written(tmp_path, "b.ply", binary))
+    binary = mesh_files.ply_binary(POLYGONS).replace(b"uchar shine", b"list uchar uchar shine")
+    with pytest.raises(MeshError, match="lists of differing lengths before its faces"):
+        read_mesh(written(tmp_path, "c.ply", binary))
+
+
+def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
+    with pytest.raises(MeshError, match="there is no such file"):
+        read_mesh(tmp_path / "mug.stl")
+    with pytest.raises(MeshError, match="cannot be opened"):
+        read_mesh(tmp_path / "m\0g.stl")
+    (tmp_path / "folder.stl").mkdir()
+    with pytest.raises(MeshError, match="is a folder"):
+        read_mesh(tmp_path / "folder.stl")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="pipes with names are a thing of POSIX")
+def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "pipe.stl")
+    with pytest.raises(MeshError, match="is not a file"):
+        read_mesh(tmp_path / "pipe.stl")
+
+
+@pytest.mark.skipif(os.name != "posix", reason="file names are bytes on POSIX only")
+def test_a_message_is_one_line_whatever_the_file_is_called(tmp_path: Path) -> None:
+    path = tmp_path / os.fsdecode(b"two\nlines \xff \xc3\xbc.stl")
+    path.write_text("nothing")
+    with pytest.raises(MeshError, match=r"two\\nlines \\udcff ü\.stl: cannot") as caught:
+        read_mesh(path)
+    assert "\n" not in str(caught.value)
+
+
+def test_a_file_that_may_not_be_read_and_a_name_that_no_system_takes(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    with pytest.raises(MeshError, match=r"cannot be opened \(File name too long\)"):
+        read_mesh(tmp_path / ("x" * 300 + ".ply"))
+    exported(tmp_path / "locked.ply")
+
+    def refuse(path: Path, *_: object) -> None:
+        raise PermissionError(13, "Permission denied", str(path))
+
+    monkeypatch.setattr(Path, "open", refuse)
+    with pytest.raises(MeshError, match=r"cannot be opened \(Permission denied\)"):
+        read_mesh(tmp_path / "locked.ply")

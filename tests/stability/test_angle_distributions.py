@@ -1,0 +1,243 @@
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from grasp3d import (
+    Contacts,
+    GraspModel,
+    Label,
+    SurfaceLabels,
+    critical_friction_angle,
+    label_surface,
+    load_mesh,
+    mesh_from_arrays,
+    scan_surface,
+)
+from grasp3d.errors import SearchCoverageError, SettingError
+from grasp3d.stability.angle_distributions import (
+    AngleDistribution,
+    SampledAngles,
+    SphereAngles,
+    accuracy_ceiling,
+)
+from grasp3d.stability.thresholds import label_angles
+from tests.helpers import shapes
+
+FRICTIONS = (0.05, 0.2, 0.5, 1.0)
+RESOLUTIONS = tuple(np.radians([0.0, 5.0, 22.6, 40.0, 60.0]))
+
+frictions = st.floats(0.05, 3.0)
+resolutions = st.floats(0.0, 3.0)
+shares = st.floats(1e-3, 1.0)
+
+
+@st.composite
+def sampled(draw: st.DrawFn) -> SampledAngles:
+    """Angles with ties, creases and places without a grasp."""
+    angle = st.one_of(st.floats(0.0, math.pi), st.sampled_from([0.0, 0.3, 0.5, math.inf]))
+    rows = draw(st.lists(st.tuples(angle, angle, st.floats(0.01, 1.0)), min_size=1, max_size=12))
+    first, second, weights = np.array(rows, dtype=np.float64).T
+    return SampledAngles(
+        worst=np.maximum(first, second),
+        best=np.minimum(first, second),
+        weights=weights / weights.sum(),
+    )
+
+
+def every() -> st.SearchStrategy[AngleDistribution]:
+    return st.one_of(sampled(), st.just(SphereAngles()))
+
+
+@cache
+def labelled(name: str) -> SurfaceLabels:
+    mesh = load_mesh(shapes.LIBRARY / name)
+    return label_surface(mesh, GraspModel(friction=1.0, sensor_resolution=math.radians(60.0)))
+
+
+@given(every(), frictions, resolutions)
+def test_shares_are_shares(angles: AngleDistribution, friction: float, resolution: float) -> None:
+    fractions = angles.fractions(friction=friction, sensor_resolution=resolution)
+    assert list(fractions) == ["S", "M", "U"]
+    assert min(fractions.values()) >= -1e-12
+    assert sum(fractions.values()) == pytest.approx(1.0, abs=1e-12)
+    assert 0.5 - 1e-12 <= accuracy_ceiling(fractions) <= 1.0 + 1e-12
+
+
+@given(every(), frictions, st.tuples(resolutions, resolutions))
+def test_a_coarser_sensor_is_sure_of_less(
+    angles: AngleDistribution, friction: float, pair: tuple[float, float]
+) -> None:
+    fine, coarse = (
+        angles.fractions(friction=friction, sensor_resolution=value) for value in sorted(pair)
+    )
+    assert coarse["S"] <= fine["S"]
+    assert coarse["U"] <= fine["U"] + 1e-12
+    assert accuracy_ceiling(coarse) <= accuracy_ceiling(fine) + 1e-12
+
+
+@given(every(), st.tuples(frictions, frictions), resolutions)
+def test_more_friction_never_takes_stability(
+    angles: AngleDistribution, pair: tuple[float, float], resolution: float
+) -> None:
+    slippery, rough = (
+        angles.fractions(friction=value, sensor_resolution=resolution) for value in sorted(pair)
+    )
+    assert rough["S"] >= slippery["S"]
+    assert rough["U"] <= slippery["U"] + 1e-12
+
+
+@given(sampled(), frictions, resolutions)
+def test_shares_are_those_of_the_labels(
+    angles: SampledAngles, friction: float, resolution: float
+) -> None:
+    model = GraspModel(friction=friction, sensor_resolution=resolution)
+    labels = label_angles(angles.worst, angles.best, model)
+    fractions = angles.fractions(friction=friction, sensor_resolution=resolution)
+    for label in Label:
+        assert fractions[label.name] == pytest.approx(
+            angles.weights[labels == label].sum(), abs=1e-12
+        )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("weights", ["area", "vertex"])
+@pytest.mark.parametrize("name", ["bowl.ply", "wrench.glb"])
+def test_a_surface_has_the_shares_of_its_labels(name: str, weights: str) -> None:
+    labels = labelled(name)
+    angles = labels.angle_distribution(weights=weights)  # type: ignore[arg-type]
+    for friction in FRICTIONS:
+        for resolution in RESOLUTIONS:
+            again = labels.relabel(friction=friction, sensor_resolution=resolution)
+            assert angles.fractions(friction=friction, sensor_resolution=resolution) == (
+                pytest.approx(again.fractions(weights=weights), abs=1e-12)  # type: ignore[arg-type]
+            )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
+def test_a_surface_needs_the_resolution_at_which_its_labels_turn(share: float) -> None:
+    labels = labelled("bowl.ply")
+    for friction in (0.2, 0.5):
+        needed = labels.angle_distribution().required_resolution(share, friction=friction)
+        below, above = (
+            labels.relabel(friction=friction, sensor_resolution=needed + step).fractions()["S"]
+            for step in (-1e-9, 1e-9)
+        )
+        assert below >= share > above
+
+
+@given(every(), shares, frictions)
+def test_just_below_the_required_resolution_the_share_is_stable_and_just_above_not(
+    angles: AngleDistribution, share: float, friction: float
+) -> None:
+    needed = angles.required_resolution(share, friction=friction)
+
+    def stable(resolution: float) -> float:
+        return angles.fractions(friction=friction, sensor_resolution=resolution)["S"]
+
+    if needed > 1e-6:
+        assert stable(needed - 1e-7) >= share - 1e-9
+    assert stable(needed + 1e-7) < share
+
+
+@given(every(), st.tuples(shares, shares), frictions)
+def test_more_of_the_surface_needs_a_finer_sensor(
+    angles: AngleDistribution, pair: tuple[float, float], friction: float
+) -> None:
+    less, more = sorted(pair)
+    assert angles.required_resolution(more, friction=friction) <= (
+        angles.required_resolution(less, friction=friction)
+    )
+
+
+@given(sampled(), shares)
+def test_quantiles_are_those_of_the_sorted_angles(angles: SampledAngles, share: float) -> None:
+    order = np.argsort(angles.worst)
+    reached = np.cumsum(angles.weights[order])
+    assume(np.abs(reached - share).min() > 1e-8)
+    expected = angles.worst[order][np.searchsorted(reached, share)] if share < reached[-1] else None
+    assume(expected is not None)
+    found = angles.worst_quantile(share)
+    assert found == pytest.approx(expected, abs=1e-9)
+
+
+@given(shares)
+def test_the_quantile_by_halving_is_the_closed_one(share: float) -> None:
+    sphere = SphereAngles()
+    assert AngleDistribution.worst_quantile(sphere, share) == pytest.approx(
+        sphere.worst_quantile(share), abs=2e-6
+    )
+
+
+@given(st.floats(0.01, 1.0), st.floats(0.0, 1.0))
+def test_the_sphere_has_the_formula_of_its_ambiguous_share(friction: float, part: float) -> None:
+    beta = math.atan(friction)
+    tilt = part * min(beta, math.pi / 2.0 - beta)
+    fractions = SphereAngles().fractions(friction=friction, sensor_resolution=2.0 * tilt)
+    assert fractions["M"] == pytest.approx(math.sin(2.0 * beta) * math.sin(2.0 * tilt), abs=1e-12)
+    assert fractions["S"] == pytest.approx(math.sin(beta - tilt) ** 2, abs=1e-12)
+
+
+def test_the_sphere_is_what_random_pairs_on_it_give() -> None:
+    count = 40_000
+    random = np.random.default_rng(7)
+    points = random.normal(size=(count, 2, 3))
+    points /= np.linalg.norm(points, axis=-1, keepdims=True)
+    angles = critical_friction_angle(Contacts(points, -points, 1.0))
+    for friction in FRICTIONS:
+        for resolution in RESOLUTIONS:
+            model = GraspModel(friction=friction, sensor_resolution=resolution)
+            labels = label_angles(angles, angles, model)
+            exact = SphereAngles().fractions(friction=friction, sensor_resolution=resolution)
+            for label in Label:
+                share = exact[label.name]
+                error = 4.0 * math.sqrt(share * (1.0 - share) / count) + 1e-12
+                assert np.mean(labels == label) == pytest.approx(share, abs=error)
+
+
+def test_the_sphere_is_what_a_scan_of_one_gives() -> None:
+    scan = scan_surface(mesh_from_arrays(*shapes.sphere(5)), fixed=(0.0, 0.0, 1.0))
+    sampled_sphere = scan.angle_distribution()
+    for friction in FRICTIONS:
+        for resolution in RESOLUTIONS:
+            assert sampled_sphere.fractions(friction=friction, sensor_resolution=resolution) == (
+                pytest.approx(
+                    SphereAngles().fractions(friction=friction, sensor_resolution=resolution),
+                    abs=0.01,
+                )
+            )
+
+
+def test_what_was_not_searched_is_not_answered() -> None:
+    angles = SampledAngles(
+        np.array([0.1, 0.6]), np.array([0.1, 0.6]), np.array([0.5, 0.5]), limit=0.4
+    )
+    assert angles.fractions(friction=math.tan(0.3), sensor_resolution=0.2)["S"] == 0.5
+    with pytest.raises(SearchCoverageError, match=r"22\.9"):
+        angles.fractions(friction=math.tan(0.3), sensor_resolution=0.3)
+    assert angles.required_resolution(0.5, friction=1.0) == pytest.approx(math.pi / 2.0 - 0.2)
+    assert angles.required_resolution(0.9, friction=0.3) == 0.0
+    with pytest.raises(SearchCoverageError, match=r"22\.9"):
+        angles.required_resolution(0.9, friction=1.0)
+
+
+def test_a_search_in_the_half_space_answers_for_every_setting() -> None:
+    angles = SampledAngles(np.array([0.1]), np.array([0.1]), np.array([1.0]), limit=math.pi / 2.0)
+    assert angles.fractions(friction=10.0, sensor_resolution=3.0) == {"S": 0.0, "M": 1.0, "U": 0.0}
+
+
+def test_settings_out_of_range_are_told() -> None:
+    sphere = SphereAngles()
+    with pytest.raises(SettingError, match="friction"):
+        sphere.fractions(friction=0.0, sensor_resolution=0.1)
+    with pytest.raises(SettingError, match="sensor resolution"):
+        sphere.fractions(friction=1.0, sensor_resolution=-0.1)
+    with pytest.raises(SettingError, match="friction"):
+        sphere.required_resolution(0.5, friction=-1.0)
+    for share in (0.0, 1.1, math.nan):
+        with pytest.raises(SettingError, match="share must be"):
+            sphere.required_resolution(share, friction=1.0)

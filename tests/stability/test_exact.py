@@ -1,0 +1,606 @@
+"""The labels themselves: against random tilts, the thresholds, and what the theory says.
+
+`classify` is the only door to `verdicts`.
+"""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import Contacts, Label, classify, critical_friction_angle, force_closure
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.paper.convergence import random_grasps
+from grasp3d.quality import Status
+from tests.helpers import grasps, oracles
+from tests.helpers.tilts import angle_to_set, angles, anywhere, every, with_normals, within_sets
+
+degrees = math.radians
+NEAR = 1e-3
+RIGHT = math.pi / 2.0
+
+seeds = st.integers(0, 100_000)
+few = settings(max_examples=20, deadline=None)
+
+
+def mixed(fingers: int, size: int, seed: int) -> tuple[Contacts, np.ndarray]:
+    """Random grasps, and resolutions, with friction and resolution of their own at each contact."""
+    contacts, _ = random_grasps(fingers, size, seed)
+    rng = np.random.default_rng(seed)
+    friction = rng.uniform(0.3, 1.2, size=(size, fingers))
+    share = rng.uniform(0.0, 1.2, size=(size, 1)) * rng.uniform(0.5, 1.0, size=(size, fingers))
+    return grasps.changed(contacts, friction=friction), 2.0 * share * np.arctan(friction)
+
+
+def pair(off: float, other: float = 0.0, friction: float = 0.5) -> Contacts:
+    """Two fingers on the x-axis whose normals are off it by angles."""
+    normals = [[math.cos(off), math.sin(off), 0.0], [-math.cos(other), 0.0, math.sin(other)]]
+    return Contacts([[-1, 0, 0], [1, 0, 0]], normals, friction)
+
+
+# No tilt contradicts an S or a U, and each M has tilts that tell it from both
+
+
+@pytest.mark.parametrize("fingers", [2, 3, 4, 5])
+def test_no_tilt_contradicts_an_s_or_a_u(fingers: int) -> None:
+    contacts, resolution = mixed(fingers, 150, 1)
+    label = np.asarray(classify(contacts, resolution).label)
+    assert set(label) == {0, 1, 2}
+    rng = np.random.default_rng(2)
+    for _ in range(60):
+        tilted = with_normals(contacts, anywhere(contacts.normals, resolution / 2.0, rng))
+        closed = force_closure(tilted, threads=None).closed
+        assert closed[label == Label.S].all()
+        assert not closed[label == Label.U].any()
+
+
+@pytest.mark.parametrize("fingers", [2, 3, 4, 5])
+def test_every_m_has_a_tilt_that_fails_and_one_that_closes(fingers: int) -> None:
+    contacts, resolution = mixed(fingers, 150, 3)
+    found = classify(contacts, resolution)
+    ambiguous = found.label == Label.M
+    known = np.asarray(found.worst.status) != Status.UNDECIDED  # tilts beyond some friction
+    assert (known | (contacts.friction_angle < resolution / 2.0).any(axis=1)).all()
+    closed = force_closure(with_normals(contacts, found.worst_normals)).closed
+    assert not closed[ambiguous & known].any()
+    for normals in (found.worst_normals, found.best_normals):
+        known = np.isfinite(normals).all(axis=(1, 2))
+        assert (angles(contacts.normals, normals) <= resolution / 2.0 + 1e-9)[known].all()
+    known = np.isfinite(found.best_normals).all(axis=(1, 2))
+    below = (contacts.friction_angle + resolution / 2.0 < RIGHT).all(axis=1)
+    assert known[ambiguous & (below | (fingers == 2))].all()
+    assert not known[found.label == Label.U].any()
+    closing = np.where(known[:, None, None], found.best_normals, contacts.normals)
+    closed = force_closure(with_normals(contacts, closing)).closed
+    assert closed[ambiguous & known].all()
+    assert ambiguous.sum() > 20
+
+
+@given(st.integers(2, 4), seeds)
+@few
+def test_a_finer_sensor_never_takes_certainty_away(fingers: int, seed: int) -> None:
+    contacts, resolution = mixed(fingers, 20, seed)
+    coarse = classify(contacts, resolution).label
+    fine = classify(contacts, 0.7 * resolution).label
+    assert (fine[coarse == Label.S] == Label.S).all()
+    assert (fine[coarse == Label.U] == Label.U).all()
+    perfect = classify(contacts, 0.0)
+    assert not (perfect.label == Label.M).any()
+    closed = force_closure(contacts).closed
+    np.testing.assert_array_equal(perfect.label == Label.S, closed)
+
+
+# The thresholds on the critical friction angle
+
+
+@pytest.mark.parametrize("fingers", [2, 3, 4, 5])
+def test_labels_are_thresholds_on_the_critical_angle(fingers: int) -> None:
+    contacts, resolution = random_grasps(fingers, 200, 4)
+    found = classify(contacts, resolution)
+    beta, tilt = contacts.friction_angle[:, 0], resolution[:, 0] / 2.0
+    critical = critical_friction_angle(contacts)
+    assert found.critical_friction_angle == pytest.approx(critical, abs=NEAR)
+    near = np.minimum(np.abs(critical - beta + tilt), np.abs(critical - beta - tilt)) < NEAR
+    expected = np.where(critical < beta - tilt, Label.S, Label.M)
+    expected[(critical >= beta + tilt) & ((beta + tilt < RIGHT) | (fingers == 2))] = Label.U
+    np.testing.assert_array_equal(found.label[~near], expected[~near])
+    assert near.mean() < 0.1
+    assert set(expected) == {0, 1, 2}
+
+
+@given(st.floats(0.0, 3.1), st.floats(0.0, 3.1), st.floats(0.01, 12.0), st.floats(0.0, 3.1))
+@settings(max_examples=200, deadline=None)
+def test_two_fingers_have_a_closed_form(
+    off: float, other: float, friction: float, resolution: float
+) -> None:
+    critical = min(max(off, other), math.pi - min(off, other))
+    beta, tilt = math.atan(friction), resolution / 2.0
+    if min(abs(critical - beta + tilt), abs(critical - beta - tilt)) > 1e-9:
+        expected = Label.M if critical < beta + tilt else Label.U
+        expected = Label.S if critical < beta - tilt else expected
+        assert classify(pair(off, other, friction), resolution).label == expected
+
+
+def test_two_fingers_with_friction_and_resolution_of_their_own() -> None:
+    """The first tolerates 20 + 10 degrees to be certain, the second 30 + 5."""
+    off, other = degrees(20.0), degrees(30.0)
+    friction = np.tan([degrees(30.5), degrees(35.5)])
+    contacts = grasps.changed(pair(off, other), friction=friction)
+    assert classify(contacts, [degrees(20.0), degrees(10.0)]).label == Label.S
+    assert classify(contacts, [degrees(10.0), degrees(20.0)]).label == Label.M
+    assert classify(contacts, [degrees(22.0), degrees(10.0)]).label == Label.M
+    rough_and_smooth = grasps.changed(contacts, friction=np.tan([1.0, degrees(10.0)]))
+    assert classify(rough_and_smooth, [degrees(20.0), degrees(39.0)]).label == Label.U
+    assert classify(rough_and_smooth, [degrees(20.0), degrees(41.0)]).label == Label.M
+
+
+# Friction known to an interval
+
+
+@pytest.mark.parametrize("fingers", [2, 3])
+@pytest.mark.parametrize("method", ["exact", "extremes"])
+def test_an_s_is_one_for_the_smallest_friction_and_a_u_for_the_largest(
+    fingers: int, method: Any
+) -> None:
+    contacts, resolution = mixed(fingers, 60, 5)
+    low, high = 0.8 * contacts.friction, 1.4 * contacts.friction
+    options: dict[str, Any] = {"method": method, "extreme_normals": 4, "rings": 1}
+    found = classify(contacts, resolution, friction_interval=(low, high), **options)
+    below = classify(grasps.changed(contacts, friction=low), resolution, **options)
+    above = classify(grasps.changed(contacts, friction=high), resolution, **options)
+    np.testing.assert_array_equal(found.label == Label.S, below.label == Label.S)
+    np.testing.assert_array_equal(found.label == Label.U, above.label == Label.U)
+    assert set(found.label) == {0, 1, 2}
+    plain = classify(contacts, resolution, **options)
+    point = (contacts.friction, contacts.friction)
+    same = classify(contacts, resolution, friction_interval=point, **options)
+    np.testing.assert_array_equal(same.label, plain.label)
+
+
+def test_an_interval_of_friction_on_creases() -> None:
+    crease = {0: [[1, -0.1, 0], [1, 0.1, 0]]}
+    needs = math.atan(0.1)
+    for low, high, label in (
+        (needs + 0.11, 1.0, Label.S),
+        (needs + 0.09, 1.0, Label.M),
+        (0.01, 0.02, Label.M),
+    ):
+        interval = (math.tan(low), math.tan(high))
+        contacts = grasps.at_angle(pair(0.0), 0.5 * (low + high))
+        found = classify(contacts, 0.2, creases=crease, friction_interval=interval)
+        assert found.label == label
+    apart = {0: [[1, 0.5, 0], [1, 0.6, 0]]}
+    reach = math.atan(0.5)
+    for high, label in ((reach - 0.11, Label.U), (reach - 0.09, Label.M)):
+        interval = (0.01, math.tan(high))
+        contacts = grasps.at_angle(pair(0.0), high)
+        found = classify(contacts, 0.2, creases=apart, friction_interval=interval)
+        assert found.label == label
+
+
+# Seven contacts and more
+
+
+def test_form_closure_withstands_tilts_beyond_friction() -> None:
+    """Sensors coarser than twice the friction angle, and S all the same."""
+    friction, seen = 0.02, set()
+    rng = np.random.default_rng(0)
+    for seed in (0, 2, 5, 10):
+        contacts = grasps.changed(grasps.form_closing(seed), friction=friction)
+        critical = float(critical_friction_angle(contacts))
+        assert critical < -0.05
+        for share in (0.8, 1.2):
+            tilt = math.atan(friction) - share * critical
+            found = classify(contacts, 2.0 * tilt)
+            assert found.label == (Label.S if share < 1.0 else Label.M)
+            seen.add(int(found.label))
+            tilted = np.stack([anywhere(contacts.normals, tilt, rng) for _ in range(100)])
+            if found.label == Label.S:
+                assert force_closure(with_normals(contacts, tilted)).closed.all()
+    assert seen == {1, 2}
+
+
+def test_form_closure_with_friction_of_its_own_at_each_contact_is_safe() -> None:
+    contacts = grasps.form_closing(2)
+    critical = float(critical_friction_angle(contacts))
+    assert critical < -0.05
+    rng = np.random.default_rng(1)
+    friction = rng.uniform(0.01, 0.1, size=contacts.count)
+    resolution = 2.0 * (np.arctan(friction) + rng.uniform(0.2, 0.9, contacts.count) * -critical)
+    rough = grasps.changed(contacts, friction=friction)
+    assert classify(rough, resolution).label == Label.S
+    tilted = np.stack([anywhere(rough.normals, resolution / 2.0, rng) for _ in range(200)])
+    assert force_closure(with_normals(rough, tilted)).closed.all()
+    coarser = resolution + 2.0 * (resolution.argmax() == np.arange(contacts.count))
+    assert classify(rough, np.minimum(coarser, 3.0)).label == Label.M
+
+
+@pytest.mark.parametrize("actuation", ["total", "per_finger"])
+def test_a_finger_that_knows_nothing_takes_no_certainty_away(actuation: Any) -> None:
+    """Three that are certain of their grasp, and one whose tilts exceed its friction."""
+    triangle = grasps.around_a_ball("triangle", friction=0.8)
+    resolution = [0.4, 0.4, 0.4]
+    assert classify(triangle, resolution).label == Label.S
+    points, normals = np.vstack([triangle.points, [0, 0, 1]]), [*triangle.normals, [0, 0, -1]]
+    rng = np.random.default_rng(0)
+    for friction, alpha in ((0.1, 0.5), (0.1, 3.0)):
+        four = Contacts(points, normals, [0.8, 0.8, 0.8, friction])
+        found = classify(four, [*resolution, alpha], actuation=actuation)
+        assert found.label == Label.S
+        tilts = np.array([*resolution, alpha]) / 2.0
+        tilted = np.stack([anywhere(four.normals, tilts, rng) for _ in range(300)])
+        assert force_closure(with_normals(four, tilted)).closed.all()
+        two_unsure = classify(four, [0.4, 0.4, 1.5, alpha])
+        assert two_unsure.label == Label.M
+
+
+def test_two_sure_fingers_among_three_span_too_little() -> None:
+    """Across their line only the third, which is not sure, keeps the grasp from turning."""
+    contacts = Contacts(
+        [[-1, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [-1, 0, 0], [0, -1, 0]], [0.5, 0.5, 0.1]
+    )
+    found = classify(contacts, [0.1, 0.1, 0.5])
+    assert found.label == Label.M
+    collinear = Contacts(
+        [[-1, 0, 0], [1, 0, 0], [0, 0, 0]], [[1, 0, 0], [-1, 0, 0], [0, -1, 0]], [0.5, 0.5, 0.1]
+    )
+    assert classify(collinear, [0.1, 0.1, 0.5]).label == Label.S
+
+
+@pytest.mark.parametrize("name", ["pair", "triangle", "tetrahedron", "octahedron"])
+def test_few_contacts_are_certain_of_nothing_from_twice_the_friction_angle_on(name: str) -> None:
+    contacts = grasps.around_a_ball(name)
+    for method in ("exact", "extremes"):
+        options: dict[str, Any] = {"method": method, "extreme_normals": 4}
+        if name == "octahedron" and method == "extremes":
+            options["extreme_normals"] = 3
+        for share, label in ((0.99, Label.S), (1.0, Label.M), (1.01, Label.M)):
+            found = classify(contacts, 2.0 * share * math.atan(0.5), **options)
+            if method == "exact" or share >= 1.0 or name == "pair":
+                assert found.label == label, (method, share)
+
+
+# From 90 degrees on
+
+
+def test_three_fingers_on_one_face_can_tilt_inward_and_close() -> None:
+    """Friction of 50 degrees, tilts of 45: cones of half-angle 95 degrees are not convex."""
+    turns = np.arange(3) * 2.0 * math.pi / 3.0
+    points = np.stack([np.cos(turns), np.sin(turns), np.ones(3)], axis=-1)
+    contacts = Contacts(points, np.tile([0.0, 0.0, -1.0], (3, 1)), math.tan(degrees(50.0)))
+    found = classify(contacts, degrees(90.0))
+    assert found.label == Label.M
+    inward = -np.sin(degrees(45.0)) * points * [1, 1, 0] + [0, 0, -np.cos(degrees(45.0))]
+    assert force_closure(grasps.changed(contacts, normals=inward)).closed
+    assert classify(contacts, degrees(79.0)).label == Label.U
+    sampled = classify(contacts, degrees(90.0), method="extremes", extreme_normals=12)
+    assert sampled.label == Label.M
+
+
+@pytest.mark.parametrize("fingers", [3, 4])
+def test_three_fingers_are_never_called_u_from_90_degrees_on(fingers: int) -> None:
+    contacts, _ = random_grasps(fingers, 100, 6)
+    alike = np.broadcast_to(contacts.normals[:, :1], contacts.normals.shape)
+    rough = grasps.changed(contacts, normals=alike, friction=2.0)
+    for resolution in (2.0 * (RIGHT - math.atan(2.0)) + 1e-9, 1.5, 3.0):
+        assert (classify(rough, resolution).label == Label.M).all()
+    below = classify(rough, 2.0 * (RIGHT - math.atan(2.0)) - 1e-3)
+    assert (below.label == Label.U).all()
+    # One contact is enough.
+    friction, resolution = np.full(fingers, 0.05), np.full(fingers, 0.01)
+    friction[-1], resolution[-1] = 10.0, 0.3
+    one_rough = grasps.changed(rough, friction=friction)
+    twice = np.stack([alike[:, 0]] * 2, axis=1)
+    for creases in (None, {0: twice}):
+        assert (classify(one_rough, resolution, creases=creases).label == Label.M).all()
+    assert (classify(one_rough, 0.01).label == Label.U).all()
+
+
+def test_two_fingers_on_one_face_need_their_tilts_beyond_90_degrees() -> None:
+    contacts = Contacts([[-1, 0, 1], [1, 0, 1]], [[0, 0, -1]] * 2, math.tan(degrees(50.0)))
+    assert classify(contacts, degrees(79.9)).label == Label.U
+    assert classify(contacts, degrees(80.1)).label == Label.M
+    inward = [[math.sin(0.7), 0, -math.cos(0.7)], [-math.sin(0.7), 0, -math.cos(0.7)]]
+    assert force_closure(grasps.changed(contacts, normals=inward)).closed
+
+
+# Contacts at one place, and alone
+
+
+def test_two_contacts_at_one_place_push_along_any_line() -> None:
+    for apart in (0.0, 0.4, 1.0):
+        normals = [[1, 0, 0], [-math.cos(apart), math.sin(apart), 0]]
+        contacts = Contacts([[1, 2, 3]] * 2, normals, [0.5, 0.8])
+        safe = math.atan(0.5) + math.atan(0.8)
+        for alpha in np.linspace(0.0, 1.5, 16):
+            found = classify(contacts, alpha)
+            stable = apart < safe - alpha
+            expected = Label.S if stable else Label.M if apart < safe + alpha else Label.U
+            assert found.label == expected, (apart, alpha)
+        rng = np.random.default_rng(0)
+        for alpha in (0.3, 1.1):  # the second more than the friction angle of the one
+            found = classify(contacts, alpha)
+            tilted = np.stack([anywhere(contacts.normals, alpha / 2.0, rng) for _ in range(60)])
+            closed = force_closure(with_normals(contacts, tilted)).closed
+            assert found.label != Label.S or closed.all()
+            assert found.label != Label.U or not closed.any()
+
+
+@pytest.mark.parametrize("method", ["exact", "extremes"])
+def test_three_contacts_at_one_place(method: Any) -> None:
+    turns = np.arange(3) * 2.0 * math.pi / 3.0
+    normals = np.stack([np.cos(turns), np.sin(turns), np.zeros(3)], axis=-1)
+    together = Contacts(np.ones((3, 3)), normals, 0.5)
+    options: dict[str, Any] = {"method": method, "extreme_normals": 6}
+    assert classify(together, 0.1, **options).label == Label.S
+    apart = grasps.changed(together, normals=np.array([0.0, 0, 1]) + 0.1 * normals)
+    assert classify(apart, 0.1, **options).label == Label.U
+
+
+@pytest.mark.parametrize("method", ["exact", "extremes"])
+@pytest.mark.parametrize("creases", [None, {0: [[-1, 0, 0], [0, -1, 0]]}])
+def test_one_contact_never_holds_anything(method: Any, creases: Any) -> None:
+    contacts = Contacts([[1, 0, 0]], [[-1, 0, 0]], 1.0)
+    for alpha in (0.0, 0.5, 2.0, 3.0):
+        assert classify(contacts, alpha, method=method, creases=creases).label == Label.U
+
+
+def test_collinear_contacts_close_in_their_five_dimensions() -> None:
+    line = grasps.changed(grasps.LINE, normals=[[1, 0, 0], [1, 0.1, 0], [-1, 0, 0]])
+    assert classify(line, 0.1).label == Label.S
+    assert classify(line, 2.0).label == Label.M
+
+
+@pytest.mark.parametrize("fingers", [2, 3, 9])
+def test_torsion_plays_no_part_in_labels(fingers: int) -> None:
+    contacts, resolution = random_grasps(fingers, 150, 7)
+    soft = grasps.changed(contacts, torsion_radius=0.4)
+    hard_found, soft_found = classify(contacts, resolution), classify(soft, resolution)
+    np.testing.assert_array_equal(soft_found.label, hard_found.label)
+    for name in ("worst", "best"):
+        one, other = getattr(soft_found, name), getattr(hard_found, name)
+        np.testing.assert_array_equal(one.closed, other.closed)
+    if fingers < 4:
+        options: dict[str, Any] = {"method": "extremes", "extreme_normals": 4}
+        hard = classify(contacts, resolution, **options)
+        np.testing.assert_array_equal(classify(soft, resolution, **options).label, hard.label)
+
+
+# Creases
+
+
+def crease_about(normals: np.ndarray, corners: int, seed: int) -> np.ndarray:
+    """Faces about each of some normals (b, 3), up to 70 degrees apart, shape (b, k, 3)."""
+    rng = np.random.default_rng(seed)
+    found = []
+    for normal in normals:
+        around = oracles.cone_edges(normal, rng.uniform(0.05, 0.6), 60)
+        start = rng.integers(60)
+        found.append(around[(start + np.arange(corners) * (60 // corners)) % 60])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("corners", [2, 3])
+def test_two_fingers_on_creases_by_the_angles_of_their_sets(corners: int) -> None:
+    contacts, resolution = mixed(2, 150, 8)
+    sets = {i: crease_about(contacts.normals[:, i], corners, i) for i in (0, 1)}
+    label = classify(contacts, 0.5 * resolution, creases=sets).label
+    lines = contacts.points[:, 1] - contacts.points[:, 0]
+    lines /= np.linalg.norm(lines, axis=1, keepdims=True)
+    safe = contacts.friction_angle - 0.25 * resolution
+    reach = contacts.friction_angle + 0.25 * resolution
+    for b in range(150):
+        stable, unstable, near = False, True, False
+        for sign in (1.0, -1.0):
+            directions = (sign * lines[b], -sign * lines[b])
+            sides = [(sets[i][b], directions[i]) for i in (0, 1)]
+            least = np.array([angle_to_set(faces, d) for faces, d in sides])
+            most = np.array([math.pi - angle_to_set(faces, -d) for faces, d in sides])
+            stable |= bool((most < safe[b]).all())
+            unstable &= bool((least >= reach[b]).any())
+            near |= bool((np.abs(most - safe[b]) < 1e-6).any())
+            near |= bool((np.abs(least - reach[b]) < 1e-6).any())
+        if not near:
+            assert label[b] == (Label.S if stable else Label.U if unstable else Label.M), b
+    assert set(label) == {0, 1, 2}
+
+
+@pytest.mark.parametrize(("fingers", "corners"), [(2, 2), (2, 4), (3, 2)])
+def test_no_normal_of_the_sets_contradicts_an_s_or_a_u(fingers: int, corners: int) -> None:
+    size = 60 if fingers == 2 else 40
+    contacts, resolution = mixed(fingers, size, 9)
+    tilt = 0.2 * resolution
+    sets = {i: crease_about(contacts.normals[:, i], corners, i) for i in range(fingers - 1)}
+    found = classify(contacts, 2.0 * tilt, creases=sets, threads=None)
+    assert set(found.label) == {0, 1, 2}
+    rng = np.random.default_rng(0)
+    for _ in range(100):
+        normals = contacts.normals.copy()
+        for i, faces in sets.items():
+            normals[:, i] = within_sets(faces, rng)
+        tilted = with_normals(contacts, anywhere(normals, tilt, rng))
+        closed = force_closure(tilted, threads=None).closed
+        assert closed[found.label == Label.S].all()
+        assert not closed[found.label == Label.U].any()
+    sampled = classify(
+        contacts, 2.0 * tilt, creases=sets, method="extremes", extreme_normals=4, threads=None
+    )
+    settled = found.label != Label.M
+    np.testing.assert_array_equal(sampled.label[settled], found.label[settled])
+
+
+def test_one_normal_twice_is_no_crease() -> None:
+    for fingers in (2, 3):
+        contacts, resolution = random_grasps(fingers, 60, 10)
+        faces = np.stack([contacts.normals[:, 0]] * 2, axis=1)
+        smooth = classify(contacts, resolution)
+        found = classify(contacts, resolution, creases={0: faces})
+        if fingers == 2:
+            np.testing.assert_array_equal(found.label, smooth.label)
+        settled = found.label != Label.M  # samples of three fingers are safe, not exact
+        np.testing.assert_array_equal(found.label[settled], smooth.label[settled])
+        assert (found.label != smooth.label).mean() < 0.05
+
+
+EDGE = np.array([[-0.4554, 0.8075, 0.3750], [-0.9670, -0.0427, 0.2510]])
+"""Normals of two faces, 60 degrees apart."""
+
+ON_EDGE = Contacts(
+    [[0.339, -0.881, -0.330], [-0.707, -0.429, -0.562], [0.945, 0.284, -0.186]],
+    [EDGE.sum(axis=0), [0.654, 0.448, 0.610], [-0.970, -0.098, -0.223]],
+)
+
+
+def test_the_faces_alone_do_not_tell_the_worst_of_three_fingers_on_an_edge() -> None:
+    assert oracles.angle(*EDGE) == pytest.approx(degrees(60.0), abs=1e-4)
+    for normal, needs in ((EDGE[0], 27.6), (EDGE[1], 27.6), (EDGE.sum(axis=0), 32.0)):
+        at = grasps.changed(ON_EDGE, normals=[normal, *ON_EDGE.normals[1:]])
+        assert critical_friction_angle(at) == pytest.approx(degrees(needs), abs=degrees(0.05))
+    for beta, label in ((29.8, Label.M), (31.5, Label.M), (33.0, Label.S)):
+        contacts = grasps.at_angle(ON_EDGE, degrees(beta))
+        assert classify(contacts, 0.0, creases={0: EDGE}).label == label
+        sampled = classify(contacts, 0.0, creases={0: EDGE}, method="extremes")
+        assert sampled.label == label
+    contacts = grasps.at_angle(ON_EDGE, degrees(29.8))
+    faces_only = every(contacts, [EDGE, contacts.normals[1:2], contacts.normals[2:]])
+    assert force_closure(faces_only).closed.all()
+
+
+def test_settled_labels_on_an_edge_are_not_far_from_exact() -> None:
+    """Sampling in steps of 5 degrees costs little: 1 degree of friction."""
+    turns = np.linspace(0.0, 1.0, 400)[:, None]
+    arc = (1.0 - turns) * EDGE[0] + turns * EDGE[1]
+    tested = [arc / np.linalg.norm(arc, axis=1, keepdims=True), *ON_EDGE.normals[1:, None]]
+    critical = critical_friction_angle(every(ON_EDGE, tested))
+    for beta, label in (
+        (critical.max() + degrees(1.0), Label.S),
+        (critical.max() - degrees(1e-2), Label.M),
+        (critical.min() + degrees(1e-2), Label.M),
+        (critical.min() - degrees(1.0), Label.U),
+    ):
+        assert classify(grasps.at_angle(ON_EDGE, beta), 0.0, creases={0: EDGE}).label == label
+
+
+SAMPLED = (-7.35, -2.45, 2.45, 7.35)
+
+
+def fan(normal: np.ndarray, toward: np.ndarray) -> np.ndarray:
+    """A crease of 14.7 degrees about a normal, which lies midway between two samples."""
+    turn = degrees(7.35)
+    return np.array([math.cos(turn) * normal + s * math.sin(turn) * toward for s in (-1.0, 1.0)])
+
+
+def test_the_normal_between_two_samples_counts_in_u() -> None:
+    """With just that normal the grasp closes almost without friction."""
+    triangle = grasps.around_a_ball("triangle", friction=0.005)
+    crease = fan(triangle.normals[0], np.array([0.0, 0.0, 1.0]))
+    assert force_closure(triangle).closed
+    for turn in SAMPLED:
+        turned = oracles.turned(triangle.normals[0], np.array([0.0, 0, 1]), degrees(abs(turn)))
+        at = [turned * [1.0, 1.0, math.copysign(1.0, turn)], *triangle.normals[1:]]
+        assert not force_closure(grasps.changed(triangle, normals=at)).closed
+    assert classify(triangle, 0.0, creases={0: crease}).label == Label.M
+    assert classify(triangle, 0.0, creases={0: crease}, method="extremes").label == Label.M
+
+
+def test_the_normal_between_two_samples_counts_in_s() -> None:
+    """With just that normal, straight down, only 90 degrees would close the grasp."""
+    turns = np.arange(3) * 2.0 * math.pi / 3.0
+    points = np.stack([np.cos(turns), np.sin(turns), np.ones(3)], axis=-1)
+    down = np.tile([0.0, 0.0, -1.0], (3, 1))
+    inward = down - 0.2 * points * [1.0, 1.0, 0.0]
+    normals = np.vstack([down[:1], inward[1:]])
+    contacts = Contacts(points, normals, math.tan(degrees(89.5)))
+    crease = fan(down[0], np.array([0.0, 1.0, 0.0]))
+    assert not force_closure(contacts).closed
+    for turn in SAMPLED:
+        aside = [0.0, math.sin(degrees(turn)), -math.cos(degrees(turn))]
+        at = grasps.changed(contacts, normals=np.vstack([aside, normals[1:]]))
+        assert force_closure(at).closed
+    assert classify(contacts, 0.0, creases={0: crease}).label == Label.M
+    # At 90 degrees with the tilts nothing is proved of U either.
+    smooth = Contacts(points, down, math.tan(degrees(50.0)))
+    assert classify(smooth, degrees(90.0), creases={0: crease}).label == Label.M
+    assert classify(smooth, degrees(10.0), creases={0: crease}).label == Label.U
+
+
+def test_too_many_contacts_on_creases_are_refused_and_two_at_one_place() -> None:
+    contacts = Contacts(np.eye(5, 3) + 0.1, -np.eye(5, 3) - 0.1)
+    everywhere = {i: [[1, 0, 0], [0, 1, 0]] for i in range(5)}
+    with pytest.raises(SettingError, match=r"19 x 19 x 19 x 19 x 19 normals.*method='extremes'"):
+        classify(contacts, 0.1, creases=everywhere)
+    together = Contacts([[1, 0, 0]] * 2, [[1, 0, 0], [-1, 0, 0]])
+    with pytest.raises(ContactError, match="grasp 0 of the batch has both contacts at one place"):
+        classify(together, 0.1, creases={0: [[1, 0, 0], [0, 1, 0]]})
+
+
+# Rings
+
+
+def test_between_rim_and_centre_a_normal_may_close() -> None:
+    """Friction of 5.7 degrees, tilts of 20, a normal 10 degrees off."""
+    for azimuth in (0.0, degrees(22.5), 1.0):
+        turn = np.array(
+            [
+                [1, 0, 0],
+                [0, math.cos(azimuth), -math.sin(azimuth)],
+                [0, math.sin(azimuth), math.cos(azimuth)],
+            ]
+        )
+        plain = pair(degrees(10.0), friction=math.tan(degrees(5.7)))
+        contacts = grasps.changed(plain, normals=plain.normals @ turn.T)
+        assert classify(contacts, degrees(40.0)).label == Label.M
+        alone = classify(contacts, degrees(40.0), method="extremes", rings=1)
+        assert alone.label == Label.U
+        assert alone.combinations == 9**2
+        with_rings = classify(contacts, degrees(40.0), method="extremes")
+        assert with_rings.label == Label.M
+        assert with_rings.combinations == 17**2
+
+
+# Extreme settings
+
+
+@pytest.mark.parametrize("friction", [1e-6, 1e-3, 0.5, 10.0, 1e6])
+def test_perfect_sensors_know(friction: float) -> None:
+    beta = math.atan(friction)
+    for share, label in ((0.9, Label.S), (1.1, Label.U)):
+        off = min(share * beta, RIGHT + 0.01 * (share > 1.0))
+        if share > 1.0 and off >= RIGHT:
+            off = 0.5 * (beta + RIGHT) if friction < 1e3 else RIGHT + 1e-6
+        assert classify(pair(off, friction=friction), 0.0).label == label
+        sampled = classify(pair(off, friction=friction), 0.0, method="extremes")
+        assert sampled.label == label
+
+
+@pytest.mark.parametrize("friction", [1e-6, 1e-3, 0.5, 10.0])
+def test_at_twice_the_friction_angle_exactly(friction: float) -> None:
+    beta = math.atan(friction)
+    for fingers in (2, 3, 4):
+        contacts, _ = random_grasps(fingers, 50, 11)
+        rough = grasps.changed(contacts, friction=friction)
+        assert not (classify(rough, 2.0 * beta).label == Label.S).any()
+    aligned = pair(0.0, friction=friction)
+    assert classify(aligned, 2.0 * beta).label == Label.M
+    assert classify(aligned, 1.999 * beta).label == Label.S
+    assert classify(aligned, 2.0 * beta, method="extremes").label == Label.M
+    assert classify(aligned, 1.99 * beta, method="extremes").label == Label.S
+
+
+def test_tiny_friction_needs_the_exact_method() -> None:
+    contacts = pair(0.0, friction=1e-6)
+    assert classify(contacts, 0.4).label == Label.M
+    with pytest.raises(SettingError, match=r"narrow against the sensor's resolution.*'exact'"):
+        classify(contacts, 0.4, method="extremes")
+
+
+def test_great_friction_holds_almost_anything() -> None:
+    contacts, _ = random_grasps(2, 100, 12)
+    rough = grasps.changed(contacts, friction=10.0)
+    assert (classify(rough, 0.0).label == Label.S).mean() > 0.95
+    assert (classify(rough, 0.0, method="extremes").label == Label.S).mean() > 0.95
+    three, _ = random_grasps(3, 100, 12)
+    assert (classify(grasps.changed(three, friction=10.0), 0.1).label == Label.S).mean() > 0.5

@@ -1,0 +1,192 @@
+"""Laws of the tested normals: where they lie, how dense they are, how they nest."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from grasp3d import Contacts
+from grasp3d.errors import SettingError
+from grasp3d.stability.extreme_normals import (
+    MOST_COMBINATIONS,
+    check_combinations,
+    extreme_normals,
+    rings_needed,
+)
+from tests.helpers import grasps, oracles
+from tests.helpers.tilts import angle_to_set, angles
+
+few = settings(max_examples=30, deadline=None)
+seeds = st.integers(0, 100_000)
+
+
+def batch(fingers: int, size: int, seed: int) -> Contacts:
+    rng = np.random.default_rng(seed)
+    return Contacts(
+        rng.normal(size=(size, fingers, 3)),
+        rng.normal(size=(size, fingers, 3)),
+        rng.uniform(0.3, 1.0, size=(size, fingers)),
+    )
+
+
+# Laws
+
+
+@given(st.floats(0.0, 1.5), st.floats(0.01, 1.5))
+def test_rings_are_at_most_two_friction_angles_apart_and_no_more_than_that_needs(
+    tilt: float, beta: float
+) -> None:
+    rings = rings_needed(tilt, beta)
+    assert rings >= 1
+    assert tilt / rings <= 2.0 * beta * (1.0 + 1e-8)
+    assert rings == 1 or tilt / (rings - 1) > 2.0 * beta
+
+
+@given(st.floats(0.05, 1.5), st.floats(0.02, 1.5), st.floats(0.0, 1.0), seeds)
+@few
+def test_no_tilt_is_farther_than_the_friction_angle_from_all_rings(
+    tilt: float, beta: float, share: float, seed: int
+) -> None:
+    contacts = grasps.at_angle(batch(1, 1, seed), beta)
+    (tested,) = extreme_normals(contacts, np.full((1, 1), tilt), count=3)
+    radii = angles(contacts.normals[0, 0], tested[0])
+    assert np.abs(radii - share * tilt).min() <= beta * (1.0 + 1e-8)
+
+
+@given(st.integers(1, 4), seeds, st.integers(3, 12), st.integers(1, 3))
+@few
+def test_each_contact_has_its_normal_and_rings_at_even_steps(
+    fingers: int, seed: int, count: int, rings: int
+) -> None:
+    contacts = batch(fingers, 5, seed)
+    tilt = np.random.default_rng(seed).uniform(0.0, 1.0, size=(5, fingers))
+    if (1 + rings * count) ** fingers > MOST_COMBINATIONS:
+        with pytest.raises(SettingError, match="combinations"):
+            extreme_normals(contacts, tilt, count=count, rings=rings)
+        return
+    tested = extreme_normals(contacts, tilt, count=count, rings=rings)
+    assert len(tested) == fingers
+    steps = np.repeat(np.arange(1, rings + 1) / rings, count)
+    for i, normals in enumerate(tested):
+        assert normals.shape == (5, 1 + rings * count, 3)
+        np.testing.assert_array_equal(normals[:, 0], contacts.normals[:, i])
+        np.testing.assert_allclose(np.linalg.norm(normals, axis=-1), 1.0, rtol=1e-14)
+        radii = angles(contacts.normals[:, i, None], normals[:, 1:])
+        np.testing.assert_allclose(radii, tilt[:, i, None] * steps, atol=1e-14)
+
+
+@given(seeds, st.integers(3, 10), st.integers(2, 3))
+@few
+def test_more_on_a_rim_keep_those_that_were_there(seed: int, count: int, times: int) -> None:
+    contacts, tilt = batch(2, 3, seed), np.full((3, 2), 0.3)
+    for less, more in zip(
+        extreme_normals(contacts, tilt, count=count),
+        extreme_normals(contacts, tilt, count=times * count),
+        strict=True,
+    ):
+        gaps = angles(less[:, :, None], more[:, None]).min(axis=2)
+        assert gaps.max() <= 1e-14
+
+
+@given(seeds, st.integers(2, 5), st.floats(0.1, 0.9), st.floats(0.05, 1.0))
+@example(0, 2, 0.75, 1.0)  # three steps from face to face would leave the bisector out
+@few
+def test_at_creases_every_tested_normal_is_a_tilt_away_from_those_of_the_crease(
+    seed: int, corners: int, half_width: float, tilt: float
+) -> None:
+    contacts = batch(2, 1, seed)
+    faces = oracles.cone_edges(contacts.normals[0, 1], half_width, corners)
+    first, second = extreme_normals(
+        contacts, np.full((1, 2), tilt), count=4, creases={1: faces[None]}
+    )
+    assert first.shape[1] == 1 + 4 * rings_needed(np.full(2, tilt), contacts.friction_angle)
+    for normal in second[0]:
+        assert angle_to_set(faces, normal) <= tilt + 1e-7
+    middle = contacts.normals[0, 1]
+    bisectors = [*(a + b for a, b in zip(faces, np.roll(faces, 1, axis=0), strict=True)), middle]
+    for must in (*faces, *(bisectors if corners > 2 else [middle])):
+        assert min(oracles.angle(must, normal) for normal in second[0]) <= 1e-7
+
+
+@given(seeds, st.floats(0.01, 1.0), st.floats(0.05, 1.5), st.floats(0.0, 1.0))
+@few
+def test_along_a_crease_no_normal_is_farther_than_the_friction_angle_from_all_tested(
+    seed: int, beta: float, half_width: float, share: float
+) -> None:
+    contacts = grasps.at_angle(batch(1, 1, seed), beta)
+    faces = oracles.cone_edges(contacts.normals[0, 0], half_width, 2)
+    (tested,) = extreme_normals(contacts, np.zeros((1, 1)), count=3, creases={0: faces[None]})
+    between = oracles.turned(faces[0], faces[1], 2.0 * share * half_width)
+    assert min(oracles.angle(between, normal) for normal in tested[0]) <= beta * (1.0 + 1e-6)
+
+
+def test_opposite_faces_have_some_bisector() -> None:
+    """Both sides of a sheet."""
+    contacts = Contacts([[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
+    flat = Contacts(contacts.points[None], contacts.normals[None])
+    faces = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    (tested,) = extreme_normals(flat, np.full((1, 1), 0.1), count=3, creases={0: faces})
+    np.testing.assert_allclose(np.linalg.norm(tested, axis=-1), 1.0, rtol=1e-12)
+    assert np.abs(tested[0, :, 2]).min() == pytest.approx(0.0, abs=1e-12)
+
+
+# Known numbers and degenerate places
+
+
+@pytest.mark.parametrize(
+    ("tilt", "beta", "rings"),
+    [
+        (0.0, 0.5, 1),
+        (0.5, 0.5, 1),
+        (1.0, 0.5, 1),  # alpha = 4 beta exactly
+        (1.001, 0.5, 2),
+        (math.radians(20.0), math.radians(5.7), 2),
+        (0.3, 0.1, 2),
+        ([0.1, 0.6], [0.5, 0.1], 3),
+        ([], [], 1),
+        ([0.0, 0.5], [0.0, 0.5], 1),
+    ],
+)
+def test_known_rings(tilt: Any, beta: Any, rings: int) -> None:
+    assert rings_needed(tilt, beta) == rings
+
+
+def test_no_grasps_have_normals_of_no_grasp() -> None:
+    none = Contacts(np.zeros((0, 2, 3)), np.zeros((0, 2, 3)))
+    tested = extreme_normals(none, np.zeros((0, 2)), count=4, creases={0: np.zeros((0, 3, 3))})
+    assert [len(normals) for normals in tested] == [0, 0]
+
+
+@pytest.mark.parametrize(
+    ("sizes", "enough"), [([MOST_COMBINATIONS], True), ([2, MOST_COMBINATIONS // 2 + 1], False)]
+)
+def test_combinations_are_counted(sizes: list[int], enough: bool) -> None:
+    if enough:
+        check_combinations(sizes)
+        return
+    with pytest.raises(SettingError, match=r"2 x 1000001 normals make 2e\+06 combinations"):
+        check_combinations(sizes)
+
+
+@pytest.mark.parametrize("friction", [1e-6, 1e-4])
+@pytest.mark.parametrize("creases", [False, True])
+def test_narrow_cones_need_too_many_and_the_error_tells_the_way(
+    friction: float, creases: bool
+) -> None:
+    contacts = grasps.changed(batch(2, 1, 0), friction=friction)
+    faces = {0: oracles.cone_edges(contacts.normals[0, 0], 0.5, 2)[None]}
+    with pytest.raises(SettingError, match=r"combinations, more than 2,000,000.*method='exact'"):
+        extreme_normals(contacts, np.full((1, 2), 0.2), count=8, creases=faces if creases else None)
+
+
+def test_many_fingers_are_too_many_combinations() -> None:
+    with pytest.raises(SettingError, match=r"9 x 9 x 9 x 9 x 9 x 9 x 9 normals make 4\.78e"):
+        extreme_normals(batch(7, 1, 0), np.full((1, 7), 0.2), count=8)
+
+
+def test_three_on_a_rim_are_the_fewest() -> None:
+    with pytest.raises(SettingError, match="at least 3"):
+        extreme_normals(batch(2, 1, 0), np.full((1, 2), 0.2), count=2)

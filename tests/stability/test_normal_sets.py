@@ -1,0 +1,223 @@
+"""Laws of sets of normals: samples cover them, angles to them are those of dense samples."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import linprog
+
+from grasp3d import Contacts
+from grasp3d.errors import ContactError
+from grasp3d.stability.normal_sets import STEP, angles_to_set, face_normals, sampled_set
+from tests.helpers import oracles
+from tests.helpers.tilts import angle_to_set, angles, within_sets
+
+few = settings(max_examples=15, deadline=None)
+seeds = st.integers(0, 100_000)
+
+PAIR = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
+CUBE_CORNER = -np.eye(3)
+
+
+def drawn_set(corners: int, half_width: float, seed: int) -> np.ndarray:
+    """Normals on a cone about some direction, in order, at uneven angles."""
+    rng = np.random.default_rng(seed)
+    axis = rng.normal(size=3)
+    axis /= np.linalg.norm(axis)
+    around = oracles.cone_edges(axis, half_width, 60)
+    return around[np.sort(rng.choice(60, corners, replace=False))]
+
+
+def laid_out(*sets: np.ndarray) -> np.ndarray:
+    """A batch of sets as `face_normals` lays it out."""
+    places = Contacts(np.zeros((len(sets), 1, 3)), np.ones((len(sets), 1, 3)))
+    return face_normals({0: np.array(sets)}, places)[0]
+
+
+# Laws
+
+
+@given(st.integers(2, 6), st.floats(0.02, 1.3), seeds)
+@few
+def test_every_normal_of_a_set_is_a_combination_of_samples(
+    corners: int, half_width: float, seed: int
+) -> None:
+    """What makes sampling safe: weights of sum at most 1 / cos(STEP / 2)."""
+    faces = laid_out(drawn_set(corners, half_width, seed))
+    samples = sampled_set(faces)[0]
+    rng = np.random.default_rng(seed)
+    for _ in range(8):
+        normal = within_sets(faces, rng)[0]
+        answer = linprog(np.ones(len(samples)), A_eq=samples.T, b_eq=normal)
+        assert answer.status == 0
+        assert answer.fun <= 1.0 / math.cos(STEP / 2.0) + 1e-9
+
+
+@given(st.integers(2, 6), st.floats(0.02, 1.3), seeds)
+@few
+def test_samples_lie_in_the_set_and_hold_its_corners(
+    corners: int, half_width: float, seed: int
+) -> None:
+    faces = laid_out(drawn_set(corners, half_width, seed))
+    samples = sampled_set(faces)[0]
+    np.testing.assert_allclose(np.linalg.norm(samples, axis=1), 1.0, rtol=1e-12)
+    assert max(angle_to_set(faces[0], sample) for sample in samples) <= 1e-7
+    assert angles(faces[0][:, None], samples).min(axis=1).max() <= 1e-7
+
+
+@given(st.lists(st.floats(0.02, 1.5), min_size=1, max_size=4), seeds)
+@few
+def test_samples_along_a_crease_stand_at_even_steps(half_widths: list[float], seed: int) -> None:
+    faces = laid_out(*(drawn_set(2, width, seed) for width in half_widths))
+    samples = sampled_set(faces)
+    steps = angles(samples[:, 1:], samples[:, :-1])
+    assert steps.max() <= STEP + 1e-9
+    np.testing.assert_allclose(steps, np.broadcast_to(steps[:, :1], steps.shape), atol=1e-9)
+
+
+@given(st.integers(2, 5), st.floats(0.05, 1.2), seeds)
+@few
+def test_angles_to_a_set_are_those_of_dense_samples(
+    corners: int, half_width: float, seed: int
+) -> None:
+    faces = laid_out(drawn_set(corners, half_width, seed))
+    rng = np.random.default_rng(seed)
+    direction = rng.normal(size=3)
+    direction /= np.linalg.norm(direction)
+    least, most = angles_to_set(faces, direction[None])
+    inside = np.concatenate([sampled_set(faces)[0], *(within_sets(faces, rng) for _ in range(99))])
+    found = angles(inside, direction)
+    assert least[0] <= found.min() + 1e-9
+    assert most[0] >= found.max() - 1e-9
+    assert least[0] == pytest.approx(found.min(), abs=STEP)
+    assert most[0] == pytest.approx(found.max(), abs=STEP)
+    assert least[0] == pytest.approx(angle_to_set(faces[0], direction), abs=1e-7)
+    opposite = angle_to_set(faces[0], -direction)
+    assert most[0] == pytest.approx(math.pi - opposite, abs=1e-7)
+
+
+@pytest.mark.parametrize("corners", [2, 3])
+def test_angles_to_a_set_against_a_search_along_its_sides(corners: int) -> None:
+    faces = laid_out(drawn_set(corners, 0.6, 1))
+    for direction in np.random.default_rng(0).normal(size=(3, 3)):
+        unit = direction / np.linalg.norm(direction)
+        least, most = angles_to_set(faces, unit[None])
+        assert least[0] == pytest.approx(oracles.smallest_angle(faces[0], unit), abs=1e-3)
+        far = math.pi - oracles.smallest_angle(faces[0], -unit)
+        assert most[0] == pytest.approx(far, abs=1e-3)
+
+
+@given(st.integers(3, 7), seeds)
+@few
+def test_corners_come_in_order_whatever_their_order_and_length(corners: int, seed: int) -> None:
+    given_ = drawn_set(corners, 0.7, seed)
+    rng = np.random.default_rng(seed)
+    mixed = rng.permutation(given_) * rng.uniform(0.1, 10.0, size=(corners, 1))
+    faces = laid_out(mixed)[0]
+    np.testing.assert_allclose(np.linalg.norm(faces, axis=1), 1.0, rtol=1e-14)
+    # Around a convex polygon every corner lies on the same side of every side.
+    for i in range(corners):
+        side = np.cross(faces[i], faces[(i + 1) % corners])
+        assert (faces @ side >= -1e-12).all()
+    assert angles(given_[:, None], faces).min(axis=1).max() <= 1e-12
+
+
+# Known sets
+
+
+def test_normals_inside_the_others_are_dropped_and_the_last_corner_repeats() -> None:
+    inner = np.array([-1.0, -1.0, -1.0])
+    faces = laid_out(np.vstack([CUBE_CORNER, inner]))[0]
+    assert faces.shape == (4, 3)
+    np.testing.assert_array_equal(faces[3], faces[2])
+    found = {tuple(row) for row in faces}
+    assert found == {tuple(row) for row in CUBE_CORNER}
+    flat = laid_out(np.array([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]]))[0]
+    assert {tuple(row) for row in flat} == {(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)}
+
+
+def test_a_set_with_a_repeated_corner_is_sampled_like_one_without() -> None:
+    inner = np.array([-1.0, -1.0, -1.0])
+    twice = sampled_set(laid_out(np.vstack([CUBE_CORNER, inner])))[0]
+    once = sampled_set(laid_out(CUBE_CORNER))[0]
+    for one, other in ((twice, once), (once, twice)):
+        assert angles(one[:, None], other).min(axis=1).max() <= STEP / 2.0
+    arc = laid_out(np.array([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]]))
+    np.testing.assert_allclose(sampled_set(arc)[..., 2], 0.0, atol=1e-12)
+
+
+def test_one_normal_twice_is_a_smooth_place() -> None:
+    faces = laid_out(np.array([[0.0, 0, 1], [0, 0, 2]]))
+    np.testing.assert_array_equal(sampled_set(faces), np.broadcast_to([0.0, 0, 1], (1, 2, 3)))
+    least, most = angles_to_set(faces, np.array([[1.0, 0.0, 0.0]]))
+    assert least[0] == most[0] == pytest.approx(math.pi / 2.0)
+
+
+def test_a_right_angle_has_nineteen_samples() -> None:
+    samples = sampled_set(np.array([[[1.0, 0, 0], [0, 1, 0]]]))[0]
+    turns = np.arctan2(samples[:, 1], samples[:, 0])
+    np.testing.assert_allclose(turns, np.radians(np.arange(0.0, 91.0, 5.0)), atol=1e-12)
+
+
+def test_the_corner_of_a_cube() -> None:
+    faces = laid_out(CUBE_CORNER)
+    diagonal = np.full((1, 3), -1.0) / math.sqrt(3.0)
+    least, most = angles_to_set(faces, diagonal)
+    assert least[0] == 0.0
+    assert most[0] == pytest.approx(math.acos(1.0 / math.sqrt(3.0)))
+    least, most = angles_to_set(faces, -diagonal)
+    assert most[0] == pytest.approx(math.pi)
+    assert least[0] == pytest.approx(math.pi - math.acos(1.0 / math.sqrt(3.0)))
+
+
+def test_one_set_serves_a_batch_of_any_shape_and_each_grasp_may_have_its_own() -> None:
+    many = Contacts(np.tile(PAIR.points, (2, 3, 1, 1)), np.tile(PAIR.normals, (2, 3, 1, 1)))
+    faces = face_normals({1: CUBE_CORNER[:2]}, many)
+    assert list(faces) == [1]
+    assert faces[1].shape == (6, 2, 3)
+    own = np.random.default_rng(0).normal(size=(2, 3, 1, 3)) + [[0.0, 0, 5], [0, 3, 5]]
+    laid = face_normals({0: own}, many)[0]
+    expected = own / np.linalg.norm(own, axis=-1, keepdims=True)
+    found = angles(expected.reshape(6, 2, 1, 3), laid[:, None]).min(axis=2)
+    assert found.max() <= 1e-12
+    none = Contacts(np.zeros((0, 2, 3)), np.zeros((0, 2, 3)))
+    assert sampled_set(face_normals({1: CUBE_CORNER[:2]}, none)[1]).shape[0] == 0
+    assert sampled_set(face_normals({1: CUBE_CORNER}, none)[1]).shape[0] == 0
+    assert face_normals({}, many) == {}
+
+
+@pytest.mark.parametrize(
+    ("creases", "message"),
+    [
+        ({2: CUBE_CORNER}, r"creases name contact 2, but a grasp has contacts 0 to 1"),
+        ({-1: CUBE_CORNER}, r"creases name contact -1"),
+        ({"first": CUBE_CORNER}, r"creases name contact first"),
+        ({0: CUBE_CORNER[:1]}, r"contact 0: a crease needs two normals or more"),
+        ({0: CUBE_CORNER[0]}, r"two normals or more"),
+        ({0: CUBE_CORNER[:, :2]}, r"two normals or more, shape \(..., k, 3\)"),
+        ({0: 1.0}, r"two normals or more"),
+        ({1: [[1, 0, 0], [0, 0, 0]]}, r"contact 1: a normal at the crease has no direction"),
+        ({1: [[1, 0, 0], [0, math.nan, 0]]}, r"contact 1: a normal at the crease has no direction"),
+        ({1: [[1, 0, 0], [0, math.inf, 0]]}, r"has no direction"),
+        (
+            {0: [[1, 0, 0], [-1, 0, 0]]},
+            r"contact 0: the crease.s normals do not lie within a hemisphere",
+        ),
+        ({0: np.vstack([np.eye(3), -np.eye(3)])}, r"do not lie within a hemisphere"),
+        ({0: np.zeros((4, 2, 3))}, r"must be numbers of shape \(k, 3\)"),
+        ({0: [["a", "b", "c"], ["d", "e", "f"]]}, r"must be numbers"),
+        ({0: [[1, 0, 0], [1, 0]]}, r"must be numbers"),
+    ],
+    ids=str,
+)
+def test_creases_that_are_none(creases: Any, message: str) -> None:
+    with pytest.raises(ContactError, match=message):
+        face_normals(creases, PAIR)
+
+
+def test_creases_are_a_mapping() -> None:
+    with pytest.raises(ContactError, match=r"creases must map numbers of contacts.*got list"):
+        face_normals([CUBE_CORNER], PAIR)  # type: ignore[arg-type]

@@ -1,0 +1,128 @@
+import math
+
+import numpy as np
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import GraspModel, Label
+from grasp3d.stability import COLORS
+from grasp3d.stability.thresholds import label_angles, max_resolution
+from tests.helpers import oracles
+
+angles = st.floats(-0.5, 2.0)
+frictions = st.floats(0.05, 3.0)
+resolutions = st.floats(0.0, 2.0)
+
+
+def label_of(worst: float, friction: float, resolution: float) -> int:
+    model = GraspModel(friction=friction, sensor_resolution=resolution)
+    return int(label_angles(np.array([worst]), np.array([worst]), model)[0])
+
+
+@given(angles, frictions, resolutions)
+def test_labels_are_thresholds_on_the_critical_angle(
+    worst: float, friction: float, resolution: float
+) -> None:
+    beta, tilt = math.atan(friction), resolution / 2.0
+    expected = Label.S if worst < beta - tilt else Label.U if worst >= beta + tilt else Label.M
+    assert label_of(worst, friction, resolution) == expected
+
+
+@given(angles, frictions, resolutions, st.floats(0.0, 1.0))
+def test_a_finer_sensor_never_blurs_a_label(
+    worst: float, friction: float, resolution: float, share: float
+) -> None:
+    coarse = label_of(worst, friction, resolution)
+    if coarse != Label.M:
+        assert label_of(worst, friction, share * resolution) == coarse
+
+
+@given(angles, frictions, st.floats(0.0, 1.0))
+def test_a_grasp_is_stable_below_its_coarsest_resolution_and_not_at_it(
+    worst: float, friction: float, share: float
+) -> None:
+    model = GraspModel(friction=friction, sensor_resolution=0.0)
+    coarsest = float(max_resolution(np.array([worst]), model)[0])
+    if not 0.0 < coarsest < 3.1:  # resolutions end at pi
+        return
+    assert label_of(worst, friction, share * coarsest * (1.0 - 1e-9)) == Label.S
+    assert label_of(worst, friction, coarsest * (1.0 + 1e-9)) != Label.S
+
+
+def test_exactly_on_a_threshold() -> None:
+    beta = math.atan(0.5)
+    assert label_of(beta, 0.5, 0.0) == Label.U
+    assert label_of(np.nextafter(beta, 0.0), 0.5, 0.0) == Label.S
+    assert label_of(0.0, 0.5, 2.0 * beta) == Label.M
+
+
+def test_at_a_crease_the_worst_normals_decide_s_and_the_best_decide_u() -> None:
+    model = GraspModel(friction=1.0, sensor_resolution=0.2)
+    worst, best = np.array([1.5, 1.5, 0.1]), np.array([0.0, 1.2, 0.1])
+    assert label_angles(worst, best, model).tolist() == [Label.M, Label.U, Label.S]
+
+
+def test_no_grasp_is_u_and_has_no_resolution() -> None:
+    model = GraspModel()
+    nothing = np.array([math.inf])
+    assert label_angles(nothing, nothing, model).tolist() == [Label.U]
+    assert max_resolution(nothing, model).tolist() == [0.0]
+
+
+@given(st.integers(0, 10_000))
+@settings(max_examples=60, deadline=None)
+def test_no_tilt_contradicts_a_label(seed: int) -> None:
+    """Wan & Howe's own question, asked by brute force: tilt the normals and test closure."""
+    rng = np.random.default_rng(seed)
+    p1, p2 = rng.normal(size=3), rng.normal(size=3)
+    d = (p2 - p1) / np.linalg.norm(p2 - p1)
+    n1 = oracles.tilted(d, 0.9, rng)
+    n2 = oracles.tilted(-d, 0.9, rng)
+    friction, tilt = rng.uniform(0.2, 1.2), rng.uniform(0.0, 0.4)
+    label = label_of(oracles.critical_angle(p1, n1, p2, n2), friction, 2.0 * tilt)
+    beta = math.atan(friction)
+    for _ in range(50):
+        t1, t2 = oracles.tilted(n1, tilt, rng), oracles.tilted(n2, tilt, rng)
+        closed = oracles.critical_angle(p1, t1, p2, t2) < beta
+        assert not (label == Label.S and not closed)
+        assert not (label == Label.U and closed)
+    if label == Label.M:
+        outcomes = {
+            oracles.critical_angle(p1, toward(n1, s * d, tilt), p2, toward(n2, -s * d, tilt)) < beta
+            for s in (1, -1)
+        } | {
+            oracles.critical_angle(p1, toward(n1, s * d, -tilt), p2, toward(n2, -s * d, -tilt))
+            < beta
+            for s in (1, -1)
+        }
+        assert outcomes == {True, False}
+
+
+def toward(normal: np.ndarray, goal: np.ndarray, tilt: float) -> np.ndarray:
+    """Turn a normal by `tilt` toward a goal, not past it; away from it if negative."""
+    gap = oracles.angle(normal, goal)
+    across = goal - np.dot(goal, normal) * normal
+    across /= np.linalg.norm(across)
+    turn = min(tilt, gap)
+    return math.cos(turn) * normal + math.sin(turn) * across
+
+
+def test_the_critical_angle_is_where_closure_begins() -> None:
+    """Against a linear program that knows nothing of the closed form."""
+    rng = np.random.default_rng(1)
+    for _ in range(40):
+        p1, p2 = rng.normal(size=3), rng.normal(size=3)
+        d = (p2 - p1) / np.linalg.norm(p2 - p1)
+        n1, n2 = oracles.tilted(d, 1.0, rng), oracles.tilted(-d, 1.0, rng)
+        beta = oracles.critical_angle(p1, n1, p2, n2)
+        if beta > 0.05:
+            assert not oracles.closes(p1, n1, p2, n2, beta - 0.02)
+        assert oracles.closes(p1, n1, p2, n2, beta + 0.02)
+
+
+def test_colours_are_those_of_the_legend() -> None:
+    assert {label.name: "#{:02X}{:02X}{:02X}".format(*rgb) for label, rgb in COLORS.items()} == {
+        "S": "#009E73",
+        "M": "#F0E442",
+        "U": "#D55E00",
+    }

@@ -1,0 +1,400 @@
+"""Labels of surfaces from the wrench hulls alone, beside exact ones."""
+
+import math
+import os
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import (
+    Contacts,
+    GraspModel,
+    Label,
+    ObjectMesh,
+    Sampling,
+    SurfaceLabels,
+    classify,
+    force_closure,
+    label_surface,
+    load_mesh,
+    mesh_from_arrays,
+    scan_surface,
+)
+from grasp3d.contact.friction_cones import tilted_normals
+from grasp3d.errors import SettingError
+from grasp3d.surface.extreme_normals import hull_labels
+from grasp3d.surface.vertex_grasps import grasps_at
+from tests.helpers import shapes
+from tests.helpers.tilts import every
+
+degrees = math.radians
+COMMAND = Path(sys.executable).with_name("grasp3d")
+
+S, M, U = Label.S, Label.M, Label.U
+
+
+@cache
+def surface(name: str) -> ObjectMesh:
+    if name == "mug":
+        return load_mesh(shapes.LIBRARY / "mug.glb", max_edge=9.0)
+    arrays, max_edge = {
+        "ball": (shapes.sphere(2), 9.0),
+        "box": (shapes.box((1.0, 1.5, 2.0)), 0.25),
+        "coarse box": (shapes.box((1.0, 1.5, 2.0)), 0.5),
+        "blob": (shapes.lopsided(), 9.0),
+    }[name]
+    return mesh_from_arrays(*arrays, max_edge=max_edge)
+
+
+@cache
+def labelled(name: str, edges: int | None = None, around: int = 8) -> SurfaceLabels:
+    model = GraspModel(method="extremes", edges=edges, extreme_normals=around)
+    return label_surface(surface(name), model)
+
+
+def exactly(labels: SurfaceLabels) -> SurfaceLabels:
+    """The same grasps with exact labels."""
+    return replace(labels, model=replace(labels.model, method="exact"))
+
+
+def counted(labels: SurfaceLabels) -> np.ndarray:
+    """Vertices by exact and sampled label."""
+    counts = np.zeros((3, 3), dtype=np.int64)
+    np.add.at(counts, (exactly(labels).label, labels.label), 1)
+    return counts
+
+
+def differing_area(labels: SurfaceLabels) -> float:
+    areas = labels.mesh.vertex_areas / labels.mesh.vertex_areas.sum()
+    return float(areas[exactly(labels).label != labels.label].sum())
+
+
+def only_allowed(labels: SurfaceLabels) -> bool:
+    counts = counted(labels)
+    never = [counts[U, M], counts[U, S]]
+    if labels.model.edges is None:
+        never += [counts[S, M], counts[S, U]]
+    return sum(never) == 0
+
+
+def contacts_at(labels: SurfaceLabels, vertex: int) -> Contacts:
+    """The grasp of a smooth vertex whose partner is on a smooth place."""
+    mesh = labels.mesh
+    return Contacts(
+        [mesh.vertices[vertex] - mesh.center_mass, labels.partners[vertex, 0] - mesh.center_mass],
+        [mesh.normals[vertex], labels.partner_normals[vertex, 0]],
+        labels.model.friction,
+    )
+
+
+# Beside the exact labels
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edges", [None, 8])
+@pytest.mark.parametrize("name", ["ball", "box", "blob", "mug"])
+def test_surfaces_differ_from_exact_ones_little_and_only_as_they_may(
+    name: str, edges: int | None
+) -> None:
+    labels = labelled(name, edges)
+    plain = label_surface(surface(name), GraspModel(edges=edges))
+    np.testing.assert_array_equal(plain.critical_angle, labels.critical_angle)
+    np.testing.assert_array_equal(plain.label, exactly(labels).label)
+    assert only_allowed(labels)
+    assert differing_area(labels) < (0.01 if edges is None else 0.1)
+    if name == "blob":
+        assert counted(labels).trace() < len(labels.label)
+    for code, share in labels.fractions().items():
+        areas = labels.mesh.vertex_areas
+        assert share == pytest.approx(areas[labels.label == Label[code]].sum() / areas.sum())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("edges", [None, 8])
+@pytest.mark.parametrize("resolution", [22.6, 60.0])
+@pytest.mark.parametrize(
+    ("name", "fixed"),
+    [
+        ("blob", (0.0, 0.0, -9.0)),
+        ("box", (0.1, 0.2, -1.0)),
+        ("box", (-0.5, 0.2, -1.0)),
+        ("box", (-0.5, -0.75, -1.0)),
+    ],
+    ids=["blob", "face", "edge", "corner"],
+)
+def test_scans_differ_from_exact_ones_little_and_only_as_they_may(
+    name: str, fixed: Any, resolution: float, edges: int | None
+) -> None:
+    model = GraspModel(method="extremes", edges=edges, sensor_resolution=degrees(resolution))
+    labels = scan_surface(surface(name), model, fixed=fixed)
+    plain = scan_surface(surface(name), replace(model, method="exact"), fixed=fixed)
+    np.testing.assert_array_equal(plain.label, exactly(labels).label)
+    assert only_allowed(labels)
+    assert counted(labels)[M, S] == 0 or edges is None
+    assert differing_area(labels) < (0.06 if edges is None else 0.1)
+    assert len(set(labels.label)) > 1
+
+
+def test_more_normals_on_the_rims_come_nearer_to_the_exact_labels() -> None:
+    wrong = [int((labelled("blob", None, k).label != exactly(labelled("blob")).label).sum())
+             for k in (3, 6, 12, 24)]  # fmt: skip
+    assert wrong == sorted(wrong, reverse=True)
+    assert wrong[-1] < 0.2 * wrong[0]
+
+
+# Beside all combinations, one by one
+
+
+@pytest.mark.parametrize("edges", [None, 6])
+def test_labels_are_those_of_all_combinations_of_extreme_normals(edges: int | None) -> None:
+    labels = label_surface(
+        surface("blob"), GraspModel(method="extremes", edges=edges, extreme_normals=5)
+    )
+    seen = set()
+    for vertex in range(0, len(labels.label), 60):
+        contacts = contacts_at(labels, vertex)
+        tested = list(tilted_normals(contacts.normals, labels.model.tilt, count=5))
+        closed = force_closure(every(contacts, tested), edges=edges).closed
+        expected = S if closed.all() else M if closed.any() else U
+        assert labels.label[vertex] == expected
+        seen.add(expected)
+    assert seen == {S, M}
+
+
+@pytest.mark.parametrize("edges", [None, 6])
+@pytest.mark.parametrize("torsion", [0.0, 0.1])
+def test_epsilons_are_those_of_the_enumeration(edges: int | None, torsion: float) -> None:
+    model = GraspModel(
+        method="extremes", edges=edges, extreme_normals=4, torsion_radius=torsion,
+        actuation="per_finger",
+    )  # fmt: skip
+    blob = mesh_from_arrays(*shapes.sphere(1), max_edge=9.0)
+    lopsided = mesh_from_arrays(blob.vertices * [1.0, 0.8, 1.3], blob.faces, max_edge=9.0)
+    labels = label_surface(lopsided, model)
+    for vertex in range(0, len(labels.label), 9):
+        hard = contacts_at(labels, vertex)
+        contacts = Contacts(hard.points, hard.normals, hard.friction, torsion)
+        found = classify(
+            contacts, model.sensor_resolution, method="extremes", extreme_normals=4, edges=edges,
+            actuation="per_finger", torque_scale=labels.mesh.torque_scale, rtol=1e-3,
+        )  # fmt: skip
+        assert labels.label[vertex] == found.label
+        assert labels.epsilon_min[vertex] == pytest.approx(found.epsilon_min, rel=0.011)
+        assert labels.epsilon_max[vertex] == pytest.approx(found.epsilon_max, rel=0.011)
+        assert labels.epsilon[vertex] == pytest.approx(found.epsilon, rel=0.011)
+
+
+@pytest.mark.parametrize(("name", "edges"), [("blob", 8), ("coarse box", None), ("box", 6)])
+def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(
+    name: str, edges: int | None
+) -> None:
+    labels = labelled(name, edges)
+    smooth = labels.mesh.normal_sets.counts == 1
+    positive = labels.epsilon_min > 0.0
+    np.testing.assert_array_equal(positive[smooth], (labels.label == S)[smooth])
+    assert (labels.label[positive] == S).all()
+    assert (labels.epsilon_min <= 1.02 * labels.epsilon)[smooth].all()
+    assert (labels.epsilon <= 1.02 * labels.epsilon_max)[smooth].all()
+    assert (labels.epsilon_max[labels.label == U] == 0.0).all()
+    assert {S, M} <= set(labels.label)
+
+
+def test_epsilon_of_exact_labels_bounds_that_of_the_extremes() -> None:
+    labels = labelled("coarse box")
+    plain = exactly(labels)
+    smooth = labels.mesh.normal_sets.counts == 1
+    assert (labels.epsilon_min >= 0.98 * plain.epsilon_min)[smooth].all()
+    assert (labels.epsilon_max <= 1.02 * plain.epsilon_max)[smooth].all()
+    np.testing.assert_array_equal(labels.epsilon, plain.epsilon)
+    assert labels.model.tilts == "sampled_tilts"
+
+
+# Creases
+
+
+@pytest.mark.parametrize("friction", [0.3, 0.5, 0.9])
+def test_edges_and_corners_of_a_box_are_ambiguous_as_they_are_exactly(friction: float) -> None:
+    model = GraspModel(
+        method="extremes", friction=friction, sensor_resolution=degrees(10.0), extreme_normals=4
+    )
+    labels = label_surface(surface("coarse box"), model)
+    on_face = surface("coarse box").normal_sets.counts == 1
+    assert (labels.label[on_face] == S).all()
+    assert (labels.label[~on_face] != S).all()
+    assert only_allowed(labels)
+
+
+def test_a_vertex_whose_faces_look_everywhere_is_certain_of_nothing() -> None:
+    """Two pyramids that meet in their tips: the tip may have any normal."""
+    low = np.array([[-1.0, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [0, 0, 0]])
+    faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]])
+    twice = trimesh.util.concatenate(
+        [trimesh.Trimesh(side * low, faces[:, ::step], process=False)
+         for side, step in ((1.0, 1), (-1.0, -1))]
+    )  # fmt: skip
+    mesh = mesh_from_arrays(np.asarray(twice.vertices), np.asarray(twice.faces), max_edge=9.0)
+    tips = np.flatnonzero((mesh.vertices == 0.0).all(axis=1))
+    assert (mesh.normal_sets.counts[mesh.canonical[tips]] == 0).all()
+    labels = label_surface(mesh, GraspModel(friction=1.0, method="extremes", extreme_normals=4))
+    assert (labels.label[tips] != S).all()
+    assert only_allowed(labels)
+    finer = mesh_from_arrays(np.asarray(twice.vertices), np.asarray(twice.faces), max_edge=0.5)
+    perfect = GraspModel(friction=1.0, sensor_resolution=0.0, method="extremes", extreme_normals=4)
+    scan = scan_surface(finer, perfect, fixed=(0, 0, 0))
+    assert set(scan.label) == {U, M}
+
+
+def test_the_better_of_two_grasps_counts() -> None:
+    """At creases that of the best normals may be another one than that of the worst."""
+    labels = labelled("coarse box")
+    mesh = labels.mesh
+    vertices = np.unique(mesh.canonical)
+    found = [
+        hull_labels(grasps_at(mesh, labels.partner_points, vertices, number), labels.model)
+        for number in (0, 1)
+    ]
+    np.testing.assert_array_equal(labels.label[vertices], np.maximum(*found))
+    for number, positions in enumerate(
+        labels.partner_points.positions(mesh)[:, :, 0].swapaxes(0, 1)
+    ):
+        off = np.linalg.norm(positions - labels.partners[:, 0], axis=1)
+        assert number == 1 or off.max() <= 1e-6
+
+
+def test_duplicates_carry_the_label_of_their_place() -> None:
+    vertices, faces = shapes.box((1.0, 1.5, 2.0))
+    soup = mesh_from_arrays(vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3))
+    labels = label_surface(
+        soup, GraspModel(method="extremes", extreme_normals=4, edges=6), threads=1
+    )
+    assert (soup.canonical != np.arange(len(soup.canonical))).any()
+    np.testing.assert_array_equal(labels.label, labels.label[soup.canonical])
+    np.testing.assert_array_equal(labels.epsilon_min, labels.epsilon_min[soup.canonical])
+    assert (labels.label == M).any()
+
+
+# Asking again, threads, progress
+
+
+def test_relabelling_enumerates_anew_when_it_is_asked() -> None:
+    labels = labelled("blob", 8)
+    finer = labels.relabel(friction=0.45, sensor_resolution=degrees(10.0))
+    assert finer.model.method == "extremes"
+    assert "label" not in vars(finer)
+    model = GraspModel(friction=0.45, sensor_resolution=degrees(10.0), method="extremes", edges=8)
+    wide = Sampling(search_angle=labels.search.cone)
+    again = label_surface(surface("blob"), model, sampling=wide)
+    np.testing.assert_array_equal(finer.label, again.label)
+    assert (finer.label != labels.label).any()
+    with pytest.raises(ValueError, match="read-only"):
+        finer.label[0] = 0
+    tiny = labels.relabel(friction=1e-6)
+    with pytest.raises(SettingError, match="use method='exact'"):
+        _ = tiny.label
+
+
+def test_threads_change_nothing() -> None:
+    model = GraspModel(method="extremes", edges=6, extreme_normals=4)
+    one, two = (label_surface(surface("box"), model, threads=n) for n in (1, 2))
+    np.testing.assert_array_equal(one.label, two.label)
+    np.testing.assert_array_equal(one.epsilon_min, two.epsilon_min)
+    np.testing.assert_array_equal(one.epsilon_max, two.epsilon_max)
+
+
+@pytest.mark.parametrize("opening", [math.inf, 1e-3])
+def test_progress_runs_from_0_to_1_whatever_is_found(opening: float) -> None:
+    model = GraspModel(method="extremes", edges=8, extreme_normals=4)
+    shares: list[float] = []
+    labels = label_surface(
+        surface("box"), model, sampling=Sampling(max_opening=opening), progress=shares.append
+    )
+    assert "label" in vars(labels)
+    assert shares == sorted(shares)
+    assert 0.0 <= shares[0] < 0.3
+    assert shares[-1] == 1.0
+    if opening < 1.0:
+        assert (labels.label == U).all()
+        assert np.isnan(labels.epsilon_max).all()
+        return
+    shares.clear()
+    labels.measure(shares.append)
+    assert shares == sorted(shares)
+    assert shares[-1] == 1.0
+
+
+def test_exact_labels_need_no_enumeration() -> None:
+    labels = label_surface(surface("ball"))
+    shares: list[float] = []
+    labels.enumerate_extremes(shares.append)
+    assert shares == []
+
+
+# Extreme settings
+
+
+def test_tiny_friction_needs_the_exact_method() -> None:
+    narrow = GraspModel(friction=1e-6, sensor_resolution=0.3, method="extremes")
+    with pytest.raises(SettingError, match=r"narrow against the sensor's resolution.*'exact'"):
+        label_surface(surface("ball"), narrow)
+    assert (label_surface(surface("ball"), replace(narrow, method="exact")).label == M).all()
+
+
+@pytest.mark.parametrize(
+    ("friction", "resolution", "code"),
+    [
+        (0.5, 0.0, S),
+        (0.5, 2.0 * math.atan(0.5), M),
+        (0.5, 1.2, M),
+        (10.0, 0.0, S),
+        (10.0, 1.0, S),
+        (10.0, 2.0 * math.atan(10.0), M),
+    ],
+)
+def test_a_ball_at_the_ends_of_the_scale(friction: float, resolution: float, code: Label) -> None:
+    model = GraspModel(friction=friction, sensor_resolution=resolution, method="extremes")
+    labels = label_surface(mesh_from_arrays(*shapes.sphere(2), max_edge=9.0), model)
+    assert set(labels.label) == set(exactly(labels).label) == {code}
+
+
+# The command line
+
+
+def test_the_command_labels_by_enumeration(tmp_path: Path) -> None:
+    vertices, faces = shapes.box((0.06, 0.04, 0.1))
+    trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "box.stl")
+    command = [
+        COMMAND, "label", "box.stl", "-o", "out.npz", "--unit", "m", "--max-edge", "0.02",
+        "--method", "extremes", "--edges", "8", "--extreme-normals", "8",
+    ]  # fmt: skip
+    how: dict[str, Any] = {
+        "capture_output": True, "text": True, "cwd": tmp_path,
+        "env": {**os.environ, "COLUMNS": "160"},
+    }  # fmt: skip
+    run = subprocess.run(command, check=False, **how)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "8 extreme normals per contact, cones with 8 edges" in run.stdout
+    assert "smallest over sampled tilts" in run.stdout
+    mesh = load_mesh(tmp_path / "box.stl", unit="m", max_edge=0.02)
+    labels = label_surface(mesh, GraspModel(method="extremes", edges=8))
+    with np.load(tmp_path / "out.npz") as data:
+        np.testing.assert_array_equal(data["label"], labels.label)
+        np.testing.assert_array_equal(data["epsilon_min"], labels.epsilon_min)
+        for key, value in {
+            "method": "extremes", "extreme_normals": "8", "edges": "8",
+            "epsilon_min": "sampled_tilts", "epsilon_max": "sampled_tilts",
+        }.items():  # fmt: skip
+            assert str(data[f"setting_{key}"]) == value
+    share = 100.0 * labels.fractions()["S"]
+    assert re.search(rf"S +surely stable +{share:.1f} %", run.stdout)
+    refused = subprocess.run([*command, "--friction", "1e-6"], check=False, **how)
+    assert refused.returncode == 2
+    assert "use method='exact'" in " ".join(refused.stderr.split())
+    assert "Traceback" not in refused.stderr

@@ -1,0 +1,91 @@
+"""The same object in another guise gets the same labels.
+
+Vertices whose critical angle lies within 1e-6 rad of a threshold may differ.
+"""
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import GraspModel, SurfaceLabels, label_surface, load_mesh, mesh_from_arrays
+from tests.helpers import shapes
+from tests.helpers.shapes import Surface
+
+MODEL = GraspModel()
+
+
+def disguises(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[str, Surface, np.ndarray]]:
+    """(name, the surface in another guise, where each vertex went)."""
+    rng = np.random.default_rng(3)
+    own = np.arange(len(vertices))
+    order = rng.permutation(len(vertices))
+    place = np.argsort(order)
+    far = 1e6 * np.ptp(vertices) * np.array([1.0, -0.5, 0.3])
+    rolled = np.stack([np.roll(face, number % 3) for number, face in enumerate(faces)])
+    yield "turned", (vertices @ shapes.rotation(5).T, faces), own
+    yield "far away", (vertices + far, faces), own
+    yield "tiny", (vertices * 1e-6, faces), own
+    yield "huge", (vertices * 1e6, faces), own
+    yield "in inches", (vertices / 25.4, faces), own
+    yield "vertices in another order", (vertices[order], place[faces]), place
+    yield "faces in another order", (vertices, faces[rng.permutation(len(faces))]), own
+    yield "faces begun elsewhere", (vertices, rolled), own
+
+
+def assert_same(expected: SurfaceLabels, found: SurfaceLabels, place: np.ndarray) -> None:
+    count = len(place)
+    thresholds = (MODEL.friction_angle - MODEL.tilt, MODEL.friction_angle + MODEL.tilt)
+    near = np.zeros(count, dtype=bool)
+    for angles in (expected.critical_angle[:count], expected.critical_angle_best[:count]):
+        for threshold in thresholds:
+            near |= np.abs(angles - threshold) < 1e-6
+    same = found.label[place] == expected.label[:count]
+    assert (same | near).all()
+    assert near.mean() < 0.01
+
+
+OBJECTS = {
+    "lopsided": shapes.lopsided,
+    "cone": lambda: shapes.cone(0.25),
+    "tube": shapes.tube,
+    "torus": shapes.torus,
+    "box": lambda: shapes.box((1.0, 1.5, 2.0)),
+    "mug": lambda: from_library("mug.glb"),
+    "wrench": lambda: from_library("wrench.glb"),
+}
+
+
+def from_library(name: str) -> Surface:
+    mesh = load_mesh(shapes.LIBRARY / name, max_edge=1e9)
+    return mesh.vertices, mesh.faces
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", OBJECTS)
+def test_another_guise_changes_no_label(name: str) -> None:
+    vertices, faces = OBJECTS[name]()
+    expected = label_surface(mesh_from_arrays(vertices, faces), MODEL)
+    for guise, surface, place in disguises(vertices, faces):
+        found = label_surface(mesh_from_arrays(*surface), MODEL)
+        try:
+            assert_same(expected, found, place)
+        except AssertionError as error:
+            raise AssertionError(f"{name} {guise}") from error
+
+
+def test_the_file_format_changes_no_label(tmp_path: Path) -> None:
+    """Coordinates that 32 bits hold exactly, so that every format says the same."""
+    vertices, faces = shapes.lopsided()
+    vertices = np.float64(np.float32(vertices))
+    expected = label_surface(mesh_from_arrays(vertices, faces), MODEL)
+    mesh = trimesh.Trimesh(vertices, faces, process=False)
+    for suffix in ("stl", "ply", "off", "obj", "glb", "3mf"):
+        path = tmp_path / f"same.{suffix}"
+        mesh.export(path, **({"digits": 12} if suffix in {"off", "obj"} else {}))
+        loaded = load_mesh(path)
+        rows = {tuple(v): i for i, v in enumerate(np.float32(loaded.vertices).tolist())}
+        place = np.array([rows[tuple(v)] for v in np.float32(vertices).tolist()])
+        assert_same(expected, label_surface(loaded, MODEL), place)

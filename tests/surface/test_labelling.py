@@ -1,0 +1,436 @@
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+from grasp3d import (
+    Contacts,
+    GraspModel,
+    Label,
+    Sampling,
+    SurfaceLabels,
+    epsilon,
+    label_surface,
+    mesh_from_arrays,
+    scan_surface,
+)
+from grasp3d.errors import SearchCoverageError, SettingError
+from grasp3d.surface import Reason
+from tests.helpers import oracles, shapes
+
+degrees = math.radians
+
+
+@cache
+def ball() -> SurfaceLabels:
+    mesh = mesh_from_arrays(*shapes.sphere(5))
+    return label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=math.pi / 2.0))
+
+
+@pytest.mark.parametrize(("friction", "resolution"), [(0.5, 22.6), (0.2, 20.0), (1.0, 80.0)])
+def test_a_ball_is_reliable_everywhere_while_the_tilt_is_below_the_friction_angle(
+    friction: float, resolution: float
+) -> None:
+    labels = ball().relabel(friction=friction, sensor_resolution=degrees(resolution))
+    assert (labels.label == Label.S).all()
+
+
+@pytest.mark.parametrize(("friction", "resolution"), [(0.2, 22.7), (0.5, 60.0), (1.0, 90.0)])
+def test_a_ball_is_reliable_nowhere_from_there_on(friction: float, resolution: float) -> None:
+    labels = ball().relabel(friction=friction, sensor_resolution=degrees(resolution))
+    assert (labels.label == Label.M).all()
+
+
+@pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
+def test_a_box_is_reliable_on_its_faces_and_not_on_edges_and_corners(friction: float) -> None:
+    mesh = mesh_from_arrays(*shapes.box((1.0, 1.5, 2.0)))
+    labels = label_surface(mesh, GraspModel(friction=friction, sensor_resolution=degrees(10.0)))
+    on_face = mesh.normal_sets.counts == 1
+    assert (labels.label[on_face] == Label.S).all()
+    assert (labels.label[~on_face] <= Label.M).all()
+    assert labels.critical_angle[on_face] == pytest.approx(0.0, abs=1e-9)
+    assert labels.critical_angle[~on_face].min() >= math.pi / 4.0 - 1e-9
+
+
+@pytest.mark.parametrize("half_angle", [5.0, 14.0, 25.0])
+def test_a_long_cone_needs_friction_of_its_own_slope(half_angle: float) -> None:
+    gamma = degrees(half_angle)
+    mesh = mesh_from_arrays(*shapes.cone(gamma, height=1.0, sections=256))
+    labels = label_surface(mesh, GraspModel(friction=math.tan(gamma + 0.1)))
+    flank = (mesh.vertices[:, 2] > 0.4) & (mesh.vertices[:, 2] < 0.8)
+    assert flank.sum() > 100
+    assert labels.critical_angle[flank].min() > gamma - degrees(0.05)
+    assert np.median(labels.critical_angle[flank]) == pytest.approx(gamma, abs=degrees(0.05))
+    assert labels.critical_angle[flank].max() < gamma + degrees(0.3)
+
+
+def test_a_ring_is_held_from_inside_without_friction() -> None:
+    mesh = mesh_from_arrays(*shapes.tube(0.4, 0.5, 0.2))
+    labels = label_surface(mesh, GraspModel(), sampling=Sampling(grip="expand"))
+    radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
+    inside = (radius < 0.41) & (np.abs(mesh.vertices[:, 2]) < 0.08)
+    assert labels.critical_angle[inside].max() < degrees(0.2)
+    assert (labels.grip[inside] == -1).all()
+    assert labels.opening[inside] == pytest.approx(0.8, abs=2e-3)
+    outside = (radius > 0.49) & (np.abs(mesh.vertices[:, 2]) < 0.08)
+    assert (labels.reason[outside] == Reason.NO_PARTNER).all()
+    assert (labels.label[outside] == Label.U).all()
+
+
+def tube_openings(**limits: float) -> np.ndarray:
+    mesh = mesh_from_arrays(*shapes.tube(0.4, 0.5, 1.0))
+    labels = label_surface(mesh, GraspModel(), sampling=Sampling(**limits))  # type: ignore[arg-type]
+    radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
+    outside = (radius > 0.49) & (np.abs(mesh.vertices[:, 2]) < 0.3)
+    assert (labels.label[outside] == Label.S).all()
+    opening: np.ndarray = labels.opening[outside]
+    return opening
+
+
+def test_a_hollow_cylinder_is_held_by_its_wall_or_across() -> None:
+    assert tube_openings(max_opening=0.95) == pytest.approx(0.1, abs=2e-3)
+    assert tube_openings(min_opening=0.95) == pytest.approx(1.0, abs=2e-3)
+    either = tube_openings()
+    assert (np.isclose(either, 0.1, atol=2e-3) | np.isclose(either, 1.0, atol=2e-3)).all()
+
+
+@pytest.mark.parametrize("width", [0.04, 0.1, 0.3])
+@pytest.mark.parametrize("offset", [0.0, 0.123, 40.0])
+def test_a_gripper_that_just_fits_fits_wherever_the_object_lies(
+    width: float, offset: float
+) -> None:
+    vertices, faces = shapes.box((width, 1.5 * width, 2.0 * width))
+    sides = np.abs(np.abs(mesh_from_arrays(vertices, faces).vertices[:, 0]) - width / 2.0) < 1e-9
+    for turn in (np.eye(3), shapes.rotation(1), shapes.rotation(2)):
+        mesh = mesh_from_arrays(vertices @ turn.T + offset, faces)
+        sampling = Sampling(max_opening=width, min_opening=width)
+        labels = label_surface(mesh, sampling=sampling)
+        inside = sides & (mesh.normal_sets.counts == 1)
+        assert (labels.label[inside] == Label.S).all()
+        assert labels.opening[inside] == pytest.approx(width, rel=1e-5)
+
+
+def test_pushing_apart_stops_at_the_first_wall() -> None:
+    """A ring within a ring: the fingers inside the small one do not reach the large one."""
+    inner, faces = shapes.tube(0.2, 0.3, 0.2)
+    outer, more = shapes.tube(0.4, 0.5, 0.2)
+    mesh = mesh_from_arrays(np.vstack([inner, outer]), np.vstack([faces, more + len(inner)]))
+    sampling = Sampling(grip="expand", min_opening=0.5)
+    labels = label_surface(mesh, sampling=sampling)
+    radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
+    inside = (radius < 0.21) & (np.abs(mesh.vertices[:, 2]) < 0.08)
+    assert inside.sum() > 50
+    assert (labels.reason[inside] == Reason.OPENING).all()
+    either = label_surface(mesh, sampling=Sampling(grip="expand"))
+    assert (either.opening[inside] < 0.41).all()
+
+
+def test_a_contact_on_an_edge_of_four_faces_may_have_any_normal() -> None:
+    vertices, faces = shapes.box()
+    both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
+    mesh = mesh_from_arrays(both, np.vstack([faces, faces + 8]))
+    scan = scan_surface(mesh, GraspModel(friction=1.0), fixed=(0.5, 0.5, 0.03))
+    assert scan.fractions()["S"] == 0.0
+    others = scan.reason == Reason.FOUND
+    assert scan.critical_angle[others].min() == math.pi
+
+
+def test_a_corner_that_cuts_an_edge_from_one_side_is_on_a_crease() -> None:
+    """A T-junction: a vertex in the middle of an edge that only one of the two faces has."""
+    vertices, faces = shapes.box()
+    a, b = next(
+        (f[k], f[(k + 1) % 3])
+        for f in faces
+        for k in range(3)
+        if (vertices[f[k]] == vertices[f[(k + 1) % 3]]).sum() == 2
+    )
+    cut = len(vertices)
+    vertices = np.vstack([vertices, vertices[[a, b]].mean(axis=0)])
+    split = []
+    for face in faces:
+        turned = next(
+            (np.roll(face, -k) for k in range(3) if (np.roll(face, -k)[:2] == (a, b)).all()), None
+        )
+        split += [face] if turned is None else [[a, cut, turned[2]], [cut, b, turned[2]]]
+    mesh = mesh_from_arrays(vertices, np.array(split))
+    assert len(np.unique(mesh.vertices.round(12), axis=0)) == len(mesh.vertices)
+    labels = label_surface(mesh, GraspModel(friction=0.9))
+    on_edge = (np.abs(mesh.vertices) == 0.5).sum(axis=1) >= 2
+    assert (labels.label[on_edge] <= Label.M).all()
+
+
+def test_openings_that_nothing_fits_are_the_reason() -> None:
+    mesh = mesh_from_arrays(*shapes.sphere(3))
+    labels = label_surface(mesh, sampling=Sampling(max_opening=0.5))
+    assert (labels.label == Label.U).all()
+    assert (labels.reason == Reason.OPENING).all()
+    assert np.isinf(labels.critical_angle).all()
+    assert np.isnan(labels.partners).all()
+    assert (labels.max_resolution == 0.0).all()
+    assert labels.fractions() == {"S": 0.0, "M": 0.0, "U": pytest.approx(1.0)}
+
+
+def planar_settings() -> list[tuple[float, float]]:
+    cases = json.loads(shapes.shared("reference", "planar.json").read_text())["circle"]
+    return [(case["mu"], degrees(case["alpha_deg"])) for case in cases]
+
+
+def test_scanning_a_ball_gives_the_closed_form_fractions() -> None:
+    """40,962 vertices, finger 1 at a pole: caps around the antipode."""
+    mesh = mesh_from_arrays(*shapes.sphere(6))
+    scan = scan_surface(mesh, fixed=(0.0, 0.0, 1.0))
+    for friction, resolution in planar_settings():
+        beta, tilt = math.atan(friction), resolution / 2.0
+        fractions = scan.relabel(friction=friction, sensor_resolution=resolution).fractions()
+        stable = (1.0 - math.cos(2.0 * max(0.0, beta - tilt))) / 2.0
+        not_unstable = (1.0 - math.cos(2.0 * min(beta + tilt, math.pi / 2.0))) / 2.0
+        assert fractions["S"] == pytest.approx(stable, abs=5e-3)
+        assert fractions["S"] + fractions["M"] == pytest.approx(not_unstable, abs=5e-3)
+
+
+def test_scan_against_the_definition_on_a_real_shape() -> None:
+    mesh = mesh_from_arrays(*shapes.lopsided())
+    start = mesh.vertices[100]
+    scan = scan_surface(mesh, fixed=start + 0.01 * mesh.normals[100])
+    place, normal = scan.partners[0, 0], scan.partner_normals[0, 0]
+    assert np.linalg.norm(place - start) < 0.02
+    for v in range(0, len(mesh.vertices), 61):
+        expected = oracles.critical_angle(place, normal, mesh.vertices[v], mesh.normals[v])
+        assert scan.critical_angle[v] == pytest.approx(expected, abs=1e-9)
+        assert scan.opening[v] == pytest.approx(np.linalg.norm(place - mesh.vertices[v]))
+
+
+def test_scan_from_a_vertex_skips_that_vertex_and_from_a_corner_takes_its_normals() -> None:
+    mesh = mesh_from_arrays(*shapes.box())
+    scan = scan_surface(mesh, fixed=mesh.vertices[0])
+    assert scan.reason[0] == Reason.SAME_PLACE
+    assert scan.label[0] == Label.U
+    across = int(np.argmax(scan.opening))  # the opposite corner: both see the diagonal
+    assert scan.critical_angle_best[across] == 0.0
+    assert scan.critical_angle[across] == pytest.approx(math.acos(1.0 / math.sqrt(3.0)))
+    face = scan_surface(mesh, fixed=(0.0, 0.0, 0.5))
+    below = int(np.argmin(np.linalg.norm(mesh.vertices - [0.0, 0.0, -0.5], axis=1)))
+    assert face.critical_angle[below] == pytest.approx(0.0, abs=0.05)
+    edge = scan_surface(mesh, fixed=(0.5, 0.02, 0.5))
+    opposite = int(np.argmin(np.linalg.norm(mesh.vertices - [-0.5, 0.0, -0.5], axis=1)))
+    assert edge.critical_angle[opposite] == pytest.approx(math.pi / 4.0, abs=0.05)
+    assert edge.critical_angle_best[opposite] == pytest.approx(0.0, abs=0.05)
+
+
+@pytest.mark.parametrize("fixed", [(0.0, 0.0), [], [[[0, 0, 1]]], "ab", (math.nan, 0.0, 0.0)])
+def test_scan_wants_points(fixed: object) -> None:
+    mesh = mesh_from_arrays(*shapes.box())
+    with pytest.raises(SettingError, match="one point or more, each of three finite numbers"):
+        scan_surface(mesh, fixed=fixed)  # type: ignore[arg-type]
+
+
+def test_relabelling_is_labelling_anew() -> None:
+    mesh = mesh_from_arrays(*shapes.lopsided())
+    wide = label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=1.0))
+    for friction, resolution in ((0.3, 0.2), (0.8, 0.5), (0.1, 0.0)):
+        model = GraspModel(friction=friction, sensor_resolution=resolution)
+        again = label_surface(mesh, model, sampling=Sampling(search_angle=1.0))
+        threshold = wide.relabel(friction=friction, sensor_resolution=resolution)
+        assert np.array_equal(threshold.label, again.label)
+        assert threshold.model == model
+        assert np.array_equal(threshold.max_resolution, again.max_resolution)
+
+
+@cache
+def blob() -> SurfaceLabels:
+    return label_surface(mesh_from_arrays(*shapes.lopsided()), sampling=Sampling(search_angle=1.0))
+
+
+def with_model(labels: SurfaceLabels, **changes: Any) -> SurfaceLabels:
+    """The same grasps under another model."""
+    return replace(labels, model=replace(labels.model, **changes))
+
+
+SOFT_OR_HARD = [
+    {},
+    {"edges": 8},
+    {"actuation": "per_finger"},
+    {"torsion_radius": 0.05},
+    {"torsion_radius": 0.05, "edges": 8},
+]
+
+
+@pytest.mark.parametrize("changes", SOFT_OR_HARD, ids=str)
+def test_epsilon_lies_between_its_minimum_and_its_maximum(changes: dict[str, Any]) -> None:
+    labels = with_model(blob(), **changes)
+    assert (labels.epsilon_min <= labels.epsilon).all()
+    assert (labels.epsilon <= labels.epsilon_max).all()
+    assert (labels.epsilon > 0.0).mean() > 0.9
+    assert np.array_equal(labels.label, blob().label)
+    assert np.array_equal(labels.critical_angle, blob().critical_angle)
+
+
+@pytest.mark.parametrize("resolution", [0.0, 10.0, 22.6, 40.0])
+def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(resolution: float) -> None:
+    labels = blob().relabel(sensor_resolution=degrees(resolution))
+    model = labels.model
+    beta = labels.critical_angle
+    near = np.abs(beta - (model.friction_angle - model.tilt)) < 1e-4
+    assert np.array_equal((labels.epsilon_min > 0.0)[~near], (labels.label == Label.S)[~near])
+    assert (labels.epsilon[beta < model.friction_angle - 1e-4] > 0.0).all()
+    assert (labels.epsilon_max[labels.label == Label.U] == 0.0).all()
+    assert near.mean() < 0.01
+
+
+def test_epsilon_is_that_of_the_named_grasp() -> None:
+    labels = blob()
+    mesh, model = labels.mesh, labels.model
+    for v in range(0, len(mesh.vertices), 400):
+        contacts = Contacts(
+            [mesh.vertices[v] - mesh.center_mass, labels.partners[v, 0] - mesh.center_mass],
+            [mesh.normals[v], labels.partner_normals[v, 0]],
+        )
+        for value, widen in ((labels.epsilon, 0.0), (labels.epsilon_min, -model.tilt)):
+            expected = epsilon(contacts, widen=widen, torque_scale=mesh.torque_scale)
+            assert 0.98 * expected.lower <= value[v] <= expected.upper
+
+
+def test_a_ball_has_one_epsilon_in_closed_form() -> None:
+    labels = label_surface(mesh_from_arrays(*shapes.sphere(4), max_edge=9.0))
+
+    def pole_to_pole(angle: float) -> float:
+        across = math.sqrt(2.0) * math.tan(angle / 2.0)
+        return across / math.hypot(1.0, across)
+
+    model = labels.model
+    beta, tilt = model.friction_angle, model.tilt
+    assert labels.epsilon == pytest.approx(pole_to_pole(beta), rel=0.03)
+    assert labels.epsilon_min == pytest.approx(pole_to_pole(beta - tilt), rel=0.04)
+    assert labels.epsilon_max == pytest.approx(pole_to_pole(beta + tilt), rel=0.03)
+
+
+def test_epsilon_does_not_depend_on_the_unit_nor_on_threads() -> None:
+    vertices, faces = shapes.lopsided()
+    own = label_surface(mesh_from_arrays(vertices, faces), threads=1)
+    inches = label_surface(mesh_from_arrays(vertices / 25.4, faces), threads=2)
+    same = np.isclose(own.critical_angle, inches.critical_angle, atol=1e-6)
+    assert same.mean() > 0.99
+    for name in ("epsilon", "epsilon_min", "epsilon_max"):
+        one, other = getattr(own, name)[same], getattr(inches, name)[same]
+        assert other == pytest.approx(one, rel=0.02, abs=1e-6)
+    apart = replace(own, threads=2)
+    assert np.array_equal(apart.epsilon, own.epsilon)
+
+
+def test_relabelling_asks_epsilon_of_the_new_model_at_the_same_grasps() -> None:
+    labels = with_model(blob(), edges=8)
+    before = labels.epsilon
+    finer = labels.relabel(friction=0.7, sensor_resolution=0.1)
+    assert finer.model == GraspModel(friction=0.7, sensor_resolution=0.1, edges=8)
+    assert "epsilon_range" not in vars(finer)  # computed when first asked for
+    assert np.array_equal(finer.partners, labels.partners)
+    closed = before > 0.0
+    assert (finer.epsilon[closed] != before[closed]).all()
+    assert labels.epsilon is before
+
+
+def test_without_a_grasp_there_is_no_epsilon() -> None:
+    vertices, faces = shapes.sphere(3)
+    more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
+    labels = label_surface(mesh_from_arrays(more, faces), GraspModel(edges=8))
+    count = len(vertices)
+    assert np.array_equal(labels.epsilon[count : count + 5], labels.epsilon[:5])
+    assert np.isnan(labels.epsilon[count + 5])
+    assert np.isfinite(labels.epsilon[:count]).all()
+    narrow = label_surface(labels.mesh, labels.model, sampling=Sampling(max_opening=0.5))
+    for values in (narrow.epsilon, narrow.epsilon_min, narrow.epsilon_max):
+        assert np.isnan(values).all()
+    assert narrow.epsilon_quantiles([0.5]) == [0.0]
+    box = mesh_from_arrays(*shapes.box())
+    scan = scan_surface(box, GraspModel(edges=8), fixed=box.vertices[0])
+    assert np.isnan(scan.epsilon[0])
+    assert np.isfinite(scan.epsilon[scan.reason == Reason.FOUND]).all()
+
+
+def test_epsilon_can_be_measured_ahead_and_tells_its_progress() -> None:
+    labels = with_model(blob(), edges=8)
+    shares: list[float] = []
+    labels.measure(shares.append)
+    assert shares[-1] == 1.0
+    first = labels.epsilon
+    labels.measure(shares.append)
+    assert labels.epsilon is first
+    assert shares.count(1.0) == 1
+
+
+def test_quantiles_of_epsilon() -> None:
+    labels = with_model(blob(), edges=8)
+    low, high = labels.epsilon_quantiles([0.0, 1.0], of="minimum")
+    assert (low, high) == (labels.epsilon_min.min(), labels.epsilon_min.max())
+    middle = labels.epsilon_quantiles([0.5], weights="vertex")
+    assert middle == pytest.approx(np.quantile(labels.epsilon, 0.5, method="inverted_cdf"))
+    with pytest.raises(SettingError, match="known: nominal, minimum, maximum"):
+        labels.epsilon_quantiles([0.5], of="best")  # type: ignore[arg-type]
+
+
+def test_relabelling_beyond_the_search_is_an_error_that_tells_the_way() -> None:
+    labels = label_surface(mesh_from_arrays(*shapes.sphere(2)), GraspModel(friction=0.3))
+    with pytest.raises(SearchCoverageError, match=r"Sampling\(search_angle="):
+        labels.relabel(friction=0.5)
+    with pytest.raises(SearchCoverageError, match="searched only up to"):
+        labels.relabel(sensor_resolution=1.0)
+    with pytest.raises(SettingError):
+        labels.relabel(friction=-1.0)
+    assert labels.relabel(friction=0.2).model.friction == 0.2
+
+
+def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
+    mesh = mesh_from_arrays(*shapes.cone(0.3))
+    labels = label_surface(mesh)
+    for weights in ("area", "vertex"):
+        fractions = labels.fractions(weights=weights)  # type: ignore[arg-type]
+        assert list(fractions) == ["S", "M", "U"]
+        assert sum(fractions.values()) == pytest.approx(1.0)
+    counts = np.bincount(labels.label, minlength=3) / len(labels.label)
+    assert labels.fractions(weights="vertex")["S"] == pytest.approx(counts[Label.S])
+    low, high = labels.angle_quantiles([0.0, 1.0])
+    assert (low, high) == (labels.critical_angle.min(), labels.critical_angle.max())
+    assert labels.angle_quantiles([0.5], weights="vertex") == pytest.approx(
+        np.quantile(labels.critical_angle, 0.5, method="inverted_cdf")
+    )
+    with pytest.raises(SettingError, match="known: area, vertex"):
+        labels.fractions(weights="face")  # type: ignore[arg-type]
+
+
+def test_duplicates_carry_their_place_and_strays_are_off_the_surface() -> None:
+    vertices, faces = shapes.sphere(3)
+    more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
+    mesh = mesh_from_arrays(more, faces)
+    labels = label_surface(mesh)
+    plain = label_surface(mesh_from_arrays(vertices, faces))
+    count = len(vertices)
+    assert np.array_equal(labels.critical_angle[count : count + 5], labels.critical_angle[:5])
+    assert labels.reason[count + 5] == Reason.OFF_SURFACE
+    assert labels.label[count + 5] == Label.U
+    assert labels.fractions() == pytest.approx(plain.fractions())
+    assert labels.fractions(weights="vertex") == pytest.approx(plain.fractions(weights="vertex"))
+
+
+def test_the_search_reports_how_far_it_went() -> None:
+    search = label_surface(mesh_from_arrays(*shapes.lopsided())).search
+    assert search.rays > 64 * 2562
+    assert search.rounds > 3
+    assert 0.0 <= search.still_falling < 0.01
+
+
+def test_labels_cannot_be_written_to() -> None:
+    labels = ball()
+    arrays = (
+        labels.critical_angle, labels.label, labels.max_resolution, labels.mesh.normals,
+        labels.mesh.vertex_areas, labels.mesh.normalized, labels.mesh.normal_sets.normals,
+        blob().epsilon, blob().epsilon_min, blob().epsilon_max,
+    )  # fmt: skip
+    for array in arrays:
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 0.0
+    with pytest.raises(AttributeError):
+        labels.model = GraspModel()  # type: ignore[misc]

@@ -1,0 +1,96 @@
+"""Three fingers, searched and exhausted: what the search finds beside the best that there is."""
+
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+from numpy.typing import NDArray
+
+from grasp3d import GraspModel, ObjectMesh, Sampling, label_surface, mesh_from_arrays
+from grasp3d.mesh.primitives import box_mesh, sphere_mesh
+from grasp3d.settings import Places
+from tests.helpers import coplanar, shapes
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+
+pytestmark = pytest.mark.slow
+
+LIMIT = math.radians(80.0)
+TOLERANCE = 2e-4
+"""By how much the exhaustive angles may be too large [rad]."""
+
+CLOSE = 0.02
+UNDIVIDED = 1e3
+"""Edges this long stay whole."""
+
+
+def cylinder() -> ObjectMesh:
+    """16 sides, rings along it, and rings on its ends."""
+    profile = [(0, -1.5), (0.5, -1.5), (1, -1.5), (1, -0.75), (1, 0), (1, 0.75)]
+    profile += [(1, 1.5), (0.5, 1.5), (0, 1.5)]
+    turned = trimesh.creation.revolve(np.array(profile, dtype=np.float64), sections=16)
+    return mesh_from_arrays(*shapes.arrays(turned), max_edge=UNDIVIDED)
+
+
+def mug(sections: int) -> ObjectMesh:
+    """A cup with a handle that a finger fits through; half of its vertices are on creases."""
+    shapes.reader("manifold3d")
+    outside = [(0, 0), (22, 0), (40, 0), (40, 30), (40, 64), (40, 95), (0, 95)]
+    inside = [(0, 5), (20, 5), (36, 5), (36, 32), (36, 64), (36, 95), (36, 120), (0, 120)]
+    body, hollow = (
+        trimesh.creation.revolve(np.array(profile, dtype=np.float64), sections=sections)
+        for profile in (outside, inside)
+    )
+    handle = trimesh.creation.torus(28.0, 7.0, major_sections=10, minor_sections=6)
+    upright = trimesh.transformations.rotation_matrix(math.pi / 2.0, (1.0, 0.0, 0.0))
+    handle.apply_transform(upright)
+    handle.apply_translation((44.0, 0.0, 47.5))
+    filled = trimesh.boolean.union([body, handle], engine="manifold")
+    made = trimesh.boolean.difference([filled, hollow], engine="manifold")
+    return mesh_from_arrays(*shapes.arrays(made), max_edge=UNDIVIDED)
+
+
+SHAPES = {
+    "sphere": lambda: sphere_mesh(subdivisions=2),
+    "box": lambda: box_mesh((2.0, 1.5, 1.0), max_edge=0.6),
+    "cylinder": cylinder,
+    "mug of 11": lambda: mug(11),
+    "mug of 13": lambda: mug(13),
+}
+
+
+@cache
+def truth(name: str) -> tuple[ObjectMesh, Ints, Floats]:
+    """A mesh, its places, and the best critical angle of three vertices through each."""
+    mesh = SHAPES[name]()
+    assert 100 < len(np.unique(mesh.faces)) <= 200
+    places, angles = coplanar.exhaustive(mesh, limit=LIMIT, tolerance=TOLERANCE)
+    assert np.isfinite(angles).mean() > 0.95  # nearly all can be compared
+    return mesh, places, angles
+
+
+def searched(mesh: ObjectMesh, places: Places, seed: int = 0) -> Floats:
+    """Critical angles that the search finds at every vertex."""
+    sampling = Sampling(candidate_points=places, search_angle=LIMIT, seed=seed)
+    labels = label_surface(mesh, GraspModel(fingers=3), sampling=sampling)
+    return np.asarray(labels.critical_angle)
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_on_vertices_no_search_is_better_than_all_triples_and_few_are_worse(name: str) -> None:
+    mesh, places, best = truth(name)
+    best = np.minimum(best, LIMIT)
+    found = np.minimum(searched(mesh, "vertices")[places], LIMIT)
+    assert (found >= best - TOLERANCE - 1e-6).all()
+    assert np.mean(found <= best + CLOSE) >= 0.95
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_over_the_surface_the_search_is_hardly_ever_behind_all_triples(name: str) -> None:
+    """It may be ahead: the surface has more places than vertices."""
+    mesh, places, best = truth(name)
+    found = np.minimum(searched(mesh, "surface")[places], LIMIT)
+    assert np.mean(found <= np.minimum(best, LIMIT) + CLOSE) >= 0.95

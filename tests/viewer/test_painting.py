@@ -1,0 +1,213 @@
+import math
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+
+from grasp3d import GraspModel, Label, SurfaceLabels
+from grasp3d.errors import SearchCoverageError
+from grasp3d.viewer.session.painting import (
+    GREY,
+    PALETTE,
+    RAMP,
+    UNSEARCHED,
+    WIDE,
+    labels_at,
+    picture,
+    places,
+    ramp_of,
+    shares_of,
+    washed_out,
+)
+from grasp3d.viewer.subjects.subject import Epsilons, Subject, subject_of
+from grasp3d.viewer.view_settings import Paint
+from tests.helpers import viewing
+
+FRICTIONS = st.floats(0.05, 2.0)
+RESOLUTIONS = st.floats(0.0, 1.5)
+
+
+@given(friction=FRICTIONS, resolution=RESOLUTIONS, fingers=st.sampled_from([2, 3]))
+@settings(max_examples=150, deadline=None)
+def test_labels_are_those_of_relabel_and_grey_where_it_refuses(
+    friction: float, resolution: float, fingers: int
+) -> None:
+    labels = viewing.labels() if fingers == 2 else viewing.hands()
+    subject = subject_of(labels)
+    model = replace(labels.model, friction=friction, sensor_resolution=resolution)
+    codes = labels_at(subject, model)
+    try:
+        expected = labels.relabel(friction=friction, sensor_resolution=resolution).label
+    except SearchCoverageError:
+        assert not subject.covers(model)
+        assert not (codes == Label.U).any()
+        stable = labels.critical_angle < model.friction_angle - model.tilt
+        assert np.array_equal(codes == Label.S, stable)
+        assert (codes[np.isinf(labels.critical_angle_best)] == UNSEARCHED).all()
+    else:
+        assert subject.covers(model)
+        assert np.array_equal(codes, expected)
+
+
+def test_where_an_s_could_have_been_passed_over_nothing_is_told() -> None:
+    subject = replace(
+        subject_of(viewing.labels()),
+        critical_angle=np.array([0.2, 0.7, 0.7, 1.2]),
+        critical_angle_best=np.array([0.2, 0.3, 0.7, 1.2]),
+        cone=0.6,
+        model=GraspModel(friction=0.2, sensor_resolution=0.1),
+    )
+    wide = GraspModel(friction=2.0, sensor_resolution=1.0)  # S below 0.607, all U from 1.607
+    assert labels_at(subject, wide).tolist() == [Label.S, UNSEARCHED, UNSEARCHED, UNSEARCHED]
+    lower = GraspModel(friction=1.0, sensor_resolution=1.0)  # S below 0.285: inside the cone
+    assert labels_at(subject, lower).tolist() == [Label.S, Label.M, Label.M, Label.M]
+
+
+def _texture(subject: Subject, model: GraspModel) -> NDArray[np.uint8]:
+    """Colour of the picture at each vertex, by the nearest pixel as graphics cards take it."""
+    image = picture(subject, "label", model)
+    across, up = places(subject, "label", model).T.astype(float)
+    height, width = image.shape[:2]
+    columns = np.minimum(np.floor(across * width), width - 1).astype(int)
+    rows = np.minimum(np.floor(up * height), height - 1).astype(int)
+    return np.asarray(image[rows, columns])
+
+
+@given(friction=FRICTIONS, resolution=RESOLUTIONS, fingers=st.sampled_from([2, 3]))
+@settings(max_examples=60, deadline=None)
+def test_the_picture_paints_the_labels_but_for_the_rounding_of_32_bits(
+    friction: float, resolution: float, fingers: int
+) -> None:
+    subject = subject_of(viewing.labels() if fingers == 2 else viewing.hands())
+    model = replace(subject.model, friction=friction, sensor_resolution=resolution)
+    worst, best = subject.critical_angle, subject.critical_angle_best
+    stable, reach = model.friction_angle - model.tilt, model.friction_angle + model.tilt
+    near = (np.abs(worst - stable) < 3e-6) | (np.abs(best - reach) < 3e-6)
+    wrong = (_texture(subject, model) != PALETTE[labels_at(subject, model)]).any(axis=1)
+    assert not (wrong & ~near).any()
+
+
+@pytest.mark.parametrize("beyond", [1e-5, -1e-5])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_limit_right_beside_an_angle_parts_it_from_the_rest(beyond: float, sign: float) -> None:
+    subject = subject_of(viewing.labels())
+    angles = np.unique(subject.critical_angle[np.isfinite(subject.critical_angle)])
+    for angle in angles[angles > 0.15][::20]:
+        limit = float(angle) + beyond
+        model = replace(subject.model, friction=math.tan(limit + sign * 0.1), sensor_resolution=0.2)
+        limits = (model.friction_angle - model.tilt, model.friction_angle + model.tilt)
+        both = np.stack([subject.critical_angle, subject.critical_angle_best])
+        near = (np.abs(both - np.array(limits)[:, None]) < 3e-6).any(axis=0)
+        wrong = (_texture(subject, model) != PALETTE[labels_at(subject, model)]).any(axis=1)
+        assert not (wrong & ~near).any()
+
+
+def test_without_a_grasp_it_is_u_even_where_no_hand_is_surely_unstable() -> None:
+    subject = subject_of(viewing.hands())
+    worst = np.where(np.arange(len(subject.vertices)) < 3, math.inf, subject.critical_angle)
+    subject = replace(subject, critical_angle=worst, critical_angle_best=worst, cone=math.pi / 2)
+    model = GraspModel(friction=2.0, sensor_resolution=1.2, fingers=3)
+    assert model.friction_angle + model.tilt > math.pi / 2
+    assert (labels_at(subject, model)[:3] == Label.U).all()
+    assert (_texture(subject, model)[:3] == PALETTE[Label.U]).all()
+
+
+def test_shares_are_those_of_the_labels() -> None:
+    labels = viewing.labels()
+    found = shares_of(subject_of(labels), labels.label)
+    assert found.sum() == pytest.approx(1.0)
+    for name, share in labels.fractions().items():
+        assert found[Label[name]] == pytest.approx(share)
+
+
+def _ramp_color(subject: Subject, paint: str, model: GraspModel) -> NDArray[np.uint8]:
+    image = picture(subject, paint, model)  # type: ignore[arg-type]
+    across, up = places(subject, paint, model).T.astype(float)  # type: ignore[arg-type]
+    columns = np.minimum(np.floor(across * WIDE), WIDE - 1).astype(int)
+    return np.asarray(image[(up > 0.5).astype(int), columns])
+
+
+@pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon", "epsilon_min"])
+def test_ramps_paint_each_number_with_its_colour(paint: str) -> None:
+    labels = viewing.labels()
+    labels.measure(lambda _: None)
+    subject, model = subject_of(labels), labels.model
+    ramp = ramp_of(subject, paint, model)  # type: ignore[arg-type]
+    assert ramp is not None
+    values = {
+        "critical_angle": np.degrees(labels.critical_angle),
+        "max_resolution": np.degrees(labels.max_resolution),
+        "epsilon": labels.epsilon,
+        "epsilon_min": labels.epsilon_min,
+    }[paint]
+    known = np.isfinite(labels.critical_angle)
+    colors = _ramp_color(subject, paint, model)
+    assert (colors[~known] == PALETTE[UNSEARCHED]).all()
+    steps = np.clip(values[known] / ramp.most * len(RAMP), 0, len(RAMP) - 1)
+    shifts = np.array([-1, 0, 1])
+    around = np.clip(steps.astype(int)[:, None] + shifts, 0, len(RAMP) - 1)
+    assert (RAMP[around] == colors[known][:, None]).all(axis=2).any(axis=1).all()
+
+
+def test_ramps_say_what_they_are_of() -> None:
+    labels = viewing.box()
+    subject, model = replace(subject_of(labels), epsilons=None), labels.model
+    assert ramp_of(subject, "label", model) is None
+    unknown = ramp_of(subject, "epsilon", model)
+    assert unknown is not None
+    assert (unknown.words, unknown.grey) == (
+        "ε of the grasp with the smallest β*; measuring",
+        "not measured yet",
+    )
+    assert "alike in β*" in unknown.note
+    values = np.full(len(subject.vertices), 0.25)
+    known = replace(subject, epsilons=Epsilons(values, values, model))
+    ramp = ramp_of(known, "epsilon_min", model)
+    assert ramp is not None
+    assert (ramp.words, ramp.most, ramp.grey) == (
+        "smallest ε over the tilts",
+        0.25,
+        "",
+    )
+    other = ramp_of(known, "epsilon", replace(model, friction=0.9))
+    assert other is not None
+    assert other.words == "ε of the grasp with the smallest β*, of μ 0.5, α 22.6°; measuring"
+    lone = replace(known, mode="scan", labels=None, partners=None)
+    told = ramp_of(lone, "epsilon", replace(model, friction=0.9))
+    assert told is not None
+    assert told.words.endswith("α 22.6°; as in the file")
+
+
+@pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon_min"])
+def test_grey_is_explained_where_it_occurs(paint: Paint) -> None:
+    for labels in (viewing.labels(), viewing.box()):
+        values = np.zeros(len(labels.critical_angle))
+        subject = replace(subject_of(labels), epsilons=Epsilons(values, values, labels.model))
+        ramp = ramp_of(subject, paint, labels.model)
+        assert ramp is not None
+        some = bool(np.isinf(labels.critical_angle[labels.mesh.on_surface]).any())
+        assert ramp.grey == ("no grasp found" if some else "")
+    assert not some  # of the box every vertex has a grasp
+
+
+def test_no_colour_of_a_ramp_is_grey() -> None:
+    colours = RAMP.astype(int)
+    assert np.ptp(colours, axis=1).min() > 60
+    assert (np.abs(colours - GREY).max(axis=1) > 40).all()
+
+
+def test_what_is_washed_out_is_paler_and_still_told_apart() -> None:
+    pale = washed_out(PALETTE[None])[0].astype(int)
+    assert np.ptp(pale, axis=1) == pytest.approx(0.3 * np.ptp(PALETTE.astype(int), axis=1), abs=8)
+    assert pale.min() > 140
+    assert len({tuple(one) for one in pale}) == len(PALETTE)
+
+
+def test_the_session_of_extreme_normals_says_that_it_shows_thresholds() -> None:
+    labels: SurfaceLabels = viewing.box()
+    hulls = replace(labels, model=replace(labels.model, method="extremes"))
+    assert not any("wrench hulls" in note for note in subject_of(labels).notes)
+    assert any("wrench hulls" in note for note in subject_of(hulls).notes)

@@ -1,0 +1,705 @@
+import math
+import os
+import threading
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from numpy.typing import NDArray
+from vtkmodules.vtkRenderingCore import vtkCellPicker
+
+from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, scan_surface
+from grasp3d.mesh import mesh_from_arrays
+from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
+from grasp3d.rendering import can_render, choose_window
+from grasp3d.stability.label import COLORS
+from grasp3d.surface import Reason
+from grasp3d.viewer.scene.captions import Captions
+from grasp3d.viewer.scene.framing import axes_of
+from grasp3d.viewer.scene.layout import Paper, Patch, Words, letter_size, round_length
+from grasp3d.viewer.scene.lettering import shortened, width_of
+from grasp3d.viewer.scene.marks import Marks
+from grasp3d.viewer.scene.numbers import numbers, seen_at
+from grasp3d.viewer.scene.picking import vertex_at
+from grasp3d.viewer.scene.scene import Scene, new_plotter
+from grasp3d.viewer.scene.solids import Solid, balls, rods, spikes, tips
+from grasp3d.viewer.session.album import Album, Exhibit, album_of
+from grasp3d.viewer.session.inspecting import inspect
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.session.state import Section
+from grasp3d.viewer.subjects.subject import Subject, subject_of
+from grasp3d.viewer.view_settings import ViewSettings
+from tests.helpers import shapes, viewing
+from tests.helpers.viewing import settled
+
+Image = NDArray[np.uint8]
+Floats = NDArray[np.float64]
+
+# Where the project itself is tested a missing OpenGL is a failure.
+needs_opengl = pytest.mark.skipif(not (os.environ.get("CI") or can_render()), reason="needs OpenGL")
+
+WIDE, HIGH = 400, 320
+PATIENCE = 120.0
+
+
+@cache
+def scanned(degrees: float = 15.0, subdivisions: int = 3) -> SurfaceLabels:
+    """A ball held at its lowest point: critical angles are half the angle from the highest."""
+    model = GraspModel(friction=1.0, sensor_resolution=math.radians(degrees))
+    return scan_surface(sphere_mesh(subdivisions=subdivisions), model, fixed=(0.0, 0.0, -1.0))
+
+
+@cache
+def held_box() -> SurfaceLabels:
+    model = GraspModel(friction=1.0, sensor_resolution=math.radians(15.0))
+    return scan_surface(box_mesh((1.0, 2.0, 3.0), max_edge=0.5), model, fixed=(0.0, 0.0, -1.5))
+
+
+def until(done: Callable[[], bool]) -> None:
+    late = time.monotonic() + PATIENCE
+    while not done():
+        assert time.monotonic() < late
+        time.sleep(0.005)
+
+
+def ready(session: Session) -> None:
+    until(lambda: (session.poll() and False) or session.working is None)
+
+
+@contextmanager
+def shown(
+    album: Album, *, legend: bool = False, width: int = WIDE, height: int = HIGH, **how: object
+) -> Iterator[tuple[Session, Scene]]:
+    choose_window()
+    how = {"azimuth": 0.0, "elevation": 0.0} | how
+    session = Session(album, ViewSettings(width=width, height=height, **how))
+    ready(session)
+    plotter = new_plotter(session.settings, off_screen=True)
+    try:
+        scene = Scene(plotter, legend=legend)
+        scene.update(session)
+        yield session, scene
+    finally:
+        session.close()
+        plotter.close()
+
+
+def after(session: Session, scene: Scene, **choices: object) -> Image:
+    session.change(**choices)
+    ready(session)
+    scene.update(session)
+    return scene.shot()
+
+
+def coloured(image: Image) -> NDArray[np.bool_]:
+    """Pixels that are no shade of grey: the painted surface."""
+    return np.asarray(np.ptp(image.astype(int), axis=2) > 40)
+
+
+def nearest_label(pixels: Image) -> NDArray[np.int64]:
+    palette = np.array([COLORS[label] for label in sorted(Label)], dtype=float)
+    hues = palette / np.linalg.norm(palette, axis=1, keepdims=True)
+    lengths = np.linalg.norm(pixels.astype(float), axis=-1, keepdims=True)
+    return np.asarray((pixels / lengths @ hues.T).argmax(axis=-1))
+
+
+def pixel_places(scene: Scene, image: Image) -> tuple[Floats, Floats]:
+    """What pixels show to the right of the middle of a ball about the origin, and above it."""
+    rows, columns = np.nonzero(coloured(image))
+    radius = (np.ptp(columns) + 1) / 2.0
+    assert radius == pytest.approx((np.ptp(rows) + 1) / 2.0, abs=1.0)
+    assert radius == pytest.approx(image.shape[0] / (2.0 * scene.camera.parallel_scale), abs=1.0)
+    right = (np.arange(image.shape[1]) - (columns.min() + columns.max()) / 2.0) / radius
+    up = -(np.arange(image.shape[0]) - (rows.min() + rows.max()) / 2.0) / radius
+    return tuple(np.meshgrid(right, up))
+
+
+@needs_opengl
+def test_every_pixel_has_the_label_of_its_place_after_every_change() -> None:
+    with shown(album_of(scanned())) as (session, scene):
+        for degrees, friction in ((15.0, 1.0), (40.0, 1.0), (15.0, 0.6)):
+            image = after(
+                session, scene, sensor_resolution=math.radians(degrees), friction=friction
+            )
+            y, z = pixel_places(scene, image)
+            inside = np.hypot(y, z) < 0.97
+            critical = np.arccos(np.clip(z, -1.0, 1.0)) / 2.0
+            model = session.model
+            expected = np.full(z.shape, int(Label.M))
+            expected[critical < model.friction_angle - model.tilt] = Label.S
+            expected[critical >= model.friction_angle + model.tilt] = Label.U
+            assert (nearest_label(image[inside]) == expected[inside]).mean() > 0.985
+
+
+@needs_opengl
+def test_what_has_no_grasp_is_not_painted_as_the_best() -> None:
+    labels = scanned()
+    none = np.full(len(labels.critical_angle), math.inf)
+    album = album_of(replace(labels, critical_angle=none, critical_angle_best=none))
+    with shown(album) as (session, scene):
+        image = scene.shot()
+        assert set(nearest_label(image[coloured(image)])) == {Label.U}
+        grey = after(session, scene, paint="critical_angle")
+        assert not coloured(grey).any()
+        assert (grey < 200).all(axis=2).sum() > 0.8 * coloured(image).sum()
+
+
+@needs_opengl
+def test_what_belongs_to_other_fingers_is_washed_out_and_no_grasp_is_drawn() -> None:
+    with shown(album_of(held_box())) as (session, scene):
+        session.tap(3)
+        scene.update(session)
+        bright = scene.shot()
+        session.change(fingers=3)
+        assert session.stale
+        scene.update(session)
+        pale = scene.shot()
+        assert coloured(bright).sum() > 5000
+        assert not coloured(pale[..., :3]).any() or np.ptp(pale.astype(int), axis=2).max() < 80
+        assert (pale < 60).all(axis=2).sum() < 0.5 * (bright < 60).all(axis=2).sum()
+        session.change(fingers=2)
+        scene.update(session)
+        assert (scene.shot() == bright).all()
+
+
+@needs_opengl
+def test_a_ramp_runs_from_dark_to_bright_with_the_angle() -> None:
+    with shown(album_of(scanned()), paint="critical_angle") as (session, scene):
+        image = scene.shot().astype(float)
+        column = image[:, WIDE // 2, 1] - image[:, WIDE // 2, 2]  # from blue to yellow
+        filled = np.nonzero(np.abs(column) > 15.0)[0]
+        values = column[filled[5:-5]]
+        assert values[0] < -30.0 < 30.0 < values[-1]
+        smooth = np.convolve(values, np.ones(15) / 15.0, mode="valid")
+        assert (np.diff(smooth) > -1.0).all()
+        finest = after(session, scene, paint="max_resolution").astype(float)
+        assert finest[filled[8], WIDE // 2, 1] > finest[filled[-8], WIDE // 2, 1] + 50.0
+
+
+@needs_opengl
+def test_normals_are_apart_at_creases() -> None:
+    with shown(album_of(held_box()), azimuth=0.6, elevation=0.5) as (_, scene):
+        image = scene.shot()
+        brightness = image.max(axis=2)[(image.min(axis=2) < 250)]
+        shades = np.unique(brightness[brightness > 60], return_counts=True)
+        flat = [shade for shade, count in zip(*shades, strict=True) if count > 1000]
+        assert 3 <= len(flat) <= 12  # three faces, each of even brightness in each colour
+
+
+def window_place(scene: Scene, point: Floats, pane: int = 0) -> tuple[int, int]:
+    """Row and column of the pixel that shows a point."""
+    renderer = scene.plotter.renderers[pane]
+    renderer.SetWorldPoint(*point, 1.0)
+    renderer.WorldToDisplay()
+    x, y, _ = renderer.GetDisplayPoint()
+    return round(scene.plotter.window_size[1] - 1 - y), round(x)
+
+
+@needs_opengl
+def test_a_grasp_is_marked_and_what_is_hidden_of_it_shines_through() -> None:
+    labels = scanned()
+    with shown(album_of(labels)) as (session, scene):
+        plain = scene.shot().astype(int)
+        subject = session.subject
+        assert subject is not None
+        marks = Marks(scene.plotter.renderers[0])
+        front, back = np.array([0.5, 0.8, 0.3]), np.array([-0.5, -0.6, -0.3])
+        front, back = front / np.linalg.norm(front), back / np.linalg.norm(back)
+        grasp = replace(
+            inspect(subject, 0, session.model), points=np.array([front, back]),
+            normals=np.array([back, front]),
+        )  # fmt: skip
+        marks.show(subject, grasp, np.empty((0, 3)))
+        image = scene.shot().astype(int)
+        assert image[window_place(scene, front)].min() > 240
+        hidden = image[window_place(scene, back)]
+        assert (hidden > plain[window_place(scene, back)] + 20).all()
+        assert hidden.min() < 240
+        # The cones stand outside: seen from the side they reach beyond the ball.
+        assert (np.abs(image - plain).max(axis=2) > 25).sum() > 300
+        wide = (np.abs(image - plain).max(axis=2) > 25).sum()
+        lone = replace(grasp, points=front[None], normals=back[None])
+        marks.show(subject, lone, np.empty((0, 3)))
+        image = scene.shot().astype(int)
+        assert image[window_place(scene, front)].min() > 240
+        assert 20 < (np.abs(image - plain).max(axis=2) > 25).sum() < 0.4 * wide
+        marks.show(subject, None, np.empty((0, 3)))
+        assert (scene.shot() == plain).all()
+
+
+@needs_opengl
+@pytest.mark.parametrize("compare", [None, 0.5])
+def test_the_fingers_of_a_grasp_are_numbered_where_they_are_seen(compare: float | None) -> None:
+    how = {"azimuth": 0.6, "elevation": 0.5, "compare": compare}
+    with shown(album_of(held_box()), **how) as (session, scene):
+        subject = session.subject
+        assert subject is not None
+        vertex = int(np.flatnonzero(subject.reason == Reason.FOUND)[0])
+        session.tap(vertex)
+        scene.update(session)
+        scene.camera.azimuth = 25.0
+        image = scene.shot()
+        seen = session.inspected
+        assert seen is not None
+        renderer = scene.plotter.renderers[0 if compare is None else 1]
+        places = seen_at(renderer, seen.points)
+        for point, (x, y) in zip(seen.points, places, strict=True):
+            row, column = window_place(scene, point, 0 if compare is None else 1)
+            offset = 0 if compare is None else image.shape[1] / 2
+            assert (offset + x, HIGH - y) == pytest.approx((column, row), abs=2.0)
+        session.tap(None)
+        scene.update(session)
+        plain = scene.shot()
+        assert (image != plain).any()
+
+
+def test_numbers_lie_apart_in_the_pane_beside_their_contacts() -> None:
+    paper = Paper(400.0, 300.0, 12)
+    random = np.random.default_rng(3)
+    for _ in range(200):
+        count = int(random.integers(2, 6))
+        places = random.uniform((40.0, 40.0), (360.0, 260.0), (count, 2))
+        places[1] = places[0] + random.uniform(-2.0, 2.0, 2)  # one behind the other
+        items = numbers(paper, places, places + random.normal(size=(count, 2)) * 5.0, 6.0)
+        words = [item for item in items if isinstance(item, Words)]
+        assert [one.text for one in words] == [f"{n}" for n in range(1, count + 1)]
+        boxes = [box_of(item) for item in items[1::3]]
+        assert frames(boxes[0], boxes[1])
+        for box, word, place in zip(boxes, words, places, strict=True):
+            assert 0.0 <= box[0] < box[2] <= 400.0
+            assert 0.0 <= box[1] < box[3] <= 300.0
+            middle = 0.5 * (box[:2] + box[2:])
+            assert 12.0 < np.linalg.norm(middle - place) < 40.0
+            assert box[0] <= word.x
+            assert word.x + width_of(word.text, 12, bold=True) <= box[2] + 1.0
+            assert frames(box, np.r_[place, place])
+
+
+def test_a_picture_tells_the_largest_opening_where_it_is_limited() -> None:
+    for labels, words in (
+        (viewing.labels(), ["α 22.6°", "μ 0.75", "two fingers", "opening ≤ 0.3 cm"]),
+        (viewing.box(), ["α 22.6°", "μ 0.5", "two fingers"]),
+        (viewing.scan(), ["α 22.6°", "μ 0.5", "two fingers"]),
+    ):
+        session = settled(labels)
+        assert list(Captions.of(session, legend=True).captions[0]) == words
+        session.close()
+
+
+@needs_opengl
+def test_the_sure_cone_shows_where_there_is_one() -> None:
+    with shown(album_of(scanned())) as (session, scene):
+        subject = session.subject
+        assert subject is not None
+        marks = Marks(scene.plotter.renderers[0])
+        sides = np.array([[0.0, 1.0, 0.0], [0.0, -1.0, 0.0]])
+        grasp = replace(inspect(subject, 0, session.model), points=sides, normals=-sides)
+        counts = []
+        for degrees in (0.0, 30.0, 91.0):
+            model = replace(session.model, sensor_resolution=math.radians(degrees))
+            marks.show(subject, replace(grasp, model=model), np.empty((0, 3)))
+            image = scene.shot()
+            row, column = window_place(scene, np.array([0.0, 1.15, 0.0]))
+            beside = image[row - 40 : row + 40, column - 25 : column + 40].astype(int)
+            counts.append(int((beside[..., 2] - beside[..., 0] > 40).sum()))
+        assert counts[0] > 1.2 * counts[1] > 50
+        assert counts[2] == 0
+
+
+@needs_opengl
+def test_fixed_fingers_are_black_and_stand_for_the_contacts_there() -> None:
+    with shown(album_of(scanned())) as (session, scene):
+        place, front = np.array([0.0, -0.6, 0.8]), np.array([0.6, 0.8, 0.0])
+        subject = session.subject
+        assert subject is not None
+        nearest = subject.vertices[np.argmin(np.linalg.norm(subject.vertices - front, axis=1))]
+        plain = scene.shot()
+        marks = Marks(scene.plotter.renderers[0])
+        marks.show(subject, None, nearest[None])
+        image = scene.shot()
+        assert image[window_place(scene, nearest)].max() < 60 < plain.max()
+        grasp = inspect(subject, 0, session.model)
+        both = replace(
+            grasp, points=np.array([place, nearest]), normals=-np.array([place, nearest])
+        )
+        marks.show(subject, both, nearest[None])
+        image = scene.shot()
+        assert image[window_place(scene, nearest)].max() < 60
+        assert image[window_place(scene, place)].min() > 240
+
+
+@needs_opengl
+def test_two_panes_show_two_resolutions_from_one_side() -> None:
+    with shown(album_of(scanned())) as (session, scene):
+        same = after(session, scene, compare=session.model.sensor_resolution)
+        half = WIDE // 2
+        body = slice(40, HIGH - 40)  # between the captions and the scale bar
+        assert (same[body, :half][:, 2:] == same[body, half:][:, 2:]).all()
+        other = after(session, scene, compare=math.radians(60.0))
+        assert (other[:, : half - 2] == same[:, : half - 2]).all()
+        left, right = (
+            nearest_label(part[coloured(part)]) for part in (other[:, :half], other[:, half:])
+        )
+        assert (right == Label.M).mean() > (left == Label.M).mean() + 0.2
+        columns = np.nonzero(coloured(other[:, half:]).any(axis=0))[0]
+        assert 0.85 * half < np.ptp(columns) < half - 2
+        single = after(session, scene, compare=None)
+        assert np.ptp(np.nonzero(coloured(single).any(axis=0))[0]) > 1.1 * np.ptp(columns)
+
+
+@needs_opengl
+def test_sides_just_within_a_limit_have_the_colour_of_their_labels() -> None:
+    mesh = mesh_from_arrays(*shapes.box((0.04, 0.06, 0.08)))
+    # S below 0.01 degrees: the sides face each other exactly, and nothing else is so good.
+    model = GraspModel(friction=0.2, sensor_resolution=math.radians(22.6))
+    labels = label_surface(mesh, model)
+    assert labels.fractions()["S"] > 0.8
+    with shown(album_of(labels)) as (_, scene):
+        image = scene.shot()
+        drawn = nearest_label(image[coloured(image)])
+    assert (drawn == Label.S).mean() > 0.8
+    assert (drawn == Label.U).mean() < 0.01
+
+
+@needs_opengl
+def test_a_section_opens_the_object_and_shows_its_inside() -> None:
+    with shown(album_of(held_box())) as (session, scene):
+        whole = coloured(scene.shot())
+        middle = window_place(scene, np.array([0.5, 0.0, 0.0]))
+        assert whole[middle]
+        behind = after(session, scene, section=Section("x", 0.5))
+        assert not coloured(behind)[middle]
+        assert 60 < behind[middle].max() < 180  # the inside of the far wall
+        assert int(behind[middle][0]) > int(behind[middle][2])
+        before = after(session, scene, section=Section("x", 0.5, flipped=True))
+        assert (coloured(before) & whole).sum() > 0.97 * whole.sum()
+        upper = after(session, scene, section=Section("z", 0.75, flipped=True))
+        rows = np.nonzero(coloured(upper).any(axis=1))[0]
+        all_rows = np.nonzero(whole.any(axis=1))[0]
+        assert np.ptp(rows) == pytest.approx(0.25 * np.ptp(all_rows), abs=3.0)
+        assert rows.min() == all_rows.min()
+        assert (coloured(after(session, scene, section=None)) == whole).all()
+
+
+@needs_opengl
+def test_a_section_cuts_the_faces_wherever_other_vertices_are() -> None:
+    points, faces = shapes.box((1.0, 1.0, 1.0))
+    mesh = mesh_from_arrays(np.concatenate([points, [[0.0, 100.0, 0.0]]]), faces)
+    with shown(album_of(label_surface(mesh))) as (session, scene):
+        whole = coloured(scene.shot()).sum()
+        assert whole > 0.1 * scene.shot()[..., 0].size
+        half = coloured(after(session, scene, section=Section("y", 0.5))).sum()
+        assert 0.3 * whole < half < 0.95 * whole
+
+
+def bar_pixels(image: Image) -> int:
+    """Length of the scale bar: the longest dark run in the lowest rows."""
+    rows = (image[-25:] < 80).all(axis=2)
+    return max(
+        len(run) for row in rows for run in "".join("#" if dark else " " for dark in row).split()
+    )
+
+
+@needs_opengl
+@pytest.mark.parametrize("legend", [False, True])
+def test_the_scale_bar_has_a_round_length_at_every_zoom(legend: bool) -> None:
+    with shown(album_of(scanned()), legend=legend, width=640, height=480) as (_, scene):
+        for zoom in (1.0, 1.7, 0.31, 0.9):
+            scene.camera.parallel_scale *= zoom
+            image = scene.shot()
+            length = bar_pixels(image) * 2.0 * scene.camera.parallel_scale / 480
+            round_one = round_length(1.02 * length)
+            assert length == pytest.approx(round_one, rel=0.03)
+            assert 25 <= bar_pixels(image) <= 80
+
+
+@needs_opengl
+@pytest.mark.parametrize("size", [(320, 240), (640, 400), (500, 700)])
+@pytest.mark.parametrize("compare", [None, 0.5])
+def test_the_object_fills_its_pane_and_no_word_lies_on_it(
+    size: tuple[int, int], compare: float | None
+) -> None:
+    width, height = size
+    how = {"width": width, "height": height, "compare": compare, "elevation": 0.4, "azimuth": 1.0}
+    with shown(album_of(held_box()), legend=True, **how) as (session, scene):
+        image = scene.shot()
+        pane = width if compare is None else width // 2
+        points = session.subject.vertices  # type: ignore[union-attr]
+        seen = points @ axes_of(scene.camera)[:2].T
+        scale = height / (2.0 * scene.camera.parallel_scale)
+        wide, tall = scale * np.ptp(seen, axis=0)
+        corners = np.array([window_place(scene, point) for point in points])
+        top, left = corners.min(axis=0)
+        bottom, right = corners.max(axis=0)
+        assert 0 < left < right < pane
+        assert 0 < top < bottom < height
+        paper = Paper(pane, height, letter_size(width, height, 1.0))
+        above, below = Captions.of(session, legend=True).taken(paper, 0)
+        filled = max(wide / (pane - 2.0 * paper.margin), tall / (height - above - below))
+        assert 0.93 < filled <= 1.0
+        assert above - 1 < top
+        assert bottom < height - below + 1
+        box = np.zeros(image.shape[:2], dtype=bool)
+        box[top : bottom + 1, left : right + 1] = True
+        if compare is None:  # between the words and the object nothing is drawn
+            rows = np.nonzero((image < 250).any(axis=2).any(axis=1))[0]
+            assert not {top - 2, bottom + 2} & set(rows)
+
+
+@needs_opengl
+def test_a_window_of_another_size_is_filled_again_at_the_same_zoom() -> None:
+    with shown(album_of(held_box()), width=600, height=500) as (session, scene):
+        scene.shot()
+        scene.plotter.window_size = [400, 500]
+        scene.plotter.render()
+        scale = scene.camera.parallel_scale
+        scene.look(session)
+        assert scale == pytest.approx(scene.camera.parallel_scale)
+        scene.camera.parallel_scale *= 0.5
+        scene.plotter.window_size = [600, 500]
+        scene.plotter.render()
+        zoomed = scene.camera.parallel_scale
+        scene.look(session)
+        assert zoomed == pytest.approx(0.5 * scene.camera.parallel_scale)
+
+
+def exhibit(labels: SurfaceLabels, name: str, gate: threading.Event | None = None) -> Exhibit:
+    def opened(_: object) -> Subject:
+        assert gate is None or gate.wait(PATIENCE)
+        return subject_of(labels, name)
+
+    return Exhibit(name, opened)
+
+
+@needs_opengl
+def test_another_object_is_looked_at_anew_and_the_same_one_is_not() -> None:
+    gate = threading.Event()
+    ball, box = scanned(), held_box()
+    album = Album((exhibit(ball, "ball"), exhibit(box, "box", gate)), ball.model, Sampling())
+    with shown(album) as (session, scene):
+        first = scene.camera.parallel_scale
+        scene.camera.parallel_scale = 0.7 * first
+        session.change(friction=0.9)
+        scene.update(session)
+        assert scene.camera.parallel_scale == pytest.approx(0.7 * first)
+        session.step(1)
+        scene.update(session)
+        waiting = scene.shot()
+        assert not coloured(waiting).any()  # no object, and a sentence in the middle
+        rows, columns = np.nonzero((waiting < 200).all(axis=2))
+        assert rows.mean() == pytest.approx(HIGH / 2, abs=12)
+        assert columns.mean() == pytest.approx(WIDE / 2, abs=12)
+        gate.set()
+        ready(session)
+        scene.update(session)
+        assert coloured(scene.shot()).any()
+        assert scene.camera.parallel_scale > 1.1 * first
+        session.step(1)
+        ready(session)
+        scene.update(session)
+        assert scene.camera.parallel_scale == pytest.approx(first)
+
+
+def frames(first: Floats, second: Floats) -> bool:
+    """Whether two rectangles (left, bottom, right, top) lie apart."""
+    return bool(
+        first[2] <= second[0] or second[2] <= first[0]
+        or first[3] <= second[1] or second[3] <= first[1]
+    )  # fmt: skip
+
+
+def box_of(item: Words | Patch) -> Floats:
+    if isinstance(item, Patch):
+        return np.array([item.x, item.y, item.x + item.width, item.y + item.height])
+    wide = width_of(item.text, item.size, bold=item.bold)
+    return np.array([item.x, item.y, item.x + wide, item.y + 1.1 * item.size])
+
+
+@pytest.mark.parametrize("size", [(320, 240), (321, 900), (800, 240), (1280, 800), (1600, 1200)])
+@pytest.mark.parametrize("paint", ["label", "critical_angle", "max_resolution", "epsilon_min"])
+@pytest.mark.parametrize("compare", [None, 0.5])
+def test_words_lie_apart_and_inside(
+    size: tuple[int, int], paint: str, compare: float | None
+) -> None:
+    labels = scanned(subdivisions=1)
+    known = labels.critical_angle.copy()
+    known[:9] = math.inf
+    some = replace(labels, critical_angle=known, critical_angle_best=known)
+    name = "an object with quite a long name, as they have them in data sets.ply"
+    subject = subject_of(some, name)
+    session = Session(
+        Album((Exhibit(name, lambda _: subject),), labels.model, Sampling()),
+        ViewSettings(paint="label", compare=compare),
+    )
+    ready(session)
+    session.change(paint=paint)
+    captions = Captions.of(session, legend=True)
+    session.close()
+    count = 1 if compare is None else 2
+    paper = Paper(size[0] / count, size[1], letter_size(*size, 1.0))
+    for number in range(count):
+        items = captions.items(paper, number, 0.01)
+        boxes = [box_of(item) for item in items if not _is_frame(item, paper)]
+        assert len(boxes) > 5
+        for place, one in enumerate(boxes):
+            assert (one >= -1e-6).all()
+            assert one[2] <= paper.width
+            assert one[3] <= paper.height
+            bar = isinstance(items[place], Patch)
+            for item, other in zip(items[place + 1 :], boxes[place + 1 :], strict=False):
+                if not (bar and isinstance(item, Patch)):
+                    assert frames(one, other), (items[place], item)
+        above, below = captions.taken(paper, number)
+        assert all(one[3] <= below + 1e-6 or one[1] >= paper.height - above - 1e-6 for one in boxes)
+
+
+def _is_frame(item: Words | Patch, paper: Paper) -> bool:
+    return isinstance(item, Patch) and item.height == paper.height
+
+
+@given(st.floats(1e-9, 1e9))
+def test_a_round_length_is_the_largest_that_fits(most: float) -> None:
+    length = round_length(most)
+    digit = length / 10.0 ** math.floor(math.log10(length) + 1e-9)
+    assert min(abs(digit - one) for one in (1.0, 2.0, 5.0)) < 1e-6
+    assert length <= most * (1.0 + 1e-8)
+    assert most < 2.5 * length * (1.0 + 1e-8)
+
+
+@given(st.text(alphabet="abcdefgh ", max_size=40), st.floats(0.0, 400.0))
+def test_words_are_shortened_to_their_room(words: str, room: float) -> None:
+    short = shortened(words, 12, room)
+    assert short == words or width_of(short, 12) <= room
+    assert short.rstrip("…").strip() in words
+
+
+@pytest.mark.parametrize(
+    ("solid", "volume"),
+    [
+        (balls(np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]), 0.5), 2 * 4 / 3 * math.pi * 0.125),
+        (rods(np.zeros((1, 3)), np.array([[1.0, 2.0, 2.0]]), 0.5), math.pi * 0.25 * 3.0),
+        (spikes(np.zeros((1, 3)), np.array([[1.0, 2.0, 2.0]]), 0.5), math.pi * 0.25),
+    ],
+)
+def test_marks_are_closed_and_have_their_size(solid: Solid, volume: float) -> None:
+    a, b, c = (solid.points[solid.faces[:, corner]] for corner in range(3))
+    outward = np.cross(b - a, c - a)
+    assert outward.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
+    assert (a * outward).sum() / 6.0 == pytest.approx(volume, rel=0.05)
+
+
+def test_mantles_make_their_angle_with_the_axis() -> None:
+    axis = np.array([0.6, 0.0, 0.8])
+    mantle = tips(np.array([[1.0, 1.0, 1.0]]), axis[None], 0.4, 2.0)
+    sides = mantle.points - 1.0
+    lengths = np.linalg.norm(sides, axis=1)
+    far = lengths > 0.0
+    assert lengths[far] == pytest.approx(2.0)
+    assert sides[far] @ axis / 2.0 == pytest.approx(math.cos(0.4))
+
+
+def met(subject: Subject, origin: Floats, way: Floats, section: Section | None) -> int | None:
+    """The corner that `vertex_at` should find: every face is tried (Moeller & Trumbore 1997)."""
+    corners = subject.vertices[subject.faces]
+    first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
+    across = np.cross(way, second)
+    scale = (first * across).sum(axis=1)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        gap = origin - corners[:, 0]
+        u = (gap * across).sum(axis=1) / scale
+        turned = np.cross(gap, first)
+        v = turned @ way / scale
+        t = (second * turned).sum(axis=1) / scale
+    hit = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t >= 0.0)
+    if section is not None:
+        place, normal = section.plane(subject.bounds)
+        hit &= (origin + np.where(hit, t, 0.0)[:, None] * way - place) @ normal >= 0.0
+    if not hit.any():
+        return None
+    face = int(np.argmin(np.where(hit, t, np.inf)))
+    gaps = np.linalg.norm(corners[face] - (origin + t[face] * way), axis=1)
+    return int(subject.faces[face, np.argmin(gaps)])
+
+
+@cache
+def cut_cylinder(offset: float) -> Subject:
+    mesh = cylinder_mesh(0.5, 2.0, max_edge=0.5)
+    moved = mesh_from_arrays(mesh.vertices + offset, mesh.faces, max_edge=1.0)
+    return subject_of(scan_surface(moved, fixed=(offset, offset, offset - 1.0)))
+
+
+@pytest.mark.parametrize(
+    ("section", "offset"),
+    [
+        (None, 0.0),
+        (Section("x", 0.5), 0.0),
+        (Section("y", 0.37, flipped=True), 1e4),
+        (Section("z", 0.8), 1e4),
+    ],
+)
+def test_a_click_meets_what_a_trial_of_all_faces_meets(
+    section: Section | None, offset: float
+) -> None:
+    subject = cut_cylinder(offset)
+    random = np.random.default_rng(5)
+    agreed = found = 0
+    for _ in range(120):
+        toward = random.normal(size=3)
+        origin = offset + 4.0 * toward / np.linalg.norm(toward)
+        goal = offset + random.uniform(-1.0, 1.0, 3) * (0.6, 0.6, 1.1)
+        answer = vertex_at(subject, origin, goal - origin, section)
+        expected = met(subject, origin, goal - origin, section)
+        agreed += answer == expected
+        found += expected is not None
+    assert found > 30
+    assert agreed >= 118  # rays along an edge may meet either face
+
+
+def test_a_ray_along_a_section_or_away_from_what_it_leaves_meets_nothing() -> None:
+    subject = subject_of(scanned())
+    section = Section("x", 0.5, flipped=True)
+    beside, along = np.array([-0.2, 0.0, 3.0]), np.array([0.0, 0.0, -1.0])
+    assert vertex_at(subject, beside, along, section) is None
+    assert vertex_at(subject, beside, along) is not None
+    assert vertex_at(subject, beside, np.array([-1.0, 0.0, -1.0]), section) is None
+    kept = np.array([3.0, 0.01, 0.02])
+    met_first = vertex_at(subject, kept, np.array([-1.0, 0.0, 0.0]), section)
+    assert met_first is not None
+    assert subject.vertices[met_first][0] > 0.9
+    within = np.array([0.5, 0.01, 0.02])  # the plane is before the far side, which is cut away
+    assert vertex_at(subject, within, np.array([-1.0, 0.0, 0.0]), section) is None
+
+
+@needs_opengl
+@pytest.mark.parametrize("section", [None, Section("x", 0.6, flipped=True)])
+@pytest.mark.parametrize("compare", [None, 0.5])
+def test_clicks_meet_what_vtk_meets(section: Section | None, compare: float | None) -> None:
+    how = {"azimuth": 0.3, "elevation": 0.5, "compare": compare}
+    with shown(album_of(held_box()), **how) as (session, scene):
+        after(session, scene, section=section)
+        subject = session.subject
+        assert subject is not None
+        picker = vtkCellPicker()
+        picker.SetTolerance(0.0)
+        random = np.random.default_rng(2)
+        agreed = found = 0
+        for x, y in random.uniform((0.0, 0.0), (WIDE - 1.0, HIGH - 1.0), (150, 2)):
+            pane = 0 if compare is None or x < WIDE / 2 else 1
+            hit = picker.Pick(x, y, 0.0, scene.plotter.renderers[pane])
+            expected = None
+            if hit:
+                corners = subject.faces[picker.GetCellId()]
+                gaps = np.linalg.norm(subject.vertices[corners] - picker.GetPickPosition(), axis=1)
+                expected = int(corners[np.argmin(gaps)])
+            found += expected is not None
+            agreed += scene.pick(session, x, y) == expected
+        assert found > 15
+        assert agreed >= 147
+        assert scene.pick(session, -5.0, 10.0) is None
+        assert scene.pick(session, WIDE + 3.0, 10.0) is None

@@ -1,0 +1,116 @@
+"""`labels.show()` in notebooks and elsewhere."""
+
+import base64
+import io
+import re
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import nbformat
+import numpy as np
+import pytest
+from nbclient import NotebookClient
+from PIL import Image
+
+from grasp3d import SurfaceLabels, label_surface
+from grasp3d.mesh.primitives import box_mesh
+from grasp3d.rendering import can_render
+from grasp3d.viewer import show
+from tests.test_viewer_page import BROWSER, CI, OPTIONS, coloured
+
+LABELS = """
+import grasp3d
+from grasp3d.mesh.primitives import box_mesh
+labels = grasp3d.label_surface(box_mesh((0.1, 0.2, 0.3), max_edge=0.1))
+"""
+SHOW = "labels.show(height=500)"
+BLOCKED = "import sys; sys.modules['aiohttp'] = None; labels.show()"
+
+
+@pytest.fixture(scope="module")
+def labels() -> SurfaceLabels:
+    return label_surface(box_mesh((0.1, 0.2, 0.3), max_edge=0.1))
+
+
+def shown(client: NotebookClient, number: int) -> str:
+    """What a cell shows."""
+    cell = client.execute_cell(client.nb.cells[number], number)
+    return str(cell.outputs[-1]["data"]["text/html"])
+
+
+def test_notebook_shows_a_page_and_without_the_extra_a_picture() -> None:
+    if not (BROWSER and can_render()):
+        (pytest.fail if CI else pytest.skip)("needs Chromium and OpenGL")
+    playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+    cells = [nbformat.v4.new_code_cell(code) for code in (LABELS, SHOW, BLOCKED)]
+    client = NotebookClient(nbformat.v4.new_notebook(cells=cells), timeout=240)
+    with client.setup_kernel(cwd=str(Path(__file__).parents[2])):
+        client.execute_cell(client.nb.cells[0], 0)
+        frame = shown(client, 1)
+        assert re.search(r'src="http://127\.0\.0\.1:\d+/a/[0-9a-f]{32}/".* height="500"', frame)
+        with playwright.sync_playwright() as started:
+            browser = started.chromium.launch(executable_path=BROWSER, args=OPTIONS)
+            page = browser.new_page()
+            page.set_content(frame)
+            inside = page.frame_locator("iframe")
+            inside.locator("#shares li").first.wait_for(timeout=60_000)
+            assert "vertices" in inside.locator("#facts").inner_text()
+            while coloured(picture(page.screenshot())).mean() < 0.02:
+                page.wait_for_timeout(50)
+            browser.close()
+        still = shown(client, 2)
+    coded = re.search(r'src="data:image/png;base64,([^"]+)"', still)
+    assert coded is not None
+    assert coloured(picture(base64.b64decode(coded[1]))).mean() > 0.05
+    assert "pip install" in still
+
+
+def picture(data: bytes) -> Any:
+    return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
+
+
+def test_outside_notebooks_a_window_opens(
+    labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    opened: list[Any] = []
+    window = SimpleNamespace(show_window=opened.append)
+    monkeypatch.setitem(sys.modules, "grasp3d.viewer.window.desktop", window)
+    assert labels.show() is None
+    assert opened[0].name == labels.mesh.report.source
+    opened[0].close()
+
+
+def test_terminal_of_ipython_is_no_notebook(monkeypatch: pytest.MonkeyPatch) -> None:
+    shell = SimpleNamespace()
+    monkeypatch.setitem(sys.modules, "IPython", SimpleNamespace(get_ipython=lambda: shell))
+    assert not show.in_notebook()
+    shell.kernel = object()
+    assert show.in_notebook()
+    monkeypatch.delitem(sys.modules, "IPython")
+    assert not show.in_notebook()
+
+
+def test_addresses_behind_a_proxy(labels: SurfaceLabels, monkeypatch: pytest.MonkeyPatch) -> None:
+    names: list[str] = []
+    served = SimpleNamespace(
+        address="http://127.0.0.1:1234/",
+        port=1234,
+        offer=lambda *_: "a/b/",
+        let_in_by_name=lambda: names.append("any"),
+    )
+    monkeypatch.setattr(show, "server", lambda: served)
+    monkeypatch.setattr(show, "in_notebook", lambda: True)
+    monkeypatch.setattr(show, "can_serve", lambda: True)
+    monkeypatch.delenv(show.HUB, raising=False)
+
+    def source(**options: str) -> str:
+        return labels.show(**options)._repr_html_().split('"')[1]
+
+    assert source() == "http://127.0.0.1:1234/a/b/"
+    assert not names
+    assert source(proxy='/a"b/proxy') == "/a&quot;b/proxy/1234/a/b/"
+    assert names
+    monkeypatch.setenv(show.HUB, "/user/ada/")
+    assert source() == "/user/ada/proxy/1234/a/b/"

@@ -1,0 +1,297 @@
+"""The window on the desktop, under a real X server with real events."""
+
+import os
+import subprocess
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from PIL import Image
+from plyfile import PlyData
+
+from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d.errors import OutputError
+from grasp3d.settings import DEGREE
+from grasp3d.stability.label import COLORS
+from grasp3d.viewer.window.display import check_display
+from tests.helpers.shapes import LIBRARY
+from tests.helpers.windows import Image8, Window, needs_screen, screen, wait_for
+
+pytestmark = needs_screen
+
+WIDTH, HEIGHT = 1000, 700
+CONE = 60.0 * DEGREE
+"""Wide enough for all that is asked, so that nothing is searched anew."""
+SCRIPT = """
+import json, sys
+from grasp3d import GraspModel, Sampling, label_surface, load_mesh
+from grasp3d.viewer.session.album import album_of
+from grasp3d.viewer.window.desktop import show_window
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.view_settings import ViewSettings
+from grasp3d.viewer.window.sliders import Ranges, sliders_of
+sampling = Sampling(rays=8, search_angle={cone})
+labels = label_surface(load_mesh({mesh!r}), GraspModel(), sampling=sampling, threads=1)
+session = Session(album_of(labels), ViewSettings(width={width}, height={height}))
+lines = open(sys.argv[1], "w", encoding="utf-8")
+def watch(told, spots):
+    shown = session.shown
+    print(json.dumps(dict(
+        shares=dict((one.letter, one.share) for one in told.shares),
+        other=dict((one.letter, one.share) for one in told.other_shares),
+        friction=shown.model.friction, resolution=shown.model.sensor_resolution,
+        paint=shown.paint, compare=shown.compare, click=shown.click, vertex=shown.vertex,
+        fixed=shown.fixed, section=shown.section and shown.section.axis,
+        message=told.message, working=told.working,
+        spots=dict((one.name, (one.box, one.track)) for one in spots),
+        thumbs=dict((one.name, one.share) for one in sliders_of(session, Ranges())),
+    )), file=lines, flush=True)
+show_window(session, title="a window to test", watch=watch)
+print("closed")
+"""
+
+
+@pytest.fixture(scope="module")
+def labels() -> SurfaceLabels:
+    mesh = load_mesh(LIBRARY / "spray.glb")
+    sampling = Sampling(rays=8, search_angle=CONE)
+    return label_surface(mesh, GraspModel(), sampling=sampling, threads=1)
+
+
+@pytest.fixture(scope="module")
+def display() -> Iterator[str]:
+    with screen() as name:
+        yield name
+
+
+def opened(display: str, folder: Path, name: str = "spray.glb") -> Window:
+    mesh = str(LIBRARY / name)
+    return Window.open(
+        SCRIPT.format(mesh=mesh, width=WIDTH, height=HEIGHT, cone=CONE), display, folder
+    )
+
+
+@pytest.fixture(scope="module")
+def opened_window(display: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Window]:
+    made = opened(display, tmp_path_factory.mktemp("window"))
+    try:
+        yield made
+    finally:
+        made.process.kill()
+        made.process.communicate()
+
+
+@pytest.fixture
+def window(opened_window: Window) -> Window:
+    """The window as it was at first."""
+    made = opened_window
+    if made.told["section"]:
+        made.press("section-off")
+    for key, wrong in (
+        ("c", made.told["compare"] is not None), ("f", made.told["click"] == "fix"), ("1", True),
+        ("u", True), ("r", True),
+    ):  # fmt: skip
+        if wrong:
+            made.key(key)
+    made.click(3, 3)
+    made.until(
+        lambda told: (
+            (told["vertex"], told["compare"], told["section"], told["fixed"])
+            == (None, None, None, [])
+            and told["working"] is None
+        ),
+        "the beginning",
+    )
+    return made
+
+
+def place_of_object(picture: Image8) -> tuple[int, int]:
+    """A pixel well inside the drawn object, x and y."""
+    painted = np.ptp(picture.astype(int), axis=2) > 60
+    painted[:, 700:] = False
+    rows = np.flatnonzero(painted.sum(axis=1) > 40)
+    y = int(rows[len(rows) // 2])
+    columns = np.flatnonzero(painted[y])
+    return int(np.median(columns)), y
+
+
+def seen_shares(picture: Image8) -> dict[str, float]:
+    """Shares of the pixels of the scene by the label whose hue they have, whatever the light."""
+    scene = picture[:, :690].reshape(-1, 3).astype(float)
+    scene = scene[np.ptp(scene, axis=1) > 60.0]
+    hues = np.array([COLORS[label] for label in Label], dtype=float)
+    hues /= np.linalg.norm(hues, axis=1)[:, None]
+    nearest = np.argmax(scene @ hues.T, axis=1)
+    return {label.name: float((nearest == label).mean()) for label in Label}
+
+
+def agrees(told: dict[str, float], labels: SurfaceLabels, friction: float, alpha: float) -> bool:
+    asked = labels.relabel(friction=friction, sensor_resolution=alpha)
+    return told == pytest.approx(asked.fractions(), abs=1e-9)
+
+
+def changed(one: Image8, other: Image8) -> float:
+    return float((one[:, :690] != other[:, :690]).any(axis=2).mean())
+
+
+def test_sliders_recolour_and_tell_the_shares(window: Window, labels: SurfaceLabels) -> None:
+    assert agrees(window.told["shares"], labels, 0.5, 22.6 * DEGREE)
+    before = window.picture()
+    window.slide("friction", 0.13)
+    told = window.until(lambda told: told["friction"] < 0.22, "friction")
+    assert told["friction"] == pytest.approx(0.01 + 0.13 * 1.49, abs=0.011)
+    assert agrees(told["shares"], labels, told["friction"], told["resolution"])
+    drawn = seen_shares(window.picture())
+    assert drawn["S"] == pytest.approx(told["shares"]["S"], abs=0.2)
+    assert seen_shares(before)["S"] > drawn["S"] + 0.2
+    window.slide("sensor_resolution", -0.03)
+    told = window.until(lambda told: told["resolution"] == 0.0, "resolution")
+    assert agrees(told["shares"], labels, told["friction"], 0.0)
+    window.slide("sensor_resolution", 22.6 / 90.0)
+    window.slide("friction", 0.49 / 1.49)
+    told = window.until(lambda told: abs(told["friction"] - 0.5) < 0.011, "friction as before")
+    assert told["resolution"] == pytest.approx(22.6 * DEGREE, abs=0.4 * DEGREE)
+    assert window.told["vertex"] is None
+
+
+def test_a_click_tells_of_a_place_and_a_drag_does_not(window: Window) -> None:
+    before = window.picture()
+    x, y = place_of_object(before)
+    for way in ([(x, y), (x + 60, y + 30)], [(x, y), (x + 60, y), (x, y)], [(3, 3), (x, y)]):
+        window.drag(*way)
+    wait_for(lambda: changed(before, window.picture()) > 0.02, "a turned object")
+    assert window.told["vertex"] is None
+    window.key("r")
+    wait_for(lambda: changed(before, window.picture()) < 0.001, "the view as before")
+    window.click(x, y)
+    told = window.until(lambda told: told["vertex"] is not None, "a place")
+    window.click(x + 2, y, shift=True)
+    assert told["click"] == "inspect"
+    window.click(3, 3)
+    window.until(lambda told: told["vertex"] is None, "nothing")
+
+
+def test_rows_of_the_panel_are_buttons(window: Window, labels: SurfaceLabels) -> None:
+    window.press("key-2")
+    window.until(lambda told: told["paint"] == "critical_angle", "colours")
+    window.press("section-y")
+    window.until(lambda told: told["section"] == "y", "a section")
+    window.press("key-c")
+    told = window.until(lambda told: told["compare"], "two resolutions")
+    assert agrees(told["shares"], labels, told["friction"], told["resolution"])
+    assert agrees(told["other"], labels, told["friction"], told["compare"])
+    window.slide("compare", 0.2)
+    told = window.until(lambda told: told["compare"] < 0.35, "a finer one")
+    assert agrees(told["other"], labels, told["friction"], told["compare"])
+    window.press("key-z")
+    window.until(lambda told: told["compare"] == pytest.approx(40.0 * DEGREE), "undone")
+
+
+def test_fingers_are_fixed_and_released(window: Window) -> None:
+    x, y = place_of_object(window.picture())
+    window.press("click-fix")
+    window.until(lambda told: told["click"] == "fix", "fixing")
+    window.click(x, y, shift=True)
+    window.until(lambda told: told["vertex"] is not None, "a place")
+    assert window.told["fixed"] == []
+    window.click(x, y)
+    window.until(lambda told: told["fixed"] and told["working"] is None, "a fixed finger")
+    window.press("key-u")
+    window.until(lambda told: told["fixed"] == [], "none")
+
+
+def test_the_help_lies_over_all(window: Window) -> None:
+    before = window.picture()
+    for close in (lambda: window.key("h"), lambda: window.click(350, 350)):
+        window.key("h")
+        wait_for(lambda: changed(before, window.picture()) > 0.2, "the help")
+        close()
+        wait_for(lambda: changed(before, window.picture()) < 0.001, "no help")
+    assert window.told["vertex"] is None
+
+
+def test_keys_of_vtk_do_nothing(window: Window) -> None:
+    before = window.picture()
+    window.key("w", "e", "b", "v", "t", "j", "3", "1", "a", "l", "shift+w", "ctrl+q", "F5")
+    window.key("2")
+    window.until(lambda told: told["paint"] == "critical_angle", "another key")
+    window.key("1")
+    wait_for(lambda: changed(before, window.picture()) < 0.001, "the picture as before")
+    window.key("plus")
+    wait_for(lambda: changed(before, window.picture()) > 0.01, "a larger object")
+    told = window.told
+    wanted = (told["friction"] + 0.05, told["resolution"] + 2.0 * DEGREE)
+    window.key("Right", "Up")
+    window.until(
+        lambda told: (told["friction"], told["resolution"]) == pytest.approx(wanted), "more"
+    )
+    window.key("Left", "Down")
+
+
+def test_the_size_of_the_window_is_followed(window: Window) -> None:
+    def fits(told: dict[str, Any], width: int, height: int) -> bool:
+        boxes = [box for box, _ in told["spots"].values()]
+        right, bottom = max(box[2] for box in boxes), max(box[3] for box in boxes)
+        return width - 40 < right <= width and bottom <= height
+
+    for width, height in ((1200, 900), (900, 600), (WIDTH, HEIGHT)):
+        window.do("windowsize", window.number, width, height)
+        window.until(lambda told, w=width, h=height: fits(told, w, h), "another layout")
+
+
+def test_files_are_saved_under_free_names(window: Window, labels: SurfaceLabels) -> None:
+    for name in ("spray_labeled.ply", "spray_labeled_2.ply"):
+        window.key("s")
+        path = window.folder / name
+        window.until(lambda told, p=path: told["message"] == f"saved: {p}", "a file")
+        rows = PlyData.read(path)["vertex"].data
+        told = window.told
+        asked = labels.relabel(friction=told["friction"], sensor_resolution=told["resolution"])
+        assert np.array_equal(rows["label"], asked.label)
+    window.press("key-g")
+    path = window.folder / "spray_view.png"
+    window.until(lambda told: told["message"] == f"saved: {path}", "a picture")
+    with Image.open(path) as image:
+        assert image.size == (WIDTH - 300, HEIGHT)
+        drawn = seen_shares(np.array(image.convert("RGB")))
+    assert drawn["S"] == pytest.approx(seen_shares(window.picture())["S"], abs=0.05)
+    window.folder.chmod(0o555)
+    if not os.access(window.folder, os.W_OK):
+        window.key("g")
+        window.until(lambda told: "cannot be written" in told["message"], "a refusal")
+    window.folder.chmod(0o755)
+
+
+def test_the_key_q_closes_it(opened_window: Window) -> None:
+    opened_window.key("q")
+    assert opened_window.ended() == (0, "closed\n", "")
+
+
+def test_the_button_of_its_frame_closes_it(display: str, tmp_path: Path) -> None:
+    window = opened(display, tmp_path, "cone.off")
+    window.ask_to_close()
+    assert window.ended() == (0, "closed\n", "")
+
+
+def test_without_a_display_a_sentence_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.delenv("DISPLAY", raising=False)
+    monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
+    with pytest.raises(OutputError, match="DISPLAY is not set; use --web"):
+        check_display()
+    monkeypatch.setenv("DISPLAY", ":65000")
+    with pytest.raises(OutputError, match="no window opens on display :65000"):
+        check_display()
+    monkeypatch.setattr("sys.platform", "darwin")
+    check_display()
+
+
+def test_a_try_that_never_ends_is_no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+    def never(*_: object, **options: Any) -> None:
+        raise subprocess.TimeoutExpired("python", options["timeout"])
+
+    monkeypatch.setenv("DISPLAY", ":0")
+    monkeypatch.setattr(subprocess, "run", never)
+    with pytest.raises(OutputError, match="no window opens on display :0"):
+        check_display()
