@@ -20,6 +20,7 @@ from .mesh.preparing import load_mesh as load_mesh
 from .mesh.preparing import mesh_from_arrays as mesh_from_arrays
 from .quality.closure import force_closure as force_closure
 from .quality.critical_angle import critical_friction_angle as critical_friction_angle
+from .quality.epsilon_options import EpsilonOptions as EpsilonOptions
 from .quality.ferrari_canny import Epsilon as Epsilon
 from .quality.ferrari_canny import epsilon as epsilon
 from .quality.ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches

@@ -1,38 +1,83 @@
-"""Array aliases and locked copies, so that results cannot change under their readers."""
+"""Array types, read-only copies, and vector functions."""
 
-from typing import Any
+import math
+import textwrap
+from dataclasses import fields, is_dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
+
+if TYPE_CHECKING:
+    from numpy.typing import ArrayLike as ArrayLike  # noqa: PLC0414, exported
+else:
+
+    class ArrayLike:
+        """What NumPy makes an array of: numbers, lists of them, arrays; `numpy.typing.ArrayLike`.
+
+        The alias itself would fill the signatures that `help` and documentation show.
+        """
+
 
 Floats = npt.NDArray[np.float64]
 Ints = npt.NDArray[np.int64]
 Bools = npt.NDArray[np.bool_]
 Bytes = npt.NDArray[np.uint8]
 
+RIGHT_ANGLE = math.pi / 2.0
 
-def locked(array: npt.ArrayLike, dtype: npt.DTypeLike | None = None) -> npt.NDArray[Any]:
-    """Return a C-contiguous copy that nobody can write to."""
+
+def locked(array: ArrayLike, dtype: npt.DTypeLike | None = None) -> npt.NDArray[Any]:
+    """Return a read-only C-contiguous copy."""
     copy = np.array(array, dtype=dtype, order="C", copy=True)
     copy.flags.writeable = False
     return copy
 
 
-def shaped(values: npt.NDArray[Any], batch: tuple[int, ...]) -> Any:  # noqa: ANN401
-    """Results of a flat batch (b, ...) in the batch's shape, locked; a plain number for one."""
+def shaped(values: npt.NDArray[Any], batch: tuple[int, ...]) -> Any:
+    """Reshape results of a flat batch (b, ...) to the batch's shape, read-only; a scalar for ()."""
     return locked(values.reshape((*batch, *values.shape[1:])))[()]
 
 
 def unit_rows(vectors: Floats) -> Floats:
-    """Scale the rows (..., 3) to length one; a row without a direction becomes zero."""
+    """Scale the rows (..., 3) to length 1; rows of length 0 stay 0."""
     lengths = np.linalg.norm(vectors, axis=-1, keepdims=True)
     scaled: Floats = np.divide(vectors, lengths, out=np.zeros_like(vectors), where=lengths > 0.0)
     return scaled
 
 
+def angles_between(a: Floats, b: Floats) -> Floats:
+    """Angles between vectors (..., 3) [rad], accurate near 0 and pi."""
+    angles: Floats = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
+    return angles
+
+
 def first_at_position(vertices: Floats) -> Ints:
-    """For each vertex the first one with exactly its position, shape (V,)."""
-    rows = np.ascontiguousarray(vertices + 0.0)  # -0.0 and 0.0 are one place
+    """Number of the first vertex with exactly the same position, for each vertex, shape (V,)."""
+    rows = np.ascontiguousarray(vertices + 0.0)  # -0.0 and 0.0 are one position
     keys = rows.view(np.dtype((np.void, rows.dtype.itemsize * 3))).ravel()
     _, first, inverse = np.unique(keys, return_index=True, return_inverse=True)
     return np.asarray(first[inverse], dtype=np.int64)
+
+
+def short_repr(instance: Any) -> str:
+    """Representation of a dataclass of arrays, in at most three lines.
+
+    Arrays are shown by type and shape, other dataclasses by their name.
+    """
+    values = (
+        f"{field.name}={_short(getattr(instance, field.name))}"
+        for field in fields(instance)
+        if field.repr and not field.name.startswith("_")
+    )
+    text = f"{type(instance).__name__}({', '.join(values)})"
+    lines = textwrap.wrap(text, 100, subsequent_indent="    ", max_lines=3, placeholder=" ...)")
+    return "\n".join(lines)
+
+
+def _short(value: object) -> str:
+    if isinstance(value, np.ndarray):
+        return f"{value.dtype}[{', '.join(map(str, value.shape))}]"
+    if isinstance(value, float):
+        return f"{value:.6g}"
+    return type(value).__name__ if is_dataclass(value) else textwrap.shorten(repr(value), 60)

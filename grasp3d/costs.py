@@ -1,4 +1,4 @@
-"""What labelling a mesh will take: memory and time, told and bounded before the work."""
+"""Estimates of the memory and time that labelling a mesh takes, and their limits."""
 
 from dataclasses import dataclass
 
@@ -6,70 +6,70 @@ from grasp3d.errors import MeshError
 from grasp3d.settings import GraspModel, Sampling
 
 BASE = 0.3
-"""Memory of a process that has labelled next to nothing [GB]."""
+"""Memory of a process that labels a very small mesh [GB]."""
 
 PER_VERTEX = 2e-6, 1.2e-6
-"""Memory for each vertex [GB]: for two fingers, and for each finger more."""
+"""Memory for each vertex [GB]: for two fingers, and for each further finger."""
 
 SECONDS = {2: 4e-4, 3: 1.1e-3, 4: 2.5e-3, 5: 3e-3}
-"""Time for each vertex with the usual search, labels and epsilon, on one processor [s]."""
+"""Time for each vertex with the default search, for labels and epsilon, on one processor [s]."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What labelling a mesh is expected to take, for exact labels within a factor of about two."""
+    """Expected cost of labelling a mesh, for exact labels within a factor of about two."""
 
     memory: float
     """Largest memory of the process [GB]."""
     seconds: float
-    """Time, once everything is compiled [s]."""
+    """Time without compilation [s]."""
     more: bool
-    """It will take several times as long: hulls of extreme normals, or epsilon of soft fingers or
-    with the forces limited one by one."""
+    """Whether it takes several times as long as `seconds`: hulls of extreme normals, or epsilon of
+    soft fingers or with each finger's force limited."""
 
 
 def labelling_cost(
     vertices: int, model: GraspModel, sampling: Sampling, *, threads: int = 1
 ) -> Cost:
-    """Estimate what labels and epsilon of a surface will take.
+    """Estimate the cost of the labels and epsilon of a surface.
 
     Args:
-        vertices: After refinement.
-        model: Its number of fingers decides most.
-        sampling: Its rays or candidates count for the rest.
-        threads: Processors that share the work.
+        vertices: Number of vertices after refinement.
+        model: Mainly its number of fingers matters.
+        sampling: Its number of rays or candidates matters.
+        threads: Number of processors that are used.
     """
-    usual = Sampling()
+    default = Sampling()
     fingers = min(model.fingers, max(SECONDS))
-    share = sampling.rays / usual.rays
+    effort = sampling.rays / default.rays
     if model.fingers > 2:
-        share = sampling.candidates / usual.candidates
-    first, more = PER_VERTEX
+        effort = sampling.candidates / default.candidates
+    two_fingers, per_finger = PER_VERTEX
     return Cost(
-        memory=BASE + vertices * (first + more * (fingers - 2)),
-        seconds=vertices * SECONDS[fingers] * share / threads,
+        memory=BASE + vertices * (two_fingers + per_finger * (fingers - 2)),
+        seconds=vertices * SECONDS[fingers] * effort / threads,
         more=model.method == "extremes"
         or model.torsion_radius > 0.0
         or model.actuation == "per_finger",
     )
 
 
-def check_cost(vertices: int, max_memory: float, where: str, cure: str, fingers: int = 2) -> None:
-    """Refuse a surface that cannot be labelled within so much memory.
+def check_cost(vertices: int, max_memory: float, mesh: str, remedy: str, fingers: int = 2) -> None:
+    """Refuse a surface whose labelling would exceed a memory limit.
 
     Args:
-        vertices: After refinement, or as many as are expected.
-        max_memory: What may be taken [GB].
-        where: Name of the mesh.
-        cure: What else would help, besides more memory.
-        fingers: Of a grasp.
+        vertices: Number of vertices after refinement, or an estimate.
+        max_memory: Memory limit [GB].
+        mesh: Name of the mesh, for the message.
+        remedy: What to do about it besides raising the limit, for the message.
+        fingers: Number of fingers of a grasp.
 
     Raises:
-        MeshError: It would take more.
+        MeshError: Labelling would exceed the limit.
     """
     needed = labelling_cost(vertices, GraspModel(fingers=fingers), Sampling()).memory
     if needed > max_memory:
         raise MeshError(
-            f"{where}: {vertices:,} vertices would take about {needed:.3g} GB, and max_memory is "
-            f"{max_memory:g} GB; {cure}, or raise max_memory (--max-memory)"
+            f"{mesh}: {vertices:,} vertices would take about {needed:.3g} GB, and max_memory is "
+            f"{max_memory:g} GB; {remedy}, or raise max_memory (--max-memory)"
         )

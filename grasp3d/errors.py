@@ -1,8 +1,8 @@
-"""The one family of errors: each message says what is wrong, where, and what would be right."""
+"""Exceptions. Every message states what is wrong, where, and what would be right."""
 
 
 class GraspError(Exception):
-    """Anything that a user can cause and mend; the command line prints it as one line."""
+    """Base class: an error that a user can cause and correct; printed in one line."""
 
 
 class SettingError(GraspError):
@@ -10,7 +10,7 @@ class SettingError(GraspError):
 
 
 class ContactError(GraspError):
-    """Contacts, or wrenches, that are no grasp: wrong shapes, numbers that are none."""
+    """Contacts or wrenches that are no grasp: wrong shapes, or values that are not finite."""
 
 
 class MeshError(GraspError):
@@ -18,12 +18,12 @@ class MeshError(GraspError):
 
 
 class MeshUnreadError(MeshError):
-    """A mesh that could not be read this time; nothing says that it is the mesh's fault."""
+    """A mesh that could not be read this time, for a reason that need not lie in the mesh."""
 
 
 class SearchCoverageError(GraspError):
-    """A question that the grasps searched so far cannot answer."""
+    """A result that would need grasps outside the cone that was searched."""
 
 
 class OutputError(GraspError):
-    """A result that cannot be written where it was asked for."""
+    """A result that cannot be written to the requested path."""

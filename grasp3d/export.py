@@ -1,4 +1,4 @@
-"""Labelled surfaces as files: PLY for every tool, GLB to look at, all in NPZ, VTP and Parquet.
+"""Export of labelled surfaces: PLY, GLB for viewing, and all arrays in NPZ, VTP and Parquet.
 
 Heavy writers are imported when they are used.
 """
@@ -17,8 +17,9 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.errors import OutputError
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.surface.epsilon import EPSILON_RTOL
-from grasp3d.surface.labels import Reason, SurfaceLabels
-from grasp3d.system.files import written_whole
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.files import atomic_write
 from grasp3d.system.versions import package_version
 
 _FIELDS = ("label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon",
@@ -38,8 +39,8 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
     Per vertex: x y z (double), outward nx ny nz, red green blue, `label` (uchar: 0 U, 1 M, 2 S),
     `critical_angle`, `critical_angle_best` and `max_resolution` (float, radians; inf and 0 where
     there is no grasp), `epsilon`, `epsilon_min` and `epsilon_max` (float; nan where there is no
-    grasp). The settings stand in comments that begin with `grasp3d`; of these `epsilon_min` and
-    `epsilon_max` tell how the two are taken.
+    grasp). The settings are in comments that begin with `grasp3d`; of these `epsilon_min` and
+    `epsilon_max` name how the two are computed.
 
     Args:
         path: File to make or replace.
@@ -83,7 +84,7 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
             "end_header\n",
         ]
     )
-    with written_whole(Path(path)) as part, part.open("wb") as stream:
+    with atomic_write(Path(path)) as part, part.open("wb") as stream:
         stream.write(header.encode("ascii"))
         if binary:
             vertices.tofile(stream)
@@ -96,9 +97,9 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
 
 def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
     """Write a GLB coloured by label, for any 3-D viewer. Raises OutputError."""
-    shade = label_colors(labels) / 255.0
-    # glTF's vertex colours are linear light, the colours of the legend are sRGB.
-    linear = np.where(shade <= 0.04045, shade / 12.92, ((shade + 0.055) / 1.055) ** 2.4)
+    srgb = label_colors(labels) / 255.0
+    # glTF's vertex colours are linear, the colours of the legend are sRGB.
+    linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
     mesh = trimesh.Trimesh(
         labels.mesh.vertices,
         labels.mesh.faces,
@@ -106,14 +107,14 @@ def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
         vertex_colors=np.round(255.0 * linear).astype(np.uint8),
         process=False,
     )
-    with written_whole(Path(path)) as part:
+    with atomic_write(Path(path)) as part:
         part.write_bytes(trimesh.exchange.gltf.export_glb(mesh.scene(), include_normals=True))
 
 
 def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
     """Write every array as compressed NumPy, with the settings as strings. Raises OutputError."""
     settings = {f"setting_{key}": str(value) for key, value in settings_of(labels).items()}
-    with written_whole(Path(path)) as part, part.open("wb") as stream:
+    with atomic_write(Path(path)) as part, part.open("wb") as stream:
         arrays: dict[str, Any] = {
             "vertices": labels.mesh.vertices,
             "faces": labels.mesh.faces,
@@ -124,28 +125,28 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
 
 
 def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
-    """Write a VTP for ParaView with every array; no grasp is nan there. Raises OutputError.
+    """Write a VTP for ParaView with every array; nan where there is no grasp. Raises OutputError.
 
-    The other fingers have an array each: `partner_2` and `partner_2_normal`, and so on.
+    Each of the other fingers has its own arrays: `partner_2`, `partner_2_normal`, and so on.
     """
     import pyvista
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
     data = pyvista.PolyData.from_regular_faces(labels.mesh.vertices, labels.mesh.faces.astype(int))
     for name, values in _by_finger(vertex_arrays(labels)).items():
-        # An infinite value would stretch ParaView's colour map; nan has a colour of its own.
+        # An infinite value would stretch ParaView's colour map; nan has a separate colour.
         data.point_data[name] = (
             np.where(np.isinf(values), math.nan, values) if values.dtype.kind == "f" else values
         )
     for key, value in settings_of(labels).items():
         data.field_data[key] = [str(value)]
-    # VTK writes to memory: where a disk is full, its own files end the process.
+    # VTK writes to memory: on a full disk its own file output ends the process.
     writer = vtkXMLPolyDataWriter()
     writer.SetInputData(data)
     writer.SetDataModeToBinary()
     writer.WriteToOutputStringOn()
     writer.Write()
-    with written_whole(Path(path)) as part:
+    with atomic_write(Path(path)) as part:
         part.write_text(writer.GetOutputString(), encoding="ascii")
 
 
@@ -157,8 +158,8 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     0 where there is no grasp), `epsilon`, `epsilon_min`, `epsilon_max` and `opening` (nan where
     there is none), `grip`, `reason` (text, as in `Reason`), and of each other finger `partner_2_x`
     ... (double) and outward `partner_2_nx` ... (nan where there is none). Numbers are floats; nan
-    and inf are kept and nothing is null. The settings stand as JSON in the schema's metadata under
-    `grasp3d`.
+    and inf are kept and nothing is null. The settings are in the schema's metadata under `grasp3d`
+    as JSON.
 
     Args:
         path: File to make or replace.
@@ -179,11 +180,11 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
         head, normals = f"partner_{finger + 2}_", arrays["partner_normals"][:, finger]
         columns |= _by_axis(head, labels.partners[:, finger], "f8")
         columns |= _by_axis(f"{head}n", normals, "f4")
-    words = {
+    texts = {
         "label": [label.name for label in sorted(Label)],
         "reason": [reason.name.lower() for reason in sorted(Reason)],
     }
-    write_arrays(Path(path), columns, words, settings=settings_of(labels))
+    write_arrays(Path(path), columns, texts, settings=settings_of(labels))
 
 
 def _by_axis(head: str, vectors: Floats, kind: str) -> dict[str, npt.NDArray[Any]]:
@@ -192,7 +193,7 @@ def _by_axis(head: str, vectors: Floats, kind: str) -> dict[str, npt.NDArray[Any
 
 
 def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
-    """Collect all that is known of each vertex, by name; normals outward, as files have them.
+    """Collect all arrays over the vertices by name; normals point outward, as in files.
 
     `partners` and `partner_normals` have a row for each of the other fingers, (V, n - 1, 3).
     """
@@ -215,27 +216,27 @@ def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
 
 
 def _by_finger(arrays: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-    """Give every finger arrays of its own, as tables of points have no more than vectors."""
-    told: dict[str, npt.NDArray[Any]] = {}
+    """Split arrays over fingers into one per finger, as VTK's point data are at most vectors."""
+    split: dict[str, npt.NDArray[Any]] = {}
     for name, values in arrays.items():
         if name == "partners":
-            told.update({f"partner_{i}": row for i, row in enumerate(values.swapaxes(0, 1), 2)})
+            split.update({f"partner_{i}": row for i, row in enumerate(values.swapaxes(0, 1), 2)})
         elif name == "partner_normals":
             normals = enumerate(values.swapaxes(0, 1), 2)
-            told.update({f"partner_{i}_normal": row for i, row in normals})
+            split.update({f"partner_{i}_normal": row for i, row in normals})
         else:
-            told[name] = values
-    return told
+            split[name] = values
+    return split
 
 
 def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
-    """Say what the labels were made with; angles in radians."""
+    """Settings and versions that the labels were computed with; angles in radians."""
     mesh, search = labels.mesh, labels.search
     sampling = {} if labels.sampling is None else asdict(labels.sampling)
     u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
     return {
         "version": package_version(),
-        # In a header it must be one line of plain characters.
+        # In a header it must be one line of ASCII characters.
         "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
         "mode": labels.mode,
         **asdict(labels.model),
@@ -244,7 +245,7 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
         "unit": mesh.unit or "unknown",
         "search_angle": search.cone,
         "rays_traced": search.rays,
-        "candidates_settled": search.settled,
+        "candidates_evaluated": search.evaluated,
         "file_vertices": mesh.file_vertices,
         "torque_scale": mesh.torque_scale,
         "epsilon_rank": labels.model.epsilon_rank,

@@ -1,13 +1,14 @@
-"""The settings: frozen dataclasses that Python, the command line and batch runs share.
+"""Settings of the Python API, the command line and batch runs, as frozen dataclasses.
 
 Field docstrings are the command line's help. Angles are radians here; the command line
 reads and prints the fields of type `Radians` in degrees.
 """
 
 import math
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
 from numbers import Integral
-from typing import Annotated, Literal, TypedDict, get_args
+from typing import Annotated, Any, Literal, get_args
 
 from grasp3d.errors import SettingError
 
@@ -22,52 +23,52 @@ Tilts = Literal["exact", "effective_friction", "sampled_tilts"]
 CandidatePoints = Literal["surface", "vertices"]
 Repair = Literal["none", "safe", "full"]
 MAX_FINGERS = 32
-MOST_SEARCHED = 5
-"""Fingers of the largest grasps that are searched for; given ones may have more."""
+MAX_SEARCHED_FINGERS = 5
+"""Most fingers of a grasp that is searched for; given grasps have at most `MAX_FINGERS`."""
 MIN_RAYS, MAX_RAYS = 8, 65_536
 MIN_CANDIDATES, MAX_CANDIDATES = 8, 4096
-LAST_SEED = 2**63
+SEED_LIMIT = 2**63
 MIN_EDGES, MAX_EDGES = 3, 360
 MIN_EXTREMES, MAX_EXTREMES = 3, 360
 MIN_MEMORY = 0.5
 DEGREE = math.pi / 180.0
+ANGLE_ROUNDING = 1e-9
+"""Angle by which a cone may exceed the cone that was searched and still count as covered [rad]."""
 
 
 @dataclass(frozen=True)
 class GraspModel:
-    """Friction and touch: what decides whether a grasp is surely stable."""
+    """Friction, sensor resolution and fingers, from which a grasp's label follows.
+
+    Attributes:
+        friction: Coulomb coefficient of friction between fingertip and object, above 0.
+        sensor_resolution: Sensor resolution alpha: the angle between the two extreme normals that
+            the fingertip cannot distinguish, from 0 to below 180 degrees.
+        fingers: Number of fingers of a grasp, 2 to 5.
+        method: How grasps are labelled. exact: by the critical friction angle, which covers every
+            normal within the resolution; extremes: by the wrench hulls at every combination of
+            extreme normals, as in the paper, which is sampled and slower.
+        extreme_normals: Method extremes: normals tested on the rim of each contact's cone of
+            uncertainty, 3 to 360, besides the perceived one; more rings where the resolution
+            exceeds four friction angles.
+        edges: Edges of polygonal friction cones for epsilon, and for the labels of method extremes,
+            3 to 360; none: circular cones. Exact labels and critical angles always come from
+            circular ones.
+        actuation: Which force epsilon limits to 1. total: the sum of all fingers' forces;
+            per_finger: each finger's force.
+        torsion_radius: Soft fingers: largest torsional moment about the normal per normal force, in
+            the mesh's unit; 2/3 x friction x r for an evenly pressed disc of radius r. 0: hard
+            fingers. It affects epsilon only.
+    """
 
     friction: float = 0.5
-    """Coulomb coefficient of friction between fingertip and object, above 0."""
-
     sensor_resolution: Radians = 22.6 * DEGREE
-    """Sensor resolution alpha: the angle between the two extreme normals that the fingertip
-    cannot tell apart, from 0 to below 180 degrees."""
-
     fingers: int = 2
-    """Fingers of a grasp, 2 to 5."""
-
     method: Method = "exact"
-    """How labels are made. exact: from the critical friction angle, which settles every normal
-    within the resolution; extremes: from the wrench hulls at every combination of extreme normals,
-    as in the paper, which is sampled and slower."""
-
     extreme_normals: int = 8
-    """Method extremes: normals tried on the rim of each contact's cone of uncertainty, 3 to 360,
-    besides the perceived one; more rings where the resolution exceeds four friction angles."""
-
     edges: int | None = None
-    """Edges of polygonal friction cones for epsilon, and for the labels of method extremes, 3 to
-    360; none: circular cones. Exact labels and critical angles always come from circular ones."""
-
     actuation: Actuation = "total"
-    """What is at most 1 in epsilon. total: the sum of all fingers' forces; per_finger: each
-    finger's force."""
-
     torsion_radius: float = 0.0
-    """Soft fingers: largest torsional moment about the normal per normal force, in the mesh's unit;
-    2/3 x friction x r for an evenly pressed disc of radius r. 0: hard fingers. It counts in epsilon
-    only."""
 
     def __post_init__(self) -> None:
         if not (self.friction > 0.0 and math.isfinite(self.friction)):
@@ -79,10 +80,10 @@ class GraspModel:
                 f"got {degrees:g} degrees (in Python angles are radians)"
             )
         if not (isinstance(self.fingers, int) and 1 <= self.fingers <= MAX_FINGERS):
-            raise SettingError(f"fingers must be from 2 to {MOST_SEARCHED}; got {self.fingers}")
-        if self.method not in get_args(Method):
-            known = ", ".join(get_args(Method))
-            raise SettingError(f"no method is called {self.method!r}; known: {known}")
+            raise SettingError(
+                f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {self.fingers}"
+            )
+        check_choice("method", self.method, Method)
         if not (
             isinstance(self.extreme_normals, int)
             and MIN_EXTREMES <= self.extreme_normals <= MAX_EXTREMES
@@ -98,9 +99,7 @@ class GraspModel:
                 f"edges must be from {MIN_EDGES} to {MAX_EDGES}, or none for circular cones; "
                 f"got {self.edges}"
             )
-        if self.actuation not in get_args(Actuation):
-            known = ", ".join(get_args(Actuation))
-            raise SettingError(f"no actuation is called {self.actuation!r}; known: {known}")
+        check_choice("actuation", self.actuation, Actuation)
         if not (self.torsion_radius >= 0.0 and math.isfinite(self.torsion_radius)):
             raise SettingError(
                 f"torsion radius must be a finite length of at least 0; got {self.torsion_radius:g}"
@@ -117,10 +116,34 @@ class GraspModel:
         return self.sensor_resolution / 2.0
 
     @property
-    def tilts(self) -> Tilts:
-        """How epsilon's minimum over all tilts is taken; see `tilting.epsilon_range`.
+    def effective_friction_angle(self) -> float:
+        """Angle beta - alpha/2 [rad]: a grasp is S where its critical friction angle is smaller.
 
-        Method extremes samples it, and the maximum, at the combinations that it tries.
+        Wan & Howe 2018, Sec. III-A: the friction that remains whatever the tilt. Negative where
+        tilts exceed friction.
+        """
+        return self.friction_angle - self.tilt
+
+    @property
+    def widest_friction_angle(self) -> float:
+        """Angle beta + alpha/2 [rad]: the friction angle that the best tilt is equivalent to."""
+        return self.friction_angle + self.tilt
+
+    @property
+    def unstable_from(self) -> float:
+        """Critical friction angle from which a grasp is U [rad]: beta + alpha/2.
+
+        inf for three fingers and more where that reaches 90 degrees: such wide cones are not
+        convex, and some tilts may be force-closed whatever the critical angle is.
+        """
+        widest = self.widest_friction_angle
+        return math.inf if self.fingers > 2 and widest >= math.pi / 2.0 else widest
+
+    @property
+    def tilts(self) -> Tilts:
+        """How epsilon's minimum over all tilts is computed; see `tilting.epsilon_range`.
+
+        Method extremes samples it, and the maximum, at the combinations that it tests.
         """
         if self.torsion_radius > 0.0 or self.method == "extremes":
             return "sampled_tilts"
@@ -128,7 +151,7 @@ class GraspModel:
 
     @property
     def epsilon_rank(self) -> int:
-        """Dimensions of the wrenches in which epsilon is taken.
+        """Dimension of the wrench space in which epsilon is computed.
 
         Two hard fingers resist no torque about the line through them.
         """
@@ -137,80 +160,71 @@ class GraspModel:
 
 @dataclass(frozen=True)
 class Sampling:
-    """How candidate grasps are searched."""
+    """How candidate grasps are searched for.
+
+    Attributes:
+        rays: Two fingers: directions tested from every vertex before the search is refined, 8 to
+            65536.
+        grip: Two fingers. squeeze: they are outside, pushing toward each other; expand: inside a
+            ring or a mug, pushing apart; both: whichever is better.
+        min_opening: Two fingers: smallest distance between the contacts, in the mesh's unit.
+        max_opening: Two fingers: largest distance between the contacts (the gripper's stroke), in
+            the mesh's unit.
+        candidates: Three fingers and more: candidate points for every other finger before the
+            search is refined, spread evenly over the surface within reach of a vertex, 8 to 4096.
+            If candidate points are vertices, all of them are tested where there are at most four
+            times as many.
+        min_separation: Three fingers and more: smallest distance between any two contacts, in the
+            mesh's unit; none: 1/100 of the object's size, but at most 1/10 of max_spread.
+        max_spread: Three fingers and more: largest distance between any two contacts (the reach of
+            the robot's hand), in the mesh's unit.
+        candidate_points: Three fingers and more: where the other fingers may be. surface: anywhere
+            on it; vertices: at the mesh's vertices only.
+        seed: Three fingers and more: random seed of the candidate points and of the search; the
+            same seed gives the same labels.
+        search_angle: Largest critical friction angle that is searched for, up to 90 degrees; for
+            two fingers the half-angle of the cone of directions about the inward normal. none: just
+            what friction and resolution need. Wider: the surface can be labelled again, without a
+            new search, for any friction and resolution with atan(friction) + alpha/2 up to this
+            angle. Narrower: a limit to the search.
+        tolerance: Step size at which the search around a vertex's best grasp stops.
+    """
 
     rays: int = 64
-    """Two fingers: directions tried from every vertex before the search is refined, 8 to 65536."""
-
     grip: Grip = "squeeze"
-    """Two fingers. squeeze: they are outside, pushing toward each other; expand: inside a ring or a
-    mug, pushing apart; both: whichever is better."""
-
     min_opening: float = 0.0
-    """Two fingers: smallest distance between the contacts, in the mesh's unit."""
-
     max_opening: float = math.inf
-    """Two fingers: largest distance between the contacts (the gripper's stroke), in the mesh's
-    unit."""
-
     candidates: int = 64
-    """Three fingers and more: places, well spread over the surface within reach of a vertex, that
-    every other finger is tried at before the search is refined, 8 to 4096. Of vertices all are
-    tried where there are no more than four times as many."""
-
     min_separation: float | None = None
-    """Three fingers and more: smallest distance between any two contacts, in the mesh's unit; none:
-    1/100 of the object's size, but at most 1/10 of max_spread."""
-
     max_spread: float = math.inf
-    """Three fingers and more: largest distance between any two contacts (the hand's reach), in the
-    mesh's unit."""
-
     candidate_points: CandidatePoints = "surface"
-    """Three fingers and more: where the other fingers are put. surface: anywhere; vertices: at the
-    mesh's vertices only."""
-
     seed: int = 0
-    """Three fingers and more: seed of the spread of candidates and of the search; the same seed
-    gives the same labels."""
-
     search_angle: Radians | None = None
-    """Largest critical friction angle that counts, up to 90 degrees; for two fingers the half-angle
-    of the cone of directions about the inward normal. none: just what friction and resolution need.
-    Wider: labels can be asked again for any friction and resolution with atan(friction) + alpha/2
-    up to this angle. Narrower: a limit to the search."""
-
     tolerance: Radians = 1e-3
-    """The search around a vertex's best grasp stops at steps of this size."""
 
     def __post_init__(self) -> None:
         if not MIN_RAYS <= self.rays <= MAX_RAYS:
             raise SettingError(f"rays must be from {MIN_RAYS} to {MAX_RAYS}; got {self.rays}")
-        if self.grip not in get_args(Grip):
-            known = ", ".join(get_args(Grip))
-            raise SettingError(f"no grip is called {self.grip!r}; known: {known}")
+        check_choice("grip", self.grip, Grip)
         if not 0.0 <= self.min_opening <= self.max_opening or self.max_opening == 0.0:
             raise SettingError(
                 "openings must satisfy 0 <= min_opening <= max_opening, and max_opening above 0; "
                 f"got {self.min_opening:g} and {self.max_opening:g}"
             )
-        if not MIN_CANDIDATES <= whole("candidates", self.candidates, 0) <= MAX_CANDIDATES:
+        if not MIN_CANDIDATES <= whole_number("candidates", self.candidates, 0) <= MAX_CANDIDATES:
             raise SettingError(
                 f"candidates must be from {MIN_CANDIDATES} to {MAX_CANDIDATES}; "
                 f"got {self.candidates}"
             )
-        least = self.min_separation or 0.0
-        if not (0.0 <= least <= self.max_spread and math.isfinite(least)) or not self.max_spread:
+        closest = self.min_separation or 0.0
+        in_order = 0.0 <= closest <= self.max_spread and math.isfinite(closest)
+        if not in_order or not self.max_spread:
             raise SettingError(
                 "distances must satisfy 0 <= min_separation <= max_spread, and max_spread above 0; "
-                f"got {least:g} and {self.max_spread:g}"
+                f"got {closest:g} and {self.max_spread:g}"
             )
-        if self.candidate_points not in get_args(CandidatePoints):
-            known = ", ".join(get_args(CandidatePoints))
-            raise SettingError(
-                f"no candidate points are called {self.candidate_points!r}; known: {known}"
-            )
-        if whole("seed", self.seed, 0) >= LAST_SEED:
+        check_choice("candidate points", self.candidate_points, CandidatePoints)
+        if whole_number("seed", self.seed, 0) >= SEED_LIMIT:
             raise SettingError(f"seed must be below 2^63; got {self.seed}")
         if self.search_angle is not None and not 0.0 < self.search_angle <= math.pi / 2.0:
             degrees = math.degrees(self.search_angle)
@@ -226,45 +240,43 @@ class Sampling:
 
 @dataclass(frozen=True)
 class MeshOptions:
-    """How a mesh file is read and prepared."""
+    """How a mesh file is read and prepared.
+
+    Attributes:
+        unit: Unit of the file's numbers; none: the unit stated in the file, if any. Nothing is
+            scaled: openings and positions stay in this unit.
+        max_edge: Largest edge length, in the mesh's unit; longer edges are divided. none: 1/32 of
+            the object's size.
+        crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge):
+            the faces keep their own normals there. With a patch_radius edges are rounded instead.
+        repair: How much of a damaged surface is repaired. none: only faces without area are
+            removed; safe: also vertices are welded, faces oriented outward, pinholes closed,
+            overlapping bodies united; full: also every hole is closed, and sealed cavities are
+            filled.
+        patch_radius: Radius of the fingertip's contact patch, in the mesh's unit: the contact
+            normal at a surface point is the average over the surface within this distance along it,
+            as a soft fingertip touches an area; at most half of the object's size. 0: the normal at
+            the point alone.
+        max_memory: Memory that reading and labelling one mesh may take [GB]; files that need more
+            are refused before they are processed.
+    """
 
     unit: Unit | None = None
-    """Unit of the file's numbers; none: as the file says, if it does. Nothing is scaled: openings
-    and positions stay in this unit."""
-
     max_edge: float | None = None
-    """Longer edges are divided, in the mesh's unit; none: 1/32 of the object's size."""
-
     crease_angle: Radians = 30.0 * DEGREE
-    """Faces that meet at more than this angle keep their own normals: the edge is a crease. With a
-    patch_radius edges are rounded instead."""
-
     repair: Repair = "safe"
-    """How much of a damaged surface is mended. none: nothing but what has no area is left out;
-    safe: also vertices are welded, faces turned the right way out, pinholes closed, overlapping
-    bodies united; full: also every hole is closed, and sealed cavities are filled."""
-
     patch_radius: float = 0.0
-    """Radius of the fingertip's patch, in the mesh's unit: the contact normal at a place is the
-    average over the surface within this distance along it, as a soft fingertip touches an area; at
-    most half of the object's size. 0: the normal of the place alone."""
-
     max_memory: float = 2.0
-    """Memory that reading and labelling one mesh may take [GB]; files that need more are refused
-    before the work."""
 
     def __post_init__(self) -> None:
-        if self.unit is not None and self.unit not in get_args(Unit):
-            known = ", ".join(get_args(Unit))
-            raise SettingError(f"no unit is called {self.unit!r}; known: {known}")
+        if self.unit is not None:
+            check_choice("unit", self.unit, Unit)
         if self.max_edge is not None and not self.max_edge > 0.0:
             raise SettingError(f"max_edge must be above 0; got {self.max_edge:g}")
         if not 0.0 <= self.crease_angle <= math.pi:
             degrees = math.degrees(self.crease_angle)
             raise SettingError(f"crease angle must be from 0 to 180 degrees; got {degrees:g}")
-        if self.repair not in get_args(Repair):
-            known = ", ".join(get_args(Repair))
-            raise SettingError(f"no repair is called {self.repair!r}; known: {known}")
+        check_choice("repair", self.repair, Repair)
         if not (self.patch_radius >= 0.0 and math.isfinite(self.patch_radius)):
             raise SettingError(
                 f"patch radius must be a finite length of at least 0; got {self.patch_radius:g}"
@@ -274,65 +286,75 @@ class MeshOptions:
                 f"max memory must be at least {MIN_MEMORY:g} GB; got {self.max_memory:g}"
             )
 
+    @classmethod
+    def of(cls, options: "MeshOptions | None", fields_: Mapping[str, Any]) -> "MeshOptions":
+        """Options with some fields changed, as functions take them as keywords.
 
-class MeshKeywords(TypedDict, total=False):
-    """The fields of `MeshOptions` as keywords."""
+        Args:
+            options: The options to change; None: the defaults.
+            fields_: New values by name of the field.
 
-    unit: Unit | None
-    max_edge: float | None
-    crease_angle: float
-    repair: Repair
-    patch_radius: float
-    max_memory: float
+        Raises:
+            SettingError: No field has such a name, or a value is outside its range.
+        """
+        names = [field.name for field in fields(cls)]
+        unknown = [name for name in fields_ if name not in names]
+        if unknown:
+            known = ", ".join(names)
+            raise SettingError(f"no mesh option is called {unknown[0]!r}; known: {known}")
+        return replace(options or cls(), **fields_)
 
 
-def whole(name: str, value: object, least: int) -> int:
-    """Take a whole number that is large enough.
+def whole_number(name: str, value: object, minimum: int) -> int:
+    """Convert a value to an integer after checking that it is a whole number.
 
     Args:
-        name: What to call it in an error.
+        name: Name of the setting, for the error message.
         value: The number.
-        least: The smallest that will do.
+        minimum: Smallest number that is accepted.
 
     Raises:
-        SettingError: It is none, or smaller.
+        SettingError: The value is no whole number, or is smaller.
     """
-    if not isinstance(value, Integral) or isinstance(value, bool) or int(value) < least:
-        raise SettingError(f"{name} must be a whole number of at least {least}; got {value!r}")
+    if not isinstance(value, Integral) or isinstance(value, bool) or int(value) < minimum:
+        raise SettingError(f"{name} must be a whole number of at least {minimum}; got {value!r}")
     return int(value)
 
 
-def check_searched(model: GraspModel, sampling: Sampling) -> None:
-    """Refuse settings of a search that it would not listen to.
+def check_search_settings(model: GraspModel, sampling: Sampling) -> None:
+    """Refuse settings of a search that have no effect for the number of fingers.
 
     Raises:
-        SettingError: Too few or too many fingers, or settings that belong to another number.
+        SettingError: Too few or too many fingers, or settings that apply to another number.
     """
-    if not 2 <= model.fingers <= MOST_SEARCHED:
-        raise SettingError(f"fingers must be from 2 to {MOST_SEARCHED}; got {model.fingers}")
-    of_two = ("rays", "grip", "min_opening", "max_opening")
-    of_more = ("candidates", "min_separation", "max_spread", "candidate_points", "seed")
-    usual = Sampling()
-    for names, heard, cure in (
-        (of_two, model.fingers == 2, "min_separation, max_spread and candidates"),
-        (of_more, model.fingers > 2, "min_opening, max_opening and rays"),
+    if not 2 <= model.fingers <= MAX_SEARCHED_FINGERS:
+        raise SettingError(f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {model.fingers}")
+    two_finger_settings = ("rays", "grip", "min_opening", "max_opening")
+    multi_finger_settings = (
+        "candidates", "min_separation", "max_spread", "candidate_points", "seed",
+    )  # fmt: skip
+    default = Sampling()
+    for names, applicable, alternatives in (
+        (two_finger_settings, model.fingers == 2, "min_separation, max_spread and candidates"),
+        (multi_finger_settings, model.fingers > 2, "min_opening, max_opening and rays"),
     ):
-        given = [name for name in names if getattr(sampling, name) != getattr(usual, name)]
-        if given and not heard:
+        changed = [name for name in names if getattr(sampling, name) != getattr(default, name)]
+        if changed and not applicable:
             raise SettingError(
-                f"{given[0]} says nothing about {model.fingers} fingers; these have {cure}"
+                f"{changed[0]} does not apply to {model.fingers} fingers; use {alternatives}"
             )
 
 
 def with_fingers(model: GraspModel, count: int) -> GraspModel:
-    """The model of given grasps, whose fingers are counted.
+    """The model for given grasps, whose number of fingers is known.
 
     Raises:
-        SettingError: The model asks for another number, that is not the usual one.
+        SettingError: The model has another number of fingers, which is not the default either.
     """
     if model.fingers not in {GraspModel().fingers, count}:
         raise SettingError(
-            f"the grasps have {count} fingers, the model (--fingers) {model.fingers}; leave it out"
+            f"the grasps have {count} fingers, but the model (--fingers) has {model.fingers}; "
+            "fingers need not be set for given grasps"
         )
     return replace(model, fingers=count)
 
@@ -340,26 +362,27 @@ def with_fingers(model: GraspModel, count: int) -> GraspModel:
 def search_cone(model: GraspModel, sampling: Sampling) -> float:
     """Largest critical friction angle that is searched for [rad].
 
-    For two fingers it is the half-angle of the cone of directions in which partners are sought: a
-    partner seen at beta + alpha/2 or more from the normal makes no grasp better than U, so
-    nothing outside needs a ray.
+    For two fingers it is the half-angle of the cone of directions in which opposing contacts are
+    searched for: one in a direction beta + alpha/2 or more from the normal makes no grasp better
+    than U, so no ray is needed there.
     """
     if sampling.search_angle is not None:
         return sampling.search_angle
-    return min(model.friction_angle + model.tilt, math.pi / 2.0)
+    return min(model.widest_friction_angle, math.pi / 2.0)
 
 
 def check_choice(what: str, value: object, choices: object) -> None:
-    """Refuse a value that is none of the choices.
+    """Raise SettingError unless a value is one of the choices.
 
     Args:
-        what: What the value names, for the error: 'method'.
+        what: What the value names, for the error message: 'method'.
         value: The value.
         choices: A `Literal` of the choices.
 
     Raises:
-        SettingError: It is none of them.
+        SettingError: The value is none of the choices.
     """
     known = get_args(choices)
     if value not in known:
-        raise SettingError(f"no {what} is called {value!r}; known: {', '.join(known)}")
+        verb = "are" if what.endswith("s") else "is"
+        raise SettingError(f"no {what} {verb} called {value!r}; known: {', '.join(known)}")

@@ -1,66 +1,67 @@
-"""Shares of S, M and U over friction and sensor resolution, and the resolution that is needed."""
+"""Area fractions S, M and U over friction and sensor resolution, and the required resolution."""
 
 import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats, locked
+from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import SettingError
-from grasp3d.settings import GraspModel
+from grasp3d.settings import GraspModel, check_choice
 from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Mode
 
 
 @dataclass(frozen=True, eq=False)
 class Sweep:
-    """Shares of one surface, or of the mean of several, over friction and sensor resolution.
+    """Area fractions of one surface, or their mean over several, by friction and resolution.
 
-    Rows are frictions (m,), columns resolutions (k,); at every place S + M + U = 1.
+    Rows are frictions (m,), columns resolutions (k,); in every entry S + M + U = 1.
     """
 
     name: str
     mode: Mode
-    """As in `SurfaceLabels`: whether grasps were searched or are given, see `stability.MEANING`."""
+    """As in `SurfaceLabels`: whether grasps were searched or given, see `stability.MEANING`."""
     friction: Floats
     """Coulomb coefficients, in increasing order, shape (m,)."""
     sensor_resolution: Floats
     """Resolutions alpha [rad], in increasing order, shape (k,)."""
     stable: Floats
-    """Share that is S, shape (m, k)."""
+    """Area fraction that is S, shape (m, k)."""
     ambiguous: Floats
-    """Share that is M, shape (m, k)."""
+    """Area fraction that is M, shape (m, k)."""
     unstable: Floats
-    """Share that is U, shape (m, k)."""
+    """Area fraction that is U, shape (m, k)."""
     distribution: AngleDistribution
-    """What the shares were taken from."""
+    """Critical angles that the fractions were computed from."""
+
+    __repr__ = short_repr
 
     @property
     def accuracy_ceiling(self) -> Floats:
         """Best accuracy of any predictor that sees through this sensor, shape (m, k).
 
-        S + U + M / 2 (Wan & Howe 2018, Sec. V): half of the ambiguous places are guessed rightly.
+        S + U + M / 2 (Wan & Howe 2018, Sec. V): half of the ambiguous grasps are guessed correctly.
         """
         return self.stable + self.unstable + self.ambiguous / 2.0
 
-    def required_resolution(self, share: float) -> Floats:
-        """Coarsest resolution alpha below which a share of the surface is S [rad], shape (m,).
+    def required_resolution(self, fraction: float) -> Floats:
+        """Coarsest resolution alpha below which an area fraction is S [rad], shape (m,).
 
-        The swept resolutions do not matter; 0 where no sensor is fine enough.
+        Independent of the swept resolutions; 0 where no sensor is fine enough.
 
         Args:
-            share: Of the surface, above 0, at most 1.
+            fraction: Area fraction, above 0, at most 1.
 
         Raises:
-            SettingError: The share is outside its range.
+            SettingError: The fraction is outside its range.
         """
         return locked(
             [
-                self.distribution.required_resolution(share, friction=friction)
+                self.distribution.required_resolution(fraction, friction=friction)
                 for friction in self.friction.tolist()
             ]
         )
@@ -69,31 +70,32 @@ class Sweep:
 def sweep(
     distribution: AngleDistribution,
     *,
-    friction: npt.ArrayLike,
-    sensor_resolution: npt.ArrayLike,
+    friction: ArrayLike,
+    sensor_resolution: ArrayLike,
     name: str = "",
     mode: Mode = "label",
 ) -> Sweep:
-    """Take the shares of S, M and U at every friction and resolution: thresholds, no new rays.
+    """Compute area fractions S, M and U at every friction and resolution, from critical angles.
 
     Args:
-        distribution: Critical angles of a surface, as `SurfaceLabels.angle_distribution` gives.
+        distribution: Critical angles of a surface, from `SurfaceLabels.angle_distribution`.
         friction: Coulomb coefficients above 0, one or more, in any order.
         sensor_resolution: Resolutions alpha [rad], one or more, in any order.
-        name: What to call the surface.
+        name: Name of the surface.
         mode: Whether the grasps were searched ('label') or given ('scan').
 
     Raises:
         SettingError: A value is outside its range.
-        SearchCoverageError: Grasps that would count were not searched.
+        SearchCoverageError: The search did not cover the frictions and resolutions.
     """
-    if mode not in get_args(Mode):
-        raise SettingError(f"no mode is called {mode!r}; known: {', '.join(get_args(Mode))}")
+    check_choice("mode", mode, Mode)
     frictions = _in_order(friction, "friction")
     resolutions = _in_order(sensor_resolution, "sensor resolution")
     angles = [GraspModel(friction=value).friction_angle for value in frictions]
     tilts = [GraspModel(sensor_resolution=value).tilt for value in resolutions]
-    stable, ambiguous, unstable = distribution.shares(np.array(angles)[:, None], np.array(tilts))
+    stable, ambiguous, unstable = distribution.fractions_at(
+        np.array(angles)[:, None], np.array(tilts)
+    )
     return Sweep(
         name=name,
         mode=mode,
@@ -107,13 +109,13 @@ def sweep(
 
 
 def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
-    """Take the mean over surfaces, all with the same weight, whatever their area.
+    """Mean over surfaces with equal weights, independent of their areas.
 
-    Its required resolution is that of the shares' mean, not the mean of the surfaces' resolutions.
+    Its required resolution is that of the mean fractions, not the mean of required resolutions.
 
     Args:
-        sweeps: Of the same frictions, resolutions, mode and number of fingers; at least one.
-        name: What to call the mean.
+        sweeps: Sweeps of the same frictions, resolutions, mode and number of fingers; at least one.
+        name: Name of the mean.
 
     Raises:
         SettingError: There is none, or they differ.
@@ -143,18 +145,18 @@ def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
 
 
 class _MeanAngles(AngleDistribution):
-    """Mean of several surfaces' shares."""
+    """Mean of several surfaces' distributions."""
 
     def __init__(self, parts: tuple[AngleDistribution, ...]) -> None:
         self._parts = parts
         self.limit = min(part.limit for part in parts)
         self.fingers = parts[0].fingers
 
-    def worst_below(self, angles: npt.ArrayLike) -> Floats:
+    def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
         return np.asarray(np.mean([part.worst_below(angles) for part in self._parts], axis=0))
 
-    def best_below(self, angles: npt.ArrayLike) -> Floats:
+    def best_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
         return np.asarray(np.mean([part.best_below(angles) for part in self._parts], axis=0))
 
@@ -163,30 +165,31 @@ def write_sweeps(
     path: str | Path,
     sweeps: Sequence[Sweep],
     *,
-    shares: Sequence[float] = (),
+    fractions: Sequence[float] = (),
     failures: Mapping[str, str] | None = None,
     settings: Mapping[str, Any] | None = None,
 ) -> None:
     """Write sweeps as a table with one row for each name, friction and resolution.
 
     Columns: name, mode, friction, sensor_resolution [rad], stable, ambiguous, unstable,
-    accuracy_ceiling, for each of `shares` `required_resolution_P` [rad] with P in percent (the same
-    in all rows of a name and friction), and error.
+    accuracy_ceiling, for each of `fractions` `required_resolution_P` [rad] with P in percent (the
+    same in all rows of a name and friction), and error.
 
     Args:
         path: File to make or replace; .csv or .parquet.
-        sweeps: What to write.
-        shares: Shares of the surface that are to be S, each above 0 and at most 1.
-        failures: Surfaces that could not be swept, and why: one row each, empty but for the error.
-        settings: Kept as JSON in Parquet's metadata, under `grasp3d`.
+        sweeps: The sweeps.
+        fractions: Required area fractions of S, each above 0 and at most 1.
+        failures: Error messages by the name of surfaces that could not be swept: one row each,
+            empty except for the error.
+        settings: Written as JSON to Parquet's metadata, under `grasp3d`.
 
     Raises:
-        SettingError: A share is outside its range.
-        OutputError: No table has that suffix, or the file cannot be written.
+        SettingError: A fraction is outside its range.
+        OutputError: The suffix is unknown, or the file cannot be written.
     """
     from grasp3d.tables import write_table
 
-    required = {f"required_resolution_{100.0 * share:g}": share for share in shares}
+    required = {f"required_resolution_{100.0 * fraction:g}": fraction for fraction in fractions}
     values = ("stable", "ambiguous", "unstable", "accuracy_ceiling")
     columns = {
         "name": str,
@@ -196,8 +199,8 @@ def write_sweeps(
     }
     rows: list[dict[str, Any]] = []
     for one in sweeps:
-        needed = {column: one.required_resolution(share) for column, share in required.items()}
-        taken = {value: getattr(one, value) for value in values}
+        needed = {column: one.required_resolution(value) for column, value in required.items()}
+        written = {value: getattr(one, value) for value in values}
         for (row, column), _ in np.ndenumerate(one.stable):
             rows.append(
                 {
@@ -205,7 +208,7 @@ def write_sweeps(
                     "mode": one.mode,
                     "friction": float(one.friction[row]),
                     "sensor_resolution": float(one.sensor_resolution[column]),
-                    **{name: float(value[row, column]) for name, value in taken.items()},
+                    **{name: float(value[row, column]) for name, value in written.items()},
                     **{name: float(value[row]) for name, value in needed.items()},
                     "error": "",
                 }
@@ -214,14 +217,14 @@ def write_sweeps(
     write_table(Path(path), rows, columns, settings=settings or {})
 
 
-def _in_order(values: npt.ArrayLike, what: str) -> list[float]:
+def _in_order(values: ArrayLike, what: str) -> list[float]:
     """One or more numbers in increasing order, each once."""
     try:
         numbers = np.unique(np.asarray(values, dtype=np.float64).reshape(-1))
     except (TypeError, ValueError) as error:
         raise SettingError(f"each {what} must be a number: {error}") from error
     if not len(numbers):
-        raise SettingError(f"no {what} to sweep over: name at least one")
+        raise SettingError(f"no {what} to sweep over: give at least one")
     if not math.isfinite(numbers[-1]):  # nan is sorted last
         raise SettingError(f"each {what} must be a finite number; got {numbers[-1]:g}")
     return [float(number) for number in numbers]

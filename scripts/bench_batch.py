@@ -1,8 +1,7 @@
-"""What a batch costs besides labelling, what resuming takes, and what a second worker brings.
+"""Overhead of a batch besides labelling, time to resume it, and speed-up of a second worker.
 
-Small meshes: random convex blobs, each another one. Labelling itself is what reading a mesh and
-labelling it takes within its process; everything else is overhead: processes, files, tables,
-thumbnails, bookkeeping.
+The small meshes are random convex shapes. The labelling time is the time to read and label a mesh
+within its process; the rest is overhead: processes, files, tables, thumbnails, the store.
 """
 
 import argparse
@@ -18,29 +17,29 @@ from scipy.spatial import ConvexHull
 from grasp3d import GraspModel, MeshOptions, Sampling
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.library import LibraryLabels, label_library
-from grasp3d.batch.state import BatchState, Watch, unwatched
+from grasp3d.batch.progress import BatchProgress, ProgressCallback, ignore_progress
 
 SMALL = BatchSettings(
     GraspModel(), Sampling(rays=16), MeshOptions(max_edge=10.0, unit="cm"), best=3
 )
 
 
-class Memory:
-    """Watches the memory of this process, which plans and keeps the books."""
+class MemoryRecorder:
+    """Records the memory of this process, which plans and stores the rows."""
 
     def __init__(self, every: int) -> None:
         self._process, self._every = psutil.Process(), every
-        self.seen: list[tuple[int, float]] = []
+        self.recorded: list[tuple[int, float]] = []
 
-    def __call__(self, state: BatchState) -> None:
-        """Look now and then."""
-        done = state.labelled + state.failed
-        if done % self._every == 0 and (not self.seen or self.seen[-1][0] != done):
-            self.seen.append((done, self._process.memory_info().rss / 1e6))
+    def __call__(self, progress: BatchProgress) -> None:
+        """Record the memory after every so many meshes."""
+        done = progress.labelled + progress.failed
+        if done % self._every == 0 and (not self.recorded or self.recorded[-1][0] != done):
+            self.recorded.append((done, self._process.memory_info().rss / 1e6))
 
 
-def make_blobs(folder: Path, count: int) -> None:
-    """Write convex blobs of some 200 vertices, of random shape and proportions."""
+def make_meshes(folder: Path, count: int) -> None:
+    """Write convex meshes of about 200 vertices, of random shape and proportions."""
     rng = np.random.default_rng(0)
     for number in range(count):
         points = rng.normal(size=(250, 3))
@@ -53,33 +52,37 @@ def make_blobs(folder: Path, count: int) -> None:
 
 
 def timed(
-    inputs: Path, output: Path, settings: BatchSettings, workers: int, watch: Watch = unwatched
+    inputs: Path,
+    output: Path,
+    settings: BatchSettings,
+    workers: int,
+    progress: ProgressCallback = ignore_progress,
 ) -> tuple[float, LibraryLabels]:
-    """Label a library; returns the time and what came of it."""
+    """Label a library; returns the time [s] and the results."""
     begun = time.perf_counter()
     cluster = ClusterSettings(workers=workers)
-    library = label_library([inputs], output, settings, cluster=cluster, watch=watch)
+    library = label_library([inputs], output, settings, cluster=cluster, progress=progress)
     return time.perf_counter() - begun, library
 
 
 def bench_overhead(count: int, workers: int) -> None:
-    """Many small meshes: overhead for each, memory of this process, time to resume."""
-    with tempfile.TemporaryDirectory() as place:
-        inputs, output = Path(place, "in"), Path(place, "out")
+    """Measure many small meshes: overhead for each, memory of this process, time to resume."""
+    with tempfile.TemporaryDirectory() as folder:
+        inputs, output = Path(folder, "in"), Path(folder, "out")
         inputs.mkdir()
-        make_blobs(inputs, count)
-        watch = Memory(max(1, count // 10))
-        seconds, library = timed(inputs, output, SMALL, workers, watch)
+        make_meshes(inputs, count)
+        recorder = MemoryRecorder(max(1, count // 10))
+        seconds, library = timed(inputs, output, SMALL, workers, recorder)
         assert not library.failed, library.failed[0].error
-        itself = sum(
+        labelling = sum(
             (row.seconds_reading or 0) + (row.seconds_labelling or 0)
             for row in library.rows.values()
         )
         print(f"{count} small meshes, {workers} workers: {seconds:.1f} s")
-        print(f"  labelling itself: {1e3 * itself / count:.1f} ms each")
-        print(f"  overhead: {1e3 * (workers * seconds - itself) / count:.1f} ms each")
-        told = ", ".join(f"{done}: {memory:.0f}" for done, memory in watch.seen)
-        print(f"  memory of the client [MB] after so many: {told}")
+        print(f"  reading and labelling: {1e3 * labelling / count:.1f} ms each")
+        print(f"  overhead: {1e3 * (workers * seconds - labelling) / count:.1f} ms each")
+        memories = ", ".join(f"{done}: {memory:.0f}" for done, memory in recorder.recorded)
+        print(f"  memory of this process [MB] after so many meshes: {memories}")
         seconds, library = timed(inputs, output, SMALL, workers)
         assert library.finished == count
         print(f"  resume of the finished run: {seconds:.2f} s")
@@ -88,9 +91,9 @@ def bench_overhead(count: int, workers: int) -> None:
 def bench_workers(inputs: Path) -> None:
     """Label a real library with one worker and with two."""
     times = {}
-    with tempfile.TemporaryDirectory() as place:
+    with tempfile.TemporaryDirectory() as folder:
         for workers in (1, 2):
-            output = Path(place, str(workers))
+            output = Path(folder, str(workers))
             times[workers], library = timed(inputs, output, BatchSettings(), workers)
         print(f"{inputs.name}: {len(library.rows)} meshes, {len(library.failed)} failed")
     ratio = times[1] / times[2]
@@ -98,7 +101,7 @@ def bench_workers(inputs: Path) -> None:
 
 
 def main() -> None:
-    """Run both."""
+    """Run both benchmarks."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("library", type=Path, nargs="?", default=Path("meshes"))
     parser.add_argument("--count", type=int, default=5000)

@@ -1,25 +1,26 @@
-"""Time epsilon against a complete convex hull: `python scripts/bench_epsilon.py -o epsilon.json`.
+"""Compare the time of epsilon with Qhull: `python scripts/bench_epsilon.py -o epsilon.json`.
 
-Everything runs compiled and warm through the public functions, proofs included, on one thread, a
-batch at a time; scipy's Qhull gets the same wrenches in the same run. The first table has closed
-grasps only, the second open ones, the third regular grasps, for which the whole hull is needed.
+All functions are public and compiled before they are timed, compute certificates, and run on one
+thread, a batch at a time; scipy's Qhull gets the same wrenches in the same run. The first two
+tables have force-closed grasps only, the third grasps that are not, the fourth regular grasps, for
+which the whole hull is needed.
 
-What was tried, in microseconds per closed grasp (geometric mean of the seven shapes, rows of
-wrenches, no proofs), each against the version before it in one run of a shared machine:
+History of optimisations, in microseconds per force-closed grasp (geometric mean of the seven
+shapes, rows of wrenches, no certificates), each compared with the version before it in one run:
 
 * pencils, neighbours, a heap of facets, flooding: 17.9
-* loops over the rank laid out when compiled: 15.9 (11 % between versions of the end, too)
-* neighbours of new facets linked when the next vertex comes, so those of the last never are; all
-  facets tested against a new vertex instead of a flood, while they are few: 14.0
+* loops over the rank unrolled by the compiler: 15.9
+* neighbours of new facets linked only when the next vertex is added; all facets tested against a
+  new vertex instead of flooding, while they are few: 14.0
 * the first simplex by classical Gram-Schmidt, a second pass only after cancellation: 13.5
-* no counting of references (and so no allocation): 12.7; the first simplex alone fell from 1.9 to
-  0.9, a closure test from 2.1 to 1.0
-* planes with a row per number, and the heap replaced by an unsorted list that is filtered and
+* no reference counting (and so no allocation): 12.7; the first simplex alone fell from 1.9 to 0.9,
+  a closure test from 2.1 to 1.0
+* planes with a row per coefficient, and the heap replaced by an unsorted list that is filtered and
   searched without branches: 12.1 to 8.6; the planes alone gave 11.9, the list alone 10.5
 * no gain: neighbours linked through a table of hashed ridges instead of walking about faces;
-  corners of new facets copied only when needed; rank 5 laid out when compiled, too
-* worse: growing where the support is farthest above a facet, absolutely, relatively or among the
-  nearest only: 1.2 to 2.1 times as many facets as growing at the nearest
+  corners of new facets copied only when needed; loops unrolled for rank 5 as well
+* worse: growing at the facet that the support function exceeds most, absolutely, relatively or
+  among the nearest only: 1.2 to 2.1 times as many facets as growing at the nearest
 """
 
 import argparse
@@ -40,7 +41,7 @@ REPEATS = 5
 
 
 def best_time(work: Callable[[], object], repeats: int = REPEATS) -> float:
-    """Shortest of a few runs [s]: other work on the machine only ever adds to it."""
+    """Shortest of a few runs [s], as other processes can only increase the time."""
     times = []
     for _ in range(repeats):
         start = time.perf_counter()
@@ -50,15 +51,15 @@ def best_time(work: Callable[[], object], repeats: int = REPEATS) -> float:
 
 
 def qhull(rows: np.ndarray) -> float:
-    """Epsilon from the complete hull; nan where Qhull gives up."""
+    """Epsilon from the complete hull; nan where Qhull fails."""
     try:
         return max(0.0, float(-ConvexHull(rows).equations[:, -1].max()))
     except QhullError:
         return math.nan
 
 
-def some(contacts: grasp3d.Contacts, rows: np.ndarray) -> grasp3d.Contacts:
-    """Some grasps of a batch."""
+def chosen(contacts: grasp3d.Contacts, rows: np.ndarray) -> grasp3d.Contacts:
+    """The chosen grasps of a batch."""
     return grasp3d.Contacts(
         contacts.points[rows],
         contacts.normals[rows],
@@ -68,11 +69,11 @@ def some(contacts: grasp3d.Contacts, rows: np.ndarray) -> grasp3d.Contacts:
 
 
 def compare(contacts: grasp3d.Contacts, edges: int, few: int) -> dict[str, float]:
-    """Times per grasp [us] of a batch: ours for all of it, Qhull's for its first few."""
+    """Times per grasp [us]: epsilon for the whole batch, Qhull for its first few grasps."""
     count = len(contacts.points)
     rows = wrenches(contacts, edges=edges)
     hulls = np.array([qhull(row) for row in rows[:few]])
-    answer = grasp3d.epsilon(contacts, edges=edges)
+    result = grasp3d.epsilon(contacts, edges=edges)
     ours = best_time(lambda: grasp3d.epsilon(contacts, edges=edges)) / count
     theirs = best_time(lambda: [qhull(row) for row in rows[:few]], 3) / len(hulls)
     return {
@@ -80,14 +81,14 @@ def compare(contacts: grasp3d.Contacts, edges: int, few: int) -> dict[str, float
         "epsilon_us": 1e6 * ours,
         "qhull_us": 1e6 * theirs,
         "ratio": theirs / ours,
-        "largest_difference": float(np.nanmax(np.abs(answer.value[:few] - hulls))),
+        "largest_difference": float(np.nanmax(np.abs(result.value[:few] - hulls))),
         "qhull_failures": int(np.isnan(hulls).sum()),
     }
 
 
-def more(contacts: grasp3d.Contacts, edges: int) -> dict[str, float]:
-    """Times per grasp [us] of what else the engine does."""
-    few = some(contacts, np.arange(min(len(contacts.points), 200)))
+def other_times(contacts: grasp3d.Contacts, edges: int) -> dict[str, float]:
+    """Times per grasp [us] of the other computations with wrench hulls."""
+    few = chosen(contacts, np.arange(min(len(contacts.points), 200)))
     one = best_time(lambda: grasp3d.epsilon(contacts, edges=edges, threads=1))
     two = best_time(lambda: grasp3d.epsilon(contacts, edges=edges, threads=2))
     tasks: dict[str, tuple[grasp3d.Contacts, Callable[[grasp3d.Contacts], object]]] = {
@@ -95,7 +96,7 @@ def more(contacts: grasp3d.Contacts, edges: int) -> dict[str, float]:
         "per_finger_us": (few, lambda c: grasp3d.epsilon(c, edges=edges, actuation="per_finger")),
         "circular_1e-3_us": (few, lambda c: grasp3d.epsilon(c, rtol=1e-3)),
         "circular_1e-6_us": (
-            some(few, np.arange(min(len(few.points), 20))),
+            chosen(few, np.arange(min(len(few.points), 20))),
             lambda c: grasp3d.epsilon(c, rtol=1e-6),
         ),
         "critical_angle_us": (few, grasp3d.critical_friction_angle),
@@ -108,13 +109,13 @@ def more(contacts: grasp3d.Contacts, edges: int) -> dict[str, float]:
 
 
 def measure(shape: Shape, count: int, few: int) -> tuple[dict[str, float], dict[str, float]]:
-    """The rows of one shape: closed grasps, open ones."""
+    """The rows of one shape: force-closed grasps, and others."""
     contacts = random_contacts(shape, count, seed=0)
     closed = np.flatnonzero(grasp3d.force_closure(contacts, edges=shape.edges).closed)
     is_open = np.setdiff1d(np.arange(count), closed)
-    batch = some(contacts, closed)
-    good = {**compare(batch, shape.edges, few), **more(batch, shape.edges)}
-    bad = compare(some(contacts, is_open), shape.edges, few) if len(is_open) else {}
+    batch = chosen(contacts, closed)
+    good = {**compare(batch, shape.edges, few), **other_times(batch, shape.edges)}
+    bad = compare(chosen(contacts, is_open), shape.edges, few) if len(is_open) else {}
     return good, bad
 
 
@@ -130,7 +131,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("-o", "--output", type=Path, help="JSON file to write")
     parser.add_argument("--grasps", type=int, default=4000, help="random grasps of each shape")
-    parser.add_argument("--hulls", type=int, default=60, help="how many of them Qhull gets")
+    parser.add_argument("--hulls", type=int, default=60, help="number of them for Qhull")
     options = parser.parse_args()
     start = time.perf_counter()
     grasp3d.epsilon(random_contacts(SHAPES[0], 2, 0), edges=8)
@@ -149,10 +150,10 @@ def main() -> None:
         for noise in (0.0, 1e-3)
     }
     columns = ["grasps", "epsilon_us", "qhull_us", "ratio", "largest_difference"]
-    show("closed grasps", closed, columns)
+    show("force-closed grasps", closed, columns)
     others = [column for column in next(iter(closed.values())) if column.endswith("_us")]
-    show("closed grasps, other questions", closed, [*others[2:], "two_threads"])
-    show("open grasps", is_open, columns)
+    show("force-closed grasps, other computations", closed, [*others[2:], "two_threads"])
+    show("grasps that are not force-closed", is_open, columns)
     show("regular grasps", regular, columns)
     ratios = [row["ratio"] for row in closed.values()]
     mean = math.exp(sum(map(math.log, ratios)) / len(ratios))

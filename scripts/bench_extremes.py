@@ -1,9 +1,9 @@
-"""Measure what exact labels save: the paper's enumeration of extreme normals beside them.
+"""Compare the time of exact labels with that of the paper's enumeration of extreme normals.
 
     python scripts/bench_extremes.py
 
-Both label the same grasps in the same run, one thread: random grasps of 2 to 4 fingers, and the
-best grasps on surfaces, whose search is common to both and left out.
+Both label the same grasps in the same run, on one thread: random grasps of 2 to 4 fingers, and the
+best grasps on surfaces, whose search is common to both.
 """
 
 from pathlib import Path
@@ -24,14 +24,14 @@ def of_grasps(fingers: int) -> None:
     """Print a line for each number of extreme normals."""
     contacts, resolution = random_grasps(fingers, GRASPS[fingers])
     exact = best_time(lambda: grasp3d.classify(contacts, resolution))
-    for around in RIMS[fingers]:
+    for count in RIMS[fingers]:
 
-        def sampled(around: int = around) -> grasp3d.Stability:
-            return grasp3d.classify(contacts, resolution, method="extremes", extreme_normals=around)
+        def sampled(count: int = count) -> grasp3d.Stability:
+            return grasp3d.classify(contacts, resolution, method="extremes", extreme_normals=count)
 
         seconds, found = best_time(sampled), sampled()
         print(
-            f"{fingers} fingers, rim of {around:2}: exact {1e6 * exact / GRASPS[fingers]:6.1f} us, "
+            f"{fingers} fingers, rim of {count:2}: exact {1e6 * exact / GRASPS[fingers]:6.1f} us, "
             f"extremes {1e6 * seconds / GRASPS[fingers]:9.1f} us per grasp "
             f"({1e6 * seconds / found.hulls.sum():.2f} us per hull, {found.hulls.mean():.0f} of "
             f"{found.combinations} hulls), ratio {seconds / exact:.0f}"
@@ -48,9 +48,10 @@ def of_surface(name: str) -> None:
     sampled = grasp3d.label_surface(mesh, model, threads=1)
     differ = mesh.vertex_areas[exact.label != sampled.label].sum() / mesh.vertex_areas.sum()
     print(
-        f"{name}: {len(np.unique(mesh.canonical))} places, search and exact labels {search:.2f} s, "
+        f"{name}: {len(np.unique(mesh.canonical))} positions, "
+        f"search and exact labels {search:.2f} s, "
         f"search and extremes {seconds:.2f} s, ratio {seconds / search:.1f}; "
-        f"{100.0 * differ:.2f} % of the area labelled otherwise"
+        f"{100.0 * differ:.2f} % of the area labelled differently"
     )
 
 

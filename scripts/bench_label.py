@@ -1,16 +1,15 @@
-"""Time of `label_surface` against the bare ray tracing in it, and its peak memory.
+"""Compare the time of `label_surface` with that of its ray tracing, and measure its peak memory.
 
-For each size the mug of the library is divided until it has that many vertices, labelled in a
-process of its own, and the time spent inside Embree for exactly these rays is taken in the same
-run. `ratio` is the whole time, tree building and all else included, over that raw time, both summed
-over the threads; `rays` counts every ray, those that go on behind a crossing included. With more
-than one thread the raw time holds what a thread waits for the interpreter, so the honest ratio is
-that of one thread.
+For each size the mug of the library is divided until it has that many vertices and labelled in a
+separate process; the time spent inside Embree for these rays is measured in the same run. `ratio`
+is the whole time, tree building included, divided by that of Embree, both summed over the threads;
+`rays` counts every ray, continued ones behind a crossing included. With more than one thread the
+time of Embree includes waiting for the interpreter, so the ratio of one thread is the relevant one.
 
-What brought the time down, at 50,000 vertices, one thread: leaving out rays whose angle to the
-normal alone is worse than what is found already, 14.5 s to 4.9 s with the same labels to the bit;
-writing the inner kernels out where they are called (`inlined`) instead of handing them 20 arrays,
-380 ns to 210-270 ns a ray in `settle`.
+Optimisations, at 50,000 vertices, one thread: no rays whose angle to the normal alone is worse than
+the grasp already found, 14.5 s to 4.9 s with identical labels; inlining the inner kernels
+(`merged`) instead of passing 20 arrays to them, 380 ns to 210-270 ns a ray in
+`evaluate_crossings`.
 
     python scripts/bench_label.py [--vertices 5000 50000 500000] [--threads 1 2] [--json FILE]
 """
@@ -30,18 +29,18 @@ MUG = Path(__file__).parents[1] / "meshes" / "mug.glb"
 
 
 def measure(path: Path, vertices: int, threads: int) -> dict[str, float]:
-    """Label one mesh and take the times, in this process."""
+    """Label one mesh and measure the times, in this process."""
     from grasp3d import GraspModel, label_surface, load_mesh
     from grasp3d.mesh.ray_tracing import SurfaceRays
 
-    raw: list[float] = []
-    bare = SurfaceRays.hits
+    in_embree: list[float] = []
+    original = SurfaceRays.hits
 
     def timed(self, origins, directions):  # noqa: ANN001, ANN202
-        begun = time.perf_counter()
-        answer = bare(self, origins, directions)
-        raw.append(time.perf_counter() - begun)
-        return answer
+        start = time.perf_counter()
+        hits = original(self, origins, directions)
+        in_embree.append(time.perf_counter() - start)
+        return hits
 
     SurfaceRays.hits = timed
     coarse = load_mesh(path)
@@ -51,18 +50,18 @@ def measure(path: Path, vertices: int, threads: int) -> dict[str, float]:
     while len(mesh.vertices) < vertices:
         edge *= 0.95
         mesh = load_mesh(path, max_edge=edge)
-    raw.clear()
+    in_embree.clear()
     before = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-    begun = time.perf_counter()
+    start = time.perf_counter()
     labels = label_surface(mesh, GraspModel(), threads=threads)
-    whole = time.perf_counter() - begun
+    whole = time.perf_counter() - start
     return {
         "vertices": len(mesh.vertices),
         "threads": threads,
         "rays": labels.search.rays,
         "seconds": whole,
-        "embree_seconds": sum(raw) / threads,
-        "ratio": whole * threads / sum(raw),
+        "embree_seconds": sum(in_embree) / threads,
+        "ratio": whole * threads / sum(in_embree),
         "peak_mb": resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1024.0,
         "mesh_mb": before / 1024.0,
     }
@@ -87,8 +86,8 @@ def main() -> None:
                 sys.executable, __file__, "--one", "--mesh", str(options.mesh),
                 "--vertices", str(vertices), "--threads", str(threads),
             ]  # fmt: skip
-            answer = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603
-            rows.append(json.loads(answer.stdout))
+            output = subprocess.run(command, check=True, capture_output=True, text=True)  # noqa: S603
+            rows.append(json.loads(output.stdout))
     table = Table("vertices", "threads", "M rays", "whole s", "Embree s", "ratio", "peak MB")
     for row in rows:
         table.add_row(

@@ -2,19 +2,19 @@
 
     python scripts/bench_multifinger.py
 
-First whole labellings, two threads, each in a process of its own: the mug of the library divided
-ever finer, and with ever more candidates. `per vertex` is the time of both threads for a vertex,
-`per trial` that for each candidate grasp settled there; `peak MB` is the process's largest memory
-and `before MB` that before the labelling.
+First whole labellings, two threads, each in a separate process: the mug of the library with
+increasing numbers of vertices and of candidates. `per vertex` is the time of both threads for a
+vertex, `per candidate` that for each candidate grasp evaluated; `peak MB` is the process's largest
+memory and `before MB` that before the labelling.
 
-Then candidate grasps settled per second and core by the search: of three fingers, all that it does
-before included, of four and five what each adds to the search with one finger less. A candidate is
-settled by one test, most of three fingers by the angle of a normal to the plane of the contacts.
+Then candidate grasps evaluated per second and core by the search: for three fingers all of the
+search, for four and five the difference from the search with one finger less. A candidate is
+evaluated by one test, most of three fingers by the angle of a normal to the plane of the contacts.
 
-Beside it (a) one full bisection of the critical angle per candidate and (b) closure by a linear
-program over cones of 8 edges at the largest angle that counts (scipy.optimize.linprog), both on
-random candidate grasps of the same meshes in the same run. Seconds are of the processor, so that
-other work on the machine hardly counts.
+For comparison (a) one full bisection of the critical angle per candidate and (b) force closure by a
+linear program over cones of 8 edges at the largest critical angle searched for
+(scipy.optimize.linprog), both for random candidate grasps of the same meshes in the same run. Times
+are processor times, so that other processes hardly affect them.
 """
 
 import math
@@ -33,15 +33,15 @@ MESHES = (MUG, "banana.ply", "wrench.glb", "knob.ply")
 FINGERS = (3, 4, 5)
 SIZES = (5_000, 10_000, 20_000, 40_000)
 CANDIDATES = (16, 32, 128)
-USUAL = 64
+DEFAULT_CANDIDATES = 64
 EDGES = 8
 MANY, FEW = 2000, 100
 RUNS = 3
-"""Times that a search is run; the fastest counts."""
-CLEAR = 0.1
-"""Share of a search's time below which what a finger adds is lost in its spread."""
+"""Number of runs of a search; the fastest is reported."""
+MIN_DIFFERENCE = 0.1
+"""Fraction of a search's time below which the difference by one finger is not significant."""
 MEGABYTE = 1024.0
-"""Of `ru_maxrss`, which counts kilobytes."""
+"""Units of `ru_maxrss`, kilobytes, in a megabyte."""
 
 
 class Labelling(NamedTuple):
@@ -50,7 +50,7 @@ class Labelling(NamedTuple):
     vertices: int
     candidates: int
     seconds: float
-    settled: int
+    evaluated: int
     before: float
     peak: float
 
@@ -61,7 +61,7 @@ def peak_memory() -> float:
 
 
 def labelled(vertices: int, candidates: int, fingers: int = 3, threads: int = 2) -> Labelling:
-    """Label the mug with about so many vertices, compiled and warm, in this process."""
+    """Label the mug with about so many vertices, after compilation, in this process."""
     from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 
     path = LIBRARY / MUG
@@ -73,25 +73,25 @@ def labelled(vertices: int, candidates: int, fingers: int = 3, threads: int = 2)
         mesh = load_mesh(path, max_edge=edge)
         edge *= 0.98
     before = peak_memory()
-    begun = time.perf_counter()
+    start = time.perf_counter()
     labels = label_surface(mesh, model, sampling=sampling, threads=threads)
-    seconds = time.perf_counter() - begun
+    seconds = time.perf_counter() - start
     return Labelling(
-        len(mesh.vertices), candidates, seconds, labels.search.settled, before, peak_memory()
+        len(mesh.vertices), candidates, seconds, labels.search.evaluated, before, peak_memory()
     )
 
 
 def in_own_process(vertices: int, candidates: int) -> Labelling:
-    """Take one measurement where nothing else has been in memory."""
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(labelled, vertices, candidates).result()
+    """Take one measurement in a new process, for its peak memory."""
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn")) as executor:
+        return executor.submit(labelled, vertices, candidates).result()
 
 
 def whole_labellings() -> None:
     """Print a line per size and per number of candidates."""
     print("mug, 3 fingers, 2 threads")
     for vertices, candidates in [
-        *((v, USUAL) for v in SIZES),
+        *((v, DEFAULT_CANDIDATES) for v in SIZES),
         *((SIZES[0], c) for c in CANDIDATES),
     ]:
         row = in_own_process(vertices, candidates)
@@ -99,16 +99,16 @@ def whole_labellings() -> None:
         print(
             f"{row.vertices:6} vertices, {row.candidates:3} candidates: {row.seconds:6.1f} s, "
             f"{1e3 * work / row.vertices:6.2f} ms per vertex, "
-            f"{1e6 * work / row.settled:5.2f} us per trial of {row.settled / 1e6:6.1f} M, "
+            f"{1e6 * work / row.evaluated:5.2f} us per candidate of {row.evaluated / 1e6:6.1f} M, "
             f"before {row.before:4.0f} MB, peak {row.peak:4.0f} MB"
         )
 
 
 def processor_time(work: Callable[[], object]) -> float:
-    """Time of the processor for some work of one thread [s]."""
-    begun = time.process_time()
+    """Processor time of a function in one thread [s]."""
+    start = time.process_time()
     work()
-    return time.process_time() - begun
+    return time.process_time() - start
 
 
 def of_mesh(name: str) -> None:
@@ -122,20 +122,20 @@ def of_mesh(name: str) -> None:
     for fingers in FINGERS:
         cone = search_cone(grasp3d.GraspModel(fingers=fingers), grasp3d.Sampling())
         find = partial(search, mesh, fingers, grasp3d.Sampling(), cone, threads=1)
-        settled = find().settled
+        evaluated = find().evaluated
         seconds = min(processor_time(find) for _ in range(RUNS))
-        added, more = seconds - seconds_before, settled - before
-        before, seconds_before = settled, seconds
-        if added < CLEAR * seconds:
+        added, more = seconds - seconds_before, evaluated - before
+        before, seconds_before = evaluated, seconds
+        if added < MIN_DIFFERENCE * seconds:
             print(
-                f"{name:12} {fingers} fingers: {more / 1e6:6.2f} M settled, in less than "
-                f"{100.0 * CLEAR:.0f} % of the search's {seconds:.1f} s: too little to tell"
+                f"{name:12} {fingers} fingers: {more / 1e6:6.2f} M evaluated, in less than "
+                f"{100.0 * MIN_DIFFERENCE:.0f} % of the search's {seconds:.1f} s: not significant"
             )
             continue
         each = added / more
         bisected, solved = reference_times(mesh, fingers, math.tan(cone))
         print(
-            f"{name:12} {fingers} fingers: {more / 1e6:6.2f} M settled, "
+            f"{name:12} {fingers} fingers: {more / 1e6:6.2f} M evaluated, "
             f"{1e-3 / each:6.0f} k per s and core; "
             f"a bisection {1e6 * bisected:6.1f} us, {bisected / each:6.1f} x; "
             f"a linear program {1e6 * solved:6.0f} us, {solved / each:6.0f} x"
@@ -163,31 +163,31 @@ def reference_times(mesh, fingers: int, friction: float) -> tuple[float, float]:
 
 
 def random_candidates(mesh, fingers: int, friction: float):  # noqa: ANN001, ANN201
-    """Grasps with one finger at a random vertex and the others at random ones of a spread."""
+    """Grasps with one finger at a random vertex and the others at random candidate points."""
     import numpy as np
 
     import grasp3d
     from grasp3d.mesh.surface_points import SurfacePoints
     from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
-    from grasp3d.surface.sampling.blue_noise import spread_places
+    from grasp3d.surface.sampling.blue_noise import spread_points
 
     rng = np.random.default_rng(0)
-    places = spread_places(mesh, USUAL)
-    others = np.argsort(rng.random((MANY, USUAL)), axis=1)[:, : fingers - 1]
+    points = spread_points(mesh, DEFAULT_CANDIDATES)
+    others = np.argsort(rng.random((MANY, DEFAULT_CANDIDATES)), axis=1)[:, : fingers - 1]
     smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
     first = vertex_surface_points(mesh, rng.choice(smooth, MANY))
     found = SurfaceContacts(
         mesh,
         SurfacePoints(
-            np.concatenate([first.faces[:, None], places.faces[others]], axis=1),
-            np.concatenate([first.weights[:, None], places.weights[others]], axis=1),
+            np.concatenate([first.faces[:, None], points.faces[others]], axis=1),
+            np.concatenate([first.weights[:, None], points.weights[others]], axis=1),
         ),
     )
     return grasp3d.Contacts(found.points - mesh.center_mass, found.normals, friction)
 
 
 def main() -> None:
-    """Print all measurements: the large ones first, while this process is small."""
+    """Print all measurements, whole labellings first, while this process uses little memory."""
     whole_labellings()
     for name in MESHES:
         of_mesh(name)

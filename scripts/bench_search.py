@@ -1,11 +1,10 @@
-"""How pessimistic the search is: default settings against 16 times as many rays.
+"""Accuracy of the search: default settings compared with 16 times as many rays.
 
-The critical angle of a named grasp is exact, so a search can only stay behind the best there is.
-For the meshes of the library (or those given) this prints the share of smooth vertices whose
-critical angle is more than 0.1, 0.5 and 1 degree above that of a search with 1024 rays and a fifth
-of the tolerance, and the mean difference; `missed` is the share for which the usual search found
-nothing at all and the dense one did, `ahead` is the share where the dense search itself is
-more than 0.1 degree behind.
+The critical angle of a grasp is exact, so a search can only miss better grasps. For the meshes of
+the library (or those given) this prints the fraction of smooth vertices whose critical angle is
+more than 0.1, 0.5 and 1 degree above that of a search with 1024 rays and a fifth of the tolerance,
+and the mean difference; `missed` is the fraction for which only the dense search found a grasp,
+`better` the fraction where the default search is more than 0.1 degree better.
 
     python scripts/bench_search.py [MESH ...]
 """
@@ -33,32 +32,32 @@ def main() -> None:
     paths = options.meshes or sorted(
         p for p in LIBRARY.iterdir() if p.suffix not in {".md", ".png"}
     )
-    table = Table("mesh", "vertices", "missed", *(f"> {s}°" for s in STEPS), "mean", "ahead")
+    table = Table("mesh", "vertices", "missed", *(f"> {s}°" for s in STEPS), "mean", "better")
     everything = []
     for path in paths:
         mesh = load_mesh(path)
-        usual = label_surface(mesh, GraspModel()).critical_angle
+        default = label_surface(mesh, GraspModel()).critical_angle
         dense = label_surface(mesh, GraspModel(), sampling=DENSE).critical_angle
         smooth = (mesh.normal_sets.counts == 1) & np.isfinite(dense)
-        behind = np.degrees(usual[smooth] - dense[smooth])
-        everything.append(behind)
-        add_row(table, path.name, behind)
+        excess = np.degrees(default[smooth] - dense[smooth])
+        everything.append(excess)
+        add_row(table, path.name, excess)
     add_row(table, "all", np.concatenate(everything))
     Console().print(table)
 
 
-def add_row(table: Table, name: str, behind: np.ndarray) -> None:
-    """Add the shares of one mesh; where the usual search found nothing it is behind without end."""
-    missed = np.isinf(behind)
-    shares = [np.mean(missed), *(np.mean(behind > step) for step in STEPS)]
-    ahead = f"{100.0 * np.mean(behind < -STEPS[0]):.2f} %"
-    mean = math.fsum(np.maximum(behind[~missed], 0.0)) / len(behind)
+def add_row(table: Table, name: str, excess: np.ndarray) -> None:
+    """Add the fractions of one mesh; the excess is inf where the default search found no grasp."""
+    missed = np.isinf(excess)
+    fractions = [np.mean(missed), *(np.mean(excess > step) for step in STEPS)]
+    better = f"{100.0 * np.mean(excess < -STEPS[0]):.2f} %"
+    mean = math.fsum(np.maximum(excess[~missed], 0.0)) / len(excess)
     table.add_row(
         name,
-        str(len(behind)),
-        *(f"{100.0 * share:.2f} %" for share in shares),
+        str(len(excess)),
+        *(f"{100.0 * fraction:.2f} %" for fraction in fractions),
         f"{mean:.3f}°",
-        ahead,
+        better,
     )
 
 

@@ -1,9 +1,9 @@
-"""How fast the viewer answers on a large mesh: a move of a slider, a click.
+"""Measure the viewer's response times on a large mesh: moving a slider, clicking.
 
-The mug of the library is divided until it has so many vertices. A move is the session's change,
-the new picture on the surface, and all that is told beside it; a click is finding the vertex,
-telling of it and marking its grasp. VTK's own time to draw is printed apart: without a graphics
-card it is most of the time, with one it is little.
+The mug of the library is refined to a number of vertices. A move consists of changing the session,
+updating the surface's colours and the panel's texts; a click of finding the vertex, inspecting it
+and marking its grasp. VTK's rendering time is printed separately: it dominates without a graphics
+card.
 
     python scripts/bench_viewer.py [--vertices 100000] [--moves 60] [--clicks 60]
 """
@@ -20,21 +20,21 @@ from rich.table import Table
 from grasp3d import SurfaceLabels, label_surface, load_mesh
 from grasp3d.rendering import choose_window
 from grasp3d.viewer.scene.scene import Scene, new_plotter
-from grasp3d.viewer.session.album import album_of
-from grasp3d.viewer.session.painting import picture
+from grasp3d.viewer.session.collection import collection_of
+from grasp3d.viewer.session.painting import texture_image
+from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.session.telling import tell
 from grasp3d.viewer.view_settings import ViewSettings
 
 MUG = Path(__file__).parents[1] / "meshes" / "mug.glb"
 MOVE, CLICK = 50.0, 100.0
-"""What is asked for [ms]."""
+"""Largest acceptable times [ms]."""
 
 Times = dict[str, list[float]]
 
 
 def labelled(vertices: int) -> SurfaceLabels:
-    """Label the mug with at least so many vertices."""
+    """Label the mug with at least a number of vertices."""
     coarse = load_mesh(MUG)
     edge = coarse.size / 32.0 * 1.2 * (len(coarse.vertices) / vertices) ** 0.5
     mesh = load_mesh(MUG, max_edge=edge)
@@ -44,15 +44,15 @@ def labelled(vertices: int) -> SurfaceLabels:
     return label_surface(mesh)
 
 
-def timed(times: Times, name: str, do: Callable[[], object]) -> None:
-    """Add to the times what something takes [ms]."""
-    begun = time.perf_counter()
-    do()
-    times.setdefault(name, []).append(1e3 * (time.perf_counter() - begun))
+def timed(times: Times, name: str, run: Callable[[], object]) -> None:
+    """Add the duration of a call [ms]."""
+    start = time.perf_counter()
+    run()
+    times.setdefault(name, []).append(1e3 * (time.perf_counter() - start))
 
 
-def moved(session: Session, scene: Scene, count: int) -> Times:
-    """Move the slider of the friction to and fro."""
+def measure_moves(session: Session, scene: Scene, count: int) -> Times:
+    """Move the friction slider back and forth."""
     times: Times = {}
     for step in range(count):
         friction = 0.3 + 0.2 * (step % 40) / 40.0
@@ -60,19 +60,19 @@ def moved(session: Session, scene: Scene, count: int) -> Times:
         def move(friction: float = friction) -> None:
             session.change(friction=friction)
             scene.update(session)
-            tell(session)
+            panel_text(session)
 
         timed(times, "move of a slider", move)
-        timed(times, "VTK's drawing after it", scene.plotter.render)
+        timed(times, "rendering after it", scene.plotter.render)
         subject = session.subject
         assert subject is not None
-        timed(times, "of it: picture", lambda s=subject: picture(s, "label", session.model))
-        timed(times, "of it: words", lambda: tell(session))
+        timed(times, "of it: colours", lambda s=subject: texture_image(s, "label", session.model))
+        timed(times, "of it: texts", lambda: panel_text(session))
     return times
 
 
-def clicked(session: Session, scene: Scene, count: int) -> Times:
-    """Click on places all over the window, those beside the object left out."""
+def measure_clicks(session: Session, scene: Scene, count: int) -> Times:
+    """Click on random points of the object."""
     times: Times = {}
     random = np.random.default_rng(0)
     width, height = scene.plotter.window_size
@@ -82,37 +82,38 @@ def clicked(session: Session, scene: Scene, count: int) -> Times:
             continue
 
         def click(x: float = x, y: float = y) -> None:
-            session.tap(scene.pick(session, x, y))
+            session.click(scene.pick(session, x, y))
             scene.update(session)
-            tell(session)
+            panel_text(session)
 
-        both: Times = {}
+        rendering: Times = {}
         timed(times, "click", click)
-        timed(both, "drawing", scene.plotter.render)
-        times.setdefault("click, drawn", []).append(times["click"][-1] + both["drawing"][0])
+        timed(rendering, "rendering", scene.plotter.render)
+        total = times["click"][-1] + rendering["rendering"][0]
+        times.setdefault("click and rendering", []).append(total)
     return times
 
 
-def report(times: Times, asked: dict[str, float]) -> None:
-    """Print medians and worst, and how they compare with what is asked."""
+def report(times: Times, limits: dict[str, float]) -> None:
+    """Print the times and their ratios to the limits."""
     table = Table(
         "",
-        "least [ms]",
+        "best [ms]",
         "median [ms]",
         "worst [ms]",
-        "asked [ms]",
-        "median / asked",
-        "worst / asked",
+        "limit [ms]",
+        "median / limit",
+        "worst / limit",
     )
-    for name, taken in times.items():
-        median, worst, limit = float(np.median(taken)), max(taken), asked.get(name)
+    for name, measured in times.items():
+        median, worst, limit = float(np.median(measured)), max(measured), limits.get(name)
         ratios = (f"{limit:g}", f"{median / limit:.2f}", f"{worst / limit:.2f}") if limit else ()
-        table.add_row(name, f"{min(taken):.1f}", f"{median:.1f}", f"{worst:.1f}", *ratios)
+        table.add_row(name, f"{min(measured):.1f}", f"{median:.1f}", f"{worst:.1f}", *ratios)
     Console(width=110).print(table)
 
 
 def main() -> None:
-    """Take the times."""
+    """Measure and print all times."""
     parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
     parser.add_argument("--vertices", type=int, default=100_000)
     parser.add_argument("--moves", type=int, default=60)
@@ -120,18 +121,19 @@ def main() -> None:
     options = parser.parse_args()
     choose_window()
     labels = labelled(options.vertices)
-    session = Session(album_of(labels), ViewSettings())
+    session = Session(collection_of(labels), ViewSettings())
     while session.working is not None:
         session.poll()
         time.sleep(0.01)
     plotter = new_plotter(session.settings, off_screen=True)
     scene = Scene(plotter)
     scene.update(session)
-    scene.shot()
-    times = moved(session, scene, options.moves) | clicked(session, scene, options.clicks)
+    scene.screenshot()
+    times = measure_moves(session, scene, options.moves)
+    times |= measure_clicks(session, scene, options.clicks)
     width, height = plotter.window_size
     print(f"{len(labels.mesh.vertices):,} vertices, {width} x {height} pixels")
-    report(times, {"move of a slider": MOVE, "click": CLICK, "click, drawn": CLICK})
+    report(times, {"move of a slider": MOVE, "click": CLICK, "click and rendering": CLICK})
     plotter.close()
 
 

@@ -49,7 +49,7 @@ MOST_DISTANCE = 0.3
 
 
 def section(outline: Iterable[tuple[float, float]]) -> CrossSection:
-    """Area inside a closed polygon [mm], whichever way round it runs."""
+    """Area inside a closed polygon [mm] of either orientation."""
     return CrossSection([list(outline)], FillRule.NonZero)
 
 
@@ -157,7 +157,7 @@ def box() -> Manifold:
 
 
 def cylinder() -> Manifold:
-    """Food can: radius 33, height 110, standing on z = 0."""
+    """Food can: radius 33, height 110, its base at z = 0."""
     radius, height, rings, rows = 33.0, 110.0, 13, 48
     count = 6 * rings
     base = [(radius * k / rings, 0.0, max(1, 6 * k), 0.0) for k in range(rings)]
@@ -330,24 +330,24 @@ class Item:
     file: str
     """Name of its file; the ending chooses the format."""
     model: Callable[[], Manifold]
-    """What makes it [mm]."""
+    """Function that models it [mm]."""
     edge: float | None
     """Longest edge to remesh to [mm]; None for a primitive that has its final triangles."""
     name: str
-    """What it is."""
+    """Name of the object."""
     remark: str
     """What it tests."""
 
 
 LIBRARY = (
-    Item("sphere.stl", sphere, None, "tennis ball", "every grasp through the centre is alike"),
+    Item("sphere.stl", sphere, None, "tennis ball", "all grasps through the centre are equivalent"),
     Item("box.obj", box, None, "box", "three pairs of parallel faces, three widths"),
     Item("cylinder.ply", cylinder, None, "food can", "held across or by its two ends"),
     Item("cone.off", cone, None, "cone", "two fingers on its flank slide towards the apex"),
     Item("torus.glb", torus, None, "ring", "held by its tube, across, or spread from inside"),
     Item("mug.glb", mug, 5.6, "mug", "a finger fits the handle: held by wall, across, by handle"),
     Item("bottle.off", bottle, 5.0, "bottle with cap", "tall; by the neck, the body or the cap"),
-    Item("bowl.ply", bowl, 5.4, "bowl", "too wide for most hands: held by its thin wall"),
+    Item("bowl.ply", bowl, 5.4, "bowl", "too wide for most grippers: held by its thin wall"),
     Item("hammer.ply", hammer, 3.8, "claw hammer", "centre of mass far from the handle"),
     Item("wrench.glb", wrench, 1.9, "combination wrench", "flat and long, jaw and through hole"),
     Item("tee.glb", tee, 4.2, "pipe tee", "hollow, three openings: held across or by a wall"),
@@ -355,7 +355,7 @@ LIBRARY = (
     Item("screwdriver.ply", screwdriver, 3.8, "screwdriver", "fluted handle, thin shaft, blade"),
     Item("banana.ply", banana, 3.2, "banana", "bent, tapered and smooth"),
     Item("bulb.glb", bulb, 3.5, "light bulb", "round glass, ribbed cap"),
-    Item("dumbbell.stl", dumbbell, 4.8, "dumbbell", "bar between two heads that limit the hand"),
+    Item("dumbbell.stl", dumbbell, 4.8, "dumbbell", "bar between two heads that limit the gripper"),
     Item("spray.glb", spray, 5.0, "spray bottle", "trigger with a gap behind it, elliptic body"),
     Item("nut.obj", nut, 2.3, "hexagon nut", "through hole, parallel flats, chamfers"),
 )
@@ -448,13 +448,13 @@ def make(item: Item, folder: Path) -> str:
 README = f"""# Meshes
 
 Objects that people grasp, in metres: closed, one body each, normals outward, no triangle angle
-below {LEAST_ANGLE_DEG:.0f} degrees. All are ours, modelled by `scripts/make_meshes.py` (solid
-geometry, then remeshed) and under the MIT licence like the rest of the project. To make them again:
-`pip install '.[meshes]'` and `python scripts/make_meshes.py`, which also writes this page.
+below {LEAST_ANGLE_DEG:.0f} degrees. They were modelled by `scripts/make_meshes.py` (solid geometry,
+then remeshed) and are under the MIT licence like the rest of the project. `pip install '.[meshes]'`
+and `python scripts/make_meshes.py` generate them and this page.
 
-![All of them, labelled at friction 0.2 and a sensor resolution of 15 degrees](gallery.png)
+![All meshes, labelled at friction 0.2 and a sensor resolution of 15 degrees](gallery.png)
 
-`python scripts/make_gallery.py` makes the picture again.
+`python scripts/make_gallery.py` generates the picture.
 
 | file | object | size [mm] | triangles | volume [cm3] | least angle [deg] | what it tests |
 |---|---|---|---|---|---|---|

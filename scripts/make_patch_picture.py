@@ -1,4 +1,4 @@
-"""Render what noise does to labels, and what a fingertip's patch does about it.
+"""Render the effect of noise on labels, and its reduction by a fingertip's contact patch.
 
     python scripts/make_patch_picture.py -o docs/patches.png [MESH ...]
 
@@ -18,7 +18,7 @@ import numpy.typing as npt
 from grasp3d import GraspModel, ObjectMesh, SurfaceLabels, label_surface, load_mesh
 from grasp3d.mesh import mesh_from_arrays
 from grasp3d.mesh.primitives import sphere_mesh
-from grasp3d.plots.painting import painted
+from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
 from grasp3d.rendering import View
 from grasp3d.stability.label import MEANING
@@ -26,9 +26,9 @@ from grasp3d.stability.label import MEANING
 LIBRARY = Path(__file__).parents[1] / "meshes"
 SHOWN = [LIBRARY / "mug.glb"]
 FINENESS = 1.0 / 100.0
-"""Longest edge as a share of the object's size."""
+"""Longest edge as a fraction of the object's size."""
 NOISE = 0.15
-"""Standard deviation of the noise as a share of the mean edge."""
+"""Standard deviation of the noise as a fraction of the mean edge."""
 PATCH = 4.0
 """Radius of the patch in mean edges."""
 SEED = 1
@@ -59,38 +59,38 @@ def scanned(mesh: ObjectMesh) -> npt.NDArray[np.float64]:
 def columns(mesh: ObjectMesh) -> list[Column]:
     """Label a surface clean, noisy, and noisy with a patch."""
     noisy, edge = scanned(mesh), mean_edge(mesh)
-    plain, mended = (
+    plain, smoothed = (
         mesh_from_arrays(noisy, mesh.faces, max_edge=mesh.size, patch_radius=radius)
         for radius in (0.0, PATCH * edge)
     )
-    share = 100.0 / mesh.size
+    percent = 100.0 / mesh.size
     titles = (
         "clean",
-        f"noise of {NOISE * edge * share:.2g} % of the size",
-        f"and a patch of radius {PATCH * edge * share:.2g} %",
+        f"noise of {NOISE * edge * percent:.2g} % of the size",
+        f"and a patch of radius {PATCH * edge * percent:.2g} %",
     )
     return [
         Column(title, label_surface(surface, GraspModel()))
-        for title, surface in zip(titles, (mesh, plain, mended), strict=True)
+        for title, surface in zip(titles, (mesh, plain, smoothed), strict=True)
     ]
 
 
 @styled
 def figure(rows: list[list[Column]], view: View) -> Drawing:
-    """Lay out the pictures with their shares and the legend."""
-    made = new_figure(3.0 * CELL + 0.3, 1.2 * CELL * len(rows) + 0.4)
-    grid = made.subplots(len(rows), 3, squeeze=False)
+    """Lay out the pictures with their area fractions and the legend."""
+    drawing = new_figure(3.0 * CELL + 0.3, 1.2 * CELL * len(rows) + 0.4)
+    grid = drawing.subplots(len(rows), 3, squeeze=False)
     for axes, row in zip(grid, rows, strict=True):
         for axis, column in zip(axes, row, strict=True):
-            axis.imshow(painted(column.labels, view=view, size=PIXELS))
-            shares = column.labels.fractions().items()
+            axis.imshow(paint_labels(column.labels, view=view, size=PIXELS))
+            fractions = column.labels.fractions().items()
             axis.set_title(column.title)
-            axis.set_xlabel("  ".join(f"{name} {100.0 * share:.1f} %" for name, share in shares))
+            axis.set_xlabel("  ".join(f"{name} {100.0 * value:.1f} %" for name, value in fractions))
             axis.set(xticks=[], yticks=[])
             axis.grid(visible=False)
             axis.spines[:].set_visible(False)
-    made.legend(handles=label_patches(MEANING["label"]), loc="outside lower center", ncols=3)
-    return made
+    drawing.legend(handles=label_patches(MEANING["label"]), loc="outside lower center", ncols=3)
+    return drawing
 
 
 def main() -> None:
@@ -111,9 +111,9 @@ def main() -> None:
         for title, labels in row:
             same = float(areas[labels.label == clean.label].sum() / areas.sum())
             half, most = np.degrees(labels.angle_quantiles([0.5, 0.9]))
-            shares = " ".join(f"{name} {share:.3f}" for name, share in labels.fractions().items())
+            parts = " ".join(f"{name} {value:.3f}" for name, value in labels.fractions().items())
             print(
-                f"{title}: {shares}, as clean {same:.3f}, critical angle {half:.2f} (median) "
+                f"{title}: {parts}, as clean {same:.3f}, critical angle {half:.2f} (median) "
                 f"{most:.2f} (90 %)"
             )
     view = View(azimuth=math.radians(options.azimuth))

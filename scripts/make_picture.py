@@ -2,8 +2,8 @@
 
     python scripts/make_picture.py -o docs/labels.png [MESH ...]
 
-The last column needs no resolution: it shows the coarsest one at which the best grasp of each place
-is still surely stable. Needs OpenGL (EGL or a display).
+The last column has no resolution of its own: it shows the coarsest one at which the best grasp of
+each vertex is still surely stable. Needs OpenGL (EGL or a display).
 """
 
 import argparse
@@ -16,7 +16,7 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 
 from grasp3d import GraspModel, SurfaceLabels, label_surface, load_mesh
-from grasp3d.plots.painting import painted
+from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
 from grasp3d.rendering import View, picture
 from grasp3d.stability.label import MEANING
@@ -42,17 +42,17 @@ def add_row(axes: npt.NDArray[np.object_], labels: SurfaceLabels, view: View) ->
     """Fill one row of the figure."""
     for axis, angle in zip(axes, RESOLUTIONS, strict=False):
         shown = labels.relabel(sensor_resolution=math.radians(angle))
-        axis.imshow(painted(shown, view=view, size=PIXELS))
-        shares = shown.fractions().items()
-        axis.set_xlabel("  ".join(f"{name} {100.0 * share:.0f} %" for name, share in shares))
-    share = np.degrees(labels.max_resolution) / COARSEST
-    colors = (255.0 * mpl.colormaps["viridis"](share)[:, :3]).astype(np.uint8)
+        axis.imshow(paint_labels(shown, view=view, size=PIXELS))
+        fractions = shown.fractions().items()
+        axis.set_xlabel("  ".join(f"{name} {100.0 * value:.0f} %" for name, value in fractions))
+    relative = np.degrees(labels.max_resolution) / COARSEST
+    colors = (255.0 * mpl.colormaps["viridis"](relative)[:, :3]).astype(np.uint8)
     mesh = labels.mesh
     axes[-1].imshow(picture(mesh.vertices, mesh.faces, colors, view=view, size=PIXELS))
 
 
 def clear(axis: Axes) -> None:
-    """Leave nothing but the picture and its words."""
+    """Hide ticks, grid and frame."""
     axis.set(xticks=[], yticks=[])
     axis.grid(visible=False)
     axis.spines[:].set_visible(False)
@@ -62,23 +62,23 @@ def clear(axis: Axes) -> None:
 def figure(paths: list[Path], view: View) -> Drawing:
     """Lay out the grid of pictures with its legend."""
     columns = len(RESOLUTIONS) + 1
-    made = new_figure(CELL * columns + 0.5, 1.15 * CELL * len(paths) + 0.6)
-    grid = made.subplots(len(paths), columns, squeeze=False)
+    drawing = new_figure(CELL * columns + 0.5, 1.15 * CELL * len(paths) + 0.6)
+    grid = drawing.subplots(len(paths), columns, squeeze=False)
     for axis in grid.flat:
         clear(axis)
     titles = [
         *(f"sensor resolution {angle:g}°" for angle in RESOLUTIONS),
-        "coarsest that still works",
+        "coarsest resolution for S",
     ]
     for axis, title in zip(grid[0], titles, strict=True):
         axis.set_title(title)
     for row, path in zip(grid, paths, strict=True):
         add_row(row, labelled(path), view)
     scale = mpl.cm.ScalarMappable(mpl.colors.Normalize(0.0, COARSEST), "viridis")
-    bar = made.colorbar(scale, ax=grid[:, -1], shrink=0.6, format="%g°", ticks=[0, 10, 22.6, 40])
+    bar = drawing.colorbar(scale, ax=grid[:, -1], shrink=0.6, format="%g°", ticks=[0, 10, 22.6, 40])
     bar.ax.grid(visible=False)
-    made.legend(handles=label_patches(MEANING["label"]), loc="outside lower center", ncols=3)
-    return made
+    drawing.legend(handles=label_patches(MEANING["label"]), loc="outside lower center", ncols=3)
+    return drawing
 
 
 def main() -> None:

@@ -1,4 +1,4 @@
-"""Show the report of a library: the first page, and the page of one mesh with a picked place.
+"""Picture of a library's report: the library page, and an object page with a picked vertex.
 
     python scripts/make_report_picture.py -o docs/report.png [FOLDER]
 
@@ -17,18 +17,18 @@ from grasp3d import label_library
 
 LIBRARY = Path(__file__).parents[1] / "meshes"
 SHOWN = "spray"
-PLACE = (0.44, 0.68)
-"""Where the surface is clicked, as a share of the view."""
+CLICK = (0.44, 0.68)
+"""Position of the click, as fractions of the view's width and height."""
 
 OPTIONS = ["--no-sandbox", "--use-angle=swiftshader", "--enable-unsafe-swiftshader"]
 FIRST, SECOND = (1300, 1230), (1300, 800)
-"""Windows [pixels]."""
+"""Sizes of the windows [pixels]."""
 
 WIDTH = 1000
 
 
-def photograph(browser: Browser, results: Path, folder: Path) -> list[Path]:
-    """Take the pictures of both pages."""
+def screenshots(browser: Browser, results: Path, folder: Path) -> list[Path]:
+    """Take screenshots of both pages."""
     paths = [folder / "index.png", folder / "object.png"]
     page = browser.new_page(viewport={"width": FIRST[0], "height": FIRST[1]})
     page.goto((results / "report" / "index.html").as_uri())
@@ -39,7 +39,7 @@ def photograph(browser: Browser, results: Path, folder: Path) -> list[Path]:
     page.wait_for_timeout(2500)
     box = page.locator("canvas").first.bounding_box()
     assert box is not None
-    page.mouse.click(box["x"] + PLACE[0] * box["width"], box["y"] + PLACE[1] * box["height"])
+    page.mouse.click(box["x"] + CLICK[0] * box["width"], box["y"] + CLICK[1] * box["height"])
     page.wait_for_timeout(800)
     page.screenshot(path=paths[1])
     return paths
@@ -58,7 +58,7 @@ def stacked(paths: list[Path]) -> Image.Image:
 
 
 def main() -> None:
-    """Label a library, open its report and take the picture."""
+    """Label a library, open its report and write the picture."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("library", type=Path, nargs="?", default=LIBRARY)
     parser.add_argument("-o", "--output", type=Path, default=Path("report.png"))
@@ -68,7 +68,7 @@ def main() -> None:
         results = Path(folder, "results")
         label_library([options.library], results)
         with driver.chromium.launch(executable_path=browser, args=OPTIONS) as started:
-            stacked(photograph(started, results, Path(folder))).save(options.output, optimize=True)
+            stacked(screenshots(started, results, Path(folder))).save(options.output, optimize=True)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""Grasps to measure and to test with: random ones, and regular ones with a little noise."""
+"""Grasps for benchmarks and tests: random ones, and regular ones with noise."""
 
 import math
 from typing import NamedTuple
@@ -9,14 +9,14 @@ import grasp3d
 
 
 class Shape(NamedTuple):
-    """A kind of grasp: how many contacts, edges of their cones, and whether they are soft."""
+    """A kind of grasp: number of contacts, edges of their cones, and whether they are soft."""
 
     contacts: int
     edges: int
     soft: bool
 
     def __str__(self) -> str:
-        """Name it for a table."""
+        """Name for a table."""
         return f"{self.contacts} {'soft' if self.soft else 'hard'} x {self.edges}"
 
 
@@ -31,11 +31,11 @@ SHAPES = [
 ]
 
 TORSION_RADIUS = 0.3
-"""Of soft fingers, for contacts about 1 from the centre."""
+"""Torsion radius of soft fingers, for contacts at a distance of about 1 from the centre."""
 
 
 def random_contacts(shape: Shape, count: int, seed: int) -> grasp3d.Contacts:
-    """Contacts about the surface of a ball, normals roughly toward its centre, mu 0.3 to 1."""
+    """Contacts near the surface of a ball, normals roughly toward its centre, friction 0.3 to 1."""
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(count, shape.contacts, 3))
     points /= np.linalg.norm(points, axis=-1, keepdims=True)
@@ -58,7 +58,7 @@ REGULAR = {
 
 
 def regular_contacts(name: str, count: int, noise: float, seed: int) -> grasp3d.Contacts:
-    """Regular grasps of a unit ball, every coordinate off by `noise`; the pair is soft."""
+    """Regular grasps of a unit ball with noise in every coordinate; the pair is soft."""
     rng = np.random.default_rng(seed)
     exact = np.broadcast_to(REGULAR[name], (count, *REGULAR[name].shape))
     points = exact + noise * rng.normal(size=exact.shape)

@@ -1,4 +1,4 @@
-"""Costs are told and bounded before the work."""
+"""Estimates of memory and time, and limits checked before labelling."""
 
 import pytest
 
@@ -30,18 +30,18 @@ def test_costs_grow_with_vertices_fingers_and_rays() -> None:
     assert more == [False, True, True, True]
 
 
-def test_a_mesh_that_would_take_too_much_memory_is_refused_with_what_helps() -> None:
+def test_a_mesh_that_would_exceed_the_memory_limit_is_refused_with_a_remedy() -> None:
     check_cost(100_000, 2.0, "part.stl", "simplify the mesh")
     with pytest.raises(MeshError, match=r"part.stl: 2,000,000 vertices would take about 4.\d* GB"):
         check_cost(2_000_000, 2.0, "part.stl", "simplify the mesh")
 
 
-def test_dividing_edges_may_not_take_more_than_is_allowed() -> None:
+def test_refinement_may_not_exceed_the_memory_limit() -> None:
     with pytest.raises(MeshError, match=r"longer max_edge .*, or raise max_memory"):
         mesh_from_arrays(*shapes.box(), max_edge=1e-3, max_memory=0.5)
 
 
-def test_more_fingers_may_not_take_more_than_is_allowed() -> None:
+def test_more_fingers_may_not_exceed_the_memory_limit() -> None:
     mesh = mesh_from_arrays(*shapes.box(), max_edge=0.005, max_memory=0.8)
     assert len(mesh.vertices) > 200_000
     with pytest.raises(MeshError, match="use a coarser mesh"):

@@ -45,7 +45,7 @@ def labels() -> SurfaceLabels:
 
 
 @pytest.mark.parametrize("binary", [True, False])
-def test_ply_holds_exactly_the_documented_properties(tmp_path: Path, binary: bool) -> None:
+def test_ply_contains_exactly_the_documented_properties(tmp_path: Path, binary: bool) -> None:
     plyfile = shapes.reader("plyfile")
     write_ply(tmp_path / "out.ply", labels(), binary=binary)
     data = plyfile.PlyData.read(tmp_path / "out.ply")
@@ -68,7 +68,7 @@ def test_ply_holds_exactly_the_documented_properties(tmp_path: Path, binary: boo
         assert (colors[vertex["label"] == label] == COLORS[label]).all()
 
 
-def test_ply_comments_tell_the_settings(tmp_path: Path) -> None:
+def test_ply_comments_contain_the_settings(tmp_path: Path) -> None:
     write_ply(tmp_path / "out.ply", labels())
     header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
     assert "comment grasp3d friction 0.75\n" in header
@@ -89,7 +89,7 @@ def test_ply_comments_tell_the_settings(tmp_path: Path) -> None:
     assert b"0=U(surely_unstable)" in (tmp_path / "scan.ply").read_bytes()
 
 
-def test_files_tell_how_the_minimum_over_the_tilts_is_taken(tmp_path: Path) -> None:
+def test_files_state_how_the_minimum_over_the_tilts_is_computed(tmp_path: Path) -> None:
     soft = GraspModel(edges=6, torsion_radius=0.1, actuation="per_finger")
     mesh = mesh_from_arrays(*shapes.sphere(2), max_edge=9.0)
     write_ply(tmp_path / "out.ply", label_surface(mesh, soft))
@@ -99,7 +99,7 @@ def test_files_tell_how_the_minimum_over_the_tilts_is_taken(tmp_path: Path) -> N
     assert "comment grasp3d epsilon_min sampled_tilts\n" in header
 
 
-def test_files_tell_that_labels_come_from_extreme_normals(tmp_path: Path) -> None:
+def test_files_state_that_labels_come_from_extreme_normals(tmp_path: Path) -> None:
     model = GraspModel(edges=6, method="extremes", extreme_normals=4)
     found = label_surface(mesh_from_arrays(*shapes.sphere(1), max_edge=9.0), model)
     for suffix, write in WRITERS.items():
@@ -145,7 +145,7 @@ def test_open3d_reads_the_ply_with_its_fields(tmp_path: Path) -> None:
 
 
 def test_meshlab_reads_surface_and_colours_of_the_ply(tmp_path: Path) -> None:
-    """MeshLab's reader passes over properties that it has no name for."""
+    """MeshLab's reader ignores properties that are unknown to it."""
     pymeshlab = shapes.reader("pymeshlab")
     write_ply(tmp_path / "out.ply", labels())
     meshes = pymeshlab.MeshSet()
@@ -198,7 +198,7 @@ def test_glb_shows_the_colours_of_the_legend(tmp_path: Path) -> None:
     assert np.array(shown) * 255.0 == pytest.approx(np.array(COLORS[Label.S]), abs=3.0)
 
 
-def test_npz_holds_every_array(tmp_path: Path) -> None:
+def test_npz_contains_every_array(tmp_path: Path) -> None:
     write_npz(tmp_path / "out.npz", labels())
     with np.load(tmp_path / "out.npz") as data:
         for name in (
@@ -220,7 +220,9 @@ def test_coordinates_far_from_the_origin_keep_their_digits(tmp_path: Path) -> No
 
 
 @pytest.mark.parametrize("suffix", WRITERS)
-def test_a_folder_that_is_missing_or_in_the_way_is_an_error(tmp_path: Path, suffix: str) -> None:
+def test_a_missing_folder_or_one_with_the_files_name_is_an_error(
+    tmp_path: Path, suffix: str
+) -> None:
     write = writer_for(Path(f"x{suffix}"))
     with pytest.raises(OutputError, match="cannot be written"):
         write(tmp_path / "nowhere" / f"out{suffix}", labels())

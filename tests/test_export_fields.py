@@ -11,7 +11,7 @@ import pytest
 from grasp3d import GraspModel, Sampling, label_surface, mesh_from_arrays
 from grasp3d.errors import OutputError
 from grasp3d.export import write_fields, writer_for
-from grasp3d.surface.labels import Reason
+from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 from tests.test_export import labels
 
@@ -21,7 +21,7 @@ NUMBERS = (
 )  # fmt: skip
 
 
-def test_a_row_for_each_vertex_is_read_by_others_in_a_line_each(tmp_path: Path) -> None:
+def test_other_libraries_read_a_row_for_each_vertex(tmp_path: Path) -> None:
     path = tmp_path / "out.parquet"
     writer_for(path)(path, labels())
     mesh = labels().mesh
@@ -40,13 +40,13 @@ def test_a_row_for_each_vertex_is_read_by_others_in_a_line_each(tmp_path: Path) 
             known = getattr(labels(), name)
             known = np.float32(known) if known.dtype.kind == "f" else known
             assert np.array_equal(np.asarray(read[name]), known, equal_nan=True)
-        told = [{"U": 0, "M": 1, "S": 2}[label] for label in read["label"]]
-        assert np.array_equal(told, labels().label)
+        codes = [{"U": 0, "M": 1, "S": 2}[label] for label in read["label"]]
+        assert np.array_equal(codes, labels().label)
         reasons = [Reason[reason.upper()] for reason in read["reason"]]
         assert np.array_equal(reasons, labels().reason)
 
 
-def test_the_schema_is_narrow_and_tells_the_settings(tmp_path: Path) -> None:
+def test_the_schema_has_small_types_and_the_settings(tmp_path: Path) -> None:
     write_fields(tmp_path / "out.parquet", labels())
     file = pq.ParquetFile(tmp_path / "out.parquet")
     kinds = {field.name: str(field.type) for field in file.schema_arrow}
@@ -54,12 +54,12 @@ def test_the_schema_is_narrow_and_tells_the_settings(tmp_path: Path) -> None:
     assert (kinds["x"], kinds["epsilon"], kinds["grip"]) == ("double", "float", "int8")
     assert kinds["label"].startswith("dictionary<values=string")
     assert file.metadata.row_group(0).column(0).compression == "ZSTD"
-    told = json.loads(file.schema_arrow.metadata[b"grasp3d"])
-    assert (told["friction"], told["unit"], told["max_opening"]) == (0.75, "cm", 0.3)
+    written = json.loads(file.schema_arrow.metadata[b"grasp3d"])
+    assert (written["friction"], written["unit"], written["max_opening"]) == (0.75, "cm", 0.3)
     assert sum(file.read().column(name).null_count for name in kinds) == 0
 
 
-def test_every_other_finger_has_columns_of_its_own(tmp_path: Path) -> None:
+def test_every_other_finger_has_its_own_columns(tmp_path: Path) -> None:
     mesh = mesh_from_arrays(*shapes.sphere(1), max_edge=0.5)
     found = label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=16))
     write_fields(tmp_path / "out.parquet", found)

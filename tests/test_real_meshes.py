@@ -1,4 +1,4 @@
-"""Scanned, modelled and hostile files that lie beside the project on some machines."""
+"""Scanned, modelled and malformed meshes, which are not part of the repository."""
 
 import csv
 import json
@@ -31,7 +31,7 @@ def test_a_real_mesh_is_labelled(name: str) -> None:
     assert len(labels.label) == len(mesh.vertices) >= mesh.file_vertices
     fractions = labels.fractions()
     assert sum(fractions.values()) == pytest.approx(1.0)
-    # Every one of them is a thing that a hand can hold somewhere.
+    # All of them are objects that can be grasped somewhere.
     assert fractions["S"] > 0.2
     assert fractions["U"] < 0.3
     found = labels.reason == 0
@@ -45,18 +45,18 @@ OPEN = {
     "kit_Sprayflask_800.obj",
     "kit_Wineglass_800.obj",
 }
-"""Those with holes that safe repair leaves."""
+"""Meshes with holes that safe repair does not close."""
 
 
 REFUSED = {*OPEN, "adv_vase.obj"}
-"""Those that Manifold refuses as the file has them; the vase is wound both ways."""
+"""Meshes that Manifold rejects without repair; the vase has an inconsistent orientation."""
 
 GAPS = {"cad_angle_block.STL"}
-"""Those whose edges miss each other by the rounding of another coordinate."""
+"""Meshes with gaps between edges, caused by rounded coordinates."""
 
 
 def solid_of(points: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
-    """What Manifold makes of a surface, its bodies united."""
+    """Solid of a surface in Manifold, with its bodies united."""
     mesh = manifold3d.Mesh64(np.array(points, order="C"), faces.astype(np.uint64))
     mesh.merge()
     solid = manifold3d.Manifold(mesh)
@@ -65,8 +65,8 @@ def solid_of(points: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
 
 
 @pytest.mark.parametrize("name", REAL or ["meshes"])
-def test_volume_and_centre_of_mass_are_those_of_another_tool(name: str) -> None:
-    """Manifold takes the file, without repair of ours, and trimesh weighs what it makes of it."""
+def test_volume_and_centre_of_mass_agree_with_manifold_and_trimesh(name: str) -> None:
+    """Manifold makes a solid of the unrepaired file, and trimesh computes its mass properties."""
     path = shapes.shared("meshes", name) if REAL else shapes.shared("meshes")
     mesh = load_mesh(path, max_edge=1e9, repair="full" if name in OPEN else "safe")
     assert mesh.report.closed
@@ -78,32 +78,32 @@ def test_volume_and_centre_of_mass_are_those_of_another_tool(name: str) -> None:
         inward = trimesh.Trimesh(points, raw.faces, process=False).volume < 0.0
         solid = solid_of(points, raw.faces[:, ::-1] if inward else raw.faces)
     assert mesh.volume == pytest.approx(solid.volume() * mesh.size**3, rel=0.01)
-    whole = solid.to_mesh64()
-    weighed = trimesh.Trimesh(
-        np.asarray(whole.vert_properties)[:, :3], np.asarray(whole.tri_verts), process=False
+    united = solid.to_mesh64()
+    mass = trimesh.Trimesh(
+        np.asarray(united.vert_properties)[:, :3], np.asarray(united.tri_verts), process=False
     ).mass_properties
-    middle = (mesh.center_mass - mesh.center) / mesh.size
-    assert np.linalg.norm(weighed.center_mass - middle) < 0.01
+    found = (mesh.center_mass - mesh.center) / mesh.size
+    assert np.linalg.norm(mass.center_mass - found) < 0.01
 
 
 @pytest.mark.parametrize("name", REAL or ["meshes"])
-def test_what_is_said_of_watertightness_is_what_another_tool_says(name: str) -> None:
-    """Against the manifest, whose counts were made by trimesh after merging by position."""
+def test_edge_counts_and_watertightness_agree_with_trimesh(name: str) -> None:
+    """Against the manifest, whose counts are those of trimesh after merging by position."""
     path = shapes.shared("meshes", name) if REAL else shapes.shared("meshes")
     with (shapes.SHARED / "meshes" / "manifest.csv").open(encoding="utf-8") as stream:
         row = next(row for row in csv.DictReader(stream) if row["file"] == name)
     found = check_mesh(path, max_edge=1e9)
-    boundary, crowded = found.before.boundary_edges, found.before.crowded_edges
+    boundary, nonmanifold = found.before.boundary_edges, found.before.crowded_edges
     if name in GAPS:
         assert boundary > 0
         assert found.after.boundary_edges == int(row["boundary_edges_merged"]) == 0
     else:
         assert boundary == int(row["boundary_edges_merged"])
-        # The manifest counts the edges of faces that have collapsed to lines as well.
-        assert crowded <= int(row["nonmanifold_edges_merged"])
+        # The manifest also counts edges of faces without area.
+        assert nonmanifold <= int(row["nonmanifold_edges_merged"])
         if row["degenerate_faces"] == "0":
-            assert crowded == int(row["nonmanifold_edges_merged"])
-            assert (boundary == crowded == 0) == (row["watertight_merged"] == "True")
+            assert nonmanifold == int(row["nonmanifold_edges_merged"])
+            assert (boundary == nonmanifold == 0) == (row["watertight_merged"] == "True")
         assert found.before.closed == (boundary == 0 and row["winding_merged"] == "True")
     assert found.after.closed == (name not in OPEN)
     assert (found.manifold == "NoError") == found.after.closed
@@ -115,34 +115,35 @@ from pathlib import Path
 from grasp3d import GraspError, GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.isolation import process
 for name in sys.argv[1:]:
-    begun, row = time.monotonic(), {}
+    started, row = time.monotonic(), {}
     try:
         mesh = load_mesh(name)
-        told = [step.message for step in mesh.report.repairs]
-        row = {"warnings": mesh.report.warnings, "repairs": told}
+        repairs = [step.message for step in mesh.report.repairs]
+        row = {"warnings": mesh.report.warnings, "repairs": repairs}
         mesh = load_mesh(name, max_edge=mesh.size / 5.0)
-        row["shares"] = label_surface(mesh, GraspModel(), sampling=Sampling(rays=8)).fractions()
+        row["fractions"] = label_surface(mesh, GraspModel(), sampling=Sampling(rays=8)).fractions()
     except GraspError as error:
         row["error"] = str(error)
-    print(json.dumps({"file": Path(name).name, "seconds": time.monotonic() - begun, **row}))
+    print(json.dumps({"file": Path(name).name, "seconds": time.monotonic() - started, **row}))
 process._end_all()
-for who in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN):
-    print(resource.getrusage(who).ru_maxrss)
+for processes in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN):
+    print(resource.getrusage(processes).ru_maxrss)
 """
-STAYS = {"tiny_1e-9.obj", "double_sided_triangle.off"}
-"""Refusal is suggested, but scale is nothing to this package, and a sheet is warned of."""
+ACCEPTED = {"tiny_1e-9.obj", "double_sided_triangle.off"}
+"""Files that are accepted although the manifest suggests an error: the scale does not matter, and a
+sheet has a warning."""
 
 
 def hostile() -> dict[str, str]:
-    """What is suggested for each file."""
+    """Suggested behaviour for each file."""
     manifest = shapes.shared("hostile", "manifest.csv")
     with manifest.open(encoding="utf-8") as stream:
         return {row["file"]: row["suggested_expectation"] for row in csv.DictReader(stream)}
 
 
 @pytest.mark.slow
-@pytest.mark.skipif(sys.platform != "linux", reason="memory is told in the units of Linux")
-def test_a_hostile_file_is_labelled_or_refused_with_one_line() -> None:
+@pytest.mark.skipif(sys.platform != "linux", reason="the unit of ru_maxrss is that of Linux")
+def test_a_malformed_file_is_labelled_or_rejected_with_one_line() -> None:
     expected = hostile()
     paths = [str(shapes.shared("hostile", name)) for name in expected]
     done = subprocess.run(
@@ -153,12 +154,12 @@ def test_a_hostile_file_is_labelled_or_refused_with_one_line() -> None:
     assert max(int(own), int(readers)) < 2_000_000  # kB
     for row in map(json.loads, lines):
         suggested = expected.pop(row["file"])
-        told = row.get("error", "")
+        error = row.get("error", "")
         assert row["seconds"] < 20.0, row
-        assert told.isprintable()
-        assert bool(told) == (suggested.startswith("reject") and row["file"] not in STAYS), row
-        if not told:
-            assert sum(row["shares"].values()) == pytest.approx(1.0)
+        assert error.isprintable()
+        assert bool(error) == (suggested.startswith("reject") and row["file"] not in ACCEPTED), row
+        if not error:
+            assert sum(row["fractions"].values()) == pytest.approx(1.0)
         if suggested == "load without complaint":
             assert row["warnings"] == []
             assert set(row["repairs"]) <= {"joined to an earlier one at the same position"}
@@ -168,11 +169,13 @@ def test_a_hostile_file_is_labelled_or_refused_with_one_line() -> None:
 
 
 @pytest.mark.slow
-def test_a_batch_of_hostile_files_has_a_row_for_each(tmp_path: Path) -> None:
-    refused = {name for name, said in hostile().items() if said.startswith("reject")} - STAYS
-    chosen = refused | {"single_triangle.stl"}
+def test_a_batch_of_malformed_files_has_a_row_for_each(tmp_path: Path) -> None:
+    rejected = {
+        name for name, expected in hostile().items() if expected.startswith("reject")
+    } - ACCEPTED
+    chosen = rejected | {"single_triangle.stl"}
     (tmp_path / "in").mkdir()
-    for name in sorted(chosen - {"foo.stl"}):  # a folder, passed over by a batch
+    for name in sorted(chosen - {"foo.stl"}):  # a folder, ignored by a batch
         shutil.copy(shapes.shared("hostile", name), tmp_path / "in")
     code = "import sys; from grasp3d.cli import main; sys.exit(main(sys.argv[1:]))"
     options = ["-o", str(tmp_path / "out"), "--workers", "1", "--rays", "8"]

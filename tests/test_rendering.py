@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from grasp3d import GraspModel, Label, rendering, scan_surface
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
-from grasp3d.plots.painting import PALETTE, _cut, painted
+from grasp3d.plots.painting import PALETTE, _cut, paint_labels
 from grasp3d.rendering import MARGIN, Finger, View, can_render, picture
 from tests.helpers import shapes
 
@@ -25,33 +25,33 @@ NO_LIBRARY = {rendering.WINDOW: "vtkOSOpenGLRenderWindow"}
 FRONT = View(azimuth=0.0, elevation=0.0)
 SIZE = 240
 
-# Where the project itself is tested a missing OpenGL is a failure.
+# In CI a missing OpenGL is a failure.
 needs_opengl = pytest.mark.skipif(not (os.environ.get("CI") or can_render()), reason="needs OpenGL")
 
 
 @pytest.fixture
-def afresh() -> object:
-    """Try again instead of remembering, before and after."""
+def without_cache() -> object:
+    """Clear the cached result of `can_render` before and after the test."""
     can_render.cache_clear()
     yield None
     can_render.cache_clear()
 
 
-def instead_of_python(folder: Path, script: str) -> str:
+def fake_python(folder: Path, script: str) -> str:
     path = folder / "python"
     path.write_text(f"#!/bin/sh\n{script}\n")
     path.chmod(0o755)
     return str(path)
 
 
-@pytest.mark.skipif(sys.platform == "win32", reason="a shell script stands for the process")
+@pytest.mark.skipif(sys.platform == "win32", reason="needs a shell script")
 @pytest.mark.parametrize("script", ["kill -SEGV $$", "exit 1", "exec sleep 60"])
-@pytest.mark.usefixtures("afresh")
-def test_a_process_that_dies_or_hangs_draws_nothing(
+@pytest.mark.usefixtures("without_cache")
+def test_a_process_that_dies_or_hangs_means_no_rendering(
     script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(rendering, "PATIENCE", 0.5)
-    monkeypatch.setattr(sys, "executable", instead_of_python(tmp_path, script))
+    monkeypatch.setattr(rendering, "TIMEOUT", 0.5)
+    monkeypatch.setattr(sys, "executable", fake_python(tmp_path, script))
     assert not can_render()
     with pytest.raises(OutputError, match="need OpenGL"):
         picture(*shapes.box(), np.zeros((8, 3)))
@@ -60,7 +60,7 @@ def test_a_process_that_dies_or_hangs_draws_nothing(
 @pytest.mark.skipif(
     sys.platform != "linux" or find_library("OSMesa") is not None, reason="OSMesa draws"
 )
-def test_a_missing_library_is_found_out_in_a_process_of_its_own() -> None:
+def test_a_missing_library_is_detected_in_a_separate_process() -> None:
     code = (
         f"import os; os.environ.update({NO_LIBRARY}); os.environ.pop('DISPLAY', None)\n"
         "from grasp3d.rendering import can_render; print(can_render(), can_render())"
@@ -94,7 +94,7 @@ def seen(image: Image) -> NDArray[np.bool_]:
 
 @needs_opengl
 @pytest.mark.parametrize("size", [(SIZE, SIZE), (300, 150), (120, 260)])
-def test_a_picture_holds_the_whole_surface_and_no_more(size: tuple[int, int]) -> None:
+def test_a_picture_is_filled_by_the_whole_surface(size: tuple[int, int]) -> None:
     vertices, faces = shapes.box((1.0, 2.0, 0.5))
     image = picture(
         vertices + (40.0, -7.0, 3.0), faces, np.full((8, 3), 99), view=FRONT, size=size
@@ -110,7 +110,7 @@ def test_a_picture_holds_the_whole_surface_and_no_more(size: tuple[int, int]) ->
 
 
 @needs_opengl
-def test_right_and_up_are_where_they_belong() -> None:
+def test_right_and_up_of_pictures() -> None:
     vertices, faces = shapes.sphere(3)
     red_right = np.where(vertices[:, 1:2] > 0.0, (255, 0, 0), (0, 0, 255))
     image = picture(vertices, faces, red_right, view=FRONT, size=(SIZE, SIZE))
@@ -123,14 +123,14 @@ def test_right_and_up_are_where_they_belong() -> None:
 
 
 @needs_opengl
-def test_light_changes_the_brightness_only_and_reaches_the_colour_itself() -> None:
+def test_light_changes_only_the_brightness_up_to_the_exact_colour() -> None:
     vertices, faces = shapes.sphere(4)
     color = np.array([240, 120, 60])
     image = picture(vertices, faces, np.tile(color, (len(vertices), 1)), size=(SIZE, SIZE))
     edge = seen(image) & ~np.pad(seen(image), 2)[4:, 2:-2] & ~seen(image)
     inside = image[seen(image) & ~edge].astype(float)
     kept = inside[np.abs(inside[:, 0] - 2.0 * inside[:, 1]) < 3.0]
-    assert len(kept) > 0.97 * len(inside)  # but for pixels that the rim shares with the background
+    assert len(kept) > 0.97 * len(inside)  # except rim pixels blended with the background
     assert kept.max(axis=0) == pytest.approx(color, abs=3.0)
     assert kept[:, 0].min() > 0.4 * color[0]
 
@@ -140,13 +140,13 @@ def test_the_same_picture_every_time() -> None:
     scanned = scan_surface(box_mesh(max_edge=0.5), GraspModel(friction=1.0), fixed=(0, 0, -1))
     finger = Finger(np.array([0.0, 0.0, -1.0]), np.array([0.0, 0.0, 1.0]))
     first, second = (
-        painted(scanned, size=(SIZE, SIZE), fingers=[finger]) for _ in range(2)
+        paint_labels(scanned, size=(SIZE, SIZE), fingers=[finger]) for _ in range(2)
     )  # fmt: skip
     assert (first == second).all()
 
 
 @needs_opengl
-def test_a_finger_shows_and_shines_through() -> None:
+def test_a_finger_is_visible_and_its_hidden_parts_are_transparent() -> None:
     vertices, faces = shapes.box((2.0, 2.0, 2.0))
     white = np.full((8, 3), 255)
     behind = Finger(np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0, 0.0]))
@@ -163,7 +163,7 @@ def test_a_finger_shows_and_shines_through() -> None:
 
 
 def nearest_label(pixels: NDArray[np.float64]) -> NDArray[np.int64]:
-    """Label whose colour a shaded pixel is a shade of."""
+    """Label with the hue of each shaded pixel."""
     hues = PALETTE / np.linalg.norm(PALETTE, axis=1, keepdims=True)
     shades = pixels / np.linalg.norm(pixels, axis=1, keepdims=True)
     return np.asarray((shades @ hues.T).argmax(axis=1))
@@ -171,10 +171,10 @@ def nearest_label(pixels: NDArray[np.float64]) -> NDArray[np.int64]:
 
 @needs_opengl
 @pytest.mark.parametrize("degrees", [15.0, 30.0])
-def test_a_painted_sphere_shows_its_closed_form_in_every_pixel(degrees: float) -> None:
+def test_every_pixel_of_a_labelled_sphere_agrees_with_the_closed_form(degrees: float) -> None:
     model = GraspModel(friction=1.0, sensor_resolution=math.radians(degrees))
     scanned = scan_surface(sphere_mesh(subdivisions=4), model, fixed=(0.0, 0.0, -1.0))
-    image = painted(scanned, view=FRONT, size=(SIZE, SIZE)).astype(float)
+    image = paint_labels(scanned, view=FRONT, size=(SIZE, SIZE)).astype(float)
     pixel = (np.arange(SIZE) + 0.5 - SIZE / 2.0) * (2.0 * MARGIN / SIZE)
     y, z = np.meshgrid(pixel, -pixel)
     inside = np.hypot(y, z) < 0.98
@@ -189,20 +189,22 @@ def test_a_painted_sphere_shows_its_closed_form_in_every_pixel(degrees: float) -
 
 
 @needs_opengl
-def test_a_face_is_painted_up_to_its_creases_in_a_scan() -> None:
+def test_a_face_is_coloured_up_to_its_creases_in_a_scan() -> None:
     model = GraspModel(friction=1.0, sensor_resolution=math.radians(15.0))
     scanned = scan_surface(box_mesh(max_edge=0.25), model, fixed=(0.0, 0.0, -1.0))
-    image = painted(scanned, view=View(azimuth=0.0, elevation=math.pi / 2.0), size=(SIZE, SIZE))
-    full = image[image.min(axis=2) < 80].astype(float)  # not shared with the background
+    image = paint_labels(
+        scanned, view=View(azimuth=0.0, elevation=math.pi / 2.0), size=(SIZE, SIZE)
+    )
+    full = image[image.min(axis=2) < 80].astype(float)  # not blended with the background
     assert (nearest_label(full) == Label.S).mean() > 0.999
     assert set(scanned.label[np.abs(scanned.mesh.vertices[:, :2]).max(axis=1) > 0.999]) != {Label.S}
 
 
 @needs_opengl
-def test_labels_from_hulls_are_painted_where_they_are() -> None:
+def test_labels_from_hulls_are_coloured_at_their_vertices() -> None:
     model = GraspModel(friction=1.0, sensor_resolution=math.radians(30.0), method="extremes")
     labels = scan_surface(sphere_mesh(subdivisions=3), model, fixed=(0.0, 0.0, -1.0))
-    image = painted(labels, view=FRONT, size=(SIZE, SIZE))
+    image = paint_labels(labels, view=FRONT, size=(SIZE, SIZE))
     x, y, z = labels.mesh.vertices.T
     facing = x > 0.4
     columns, rows = (
@@ -223,11 +225,11 @@ def areas(corners: NDArray[np.float64]) -> NDArray[np.float64]:
 
 
 @given(triangles, st.floats(-1.0, 1.0))
-def test_cutting_keeps_the_area_and_parts_the_sides(
+def test_cutting_keeps_the_area_and_separates_the_sides(
     corners: NDArray[np.float64], limit: float
 ) -> None:
     below, above = _cut(corners, 2, limit)
-    # Signed areas: no part is turned over.
+    # Signed areas: no part is flipped.
     assert areas(below).sum() + areas(above).sum() == pytest.approx(areas(corners).sum(), abs=1e-9)
     assert (below[..., 2] <= limit + 1e-12).all()
     assert (above[..., 2] >= limit - 1e-12).all()

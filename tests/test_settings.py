@@ -34,7 +34,7 @@ def test_resolution_lies_between_0_and_180_degrees(degrees: float) -> None:
         ({"extreme_normals": 8.0}, "extreme normals must be from 3 to 360; got 8.0"),
     ],
 )
-def test_the_model_of_epsilon_says_what_would_be_right(
+def test_errors_of_the_grasp_model_name_valid_values(
     options: dict[str, float], message: str
 ) -> None:
     with pytest.raises(SettingError, match=message):
@@ -54,7 +54,7 @@ def test_the_model_of_epsilon_says_what_would_be_right(
         ({"extreme_normals": 3}, "exact", 5),
     ],
 )
-def test_the_model_tells_how_epsilon_is_taken(
+def test_the_model_states_how_epsilon_is_computed(
     options: dict[str, float], tilts: str, rank: int
 ) -> None:
     model = GraspModel(**options)  # type: ignore[arg-type]
@@ -74,7 +74,7 @@ def test_the_model_tells_how_epsilon_is_taken(
         ({"tolerance": 0.0}, "tolerance must be above 0"),
     ],
 )
-def test_sampling_says_what_would_be_right(options: dict[str, float], message: str) -> None:
+def test_errors_of_sampling_name_valid_values(options: dict[str, float], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         Sampling(**options)  # type: ignore[arg-type]
 
@@ -87,12 +87,12 @@ def test_sampling_says_what_would_be_right(options: dict[str, float], message: s
         ({"crease_angle": -0.1}, "crease angle must be from 0"),
     ],
 )
-def test_mesh_options_say_what_would_be_right(options: dict[str, float], message: str) -> None:
+def test_errors_of_mesh_options_name_valid_values(options: dict[str, float], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         MeshOptions(**options)  # type: ignore[arg-type]
 
 
-def test_search_cone_is_what_friction_and_resolution_need() -> None:
+def test_the_search_cone_is_the_angle_that_friction_and_resolution_need() -> None:
     model = GraspModel(friction=0.5, sensor_resolution=0.2)
     assert search_cone(model, Sampling()) == pytest.approx(math.atan(0.5) + 0.1)
     assert search_cone(model, Sampling(search_angle=1.2)) == pytest.approx(1.2)

@@ -1,4 +1,4 @@
-"""The files of the object library are what their README says, and clean."""
+"""The files of the object library agree with their README and are clean."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ def test_readme_lists_exactly_the_files() -> None:
     assert sorted(rows()) == [path.name for path in FILES]
 
 
-def test_readme_tells_size_and_count(path: Path, mesh: trimesh.Trimesh) -> None:
+def test_readme_has_size_and_count(path: Path, mesh: trimesh.Trimesh) -> None:
     _, size, triangles, volume, angle, remark = rows()[path.name]
     assert size == " x ".join(f"{length / MILLIMETRE:.0f}" for length in mesh.extents)
     assert int(triangles) == len(mesh.faces)
@@ -122,5 +122,5 @@ def test_a_finger_fits_the_handle_of_the_mug() -> None:
     assert not load("mug.glb").ray.intersects_any(start, along_y).any()
 
 
-def test_their_picture_is_small() -> None:
+def test_gallery_picture_is_small() -> None:
     assert PICTURE.stat().st_size <= 500_000

@@ -16,7 +16,7 @@ from grasp3d.planar import Circle, square
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles, SphereAngles
 from grasp3d.sweeps import Sweep, mean_sweep, sweep, write_sweeps
 from tests.helpers import shapes
-from tests.test_distributions import labelled, sampled
+from tests.stability.test_angle_distributions import labelled, sampled
 
 frictions = st.lists(st.floats(0.05, 3.0), min_size=1, max_size=4)
 resolutions = st.lists(st.floats(0.0, 3.0), min_size=1, max_size=6)
@@ -48,12 +48,12 @@ def test_stability_falls_with_resolution_and_grows_with_friction(
     assert (np.diff(swept.unstable, axis=0) <= 1e-12).all()
     assert (swept.accuracy_ceiling >= 0.5 - 1e-12).all()
     assert (swept.accuracy_ceiling <= 1.0 + 1e-12).all()
-    for share in (0.3, 1.0):
-        assert (np.diff(swept.required_resolution(share)) >= 0.0).all()
+    for fraction in (0.3, 1.0):
+        assert (np.diff(swept.required_resolution(fraction)) >= 0.0).all()
 
 
 @given(every(), frictions, resolutions)
-def test_each_place_of_the_grid_is_what_the_distribution_says_there(
+def test_each_entry_of_the_grid_agrees_with_the_distribution(
     angles: AngleDistribution, friction: list[float], resolution: list[float]
 ) -> None:
     swept = sweep(angles, friction=friction, sensor_resolution=resolution)
@@ -62,12 +62,12 @@ def test_each_place_of_the_grid_is_what_the_distribution_says_there(
     for row, mu in enumerate(swept.friction):
         for column, alpha in enumerate(swept.sensor_resolution):
             alone = angles.fractions(friction=float(mu), sensor_resolution=float(alpha))
-            taken = (swept.stable, swept.ambiguous, swept.unstable)
-            assert [values[row, column] for values in taken] == list(alone.values())
+            swept_values = (swept.stable, swept.ambiguous, swept.unstable)
+            assert [values[row, column] for values in swept_values] == list(alone.values())
 
 
 @pytest.mark.parametrize(("name", "shape"), [("circle", Circle), ("square", square)])
-def test_the_circle_and_the_square_have_the_reference_shares(name: str, shape: Any) -> None:
+def test_the_circle_and_the_square_have_the_reference_fractions(name: str, shape: Any) -> None:
     cases = json.loads(shapes.shared("reference", "planar.json").read_text("ascii"))[name]
     assert len(cases) > 20
     for case in cases:
@@ -81,12 +81,12 @@ def test_the_circle_and_the_square_have_the_reference_shares(name: str, shape: A
         )
 
 
-def test_the_circle_needs_the_resolution_of_its_formula() -> None:
+def test_the_required_resolution_of_the_circle_agrees_with_its_formula() -> None:
     """Twice (beta - alpha/2) / pi is S."""
     swept = sweep(Circle(), friction=[0.2, 0.5, 1.0], sensor_resolution=0.0)
-    for share in (0.1, 0.25):
-        expected = np.maximum(0.0, 2.0 * np.arctan(swept.friction) - math.pi * share)
-        assert swept.required_resolution(share) == pytest.approx(expected, abs=1e-9)
+    for fraction in (0.1, 0.25):
+        expected = np.maximum(0.0, 2.0 * np.arctan(swept.friction) - math.pi * fraction)
+        assert swept.required_resolution(fraction) == pytest.approx(expected, abs=1e-9)
 
 
 def test_the_required_resolution_is_0_where_no_sensor_is_fine_enough() -> None:
@@ -121,7 +121,7 @@ def test_the_mean_needs_the_same_grid() -> None:
 
 
 @pytest.mark.slow
-def test_a_swept_surface_has_the_shares_of_its_labels() -> None:
+def test_a_swept_surface_has_the_fractions_of_its_labels() -> None:
     labels = labelled("bowl.ply")
     swept = sweep(
         labels.angle_distribution(),
@@ -135,7 +135,7 @@ def test_a_swept_surface_has_the_shares_of_its_labels() -> None:
             assert swept.unstable[row, column] == pytest.approx(again["U"], abs=1e-12)
 
 
-def test_settings_out_of_range_are_told() -> None:
+def test_settings_out_of_range_are_refused() -> None:
     for friction, resolution, message in (
         (0.0, 0.1, "friction must be"),
         (math.inf, 0.1, "friction must be a finite"),
@@ -147,7 +147,7 @@ def test_settings_out_of_range_are_told() -> None:
     ):
         with pytest.raises(SettingError, match=message):
             sweep(SphereAngles(), friction=friction, sensor_resolution=resolution)
-    with pytest.raises(SettingError, match="share must be"):
+    with pytest.raises(SettingError, match="fraction must be"):
         SPHERE.required_resolution(0.0)
 
 
@@ -167,7 +167,7 @@ def test_results_cannot_be_written_to() -> None:
 
 
 def rows_of(swept: Sweep) -> list[dict[str, Any]]:
-    """The table's rows, written out slowly."""
+    """The table's expected rows."""
     return [
         {
             "name": swept.name,
@@ -187,13 +187,13 @@ def rows_of(swept: Sweep) -> list[dict[str, Any]]:
     ]
 
 
-def test_parquet_holds_the_shares_the_failures_and_the_settings(tmp_path: Path) -> None:
+def test_parquet_contains_the_fractions_the_failures_and_the_settings(tmp_path: Path) -> None:
     path = tmp_path / "sweep.parquet"
     circle = sweep(Circle(), friction=0.5, sensor_resolution=0.1, name="circle", mode="scan")
     write_sweeps(
         path,
         [SPHERE, circle],
-        shares=(0.2, 0.125),
+        fractions=(0.2, 0.125),
         failures={"bad.stl": "no triangles"},
         settings={"rays": 64},
     )
@@ -205,9 +205,9 @@ def test_parquet_holds_the_shares_the_failures_and_the_settings(tmp_path: Path) 
     assert set(failed.values()) == {None}
 
 
-def test_csv_holds_the_same(tmp_path: Path) -> None:
+def test_csv_contains_the_same(tmp_path: Path) -> None:
     path = tmp_path / "sweep.CSV"
-    write_sweeps(path, [SPHERE], shares=(0.2, 0.125), failures={"a, b": 'called "c"'})
+    write_sweeps(path, [SPHERE], fractions=(0.2, 0.125), failures={"a, b": 'called "c"'})
     with path.open(encoding="utf-8", newline="") as file:
         *rows, failed = csv.DictReader(file)
     expected = rows_of(SPHERE)
@@ -219,17 +219,17 @@ def test_csv_holds_the_same(tmp_path: Path) -> None:
     assert (failed["name"], failed["error"], failed["stable"]) == ("a, b", 'called "c"', "")
 
 
-def test_other_tables_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
+def test_unknown_suffixes_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"known: \.csv \.parquet"):
         write_sweeps(tmp_path / "sweep.xlsx", [SPHERE])
-    with pytest.raises(SettingError, match="share must be"):
-        write_sweeps(tmp_path / "sweep.csv", [SPHERE], shares=(2.0,))
+    with pytest.raises(SettingError, match="fraction must be"):
+        write_sweeps(tmp_path / "sweep.csv", [SPHERE], fractions=(2.0,))
     with pytest.raises(OutputError, match="cannot be written"):
         write_sweeps(tmp_path / "nowhere" / "sweep.csv", [SPHERE])
     assert list(tmp_path.iterdir()) == []
 
 
-def test_the_mean_answers_only_where_every_surface_was_searched() -> None:
+def test_the_mean_is_limited_to_what_every_surface_was_searched_for() -> None:
     far, near = (
         sweep(
             SampledAngles(np.array([0.1]), np.array([0.1]), np.array([1.0]), limit=limit),

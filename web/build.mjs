@@ -9,7 +9,7 @@ const here = dirname(fileURLToPath(import.meta.url));
 const target = process.argv[2] ?? join(here, "../grasp3d/batch/report/static");
 const LICENCES = ["LICENSE", "LICENSE.md", "LICENCE"];
 
-/** SHA-256 over name and text of all sources; tests/test_report.py takes the same. */
+/** SHA-256 over name and text of all sources; tests/batch/test_report.py computes the same. */
 function sourcesHash() {
   const listed = readdirSync(join(here, "src"), { recursive: true, withFileTypes: true })
     .filter((entry) => entry.isFile())
@@ -23,7 +23,7 @@ function sourcesHash() {
   return hash.digest("hex");
 }
 
-/** Licences of the packages that a bundle holds. */
+/** Licences of the packages in a bundle. */
 function licences(inputs) {
   const packages = new Set();
   for (const input of Object.keys(inputs)) {
@@ -34,19 +34,19 @@ function licences(inputs) {
     const folder = join(here, "node_modules", name);
     const { version } = JSON.parse(readFileSync(join(folder, "package.json"), "utf8"));
     const file = readdirSync(folder).find((entry) => LICENCES.includes(entry));
-    if (!file) throw new Error(`${name}: no licence`);
+    if (!file) throw new Error(`${name}: no licence found`);
     return `${name} ${version}\n\n${readFileSync(join(folder, file), "utf8").trim()}`;
   });
 }
 
-function banner(hash, told) {
-  const text = [`grasp3d, sources ${hash}`, ...told].join("\n\n----\n\n");
+function banner(hash, licenceTexts) {
+  const text = [`grasp3d, sources ${hash}`, ...licenceTexts].join("\n\n----\n\n");
   if (text.includes("*/")) throw new Error("a licence would end the comment");
   return `/*!\n${text}\n*/\n`;
 }
 
 async function bundle(entry, name, hash) {
-  const made = await build({
+  const result = await build({
     absWorkingDir: here,
     entryPoints: [{ in: entry, out: name }],
     outdir: target,
@@ -59,10 +59,10 @@ async function bundle(entry, name, hash) {
     metafile: true,
     write: false,
   });
-  const told = licences(made.metafile.inputs);
-  for (const file of made.outputFiles) {
-    const text = banner(hash, told) + file.text;
-    if (/<\/script|<!--|<\/style/i.test(text)) throw new Error(`${name}: would end its tag`);
+  const licenceTexts = licences(result.metafile.inputs);
+  for (const file of result.outputFiles) {
+    const text = banner(hash, licenceTexts) + file.text;
+    if (/<\/script|<!--|<\/style/i.test(text)) throw new Error(`${name}: contains markup that would end its element`);
     writeFileSync(file.path, text);
   }
 }

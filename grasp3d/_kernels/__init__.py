@@ -1,1 +1,1 @@
-"""Compiled loops: arrays in, arrays out; no checks, no meshes, no random numbers."""
+"""Numba kernels: arrays in, arrays out; arguments are not checked."""

@@ -1,4 +1,11 @@
-"""Candidates for the best grasps through a vertex, and the best ones so far."""
+"""Evaluation of antipodal candidates, and the best grasps found so far at every vertex.
+
+Two fingers are force-closed where the line between the contacts lies inside both friction cones
+(Nguyen 1988), so the critical friction angle of a pair is the larger of the two angles between the
+line and the normals. Each vertex keeps its best grasp and a small sorted cache of the best closing
+directions that differ clearly; the search is refined around all of them, since the best direction
+of a coarse sample need not lead to the best grasp.
+"""
 
 import math
 from typing import NamedTuple
@@ -11,19 +18,19 @@ from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
 from grasp3d._kernels.surface_contacts import write_normals
 
 TIE = 1e-7
-"""A candidate must be better by this angle, so that rounding does not choose among equals."""
+"""Angle by which a candidate must be better, so that rounding errors do not decide ties [rad]."""
 
 FOUND, NO_PARTNER, OPENING = 0, 1, 2
-"""Why a vertex has a grasp or none."""
+"""Reason codes: a grasp was found; no second contact was; all openings were outside the limits."""
 
 
-class Grasps(NamedTuple):
-    """The best grasps so far, a row per vertex; written in place."""
+class BestPairs(NamedTuple):
+    """The best antipodal grasps found so far, a row per vertex; written in place."""
 
     worst: npt.NDArray[np.float64]
     """Critical angle over the worst normals [rad]."""
     best: npt.NDArray[np.float64]
-    """Critical angle over the best normals, of a grasp of its own [rad]."""
+    """Smallest critical angle over the best normals, possibly of another grasp [rad]."""
     closing: npt.NDArray[np.float64]
     """Closing direction of the grasp of `worst` (V, 3)."""
     closing_best: npt.NDArray[np.float64]
@@ -31,7 +38,7 @@ class Grasps(NamedTuple):
     partner: npt.NDArray[np.float64]
     """Second contact of the grasp of `worst` (V, 3)."""
     partner_normal: npt.NDArray[np.float64]
-    """Normal there (V, 3)."""
+    """Inward unit normal at the second contact (V, 3)."""
     faces: npt.NDArray[np.int64]
     """Face of the second contact, of the grasp of `worst` and of that of `best` (V, 2); -1 none."""
     weights: npt.NDArray[np.float64]
@@ -43,27 +50,28 @@ class Grasps(NamedTuple):
     reason: npt.NDArray[np.uint8]
     """FOUND, NO_PARTNER or OPENING."""
     starts: npt.NDArray[np.float64]
-    """Closing directions of the best grasps that lie apart, ordered (V, k, 3)."""
+    """Cache of the best closing directions that differ clearly, sorted by angle (V, k, 3)."""
     start_angles: npt.NDArray[np.float64]
     """Their critical angles over the worst normals [rad] (V, k)."""
     start_signs: npt.NDArray[np.int8]
     """+1 squeeze, -1 expand (V, k)."""
-    apart: float
-    """Cosine of the angle from which two closing directions lie apart."""
+    distinct_cosine: float
+    """Cosine of the angle from which two closing directions count as different."""
 
 
 @inlined
-def _remember(v, sign, x, y, z, angle, grasps):
-    """Keep a vertex's best closing directions that lie apart from each other, in order."""
+def _keep_start(v, sign, x, y, z, angle, grasps):
+    """Insert a closing direction into a vertex's sorted cache of clearly different ones."""
     directions, angles, signs = grasps.starts[v], grasps.start_angles[v], grasps.start_signs[v]
     row = angles.shape[0] - 1
-    for k in range(angles.shape[0]):  # a start close by gives way to a better one, or stays
+    for k in range(angles.shape[0]):  # replace a similar direction, and only by a better one
         cosine = x * directions[k, 0] + y * directions[k, 1] + z * directions[k, 2]
-        if angles[k] < math.inf and signs[k] == sign and cosine > grasps.apart:
+        if angles[k] < math.inf and signs[k] == sign and cosine > grasps.distinct_cosine:
             row = k
             break
     if angle >= angles[row] - TIE:
         return
+    # Insertion sort: worse entries move down, the last one, or the similar one, is dropped.
     while row > 0 and angle < angles[row - 1] - TIE:
         angles[row], signs[row] = angles[row - 1], signs[row - 1]
         directions[row] = directions[row - 1]
@@ -73,8 +81,8 @@ def _remember(v, sign, x, y, z, angle, grasps):
 
 
 @inlined
-def consider(v, sign, partner, opening, face, weights, surface, sets, grasps, found):
-    """Weigh the grasp of a vertex and a place on a face; keep it where it is the best so far."""
+def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasps, found):
+    """Evaluate the grasp of a vertex and a point on a face; store it if it is the best so far."""
     start, counts, normals = sets.start, sets.counts, sets.normals
     scale = sign / opening
     x = scale * (partner[0] - surface.points[v, 0])
@@ -82,11 +90,12 @@ def consider(v, sign, partner, opening, face, weights, surface, sets, grasps, fo
     z = scale * (partner[2] - surface.points[v, 2])
     low = smallest_angle(normals, start[v], counts[v], x, y, z)
     if low > grasps.start_angles[v, -1]:
-        return  # as good as it could be, it is worse than all that are kept
+        return  # a lower bound of both angles, and worse than the whole cache
     high = low
     if counts[v] != 1:
         high = largest_angle(normals, start[v], counts[v], x, y, z)
     count, vertex = write_normals(face, weights, surface, sets, found)
+    # The angles at the second contact, against the opposite direction; a vertex has its own set.
     if vertex >= 0:
         first, count = start[vertex], counts[vertex]
         low = max(low, smallest_angle(normals, first, count, -x, -y, -z))
@@ -95,8 +104,9 @@ def consider(v, sign, partner, opening, face, weights, surface, sets, grasps, fo
     else:
         low = max(low, smallest_angle(found, 0, count, -x, -y, -z))
         high = max(high, largest_angle(found, 0, count, -x, -y, -z))
+    # `high` decides the grasp of `worst` and the cache, `low` that of `best`: they may differ.
     if high < grasps.start_angles[v, -1]:
-        _remember(v, sign, x, y, z, high, grasps)
+        _keep_start(v, sign, x, y, z, high, grasps)
     if high < grasps.worst[v] - TIE:
         grasps.worst[v] = high
         grasps.reason[v] = FOUND

@@ -1,4 +1,4 @@
-"""The first directions in which a vertex's partner is sought."""
+"""Initial closing directions of the search for antipodal grasps."""
 
 import math
 from typing import NamedTuple
@@ -10,49 +10,51 @@ from grasp3d._kernels.compiling import kernel
 from grasp3d._kernels.normal_angles import smallest_angle
 from grasp3d._kernels.ray_tracing import starting_rays
 
-GOLDEN = math.pi * (3.0 - math.sqrt(5.0))
+GOLDEN_ANGLE = math.pi * (3.0 - math.sqrt(5.0))
+"""Turn between consecutive directions of a sunflower spiral [rad]."""
 
 
 class Frames(NamedTuple):
-    """Where the directions about each vertex are laid out."""
+    """Coordinate frames of the directions at each vertex."""
 
     centres: npt.NDArray[np.float64]
-    """Middle of the vertex's normals (V, 3)."""
+    """Centre of the vertex's set of normals (V, 3)."""
     tangents: npt.NDArray[np.float64]
-    """A direction across it (V, 3)."""
+    """A unit vector orthogonal to the centre (V, 3)."""
     radii: npt.NDArray[np.float64]
-    """Largest angle from the middle to a normal [rad] (V,)."""
+    """Largest angle from the centre to a normal [rad] (V,)."""
 
 
 @kernel
-def seed_rays(places, rays, batch, cone, sign, frames, sets, grasps):
-    """Lay out the first directions about each place's own normals.
+def seed_rays(vertices, rays, batch, cone, sign, frames, sets, grasps):
+    """Rays in initial closing directions about each vertex's normals.
 
     A sunflower spiral over the cap of half-angle `cone` about the normal, the first ray along it.
-    At a crease the cap is about the middle of the normals and wide enough for all of them, the
-    normals themselves come next, and what lies outside the union of their cones is left out. So is
-    a direction that is farther from the normal than all the grasps that are kept need: no partner
-    could make it better.
+    At a crease the cap is about the centre of the set of normals and large enough for all of them,
+    the corners of the set come next, and directions outside the union of the normals' cones are
+    skipped. So are directions at a larger angle to the normals than the critical angles of all
+    cached grasps: no second contact could make them better.
 
     Args:
-        places: Vertices (n,).
+        vertices: Vertices (n,).
         rays: Directions per vertex.
-        batch: (first, last): which of them; last not included.
+        batch: (first, last): range of the directions; last is excluded.
         cone: Half-angle of the search cone [rad].
         sign: +1 squeeze, -1 expand.
         frames: `Frames`.
-        sets: `Sets`.
-        grasps: `Grasps`.
+        sets: `ContactNormals`.
+        grasps: `BestPairs`.
 
     Returns:
         The `Rays`.
     """
     start, counts, normals = sets.start, sets.counts, sets.normals
-    room = places.shape[0] * (batch[1] - batch[0])
-    owner = np.empty(room, dtype=np.int32)
-    closing = np.empty((room, 3))
+    capacity = vertices.shape[0] * (batch[1] - batch[0])
+    owner = np.empty(capacity, dtype=np.int32)
+    closing = np.empty((capacity, 3))
     size = 0
-    for v in places:
+    for v in vertices:
+        # The critical angle is at least the angle between the direction and the vertex's normals.
         bound = min(cone, grasps.start_angles[v, -1])
         c, t = frames.centres[v], frames.tangents[v]
         bx, by, bz = (
@@ -61,17 +63,18 @@ def seed_rays(places, rays, batch, cone, sign, frames, sets, grasps):
             c[0] * t[1] - c[1] * t[0],
         )
         cap = 1.0 - math.cos(min(cone + frames.radii[v], math.pi))
-        direct = 0 if counts[v] == 1 else min(counts[v], rays // 4)
-        spread = rays - direct
+        set_corners = 0 if counts[v] == 1 else min(counts[v], rays // 4)
+        spiral_size = rays - set_corners
         for k in range(batch[0], batch[1]):
-            if 0 < k <= direct:
+            if 0 < k <= set_corners:
                 n = normals[start[v] + k - 1]
                 x, y, z = n[0], n[1], n[2]
             else:
-                step = 0 if k == 0 else k - direct
-                cosine = 1.0 - cap * step / spread
+                step = 0 if k == 0 else k - set_corners
+                # Equal steps of height cover equal areas of the cap.
+                cosine = 1.0 - cap * step / spiral_size
                 sine = math.sqrt(max(0.0, 1.0 - cosine * cosine))
-                p, q = sine * math.cos(step * GOLDEN), sine * math.sin(step * GOLDEN)
+                p, q = sine * math.cos(step * GOLDEN_ANGLE), sine * math.sin(step * GOLDEN_ANGLE)
                 x = cosine * c[0] + p * t[0] + q * bx
                 y = cosine * c[1] + p * t[1] + q * by
                 z = cosine * c[2] + p * t[2] + q * bz

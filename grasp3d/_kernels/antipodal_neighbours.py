@@ -1,4 +1,4 @@
-"""Directions to the partners that the neighbouring vertices found."""
+"""Closing directions toward the opposing contacts of neighbouring vertices."""
 
 import math
 
@@ -11,33 +11,35 @@ from grasp3d._kernels.ray_tracing import starting_rays
 
 
 @kernel
-def shared_rays(places, cone, points, neighbours, sets, grasps):
-    """Directions from each place to the partners that its neighbours found.
+def neighbour_rays(vertices, cone, points, neighbours, sets, grasps):
+    """Rays from each vertex toward the opposing contacts that its neighbours found.
 
     Args:
-        places: Vertices (n,).
+        vertices: Vertices (n,).
         cone: Half-angle of the search cone [rad].
         points: Positions of the vertices (V, 3).
         neighbours: (first, index): the vertices around each vertex.
-        sets: `Sets`.
-        grasps: `Grasps`.
+        sets: `ContactNormals`.
+        grasps: `BestPairs`.
 
     Returns:
         The `Rays`.
     """
     start, counts, normals = sets.start, sets.counts, sets.normals
     first, index = neighbours
-    room = 0
-    for v in places:
-        room += first[v + 1] - first[v]
-    owner = np.empty(room, dtype=np.int32)
-    closing = np.empty((room, 3))
-    signs = np.empty(room, dtype=np.int8)
+    capacity = 0
+    for v in vertices:
+        capacity += first[v + 1] - first[v]
+    owner = np.empty(capacity, dtype=np.int32)
+    closing = np.empty((capacity, 3))
+    signs = np.empty(capacity, dtype=np.int8)
     size = 0
-    for v in places:
+    for v in vertices:
         bound = min(cone, grasps.worst[v])
         for k in range(first[v], first[v + 1]):
             other = index[k]
+            # An opposing contact of a neighbour is nearly one of this vertex: good grasps spread
+            # from vertex to vertex.
             if grasps.reason[other] != FOUND:
                 continue
             sign = grasps.signs[other]

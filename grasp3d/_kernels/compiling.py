@@ -1,4 +1,4 @@
-"""The decorators of the compiled loops, and where what they compile is kept."""
+"""Decorators that compile the kernels with Numba, and the folder of their machine code."""
 
 import hashlib
 import os
@@ -16,11 +16,11 @@ import numba
 
 _HERE = Path(__file__).parent
 
-KERNELS = "grasp3d-kernels-"
-"""How the folders of machine code are called, before the fingerprint."""
+FOLDER_PREFIX = "grasp3d-kernels-"
+"""Start of the names of the machine-code folders; the fingerprint of the sources follows."""
 
-OLD = 30 * 24 * 3600.0
-"""Age at which another state's machine code is removed [s]."""
+MAX_AGE = 30 * 24 * 3600.0
+"""Age at which the machine code of other versions of the sources is removed [s]."""
 
 _config: Any = numba.config
 _decorating = threading.Lock()
@@ -37,52 +37,52 @@ def fingerprint(folder: Path) -> str:
 
 @cache
 def cache_folder() -> Path | None:
-    """Folder for compiled kernels, one for each state of the sources; None: none can be written.
+    """Folder for compiled kernels, one per version of the sources; None: none can be written.
 
-    Numba's own cache sees a change in a kernel's own file only, and would go on calling the old
-    version of a kernel that stands in another. NUMBA_CACHE_DIR comes first where it is set, then
-    the package, then the user's cache.
+    Numba's own cache detects a change only in a kernel's own file, so a caller would keep the old
+    machine code of kernels in other files. NUMBA_CACHE_DIR is used where it is set; otherwise the
+    package's folder, otherwise the user's cache.
     """
-    for root in _roots():
-        folder = root / f"{KERNELS}{fingerprint(_HERE)}"
+    for root in _possible_roots():
+        folder = root / f"{FOLDER_PREFIX}{fingerprint(_HERE)}"
         try:
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
         except OSError:
             continue
-        _forget_old(folder)
+        _remove_old_folders(folder)
         return folder
     return None
 
 
 def compiled_before() -> bool:
-    """Tell whether kernels in their present state were compiled already, and kept."""
+    """Whether machine code of the current kernel sources exists on disk."""
     folder = cache_folder()
     return folder is not None and any(folder.rglob("*.nbc"))
 
 
-def _roots() -> Iterator[Path]:
-    """Folders to try, the most fitting first."""
+def _possible_roots() -> Iterator[Path]:
+    """Folders to try, in order of preference."""
     if _config.CACHE_DIR:
         yield Path(_config.CACHE_DIR)
         return
     yield _HERE / "__pycache__"
     home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
-    if home.is_absolute():  # the shell's sign for a home stays where there is none
+    if home.is_absolute():  # without a home directory expanduser leaves the "~"
         yield home / "grasp3d"
 
 
-def _forget_old(folder: Path) -> None:
-    """Remove what earlier states of the sources left, once nothing can be using it any more."""
-    for other in folder.parent.glob(f"{KERNELS}*"):
+def _remove_old_folders(folder: Path) -> None:
+    """Remove machine code of other versions of the sources that is old enough to be unused."""
+    for other in folder.parent.glob(f"{FOLDER_PREFIX}*"):
         with suppress(OSError):  # another process may be removing it
-            if other != folder and time.time() - other.stat().st_mtime > OLD:
+            if other != folder and time.time() - other.stat().st_mtime > MAX_AGE:
                 shutil.rmtree(other)
 
 
 @contextmanager
 def _caching_in(folder: Path) -> Iterator[None]:
-    """Let functions decorated meanwhile keep their machine code in a folder."""
+    """Set Numba's cache folder for functions that are decorated meanwhile."""
     with _decorating:
         before = _config.CACHE_DIR
         _config.CACHE_DIR = str(folder)
@@ -93,11 +93,11 @@ def _caching_in(folder: Path) -> Iterator[None]:
 
 
 def _compiled(function: Callable[..., object], **flags: Any) -> Any:
-    """Without the GIL, and with IEEE semantics, so that a NaN reaches the caller."""
+    """Compile without the GIL and with IEEE semantics, so that a NaN reaches the caller."""
     return numba.njit(nogil=True, error_model="numpy", **flags)(function)
 
 
-def _kept(function: Callable[..., object], **flags: Any) -> Any:
+def _compiled_and_cached(function: Callable[..., object], **flags: Any) -> Any:
     folder = cache_folder()
     if folder is None:
         return _compiled(function, **flags)
@@ -106,24 +106,24 @@ def _kept(function: Callable[..., object], **flags: Any) -> Any:
 
 
 def kernel(function: Callable[..., object]) -> Any:
-    """Compile with Numba and keep the machine code."""
-    return _kept(function)
+    """Compile with Numba and cache the machine code."""
+    return _compiled_and_cached(function)
 
 
 def scratch_kernel(function: Callable[..., object]) -> Any:
     """Compile a kernel that works in the arrays it is given and allocates nothing.
 
-    Numba refuses an allocation then, and spares the counting of references, which costs more than
-    a small support function itself.
+    Numba then rejects allocations and omits reference counting, which costs more time than a small
+    support function itself.
     """
-    return _kept(function, _nrt=False)
+    return _compiled_and_cached(function, _nrt=False)
 
 
 def inlined(function: Callable[..., object]) -> Any:
-    """Write a kernel out where it is called: handing over many arrays costs more than the work."""
+    """Inline a kernel into its callers: passing many arrays costs more than the work itself."""
     return _compiled(function, inline="always")
 
 
 def merged(function: Callable[..., object]) -> Any:
-    """Merge a step of a scratch kernel into the machine code of its callers."""
+    """Inline a part of a scratch kernel into the machine code of its callers (by LLVM)."""
     return _compiled(function, forceinline=True, _nrt=False)

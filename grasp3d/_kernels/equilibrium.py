@@ -1,4 +1,4 @@
-"""Equilibria: forces that balance, read off a polytope that holds the origin."""
+"""Equilibria: balanced contact forces computed from a polytope that contains the origin."""
 
 import math
 
@@ -6,16 +6,15 @@ from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.support_functions import ROWS
 
 BALANCED = 1e-9
-"""What may be left of a balance, in units of the wrenches' own size."""
+"""Largest residual of an equilibrium, relative to the wrenches."""
 
-
-TIED = 1e-9
-"""Share by which facets that a ray runs through, or a weight of one, may seem to miss it."""
+TIE = 1e-9
+"""Relative rounding error in deciding which facet a ray intersects, and of its weights."""
 
 
 @scratch_kernel
 def _solve(matrix, x, dim):
-    """Solve matrix @ x = row 6 of `matrix`, by elimination; a singular one gives what it can."""
+    """Solve matrix @ x = column 6 of `matrix` by elimination; 0 for singular pivots."""
     for c in range(dim):
         pivot = c
         for r in range(c + 1, dim):
@@ -37,30 +36,31 @@ def _solve(matrix, x, dim):
 
 
 @merged
-def _along(planes, f, x):
+def _normal_component(planes, f, x):
     return (
         (planes[0, f] * x[0] + planes[1, f] * x[1]) + (planes[2, f] * x[2] + planes[3, f] * x[3])
     ) + (planes[4, f] * x[4] + planes[5, f] * x[5])
 
 
 @scratch_kernel
-def equilibrium(body, dims, polytope, vertices, used, forces):
-    """Write forces that balance, all different from zero and strictly inside their cones.
+def equilibrium(space, dims, polytope, vertices, used, forces):
+    """Write balanced contact forces, all non-zero and strictly inside their friction cones.
 
-    The vertices of the polytope and every contact's normal force add up to a wrench; the facet that
-    its opposite points through adds what is missing.
+    All vertices of the polytope and every contact's unit normal force sum up to a wrench. The facet
+    that the ray along the opposite wrench intersects balances it, by a non-negative combination of
+    the facet's vertices.
 
     Args:
-        body: `Body`, not PER_FINGER.
-        dims: As long as the rank.
-        polytope: The `Polytope` that `grow` left, closed.
-        vertices: Vertices in it.
-        used: Facets in it.
-        forces: Written, each contact's force in its axes (n, 4), or each row's weight (n, 4), first
-            column; they add up to 1.
+        space: `WrenchSpace`, not PER_FINGER.
+        dims: Sequence as long as the rank.
+        polytope: The `Polytope` of a force-closed grasp, as `grow` left it.
+        vertices: Its number of vertices.
+        used: Its number of facets.
+        forces: Written, each contact's force in its axes (n, 4), or each row's weight in the first
+            column (n, 4); their lengths sum to 1.
 
     Returns:
-        Whether they balance to BALANCED.
+        Whether the residual is at most BALANCED.
     """
     dim = len(dims)
     points, planes, corners, vectors = (
@@ -69,60 +69,65 @@ def equilibrium(body, dims, polytope, vertices, used, forces):
         polytope.corners,
         polytope.vectors,
     )
-    rest, matrix, x = vectors[15], vectors[0:6], vectors[14]
-    many = forces.shape[0]
+    residual, matrix, x = vectors[15], vectors[0:6], vectors[14]
+    count = forces.shape[0]
     for k in range(6):
-        rest[k] = 0.0
-    for i in range(many):
+        residual[k] = 0.0
+    for i in range(count):
         for k in range(4):
             forces[i, k] = 0.0
-        if body.kind != ROWS:
+        if space.kind != ROWS:
             forces[i, 0] = 1.0
             for k in range(6):
-                rest[k] -= body.axes[i, 0, k]
+                residual[k] -= space.axes[i, 0, k]
+    # With weight 1 for every vertex, each contact's force is a sum of several vectors of its cone,
+    # together with its normal: hence non-zero and strictly inside.
     for i in range(vertices):
         for k in range(4):
-            forces[polytope.owners[i], k] += polytope.mixes[i, k]
+            forces[polytope.owners[i], k] += polytope.vertex_forces[i, k]
         for k in range(6):
-            rest[k] -= points[i, k]
-    ways, nearest = polytope.heights, math.inf
+            residual[k] -= points[i, k]
+    # The polytope contains the origin, so the ray along the residual leaves it through a facet.
+    distances, nearest = polytope.heights, math.inf
     for f in range(used):
-        along = _along(planes, f, rest)
-        ways[f] = planes[6, f] / along if along > 0.0 else math.inf
+        component = _normal_component(planes, f, residual)
+        distances[f] = planes[6, f] / component if component > 0.0 else math.inf
     for f in range(used):
-        nearest = min(nearest, ways[f]) if ways[f] >= 0.0 else nearest
-    nearest *= 1.0 + TIED
+        nearest = min(nearest, distances[f]) if distances[f] >= 0.0 else nearest
+    nearest *= 1.0 + TIE
     for f in range(used):
-        if not ways[f] <= nearest:
+        if not distances[f] <= nearest:
             continue
-        # Facets in one plane are hit alike; the ray runs through the one that it is a sum of.
+        # Coplanar facets are hit at the same distance: the ray intersects the one whose vertices
+        # combine to it with non-negative weights.
         for k in range(dim):
             for c in range(dim):
                 matrix[k, c] = points[corners[f, c], k]
-            matrix[k, 6] = rest[k]
+            matrix[k, 6] = residual[k]
         _solve(matrix, x, dim)
         most, least = 0.0, 0.0
         for c in range(dim):
             most, least = max(most, x[c]), min(least, x[c])
-        if least < -TIED * most:
+        if least < -TIE * most:
             continue
         for c in range(dim):
             vertex = corners[f, c]
-            share = max(x[c], 0.0)
+            weight = max(x[c], 0.0)
             for k in range(4):
-                forces[polytope.owners[vertex], k] += share * polytope.mixes[vertex, k]
+                forces[polytope.owners[vertex], k] += weight * polytope.vertex_forces[vertex, k]
             for k in range(6):
-                rest[k] -= share * points[vertex, k]
+                residual[k] -= weight * points[vertex, k]
         break
     total = 0.0
-    for i in range(many):
+    for i in range(count):
         total += math.sqrt(
             forces[i, 0] * forces[i, 0] + forces[i, 1] * forces[i, 1] + forces[i, 2] * forces[i, 2]
         )
-    for i in range(many):
+    for i in range(count):
         for k in range(4):
             forces[i, k] /= total
-    left = 0.0
+    # Checked, since the weights come from a solve that may be ill-conditioned.
+    largest = 0.0
     for k in range(dim):
-        left = max(left, abs(rest[k]))
-    return left <= BALANCED * total
+        largest = max(largest, abs(residual[k]))
+    return largest <= BALANCED * total

@@ -1,12 +1,19 @@
-"""The growing hull: epsilon without the convex hull.
+"""The growing hull: Ferrari & Canny's epsilon without the complete convex hull.
 
-Ferrari & Canny 1992 take the distance from the origin to the nearest facet of the grasp wrench
-space. A polytope inside that space is grown only where its boundary is nearest to the origin, until
-its nearest facet is a facet of the space itself.
+Epsilon (Ferrari & Canny 1992) is the distance from the origin to the nearest facet of the grasp
+wrench space. Its complete hull has hundreds to thousands of facets, of which epsilon needs one. So
+a polytope inside the space, whose vertices are support wrenches, is grown only at its facet nearest
+to the origin: the support function in the direction of that facet's normal either confirms that the
+facet is one of the space itself, or returns a new vertex above it (an expanding polytope as in van
+den Bergen 2001, with certified bounds).
 
-Every plane through a ridge of the horizon lies in the pencil of the two facets that meet there: for
-a new vertex at height s above the one and -t below the other, the new facet's plane is s times the
-other's plus t times the one's. No elimination, and nothing that a degenerate facet could break.
+A new vertex sees the facets whose planes it lies above. These are removed; the ridges between them
+and the facets that stay form the horizon, and each ridge of the horizon with the new vertex makes a
+new facet. Every hyperplane through a ridge lies in the pencil of the two facets that meet there, a
+linear combination of their planes: with the new vertex at height s > 0 above the visible facet and
+-t <= 0 below the other one, the new facet's plane is s times the other's plus t times the visible
+one's, which is 0 at the new vertex. The weights are non-negative, so only nearly opposite planes
+cancel: a dozen multiplications replace an elimination, and degenerate facets do no harm.
 """
 
 import math
@@ -14,114 +21,132 @@ import math
 import numpy as np
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
-from grasp3d._kernels.initial_simplex import STANDS, first_simplex
+from grasp3d._kernels.initial_simplex import COMPLETE, first_simplex
 from grasp3d._kernels.polytope import TOLERANCE, height_above, set_plane
 from grasp3d._kernels.support_functions import support
-from grasp3d._kernels.vectors import dot6, leave
+from grasp3d._kernels.vectors import dot6, remove_components
 
 CONVERGED, UNDECIDED, STALLED, EXHAUSTED = 0, 1, 2, 3
-"""How the growth of a hull ended; see `grasp3d.quality.ferrari_canny.Status`."""
+"""How the growth of a hull ended, as `grasp3d.quality.ferrari_canny.Status`."""
 
-FLAT = 1e-4
-"""Share of two planes that may cancel in a pencil before the facet is laid through its vertices."""
+CANCELLATION = 1e-4
+"""Relative length of a combination of two planes below which the facet's plane is computed from its
+vertices instead: the two planes were nearly opposite."""
 
-FEW = 1024
-"""Facets up to which all are tested against a new vertex; beyond, those around the nearest."""
+MAX_FULL_SCAN = 1024
+"""Facets up to which a new vertex is tested against all, which vectorises; with more of them the
+visible ones are flooded from the nearest facet."""
 
-BEYOND = np.uint32(1 << 31)
-"""Mark of a neighbour that is a new facet beyond the horizon."""
+NEW_FACET = np.uint32(1 << 31)
+"""Flag in the neighbour entry of a removed facet: behind that ridge now lies this new facet."""
 
-UNSET = np.uint32((1 << 32) - 1)
-"""Mark of a neighbour that is not known yet."""
+UNKNOWN = np.uint32((1 << 32) - 1)
+"""Neighbour entry of a new facet that was not linked yet."""
 
 THREE = np.uint32(3)
 SEVEN = np.uint32(7)
 
 
 @merged
-def _nearest(polytope, size, limit, sign):
-    """Drop what is no candidate any more, and take out the nearest facet; -1: none is left."""
-    near, planes = polytope.near, polytope.planes
-    kept, place, key = 0, -1, limit
+def _pop_nearest(polytope, size, limit, sign):
+    """Take the nearest facet out of the queue, and drop those at or above the limit.
+
+    Returns:
+        (size of the queue, facet or -1 where none is left, its distance from the origin).
+    """
+    queue, planes = polytope.queue, polytope.planes
+    kept, position, key = 0, -1, limit
     for i in range(size):
-        f = near[i]
-        near[kept] = f
-        value = planes[6, f] - sign * planes[7, f]  # nan where the facet is gone
+        f = queue[i]
+        queue[kept] = f
+        value = planes[6, f] - sign * planes[7, f]  # nan where the facet was removed
         if value < key:
-            key, place = value, kept
+            key, position = value, kept
         kept += value < limit
-    if place < 0:
+    if position < 0:
         return 0, -1, key
-    f = near[place]
-    near[place] = near[kept - 1]
+    f = queue[position]
+    queue[position] = queue[kept - 1]
     return kept - 1, np.int64(f), key
 
 
 @merged
-def _link(polytope, dim, ridges):
-    """Find the neighbours of the facets made last, by walking about the faces that they share."""
-    corners, across, horizon = polytope.corners, polytope.across, polytope.horizon
+def _link_new_facets(polytope, dim, ridges):
+    """Find the neighbours of the facets added last, by turning about the faces that they share.
+
+    Two new facets are neighbours where the horizon ridges that they stand on share a face of
+    dim - 2 vertices. Around that face lie only removed facets from the one ridge to the other, so
+    walking through their old neighbour entries finds the second facet without a hash table.
+    """
+    corners, neighbours, horizon = polytope.corners, polytope.neighbours, polytope.horizon
     for r in range(ridges):
+        # Facet v was removed; its entry behind the ridge now names the new facet.
         v, k = horizon[r] >> THREE, horizon[r] & SEVEN
-        new = across[v, k] & ~BEYOND
+        new = neighbours[v, k] & ~NEW_FACET
         for b in range(dim):
-            if across[new, b] != UNSET:
+            if neighbours[new, b] != UNKNOWN:
                 continue
-            # The face is v without its corners k and b. Go around it through what was seen.
-            at, leaving, staying = v, np.uint32(b), k
+            # The face is v without its corners k and b: turn about it through removed facets.
+            facet, leaving, staying = v, np.uint32(b), k
             while True:
-                link = across[at, leaving]
-                if link & BEYOND:
+                link = neighbours[facet, leaving]
+                if link & NEW_FACET:
                     break
-                corner = corners[at, staying]
-                at, staying = link >> THREE, link & SEVEN
+                # In the next facet leave through the ridge opposite the corner not yet passed.
+                corner = corners[facet, staying]
+                facet, staying = link >> THREE, link & SEVEN
                 leaving = np.uint32(0)
                 for c in range(dim):
-                    if corners[at, c] == corner:
+                    if corners[facet, c] == corner:
                         leaving = np.uint32(c)
-            twin = link & ~BEYOND
-            across[new, b] = 8 * twin + staying
-            across[twin, staying] = 8 * new + b
+            twin = link & ~NEW_FACET
+            neighbours[new, b] = 8 * twin + staying
+            neighbours[twin, staying] = 8 * new + b
 
 
 @merged
-def _test_all(polytope, dim, used, point):
-    """Find the facets that a point sees, and the ridges of their horizon, among all."""
-    planes, across, marks = polytope.planes, polytope.across, polytope.marks
-    heights, seen, horizon = polytope.heights, polytope.seen, polytope.horizon
+def _find_visible(polytope, dim, used, point):
+    """Find the facets visible from a point, and their horizon, by testing all facets."""
+    planes, neighbours, marks = polytope.planes, polytope.neighbours, polytope.marks
+    heights, visible, horizon = polytope.heights, polytope.visible, polytope.horizon
     count = ridges = 0
     for f in range(used):
         heights[f] = height_above(planes, f, point)
+    # Without branches, so that the loops vectorise: rejected entries are overwritten.
     for f in range(used):
-        seen[count] = f
+        visible[count] = f
         marks[f] = heights[f] > planes[7, f]
         count += marks[f]
     for i in range(count):
-        v = seen[i]
+        v = visible[i]
         for k in range(dim):
             horizon[ridges] = 8 * v + k
-            ridges += 1 - marks[across[v, k] >> THREE]
+            ridges += 1 - marks[neighbours[v, k] >> THREE]
     return count, ridges
 
 
 @merged
-def _test_around(polytope, dim, first, stamp, point):
-    """The same from one facet on, through its neighbours."""
-    planes, across, marks = polytope.planes, polytope.across, polytope.marks
-    heights, seen, horizon = polytope.heights, polytope.seen, polytope.horizon
+def _flood_visible(polytope, dim, first, stamp, point):
+    """Find the facets visible from a point, and their horizon, by flooding from a visible facet.
+
+    The visible facets of a convex polytope are connected. Marks below `stamp` are those of earlier
+    floods, `stamp` itself means tested and not visible, `stamp` + 1 visible.
+    """
+    planes, neighbours, marks = polytope.planes, polytope.neighbours, polytope.marks
+    heights, visible, horizon = polytope.heights, polytope.visible, polytope.horizon
     heights[first] = height_above(planes, first, point)
-    marks[first], seen[0] = stamp + 1, first
+    marks[first], visible[0] = stamp + 1, first
     count, done, ridges = 1, 0, 0
     while done < count:
-        v = seen[done]
+        v = visible[done]
         for k in range(dim):
-            other = across[v, k] >> THREE
+            other = neighbours[v, k] >> THREE
             if marks[other] < stamp:
                 heights[other] = height_above(planes, other, point)
                 marks[other] = stamp
                 if heights[other] > planes[7, other]:
                     marks[other] = stamp + 1
-                    seen[count] = other
+                    visible[count] = other
                     count += 1
             if marks[other] == stamp:
                 horizon[ridges] = 8 * v + k
@@ -131,18 +156,18 @@ def _test_around(polytope, dim, first, stamp, point):
 
 
 @scratch_kernel
-def _lay_through(polytope, dim, f, metric):
-    """Turn a facet's plane so that it runs through its vertices."""
+def _fit_plane(polytope, dim, f, metric):
+    """Fit a facet's plane to its vertices, by orthogonalising its normal against its edges."""
     points, corners, planes = polytope.points, polytope.corners, polytope.planes
-    basis, parts, normal = polytope.vectors[0:6], polytope.vectors[14], polytope.vectors[15]
+    basis, components, normal = polytope.vectors[0:6], polytope.vectors[14], polytope.vectors[15]
     first, size = points[corners[f, 0]], 0
     for c in range(1, dim):
         edge = basis[size]
         for k in range(6):
             edge[k] = points[corners[f, c], k] - first[k]
         before = dot6(edge, edge)
-        leave(basis, size, edge, parts)
-        leave(basis, size, edge, parts)
+        remove_components(basis, size, edge, components)
+        remove_components(basis, size, edge, components)
         square = dot6(edge, edge)
         if square > TOLERANCE * before:
             factor = 1.0 / math.sqrt(square)
@@ -152,9 +177,10 @@ def _lay_through(polytope, dim, f, metric):
     for k in range(6):
         normal[k] = planes[k, f]
     before = dot6(normal, normal)
-    leave(basis, size, normal, parts)
-    leave(basis, size, normal, parts)
-    if dot6(normal, normal) > 0.25 * before:  # else it has no plane of its own: keep the pencil's
+    remove_components(basis, size, normal, components)
+    remove_components(basis, size, normal, components)
+    # Of degenerate vertices nearly all is subtracted: then the combination of planes is kept.
+    if dot6(normal, normal) > 0.25 * before:
         height = dot6(normal, first)
         set_plane(
             planes, f, normal[0], normal[1], normal[2], normal[3], normal[4], normal[5], height,
@@ -163,20 +189,21 @@ def _lay_through(polytope, dim, f, metric):
 
 
 @merged
-def _join(polytope, dim, ridge, new, vertex, metric):
-    """Make the facet of a ridge of the horizon and the new vertex."""
-    planes, corners, across = polytope.planes, polytope.corners, polytope.across
+def _add_facet(polytope, dim, ridge, new, vertex, metric):
+    """Add the facet that joins a ridge of the horizon to the new vertex."""
+    planes, corners, neighbours = polytope.planes, polytope.corners, polytope.neighbours
     v, k = ridge >> THREE, ridge & SEVEN
-    link = across[v, k]
-    other, place = link >> THREE, link & SEVEN
+    link = neighbours[v, k]
+    other, position = link >> THREE, link & SEVEN
     for c in range(dim):
         corners[new, c] = corners[v, c]
-        across[new, c] = UNSET
+        neighbours[new, c] = UNKNOWN
     corners[new, k] = vertex
-    across[new, k] = link
-    across[other, place] = 8 * new + k
-    across[v, k] = BEYOND | new
+    neighbours[new, k] = link
+    neighbours[other, position] = 8 * new + k
+    neighbours[v, k] = NEW_FACET | new
     polytope.marks[new] = 0
+    # The pencil of the two old facets: a positive combination that is 0 at the new vertex.
     s, t = polytope.heights[v], -min(polytope.heights[other], 0.0)
     n0 = s * planes[0, other] + t * planes[0, v]
     n1 = s * planes[1, other] + t * planes[1, v]
@@ -186,125 +213,135 @@ def _join(polytope, dim, ridge, new, vertex, metric):
     n5 = s * planes[5, other] + t * planes[5, v]
     height = s * planes[6, other] + t * planes[6, v]
     square = set_plane(planes, new, n0, n1, n2, n3, n4, n5, height, metric)
-    if not square > FLAT * FLAT * (s + t) * (s + t):
-        _lay_through(polytope, dim, np.int64(new), metric)
+    if not square > CANCELLATION * CANCELLATION * (s + t) * (s + t):
+        _fit_plane(polytope, dim, np.int64(new), metric)
 
 
 @merged
-def _is_corner(polytope, dim, f, point, name):
-    """Whether a supporting wrench is a vertex of the facet that it should lie above."""
+def _is_corner(polytope, dim, f, point, identifier):
+    """Whether a support wrench is a vertex of the facet already.
+
+    In exact arithmetic it would then not lie above the facet; growing on would loop for ever.
+    """
     points, corners = polytope.points, polytope.corners
     for c in range(dim):
         corner = corners[f, c]
-        if name >= 0 and polytope.names[corner] == name:
+        if identifier >= 0 and polytope.identifiers[corner] == identifier:
             return True
-        apart = 0.0
+        distance = 0.0
         for k in range(6):
-            apart = max(apart, abs(points[corner, k] - point[k]))
-        if apart <= TOLERANCE:
+            distance = max(distance, abs(points[corner, k] - point[k]))
+        if distance <= TOLERANCE:
             return True
     return False
 
 
 @merged
-def _take(plane, f, planes):
+def _copy_plane(plane, f, planes):
+    """Copy a facet's column of `planes`."""
     for k in range(8):
         plane[k] = planes[k, f]
 
 
 @scratch_kernel
-def grow(body, dims, metric, goal, polytope):
-    """Grow a polytope until its nearest facet is one of the grasp wrench space.
+def grow(space, dims, metric, goal, polytope):
+    """Grow a polytope until its nearest facet is a facet of the grasp wrench space.
 
     Args:
-        body: `Body`.
-        dims: As long as the grasp's rank, 1 to 6; a tuple makes that length known when compiled.
-        metric: Coordinates are balanced, so that wrenches reach about 1 along each; a direction is
-            as long as the root of the sum of these times its squares (6,).
-        goal: (rtol, atol, cutoff, sign): how near the bounds must come, as a share of the upper
-            one and in tolerances; the value from which it does not matter; 1.0 if the sign is all
-            that is asked, with a cutoff of 0.
+        space: `WrenchSpace`.
+        dims: Sequence as long as the grasp's rank, 1 to 6; a tuple fixes the loops' length at
+            compile time.
+        metric: Weights of a direction's squared components in its squared length (6,): coordinates
+            are balanced so that wrenches reach about 1 along each of them.
+        goal: (rtol, atol, cutoff, sign): largest gap between the bounds, relative to the upper one
+            and in tolerances; value of epsilon above which it need not be known; 1.0 if only the
+            sign is needed, with a cutoff of 0.
         polytope: `Polytope`.
 
     Returns:
-        (status, lower, upper, vertices, facets): the bounds, the direction of `upper` in row 16 of
-        `polytope.vectors`, and what is in use of the polytope; no facets: the grasp is not closed,
-        and no wrench lies in that direction. EXHAUSTED: the polytope is full; the bounds hold.
+        (status, lower, upper, vertices, facets): bounds of epsilon, the direction of `upper` in row
+        16 of `polytope.vectors`, and the numbers of vertices and facets in use. No facets: the
+        grasp is not force-closed, and no wrench has a positive component in that direction.
+        EXHAUSTED: the polytope is full; the bounds hold.
     """
     dim = len(dims)
     rtol, atol, cutoff, sign = goal
-    points, planes, near = polytope.points, polytope.planes, polytope.near
+    points, planes, queue = polytope.points, polytope.planes, polytope.queue
     best, plane = polytope.vectors[16], polytope.vectors[17]
-    row = first_simplex(body, dims, metric, polytope)
-    if row != STANDS:
+    row = first_simplex(space, dims, metric, polytope)
+    if row != COMPLETE:  # all wrenches lie in a half-space: the direction proves it
         for k in range(6):
             best[k] = polytope.vectors[row, k]
         return CONVERGED, 0.0, 0.0, 0, 0
     vertices = used = dim + 1
     lower, upper, limit = math.inf, math.inf, cutoff
-    status, size, spare, stamp, count, ridges = CONVERGED, used, 0, 0, 0, 0
+    status, size, free_count, stamp, count, ridges = CONVERGED, used, 0, 0, 0, 0
     first = 0
+    # Facets at or above `limit` cannot determine epsilon any more; they only count for `lower`.
     for f in range(used):
-        near[f] = f
+        queue[f] = f
         if planes[6, f] < planes[6, first]:
             first = f
         if planes[6, f] - sign * planes[7, f] >= cutoff:
             lower = min(lower, planes[6, f])
-    _take(best, first, planes)
+    _copy_plane(best, first, planes)
     while True:
-        size, f, key = _nearest(polytope, size, limit, sign)
+        size, f, key = _pop_nearest(polytope, size, limit, sign)
         if f < 0:
             break
-        _take(plane, f, planes)
+        _copy_plane(plane, f, planes)
         if vertices >= points.shape[0]:
             lower, status = min(lower, plane[6]), EXHAUSTED
             break
         point = points[vertices]
-        height, name, owner = support(body, plane, point, polytope.mixes[vertices])
+        height, identifier, owner = support(space, plane, point, polytope.vertex_forces[vertices])
         if height < upper:
             upper = height
-            _take(best, f, planes)
-            if height <= plane[7]:
+            _copy_plane(best, f, planes)
+            if height <= plane[7]:  # the plane through the origin separates
                 return CONVERGED, 0.0, 0.0, 0, 0
             limit = min(cutoff, upper - max(rtol * upper, plane[7] * (1.0 + atol)))
+        # The facet is one of the grasp wrench space itself, or it need not be known better.
         if height - plane[6] <= plane[7] or key >= limit:
             lower = min(lower, plane[6])
             continue
-        if _is_corner(polytope, dim, f, point, name):
+        if _is_corner(polytope, dim, f, point, identifier):
             lower, status = min(lower, plane[6]), STALLED
             continue
-        polytope.names[vertices], polytope.owners[vertices] = name, owner
-        # Neighbours are asked for from now on only, so those of the last facets never are.
-        _link(polytope, dim, ridges)
+        polytope.identifiers[vertices], polytope.owners[vertices] = identifier, owner
+        # Linking is put off until neighbours are needed, so it is never done for the last facets.
+        _link_new_facets(polytope, dim, ridges)
         for i in range(count):
-            polytope.free[spare] = polytope.seen[i]
-            spare += 1
-        if used <= FEW:
-            count, ridges = _test_all(polytope, dim, used, point)
+            polytope.free[free_count] = polytope.visible[i]
+            free_count += 1
+        if used <= MAX_FULL_SCAN:
+            count, ridges = _find_visible(polytope, dim, used, point)
         else:
             stamp += 2
-            count, ridges = _test_around(polytope, dim, np.uint32(f), stamp, point)
-        if used + ridges > planes.shape[1] + spare or size + ridges > near.shape[0]:
+            count, ridges = _flood_visible(polytope, dim, np.uint32(f), stamp, point)
+        # One new facet per ridge; those that are visible now are reused from the next vertex on.
+        if used + ridges > planes.shape[1] + free_count or size + ridges > queue.shape[0]:
             lower, status = min(lower, plane[6]), EXHAUSTED
             break
         for r in range(ridges):
-            if spare > 0:
-                spare -= 1
-                new = polytope.free[spare]
+            if free_count > 0:
+                free_count -= 1
+                new = polytope.free[free_count]
             else:
                 new = np.uint32(used)
                 used += 1
-            _join(polytope, dim, polytope.horizon[r], new, vertices, metric)
-            near[size] = new
+            _add_facet(polytope, dim, polytope.horizon[r], new, vertices, metric)
+            queue[size] = new
             key = planes[6, new] - sign * planes[7, new]
             size += key < limit
             lower = min(lower, math.inf if key < limit else planes[6, new])
+        # nan compares as neither near nor visible, so removed facets need no test of their own.
         for i in range(count):
-            planes[6, polytope.seen[i]] = math.nan
+            planes[6, polytope.visible[i]] = math.nan
         vertices += 1
     for i in range(size):
-        if planes[6, near[i]] < lower:
-            lower = planes[6, near[i]]
+        if planes[6, queue[i]] < lower:
+            lower = planes[6, queue[i]]
     if status == CONVERGED and lower <= 0.0:
         status = UNDECIDED
     return status, lower, upper, vertices, used

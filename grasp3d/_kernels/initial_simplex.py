@@ -1,63 +1,68 @@
-"""The first simplex of a growing hull, laid around the origin."""
+"""The first simplex of a growing hull, chosen to contain the origin."""
 
 import math
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.polytope import TOLERANCE, set_plane
 from grasp3d._kernels.support_functions import support
-from grasp3d._kernels.vectors import dot6, leave
+from grasp3d._kernels.vectors import dot6, remove_components
 
-STANDS = -1
-"""The simplex has its facets."""
+COMPLETE = -1
+"""Result of `first_simplex`: the simplex is complete."""
 
-HOLDS_ORIGIN = 1e3
-"""Distance to the origin, in tolerances, within which a flat is taken to hold it."""
+ORIGIN_TOLERANCE = 1e3
+"""Distance, in tolerances, up to which an affine hull counts as containing the origin."""
 
 
 @merged
-def _leave_flat(basis, size, dim, parts, u):
-    """Write a direction across a flat: from the coordinate that it holds least of."""
-    most, axis = -1.0, 0
+def _write_orthogonal_direction(basis, size, dim, components, u):
+    """Write a direction orthogonal to the basis, from the unit vector least in its span."""
+    largest, axis = -1.0, 0
     for c in range(dim):
-        left = 1.0
+        remaining = 1.0
         for j in range(size):
-            left -= basis[j, c] * basis[j, c]
-        if left > most:
-            most, axis = left, c
+            remaining -= basis[j, c] * basis[j, c]
+        if remaining > largest:
+            largest, axis = remaining, c
     for k in range(6):
         u[k] = 0.0
     u[axis] = 1.0
     for _ in range(2):
-        leave(basis, size, u, parts)
+        remove_components(basis, size, u, components)
 
 
 @merged
-def _add_edge(basis, triangle, size, near, parts):
-    """Make the newest edge a unit row of the basis and move the flat's nearest point along it."""
+def _add_edge(basis, triangle, size, nearest, components):
+    """Orthonormalise the newest edge of the simplex, and project the nearest point onto it.
+
+    `nearest` is the point of the affine hull of the vertices so far that is nearest to the origin;
+    `triangle` collects the edges' coordinates in the basis.
+    """
     e, row = basis[size], triangle[size]
     before = dot6(e, e)
-    leave(basis, size, e, row)
+    remove_components(basis, size, e, row)
     square = dot6(e, e)
-    if square < 0.25 * before:  # much was taken out: what is left needs a second look
-        leave(basis, size, e, parts)
+    if square < 0.25 * before:  # much cancelled: orthogonalise the remainder again
+        remove_components(basis, size, e, components)
         for j in range(size):
-            row[j] += parts[j]
+            row[j] += components[j]
         square = dot6(e, e)
     row[size] = math.sqrt(square)
     for k in range(6):
         e[k] /= row[size]
     for _ in range(2):
-        part = dot6(near, e)
+        component = dot6(nearest, e)
         for k in range(6):
-            near[k] -= part * e[k]
+            nearest[k] -= component * e[k]
 
 
 @merged
 def _set_facets(basis, triangle, dim, metric, polytope, g, x, total):
     """Write the planes and the neighbours of the simplex's facets.
 
-    points - points[0] = triangle @ basis. The columns of its inverse are the gradients of the
-    barycentric coordinates, and the facet without a vertex looks down that vertex's gradient.
+    points - points[0] = triangle @ basis. The columns of the inverse are the gradients of the
+    barycentric coordinates; a facet's outward normal is opposite to the gradient of the coordinate
+    of the vertex that it lacks.
     """
     points, planes = polytope.points, polytope.planes
     for k in range(6):
@@ -65,6 +70,7 @@ def _set_facets(basis, triangle, dim, metric, polytope, g, x, total):
     for j in range(dim):
         for k in range(6):
             g[k] = 0.0
+        # Column j of the inverse of the triangular matrix, by forward substitution.
         for i in range(j, dim):
             value = 1.0 if i == j else 0.0
             for k in range(j, i):
@@ -76,74 +82,79 @@ def _set_facets(basis, triangle, dim, metric, polytope, g, x, total):
             total[k] += g[k]
         height = -dot6(g, points[0])
         set_plane(planes, j + 1, -g[0], -g[1], -g[2], -g[3], -g[4], -g[5], height, metric)
+    # The barycentric coordinates sum to 1, so the gradient of the first is minus the others' sum.
     height = dot6(total, points[1])
     set_plane(planes, 0, total[0], total[1], total[2], total[3], total[4], total[5], height, metric)
     for i in range(dim + 1):
         polytope.marks[i] = 0
         for j in range(dim + 1):
             if i != j:
-                place = j if j < i else j - 1
-                polytope.corners[i, place] = j
-                polytope.across[i, place] = 8 * j + (i if i < j else i - 1)
+                position = j if j < i else j - 1
+                polytope.corners[i, position] = j
+                polytope.neighbours[i, position] = 8 * j + (i if i < j else i - 1)
 
 
 @scratch_kernel
-def first_simplex(body, dims, metric, polytope):
-    """Take support points from where the ones before leave the origin out.
+def first_simplex(space, dims, metric, polytope):
+    """Choose affinely independent support wrenches whose simplex contains the origin if possible.
 
-    Gilbert, Johnson & Keerthi 1988 go on likewise, from the point nearest to the origin.
+    As in Gilbert, Johnson & Keerthi 1988 each new point is the support in the direction from the
+    nearest point of the affine hull so far to the origin. Where that hull contains the origin, the
+    support in a direction orthogonal to it is taken, on the side that reaches farther.
 
     Args:
-        body: `Body`.
-        dims: As long as the grasp's rank.
+        space: `WrenchSpace`.
+        dims: Sequence as long as the grasp's rank.
         metric: As in `grow`.
         polytope: `Polytope`; points, planes and neighbours are written.
 
     Returns:
-        STANDS, or the row of `polytope.vectors` that holds a direction in which no wrench lies.
+        COMPLETE, or the row of `polytope.vectors` with a direction in which no wrench has a
+        positive component.
     """
     dim = len(dims)
-    points, vectors, mixes = polytope.points, polytope.vectors, polytope.mixes
+    points, vectors, vertex_forces = polytope.points, polytope.vectors, polytope.vertex_forces
     basis, triangle = vectors[0:6], vectors[6:12]
-    u, near, parts, total = vectors[12], vectors[13], vectors[14], vectors[15]
-    reach = HOLDS_ORIGIN * TOLERANCE
+    u, nearest, components, total = vectors[12], vectors[13], vectors[14], vectors[15]
+    radius = ORIGIN_TOLERANCE * TOLERANCE
     for k in range(6):
-        near[k] = 0.0
+        nearest[k] = 0.0
     for size in range(dim + 1):
         point = points[size]
         both_ways = False
-        if dot6(near, near) > reach * reach:
+        if dot6(nearest, nearest) > radius * radius:
             for k in range(6):
-                u[k] = -near[k]
+                u[k] = -nearest[k]
         else:
-            _leave_flat(basis, size - 1, dim, parts, u)
+            _write_orthogonal_direction(basis, size - 1, dim, components, u)
             both_ways = size > 0
+        # No wrench with a positive component along u: u separates the origin from the space.
         tolerance = 0.0
         for k in range(6):
             tolerance += TOLERANCE * abs(u[k])
-        height, name, owner = support(body, u, point, mixes[size])
+        height, identifier, owner = support(space, u, point, vertex_forces[size])
         if height <= tolerance:
             return 12
         if both_ways:
             for k in range(6):
                 u[k] = -u[k]
-            other, mix = points[size + 1], mixes[size + 1]
-            opposite, other_name, other_owner = support(body, u, other, mix)
+            other, other_force = points[size + 1], vertex_forces[size + 1]
+            opposite, other_identifier, other_owner = support(space, u, other, other_force)
             if opposite <= tolerance:
                 return 12
             if opposite > height:
-                name, owner = other_name, other_owner
+                identifier, owner = other_identifier, other_owner
                 for k in range(6):
                     point[k] = other[k]
                 for k in range(4):
-                    mixes[size, k] = mix[k]
-        polytope.names[size], polytope.owners[size] = name, owner
+                    vertex_forces[size, k] = other_force[k]
+        polytope.identifiers[size], polytope.owners[size] = identifier, owner
         if size == 0:
             for k in range(6):
-                near[k] = point[k]
+                nearest[k] = point[k]
         else:
             for k in range(6):
                 basis[size - 1, k] = point[k] - points[0, k]
-            _add_edge(basis, triangle, size - 1, near, parts)
-    _set_facets(basis, triangle, dim, metric, polytope, near, u, total)
-    return STANDS
+            _add_edge(basis, triangle, size - 1, nearest, components)
+    _set_facets(basis, triangle, dim, metric, polytope, nearest, u, total)
+    return COMPLETE

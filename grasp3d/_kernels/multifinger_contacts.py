@@ -1,4 +1,4 @@
-"""Where the fingers of a grasp can stand, and what a grasp must keep to."""
+"""Contacts of multi-finger grasps: candidate points, their normals, and limits of the search."""
 
 from typing import NamedTuple
 
@@ -6,133 +6,148 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling import inlined, merged
-from grasp3d._kernels.normal_sets import Sets
+from grasp3d._kernels.normal_sets import ContactNormals
 from grasp3d._kernels.surface_contacts import Surface, write_normals
 
-NOWHERE = -1
-"""Mark of a finger that has no place."""
+NO_CONTACT = -1
+"""Element or point of a finger without a contact."""
 
 
-class Ground(NamedTuple):
-    """Where fingers can stand."""
+class ContactDomain(NamedTuple):
+    """The surface on which fingers are placed, with its normals and neighbourhoods."""
 
     surface: Surface
-    sets: Sets
-    across: npt.NDArray[np.int64]
-    """Face beyond the edge opposite each corner (F, 3); -1: none, or several."""
-    first: npt.NDArray[np.int64]
+    sets: ContactNormals
+    adjacent_faces: npt.NDArray[np.int64]
+    """Face across the edge opposite each corner (F, 3); -1: none, or several."""
+    normal_start: npt.NDArray[np.int64]
     """First row of each vertex in `normals` (V + 1,)."""
     normals: npt.NDArray[np.float64]
-    """Inward unit normals that a contact at each vertex is tried with (K, 3)."""
-    around: npt.NDArray[np.int64]
-    """First neighbour of each vertex in `beside` (V + 1,)."""
-    beside: npt.NDArray[np.int64]
+    """Inward unit normals with which a contact at each vertex is evaluated (K, 3)."""
+    neighbour_start: npt.NDArray[np.int64]
+    """First neighbour of each vertex in `neighbours` (V + 1,)."""
+    neighbours: npt.NDArray[np.int64]
     """Vertices around each vertex."""
     on_vertices: bool
-    """Fingers stand on vertices only, and a place's number is that of its vertex, not its face."""
-    most: int
-    """Normals that a vertex may have for a finger to be put there: all combinations are tried."""
+    """Whether contacts are vertices; an element is then a vertex, otherwise a face."""
+    max_normals: int
+    """Most normals of a vertex where a finger may be placed, as all combinations are evaluated."""
 
 
-class Pool(NamedTuple):
-    """Places spread over the surface, any first ones evenly, and places of single vertices."""
+class CandidatePoints(NamedTuple):
+    """Points that the other fingers are placed at.
 
-    spread: int
-    """How many are for all vertices; the others are for one each."""
+    First those spread over the surface, of which every beginning is evenly spread, for all
+    vertices; then points that belong to one vertex each.
+    """
+
+    common_count: int
+    """Number of points for all vertices."""
     points: npt.NDArray[np.float64]
     """Positions (P, 3)."""
-    numbers: npt.NDArray[np.int64]
-    """Their faces or vertices (P,)."""
+    elements: npt.NDArray[np.int64]
+    """Face or vertex of each point (P,)."""
     weights: npt.NDArray[np.float64]
     """Barycentric coordinates (P, 3)."""
     normals: npt.NDArray[np.float64]
-    """Inward unit normals (P, 3); not used on vertices, which may have several."""
+    """Inward unit normals (P, 3); unused where contacts are vertices, which may have several."""
 
 
-class Rules(NamedTuple):
-    """What a grasp must keep to, and how it is searched; lengths in those of `Ground`."""
+class SearchLimits(NamedTuple):
+    """Conditions on grasps and settings of the search; lengths as in `ContactDomain`."""
 
-    low: float
+    min_distance: float
     """Smallest distance between two contacts."""
-    high: float
+    max_distance: float
     """Largest distance between two contacts."""
-    limit: float
+    max_angle: float
     """Largest critical angle that counts [rad]."""
     tolerance: float
     """Width of the bracket of a critical angle [rad]."""
     margin: float
-    """By how much a critical angle must fall to count [rad]."""
-    enough: float
-    """Critical angle below which a grasp is not improved any more [rad]."""
-    candidates: int
-    """Places of the pool that a vertex tries."""
-    edge: float
-    """Mean length of an edge."""
-    shortest: float
-    """Steps shorter than this end the search."""
-    helping: bool
-    """Search for the best normals instead of the worst."""
+    """Smallest improvement of a critical angle that counts [rad]."""
+    target: float
+    """Critical angle below which a grasp is not improved further [rad]."""
+    points_per_vertex: int
+    """Candidate points that are paired at each vertex."""
+    edge_length: float
+    """Mean edge length."""
+    shortest_step: float
+    """Step length below which a refinement ends."""
+    best_normals: bool
+    """Whether critical angles are those over the best normals, instead of the worst."""
 
 
 @merged
-def put_vertex(i, vertex, ground, trial):
-    """Put contact i of a trial on a vertex; returns whether it has a normal."""
-    first, points = ground.first[vertex], ground.surface.points
-    count = ground.first[vertex + 1] - first
-    trial.counts[i] = count
+def set_vertex_contact(i, vertex, domain, candidate):
+    """Place contact i of a candidate at a vertex; returns whether the vertex has a normal."""
+    normal_start, points = domain.normal_start[vertex], domain.surface.points
+    count = domain.normal_start[vertex + 1] - normal_start
+    candidate.counts[i] = count
     for c in range(3):
-        trial.points[i, c] = points[vertex, c]
+        candidate.points[i, c] = points[vertex, c]
         for k in range(count):
-            trial.normals[i, k, c] = ground.normals[first + k, c]
+            candidate.normals[i, k, c] = domain.normals[normal_start + k, c]
     return count > 0
 
 
 @merged
-def put_in_face(i, face, weights, ground, trial, found):
-    """Put contact i of a trial in a face; returns whether the surface is smooth there."""
-    surface = ground.surface
+def set_face_contact(i, face, weights, domain, candidate, face_normals):
+    """Place contact i of a candidate on a face; returns whether the surface is smooth there."""
+    # On a crease only the first normal is used: the walk avoids edges, and the grasps found are
+    # evaluated exactly afterwards.
+    surface = domain.surface
     b0, b1, b2 = weights[0], weights[1], weights[2]
-    count, vertex = write_normals(face, (b0, b1, b2), surface, ground.sets, found)
+    count, vertex = write_normals(face, (b0, b1, b2), surface, domain.sets, face_normals)
     v0, v1, v2 = surface.faces[face, 0], surface.faces[face, 1], surface.faces[face, 2]
-    trial.counts[i] = 1
+    candidate.counts[i] = 1
     for c in range(3):
-        trial.normals[i, 0, c] = found[0, c]
-        trial.points[i, c] = (
+        candidate.normals[i, 0, c] = face_normals[0, c]
+        candidate.points[i, c] = (
             b0 * surface.points[v0, c] + b1 * surface.points[v1, c] + b2 * surface.points[v2, c]
         )
     return count == 1 and vertex < 0
 
 
 @inlined
-def put(i, number, weights, ground, bench):
-    """Put contact i of a trial on a face or vertex; returns whether a finger may be moved there."""
-    if ground.on_vertices:
-        fits = put_vertex(i, number, ground, bench.trial)
-        return fits and bench.trial.counts[i] <= ground.most
-    return put_in_face(i, number, weights, ground, bench.trial, bench.found)
+def set_contact(i, element, weights, domain, workspace):
+    """Place contact i of a candidate on an element; returns whether a finger may stay there."""
+    if domain.on_vertices:
+        fits = set_vertex_contact(i, element, domain, workspace.candidate)
+        return fits and workspace.candidate.counts[i] <= domain.max_normals
+    return set_face_contact(
+        i, element, weights, domain, workspace.candidate, workspace.face_normals
+    )
 
 
 @inlined
-def put_site(i, site, ground, pool, trial):
-    """Put contact i of a trial on a place of the pool."""
-    if ground.on_vertices:
-        return put_vertex(i, pool.numbers[site], ground, trial) and trial.counts[i] <= ground.most
-    trial.counts[i] = 1
+def set_point_contact(i, point, domain, candidate_points, candidate):
+    """Place contact i of a candidate at a candidate point; returns whether it may stay there."""
+    if domain.on_vertices:
+        return (
+            set_vertex_contact(i, candidate_points.elements[point], domain, candidate)
+            and candidate.counts[i] <= domain.max_normals
+        )
+    # Points are precomputed: neither interpolation nor crease tests in the innermost loops.
+    candidate.counts[i] = 1
     for c in range(3):
-        trial.points[i, c] = pool.points[site, c]
-        trial.normals[i, 0, c] = pool.normals[site, c]
+        candidate.points[i, c] = candidate_points.points[point, c]
+        candidate.normals[i, 0, c] = candidate_points.normals[point, c]
     return True
 
 
 @inlined
-def keeps_apart(trial, i, n, rules):
-    """Whether contact i keeps its distance from the others of the first n."""
+def distances_allowed(candidate, i, n, limits):
+    """Whether the distances of contact i to the others of the first n are within the limits."""
     for j in range(n):
         if j != i:
-            x = trial.points[i, 0] - trial.points[j, 0]
-            y = trial.points[i, 1] - trial.points[j, 1]
-            z = trial.points[i, 2] - trial.points[j, 2]
+            x = candidate.points[i, 0] - candidate.points[j, 0]
+            y = candidate.points[i, 1] - candidate.points[j, 1]
+            z = candidate.points[i, 2] - candidate.points[j, 2]
             square = x * x + y * y + z * z
-            if square < rules.low * rules.low or square > rules.high * rules.high:
+            if (
+                square < limits.min_distance * limits.min_distance
+                or square > limits.max_distance * limits.max_distance
+            ):
                 return False
     return True

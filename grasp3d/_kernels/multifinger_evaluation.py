@@ -1,8 +1,11 @@
-"""One candidate grasp at a time: does it close, and from which friction angle on?
+"""Evaluation of one candidate grasp: force closure, and its critical friction angle.
 
-Most candidates are rejected. A grasp that fails leaves a direction in which no wrench lies, and the
-next ones, which share some of its contacts, often fail in the same: that costs a few products
-instead of a hull. Three contacts are settled in their plane.
+Most candidates are rejected: they are not force-closed at the best critical angle found so far. A
+grasp that is not force-closed has a separating direction, in which none of its wrenches has a
+positive component. The latest separating directions are remembered and tried first, since the next
+candidates share most of their contacts and are often separated by the same direction: that costs a
+few products instead of a hull. Three contacts are evaluated in the plane through them (Ponce &
+Faverjon 1995), without a hull.
 """
 
 import math
@@ -15,52 +18,53 @@ from grasp3d._kernels.compiling import inlined, scratch_kernel
 from grasp3d._kernels.coplanar_contacts import (
     Fans,
     Plane,
-    cones_close,
+    cones_force_closed,
     critical_of_fans,
-    critical_of_pushes,
-    fans_close,
-    lay_cone,
-    lay_in_fan,
-    lay_plane,
-    lay_push,
+    critical_of_normals,
+    fans_force_closed,
     make_fans,
     make_plane,
+    set_cone,
+    set_contact_plane,
+    set_fan_normal,
+    set_normal,
 )
 from grasp3d._kernels.growing_hull import grow
 from grasp3d._kernels.polytope import Polytope, make_polytope
-from grasp3d._kernels.support_functions import TOTAL, Body
+from grasp3d._kernels.support_functions import TOTAL, WrenchSpace
 from grasp3d._kernels.wrench_problem import SIGN, SIX
 
-DIRECTIONS = 24
-"""Directions of failed grasps that are kept."""
+MAX_DIRECTIONS = 24
+"""Separating directions that are remembered."""
 
-FACETS = 1 << 11
-"""Room for the hull of a closure test; a grasp that needs more counts as open."""
+MAX_FACETS = 1 << 11
+"""Most facets of a closure test's hull; a grasp that needs more counts as not force-closed."""
 
-RIGHT = 0.5 * math.pi
+RIGHT_ANGLE = 0.5 * math.pi
 
 
-class Trial(NamedTuple):
-    """A candidate grasp of up to n contacts, and scratch."""
+class Candidate(NamedTuple):
+    """A candidate grasp of up to n contacts, and scratch arrays of its evaluation."""
 
     points: npt.NDArray[np.float64]
-    """Contacts (n, 3), lengths such that the grasps in question are about 1 wide."""
+    """Contact points (n, 3), scaled so that grasps are about 1 wide."""
     normals: npt.NDArray[np.float64]
     """Inward unit normals that each contact may have (n, k, 3)."""
     counts: npt.NDArray[np.int64]
     """How many those are (n,)."""
     chosen: npt.NDArray[np.int64]
-    """One normal of each contact (n,)."""
+    """Index of one normal of each contact: a combination of normals (n,)."""
     directions: npt.NDArray[np.float64]
-    """Directions about the first contact in which earlier grasps failed, the last first (d, 6)."""
-    used: npt.NDArray[np.int64]
-    """How many directions there are, and which is given up next (2,)."""
+    """Separating directions of earlier candidates, moments about the first contact; the one that
+    was successful last comes first (d, 6)."""
+    direction_use: npt.NDArray[np.int64]
+    """Number of directions, and the row that is overwritten next (2,)."""
     axes: npt.NDArray[np.float64]
-    """As in `Body` (n, 4, 6)."""
+    """As in `WrenchSpace` (n, 4, 6)."""
     cones: npt.NDArray[np.float64]
-    """As in `Body` (n, 2)."""
+    """As in `WrenchSpace` (n, 2)."""
     rim: npt.NDArray[np.float64]
-    """As in `Body`: circular (0, 2)."""
+    """As in `WrenchSpace`: circular (0, 2)."""
     metric: npt.NDArray[np.float64]
     """As in `grow` (6,)."""
     plane: Plane
@@ -68,87 +72,93 @@ class Trial(NamedTuple):
     polytope: Polytope
 
 
-def make_trial(contacts: int, normals: int) -> Trial:
-    """Allocate a trial for so many contacts with so many normals each."""
-    return Trial(
+def make_candidate(contacts: int, normals: int) -> Candidate:
+    """Allocate a candidate of so many contacts with so many normals each."""
+    return Candidate(
         points=np.zeros((contacts, 3)),
         normals=np.zeros((contacts, normals, 3)),
         counts=np.zeros(contacts, dtype=np.int64),
         chosen=np.zeros(contacts, dtype=np.int64),
-        directions=np.zeros((DIRECTIONS, 6)),
-        used=np.zeros(2, dtype=np.int64),
+        directions=np.zeros((MAX_DIRECTIONS, 6)),
+        direction_use=np.zeros(2, dtype=np.int64),
         axes=np.zeros((contacts, 4, 6)),
         cones=np.zeros((contacts, 2)),
         rim=np.zeros((0, 2)),
         metric=np.ones(6),
         plane=make_plane(),
         fans=make_fans(normals),
-        polytope=make_polytope(FACETS),
+        polytope=make_polytope(MAX_FACETS),
     )
 
 
 @inlined
-def _first(trial, n):
-    """Begin with the first combination of normals."""
+def _first_combination(candidate, n):
+    """Choose the first combination of normals."""
     for i in range(n):
-        trial.chosen[i] = 0
+        candidate.chosen[i] = 0
 
 
 @inlined
-def _next(trial, n):
-    """Go on to the next combination of normals; returns whether there is one."""
+def _next_combination(candidate, n):
+    """Choose the next combination of normals; returns whether there is one."""
     for i in range(n - 1, -1, -1):
-        trial.chosen[i] += 1
-        if trial.chosen[i] < trial.counts[i]:
+        candidate.chosen[i] += 1
+        if candidate.chosen[i] < candidate.counts[i]:
             return True
-        trial.chosen[i] = 0
+        candidate.chosen[i] = 0
     return False
 
 
 @inlined
-def _lay_fans(trial):
-    """Lay three contacts with all their normals in their plane; returns whether they have one."""
-    if not lay_plane(trial.points, trial.plane):
+def _set_fans(candidate):
+    """Project three contacts with all their normals; returns False where they are collinear."""
+    if not set_contact_plane(candidate.points, candidate.plane):
         return False
     for i in range(3):
-        trial.fans.counts[i] = trial.counts[i]
-        for k in range(trial.counts[i]):
-            lay_in_fan(trial.normals[i, k], i, k, trial.plane, trial.fans)
+        candidate.fans.counts[i] = candidate.counts[i]
+        for k in range(candidate.counts[i]):
+            set_fan_normal(candidate.normals[i, k], i, k, candidate.plane, candidate.fans)
     return True
 
 
 @inlined
-def _settle_plain(trial, bar, tolerance):
-    """Settle three contacts with one normal each; see `settle`."""
-    if not lay_plane(trial.points, trial.plane):
+def _evaluate_smooth(candidate, threshold, tolerance):
+    """Evaluate three contacts with one normal each; see `evaluate`."""
+    if not set_contact_plane(candidate.points, candidate.plane):
         return math.inf
-    steepest, cosine, reaching = 0.0, math.cos(bar), True
+    steepest, cosine, reaching = 0.0, math.cos(threshold), True
     for i in range(3):
-        steepest = max(steepest, lay_push(trial.normals[i, 0], i, trial.plane))
-        reaching = reaching and lay_cone(i, cosine, trial.plane)
-    if not (reaching and cones_close(trial.plane)):
+        steepest = max(steepest, set_normal(candidate.normals[i, 0], i, candidate.plane))
+        reaching = reaching and set_cone(i, cosine, candidate.plane)
+    if not (reaching and cones_force_closed(candidate.plane)):
         return math.inf
-    low = min(math.asin(min(steepest, 1.0)), bar)
-    return critical_of_pushes(trial.plane, low, bar, tolerance)
+    # Below the steepest elevation some cone does not intersect the plane.
+    low = min(math.asin(min(steepest, 1.0)), threshold)
+    return critical_of_normals(candidate.plane, low, threshold, tolerance)
 
 
 @inlined
-def _settle_three(trial, bar, tolerance, helping):
-    """Settle three contacts; see `settle`."""
-    if trial.counts[0] == 1 and trial.counts[1] == 1 and trial.counts[2] == 1:
-        return _settle_plain(trial, bar, tolerance)
-    if not (_lay_fans(trial) and fans_close(bar, helping, trial.plane, trial.fans)):
+def _evaluate_three(candidate, threshold, tolerance, best_normals):
+    """Evaluate three contacts; see `evaluate`."""
+    if candidate.counts[0] == 1 and candidate.counts[1] == 1 and candidate.counts[2] == 1:
+        return _evaluate_smooth(candidate, threshold, tolerance)
+    if not (
+        _set_fans(candidate)
+        and fans_force_closed(threshold, best_normals, candidate.plane, candidate.fans)
+    ):
         return math.inf
-    return critical_of_fans(0.0, bar, tolerance, helping, trial.plane, trial.fans)
+    return critical_of_fans(
+        0.0, threshold, tolerance, best_normals, candidate.plane, candidate.fans
+    )
 
 
 @inlined
-def _work(trial, i, u):
-    """Force whose work a direction asks of contact i."""
+def _force_part(candidate, i, u):
+    """Force part at contact i of a direction: u_f + u_tau x p, with p from the first contact."""
     x, y, z = (
-        trial.points[i, 0] - trial.points[0, 0],
-        trial.points[i, 1] - trial.points[0, 1],
-        trial.points[i, 2] - trial.points[0, 2],
+        candidate.points[i, 0] - candidate.points[0, 0],
+        candidate.points[i, 1] - candidate.points[0, 1],
+        candidate.points[i, 2] - candidate.points[0, 2],
     )
     return (
         u[0] + u[4] * z - u[5] * y,
@@ -158,50 +168,56 @@ def _work(trial, i, u):
 
 
 @inlined
-def _away(trial, i, u, helping):
-    """Sine by which a contact's normal looks away from a direction's work.
+def _separation_sine(candidate, i, u, best_normals):
+    """Sine of the largest friction angle for which a direction separates a contact's forces.
 
-    That of the worst normal, or of the best one; 1 where there is no work.
+    The largest over the contact's normals, or with `best_normals` the smallest; 1 where the
+    direction has no force part at the contact.
     """
-    gx, gy, gz = _work(trial, i, u)
+    gx, gy, gz = _force_part(candidate, i, u)
     size = math.sqrt(gx * gx + gy * gy + gz * gz)
     if not size > 0.0:
         return 1.0
     most, least = -1.0, 1.0
-    for k in range(trial.counts[i]):
-        normal = trial.normals[i, k]
-        away = -(normal[0] * gx + normal[1] * gy + normal[2] * gz) / size
-        most, least = max(most, away), min(least, away)
-    return least if helping else most
+    for k in range(candidate.counts[i]):
+        normal = candidate.normals[i, k]
+        opposing = -(normal[0] * gx + normal[1] * gy + normal[2] * gz) / size
+        most, least = max(most, opposing), min(least, opposing)
+    return least if best_normals else most
 
 
 @inlined
-def _fails_again(trial, n, sine, helping):
-    """Whether a direction in which an earlier grasp failed leaves out all of this one."""
-    for d in range(trial.used[0]):
-        u, i = trial.directions[d], 0
-        while i < n and _away(trial, i, u, helping) >= sine:
+def _is_separated(candidate, n, sine, best_normals):
+    """Whether a remembered direction separates the candidate at the friction angle of this sine.
+
+    A successful direction is moved to the front.
+    """
+    for d in range(candidate.direction_use[0]):
+        u, i = candidate.directions[d], 0
+        while i < n and _separation_sine(candidate, i, u, best_normals) >= sine:
             i += 1
         if i == n:
+            # Move to the front what was successful: the next candidates are similar.
             for k in range(6):
-                last = trial.directions[0, k]
-                trial.directions[0, k] = trial.directions[d, k]
-                trial.directions[d, k] = last
+                last = candidate.directions[0, k]
+                candidate.directions[0, k] = candidate.directions[d, k]
+                candidate.directions[d, k] = last
             return True
     return False
 
 
 @inlined
-def _lay_axes(trial, n):
-    """Lay out wrenches of the chosen normals and their tangents, moments about the first."""
+def _write_axes(candidate, n):
+    """Write the wrenches of the chosen normals and tangents, moments about the first contact."""
     for i in range(n):
         x, y, z = (
-            trial.points[i, 0] - trial.points[0, 0],
-            trial.points[i, 1] - trial.points[0, 1],
-            trial.points[i, 2] - trial.points[0, 2],
+            candidate.points[i, 0] - candidate.points[0, 0],
+            candidate.points[i, 1] - candidate.points[0, 1],
+            candidate.points[i, 2] - candidate.points[0, 2],
         )
-        normal, axes = trial.normals[i, trial.chosen[i]], trial.axes[i]
+        normal, axes = candidate.normals[i, candidate.chosen[i]], candidate.axes[i]
         nx, ny, nz = normal[0], normal[1], normal[2]
+        # Tangents from the cross product with z, or with x where the normal is close to z.
         if abs(nz) < 0.9:
             size = 1.0 / math.sqrt(nx * nx + ny * ny)
             tx, ty, tz = -ny * size, nx * size, 0.0
@@ -218,99 +234,108 @@ def _lay_axes(trial, n):
 
 
 @inlined
-def _keep_direction(trial, u):
-    used = trial.used
-    row = used[1]
+def _store_direction(candidate, u):
+    """Remember a separating direction at the front, in place of the oldest one."""
+    use = candidate.direction_use
+    row = use[1]
     for k in range(6):
-        trial.directions[row, k] = trial.directions[0, k]
-        trial.directions[0, k] = u[k]
-    used[0] = max(used[0], row + 1)
-    used[1] = row + 1 if row + 1 < DIRECTIONS else 1
+        candidate.directions[row, k] = candidate.directions[0, k]
+        candidate.directions[0, k] = u[k]
+    use[0] = max(use[0], row + 1)
+    use[1] = row + 1 if row + 1 < MAX_DIRECTIONS else 1
 
 
 @inlined
-def _hull_closes(trial, n, angle):
-    """Closure test of the chosen normals; keeps the direction in which it fails."""
-    _lay_axes(trial, n)
+def _hull_force_closed(candidate, n, angle):
+    """Closure test of the chosen normals by a hull; remembers the separating direction."""
+    _write_axes(candidate, n)
+    # Unit forces on the rim of a circular cone of half-angle `angle`.
     normal, tangential = math.cos(angle), math.sin(angle)
     for i in range(n):
-        trial.cones[i, 0], trial.cones[i, 1] = normal, tangential
+        candidate.cones[i, 0], candidate.cones[i, 1] = normal, tangential
     spherical, soft = True, False
-    body = Body(TOTAL, spherical, soft, trial.axes[:n], trial.cones[:n], trial.rim)
-    _, lower, _, _, used = grow(body, SIX, trial.metric, SIGN, trial.polytope)
-    if used > 0 and lower > 0.0:
+    space = WrenchSpace(
+        TOTAL, spherical, soft, candidate.axes[:n], candidate.cones[:n], candidate.rim
+    )
+    _, lower, _, _, facets = grow(space, SIX, candidate.metric, SIGN, candidate.polytope)
+    if facets > 0 and lower > 0.0:
         return True
-    _keep_direction(trial, trial.polytope.vectors[16])
+    _store_direction(candidate, candidate.polytope.vectors[16])
     return False
 
 
 @inlined
-def _proven(trial, n):
-    """Friction angle that the last direction proves not to be enough for the chosen normals."""
+def _proven_angle(candidate, n):
+    """Lower bound of the chosen normals' critical angle, from the last separating direction."""
     least = 1.0
     for i in range(n):
-        gx, gy, gz = _work(trial, i, trial.directions[0])
+        gx, gy, gz = _force_part(candidate, i, candidate.directions[0])
         size = math.sqrt(gx * gx + gy * gy + gz * gz)
-        normal = trial.normals[i, trial.chosen[i]]
+        normal = candidate.normals[i, candidate.chosen[i]]
         if size > 0.0:
             least = min(least, -(normal[0] * gx + normal[1] * gy + normal[2] * gz) / size)
     return math.asin(min(max(least, 0.0), 1.0))
 
 
 @inlined
-def _chosen_critical(trial, n, low, high, tolerance):
-    """Critical angle with the chosen normals, between two angles [rad].
+def _critical_of_chosen(candidate, n, low, high, tolerance):
+    """Critical angle of the chosen normals between two angles, by bisection [rad].
 
-    The upper one is enough for them, or is returned.
+    `high` is returned where nothing lower is force-closed. After a failed test the separating
+    direction may raise the lower end beyond the middle.
     """
     while high - low > tolerance:
         middle = 0.5 * (low + high)
-        if _hull_closes(trial, n, middle):
+        if _hull_force_closed(candidate, n, middle):
             high = middle
         else:
-            low = max(middle, min(_proven(trial, n), high))
+            low = max(middle, min(_proven_angle(candidate, n), high))
     return high
 
 
 @scratch_kernel
-def settle(trial, n, bar, tolerance, helping):
-    """Critical friction angle of a grasp over its worst, or its best, normals, if it is low enough.
+def evaluate(candidate, n, threshold, tolerance, best_normals):
+    """Critical friction angle of a grasp over its worst or best normals, if below a threshold.
 
-    One function for the test and the measure, because each function above a growing hull takes as
-    long to compile as the hull.
+    The closure test and the bisection are one function because every function that calls the
+    growing hull takes as long to compile as the hull.
 
     Args:
-        trial: `Trial`; all contacts apart.
+        candidate: `Candidate`; no two contacts coincide.
         n: Contacts, 3 or more.
-        bar: Angle at which the grasp must close [rad], at most pi / 2.
+        threshold: Friction angle at which the grasp must be force-closed [rad], at most pi / 2.
         tolerance: Width of the bracket [rad] whose upper end is returned.
-        helping: The smallest over all combinations of the contacts' normals; else the largest.
+        best_normals: The smallest over all combinations of the contacts' normals; else the largest.
 
     Returns:
-        The angle; inf where the grasp does not close at the bar. Three contacts on one line do not.
+        The angle; inf where the grasp is not force-closed at the threshold, as three collinear
+        contacts never are.
     """
     if n == 3:
-        return _settle_three(trial, bar, tolerance, helping)
-    if _fails_again(trial, n, math.sin(bar), helping):
+        return _evaluate_three(candidate, threshold, tolerance, best_normals)
+    if _is_separated(candidate, n, math.sin(threshold), best_normals):
         return math.inf
-    found = math.inf if helping else 0.0
-    testing = not helping  # at first whether all combinations close
-    _first(trial, n)
+    found = math.inf if best_normals else 0.0
+    # Over the worst normals: first test all combinations, then find the largest angle.
+    testing = not best_normals
+    _first_combination(candidate, n)
     while True:
+        # Over the worst normals only a combination that fails at the largest angle so far can
+        # raise it; over the best ones only one that succeeds below the smallest can lower it.
         if testing:
-            at = bar
-        elif helping:
-            at = min(bar, found - tolerance)
+            tested = threshold
+        elif best_normals:
+            tested = min(threshold, found - tolerance)
         else:
-            at = found
-        closed = at > 0.0 and _hull_closes(trial, n, at)
+            tested = found
+        closed = tested > 0.0 and _hull_force_closed(candidate, n, tested)
         if testing and not closed:
             return math.inf
-        if not testing and closed == helping:
-            low, high = (0.0, at) if helping else (at, bar)
-            found = _chosen_critical(trial, n, low, high, tolerance)
-        if not _next(trial, n):
+        if not testing and closed == best_normals:
+            low, high = (0.0, tested) if best_normals else (tested, threshold)
+            found = _critical_of_chosen(candidate, n, low, high, tolerance)
+        if not _next_combination(candidate, n):
             if not testing:
                 return found
             testing = False
-            _first(trial, n)
+            _first_combination(candidate, n)

@@ -7,7 +7,7 @@ from grasp3d._kernels.compiling import kernel
 
 @kernel
 def _angle(ax, ay, az, bx, by, bz):
-    """Angle between two vectors, exact near 0 and pi."""
+    """Angle between two vectors, by atan2: accurate near 0 and pi too."""
     cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     return math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
 
@@ -16,6 +16,8 @@ def _angle(ax, ay, az, bx, by, bz):
 def _arc_angle(a, b, x, y, z):
     """Smallest angle between a direction and the normals on the arc from a to b."""
     wx, wy, wz = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]
+    # w: axis of the great circle through a and b. The projection of the direction to that circle is
+    # on the arc where it lies after a and before b; otherwise an end of the arc is nearest.
     length = math.sqrt(wx * wx + wy * wy + wz * wz)
     if length > 1e-15:
         wx, wy, wz = wx / length, wy / length, wz / length
@@ -39,6 +41,7 @@ def smallest_angle(normals, first, count, x, y, z):
         return 0.0
     if count == 2:
         return _arc_angle(normals[first], normals[first + 1], x, y, z)
+    # Inside a convex spherical polygon all its sides are passed on the left.
     inside = True
     least = math.pi
     for i in range(count):
@@ -54,6 +57,7 @@ def smallest_angle(normals, first, count, x, y, z):
 @kernel
 def largest_angle(normals, first, count, x, y, z):
     """Largest angle between a direction and a set of normals."""
-    if count == 1:  # to the last bit what smallest_angle says
+    if count == 1:  # bit-identical to smallest_angle
         return smallest_angle(normals, first, count, x, y, z)
+    # The farthest normal from a direction is the nearest one to its opposite.
     return math.pi - smallest_angle(normals, first, count, -x, -y, -z)

@@ -1,4 +1,8 @@
-"""Convex polygons of normals on the unit sphere, one per mesh vertex."""
+"""Convex spherical polygons of contact normals, one per mesh vertex.
+
+A contact on a sharp edge or corner may have any normal between the adjacent faces' normals: an arc
+or a convex polygon on the unit sphere.
+"""
 
 import math
 from typing import NamedTuple
@@ -9,12 +13,13 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling import kernel
 
 HEMISPHERE = 0.02
-"""Cosine to the centre below which a set is taken to span every direction."""
+"""Cosine between the centre and a normal below which a set counts as all directions."""
 
 FLAT = 1e-12
+"""Cross product below which three points of a polygon count as collinear."""
 
 
-class Sets(NamedTuple):
+class ContactNormals(NamedTuple):
     """All normals that a contact at a vertex may have; see `order_normal_sets`."""
 
     start: npt.NDArray[np.int64]
@@ -40,7 +45,7 @@ def _centre(normals, first, count):
         nearest = min(nearest, np.dot(centre, normals[i]))
     if nearest > HEMISPHERE:
         return centre
-    for step in range(2, 400):  # Badoiu & Clarkson 2003: walk to the farthest, ever less
+    for step in range(2, 400):  # Badoiu & Clarkson 2003: steps 1/k toward the farthest normal
         far, least = first, 2.0
         for i in range(first, first + count):
             cosine = np.dot(centre, normals[i])
@@ -55,7 +60,7 @@ def _centre(normals, first, count):
 def _hull(points):
     """Corners of the planar convex hull, counter-clockwise (Andrew's monotone chain)."""
     count = points.shape[0]
-    order = np.arange(count)
+    order = np.arange(count)  # insertion sort by x, then y: counts are small
     for i in range(1, count):
         j = i
         while j > 0:
@@ -68,7 +73,7 @@ def _hull(points):
             j -= 1
     chain = np.empty(2 * count, dtype=np.int64)
     size = 0
-    for turn in range(2):
+    for turn in range(2):  # lower chain, then upper chain
         base = size
         for step in range(count):
             new = order[step] if turn == 0 else order[count - 1 - step]
@@ -93,8 +98,8 @@ def order_normal_sets(start, normals, counts, centres, radii):
     Args:
         start: First row of each vertex in `normals`, shape (V + 1,).
         normals: Unit normals (K, 3); reordered, the polygon's corners first.
-        counts: Written, corners of each polygon (V,): 0 none or every direction, 1 a smooth
-            place, 2 an arc, more a polygon, counter-clockwise about its centre.
+        counts: Written, corners of each polygon (V,): 0 no normal or every direction, 1 where the
+            surface is smooth, 2 an arc, more a polygon, counter-clockwise about its centre.
         centres: Written, middle of each set (V, 3).
         radii: Written, largest angle from the centre to a normal [rad] (V,); pi where the set
             spans every direction; -1 where there is no normal at all.
@@ -113,10 +118,13 @@ def order_normal_sets(start, normals, counts, centres, radii):
         nearest = 1.0
         for i in range(first, first + count):
             nearest = min(nearest, np.dot(centre, normals[i]))
+        # No hemisphere contains the normals (the tip of a needle, a thin plate's rim).
         if nearest < HEMISPHERE:
             counts[v], radii[v] = 0, math.pi
             continue
         radii[v] = math.acos(min(1.0, nearest))
+        # Central projection to the plane orthogonal to the centre maps great circles to lines, so
+        # the spherical hull becomes a planar one.
         axis = np.zeros(3)
         axis[np.argmin(np.abs(centre))] = 1.0
         e1 = np.cross(axis, centre)

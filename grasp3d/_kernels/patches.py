@@ -1,4 +1,8 @@
-"""The surface around a vertex, out to a distance along it: its area and its area vector."""
+"""Patches of a surface: the area and the area vector within a geodesic distance of a vertex.
+
+Distances are propagated from the vertex in the order of Dijkstra's algorithm, with the update of
+fast marching across each face (Novotni & Klein 2002).
+"""
 
 import math
 from typing import NamedTuple
@@ -8,24 +12,24 @@ import numpy.typing as npt
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
 
-GAIN = 1e-9
-"""Share of the radius by which a distance must fall to count."""
+MIN_GAIN = 1e-9
+"""Smallest improvement of a distance that counts, relative to the radius."""
 
 REACHED, WAITING, MARKED = 0, 1, 2
-"""What `Front.sizes` counts."""
+"""Entries of `Front.sizes`."""
 
 
-class Net(NamedTuple):
-    """A surface, as distances along it are measured."""
+class GeodesicMesh(NamedTuple):
+    """A surface with the lengths and angles that geodesic distances need."""
 
     faces: npt.NDArray[np.int64]
     """Vertices of each face (F, 3)."""
     sides: npt.NDArray[np.float64]
     """Length of the side opposite each corner (F, 3)."""
     cosines: npt.NDArray[np.float64]
-    """Of the angle at each corner (F, 3)."""
+    """Cosine of the angle at each corner (F, 3)."""
     sines: npt.NDArray[np.float64]
-    """Of these angles (F, 3)."""
+    """Sine of the angle at each corner (F, 3)."""
     areas: npt.NDArray[np.float64]
     """Areas of the faces (F,)."""
     normals: npt.NDArray[np.float64]
@@ -33,30 +37,30 @@ class Net(NamedTuple):
     first: npt.NDArray[np.int64]
     """First entry of each vertex in `around` (V + 1,)."""
     around: npt.NDArray[np.int64]
-    """Corners 3 f + i that lie at the vertices (3 F,)."""
+    """Corners 3 f + i at each vertex, grouped by vertex (3 F,)."""
 
 
 class Front(NamedTuple):
-    """Scratch for one thread; between two patches it is as `make_front` left it."""
+    """The propagating front: scratch arrays for one thread, reset after each patch."""
 
     distances: npt.NDArray[np.float64]
-    """From the source; inf: not reached (V,)."""
+    """Distance of each vertex from the source; inf: not reached (V,)."""
     heap: npt.NDArray[np.int64]
-    """Vertices whose faces wait to be looked at, the nearest on top (V,)."""
+    """Binary heap of vertices whose faces must be updated, the nearest on top (V,)."""
     rows: npt.NDArray[np.int64]
-    """Where each vertex is in the heap; -1: it is not (V,)."""
+    """Position of each vertex in the heap; -1: not in it (V,)."""
     reached: npt.NDArray[np.int64]
     """Vertices reached (V,)."""
     marks: npt.NDArray[np.bool_]
-    """Tells the faces of the patch (F,)."""
+    """Whether each face belongs to the patch (F,)."""
     patch: npt.NDArray[np.int64]
-    """These faces (F,)."""
+    """Faces of the patch (F,)."""
     sizes: npt.NDArray[np.int64]
-    """How many vertices are reached, and wait, and how many faces are marked (3,)."""
+    """Number of vertices reached, of vertices in the heap, and of faces of the patch (3,)."""
 
 
 def make_front(vertices: int, faces: int) -> Front:
-    """Allocate scratch for a surface of so many vertices and faces."""
+    """Allocate the scratch arrays for a surface of so many vertices and faces."""
     return Front(
         distances=np.full(vertices, math.inf),
         heap=np.zeros(vertices, dtype=np.int64),
@@ -69,8 +73,8 @@ def make_front(vertices: int, faces: int) -> Front:
 
 
 @merged
-def _lower(vertex, distance, gain, front):
-    """Take a shorter way to a vertex, which then waits in the heap."""
+def _lower_distance(vertex, distance, gain, front):
+    """Lower a vertex's distance and put it into the heap, or move it up there."""
     distances, heap, rows, sizes = front.distances, front.heap, front.rows, front.sizes
     if not distance < distances[vertex] - gain:
         return
@@ -82,6 +86,7 @@ def _lower(vertex, distance, gain, front):
     if row < 0:
         row = sizes[WAITING]
         sizes[WAITING] += 1
+    # Sift up: parents that are farther move down.
     while row > 0:
         above = (row - 1) >> 1
         other = heap[above]
@@ -93,8 +98,8 @@ def _lower(vertex, distance, gain, front):
 
 
 @merged
-def _nearest(front):
-    """Take the nearest of the waiting vertices from the heap."""
+def _pop_nearest(front):
+    """Remove the nearest vertex from the heap."""
     distances, heap, rows, sizes = front.distances, front.heap, front.rows, front.sizes
     top = heap[0]
     rows[top] = -1
@@ -105,6 +110,7 @@ def _nearest(front):
     last = heap[size]
     distance = distances[last]
     row = 0
+    # Sift down the last entry from the top: nearer children move up.
     while 2 * row + 1 < size:
         below = 2 * row + 1
         if below + 1 < size and distances[heap[below + 1]] < distances[heap[below]]:
@@ -119,27 +125,28 @@ def _nearest(front):
 
 
 @merged
-def _way(a, b, face, i, side, length, net):
-    """Distance of a corner of a face, from those of the other two.
+def _distance_across_face(a, b, face, i, side, length, mesh):
+    """Distance of the third corner of a face from the source, from those of corners p and q.
 
-    Novotni & Klein 2002: the source is laid into the plane of the face, beyond the side from p to
-    q, where it has its distances from both. Straight from there, if the way crosses that side, or
-    else along the edge from p.
+    Novotni & Klein 2002: a virtual source in the plane of the face, beyond the side from p to q,
+    has the known distances from both. The distance is measured straight from it where that line
+    crosses the side, otherwise along the edge from p.
 
     Args:
         a: Distance of p.
         b: Distance of q; may be inf.
         face: The face.
-        i: Which of its corners p is.
+        i: Index of p among its corners.
         side: Length from p to q.
         length: Length from p to the third corner.
-        net: `Net`.
+        mesh: `GeodesicMesh`.
     """
     if b == math.inf:
         return a + length
+    # The virtual source lies `along` from p on the side and `below` it.
     along = 0.5 * (side + (a * a - b * b) / side)
     below = math.sqrt(max(a * a - along * along, 0.0))
-    ahead, height = length * net.cosines[face, i], length * net.sines[face, i]
+    ahead, height = length * mesh.cosines[face, i], length * mesh.sines[face, i]
     crossing = along * height + ahead * below
     if 0.0 <= crossing <= side * (below + height):
         return math.sqrt((ahead - along) ** 2 + (below + height) ** 2)
@@ -147,8 +154,8 @@ def _way(a, b, face, i, side, length, net):
 
 
 @merged
-def _square(a, b, side):
-    """Square of the distance of a side from the source, whose distances from its ends are known."""
+def _squared_distance_to_side(a, b, side):
+    """Squared distance of a side from the source, from the distances a and b of its ends."""
     foot = 0.5 * (side + (a * a - b * b) / side)
     if 0.0 < foot < side:
         return a * a - foot * foot
@@ -156,25 +163,27 @@ def _square(a, b, side):
 
 
 @scratch_kernel
-def spread(source, radius, net, front):
-    """Measure the distances of vertices from one of them, along the surface.
+def measure_distances(source, radius, mesh, front):
+    """Measure geodesic distances of vertices from one of them.
 
-    Dijkstra's algorithm, with ways across the faces besides those along the edges. A vertex that is
-    reached by a shorter way waits again, so that obtuse faces do no harm.
+    Dijkstra's algorithm with updates across the faces besides those along the edges. A vertex whose
+    distance decreases enters the heap again, because with obtuse faces vertices are not always
+    reached in the order of their final distances.
 
     Args:
         source: The vertex.
-        radius: Faces that come nearer are marked, and the distances of all their corners settled.
-        net: `Net`.
+        radius: Faces that come nearer are added to the patch, with final distances of all corners.
+        mesh: `GeodesicMesh`.
         front: `Front`; written.
     """
-    faces, sides, first, around = net.faces, net.sides, net.first, net.around
+    faces, sides, first, around = mesh.faces, mesh.sides, mesh.first, mesh.around
     distances, sizes = front.distances, front.sizes
-    square, gain, reach = radius * radius, GAIN * radius, radius
-    _lower(source, 0.0, gain, front)
+    square, gain, reach = radius * radius, MIN_GAIN * radius, radius
+    _lower_distance(source, 0.0, gain, front)
     while sizes[WAITING] > 0:
-        v = _nearest(front)
+        v = _pop_nearest(front)
         a = distances[v]
+        # No waiting vertex is nearer than `a`.
         if a > reach:
             break
         for k in range(first[v], first[v + 1]):
@@ -184,12 +193,18 @@ def spread(source, radius, net, front):
             p, q = faces[face, j], faces[face, m]
             to_p, to_q, across = sides[face, m], sides[face, j], sides[face, i]
             b, c = distances[p], distances[q]
-            _lower(q, _way(a, b, face, i, to_p, to_q, net), gain, front)
+            # Both other corners, each from v and the newest distance of the other.
+            _lower_distance(q, _distance_across_face(a, b, face, i, to_p, to_q, mesh), gain, front)
             c = distances[q]
-            _lower(p, _way(a, c, face, i, to_q, to_p, net), gain, front)
+            _lower_distance(p, _distance_across_face(a, c, face, i, to_q, to_p, mesh), gain, front)
             b = distances[p]
             if not front.marks[face]:
-                near = min(_square(a, b, to_p), _square(a, c, to_q), _square(b, c, across))
+                near = min(
+                    _squared_distance_to_side(a, b, to_p),
+                    _squared_distance_to_side(a, c, to_q),
+                    _squared_distance_to_side(b, c, across),
+                )
+                # `reach` grows so that the distances at all corners of the patch become final.
                 if near < square:
                     front.marks[face] = True
                     front.patch[sizes[MARKED]] = face
@@ -198,13 +213,14 @@ def spread(source, radius, net, front):
 
 
 @merged
-def _slice(px, py, qx, qy, square):
+def _disc_area(px, py, qx, qy, square):
     """Signed area of the disc about the origin within the triangle of the origin, p and q."""
     dx, dy = qx - px, qy - py
     length = dx * dx + dy * dy
     half = px * dx + py * dy
     root = half * half - length * (px * px + py * py - square)
     doubled = px * qy - py * qx
+    # Where the side crosses the circle, sectors outside of it replace parts of the triangle.
     if root > 0.0:
         root = math.sqrt(root)
         enter, leave = max((-half - root) / length, 0.0), min((root - half) / length, 1.0)
@@ -221,17 +237,19 @@ def _slice(px, py, qx, qy, square):
 
 
 @merged
-def _area_within(a, b, c, face, square, net):
+def _area_within(a, b, c, face, square, mesh):
     """Area of the part of a face whose distance is below the radius.
 
     Between corners at distances a, b and c the square of the distance is interpolated as in the
     plane, where it is the weighted mean of theirs less the products of two weights times the square
     of the side between them. The part is then what a disc has of the triangle.
     """
-    area = net.areas[face]
+    area = mesh.areas[face]
     if max(a, b, c) * max(a, b, c) <= square or area == 0.0:
         return area
-    side, left, right = net.sides[face, 2], net.sides[face, 1], net.sides[face, 0]
+    # The third corner is at (ahead, height) from the first, the (virtual) source at (x, y), in the
+    # plane of the face; `disc` is the squared radius of the disc about it.
+    side, left, right = mesh.sides[face, 2], mesh.sides[face, 1], mesh.sides[face, 0]
     ahead = (left * left - right * right + side * side) / (2.0 * side)
     height = 2.0 * area / side
     x = (a * a - b * b + side * side) / (2.0 * side)
@@ -240,28 +258,28 @@ def _area_within(a, b, c, face, square, net):
     if disc <= 0.0:
         return 0.0
     part = (
-        _slice(-x, -y, side - x, -y, disc)
-        + _slice(side - x, -y, ahead - x, height - y, disc)
-        + _slice(ahead - x, height - y, -x, -y, disc)
+        _disc_area(-x, -y, side - x, -y, disc)
+        + _disc_area(side - x, -y, ahead - x, height - y, disc)
+        + _disc_area(ahead - x, height - y, -x, -y, disc)
     )
-    return min(max(part, 0.0), area)  # of a needle rounding may leave anything
+    return min(max(part, 0.0), area)  # for needle-shaped faces rounding errors may exceed the area
 
 
 @scratch_kernel
-def patch_vectors(sources, radius, net, front, vectors, areas):
-    """Sum the area vectors of the surface around vertices, out to a distance along it.
+def patch_vectors(sources, radius, mesh, front, vectors, areas):
+    """Sum the areas and the area vectors of the surface within a geodesic distance of vertices.
 
     Args:
         sources: The vertices (n,).
-        radius: The distance.
-        net: `Net`.
-        front: `Front`, scratch.
-        vectors: Written, areas times unit normals, summed (n, 3).
-        areas: Written, areas summed (n,).
+        radius: The geodesic distance.
+        mesh: `GeodesicMesh`.
+        front: `Front`; scratch arrays.
+        vectors: Written, sum of area times unit normal (n, 3).
+        areas: Written, sum of the areas (n,).
     """
-    faces, sizes, distances = net.faces, front.sizes, front.distances
+    faces, sizes, distances = mesh.faces, front.sizes, front.distances
     for row in range(sources.shape[0]):
-        spread(sources[row], radius, net, front)
+        measure_distances(sources[row], radius, mesh, front)
         x, y, z, total = 0.0, 0.0, 0.0, 0.0
         for k in range(sizes[MARKED]):
             face = front.patch[k]
@@ -270,19 +288,19 @@ def patch_vectors(sources, radius, net, front, vectors, areas):
                 distances[faces[face, 1]],
                 distances[faces[face, 2]],
             )
-            area = _area_within(a, b, c, face, radius * radius, net)
-            x += area * net.normals[face, 0]
-            y += area * net.normals[face, 1]
-            z += area * net.normals[face, 2]
+            area = _area_within(a, b, c, face, radius * radius, mesh)
+            x += area * mesh.normals[face, 0]
+            y += area * mesh.normals[face, 1]
+            z += area * mesh.normals[face, 2]
             total += area
         vectors[row, 0], vectors[row, 1], vectors[row, 2] = x, y, z
         areas[row] = total
-        clear(front)
+        reset_front(front)
 
 
 @scratch_kernel
-def clear(front):
-    """Forget what was reached, in a time that grows with the patch, not with the mesh."""
+def reset_front(front):
+    """Reset the scratch arrays, in a time proportional to the patch, not to the mesh."""
     for k in range(front.sizes[REACHED]):
         front.distances[front.reached[k]] = math.inf
     for k in range(front.sizes[WAITING]):

@@ -1,4 +1,8 @@
-"""A polytope of simplicial facets, laid out for the growing hull."""
+"""The polytope that the growing hull works on: a convex polytope with simplicial facets.
+
+A facet in d dimensions has d vertices (its corners) and d neighbours; it shares a ridge, the face
+of d - 1 vertices without one corner, with each neighbour.
+"""
 
 import math
 from typing import NamedTuple
@@ -9,83 +13,87 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling import merged
 
 TOLERANCE = 1e-12
-"""Height above a facet that counts as none, in units of the wrenches' own size."""
+"""Height above a facet below which a point counts as on it, relative to the largest wrench."""
 
-VECTORS = 18
-"""Rows of scratch."""
+SCRATCH_ROWS = 18
+"""Rows of `Polytope.vectors`."""
 
 
 class Polytope(NamedTuple):
-    """Room for a polytope; nothing in it outlives one grasp. p vertices, f facets."""
+    """Arrays for a polytope of at most p vertices and f facets; reused from grasp to grasp.
+
+    Ridges are encoded as 8 * facet + corner, where `corner` is the position, 0 to 5, of the one
+    corner that is not on the ridge.
+    """
 
     points: npt.NDArray[np.float64]
     """Vertices (p, 6)."""
-    mixes: npt.NDArray[np.float64]
-    """Force that each vertex is made of, in its contact's axes (p, 4)."""
+    vertex_forces: npt.NDArray[np.float64]
+    """Contact force of each vertex's wrench, in its contact's axes (p, 4)."""
     owners: npt.NDArray[np.int64]
     """Contact or row of each vertex (p,)."""
-    names: npt.NDArray[np.int64]
-    """Names of the vertices (p,); see `support`."""
+    identifiers: npt.NDArray[np.int64]
+    """Identifiers of the vertices (p,); see `support`."""
     planes: npt.NDArray[np.float64]
-    """Outward normal (6), height over the origin and tolerance of each facet, all as long as if the
-    coordinates were those of wrenches; height nan: the facet is gone (8, f). One row per number, so
-    that many facets are tested at once."""
+    """Outward normal (6), distance from the origin and tolerance of each facet's plane, normalised
+    in the metric of the wrenches (8, f); distance nan: the facet was removed. Facets are columns,
+    so that the heights of one point above many facets are computed in contiguous, vectorised
+    loops."""
     corners: npt.NDArray[np.uint32]
     """Vertices of each facet (f, 8)."""
-    across: npt.NDArray[np.uint32]
-    """Neighbour opposite each corner: eight times its number, and the place there of the corner
-    that looks back (f, 8)."""
+    neighbours: npt.NDArray[np.uint32]
+    """Neighbour across the ridge opposite each corner, as that ridge in the neighbour's encoding:
+    8 * neighbour + the neighbour's corner opposite the shared ridge (f, 8)."""
     marks: npt.NDArray[np.int64]
-    """Whether, or when, the new vertex was found to see the facet (f,)."""
+    """Visibility of each facet from the new vertex: 0 or 1, or the stamp of the last flood (f,)."""
     heights: npt.NDArray[np.float64]
     """Height of the new vertex above each facet (f,)."""
-    seen: npt.NDArray[np.uint32]
-    """Facets that the new vertex sees (f,)."""
+    visible: npt.NDArray[np.uint32]
+    """Facets that the new vertex lies above (f,)."""
     free: npt.NDArray[np.uint32]
-    """Facets that can be used again (f,)."""
+    """Columns of removed facets that can be reused (f,)."""
     horizon: npt.NDArray[np.uint32]
-    """Ridges between what is seen and what is not: eight times the seen facet, and the place of
-    its corner opposite (8 f,)."""
-    near: npt.NDArray[np.uint32]
-    """Facets that may be the nearest (2 f,)."""
+    """Ridges between a visible and an invisible facet, in the visible one's encoding (8 f,)."""
+    queue: npt.NDArray[np.uint32]
+    """Facets that may be the nearest to the origin, unordered (2 f,)."""
     vectors: npt.NDArray[np.float64]
-    """Small vectors (VECTORS, 8): 0-15 the first simplex and proofs, 16 the best direction, 17 the
-    plane at hand."""
+    """Small vectors (SCRATCH_ROWS, 8): 0-15 scratch of the first simplex and of equilibria, 16 the
+    plane with the smallest support so far, 17 the plane of the current facet."""
 
 
 def make_polytope(facets: int) -> Polytope:
-    """Allocate a polytope of so many facets; each new vertex makes several."""
+    """Allocate a polytope of at most `facets` facets, and a quarter as many vertices."""
     points = max(facets // 4, 32)
     return Polytope(
         points=np.zeros((points, 6)),
-        mixes=np.zeros((points, 4)),
+        vertex_forces=np.zeros((points, 4)),
         owners=np.zeros(points, dtype=np.int64),
-        names=np.zeros(points, dtype=np.int64),
+        identifiers=np.zeros(points, dtype=np.int64),
         planes=np.zeros((8, facets)),
         corners=np.zeros((facets, 8), dtype=np.uint32),
-        across=np.zeros((facets, 8), dtype=np.uint32),
+        neighbours=np.zeros((facets, 8), dtype=np.uint32),
         marks=np.zeros(facets, dtype=np.int64),
         heights=np.zeros(facets),
-        seen=np.zeros(facets + 1, dtype=np.uint32),
+        visible=np.zeros(facets + 1, dtype=np.uint32),
         free=np.zeros(facets, dtype=np.uint32),
         horizon=np.zeros(8 * facets + 1, dtype=np.uint32),
-        near=np.zeros(2 * facets + 1, dtype=np.uint32),
-        vectors=np.zeros((VECTORS, 8)),
+        queue=np.zeros(2 * facets + 1, dtype=np.uint32),
+        vectors=np.zeros((SCRATCH_ROWS, 8)),
     )
 
 
 @merged
-def height_above(planes, f, x):
+def height_above(planes, f, point):
     """Height of a point above a facet's plane."""
-    along = (planes[0, f] * x[0] + planes[1, f] * x[1]) + (
-        planes[2, f] * x[2] + planes[3, f] * x[3]
+    product = (planes[0, f] * point[0] + planes[1, f] * point[1]) + (
+        planes[2, f] * point[2] + planes[3, f] * point[3]
     )
-    return along + (planes[4, f] * x[4] + planes[5, f] * x[5]) - planes[6, f]
+    return product + (planes[4, f] * point[4] + planes[5, f] * point[5]) - planes[6, f]
 
 
 @merged
 def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric):
-    """Write a plane, scaled to length 1 in the metric; returns the square of what it was."""
+    """Write a plane, its normal scaled to length 1 in the metric; returns its former square."""
     square = (
         (n0 * n0 * metric[0] + n1 * n1 * metric[1]) + (n2 * n2 * metric[2] + n3 * n3 * metric[3])
     ) + (n4 * n4 * metric[4] + n5 * n5 * metric[5])

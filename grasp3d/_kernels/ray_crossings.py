@@ -1,34 +1,35 @@
-"""What becomes of a ray where it crosses the surface: a grasp, its end, or the way on."""
+"""Crossings of rays with the surface: each exit is a candidate for the second contact."""
 
 import math
 
 import numpy as np
 
-from grasp3d._kernels.antipodal_candidates import NO_PARTNER, OPENING, consider
+from grasp3d._kernels.antipodal_candidates import NO_PARTNER, OPENING, evaluate_pair
 from grasp3d._kernels.compiling import kernel
 from grasp3d._kernels.ray_tracing import STEP
 
-SMALLEST = 1e-6
-"""Smallest opening, in object sizes, that the rounding of 32-bit rays lets us see."""
+SMALLEST_OPENING = 1e-6
+"""Smallest opening, in object sizes, that 32-bit rays can resolve."""
 
 
 @kernel
-def settle(count, hit, far, rays, surface, sets, limits, grasps):
-    """Turn the faces that the rays hit into grasps, and keep the rays that must go on.
+def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
+    """Evaluate the grasps at the faces that the rays hit, and keep the rays that continue.
 
-    The face is intersected again in 64 bits and the point clipped to it, so that every candidate
-    is a place on the surface, whatever the 32-bit tracer rounded. An exit is told by the sign of
-    direction and face normal, never by counting.
+    The face is intersected again in 64 bits and the point clipped to it, so that every candidate is
+    a point on the surface, whatever the rounding of the 32-bit tracer. An exit is recognised by the
+    sign of the product of direction and face normal, never by counting crossings, which rounding
+    can falsify.
 
     Args:
         count: Rays in flight; the first ones of `rays`.
         hit: Face that each ray hit, -1 none (count,).
-        far: Distance from where the ray went on to the hit, 32-bit (count,).
+        far: Distance from the ray's current origin to the hit, 32-bit (count,).
         rays: `Rays`; compacted in place.
         surface: `Surface`.
-        sets: `Sets`.
+        sets: `ContactNormals`.
         limits: (smallest, largest) opening.
-        grasps: `Grasps`; written.
+        grasps: `BestPairs`; written.
 
     Returns:
         Rays still in flight.
@@ -36,7 +37,7 @@ def settle(count, hit, far, rays, surface, sets, limits, grasps):
     points, faces = surface.points, surface.faces
     owner, closing, signs, along, step, last = rays
     found = np.empty((2, 3))
-    kept = 0
+    remaining = 0
     for i in range(count):
         face = hit[i]
         if face < 0:
@@ -51,22 +52,26 @@ def settle(count, hit, far, rays, surface, sets, limits, grasps):
         nx, ny, nz = uy * wz - uz * wy, uz * wx - ux * wz, ux * wy - uy * wx
         square = nx * nx + ny * ny + nz * nz
         slope = dx * nx + dy * ny + dz * nz
+        # The 32-bit distance is replaced by the exact one where the two agree.
         coarse = along[i] + far[i]
         t = coarse
-        if abs(slope) > 1e-7 * math.sqrt(square):  # else the ray runs along the face
+        if abs(slope) > 1e-7 * math.sqrt(square):  # else the ray is nearly parallel to the face
             exact = ((ax - ox) * nx + (ay - oy) * ny + (az - oz) * nz) / slope
             if abs(exact - coarse) < 1e-3:
                 t = exact
         if face == last[i] or t <= STEP:  # the face just left, or one at the vertex itself
+            # Rounding put the origin before the face again: advance, ever farther.
             step[i] *= 2.0
             along[i] = max(along[i], coarse) + step[i]
         else:
             along[i] = max(along[i], t) + STEP
             step[i], last[i] = STEP, face
+            # A finger pushes into the object, so the second contact is an exit of the closing line.
             if sign * slope > 0.0:
                 rx, ry, rz = ox + t * dx - ax, oy + t * dy - ay, oz + t * dz - az
                 b1 = (ry * wz - rz * wy) * nx + (rz * wx - rx * wz) * ny + (rx * wy - ry * wx) * nz
                 b2 = (uy * rz - uz * ry) * nx + (uz * rx - ux * rz) * ny + (ux * ry - uy * rx) * nz
+                # Barycentric coordinates, clipped to the face.
                 b1, b2 = max(b1 / square, 0.0), max(b2 / square, 0.0)
                 b0 = max(1.0 - b1 - b2, 0.0)
                 total = b0 + b1 + b2
@@ -77,17 +82,17 @@ def settle(count, hit, far, rays, surface, sets, limits, grasps):
                     (partner[0] - ox) ** 2 + (partner[1] - oy) ** 2 + (partner[2] - oz) ** 2
                 )
                 if limits[0] <= opening <= limits[1]:
-                    consider(
+                    evaluate_pair(
                         v, sign, partner, opening, face, (b0, b1, b2), surface, sets, grasps, found
                     )
-                elif opening >= SMALLEST and grasps.reason[v] == NO_PARTNER:
+                elif opening >= SMALLEST_OPENING and grasps.reason[v] == NO_PARTNER:
                     grasps.reason[v] = OPENING
-            # Pushing apart, what lies behind the first wall is not reached from here.
+            # An expanding finger cannot reach what lies behind the first surface.
             if sign < 0 or along[i] > limits[1]:
                 continue
-        owner[kept], signs[kept] = owner[i], signs[i]
+        owner[remaining], signs[remaining] = owner[i], signs[i]
         for k in range(3):
-            closing[kept, k] = closing[i, k]
-        along[kept], step[kept], last[kept] = along[i], step[i], last[i]
-        kept += 1
-    return kept
+            closing[remaining, k] = closing[i, k]
+        along[remaining], step[remaining], last[remaining] = along[i], step[i], last[i]
+        remaining += 1
+    return remaining

@@ -13,29 +13,29 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling import kernel
 
 STEP = 3e-7
-"""How far behind a crossing the next ray starts; a few roundings of a 32-bit coordinate."""
+"""Distance behind a crossing at which the ray continues: a few 32-bit rounding errors."""
 
 
 class Rays(NamedTuple):
-    """Rays from vertices, compacted in place as they end."""
+    """Rays from vertices; those that continue are moved to the front."""
 
     owner: npt.NDArray[np.int32]
-    """Vertex that each starts from (r,)."""
+    """Vertex from which each ray starts (r,)."""
     closing: npt.NDArray[np.float64]
     """Closing direction (r, 3)."""
     signs: npt.NDArray[np.int8]
     """+1: the ray runs along the closing direction, -1: against it (r,)."""
     along: npt.NDArray[np.float64]
-    """Distance from the vertex at which the ray goes on (r,)."""
+    """Distance of the ray's current origin from the vertex (r,)."""
     step: npt.NDArray[np.float64]
-    """How much farther it starts when it meets the same face again (r,)."""
+    """Distance by which the origin advances when the ray hits the same face again (r,)."""
     last: npt.NDArray[np.int32]
     """Face crossed last, -1 none (r,)."""
 
 
 @kernel
 def starting_rays(owner, closing, signs, size):
-    """Rays that start at their vertices."""
+    """The first `size` rays, starting at their vertices."""
     return Rays(
         owner[:size],
         closing[:size],
@@ -47,9 +47,10 @@ def starting_rays(owner, closing, signs, size):
 
 
 @kernel
-def aim(count, rays, points, origins, directions):
+def write_rays(count, rays, points, origins, directions):
     """Write the first `count` rays as 32-bit origins and directions."""
     for i in range(count):
+        # Origins are computed from the vertex each time, so rounding errors do not accumulate.
         v, sign, along = rays.owner[i], rays.signs[i], rays.along[i]
         for k in range(3):
             d = sign * rays.closing[i, k]

@@ -1,4 +1,4 @@
-"""The faces of a surface, and the normals that a contact on one may have."""
+"""The faces of a surface, and the normals that a contact on a face may have."""
 
 import math
 from typing import NamedTuple
@@ -12,11 +12,11 @@ ON_EDGE = 1e-9
 """Barycentric coordinate below which a contact lies on the opposite edge."""
 
 ANY_NORMAL = -2
-"""Mark of an edge at which more than two faces meet."""
+"""Value of `Surface.twins` on an edge of more than two faces."""
 
 
 class Surface(NamedTuple):
-    """The faces that rays meet, with the normals along them."""
+    """The faces that rays intersect, with vertex normals for interpolation."""
 
     points: npt.NDArray[np.float64]
     """Positions of the vertices (V, 3)."""
@@ -27,8 +27,8 @@ class Surface(NamedTuple):
     normals: npt.NDArray[np.float64]
     """Unit normals at the corners (C, 3)."""
     twins: npt.NDArray[np.int64]
-    """Rows of `normals` across each crease (F, 3, 2); -1 where smooth or open, -2 where more than
-    two faces meet and any normal may be."""
+    """Rows of `normals` across each crease, for the two ends of the edge opposite each corner
+    (F, 3, 2); -1 where the edge is smooth or open, ANY_NORMAL where more than two faces meet."""
 
 
 @inlined
@@ -39,12 +39,12 @@ def write_normals(face, weights, surface, sets, found):
         face: The face.
         weights: Barycentric coordinates of the contact, three numbers.
         surface: `Surface`.
-        sets: `Sets`.
-        found: Written, room for two normals (2, 3).
+        sets: `ContactNormals`.
+        found: Written, up to two normals (2, 3).
 
     Returns:
-        (count, vertex): one normal or an arc in `found`, or 0 for any direction at all, with
-        vertex -1; or the vertex whose own set holds, when the contact is that vertex.
+        (count, vertex): 1 normal or the 2 ends of an arc in `found`, or 0 for every direction, with
+        vertex -1; or the vertex whose set of normals applies, where the contact is that vertex.
     """
     normals, corners, twins = surface.normals, surface.corners, surface.twins
     b0, b1, b2 = weights
@@ -52,6 +52,7 @@ def write_normals(face, weights, surface, sets, found):
     for k in range(3):
         found[0, k] = b0 * normals[c0, k] + b1 * normals[c1, k] + b2 * normals[c2, k]
     count = 1
+    # On an edge or vertex of the face other faces' normals are possible too.
     if min(b0, b1, b2) <= ON_EDGE:
         for i in range(3):
             after, before = weights[(i + 1) % 3], weights[(i + 2) % 3]
@@ -78,17 +79,17 @@ def write_normals(face, weights, surface, sets, found):
 
 
 @kernel
-def normals_at_all(faces, weights, surface, sets, counts, vertices, found):
-    """Write the normals at many places; a place at a vertex has that vertex's own set.
+def write_normals_of_all(faces, weights, surface, sets, counts, vertices, found):
+    """Write the normals at many contacts; a contact at a vertex has the vertex's set of normals.
 
     Args:
-        faces: Face of each (m,).
-        weights: Barycentric coordinates on it (m, 3).
+        faces: Face of each contact (m,).
+        weights: Barycentric coordinates on the face (m, 3).
         surface: `Surface`.
-        sets: `Sets`.
-        counts: Written, normals in `found`, 0 for any direction at all (m,).
-        vertices: Written, vertex whose set holds, or -1 (m,).
-        found: Written, one normal or an arc (m, 2, 3).
+        sets: `ContactNormals`.
+        counts: Written, normals in `found`, 0 for every direction (m,).
+        vertices: Written, vertex whose set of normals applies, or -1 (m,).
+        found: Written, one normal or the ends of an arc (m, 2, 3).
     """
     for i in range(faces.shape[0]):
         face, w = faces[i], weights[i]

@@ -1,4 +1,4 @@
-"""Walking straight over a surface, from face to face, and the chance that chooses the way."""
+"""Straight walks over a surface, from face to face, and random numbers for kernels."""
 
 import math
 
@@ -7,10 +7,10 @@ import numpy as np
 from grasp3d._kernels.compiling import merged, scratch_kernel
 
 MOST_FACES = 512
-"""Faces that a walk crosses at most."""
+"""Most faces that a walk crosses."""
 
 INSIDE = 1e-4
-"""Barycentric coordinate that a walk keeps from the borders of the face where it ends."""
+"""Smallest barycentric coordinate at the end of a walk: contacts stay off edges and creases."""
 
 _GOLDEN = np.uint64(0x9E3779B97F4A7C15)
 _ONE, _TWO = np.uint64(0xBF58476D1CE4E5B9), np.uint64(0x94D049BB133111EB)
@@ -19,7 +19,7 @@ _S11, _S27, _S30, _S31 = np.uint64(11), np.uint64(27), np.uint64(30), np.uint64(
 
 @merged
 def random_bits(state):
-    """Next of a sequence of random 64-bit numbers (splitmix64: Steele, Lea & Flood 2014)."""
+    """Next 64-bit number of a pseudo-random sequence (splitmix64: Steele, Lea & Flood 2014)."""
     state[0] += _GOLDEN
     z = state[0]
     z = (z ^ (z >> _S30)) * _ONE
@@ -28,29 +28,30 @@ def random_bits(state):
 
 
 @merged
-def random_share(state):
-    """Next random number, from 0 to below 1."""
+def random_fraction(state):
+    """Next random number, at least 0 and below 1."""
     return np.float64(random_bits(state) >> _S11) * (1.0 / 9007199254740992.0)
 
 
 @merged
 def _corner(points, faces, face, i):
+    """Coordinates of corner i of a face."""
     v = faces[face, i]
     return points[v, 0], points[v, 1], points[v, 2]
 
 
 @scratch_kernel
-def walk(face, weights, angle, length, points, faces, across):
-    """Walk straight over a surface: faces are unfolded one after the other at their edges.
+def walk(face, weights, angle, length, points, faces, adjacent_faces):
+    """Walk straight over a surface: each next face is unfolded about the common edge.
 
     Args:
         face: Face to start from.
-        weights: Barycentric coordinates there (3,); written, those of the end, inside its face.
+        weights: Barycentric coordinates of the start (3,); written, those of the end.
         angle: Direction in the plane of the face, from its first edge [rad].
-        length: How far to go; the walk ends early where the surface does.
+        length: Length of the walk, which ends early at the border of the surface.
         points: Positions of the vertices (V, 3).
         faces: Vertices of each face (F, 3).
-        across: Face beyond the edge opposite each corner (F, 3); -1: none, or several.
+        adjacent_faces: Face across the edge opposite each corner (F, 3); -1: none, or several.
 
     Returns:
         The face where the walk ends.
@@ -58,13 +59,13 @@ def walk(face, weights, angle, length, points, faces, across):
     ax, ay, az = _corner(points, faces, face, 0)
     bx, by, bz = _corner(points, faces, face, 1)
     cx, cy, cz = _corner(points, faces, face, 2)
-    # Direction in the plane: along the first edge, and across it.
+    # The direction from its components along the first edge (e) and orthogonal to it (g).
     ex, ey, ez = bx - ax, by - ay, bz - az
     gx, gy, gz = cx - ax, cy - ay, cz - az
     size = math.sqrt(ex * ex + ey * ey + ez * ez)
     ex, ey, ez = ex / size, ey / size, ez / size
-    part = ex * gx + ey * gy + ez * gz
-    gx, gy, gz = gx - part * ex, gy - part * ey, gz - part * ez
+    component = ex * gx + ey * gy + ez * gz
+    gx, gy, gz = gx - component * ex, gy - component * ey, gz - component * ez
     size = math.sqrt(gx * gx + gy * gy + gz * gz)
     c, s = math.cos(angle), math.sin(angle) / size
     dx, dy, dz = c * ex + s * gx, c * ey + s * gy, c * ez + s * gz
@@ -79,6 +80,8 @@ def walk(face, weights, angle, length, points, faces, across):
         du, dv = ux * dx + uy * dy + uz * dz, vx * dx + vy * dy + vz * dz
         area = uu * vv - uv * uv
         r1, r2 = (vv * du - uv * dv) / area, (uu * dv - uv * du) / area
+        # Rates of the barycentric coordinates along the direction: the first to reach 0 decides
+        # the edge through which the walk leaves the face.
         rates = (-(r1 + r2), r1, r2)
         step, leaving = length, -1
         for i in range(3):
@@ -87,10 +90,10 @@ def walk(face, weights, angle, length, points, faces, across):
         for i in range(3):
             weights[i] += step * rates[i]
         length -= step
-        if leaving < 0 or across[face, leaving] < 0:
+        if leaving < 0 or adjacent_faces[face, leaving] < 0:
             break
-        # Beyond the edge the part along it stays; the part across it turns into the next face.
-        other = across[face, leaving]
+        # The direction's component along the edge stays; the rest turns into the next face.
+        other = adjacent_faces[face, leaving]
         p, q = faces[face, (leaving + 1) % 3], faces[face, (leaving + 2) % 3]
         wp, wq = max(weights[(leaving + 1) % 3], 0.0), max(weights[(leaving + 2) % 3], 0.0)
         total = max(wp + wq, 1e-300)
@@ -110,12 +113,13 @@ def walk(face, weights, angle, length, points, faces, across):
                 opposite = i
         v = faces[other, opposite]
         tx, ty, tz = points[v, 0] - px, points[v, 1] - py, points[v, 2] - pz
-        part = tx * kx + ty * ky + tz * kz
-        tx, ty, tz = tx - part * kx, ty - part * ky, tz - part * kz
+        component = tx * kx + ty * ky + tz * kz
+        tx, ty, tz = tx - component * kx, ty - component * ky, tz - component * kz
         size = math.sqrt(tx * tx + ty * ty + tz * tz)
         side = math.sqrt(max(0.0, 1.0 - along * along)) / size
         dx, dy, dz = along * kx + side * tx, along * ky + side * ty, along * kz + side * tz
         face = other
+    # Away from the edges, where a contact would have two normals.
     total = 0.0
     for i in range(3):
         weights[i] = max(weights[i], INSIDE)

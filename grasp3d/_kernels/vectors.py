@@ -1,4 +1,4 @@
-"""Small vectors in scratch memory."""
+"""Operations on small vectors in scratch arrays."""
 
 from grasp3d._kernels.compiling import merged
 
@@ -10,10 +10,10 @@ def dot6(a, b):
 
 
 @merged
-def leave(basis, size, vector, parts):
-    """Take out of a vector what lies along the first rows of a basis; `parts` is written."""
+def remove_components(basis, size, vector, components):
+    """Subtract a vector's components along the first rows of a basis; `components` is written."""
     for j in range(size):
-        parts[j] = dot6(basis[j], vector)
+        components[j] = dot6(basis[j], vector)
     for j in range(size):
         for k in range(6):
-            vector[k] -= parts[j] * basis[j, k]
+            vector[k] -= components[j] * basis[j, k]

@@ -1,4 +1,4 @@
-"""Whole grasps: from the wrenches of their contacts to epsilon, closure and proof."""
+"""Batches of grasps: from the contacts' wrenches to epsilon, force closure and certificates."""
 
 import math
 from typing import NamedTuple
@@ -9,37 +9,37 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.equilibrium import equilibrium
 from grasp3d._kernels.growing_hull import EXHAUSTED, STALLED, grow
-from grasp3d._kernels.support_functions import PER_FINGER, ROWS, TOTAL, Body
+from grasp3d._kernels.support_functions import PER_FINGER, ROWS, TOTAL, WrenchSpace
 from grasp3d._kernels.wrench_span import span
 
 SIX = (0, 0, 0, 0, 0, 0)
-"""As long as the most common rank, whose loops are laid out when compiled."""
+"""A tuple as long as the most common rank, for which `grow` is compiled with fixed loop lengths."""
 
 SIGN = (0.0, 1e4, 0.0, 1.0)
 """Goal of a closure test; see `grow`."""
 
 
 class Workspace(NamedTuple):
-    """Room to lay out one grasp in the coordinates of its span; n contacts or rows."""
+    """Scratch arrays for one grasp in the coordinates of its span; n contacts or rows."""
 
     rows: npt.NDArray[np.float64]
-    """Wrenches that span the grasp (4 n, 6), or the n rows (n, 6)."""
-    work: npt.NDArray[np.float64]
+    """Wrenches with the span of the grasp (4 n, 6), or the n rows (n, 6)."""
+    scratch: npt.NDArray[np.float64]
     """Scratch of that shape."""
     basis: npt.NDArray[np.float64]
     """Basis of the span (6, 6)."""
     axes: npt.NDArray[np.float64]
-    """As in `Body`."""
-    sizes: npt.NDArray[np.float64]
-    """How far the wrenches reach along each row of the basis (6,)."""
+    """As in `WrenchSpace`."""
+    extents: npt.NDArray[np.float64]
+    """Largest component of the wrenches along each row of the basis (6,)."""
     metric: npt.NDArray[np.float64]
     """As in `grow` (6,)."""
     dims: npt.NDArray[np.int64]
-    """Six numbers, of which as many are handed on as the rank says (6,)."""
+    """Its first `rank` entries are passed as `dims` of `grow` (6,)."""
 
 
-class Answers(NamedTuple):
-    """What is known of each grasp (b, ...); written."""
+class Results(NamedTuple):
+    """Results for each grasp (b, ...); written."""
 
     lower: npt.NDArray[np.float64]
     upper: npt.NDArray[np.float64]
@@ -47,9 +47,9 @@ class Answers(NamedTuple):
     status: npt.NDArray[np.uint8]
     closed: npt.NDArray[np.bool_]
     direction: npt.NDArray[np.float64]
-    """Direction of `upper`, or in which no wrench lies (b, 6)."""
+    """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
     forces: npt.NDArray[np.float64]
-    """Equilibrium, in the contacts' axes (b, n, 4); nan where there is none."""
+    """Equilibrium forces, in the contacts' axes (b, n, 4); nan where there is none."""
 
 
 def make_workspace(kind: int, count: int) -> Workspace:
@@ -57,18 +57,18 @@ def make_workspace(kind: int, count: int) -> Workspace:
     rows = count if kind == ROWS else 4 * count
     return Workspace(
         rows=np.zeros((rows, 6)),
-        work=np.zeros((rows, 6)),
+        scratch=np.zeros((rows, 6)),
         basis=np.zeros((6, 6)),
         axes=np.zeros((1, 6, count) if kind == ROWS else (count, 4, 6)),
-        sizes=np.zeros(6),
+        extents=np.zeros(6),
         metric=np.zeros(6),
         dims=np.zeros(6, dtype=np.int64),
     )
 
 
 @merged
-def _lay_rows(wrenches, workspace):
-    """Lay out given wrenches (n, 6)."""
+def _load_rows(wrenches, workspace):
+    """Copy given wrenches (n, 6) into the workspace."""
     rows = workspace.rows
     for i in range(rows.shape[0]):
         for k in range(6):
@@ -76,14 +76,15 @@ def _lay_rows(wrenches, workspace):
 
 
 @merged
-def _lay_contacts(axes, reach, soft, workspace):
-    """Lay out the axes (n, 4, 6) of contacts, tangential ones as far as friction reaches (n,)."""
+def _load_contacts(axes, tangential, soft, workspace):
+    """Copy the axes (n, 4, 6) of contacts, the tangential ones scaled by friction (n,)."""
     rows = workspace.rows
     for i in range(axes.shape[0]):
         for j in range(4):
             factor = 1.0
+            # Without friction, or without torsion, the axis does not belong to the span.
             if 1 <= j <= 2:
-                factor = reach[i]
+                factor = tangential[i]
             elif j == 3 and not soft:
                 factor = 0.0
             for k in range(6):
@@ -91,9 +92,9 @@ def _lay_contacts(axes, reach, soft, workspace):
 
 
 @merged
-def _along(basis, plain, k, wrench):
-    """Coordinate of a wrench along a row of the basis; `plain`: they are the unit vectors."""
-    if plain:
+def _coordinate(basis, is_unit_basis, k, wrench):
+    """Coordinate of a wrench along a row of the basis, which may be the unit vectors."""
+    if is_unit_basis:
         return wrench[k]
     value = 0.0
     for c in range(6):
@@ -103,148 +104,167 @@ def _along(basis, plain, k, wrench):
 
 @merged
 def _project(kind, source, workspace, rank):
-    """Write the wrenches in coordinates of their span, balanced: each reaches 1 somewhere."""
-    basis, sizes, metric, count = (
+    """Write the wrenches in coordinates of their span, each coordinate scaled to at most 1."""
+    basis, extents, metric, count = (
         workspace.basis,
-        workspace.sizes,
+        workspace.extents,
         workspace.metric,
         source.shape[0],
     )
-    plain = True
+    is_unit_basis = True
     for k in range(6):
-        sizes[k] = 0.0
-        plain = plain and basis[k, k] == 1.0
+        extents[k] = 0.0
+        is_unit_basis = is_unit_basis and basis[k, k] == 1.0
     for i in range(workspace.rows.shape[0]):
         for k in range(rank):
-            sizes[k] = max(sizes[k], abs(_along(basis, plain, k, workspace.rows[i])))
+            extents[k] = max(
+                extents[k], abs(_coordinate(basis, is_unit_basis, k, workspace.rows[i]))
+            )
     for k in range(6):
-        if kind == PER_FINGER:
-            sizes[k] *= count
-        metric[k] = 1.0 / sizes[k] if sizes[k] > 0.0 else 0.0
+        if kind == PER_FINGER:  # a sum of `count` wrenches
+            extents[k] *= count
+        metric[k] = 1.0 / extents[k] if extents[k] > 0.0 else 0.0
     for i in range(count):
         for j in range(1 if kind == ROWS else 4):
             for k in range(6):
-                value = metric[k] * _along(basis, plain, k, source[i, j])
+                value = metric[k] * _coordinate(basis, is_unit_basis, k, source[i, j])
                 if kind == ROWS:
                     workspace.axes[0, k, i] = value
                 else:
                     workspace.axes[i, j, k] = value
+    # From scale factors of wrenches to weights of the squared components of directions.
     for k in range(6):
         metric[k] *= metric[k]
 
 
 @merged
-def _grow(body, rank, workspace, goal, polytope):
+def _grow(space, rank, workspace, goal, polytope):
+    """Grow the hull in the dimension of the span."""
     if rank == 6:
-        return grow(body, SIX, workspace.metric, goal, polytope)
-    return grow(body, workspace.dims[:rank], workspace.metric, goal, polytope)
+        return grow(space, SIX, workspace.metric, goal, polytope)
+    return grow(space, workspace.dims[:rank], workspace.metric, goal, polytope)
 
 
 @merged
-def _direction(rank, workspace, polytope, out):
-    """Write the best direction in the six dimensions of wrenches, of length 1."""
+def _write_direction(rank, workspace, polytope, out):
+    """Write the direction of the upper bound as a unit vector in the wrench space."""
+    # Directions are dual to wrenches: they are divided by the scale, not multiplied.
     square = 0.0
     for k in range(6):
         out[k] = 0.0
         for j in range(rank):
-            out[k] += workspace.basis[j, k] * polytope.vectors[16, j] / workspace.sizes[j]
+            out[k] += workspace.basis[j, k] * polytope.vectors[16, j] / workspace.extents[j]
         square += out[k] * out[k]
     for k in range(6):
         out[k] /= math.sqrt(square)
 
 
 @merged
-def _reach(workspace):
-    """Length that no wrench exceeds."""
+def _largest_wrench(workspace):
+    """Upper bound of the length of all wrenches."""
     square = 0.0
     for k in range(6):
-        square += workspace.sizes[k] * workspace.sizes[k]
+        square += workspace.extents[k] * workspace.extents[k]
     return math.sqrt(square)
 
 
 @merged
-def _clear(answers, g):
-    """Say of a grasp what holds before anything is known."""
-    answers.lower[g] = answers.upper[g] = 0.0
-    answers.rank[g], answers.status[g], answers.closed[g] = 0, 0, False
+def _reset_result(results, g):
+    """Write the initial results of a grasp: no force closure, no certificate."""
+    results.lower[g] = results.upper[g] = 0.0
+    results.rank[g], results.status[g], results.closed[g] = 0, 0, False
     for k in range(6):
-        answers.direction[g, k] = 1.0 if k == 0 else 0.0
-    for i in range(answers.forces.shape[1]):
+        results.direction[g, k] = 1.0 if k == 0 else 0.0
+    for i in range(results.forces.shape[1]):
         for k in range(4):
-            answers.forces[g, i, k] = math.nan
+            results.forces[g, i, k] = math.nan
 
 
 @scratch_kernel
 def epsilons(
-    form, wrenches, reach, cones, rim, goal, group, prove, first, workspace, polytope, answers
+    form,
+    wrenches,
+    tangential,
+    cones,
+    rim,
+    goal,
+    group,
+    with_forces,
+    first,
+    workspace,
+    polytope,
+    results,
 ):
-    """Epsilon, closure and proof of many grasps.
+    """Epsilon, force closure and certificates of many grasps.
 
     Args:
-        form: (kind, spherical, soft) of `Body`.
+        form: (kind, spherical, soft) of `WrenchSpace`.
         wrenches: Axes of contacts (b, n, 4, 6) or rows (b, n, 1, 6).
-        reach: Tangential part of the forces that make the span (b, n).
-        cones: As in `Body` (b, n, 2).
-        rim: As in `Body` (m, 2).
+        tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
+        cones: As in `WrenchSpace` (b, n, 2).
+        rim: As in `WrenchSpace` (m, 2).
         goal: As in `grow`; its cutoff is 0 or inf.
-        group: How many grasps in a row are candidates for the same smallest epsilon; each is given
-            up when it cannot be smaller than those before it. 1: all are wanted.
-        prove: Whether equilibria are asked for.
-        first: Grasp to begin with.
+        group: Number of consecutive grasps of which only the smallest epsilon is needed; each is
+            abandoned when it cannot be smaller than those before it. 1: all are computed.
+        with_forces: Whether equilibrium forces are computed.
+        first: Index of the first grasp to compute.
         workspace: `Workspace`.
         polytope: `Polytope`.
-        answers: `Answers`.
+        results: `Results`.
 
     Returns:
-        The first grasp that the polytope was too small for, b if none; its bounds hold.
+        The first grasp for which the polytope was too small, b if none; its bounds hold.
     """
     kind, spherical, soft = form
     rtol, atol, cutoff, sign = goal
-    least = math.inf
+    smallest = math.inf
     for g in range(first - first % group, first):
-        least = min(least, answers.upper[g])
+        smallest = min(smallest, results.upper[g])
     for g in range(first, wrenches.shape[0]):
         if g % group == 0:
-            least = math.inf
-        _clear(answers, g)
-        if group > 1 and least <= 0.0:
-            answers.lower[g] = answers.upper[g] = math.inf
+            smallest = math.inf
+        _reset_result(results, g)
+        # No epsilon can be smaller than 0: the rest of the group is not needed.
+        if group > 1 and smallest <= 0.0:
+            results.lower[g] = results.upper[g] = math.inf
             continue
         if kind == ROWS:
-            _lay_rows(wrenches[g, :, 0], workspace)
+            _load_rows(wrenches[g, :, 0], workspace)
         else:
-            _lay_contacts(wrenches[g], reach[g], soft, workspace)
-        rank = span(workspace.rows, workspace.work, workspace.basis)
-        answers.rank[g] = rank
+            _load_contacts(wrenches[g], tangential[g], soft, workspace)
+        rank = span(workspace.rows, workspace.scratch, workspace.basis)
+        results.rank[g] = rank
         if rank == 0:
-            least = 0.0
+            smallest = 0.0
             continue
         _project(kind, wrenches[g], workspace, rank)
-        body = Body(kind, spherical, soft, workspace.axes, cones[g], rim)
-        limit = min(cutoff, least) if group > 1 else cutoff
+        # Within a group, growing stops when epsilon cannot be smaller than those before it.
+        space = WrenchSpace(kind, spherical, soft, workspace.axes, cones[g], rim)
+        limit = min(cutoff, smallest) if group > 1 else cutoff
         status, lower, upper, vertices, used = _grow(
-            body, rank, workspace, (rtol, atol, limit, sign), polytope
+            space, rank, workspace, (rtol, atol, limit, sign), polytope
         )
         closed = used > 0 and lower > 0.0
-        if math.isinf(lower) and limit == math.inf:  # numbers so far apart that planes broke down
-            status, lower, upper, closed = STALLED, 0.0, _reach(workspace), False
+        # No plane could be computed: the sizes of the coordinates differ too much.
+        if math.isinf(lower) and limit == math.inf:
+            status, lower, upper, closed = STALLED, 0.0, _largest_wrench(workspace), False
         lower = min(lower, upper)
-        answers.lower[g], answers.upper[g] = max(0.0, lower), upper
-        answers.status[g], answers.closed[g] = status, closed
+        results.lower[g], results.upper[g] = max(0.0, lower), upper
+        results.status[g], results.closed[g] = status, closed
         if status != STALLED or closed:
-            _direction(rank, workspace, polytope, answers.direction[g])
-        least = min(least, upper)
-        if prove and closed:
-            if kind == PER_FINGER:  # the hull of all contacts closes where their sum does
-                body = Body(TOTAL, spherical, soft, workspace.axes, cones[g], rim)
-                _, _, _, vertices, used = _grow(body, rank, workspace, SIGN, polytope)
+            _write_direction(rank, workspace, polytope, results.direction[g])
+        smallest = min(smallest, upper)
+        if with_forces and closed:
+            if kind == PER_FINGER:  # the hull contains the origin where the sum does
+                space = WrenchSpace(TOTAL, spherical, soft, workspace.axes, cones[g], rim)
+                _, _, _, vertices, used = _grow(space, rank, workspace, SIGN, polytope)
             balanced = used > 0 and equilibrium(
-                body, workspace.dims[:rank], polytope, vertices, used, answers.forces[g]
+                space, workspace.dims[:rank], polytope, vertices, used, results.forces[g]
             )
             if not balanced:
-                for i in range(answers.forces.shape[1]):
+                for i in range(results.forces.shape[1]):
                     for k in range(4):
-                        answers.forces[g, i, k] = math.nan
+                        results.forces[g, i, k] = math.nan
         if status == EXHAUSTED:
             return g
     return wrenches.shape[0]

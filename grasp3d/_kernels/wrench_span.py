@@ -1,4 +1,4 @@
-"""The span of a grasp's wrenches: its rank, and coordinates in it."""
+"""The span of a grasp's wrenches: its rank and an orthonormal basis."""
 
 import math
 
@@ -6,47 +6,47 @@ from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.vectors import dot6
 
 RANK_TOLERANCE = 1e-10
-"""Length across the span so far, with forces and torques each measured by their largest, below
-which a wrench adds no dimension."""
+"""Length of a wrench's part orthogonal to the span so far, with forces and torques each relative to
+their largest, below which it adds no dimension."""
 
-NOTHING = 1e-13
-"""Share of the largest wrench below which all forces, or all torques, count as rounding."""
+NEGLIGIBLE = 1e-13
+"""Size relative to the largest wrench below which all forces, or torques, are rounding errors."""
 
-CLEAR = 1e-3
-"""Length across the span from which a wrench surely adds a dimension."""
+CLEARLY_INDEPENDENT = 1e-3
+"""Length of the orthogonal part from which a wrench surely adds a dimension."""
 
 
 @merged
-def _balance(rows, work):
-    """Copy wrenches, their forces and their torques each divided by the largest."""
+def _balance(rows, scratch):
+    """Copy wrenches with forces and torques each divided by their largest."""
     force = torque = 0.0
     for i in range(rows.shape[0]):
         r = rows[i]
         force = max(force, r[0] * r[0] + r[1] * r[1] + r[2] * r[2])
         torque = max(torque, r[3] * r[3] + r[4] * r[4] + r[5] * r[5])
     force, torque = math.sqrt(force), math.sqrt(torque)
-    per_force = 1.0 / force if force > NOTHING * torque else 0.0
-    per_torque = 1.0 / torque if torque > NOTHING * force else 0.0
+    per_force = 1.0 / force if force > NEGLIGIBLE * torque else 0.0
+    per_torque = 1.0 / torque if torque > NEGLIGIBLE * force else 0.0
     for i in range(rows.shape[0]):
         for k in range(3):
-            work[i, k] = per_force * rows[i, k]
-            work[i, k + 3] = per_torque * rows[i, k + 3]
+            scratch[i, k] = per_force * rows[i, k]
+            scratch[i, k + 3] = per_torque * rows[i, k + 3]
 
 
 @merged
-def _is_clearly_full(work, basis):
-    """Whether the wrenches in their given order soon span all six dimensions."""
+def _is_clearly_full(scratch, basis):
+    """Whether the wrenches, taken in their given order, clearly span all six dimensions."""
     size = 0
-    for i in range(work.shape[0]):
+    for i in range(scratch.shape[0]):
         b = basis[size]
         for k in range(6):
-            b[k] = work[i, k]
+            b[k] = scratch[i, k]
         for j in range(size):
-            part = dot6(basis[j], b)
+            component = dot6(basis[j], b)
             for k in range(6):
-                b[k] -= part * basis[j, k]
+                b[k] -= component * basis[j, k]
         square = dot6(b, b)
-        if square > CLEAR * CLEAR:
+        if square > CLEARLY_INDEPENDENT * CLEARLY_INDEPENDENT:
             factor = 1.0 / math.sqrt(square)
             for k in range(6):
                 b[k] *= factor
@@ -57,56 +57,60 @@ def _is_clearly_full(work, basis):
 
 
 @merged
-def _orthonormalise(work, basis, most, tolerance):
-    """Gram-Schmidt, the longest remainder first; returns how many rows of the basis it filled."""
-    for size in range(most):
+def _orthonormalise(scratch, basis, max_rank, tolerance):
+    """Gram-Schmidt, the longest remainder first; returns the number of basis rows written."""
+    for size in range(max_rank):
         longest, chosen = tolerance * tolerance, -1
-        for i in range(work.shape[0]):
-            square = dot6(work[i], work[i])
+        for i in range(scratch.shape[0]):
+            square = dot6(scratch[i], scratch[i])
             if square > longest:
                 longest, chosen = square, i
         if chosen < 0:
             return size
         b = basis[size]
         for k in range(6):
-            b[k] = work[chosen, k]
+            b[k] = scratch[chosen, k]
         for j in range(size):
-            part = dot6(basis[j], b)
+            component = dot6(basis[j], b)
             for k in range(6):
-                b[k] -= part * basis[j, k]
+                b[k] -= component * basis[j, k]
         factor = 1.0 / math.sqrt(dot6(b, b))
         for k in range(6):
             b[k] *= factor
-        for i in range(work.shape[0]):
+        # Twice: one subtraction leaves rounding errors along b where nearly all cancels.
+        for i in range(scratch.shape[0]):
             for _ in range(2):
-                part = dot6(b, work[i])
+                component = dot6(b, scratch[i])
                 for k in range(6):
-                    work[i, k] -= part * b[k]
-    return most
+                    scratch[i, k] -= component * b[k]
+    return max_rank
 
 
 @scratch_kernel
-def span(rows, work, basis):
+def span(rows, scratch, basis):
     """Find the span of wrenches.
 
     Args:
         rows: Wrenches (n, 6).
-        work: Scratch (n, 6).
-        basis: Written, an orthonormal basis, a row per dimension, last the one along which
-            the wrenches reach least (6, 6); the unit vectors where they clearly span all.
+        scratch: Scratch (n, 6).
+        basis: Written, an orthonormal basis of the span, a row per dimension, the direction in
+            which the wrenches extend least last (6, 6); the unit vectors where they clearly span
+            all six dimensions.
 
     Returns:
         The rank.
     """
-    _balance(rows, work)
-    full = _is_clearly_full(work, basis)
+    # The rank is decided on balanced wrenches: it must not depend on the unit of length.
+    _balance(rows, scratch)
+    full = _is_clearly_full(scratch, basis)
     rank = 6
+    # The basis is then taken from the wrenches themselves, as epsilon is measured in their metric.
     if not full:
-        rank = _orthonormalise(work, basis, 6, RANK_TOLERANCE)
+        rank = _orthonormalise(scratch, basis, 6, RANK_TOLERANCE)
         for i in range(rows.shape[0]):
             for k in range(6):
-                work[i, k] = rows[i, k]
-        rank = _orthonormalise(work, basis, rank, 0.0)
+                scratch[i, k] = rows[i, k]
+        rank = _orthonormalise(scratch, basis, rank, 0.0)
     for j in range(0 if full else rank, 6):
         for k in range(6):
             basis[j, k] = 1.0 if full and j == k else 0.0

@@ -1,4 +1,4 @@
-"""Many meshes: plan the jobs, run them in processes, store one row for each."""
+"""Many meshes: plan the jobs, run them in worker processes, store one row per mesh."""
 
 from lazy_loader import attach_stub
 

@@ -1,4 +1,4 @@
-"""Which job is tried when, how often, and what is made of its end."""
+"""Attempts at jobs: when and how often a job is tried, and which row each attempt gives."""
 
 from collections import deque
 from collections.abc import Callable, Iterable, Iterator
@@ -6,25 +6,25 @@ from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.batch.crew import Crew
-from grasp3d.batch.working import Answer, Ending, Order, versions
-from grasp3d.isolation import Loss, Lost, NeedsMemory, working_folder
-from grasp3d.isolation.packing import packed, unpacked
+from grasp3d.batch.cluster_client import ClusterClient
+from grasp3d.batch.worker_task import Request, Result, ResultKind, versions
+from grasp3d.isolation import CallFailedError, CallFailure, NeedsMemory, working_folder
+from grasp3d.isolation.pickling import pickle_call, unpickle_result
 
 JobT = TypeVar("JobT")
 SettingsT = TypeVar("SettingsT")
 RowT = TypeVar("RowT")
 
-DEATHS = 3
-"""How many Dask workers may die under a job before it is given up."""
+MAX_WORKER_DEATHS = 3
+"""How many Dask workers may die while they run a job before it is given up."""
 
-MORE = 1.01
-"""By how much a second attempt must have more memory to be worth it."""
+MORE_MEMORY = 1.01
+"""Factor by which a second attempt must have more memory than the first."""
 
 
 @dataclass(frozen=True)
 class _Attempt(Generic[JobT]):
-    """A job, and what came of it so far."""
+    """A job, and how its earlier attempts ended."""
 
     job: JobT
     alone: bool = False
@@ -33,111 +33,115 @@ class _Attempt(Generic[JobT]):
 
 
 class Attempts(Generic[JobT, SettingsT, RowT]):
-    """All jobs of a run: those that are at work, and those that are put off."""
+    """All jobs of a run: those that are running, and those that are postponed."""
 
     def __init__(
         self,
-        crew: Crew,
+        client: ClusterClient,
         task: Callable[[JobT, SettingsT], RowT],
         settings: SettingsT,
         lost: Callable[[JobT, str], RowT],
         cluster: ClusterSettings,
     ) -> None:
-        """Begin nothing yet; the arguments are those of `run`, and who does the work."""
-        self._crew, self._task, self._settings = crew, task, settings
+        """Start nothing yet; the arguments are those of `run`, and the client of the cluster."""
+        self._client, self._task, self._settings = client, task, settings
         self._lost, self._cluster = lost, cluster
         self._folder = working_folder()
-        self._flying: dict[int, _Attempt[JobT]] = {}
-        self._later: deque[_Attempt[JobT]] = deque()
+        self._running: dict[int, _Attempt[JobT]] = {}
+        self._postponed: deque[_Attempt[JobT]] = deque()
 
     def rows(self, jobs: Iterable[JobT], started: Callable[[JobT], None]) -> Iterator[RowT]:
-        """Do the jobs; yields each row when it is done.
+        """Run the jobs; yields each row when it is finished.
 
         Args:
-            jobs: Taken while there are fewer at work than the workers can have.
-            started: Told of each job that is taken.
+            jobs: Taken while fewer are running than the workers can hold.
+            started: Called with each job that is taken.
         """
         left = iter(jobs)
-        while self._sent(left, started):
-            done = self._crew.wait()
+        while self._send_jobs(left, started):
+            done = self._client.wait()
             if done is not None:
-                number, answer = done
-                # A row is made before the next jobs are taken, which can take a while.
-                yield from self._judged(self._flying.pop(number), answer)
+                number, result = done
+                # Yield the row first: taking the next jobs can take a while.
+                yield from self._rows_of(self._running.pop(number), result)
 
-    def _sent(self, left: Iterator[JobT], started: Callable[[JobT], None]) -> bool:
-        """Send what there is room for; tells whether anything is at work."""
-        while len(self._flying) < self._crew.window:
+    def _send_jobs(self, left: Iterator[JobT], started: Callable[[JobT], None]) -> bool:
+        """Send as many jobs as the workers can hold; returns whether any is running."""
+        while len(self._running) < self._client.window:
             try:
                 job = next(left)
             except StopIteration:
                 break
             started(job)
             self._send(_Attempt(job))
-        if not self._flying and self._later:
-            self._send(self._later.popleft())
-        return bool(self._flying)
+        if not self._running and self._postponed:
+            self._send(self._postponed.popleft())
+        return bool(self._running)
 
     def _send(self, attempt: _Attempt[JobT]) -> None:
-        order = Order(
-            packed(self._task, attempt.job, self._settings),
+        request = Request(
+            pickle_call(self._task, attempt.job, self._settings),
             self._folder,
             self._cluster.worker_memory,
             self._cluster.timeout,
             attempt.alone,
             versions(),
         )
-        self._flying[self._crew.submit(order)] = attempt
+        self._running[self._client.submit(request)] = attempt
 
-    def _judged(self, attempt: _Attempt[JobT], answer: Answer) -> list[RowT]:
-        """The row of a job, or none if it is tried again."""
-        if answer.ending is Ending.ROW:
-            return [unpacked(answer.value)]
-        if answer.ending is Ending.LOST:
-            again = self._after_loss(attempt, answer)
-        elif answer.ending is Ending.NEEDS:
-            again = self._after_need(attempt, answer)
-        elif answer.ending is Ending.DIED:
-            again = self._after_death(attempt, answer)
+    def _rows_of(self, attempt: _Attempt[JobT], result: Result) -> list[RowT]:
+        """The row of a job, or none if the job is tried again."""
+        if result.kind is ResultKind.RETURNED:
+            return [unpickle_result(result.value)]
+        if result.kind is ResultKind.LOST:
+            reason = self._after_loss(attempt, result)
+        elif result.kind is ResultKind.NEEDS_MEMORY:
+            reason = self._after_memory_request(attempt, result)
+        elif result.kind is ResultKind.WORKER_DIED:
+            reason = self._after_death(attempt, result)
         else:
-            again = str(answer.value)
-        return [] if again is None else [self._lost(attempt.job, again)]
+            reason = str(result.value)
+        return [] if reason is None else [self._lost(attempt.job, reason)]
 
-    def _after_loss(self, attempt: _Attempt[JobT], answer: Answer) -> str | None:
-        """Try again what may have had bad luck; gives the reason where it is given up."""
-        lost: Lost = answer.value
-        if lost.kind is Loss.CANCELLED:  # by the scheduler, which then thought better of it
+    def _after_loss(self, attempt: _Attempt[JobT], result: Result) -> str | None:
+        """Try a lost job again where that may help; else returns why it is given up."""
+        failure: CallFailedError = result.value
+        if failure.kind is CallFailure.CANCELLED:  # by the scheduler, which has assigned it again
             self._send(attempt)
-        elif lost.kind is Loss.CRASHED and not attempt.crashed:
+        elif failure.kind is CallFailure.CRASHED and not attempt.crashed:
             self._send(replace(attempt, crashed=True))
-        elif self._worth_waiting(attempt, answer):
-            self._later.append(replace(attempt, alone=True))
+        elif self._may_succeed_alone(attempt, result):
+            self._postponed.append(replace(attempt, alone=True))
         else:
-            return lost.reason
+            return failure.reason
         return None
 
-    def _worth_waiting(self, attempt: _Attempt[JobT], answer: Answer) -> bool:
-        """Whether a job that was lost may do better alone."""
-        kind = answer.value.kind
-        if kind is Loss.KILLED:
+    def _may_succeed_alone(self, attempt: _Attempt[JobT], result: Result) -> bool:
+        """Whether a lost job may succeed when no other job runs beside it."""
+        kind = result.value.kind
+        if kind is CallFailure.KILLED:
             return not attempt.alone
-        return kind is Loss.OUT_OF_MEMORY and self._more_than(attempt, answer)
+        return kind is CallFailure.OUT_OF_MEMORY and self._more_memory_alone(attempt, result)
 
-    def _after_need(self, attempt: _Attempt[JobT], answer: Answer) -> str | None:
-        if not self._more_than(attempt, answer):
-            return str(NeedsMemory(answer.value))
-        self._later.append(replace(attempt, alone=True))
+    def _after_memory_request(self, attempt: _Attempt[JobT], result: Result) -> str | None:
+        """Postpone a job that needs more memory; returns why it is given up if there is no more."""
+        if not self._more_memory_alone(attempt, result):
+            return str(NeedsMemory(result.value))
+        self._postponed.append(replace(attempt, alone=True))
         return None
 
-    def _after_death(self, attempt: _Attempt[JobT], answer: Answer) -> str | None:
-        deaths = attempt.deaths + int(answer.value)
-        if deaths > DEATHS:
-            return f"{deaths} Dask workers died while they worked on this mesh"
+    def _after_death(self, attempt: _Attempt[JobT], result: Result) -> str | None:
+        """Try a job again whose worker died; returns why it is given up after several deaths."""
+        deaths = attempt.deaths + int(result.value)
+        if deaths > MAX_WORKER_DEATHS:
+            return f"{deaths} Dask workers died while they ran this mesh"
         self._send(replace(attempt, deaths=deaths))
         return None
 
-    def _more_than(self, attempt: _Attempt[JobT], answer: Answer) -> bool:
-        """Whether the job could have more memory alone than it had."""
+    def _more_memory_alone(self, attempt: _Attempt[JobT], result: Result) -> bool:
+        """Whether the job would have more memory alone than it had."""
         if attempt.alone:
             return False
-        return answer.memory is None or self._crew.largest()[1] > MORE * answer.memory
+        return (
+            result.memory is None or self._client.largest_worker()[1] > MORE_MEMORY * result.memory
+        )

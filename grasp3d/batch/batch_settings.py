@@ -1,4 +1,4 @@
-"""What a batch is run with: how meshes are labelled, and who does the work."""
+"""Settings of a batch: how meshes are labelled, and which processes label them."""
 
 import math
 from dataclasses import dataclass, field, replace
@@ -6,23 +6,28 @@ from dataclasses import dataclass, field, replace
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, GraspModel, MeshOptions, Sampling, search_cone
 
-USUAL_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
-"""Sensor resolutions at which shares are taken where none are asked for: 0 to 60 degrees [rad]."""
+DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
+"""Default sensor resolutions of the grid: 0 to 60 degrees in steps of 5 [rad]."""
 
 MIN_WORKER_MEMORY = 0.5
+"""Least memory of a worker process [GB]."""
 
 ROUNDING = 1e-9
-"""Angle by which a question may exceed the cone that was searched [rad]."""
+"""Angle by which a requested angle may exceed the searched cone, for rounding [rad]."""
 
 
 @dataclass(frozen=True)
 class FractionGrid:
-    """Frictions and sensor resolutions at which the shares of S, M and U of each mesh are taken."""
+    """Frictions and sensor resolutions at which the area fractions of S, M and U are computed.
+
+    Attributes:
+        friction: Coulomb coefficients; none: the model's.
+        sensor_resolution: Resolutions alpha [rad]; none: 0 to 60 degrees in steps of 5, and the
+            model's.
+    """
 
     friction: tuple[float, ...] = ()
-    """Coulomb coefficients; none: that of the model."""
     sensor_resolution: tuple[float, ...] = ()
-    """Resolutions alpha [rad]; none: 0 to 60 degrees in steps of 5, and that of the model."""
 
     def __post_init__(self) -> None:
         for friction in self.friction:
@@ -33,23 +38,27 @@ class FractionGrid:
 
 @dataclass(frozen=True)
 class BatchSettings:
-    """What all meshes are labelled with, or checked for."""
+    """Settings with which all meshes are labelled, or for which they are checked.
+
+    Attributes:
+        best: Number of best distinct grasps that the summary keeps of each mesh; 0: none.
+    """
 
     model: GraspModel = field(default_factory=GraspModel)
     sampling: Sampling = field(default_factory=Sampling)
     mesh: MeshOptions = field(default_factory=MeshOptions)
     grid: FractionGrid = field(default_factory=FractionGrid)
     best: int = 5
-    """Best distinct grasps that are kept of each mesh; 0: none."""
 
     def __post_init__(self) -> None:
         if self.best < 0:
             raise SettingError(f"the number of best grasps must be at least 0; got {self.best}")
-        given, needed = self.sampling.search_angle, self._needed
+        given, needed = self.sampling.search_angle, self._needed_search_angle
         if self.grid != FractionGrid() and given is not None and given < needed - ROUNDING:
             raise SettingError(
-                "search angle must be at least atan(friction) + alpha/2 of the largest of both in "
-                f"the grid, {math.degrees(needed):.4g} degrees; got {math.degrees(given):.4g}"
+                "search angle must be at least atan(friction) + alpha/2 for the largest friction "
+                f"and alpha of the grid, {math.degrees(needed):.4g} degrees; "
+                f"got {math.degrees(given):.4g}"
             )
 
     @property
@@ -60,19 +69,19 @@ class BatchSettings:
     @property
     def resolutions(self) -> tuple[float, ...]:
         """Sensor resolutions of the grid, in increasing order [rad]."""
-        given = self.grid.sensor_resolution or (*USUAL_RESOLUTIONS, self.model.sensor_resolution)
+        given = self.grid.sensor_resolution or (*DEFAULT_RESOLUTIONS, self.model.sensor_resolution)
         return tuple(sorted(set(given)))
 
     @property
     def search(self) -> Sampling:
-        """How grasps are searched: as wide as the model and a grid that was asked for need."""
+        """How grasps are searched; the search angle covers the model and a grid that is given."""
         if self.sampling.search_angle is not None or self.grid == FractionGrid():
             return self.sampling
-        return replace(self.sampling, search_angle=self._needed)
+        return replace(self.sampling, search_angle=self._needed_search_angle)
 
     @property
-    def _needed(self) -> float:
-        """Search angle that tells M from U for the model and over the whole grid [rad]."""
+    def _needed_search_angle(self) -> float:
+        """Search angle that separates M from U for the model and over the whole grid [rad]."""
         widest = replace(
             self.model,
             friction=max(self.model.friction, *self.frictions),
@@ -83,27 +92,30 @@ class BatchSettings:
 
 @dataclass(frozen=True)
 class ClusterSettings:
-    """Who does the work: processes of this machine, or a Dask cluster that runs already."""
+    """Which processes label the meshes: this machine's, or those of a running Dask cluster.
+
+    Attributes:
+        workers: Processes on this machine, one thread each; none: one per processor; 0: no child
+            processes, one mesh after the other and without limits, for debugging.
+        scheduler: Address (tcp://HOST:8786) or scheduler file of a running Dask cluster.
+        worker_memory: Memory limit of a process [GB]; a mesh that needs more is labelled once more,
+            alone; none: an equal part of this machine's memory, or the memory limit of the running
+            cluster's workers.
+        timeout: Time limit for a mesh [s]; a mesh that takes longer is given up; none: no limit.
+    """
 
     workers: int | None = None
-    """Processes of this machine, one thread each; none: one per processor; 0: no processes, one
-    mesh after the other and without limits, to look for the cause of a failure."""
-
     scheduler: str | None = None
-    """Address (tcp://HOST:8786) or scheduler file of a Dask cluster that runs already."""
-
     worker_memory: float | None = None
-    """Memory of a process [GB]; a mesh that takes more is tried once more alone; none: an equal
-    share of this machine's, or what the workers of a running cluster were given."""
-
     timeout: float | None = 3600.0
-    """Time for a mesh [s]; one that takes longer is given up; none: any."""
 
     def __post_init__(self) -> None:
         if self.workers is not None and self.workers < 0:
             raise SettingError(f"workers must be at least 0; got {self.workers}")
         if self.workers is not None and self.scheduler is not None:
-            raise SettingError("workers are those of the running cluster; leave --workers out")
+            raise SettingError(
+                "workers and scheduler exclude each other: a running cluster has its own workers"
+            )
         memory = self.worker_memory
         if memory is not None and not (memory >= MIN_WORKER_MEMORY and math.isfinite(memory)):
             raise SettingError(

@@ -1,4 +1,4 @@
-"""Checking what a command line names: a diagnosis, or the reason of a refusal, for each mesh."""
+"""Checks of input meshes: a diagnosis of each mesh, or the reason why it is refused."""
 
 from dataclasses import dataclass
 
@@ -11,7 +11,7 @@ from grasp3d.storage import local_copy
 
 @dataclass(frozen=True)
 class CheckedMesh:
-    """What came of one mesh: a diagnosis, or why it is refused."""
+    """The check of one mesh: a diagnosis, or why the mesh is refused."""
 
     name: str
     source: str
@@ -20,7 +20,7 @@ class CheckedMesh:
 
     @property
     def trust(self) -> Trust:
-        """Whether labels can be trusted; of a mesh that is refused there are none."""
+        """Whether labels can be trusted; a refused mesh has no labels."""
         return Trust.NO if self.diagnosis is None else self.diagnosis.trust
 
 
@@ -29,9 +29,9 @@ def check_file(mesh: MeshFile, settings: BatchSettings) -> CheckedMesh:
 
     Args:
         mesh: The file.
-        settings: What it is checked for.
+        settings: Settings of the labels that the mesh is checked for.
     """
-    # Loaded here: whoever plans needs no rays and no compiler.
+    # Imported here: the process that plans needs neither ray tracing nor the compiler.
     from grasp3d.diagnosis import diagnose
 
     try:
@@ -43,7 +43,7 @@ def check_file(mesh: MeshFile, settings: BatchSettings) -> CheckedMesh:
 
 
 def lost_check(mesh: MeshFile, reason: str) -> CheckedMesh:
-    """What came of a mesh whose process did not come back.
+    """The check of a mesh whose process failed.
 
     Args:
         mesh: The file.

@@ -1,45 +1,46 @@
-"""Meshes of a folder, of this machine or at an address, by one listing of it."""
+"""Meshes of a local or remote folder, found with one listing."""
 
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 from grasp3d.reading import mesh_suffixes
-from grasp3d.storage import Entry, entries, local_path
+from grasp3d.storage import Entry, list_entries, local_path
 from grasp3d.system.names import as_unicode
 
 RESULT = "_labeled.ply"
-"""How results of `grasp3d label` are called, which are no inputs."""
+"""Suffix of results of `grasp3d label`, which are not inputs."""
 
 MARKER = "grasp3d.json"
 """File that marks a folder as a store of results."""
 
 STORED = ("labels", "fields", "summary", "journal", "report", "damaged")
-"""Folders of a store; there is no input in them."""
+"""Folders of a store; they contain no inputs."""
 
 
 @dataclass(frozen=True)
 class MeshFile:
-    """A mesh among the inputs."""
+    """One input mesh."""
 
     name: str
-    """Its path below the folder that was given, or that of the list; of a file that was given, its
-    name. No two meshes have one name: those that would are called by their source."""
+    """Path below the input folder, or below the folder of the list; for a file given directly, its
+    file name. Names are unique: where they would be equal, meshes are named by their source."""
     source: str
-    """Path or address of the file, as it was given."""
+    """Path or address of the file, as given."""
     size: int = 0
     """Bytes."""
     stamp: str = ""
-    """Changes when the file does; empty: nothing tells, as for a .gltf, whose data lie beside."""
+    """Changes when the file changes; empty: unknown, as for a .gltf, whose data are in other
+    files."""
 
 
 @dataclass(frozen=True)
-class Found:
-    """A mesh, and where it really is."""
+class FoundMesh:
+    """A mesh and its real path."""
 
     mesh: MeshFile
-    place: str
-    """The same for all links to a file."""
+    real_path: str
+    """Path or address with links resolved: equal for all links to one file."""
 
 
 def meshes_below(
@@ -48,41 +49,41 @@ def meshes_below(
     *,
     wanted: Callable[[str], object] = bool,
     depth: int | None = None,
-) -> Iterator[Found]:
-    """Find the meshes in a folder and below; what is hidden, or a result, is none.
+) -> Iterator[FoundMesh]:
+    """Find the meshes in a folder and below, without hidden files and results.
 
     Args:
         folder: Path or address.
-        results: Folder for results, left out where it is below.
-        wanted: Tells of a name below the folder whether it counts.
-        depth: Levels to go down; none: all.
+        results: Folder for results, left out where it is below `folder`.
+        wanted: Called with a name below the folder; a false value excludes the file.
+        depth: Levels of folders to search; none: all.
 
     Raises:
         FileNotFoundError: There is no such folder.
-        MeshError: It cannot be opened.
+        MeshError: The folder cannot be opened.
     """
-    listed = entries(folder, depth=depth)
+    listed = list_entries(folder, depth=depth)
     suffixes = tuple(mesh_suffixes())
-    stored = _stores(listed)
-    own = _own(folder, results)
+    stored = _store_folders(listed)
+    own = _results_below(folder, results)
     for entry in listed:
         path, _, name = entry.name.rpartition("/")
         if not name.lower().endswith(suffixes) or name.startswith(".") or name.endswith(RESULT):
             continue
-        if (stored and _inside(path, stored)) or (own and _inside(entry.place, {own})):
+        if (stored and _inside(path, stored)) or (own and _inside(entry.real_path, {own})):
             continue
         if wanted(entry.name):
             yield found_at(joined(folder, entry.name), entry, entry.name)
 
 
-def _stores(listed: Iterable[Entry]) -> set[str]:
-    """Folders that hold the results of a store."""
-    homes = [
+def _store_folders(listed: Iterable[Entry]) -> set[str]:
+    """Folders with the results of a store."""
+    stores = [
         entry.name.removesuffix(MARKER)
         for entry in listed
         if entry.name == MARKER or entry.name.endswith(f"/{MARKER}")
     ]
-    return {f"{home}{name}" for home in homes for name in STORED}
+    return {f"{store}{name}" for store in stores for name in STORED}
 
 
 def _inside(path: str, folders: set[str]) -> bool:
@@ -94,22 +95,28 @@ def _inside(path: str, folders: set[str]) -> bool:
     return True
 
 
-def _own(folder: str, results: str | None) -> str:
-    """Where the results go, if that is below the folder that is searched; else empty."""
+def _results_below(folder: str, results: str | None) -> str:
+    """Folder for results if it is below the searched folder; else empty."""
     if results is None:
         return ""
-    here, there = local_path(folder), local_path(results)
-    if here is None or there is None:
-        below = here is there and results.startswith(folder.rstrip("/") + "/")
+    searched, target = local_path(folder), local_path(results)
+    if searched is None or target is None:
+        below = searched is target and results.startswith(folder.rstrip("/") + "/")
         return results.rstrip("/") if below else ""
-    home, own = here.resolve(), there.resolve()
-    return own.as_posix() if own != home and own.is_relative_to(home) else ""
+    base, own = searched.resolve(), target.resolve()
+    return own.as_posix() if own != base and own.is_relative_to(base) else ""
 
 
-def found_at(source: str, entry: Entry, name: str) -> Found:
-    """A mesh that was found: its path or address, what a listing says of it, and its name."""
+def found_at(source: str, entry: Entry, name: str) -> FoundMesh:
+    """Describe a mesh that was found.
+
+    Args:
+        source: Path or address.
+        entry: The file in a listing.
+        name: Name of the mesh.
+    """
     stamp = "" if source.lower().endswith(".gltf") else entry.stamp
-    return Found(MeshFile(as_unicode(name), source, entry.size, stamp), entry.place)
+    return FoundMesh(MeshFile(as_unicode(name), source, entry.size, stamp), entry.real_path)
 
 
 def joined(folder: str, name: str) -> str:

@@ -1,4 +1,4 @@
-"""What results rest on: the content of a mesh, the settings, and the version of the method."""
+"""Identity of results: the content of a mesh, the settings, and the version of the method."""
 
 import hashlib
 import json
@@ -13,21 +13,21 @@ from grasp3d.reading.side_files import side_names
 from grasp3d.system.names import printable
 
 METHOD = 1
-"""Version of the method; to be raised when labels of the same mesh change."""
+"""Version of the method; to be increased when labels of the same mesh change."""
 
 
-def content_of(path: Path) -> str:
-    """SHA-256 of a mesh file, and of the files that a glTF keeps its data in.
+def content_hash(path: Path) -> str:
+    """SHA-256 of a mesh file, and of the files with the data of a glTF.
 
     Args:
-        path: File of this machine.
+        path: Local file.
 
     Raises:
-        MeshError: It cannot be read.
+        MeshError: The file cannot be read.
     """
     try:
         digest = _digest(path)
-        beside = [f"{name} {_beside(path, name)}" for name in side_names(path)]
+        side_digests = [f"{name} {_side_digest(path, name)}" for name in side_names(path)]
     except OSError as error:
         reason = (
             "there is no such file"
@@ -35,35 +35,35 @@ def content_of(path: Path) -> str:
             else (f"cannot be opened ({error.strerror})")
         )
         raise MeshError(f"{printable(str(path))}: {reason}") from error
-    if not beside:
+    if not side_digests:
         return digest
-    return hashlib.sha256("\n".join([digest, *sorted(beside)]).encode()).hexdigest()
+    return hashlib.sha256("\n".join([digest, *sorted(side_digests)]).encode()).hexdigest()
 
 
 def mesh_key(content: str, settings: BatchSettings) -> str:
-    """SHA-256 of all that decides what comes of a mesh; another one means: label it again.
+    """SHA-256 of all that determines the results of a mesh; where it differs, label again.
 
     Args:
-        content: From `content_of`.
-        settings: What it is labelled with.
+        content: From `content_hash`.
+        settings: Settings of the labels.
     """
     return hashlib.sha256(f"{content} {settings_key(settings)} {METHOD}".encode()).hexdigest()
 
 
 @lru_cache(maxsize=16)
 def settings_key(settings: BatchSettings) -> str:
-    """SHA-256 of settings: the same for equal ones, whatever made them."""
+    """SHA-256 of settings, the same for equal settings."""
     return hashlib.sha256(settings_text(settings).encode()).hexdigest()
 
 
 def settings_text(settings: BatchSettings) -> str:
-    """Write settings as JSON in one way only: sorted, whole numbers without a point, inf null."""
+    """Settings as canonical JSON: sorted, whole numbers without a decimal point, inf as null."""
     return json.dumps(
         _canonical(asdict(settings)), sort_keys=True, separators=(",", ":"), allow_nan=False
     )
 
 
-def _canonical(value: Any) -> Any:  # noqa: ANN401
+def _canonical(value: Any) -> Any:
     if isinstance(value, dict):
         return {key: _canonical(item) for key, item in value.items()}
     if isinstance(value, list | tuple):
@@ -80,8 +80,8 @@ def _digest(path: Path) -> str:
         return hashlib.file_digest(stream, "sha256").hexdigest()
 
 
-def _beside(path: Path, name: str) -> str:
-    """Digest of a side file; one that is missing, or out of the folder, is not read either."""
+def _side_digest(path: Path, name: str) -> str:
+    """Digest of a side file; a file that is missing or outside the folder is not read."""
     folder = path.parent.resolve()
     side = (folder / name).resolve()
     return _digest(side) if side.is_relative_to(folder) and side.is_file() else "missing"

@@ -1,4 +1,4 @@
-"""Which meshes a command line names: files, folders, patterns, lists, here or at an address."""
+"""Input meshes: files, folders, patterns and lists, on this machine or at an address."""
 
 import os
 import re
@@ -7,30 +7,30 @@ from collections.abc import Callable, Iterable, Iterator
 from dataclasses import replace
 from pathlib import Path
 
-from grasp3d.batch.folders import Found, MeshFile, found_at, joined, meshes_below
+from grasp3d.batch.folders import FoundMesh, MeshFile, found_at, joined, meshes_below
 from grasp3d.errors import MeshError
 from grasp3d.reading import mesh_suffixes
-from grasp3d.storage import entries, local_path, look, named_like, read_text
+from grasp3d.storage import find_entry, list_entries, local_path, name_matcher, read_text
 from grasp3d.system.names import as_unicode, printable, short_hash
 
 LIST = ".txt"
-MANY = 10
+MIN_FOR_LISTING = 10
 """Entries of a list in one folder of an object store from which on the folder is listed once."""
 
-__all__ = ["MeshFile", "find_meshes", "real_place"]
+__all__ = ["MeshFile", "find_meshes", "real_path"]
 
 _MAGIC = re.compile(r"[*?\[]")
 _COMMENT = re.compile(r"(^|\s)#.*")
 
 
 def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[MeshFile]:
-    """List the meshes that inputs name, each once.
+    """List the input meshes, each once.
 
-    An input is a mesh file, a folder that is searched with all below it, a pattern for files such
-    as `lib/**/*.stl`, a list of inputs (.txt: one in each line, relative to the list's folder,
-    `#` begins a comment), or the address of one of these such as s3://bucket/lib. A file that is
-    really called like a pattern is taken for itself. Of folders and patterns hidden files, results
-    of `grasp3d label`, and what is in a store of results are left out.
+    An input is a mesh file, a folder that is searched recursively, a pattern for files such as
+    `lib/**/*.stl`, a list of inputs (.txt: one per line, relative to the list's folder, `#` begins
+    a comment), or the address of one of these such as s3://bucket/lib. An existing file whose name
+    looks like a pattern is that file. In folders and patterns hidden files, results of
+    `grasp3d label`, and the contents of a store of results are left out.
 
     Args:
         inputs: Paths and addresses.
@@ -45,52 +45,52 @@ def find_meshes(inputs: Iterable[str], *, results: str | None = None) -> list[Me
     inputs = list(inputs)
     found: dict[str, MeshFile] = {}
     for item in inputs:
-        for one in _named_by(item, results):
-            found.setdefault(one.place, one.mesh)
+        for one in _meshes_of_input(item, results):
+            found.setdefault(one.real_path, one.mesh)
     if not found:
         known = " ".join(sorted(mesh_suffixes()))
         folders = printable(", ".join(inputs))
         raise MeshError(f"{folders}: no mesh in it; files named {known} are read")
-    return sorted(_told_apart(found.values()), key=lambda mesh: (mesh.name, mesh.source))
+    return sorted(_with_unique_names(found.values()), key=lambda mesh: (mesh.name, mesh.source))
 
 
-def real_place(source: str) -> str:
-    """Say where a path or address really is: all links to a file are at one place."""
+def real_path(source: str) -> str:
+    """Path with links resolved, equal for all links to one file; an address stays as it is."""
     path = local_path(source)
     return source if path is None else os.path.realpath(path)
 
 
-def _named_by(item: str, results: str | None) -> Iterator[Found]:
-    """Meshes that one input names."""
-    item = _tidy(item)
+def _meshes_of_input(item: str, results: str | None) -> Iterator[FoundMesh]:
+    """Meshes of one input."""
+    item = _normalized(item)
     try:
-        entry = look(item)
+        entry = find_entry(item)
     except FileNotFoundError as error:
         if not _MAGIC.search(item):
             raise MeshError(f"{printable(item)}: there is no such file or folder") from error
-        yield from _of_pattern(item, results)
+        yield from _meshes_of_pattern(item, results)
         return
     if entry is None:
         yield from meshes_below(item, results)
     elif item.lower().endswith(LIST):
-        yield from _of_list(item, results)
+        yield from _meshes_of_list(item, results)
     else:
         yield found_at(item, entry, entry.name)
 
 
-def _tidy(item: str) -> str:
-    """A path as pathlib writes it; of an address no slash at its end."""
+def _normalized(item: str) -> str:
+    """A path as pathlib writes it; an address without a slash at its end."""
     path = local_path(item)
     return (item.rstrip("/") or item) if path is None else str(path)
 
 
-def _of_pattern(pattern: str, results: str | None) -> Iterator[Found]:
-    """Files that a pattern names, by one listing of its fixed part."""
+def _meshes_of_pattern(pattern: str, results: str | None) -> Iterator[FoundMesh]:
+    """Files that match a pattern, found with one listing of its fixed part."""
     parts = pattern.replace(os.sep, "/").split("/")
     fixed = next(number for number, part in enumerate(parts) if _MAGIC.search(part))
     folder, below = "/".join(parts[:fixed]), "/".join(parts[fixed:])
     depth = None if "**" in below else len(parts) - fixed
-    wanted = named_like(below)
+    wanted = name_matcher(below)
     if not folder:
         folder = "/" if fixed else "."
     try:
@@ -104,8 +104,8 @@ def _of_pattern(pattern: str, results: str | None) -> Iterator[Found]:
     yield from found
 
 
-def _of_list(source: str, results: str | None) -> Iterator[Found]:
-    """Meshes that a list names; errors name the line."""
+def _meshes_of_list(source: str, results: str | None) -> Iterator[FoundMesh]:
+    """Meshes of a list; errors contain the number of the line."""
     lines = [_COMMENT.sub("", line).strip() for line in read_text(source).splitlines()]
     path = local_path(source)
     base = source.rpartition("/")[0] if path is None else str(path.parent)
@@ -114,17 +114,17 @@ def _of_list(source: str, results: str | None) -> Iterator[Found]:
         for number, line in enumerate(lines, 1)
         if line
     }
-    looked = _looked_together(items.values())
+    listed = _listed_together(items.values())
     for number, item in items.items():
         try:
-            for one in [looked[item]] if item in looked else _of_line(item, results):
-                yield replace(one, mesh=_below(base, one.mesh))
+            for one in [listed[item]] if item in listed else _meshes_of_line(item, results):
+                yield replace(one, mesh=_named_below(base, one.mesh))
         except MeshError as error:
             raise MeshError(f"{printable(source)}, line {number}: {error}") from error
 
 
-def _below(base: str, mesh: MeshFile) -> MeshFile:
-    """Call a mesh by its path below the folder of its list, if it is there."""
+def _named_below(base: str, mesh: MeshFile) -> MeshFile:
+    """Name a mesh by its path below the folder of its list, if it is there."""
     head = base + ("/" if local_path(base) is None else os.sep)
     below = mesh.source if base == "." else mesh.source.removeprefix(head)
     if (
@@ -136,41 +136,41 @@ def _below(base: str, mesh: MeshFile) -> MeshFile:
     return replace(mesh, name=as_unicode(below))
 
 
-def _of_line(item: str, results: str | None) -> Iterator[Found]:
+def _meshes_of_line(item: str, results: str | None) -> Iterator[FoundMesh]:
     if item.lower().endswith(LIST):
         raise MeshError(f"{printable(item)}: is a list within a list, which is not read")
-    yield from _named_by(item, results)
+    yield from _meshes_of_input(item, results)
 
 
-def _looked_together(items: Iterable[str]) -> dict[str, Found]:
-    """Files of an object store, of which a list names many in a folder: one listing for all."""
+def _listed_together(items: Iterable[str]) -> dict[str, FoundMesh]:
+    """Files of an object store, where a list names many in one folder: one listing per folder."""
     remote = [item for item in items if local_path(item) is None and not _MAGIC.search(item)]
-    often = Counter(item.rpartition("/")[0] for item in remote)
+    counts = Counter(item.rpartition("/")[0] for item in remote)
     found = {}
-    for folder in sorted(folder for folder, count in often.items() if count >= MANY):
+    for folder in sorted(folder for folder, count in counts.items() if count >= MIN_FOR_LISTING):
         try:
-            listed = entries(folder, depth=1)
+            listed = list_entries(folder, depth=1)
         except FileNotFoundError:
-            continue  # each entry says so for itself
+            continue  # reported for each entry
         for entry in listed:
             item = joined(folder, entry.name)
             found[item] = found_at(item, entry, entry.name)
     return found
 
 
-def _told_apart(meshes: Iterable[MeshFile]) -> list[MeshFile]:
-    """Call meshes whose names meet by their source, until no two names are one."""
-    told = _renamed(list(meshes), lambda mesh: mesh.source)
-    return _renamed(told, lambda mesh: f"{mesh.source}-{short_hash(mesh.source)}")
+def _with_unique_names(meshes: Iterable[MeshFile]) -> list[MeshFile]:
+    """Name meshes with equal names by their source, until all names differ."""
+    by_source = _renamed(list(meshes), lambda mesh: mesh.source)
+    return _renamed(by_source, lambda mesh: f"{mesh.source}-{short_hash(mesh.source)}")
 
 
 def _renamed(meshes: list[MeshFile], other: Callable[[MeshFile], str]) -> list[MeshFile]:
     while True:
-        often = Counter(mesh.name for mesh in meshes)
-        again = [
-            mesh if often[mesh.name] == 1 else replace(mesh, name=as_unicode(other(mesh)))
+        counts = Counter(mesh.name for mesh in meshes)
+        renamed = [
+            mesh if counts[mesh.name] == 1 else replace(mesh, name=as_unicode(other(mesh)))
             for mesh in meshes
         ]
-        if again == meshes:
+        if renamed == meshes:
             return meshes
-        meshes = again
+        meshes = renamed

@@ -1,4 +1,4 @@
-"""Rows that are not yet in the summary: files of JSON that survive the death of their writer."""
+"""The journal: JSON files with rows that are not in the summary yet and survive a crash."""
 
 import json
 import re
@@ -15,45 +15,45 @@ from grasp3d.system.names import as_unicode
 FOLDER = "journal"
 
 NAME = re.compile(r"journal/[0-9a-f]{8}-\d{8,}\.json")
-"""What its files are called."""
+"""Names of the journal's files."""
 
 
 @dataclass(frozen=True)
-class Note:
+class JournalEntry:
     """One file of the journal."""
 
     rows: tuple[Row, ...] = ()
     """Rows to be put into the summary."""
-    doubted: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
-    """Rows of the summary whose results may be overwritten soon, by the name of their mesh: what
-    the file system said of the results when they still held."""
+    to_replace: Mapping[str, Mapping[str, str]] = field(default_factory=dict)
+    """Rows of the summary that a run is about to replace, by the name of their mesh: the state of
+    their result files before the run, according to the file system."""
 
 
-def pack_note(note: Note) -> bytes:
-    """Write a note as JSON."""
-    return json.dumps(asdict(note)).encode()
+def pack_entry(entry: JournalEntry) -> bytes:
+    """Write an entry as JSON."""
+    return json.dumps(asdict(entry)).encode()
 
 
-def unpack_note(data: bytes) -> Note:
-    """Read a note.
+def unpack_entry(data: bytes) -> JournalEntry:
+    """Read an entry.
 
     Raises:
-        ValueError: It is damaged.
+        ValueError: The data are damaged.
     """
     try:
-        told = json.loads(data)
-        rows = tuple(_made(Row, row) for row in told["rows"])
-        doubted = {
+        values = json.loads(data)
+        rows = tuple(_converted(Row, row) for row in values["rows"])
+        to_replace = {
             str(name): {str(file): str(stamp) for file, stamp in stamps.items()}
-            for name, stamps in told["doubted"].items()
+            for name, stamps in values["to_replace"].items()
         }
     except (AttributeError, KeyError, TypeError, RecursionError) as error:
         raise ValueError(str(error)) from error
-    return Note(rows, doubted)
+    return JournalEntry(rows, to_replace)
 
 
-def plain(row: Row) -> Row:
-    """A row as tables can hold it: bytes of file names that are no Unicode are written out."""
+def in_unicode(row: Row) -> Row:
+    """A row as tables can hold it: bytes of file names that are not Unicode are escaped."""
     text: dict[str, Any] = {
         name: as_unicode(value)
         for name, value in vars(row).items()
@@ -62,30 +62,32 @@ def plain(row: Row) -> Row:
     return replace(row, **text) if text else row
 
 
-def _made(hint: Any, value: Any) -> Any:  # noqa: ANN401
-    """Make of JSON what a type hint says.
+def _converted(hint: Any, value: Any) -> Any:
+    """Convert a JSON value to a type hint.
 
     Raises:
-        TypeError: It is something else.
+        TypeError: The value is of another type.
     """
     kinds = [each for each in get_args(hint) if each is not NoneType]
     if get_origin(hint) is tuple:
-        return tuple(_made(kinds[0], item) for item in value)
+        return tuple(_converted(kinds[0], item) for item in value)
     if kinds:  # a field that may be none
-        return None if value is None else _made(kinds[0], value)
+        return None if value is None else _converted(kinds[0], value)
     if is_dataclass(hint):
         hints = _hints(hint)  # type: ignore[arg-type]
-        known = {name: _made(hints[name], item) for name, item in value.items() if name in hints}
+        known = {
+            name: _converted(hints[name], item) for name, item in value.items() if name in hints
+        }
         return hint(**known)  # type: ignore[operator]
     if issubclass(hint, StrEnum):
         return hint(value)
     if hint is float and type(value) is int:
         return float(value)
     if type(value) is not hint:
-        raise TypeError(f"{value!r:.50} is no {hint.__name__}")
+        raise TypeError(f"{value!r:.50} is not of type {hint.__name__}")
     return value
 
 
 @cache
-def _hints(kind: Any) -> dict[str, Any]:  # noqa: ANN401
+def _hints(kind: Any) -> dict[str, Any]:
     return get_type_hints(kind)

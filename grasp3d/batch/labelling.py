@@ -1,4 +1,4 @@
-"""What is done for one mesh: a pure function of the file and the settings."""
+"""Labelling one mesh of a batch: a pure function of the file and the settings."""
 
 import itertools
 import logging
@@ -13,10 +13,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grasp3d.batch.batch_settings import ROUNDING, BatchSettings
-from grasp3d.batch.identity import METHOD, content_of, mesh_key
+from grasp3d.batch.identity import METHOD, content_hash, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.plan import Job
-from grasp3d.batch.row import BestGrasp, Outcome, Row, Share
+from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.costs import labelling_cost
 from grasp3d.errors import GraspError, MeshUnreadError, OutputError
 from grasp3d.isolation import NeedsMemory, allowed_memory, call
@@ -42,7 +42,7 @@ _CUBE = np.array(
 
 @dataclass(frozen=True)
 class Unchanged:
-    """A mesh whose row still holds: its file was touched, but its content is the same."""
+    """A mesh whose row is still valid: its file was touched, but its content is the same."""
 
     mesh: MeshFile
 
@@ -51,29 +51,29 @@ def label_job(job: Job, settings: BatchSettings) -> Row | Unchanged:
     """Label one mesh and write all its results.
 
     Args:
-        job: The mesh, and where its results go.
-        settings: What all meshes are labelled with.
+        job: The mesh, and the files for its results.
+        settings: Settings of the labels.
 
     Returns:
-        The mesh's row of the summary, which is all that is left to write; one that cannot be
-        labelled has its reason in `error`. `Unchanged`, where its content is what is known already.
+        The mesh's row of the summary; of a mesh that cannot be labelled with the reason in `error`.
+        `Unchanged` where the content is `job.known_content`.
 
     Raises:
-        NeedsMemory: It is expected to take more memory than this process may.
+        NeedsMemory: The mesh is expected to need more memory than this process may take.
     """
     begun = time.perf_counter()
-    row = _head(job, settings)
+    row = _unlabelled_row(job, settings)
     try:
         with local_copy(job.mesh.source) as path:
-            content = content_of(path)
-            if content == job.known:
+            content = content_hash(path)
+            if content == job.known_content:
                 return Unchanged(job.mesh)
-            # Of a mesh with files beside it, its own date tells nothing.
+            # The stamp of a file does not change when its side files do.
             stamp = "" if side_names(path) else row.stamp
             key = mesh_key(content, settings)
             row = replace(row, content=content, key=key, stamp=stamp)
             row = _labelled(path, job, settings, row)
-    except (OutputError, MeshUnreadError) as error:  # what is full or away now may not be tomorrow
+    except (OutputError, MeshUnreadError) as error:  # may pass by itself
         row = replace(row, outcome=Outcome.LOST, error=str(error))
     except GraspError as error:
         row = replace(row, outcome=Outcome.REFUSED, error=str(error))
@@ -81,16 +81,16 @@ def label_job(job: Job, settings: BatchSettings) -> Row | Unchanged:
 
 
 def warm_up(settings: BatchSettings) -> None:
-    """Compile what labelling needs, if nothing is yet: once, and not as part of a mesh's time.
+    """Compile the kernels if they are not compiled yet, outside the time limit of a mesh.
 
     Args:
-        settings: What meshes will be labelled with.
+        settings: Settings of the labels.
     """
     from grasp3d._kernels.compiling import compiled_before
 
     if not compiled_before():
-        logger.info("compiling, which the first run has to do; it takes a minute or two")
-        with suppress(GraspError):  # whatever is wrong is told of each mesh
+        logger.info("compiling; the first run has to do this, and it takes a minute or two")
+        with suppress(GraspError):  # reported for each mesh
             call(_label_cube, settings)
 
 
@@ -100,11 +100,11 @@ def _label_cube(settings: BatchSettings) -> None:
 
     corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
     mesh = mesh_from_arrays(corners, _CUBE, max_edge=2.0)
-    label_surface(mesh, settings.model, threads=1).measure(ignore)
+    label_surface(mesh, settings.model, threads=1).compute_epsilon(ignore)
 
 
 def lost_row(job: Job, reason: str) -> Row:
-    """Row of a mesh whose process did not come back with one.
+    """Row of a mesh whose process failed.
 
     Args:
         job: The mesh.
@@ -122,8 +122,8 @@ def lost_row(job: Job, reason: str) -> Row:
     )
 
 
-def _head(job: Job, settings: BatchSettings) -> Row:
-    """What is known of a mesh before it is read."""
+def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
+    """Row of a mesh with the values that are known before it is read."""
     mesh = job.mesh
     return Row(
         mesh=mesh.name,
@@ -139,13 +139,13 @@ def _head(job: Job, settings: BatchSettings) -> Row:
 
 
 def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
-    # Loaded here: whoever plans a batch or reads its rows needs no rays and no compiler.
+    # Imported here: planning and reading rows need neither ray tracing nor the compiler.
     from grasp3d.diagnosis.length_warnings import length_warnings
     from grasp3d.mesh import prepare_file
     from grasp3d.surface.labelling import label_surface
 
     model, sampling = settings.model, settings.search
-    clock = _clock()
+    clock = _lap_times()
     next(clock)
     mesh = prepare_file(path, settings.mesh, threads=1)
     reading = next(clock)
@@ -153,9 +153,9 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
     if allowed is not None and cost.memory > allowed:
         raise NeedsMemory(cost.memory)
     labels = label_surface(mesh, model, sampling=sampling, threads=1)
-    labels.measure(ignore)
+    labels.compute_epsilon(ignore)
     labelling = next(clock)
-    grasps = _best(labels, settings.best)
+    grasps = _best_grasps(labels, settings.best)
     _write(labels, job, grasps)
     warnings = length_warnings(mesh.size, mesh.unit, model, settings.sampling, settings.mesh)
     return replace(
@@ -164,9 +164,9 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
         fields=job.fields,
         view=job.view,
         thumbnail=job.thumbnail,
-        **_of_surface(labels),
-        **_of_angles(labels),
-        shares=tuple(_shares(labels, settings)),
+        **_surface_values(labels),
+        **_angle_values(labels),
+        fractions=tuple(_grid_fractions(labels, settings)),
         grasps=grasps,
         warnings="; ".join((*mesh.report.warnings, *warnings)),
         seconds_reading=reading,
@@ -175,8 +175,8 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
     )
 
 
-def _clock() -> Iterator[float]:
-    """Seconds since it was last asked."""
+def _lap_times() -> Iterator[float]:
+    """Yield the time since the previous value [s]."""
     last = time.perf_counter()
     while True:
         now = time.perf_counter()
@@ -185,19 +185,19 @@ def _clock() -> Iterator[float]:
 
 
 def _write(labels: "SurfaceLabels", job: Job, grasps: tuple[BestGrasp, ...]) -> None:
-    """Write all results of a mesh but its row, each whole or not at all."""
+    """Write all results of a mesh except its row, each atomically."""
     from grasp3d.batch.report import object_script, thumbnail
     from grasp3d.export import write_fields, write_ply
 
     output = job.output
     for name, write in {job.labels: write_ply, job.fields: write_fields}.items():
-        with output.making(name) as part:
-            write(part, labels)
+        with output.atomic_write(name) as path:
+            write(path, labels)
     output.write(job.view, object_script(labels, job.mesh.name, grasps))
     output.write(job.thumbnail, thumbnail(labels))
 
 
-def _of_surface(labels: "SurfaceLabels") -> dict[str, Any]:
+def _surface_values(labels: "SurfaceLabels") -> dict[str, Any]:
     mesh, fractions = labels.mesh, labels.fractions()
     x, y, z = mesh.center_mass.tolist()
     return {
@@ -217,32 +217,32 @@ def _of_surface(labels: "SurfaceLabels") -> dict[str, Any]:
     }
 
 
-def _of_angles(labels: "SurfaceLabels") -> dict[str, Any]:
+def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
     beta, angles = labels.model.friction_angle, labels.angle_distribution()
     return {
         **_quantiles("critical_angle", QUARTILES, labels.angle_quantiles(QUARTILES)),
         **_quantiles("epsilon", DECILES, labels.epsilon_quantiles(DECILES)),
         **_quantiles("epsilon_min", DECILES, labels.epsilon_quantiles(DECILES, of="minimum")),
         **{
-            f"required_resolution_{100.0 * share:.0f}": max(
-                0.0, 2.0 * (beta - angles.worst_quantile(share))
+            f"required_resolution_{100.0 * fraction:.0f}": max(
+                0.0, 2.0 * (beta - angles.worst_quantile(fraction))
             )
-            for share in REQUIRED
+            for fraction in REQUIRED
         },
         "search_angle": labels.search.cone,
     }
 
 
 def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> dict[str, float]:
-    """Name the quantiles of one quantity as the summary has them."""
+    """Quantiles of one quantity by the names of their columns."""
     return {
         f"{name}_p{100.0 * level:.0f}": float(value)
         for level, value in zip(levels, values, strict=True)
     }
 
 
-def _shares(labels: "SurfaceLabels", settings: BatchSettings) -> Iterator[Share]:
-    """Shares over the grid; M and U are told apart only as far as grasps were searched."""
+def _grid_fractions(labels: "SurfaceLabels", settings: BatchSettings) -> Iterator[AreaFractions]:
+    """Area fractions over the grid; M and U only within the searched cone."""
     angles = labels.angle_distribution()
     for friction in settings.frictions:
         beta = GraspModel(friction=friction).friction_angle
@@ -250,22 +250,22 @@ def _shares(labels: "SurfaceLabels", settings: BatchSettings) -> Iterator[Share]
             stable = float(angles.worst_below(beta - 0.5 * resolution))
             ambiguous = unstable = None
             if min(beta + 0.5 * resolution, math.pi / 2.0) <= angles.limit + ROUNDING:
-                told = angles.fractions(friction=friction, sensor_resolution=resolution)
-                ambiguous, unstable = told["M"], told["U"]
-            yield Share(friction, resolution, stable, ambiguous, unstable)
+                fractions = angles.fractions(friction=friction, sensor_resolution=resolution)
+                ambiguous, unstable = fractions["M"], fractions["U"]
+            yield AreaFractions(friction, resolution, stable, ambiguous, unstable)
 
 
-def _best(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
-    """Take the best distinct grasps as the summary has them."""
+def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
+    """Best distinct grasps of a surface, as they are stored in its row."""
     from grasp3d.grasps.distinct import best_grasps
-    from grasp3d.surface.labels import Reason
+    from grasp3d.surface.vertex_grasps import Reason
 
     if not count or not np.any(labels.reason == Reason.FOUND):
         return ()
     best = best_grasps(labels, count)
     # The first finger is at a vertex, whose epsilon is known.
-    places = best.contacts.surface_points
-    vertices = labels.mesh.faces[places.faces[:, 0], places.weights[:, 0].argmax(axis=1)]
+    contacts = best.contacts.surface_points
+    vertices = labels.mesh.faces[contacts.faces[:, 0], contacts.weights[:, 0].argmax(axis=1)]
     return tuple(
         BestGrasp(
             critical_angle=float(best.critical_angle[number]),
@@ -279,5 +279,5 @@ def _best(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
     )
 
 
-def _triples(rows: Any) -> tuple[tuple[float, float, float], ...]:  # noqa: ANN401
+def _triples(rows: Any) -> tuple[tuple[float, float, float], ...]:
     return tuple((float(x), float(y), float(z)) for x, y, z in rows)

@@ -1,4 +1,4 @@
-"""A library of meshes: planned, labelled by many processes, kept, resumed, reported."""
+"""Labelling a library of meshes: planned, labelled by many processes, stored, reported."""
 
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -10,33 +10,33 @@ from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.inputs import MeshFile, find_meshes
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row, warm_up
 from grasp3d.batch.plan import Job, plan
-from grasp3d.batch.renaming import known_names
+from grasp3d.batch.progress import ProgressCallback, ProgressCounter, ignore_progress
 from grasp3d.batch.report import write_report
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.run import run
-from grasp3d.batch.state import Books, Watch, unwatched
 from grasp3d.batch.store import Store
+from grasp3d.batch.stored_names import use_stored_names
 from grasp3d.errors import OutputError
 from grasp3d.storage import Folder, local_path
 
 REPORT = "report/index.html"
 
-LOOKING = 10.0
-"""Time that a shared folder may take to show what another machine has written [s]."""
+SHARED_FOLDER_TIMEOUT = 10.0
+"""Time until a shared folder shows a file that another machine has written [s]."""
 
 
 @dataclass(frozen=True)
 class LibraryLabels:
-    """What is known of a library after a batch."""
+    """Results of a batch."""
 
     output: str
     """Folder of the results."""
     rows: Mapping[str, Row]
-    """One for each mesh among the inputs, by the mesh's name and in the order of names."""
+    """A row for each input mesh, by the mesh's name and in the order of names."""
     finished: int
     """How many of them were finished by an earlier batch."""
-    told: tuple[str, ...]
-    """What was wrong with the folder of the results, and what was done about it."""
+    warnings: tuple[str, ...]
+    """Damaged files of the store, and what was done about them."""
 
     @cached_property
     def failed(self) -> tuple[Row, ...]:
@@ -52,29 +52,29 @@ def label_library(
     cluster: ClusterSettings | None = None,
     force: bool = False,
     report: bool = True,
-    watch: Watch = unwatched,
+    progress: ProgressCallback = ignore_progress,
 ) -> LibraryLabels:
-    """Label every mesh of a library, largest files first; resumes what an earlier call began.
+    """Label every mesh of a library, largest files first; resumes an earlier call.
 
     Below `output`: `labels/NAME.ply`, `fields/NAME.parquet` (a row per vertex), `summary/` (a
     Parquet data set, a row per mesh) and `report/index.html`. A mesh whose content, settings and
-    version of the method are those of its row is not labelled again. Meshes that fail are rows with
-    the reason. What was done by the time of an interruption, of any process, is kept.
+    version of the method equal those of its row is not labelled again. Meshes that fail have rows
+    with the reason. If any process is interrupted, finished meshes stay finished.
 
     Args:
         inputs: Folders, mesh files, globs, lists (.txt), on this machine or any file system that
             fsspec knows (s3://...).
-        output: Folder for the results, likewise.
-        settings: What all meshes are labelled with.
-        cluster: Who does the work.
-        force: Label all anew.
+        output: Folder for the results, on any of these file systems.
+        settings: Settings of the labels.
+        cluster: Which processes label the meshes.
+        force: Label all meshes again.
         report: Write the report.
-        watch: Told how it goes.
+        progress: Called with the progress whenever a mesh is started or finished.
 
     Raises:
         MeshError: An input is missing, or there is no mesh among them.
         SettingError: The cluster cannot be reached.
-        OutputError: The results cannot be written, or `output` holds other meshes with other
+        OutputError: The results cannot be written, or `output` contains other meshes with other
             settings.
     """
     settings, folder = settings or BatchSettings(), Folder(str(output))
@@ -83,28 +83,28 @@ def label_library(
     found = find_meshes(map(str, inputs), results=folder.url)
     store = Store.open(folder, settings, force=force)
     try:
-        meshes = known_names(found, store.rows)
-        jobs, finished = _to_do(meshes, store, force=force)
+        meshes = use_stored_names(found, store.rows)
+        jobs, finished = _jobs_to_run(meshes, store, force=force)
         store.begin(job.mesh.name for job in jobs)
         stale = sum(1 for job in jobs if store.is_stale(job.mesh.name))
-        books = Books([job.mesh for job in jobs], finished, stale, watch)
-        for row in _rows(jobs, settings, cluster or ClusterSettings(), store, books):
+        counter = ProgressCounter([job.mesh for job in jobs], finished, stale, progress)
+        for row in _rows(jobs, settings, cluster or ClusterSettings(), store, counter):
             store.add(row)
-            books.end(row)
-    finally:  # also when interrupted: what is done is done
+            counter.finish(row)
+    finally:  # also when interrupted
         store.close()
     if report:
         write_report(folder, store.rows_of(sorted(store.rows)).values(), settings)
     names = sorted(mesh.name for mesh in meshes)
-    return LibraryLabels(folder.url, store.rows_of(names), finished, tuple(store.told))
+    return LibraryLabels(folder.url, store.rows_of(names), finished, tuple(store.warnings))
 
 
-def _to_do(meshes: Sequence[MeshFile], store: Store, *, force: bool) -> tuple[list[Job], int]:
-    """Jobs for what is not finished, the largest first, and how many meshes are."""
+def _jobs_to_run(meshes: Sequence[MeshFile], store: Store, *, force: bool) -> tuple[list[Job], int]:
+    """Jobs for the unfinished meshes, the largest first, and the number of finished meshes."""
     jobs = plan(meshes, store.output, taken=_stems(store.rows))
     if not force:
         jobs = [job for job in jobs if not store.finished(job.mesh)]
-        jobs = [replace(job, known=store.known(job.mesh)) for job in jobs]
+        jobs = [replace(job, known_content=store.known_content(job.mesh)) for job in jobs]
     jobs.sort(key=lambda job: (-job.mesh.size, job.mesh.name))
     return jobs, len(meshes) - len(jobs)
 
@@ -114,50 +114,50 @@ def _rows(
     settings: BatchSettings,
     cluster: ClusterSettings,
     store: Store,
-    books: Books,
+    counter: ProgressCounter,
 ) -> Iterator[Row]:
-    """Label the meshes; yields each row when it is known."""
-    away = cluster.scheduler is not None
-    if jobs and cluster.workers != 0 and not away:
+    """Label the meshes; yields each row when it is finished."""
+    check_shared_folder = cluster.scheduler is not None
+    if jobs and cluster.workers != 0 and not check_shared_folder:
         warm_up(settings)
-    for came in run(
+    for result in run(
         label_job,
         jobs,
         settings,
         lost=lost_row,
         cluster=cluster,
-        started=lambda job: books.begin(job.mesh),
+        started=lambda job: counter.start(job.mesh),
     ):
-        row = _row_of(came, store.rows)
-        if away and row.labels:
-            _check_here(store.output, row)
-            away = False
+        row = _row_of(result, store.rows)
+        if check_shared_folder and row.labels:
+            _check_shared(store.output, row)
+            check_shared_folder = False
         yield row
 
 
-def _check_here(output: Folder, row: Row) -> None:
-    """Tell whether a worker of a cluster writes to the same folder as this process reads."""
-    path, end = local_path(output.path(row.labels)), time.monotonic() + LOOKING
+def _check_shared(output: Folder, row: Row) -> None:
+    """Check that a worker of a cluster writes to the folder that this process reads."""
+    path, end = local_path(output.path(row.labels)), time.monotonic() + SHARED_FOLDER_TIMEOUT
     while path is not None and not path.exists():
         if time.monotonic() > end:
             raise OutputError(
-                f"{output.url}: a worker of the cluster has written to it, but nothing came here; "
-                "name a folder that all machines share, or an object store"
+                f"{output.url}: a worker of the cluster has written results, but they do not "
+                "appear here; name a folder that all machines access, or an object store"
             )
         time.sleep(0.1)
 
 
-def _row_of(came: Row | Unchanged, known: Mapping[str, Row]) -> Row:
-    """Row of a mesh that has come back; of one that is unchanged its own, with the new stamp."""
-    if isinstance(came, Unchanged):
-        row = known[came.mesh.name]
-        stamp = came.mesh.stamp if row.stamp else ""  # of files that others lie beside
-        return replace(row, stamp=stamp, source=came.mesh.source)
-    return came
+def _row_of(result: Row | Unchanged, known: Mapping[str, Row]) -> Row:
+    """Row of a finished mesh; an unchanged mesh keeps its row, with the new stamp."""
+    if isinstance(result, Unchanged):
+        row = known[result.mesh.name]
+        stamp = result.mesh.stamp if row.stamp else ""  # none for meshes with side files
+        return replace(row, stamp=stamp, source=result.mesh.source)
+    return result
 
 
 def _stems(rows: Mapping[str, Row]) -> dict[str, str]:
-    """What the results of meshes that are labelled already are called."""
+    """Stems of the existing results, by the name of their mesh."""
     return {
         name: row.labels.removeprefix("labels/").removesuffix(".ply")
         for name, row in rows.items()

@@ -1,4 +1,4 @@
-"""What marks a folder as a store of results, and what may not become one."""
+"""The marker file of a store of results, and checks of folders without one."""
 
 import json
 from datetime import UTC, datetime
@@ -18,17 +18,17 @@ FORMAT = 1
 
 
 def read_marker(output: Folder) -> tuple[bytes | None, bool]:
-    """Read the marker of a store, or see that a folder without one can become a store.
+    """Read the marker of a store, or check that a folder without one can become a store.
 
     Args:
         output: Folder for the results.
 
     Returns:
-        (the marker's content, None where there is none; whether it is sound).
+        (the marker's content, None where there is none; whether it is valid).
 
     Raises:
-        OutputError: A newer version wrote the store, or the folder holds
-            other files where a store has its own.
+        OutputError: A newer version wrote the store, or the folder contains
+            other files in the folders of a store.
     """
     try:
         data = output.read(MARKER)
@@ -36,53 +36,53 @@ def read_marker(output: Folder) -> tuple[bytes | None, bool]:
         _check_free(output)
         return None, False
     try:
-        told = json.loads(data)
-        found = int(told["format"])
+        marker = json.loads(data)
+        found = int(marker["format"])
     except (KeyError, TypeError, ValueError):
         return data, False
     if found > FORMAT:
         raise OutputError(
             f"{printable(output.url)}: is a store of a newer version of grasp3d "
-            f"({printable(str(told.get('version')))}); update grasp3d, or name another folder"
+            f"({printable(str(marker.get('version')))}); update grasp3d, or name another folder"
         )
     return data, True
 
 
-def marker_of(settings: BatchSettings) -> bytes:
+def marker_content(settings: BatchSettings) -> bytes:
     """Content of the marker of a store with these settings."""
-    told = {
+    marker = {
         "format": FORMAT,
         "version": package_version(),
         "method": METHOD,
         "settings": json.loads(settings_text(settings)),
     }
-    return (json.dumps(told, indent=1) + "\n").encode()
+    return (json.dumps(marker, indent=1) + "\n").encode()
 
 
 def set_aside(output: Folder, name: str, data: bytes) -> str:
-    """Move a damaged file to `damaged/`; returns the name that it has there."""
+    """Move a damaged file to `damaged/`; returns its new name."""
     now = datetime.now(UTC).strftime("%Y%m%dT%H%M%S.%f")
-    aside = f"damaged/{now}-{name.replace('/', '-')}"
-    output.write(aside, data)
+    new_name = f"damaged/{now}-{name.replace('/', '-')}"
+    output.write(new_name, data)
     output.remove(name)
-    return aside
+    return new_name
 
 
 def _check_free(output: Folder) -> None:
-    """Refuse a folder without marker whose files a store would take for its own, or replace."""
+    """Refuse a folder without marker whose files a store would read or replace."""
     summary = output.names("summary")
-    if summary and all(_is_ours(output, name) for name in summary):
-        return  # a store that has lost its marker
+    if summary and all(_is_summary(output, name) for name in summary):
+        return  # the summary of a store without its marker
     for folder in STORED:
         for name in output.names(folder):
             raise OutputError(
-                f"{printable(output.url)}: holds a folder called {folder} that is not of grasp3d "
+                f"{printable(output.url)}: contains a folder {folder} that grasp3d has not written "
                 f"({printable(name)}); name another folder"
             )
 
 
-def _is_ours(output: Folder, name: str) -> bool:
-    """Whether a file is part of a summary: of a store that has lost its marker."""
+def _is_summary(output: Folder, name: str) -> bool:
+    """Whether a file is part of a summary."""
     try:
         unpack_records(output.read(name), Row)
     except (ValueError, FileNotFoundError):

@@ -1,22 +1,22 @@
-"""What is kept of one mesh: a line of the summary."""
+"""One row of the summary: the results of one mesh."""
 
 from dataclasses import dataclass
 from enum import StrEnum
 
 
 class Outcome(StrEnum):
-    """What came of a mesh."""
+    """Whether a mesh was labelled."""
 
     LABELLED = "labelled"
     REFUSED = "refused"
-    """It cannot be labelled as it is, and will not be until it or the settings change."""
+    """The mesh cannot be labelled, and is tried again only when it or the settings change."""
     LOST = "lost"
-    """Its process died, or took too much time or memory; the next run tries it again."""
+    """Its process died, or exceeded the time or memory limit; the next run tries it again."""
 
 
 @dataclass(frozen=True)
-class Share:
-    """Shares of the surface by area at one friction and sensor resolution."""
+class AreaFractions:
+    """Area fractions of S, M and U at one friction and one sensor resolution."""
 
     friction: float
     sensor_resolution: float
@@ -24,7 +24,7 @@ class Share:
     stable: float
     """S."""
     ambiguous: float | None
-    """M; none where atan(friction) + alpha/2 exceeds the cone that was searched."""
+    """M; none where atan(friction) + alpha/2 exceeds the searched cone."""
     no_grasp_found: float | None
     """U; none as above."""
 
@@ -36,53 +36,54 @@ class BestGrasp:
     critical_angle: float
     """Critical friction angle over the worst normals [rad]."""
     max_resolution: float
-    """Coarsest sensor resolution below which it is S at the model's friction [rad]; 0: none."""
+    """Coarsest sensor resolution below which the grasp is S at the model's friction [rad]; 0:
+    none."""
     epsilon: float
     """At the nominal normals."""
     opening: float
     """Largest distance between two contacts, in the mesh's unit."""
     points: tuple[tuple[float, float, float], ...]
-    """Contacts, in the mesh's unit and frame."""
+    """Contact points, in the mesh's unit and frame."""
     normals: tuple[tuple[float, float, float], ...]
-    """Outward unit normals there."""
+    """Outward unit normals at the contact points."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One line of the summary; what is not known of a mesh that was not labelled is none."""
+    """One row of the summary; values that are unknown, as for unlabelled meshes, are none."""
 
     mesh: str
-    """How the mesh is called: its path below the folder that was given."""
+    """Name of the mesh: its path below the input folder."""
     source: str = ""
-    """The file, as it was given."""
+    """Path or address of the file, as given."""
     outcome: Outcome = Outcome.LABELLED
     error: str = ""
-    """Why it was not labelled."""
+    """Why the mesh was not labelled."""
     bytes: int | None = None
     """Size of the file."""
     stamp: str = ""
-    """What the file system says of its state: with the same stamp it has the same content."""
+    """State of the file according to the file system: the same stamp means the same content."""
     content: str = ""
-    """SHA-256 of the file, and of files that it refers to."""
+    """SHA-256 of the file, and of the files that it refers to."""
     key: str = ""
-    """What the row rests on: content, settings and version of the method."""
+    """SHA-256 of the content, the settings and the version of the method."""
     friction: float | None = None
-    """Coulomb coefficient that it was labelled with."""
+    """Coulomb coefficient of the labels."""
     sensor_resolution: float | None = None
-    """Resolution alpha that it was labelled with [rad]."""
+    """Resolution alpha of the labels [rad]."""
     fingers: int | None = None
     labels: str = ""
-    """Labelled PLY, its path below the output folder."""
+    """Path of the labelled PLY below the output folder."""
     fields: str = ""
-    """Table of the vertices, likewise."""
+    """Path of the table of vertices below the output folder."""
     view: str = ""
-    """What the report shows of the mesh, likewise."""
+    """Path of the report's data of the mesh below the output folder."""
     thumbnail: str = ""
-    """Its small picture, likewise."""
+    """Path of the thumbnail below the output folder."""
     vertices: int | None = None
     faces: int | None = None
     size: float | None = None
-    """Diameter of the ball around the surface, in the mesh's unit."""
+    """Diameter of the surface's bounding sphere, in the mesh's unit."""
     unit: str | None = None
     closed: bool | None = None
     area: float | None = None
@@ -90,13 +91,13 @@ class Row:
     """Enclosed volume; none where the surface is open."""
     center_mass: tuple[float, float, float] | None = None
     torque_scale: float | None = None
-    """Length that torques in epsilon are divided by, in the mesh's unit."""
+    """Length by which torques are divided in epsilon, in the mesh's unit."""
     stable: float | None = None
-    """Share of the surface labelled S, by area."""
+    """Area fraction of S."""
     ambiguous: float | None = None
-    """Share labelled M."""
+    """Area fraction of M."""
     no_grasp_found: float | None = None
-    """Share labelled U."""
+    """Area fraction of U."""
     critical_angle_p10: float | None = None
     """Quantiles of the critical friction angle over the surface [rad]; inf: no grasp found."""
     critical_angle_p25: float | None = None
@@ -113,15 +114,15 @@ class Row:
     epsilon_min_p90: float | None = None
     required_resolution_50: float | None = None
     """Coarsest sensor resolution below which half of the surface is S at the model's friction
-    [rad]; 0: no sensor is fine enough."""
+    [rad]; 0: no resolution is fine enough."""
     required_resolution_80: float | None = None
     required_resolution_90: float | None = None
-    shares: tuple[Share, ...] = ()
-    """Over the grid of frictions and sensor resolutions."""
+    fractions: tuple[AreaFractions, ...] = ()
+    """Area fractions over the grid of frictions and sensor resolutions."""
     grasps: tuple[BestGrasp, ...] = ()
     """Best distinct grasps, the best first."""
     search_angle: float | None = None
-    """Half-angle of the cone that was searched [rad]."""
+    """Half-angle of the searched cone [rad]."""
     repairs: str = ""
     warnings: str = ""
     seconds_reading: float | None = None
@@ -129,12 +130,12 @@ class Row:
     """Search, labels and epsilon."""
     seconds_writing: float | None = None
     seconds: float = 0.0
-    """All of it [s]."""
+    """Total time [s]."""
     version: str = ""
-    """Of grasp3d."""
+    """Version of grasp3d."""
     method: int | None = None
-    """Version of the method: it changes where labels of the same mesh do."""
+    """Version of the method, which changes when labels of the same mesh change."""
 
 
 TIMINGS = frozenset({"seconds", "seconds_reading", "seconds_labelling", "seconds_writing"})
-"""Columns that differ from run to run."""
+"""Columns that differ between runs."""

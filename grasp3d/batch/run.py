@@ -1,19 +1,19 @@
-"""Running jobs, each in a watched process of its own; one that ends its process harms no other."""
+"""Running jobs, each in a watched child process, so that a failing job affects no other."""
 
 from collections.abc import Callable, Iterable, Iterator
 from itertools import chain, islice
 from typing import TypeVar
 
 from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.isolation import NeedsMemory, unexpected
+from grasp3d.isolation import NeedsMemory, describe_unexpected
 
 JobT = TypeVar("JobT")
 SettingsT = TypeVar("SettingsT")
 RowT = TypeVar("RowT")
 
 
-def _tell_nobody(job: object) -> None:
-    """Leave a job that was started unannounced."""
+def _ignore_start(job: object) -> None:
+    """Do nothing when a job is started."""
 
 
 def run(
@@ -23,53 +23,53 @@ def run(
     *,
     lost: Callable[[JobT, str], RowT],
     cluster: ClusterSettings,
-    started: Callable[[JobT], None] = _tell_nobody,
+    started: Callable[[JobT], None] = _ignore_start,
 ) -> Iterator[RowT]:
-    """Do a task for every job and yield each row when it is done.
+    """Run a task for every job and yield each row when it is finished.
 
-    A job that crashes is tried once more. One that takes too much memory, or is killed from
-    outside, is tried once more after all others, alone, with all the memory there is.
+    A job that crashes is tried once more. A job that exceeds its memory limit, or is killed by
+    another process, is tried once more after all others, alone, with all available memory.
 
     Args:
-        task: What is done for one job; failures that it foresees are rows. It may raise
-            `NeedsMemory` to be put off until it can have more.
-        jobs: Taken one by one, in their order, a few ahead of the work.
-        settings: The same for all of them.
-        lost: Makes the row of a job that did not come back with one, from the reason.
-        cluster: Who does the work, and what a job may take.
-        started: Told of each job that is taken.
+        task: Called with a job and the settings; it returns expected failures as rows. It may raise
+            `NeedsMemory` to be postponed until more memory is available.
+        jobs: Taken one by one, in their order, a few ahead of the running ones.
+        settings: The same for all jobs.
+        lost: Makes the row of a job that failed without one, from the reason.
+        cluster: Which processes run the jobs, and the limits of a job.
+        started: Called with each job that is taken.
 
     Raises:
-        SettingError: There is no cluster where one is said to run.
-        GraspError: Its scheduler is gone, or its workers cannot do this work.
+        SettingError: No cluster runs at the given address.
+        GraspError: The cluster's scheduler is gone, or its workers cannot run the jobs.
     """
     if cluster.workers == 0:
         for job in jobs:
             started(job)
-            yield _done_here(task, job, settings, lost)
+            yield _run_here(task, job, settings, lost)
         return
     jobs = iter(jobs)
     first = list(islice(jobs, 1))
     if not first:
         return
     from grasp3d.batch.attempts import Attempts
-    from grasp3d.batch.cluster import crew
+    from grasp3d.batch.cluster import open_cluster
 
-    with crew(cluster) as workers:
-        attempts = Attempts(workers, task, settings, lost, cluster)
+    with open_cluster(cluster) as client:
+        attempts = Attempts(client, task, settings, lost, cluster)
         yield from attempts.rows(chain(first, jobs), started)
 
 
-def _done_here(
+def _run_here(
     task: Callable[[JobT, SettingsT], RowT],
     job: JobT,
     settings: SettingsT,
     lost: Callable[[JobT, str], RowT],
 ) -> RowT:
-    """Do one job in this process; what ends the process ends all."""
+    """Run one job in this process; a crash of the job ends the process."""
     try:
         return task(job, settings)
     except NeedsMemory as more:
         return lost(job, str(more))
     except Exception as error:  # noqa: BLE001, a bug met by one mesh must not end the others
-        return lost(job, unexpected(error))
+        return lost(job, describe_unexpected(error))

@@ -1,4 +1,4 @@
-"""The summary: Parquet files, each replaced whole, with the row of each mesh in one of them."""
+"""The summary: Parquet files, each replaced atomically, with the row of a mesh in one of them."""
 
 import json
 import re
@@ -6,34 +6,34 @@ from collections.abc import Iterable
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, settings_text
-from grasp3d.batch.journal import FOLDER, NAME, Note, unpack_note
+from grasp3d.batch.journal import FOLDER, NAME, JournalEntry, unpack_entry
+from grasp3d.batch.packed_rows import PackedRows
 from grasp3d.batch.row import Row
-from grasp3d.batch.row_box import RowBox
 from grasp3d.storage import Folder
 from grasp3d.tables import pack_records, unpack_records
 
-MOST = 1000
+MAX_ROWS = 1000
 """Rows of a shard, after which the next one begins; all of them are unpacked to write it."""
 
-SMALL, FEW = 500, 16
-"""Shards with fewer rows are small; more small ones than a few are put together."""
+SMALL, MAX_SMALL = 500, 16
+"""Shards with fewer rows are small; more small shards than this are merged."""
 
 _NAME = re.compile(r"summary/part-(\d{5,})(-\w+)?\.parquet")
 
 
 class Shards:
-    """Shards of one store, and which of them has which mesh.
+    """Shards of one store, and which of them has the row of which mesh.
 
-    A run replaces shards of others only to take rows out, and puts new ones into its own.
+    A run replaces shards of other runs only to remove rows, and adds new rows to its own shards.
     """
 
     def __init__(self, output: Folder, settings: BatchSettings, run: str) -> None:
         self.output = output
         self.run = run
-        self.shards: dict[str, RowBox] = {}
-        """Rows of each shard by mesh; in the order of their age."""
+        self.shards: dict[str, PackedRows] = {}
+        """Rows of each shard by mesh, the oldest shard first."""
         self.outdated: set[str] = set()
-        """Shards to be written anew, since an older version knew fewer columns."""
+        """Shards to be rewritten, since an older version wrote fewer columns."""
         model = settings.model
         self._settings = {
             **json.loads(settings_text(settings)),
@@ -41,68 +41,68 @@ class Shards:
             "epsilon_rank": model.epsilon_rank,
             "epsilon_min": model.tilts,
         }
-        self._home: dict[str, str] = {}
+        self._shard_of: dict[str, str] = {}
         self._current = ""
 
-    def rows(self) -> RowBox:
+    def rows(self) -> PackedRows:
         """All rows by mesh."""
-        every = RowBox()
+        every = PackedRows()
         for rows in self.shards.values():
-            every.take(rows)
+            every.add_all(rows)
         return every
 
-    def mend(self) -> None:
-        """Leave each mesh in the latest shard that has it, with today's columns in all."""
-        self._home = {mesh: name for name, rows in self.shards.items() for mesh in rows}
+    def repair(self) -> None:
+        """Leave each mesh in the latest shard that has it, with the current columns in all."""
+        self._shard_of = {mesh: name for name, rows in self.shards.items() for mesh in rows}
         for name, rows in list(self.shards.items()):
-            left = rows.only(mesh for mesh in rows if self._home[mesh] == name)
+            left = rows.subset(mesh for mesh in rows if self._shard_of[mesh] == name)
             if len(left) < len(rows) or name in self.outdated:
                 self._write(name, left)
 
-    def small(self) -> RowBox:
-        """Rows of shards that are to be put together with others; none: they are few."""
+    def rows_to_merge(self) -> PackedRows:
+        """Rows of small shards if there are too many of these; else none."""
         names = [name for name, rows in self.shards.items() if len(rows) < SMALL]
-        small = names if len(names) > FEW else []
-        rows = RowBox()
+        small = names if len(names) > MAX_SMALL else []
+        rows = PackedRows()
         for name in small:
-            rows.take(self.shards[name])
+            rows.add_all(self.shards[name])
         return rows
 
-    def take_out(self, meshes: Iterable[str]) -> None:
-        """Take rows out of their shards; those that are in none are no matter."""
-        homes: dict[str, set[str]] = {}
+    def remove(self, meshes: Iterable[str]) -> None:
+        """Remove the rows of meshes from their shards; meshes without a row are ignored."""
+        by_shard: dict[str, set[str]] = {}
         for mesh in meshes:
-            if mesh in self._home:
-                homes.setdefault(self._home[mesh], set()).add(mesh)
-        for name, gone in homes.items():
+            if mesh in self._shard_of:
+                by_shard.setdefault(self._shard_of[mesh], set()).add(mesh)
+        for name, removed in by_shard.items():
             rows = self.shards[name]
-            self._write(name, rows.only(mesh for mesh in rows if mesh not in gone))
-            for mesh in gone:
-                del self._home[mesh]
+            self._write(name, rows.subset(mesh for mesh in rows if mesh not in removed))
+            for mesh in removed:
+                del self._shard_of[mesh]
 
     def put(self, rows: Iterable[Row]) -> None:
-        """Put rows into the shards: each where its mesh is, or into this run's last one."""
-        changed: dict[str, RowBox] = {}
+        """Write rows: each to the shard that has its mesh, or to this run's last shard."""
+        changed: dict[str, PackedRows] = {}
         for row in rows:
-            name = self._home.get(row.mesh) or self._room(changed)
-            held = self.shards.get(name, RowBox())
-            if held.get(row.mesh) != row:
-                changed.setdefault(name, RowBox(held))[row.mesh] = row
-        for name, box in changed.items():
-            self._write(name, box)
-            self._home |= dict.fromkeys(box, name)
+            name = self._shard_of.get(row.mesh) or self._shard_to_fill(changed)
+            present = self.shards.get(name, PackedRows())
+            if present.get(row.mesh) != row:
+                changed.setdefault(name, PackedRows(present))[row.mesh] = row
+        for name, packed in changed.items():
+            self._write(name, packed)
+            self._shard_of |= dict.fromkeys(packed, name)
 
-    def _room(self, changed: dict[str, RowBox]) -> str:
-        """This run's shard that is not full."""
-        held = changed.get(self._current) or self.shards.get(self._current) or ()
-        if not self._current or len(held) >= MOST:
+    def _shard_to_fill(self, changed: dict[str, PackedRows]) -> str:
+        """Name of this run's shard that is not full."""
+        rows = changed.get(self._current) or self.shards.get(self._current) or ()
+        if not self._current or len(rows) >= MAX_ROWS:
             numbers = [int(_number(name)) for name in (*self.shards, *changed)]
             number = max(numbers, default=-1) + 1
             self._current = f"summary/part-{number:05d}-{self.run}.parquet"
         return self._current
 
-    def _write(self, name: str, rows: RowBox) -> None:
-        """Replace a shard; one without rows goes."""
+    def _write(self, name: str, rows: PackedRows) -> None:
+        """Replace a shard; a shard without rows is removed."""
         if rows:
             records = [rows[mesh] for mesh in sorted(rows)]
             self.output.write(name, pack_records(records, Row, self._settings))
@@ -122,7 +122,7 @@ def read_shards(output: Folder, shards: Shards) -> dict[str, tuple[bytes, str]]:
     """Read the summary into `shards`.
 
     Returns:
-        Content of files that are damaged, and what is wrong with them, by name.
+        By name, the content of damaged files and how they are damaged.
     """
     names = sorted(
         (name for name in output.names("summary") if _NAME.fullmatch(name)),
@@ -138,23 +138,23 @@ def read_shards(output: Folder, shards: Shards) -> dict[str, tuple[bytes, str]]:
         except ValueError as error:
             damaged[name] = found[name], str(error)
             continue
-        shards.shards[name] = RowBox({row.mesh: row for row in rows})
+        shards.shards[name] = PackedRows({row.mesh: row for row in rows})
         if not exact:
             shards.outdated.add(name)
     return damaged
 
 
-def read_journal(output: Folder) -> tuple[dict[str, Note], dict[str, tuple[bytes, str]]]:
+def read_journal(output: Folder) -> tuple[dict[str, JournalEntry], dict[str, tuple[bytes, str]]]:
     """Read the journal.
 
     Returns:
-        (notes by the name of their file, files that are damaged as of `read_shards`).
+        (entries by the name of their file, damaged files as from `read_shards`).
     """
-    notes, damaged = {}, {}
+    entries, damaged = {}, {}
     names = [name for name in output.names(FOLDER) if NAME.fullmatch(name)]
     for name, data in sorted(output.read_all(names).items()):
         try:
-            notes[name] = unpack_note(data)
+            entries[name] = unpack_entry(data)
         except ValueError as error:
             damaged[name] = data, str(error)
-    return notes, damaged
+    return entries, damaged

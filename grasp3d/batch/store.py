@@ -1,4 +1,4 @@
-"""The store of a batch: what came of each mesh, kept through whatever ends the run."""
+"""The store of a batch: the rows of all meshes, kept on disk so that they survive a crash."""
 
 import secrets
 import time
@@ -11,20 +11,20 @@ from grasp3d.batch import journal
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.folders import MARKER, MeshFile
 from grasp3d.batch.identity import mesh_key
-from grasp3d.batch.journal import Note, pack_note
-from grasp3d.batch.marker import marker_of, read_marker, set_aside
+from grasp3d.batch.journal import JournalEntry, pack_entry
+from grasp3d.batch.marker import marker_content, read_marker, set_aside
+from grasp3d.batch.packed_rows import PackedRows
 from grasp3d.batch.row import Outcome, Row
-from grasp3d.batch.row_box import RowBox
 from grasp3d.batch.shards import Shards, read_journal, read_shards
 from grasp3d.errors import OutputError
 from grasp3d.storage import Folder, Lock
 from grasp3d.system.names import as_unicode, printable
 
-ROWS, SECONDS = 500, 30.0
-"""How many rows, or for how long, the journal keeps rows before they go into the summary."""
+MERGE_ROWS, MERGE_SECONDS = 500, 30.0
+"""Rows in the journal, or time [s], after which the journal is moved into the summary."""
 
-LEFT = 2.0
-"""Age at which files that are not written to their end are taken for a dead writer's [s]."""
+TEMPORARY_FILE_AGE = 2.0
+"""Age at which unfinished files are removed as those of a process that died [s]."""
 
 LOCK = ".lock"
 """File that is locked while a run writes to the folder."""
@@ -33,34 +33,34 @@ LOCK = ".lock"
 class Store:
     """Rows of a batch in a folder on any file system.
 
-    A new row goes into the journal, a small file of its own, before `add` returns; from time to
-    time the journal goes into the summary, a Parquet data set of which every file is replaced whole
-    and no two files have the same mesh; then the journal is emptied. So at any moment summary and
-    journal together are all rows that were added, whatever ends the run; opening the store puts
-    what is left of the journal into the summary.
+    A new row is written to the journal, as a small file of its own, before `add` returns. From
+    time to time the journal is moved into the summary, a Parquet data set whose files are replaced
+    atomically and of which no two files have the same mesh; then the journal is emptied. So at any
+    moment summary and journal together contain all rows that were added, however the run ends;
+    opening the store moves the rest of the journal into the summary.
 
-    A folder of this machine's file system is locked until the store is closed or its process ends:
-    another run into it is refused. On an object store nothing tells that there is another run, and
-    two at the same time may take out each other's rows.
+    A folder on a local file system is locked until the store is closed or its process ends, and
+    another run is refused. On an object store another run cannot be detected, and two at the same
+    time may remove each other's rows.
     """
 
     def __init__(self, output: Folder, settings: BatchSettings, *, force: bool = False) -> None:
         self.output = output
         self.settings = settings
-        self.told: list[str] = []
-        """Sentences on what was damaged."""
+        self.warnings: list[str] = []
+        """Sentences on damaged files."""
         self._force = force
         self._run = secrets.token_hex(4)
-        self._notes: list[str] = []
-        self._doubts: list[str] = []
-        self._doubted: dict[str, dict[str, str]] = {}
-        self._locked: Lock | None = None
-        self._written = 0
-        self._waiting = RowBox()
-        self._since = time.monotonic()
+        self._entry_files: list[str] = []
+        self._replacement_files: list[str] = []
+        self._to_replace: dict[str, dict[str, str]] = {}
+        self._lock: Lock | None = None
+        self._entries_written = 0
+        self._in_journal = PackedRows()
+        self._last_merge = time.monotonic()
         self._marker = b""
         self._shards = Shards(output, settings, self._run)
-        self._rows = RowBox()
+        self._rows = PackedRows()
 
     @classmethod
     def open(cls, output: Folder, settings: BatchSettings, *, force: bool = False) -> "Store":
@@ -68,15 +68,16 @@ class Store:
 
         Args:
             output: The folder; it need not exist.
-            settings: What meshes are labelled with.
-            force: Whether rows of other settings may be taken out though this run has no mesh for
-                them.
+            settings: Settings of the labels.
+            force: Whether rows of other settings may be removed even if this run does not label
+                their meshes.
 
         Raises:
-            OutputError: The folder cannot be written to, holds another summary, or a newer store.
+            OutputError: The folder cannot be written to, contains another summary, or is a store
+                of a newer version.
         """
         store = cls(output, settings, force=force)
-        store._take_over()
+        store._recover()
         return store
 
     @property
@@ -85,11 +86,11 @@ class Store:
         return MappingProxyType(self._rows)
 
     def rows_of(self, names: Iterable[str]) -> Mapping[str, Row]:
-        """Rows of some meshes, in the order of their names as given."""
-        return MappingProxyType(self._rows.only(names))
+        """Rows of some meshes, in the given order of names."""
+        return MappingProxyType(self._rows.subset(names))
 
     def finished(self, mesh: MeshFile) -> Row | None:
-        """Row of a mesh that need not be looked at: nothing has changed since it was made.
+        """Row of a mesh whose file, settings and results have not changed; else none.
 
         Args:
             mesh: From `find_meshes`.
@@ -97,23 +98,24 @@ class Store:
         row = self._rows.get(mesh.name)
         if row is None or not mesh.stamp or row.stamp != mesh.stamp:
             return None
-        return row if row.source == as_unicode(mesh.source) and self._holds(row) else None
+        return row if row.source == as_unicode(mesh.source) and self._is_valid(row) else None
 
-    def known(self, mesh: MeshFile) -> str:
-        """Content for which the mesh's row would hold; empty: it has no such row."""
+    def known_content(self, mesh: MeshFile) -> str:
+        """Hash of the content for which the mesh's row is valid; empty: there is no such row."""
         row = self._rows.get(mesh.name)
-        return row.content if row is not None and self._holds(row) else ""
+        return row.content if row is not None and self._is_valid(row) else ""
 
     def is_stale(self, name: str) -> bool:
         """Whether a mesh has labels of other settings, or of another version of the method."""
         row = self._rows.get(name)
-        return row is not None and bool(row.labels) and not self._is_of_now(row)
+        return row is not None and bool(row.labels) and not self._is_current(row)
 
     def begin(self, names_to_run: Iterable[str]) -> None:
-        """Note which meshes are labelled anew, before anything is written for them.
+        """Record which meshes are labelled again, before anything is written for them.
 
-        Their rows stay until `add` replaces them; those whose results are touched meanwhile go when
-        the store is closed, or opened again. So nothing is lost by a run that never gets to a mesh.
+        Their rows stay until `add` replaces them. Rows whose result files are changed before that
+        are removed when the store is closed, or opened again. So a mesh that an interrupted run
+        did not reach keeps its row.
 
         Args:
             names_to_run: Names of all meshes of this run that are not finished.
@@ -126,152 +128,160 @@ class Store:
         others = {
             name
             for name, row in self._rows.items()
-            if name not in names and row.key and not self._is_of_now(row)
+            if name not in names and row.key and not self._is_current(row)
         }
-        self._check_others(others)
+        self._check_removable(others)
         if names:
-            self._doubted = {name: self._state(self._rows[name]) for name in sorted(names)}
-            self._doubts.append(self._note(Note(doubted=self._doubted)))
-        self._take_out(others)
-        marker = marker_of(self.settings)
+            self._to_replace = {name: self._state(self._rows[name]) for name in sorted(names)}
+            entry = JournalEntry(to_replace=self._to_replace)
+            self._replacement_files.append(self._write_entry(entry))
+        self._remove(others)
+        marker = marker_content(self.settings)
         if marker != self._marker:
             self.output.write(MARKER, marker)
             self._marker = marker
 
-    def _check_others(self, others: Iterable[str]) -> None:
-        """Refuse to take out labels that this run does not make anew, unless it is forced to."""
+    def _check_removable(self, others: Iterable[str]) -> None:
+        """Refuse to remove labels that this run does not make again, unless it is forced to."""
         labelled = [name for name in others if self._rows[name].outcome is Outcome.LABELLED]
         if labelled and not self._force:
             raise OutputError(
-                f"{printable(self.output.url)}: holds labels of meshes that are not among these "
+                f"{printable(self.output.url)}: contains labels of meshes that are not among these "
                 "inputs, made with other settings or by another version of the method "
                 f"({len(labelled)}, such as {printable(min(labelled))}); name another folder, or "
                 "remove them with --force"
             )
 
     def add(self, row: Row) -> None:
-        """Keep a row; when this returns, it survives the death of this process.
+        """Store a row; when this returns, the row survives the death of this process.
 
         Raises:
-            OutputError: It cannot be written.
+            OutputError: The row cannot be written.
         """
-        row = journal.plain(row)
+        row = journal.in_unicode(row)
         before = self._rows.get(row.mesh)
-        self._notes.append(self._note(Note((row,))))
-        self._waiting[row.mesh] = self._rows[row.mesh] = row
-        self._doubted.pop(row.mesh, None)
+        self._entry_files.append(self._write_entry(JournalEntry((row,))))
+        self._in_journal[row.mesh] = self._rows[row.mesh] = row
+        self._to_replace.pop(row.mesh, None)
         if before is not None:
-            self.output.remove_all(set(_results(before)) - set(_results(row)))
-        if len(self._waiting) >= ROWS or time.monotonic() - self._since >= SECONDS:
-            self._fold()
+            self.output.remove_all(set(_result_files(before)) - set(_result_files(row)))
+        age = time.monotonic() - self._last_merge
+        if len(self._in_journal) >= MERGE_ROWS or age >= MERGE_SECONDS:
+            self._merge_journal()
 
     def close(self) -> None:
-        """Put all rows into the summary and empty the journal.
+        """Move all rows into the summary and empty the journal.
 
         Raises:
-            OutputError: It cannot be written.
+            OutputError: The summary cannot be written.
         """
-        if self._locked is not None:
-            self._fold()
-            self._take_out(self._touched(self._doubted))
-            self.output.remove_all(self._doubts)
-            self._doubts, self._doubted = [], {}
-            self.output.remove_parts(LEFT)
-            self._locked.close()
-            self._locked = None
+        if self._lock is not None:
+            self._merge_journal()
+            self._remove(self._changed(self._to_replace))
+            self.output.remove_all(self._replacement_files)
+            self._replacement_files, self._to_replace = [], {}
+            self.output.remove_temporary_files(TEMPORARY_FILE_AGE)
+            self._lock.close()
+            self._lock = None
 
-    def _take_over(self) -> None:
-        """Read what earlier runs left, mend what is damaged, and fold their journal."""
+    def _recover(self) -> None:
+        """Read the files of earlier runs, set damaged ones aside, and merge their journal."""
         self._open_marker()
-        self._locked = self.output.locked(LOCK)
-        self.output.remove_parts(LEFT)
+        self._lock = self.output.lock(LOCK)
+        self.output.remove_temporary_files(TEMPORARY_FILE_AGE)
         damaged = read_shards(self.output, self._shards)
-        notes, broken = read_journal(self.output)
-        for name, (data, why) in (damaged | broken).items():
+        entries, damaged_entries = read_journal(self.output)
+        for name, (data, why) in (damaged | damaged_entries).items():
             self._set_aside(name, data, f"({why}); its meshes are labelled again")
-        self._shards.mend()
+        self._shards.repair()
         self._rows = self._shards.rows()
-        doubted = {name: state for note in notes.values() for name, state in note.doubted.items()}
-        self._take_out(self._touched(doubted))
-        self._notes = list(notes)
-        fresh = {row.mesh: row for note in notes.values() for row in note.rows}
-        small = self._shards.small()
-        small = small.only(name for name in small if name not in fresh)
-        if small:
-            self._notes.append(self._note(Note(tuple(small.values()))))
-            self._shards.take_out(small)
-        self._waiting = small
-        self._waiting.update(fresh)
-        self._rows.take(self._waiting)
-        self._fold()
+        to_replace = {
+            name: state for entry in entries.values() for name, state in entry.to_replace.items()
+        }
+        self._remove(self._changed(to_replace))
+        self._entry_files = list(entries)
+        new_rows = {row.mesh: row for entry in entries.values() for row in entry.rows}
+        to_merge = self._shards.rows_to_merge()
+        to_merge = to_merge.subset(name for name in to_merge if name not in new_rows)
+        if to_merge:
+            self._entry_files.append(self._write_entry(JournalEntry(tuple(to_merge.values()))))
+            self._shards.remove(to_merge)
+        self._in_journal = to_merge
+        self._in_journal.update(new_rows)
+        self._rows.add_all(self._in_journal)
+        self._merge_journal()
 
     def _open_marker(self) -> None:
-        """Read the marker, and write it in any case: so a place that is full is told at once."""
-        found, sound = read_marker(self.output)
-        if found is not None and not sound:
-            self._set_aside(MARKER, found, "and made anew")
-        self._marker = found if found is not None and sound else marker_of(self.settings)
+        """Read the marker, and write it in any case, so that a full disk is found at once."""
+        found, valid = read_marker(self.output)
+        if found is not None and not valid:
+            self._set_aside(MARKER, found, "and replaced")
+        self._marker = found if found is not None and valid else marker_content(self.settings)
         self.output.write(MARKER, self._marker)
 
-    def _set_aside(self, name: str, data: bytes, what: str) -> None:
-        aside = set_aside(self.output, name, data)
-        self.told.append(
-            f"{printable(self.output.path(name))}: is damaged, set aside as {aside} {what}"
+    def _set_aside(self, name: str, data: bytes, consequence: str) -> None:
+        new_name = set_aside(self.output, name, data)
+        self.warnings.append(
+            f"{printable(self.output.path(name))}: is damaged, moved to {new_name} {consequence}"
         )
 
-    def _touched(self, doubted: Mapping[str, Mapping[str, str]]) -> set[str]:
-        """Rows that a run was about to replace, and whose results it has touched."""
-        if not doubted:
+    def _changed(self, to_replace: Mapping[str, Mapping[str, str]]) -> set[str]:
+        """Rows that a run was about to replace, and whose result files it has changed."""
+        if not to_replace:
             return set()
-        vars(self).pop("_results", None)  # as they are now
-        rows = {name: self._rows[name] for name in doubted if name in self._rows}
+        vars(self).pop("_file_stamps", None)  # read the current stamps
+        rows = {name: self._rows[name] for name in to_replace if name in self._rows}
         return {
             name
             for name, row in rows.items()
-            if doubted[name].get("") == _identity(row) and doubted[name] != self._state(row)
+            if to_replace[name].get("") == _identity(row) and to_replace[name] != self._state(row)
         }
 
-    def _note(self, note: Note) -> str:
+    def _write_entry(self, entry: JournalEntry) -> str:
         """Write a file of the journal; returns its name."""
-        name = f"{journal.FOLDER}/{self._run}-{self._written:08d}.json"
-        self._written += 1
-        self.output.write(name, pack_note(note))
+        name = f"{journal.FOLDER}/{self._run}-{self._entries_written:08d}.json"
+        self._entries_written += 1
+        self.output.write(name, pack_entry(entry))
         return name
 
-    def _fold(self) -> None:
-        """Put the journal's rows into the summary; only then they leave the journal."""
-        self._shards.put(self._waiting.values())
-        self.output.remove_all(self._notes)
-        self._notes, self._waiting = [], RowBox()
-        self._since = time.monotonic()
+    def _merge_journal(self) -> None:
+        """Move the journal's rows into the summary; only then they are removed from the journal."""
+        self._shards.put(self._in_journal.values())
+        self.output.remove_all(self._entry_files)
+        self._entry_files, self._in_journal = [], PackedRows()
+        self._last_merge = time.monotonic()
 
-    def _take_out(self, names: Iterable[str]) -> None:
-        """Take out rows, and what was written of their meshes: it would be of no row."""
+    def _remove(self, names: Iterable[str]) -> None:
+        """Remove rows and the result files of their meshes."""
         names = set(names)
         files = [
-            file for name in names if name in self._rows for file in _results(self._rows[name])
+            file for name in names if name in self._rows for file in _result_files(self._rows[name])
         ]
-        self._shards.take_out(names)
+        self._shards.remove(names)
         for name in names:
             self._rows.pop(name, None)
         self.output.remove_all(files)
 
-    def _holds(self, row: Row) -> bool:
-        """Whether a row holds if the content of its mesh has not changed."""
-        if row.outcome is Outcome.LOST or not row.content or not self._is_of_now(row):
+    def _is_valid(self, row: Row) -> bool:
+        """Whether a row is valid provided that the content of its mesh has not changed."""
+        if row.outcome is Outcome.LOST or not row.content or not self._is_current(row):
             return False
-        return not any(self._results.get(name, "0-").startswith("0-") for name in _results(row))
+        return not any(
+            self._file_stamps.get(name, "0-").startswith("0-") for name in _result_files(row)
+        )
 
-    def _is_of_now(self, row: Row) -> bool:
+    def _is_current(self, row: Row) -> bool:
+        """Whether a row was made with the current settings and version of the method."""
         return row.key == mesh_key(row.content, self.settings)
 
     def _state(self, row: Row) -> dict[str, str]:
-        """What a row says of its mesh, and the file system of its results."""
-        return {"": _identity(row)} | {name: self._results.get(name, "") for name in _results(row)}
+        """Identity of a row's mesh, and the stamps of its result files."""
+        stamps = {name: self._file_stamps.get(name, "") for name in _result_files(row)}
+        return {"": _identity(row)} | stamps
 
     @cached_property
-    def _results(self) -> dict[str, str]:
-        """What the file system says of all results: a listing for each folder."""
+    def _file_stamps(self) -> dict[str, str]:
+        """Stamps of all result files, from one listing for each folder."""
         return {
             name: stamp or "there"
             for folder in ("labels", "fields", "report")
@@ -283,13 +293,13 @@ def _identity(row: Row) -> str:
     return f"{row.content} {row.stamp}"
 
 
-def _results(row: Row) -> list[str]:
-    """Files that a row names."""
+def _result_files(row: Row) -> list[str]:
+    """Names of the files in a row."""
     return [name for name in (row.labels, row.fields, row.view, row.thumbnail) if name]
 
 
 def read_summary(results: str | Path) -> list[Row]:
-    """Read the rows of a store, those in the journal included, and change nothing.
+    """Read the rows of a store, including those in the journal, without changing it.
 
     Args:
         results: Folder of the store, or its address.
@@ -302,14 +312,14 @@ def read_summary(results: str | Path) -> list[Row]:
     """
     output = Folder(str(results))
     if not read_marker(output)[1]:
-        raise OutputError(f"{printable(output.url)}: is no folder that grasp3d batch has written")
+        raise OutputError(f"{printable(output.url)}: is not a folder that grasp3d batch wrote")
     shards = Shards(output, BatchSettings(), "")
     damaged = read_shards(output, shards)
-    notes, broken = read_journal(output)
-    for name, (_, why) in (damaged | broken).items():
+    entries, damaged_entries = read_journal(output)
+    for name, (_, why) in (damaged | damaged_entries).items():
         raise OutputError(
             f"{printable(output.path(name))}: is damaged ({why}); run grasp3d batch again"
         )
     rows = shards.rows()
-    rows.update({row.mesh: row for note in notes.values() for row in note.rows})
+    rows.update({row.mesh: row for entry in entries.values() for row in entry.rows})
     return [rows[name] for name in sorted(rows)]

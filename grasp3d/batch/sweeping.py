@@ -1,4 +1,4 @@
-"""Sweeping what a command line names: shapes in closed form, mesh files, folders of meshes."""
+"""Sweeps of many targets: shapes in closed form, mesh files, folders of meshes."""
 
 import math
 import time
@@ -7,10 +7,10 @@ from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
 from grasp3d.batch.batch_settings import ROUNDING
-from grasp3d.batch.inputs import MeshFile, find_meshes, real_place
+from grasp3d.batch.inputs import MeshFile, find_meshes, real_path
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.planar import Circle, square
-from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_searched, search_cone
+from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings, search_cone
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.stability.label import Mode
 from grasp3d.storage import local_copy, local_path
@@ -22,22 +22,25 @@ SHAPES: dict[str, Callable[[], AngleDistribution]] = {
     "square": square,
     "sphere": SphereAngles,
 }
-"""What is known in closed form: one finger fixed (on the square in the middle of a side)."""
+"""Shapes in closed form, with one finger fixed (on the square in the middle of a side)."""
 
-FEW = 6
-"""Meshes of a folder that are shown one by one."""
+MAX_SHOWN_MEMBERS = 6
+"""Meshes of a folder up to which each of them is shown."""
 
 
 @dataclass(frozen=True)
 class SweepSettings:
-    """What all meshes are swept over, and how they are labelled."""
+    """Frictions and sensor resolutions of a sweep, and how meshes are labelled.
+
+    Attributes:
+        friction: Coulomb coefficients.
+        sensor_resolution: Resolutions alpha [rad].
+        sampling: Its search angle, if given, must cover all frictions and resolutions.
+    """
 
     friction: tuple[float, ...]
-    """Coulomb coefficients."""
     sensor_resolution: tuple[float, ...]
-    """Resolutions alpha [rad]."""
     sampling: Sampling = field(default_factory=Sampling)
-    """Its search angle, if given, is wide enough for all of them."""
     mesh: MeshOptions = field(default_factory=MeshOptions)
     fingers: int = 2
 
@@ -48,17 +51,17 @@ class SweepSettings:
             GraspModel(friction=friction)
         for resolution in self.sensor_resolution:
             GraspModel(sensor_resolution=resolution)
-        check_searched(self.model, self.sampling)
+        check_search_settings(self.model, self.sampling)
         given, needed = self.sampling.search_angle, search_cone(self.model, Sampling())
         if given is not None and given < needed - ROUNDING:
             raise SettingError(
-                f"search angle must be at least atan(friction) + alpha/2 of the largest of both, "
-                f"{math.degrees(needed):.4g} degrees; got {math.degrees(given):.4g}"
+                "search angle must be at least atan(friction) + alpha/2 for the largest friction "
+                f"and alpha, {math.degrees(needed):.4g} degrees; got {math.degrees(given):.4g}"
             )
 
     @property
     def model(self) -> GraspModel:
-        """Largest friction and coarsest resolution: they need the widest search."""
+        """Largest friction and coarsest resolution, which need the widest search."""
         return GraspModel(
             friction=max(self.friction),
             sensor_resolution=max(self.sensor_resolution),
@@ -68,20 +71,20 @@ class SweepSettings:
 
 @dataclass(frozen=True)
 class Target:
-    """One thing to sweep: a shape, a mesh file, or several: a folder, a pattern, a list."""
+    """One target of a sweep: a shape, a mesh file, or a folder, pattern or list of mesh files."""
 
     name: str
     given: str = ""
-    """As it was given."""
+    """The input, as given."""
     files: tuple[MeshFile, ...] = ()
-    """Of a file this one, of a folder its meshes, of a shape none."""
+    """The file, or the meshes of a folder, pattern or list; none for a shape."""
     folder: bool = False
-    """Whether it is several: a folder, a pattern or a list."""
+    """Whether the target is a folder, a pattern or a list."""
 
 
 @dataclass(frozen=True, eq=False)
 class SweptMesh:
-    """What came of one mesh; `error` is empty for one that was swept."""
+    """The sweep of one mesh; `error` is empty if it succeeded."""
 
     name: str
     sweep: Sweep | None = None
@@ -94,88 +97,89 @@ class SweptMesh:
 
 @dataclass(frozen=True, eq=False)
 class SweptTarget:
-    """What came of one target."""
+    """The sweep of one target."""
 
     name: str
     sweep: Sweep | None
-    """Its own; of a folder the mean over its meshes; None: no mesh of it could be swept."""
+    """Sweep of the shape or file, or the mean over the folder; None: no mesh could be swept."""
     members: tuple[Sweep, ...] = ()
-    """Of a folder the sweeps that the mean was taken over."""
+    """For a folder, the sweeps of its meshes, over which the mean is taken."""
 
     @property
     def sweeps(self) -> tuple[Sweep, ...]:
-        """All of them, the mean last."""
+        """All sweeps, the mean last."""
         return self.members if self.sweep is None else (*self.members, self.sweep)
 
     @property
     def shown(self) -> tuple[Sweep, ...]:
-        """Those to look at: of a folder with more than a few meshes the mean alone."""
-        return self.sweeps if len(self.members) <= FEW else self.sweeps[-1:]
+        """Sweeps to show; for a folder with many meshes only the mean."""
+        return self.sweeps if len(self.members) <= MAX_SHOWN_MEMBERS else self.sweeps[-1:]
 
 
-def find_targets(words: Iterable[str]) -> list[Target]:
-    """Tell shapes, mesh files and folders apart; a word is a shape before it is a file.
+def find_targets(inputs: Iterable[str]) -> list[Target]:
+    """Find the targets of a sweep; the name of a shape takes precedence over a file name.
 
     Args:
-        words: The name of a shape, or an input of `find_meshes`; `./circle` is a path in any case.
+        inputs: Names of shapes, or inputs of `find_meshes`; `./circle` is always a path.
 
     Returns:
-        In their order, each once. Meshes are called by their file's name, those of a folder with
-        their path below it; where two names meet, as they were given.
+        In their order, each once. Meshes are named by their file name, those of a folder by their
+        path below it; where two names would be equal, as given.
 
     Raises:
-        SettingError: There is none.
-        MeshError: A path is missing, or a folder holds no mesh.
+        SettingError: There is no target.
+        MeshError: A path is missing, or a folder contains no mesh.
     """
     targets: dict[str, Target] = {}
-    for word in words:
-        if word in SHAPES:
-            targets.setdefault(word, Target(word))
+    for item in inputs:
+        if item in SHAPES:
+            targets.setdefault(item, Target(item))
             continue
-        found = tuple(find_meshes([word]))
-        path = local_path(word)
-        given = word.rstrip("/") if path is None else str(path)
+        found = tuple(find_meshes([item]))
+        path = local_path(item)
+        given = item.rstrip("/") if path is None else str(path)
         folder = len(found) != 1 or found[0].source != given
         name = found[0].name
         if folder:
             name = given.rpartition("/")[2] if path is None else path.name
             if path is not None and name in {"", ".."}:
                 name = path.resolve().name
-        place = real_place(given)
-        targets.setdefault(f"{place}/" if folder else place, Target(name, given, found, folder))
+        key = real_path(given)
+        key = f"{key}/" if folder else key
+        targets.setdefault(key, Target(name, given, found, folder))
     if not targets:
         raise SettingError(
             f"nothing to sweep: name a mesh file, a folder of meshes, or {', '.join(SHAPES)}"
         )
-    return _told_apart(list(targets.values()))
+    return _with_unique_names(list(targets.values()))
 
 
-def _told_apart(targets: list[Target]) -> list[Target]:
-    """Name meshes and folders as they were given where short names meet; one name for each file."""
+def _with_unique_names(targets: list[Target]) -> list[Target]:
+    """Name meshes and folders as given where names would be equal; each file has one name."""
     first: dict[str, MeshFile] = {}
     for target in targets:
         for mesh in target.files:
-            first.setdefault(real_place(mesh.source), mesh)
-    often = Counter(mesh.name for mesh in first.values())
-    often.update(target.name for target in targets if target.folder or not target.files)
+            first.setdefault(real_path(mesh.source), mesh)
+    counts = Counter(mesh.name for mesh in first.values())
+    counts.update(target.name for target in targets if target.folder or not target.files)
     named = {
-        place: mesh if often[mesh.name] == 1 else replace(mesh, name=mesh.source)
-        for place, mesh in first.items()
+        location: mesh if counts[mesh.name] == 1 else replace(mesh, name=mesh.source)
+        for location, mesh in first.items()
     }
-    told = []
+    renamed = []
     for target in targets:
-        files = tuple(named[real_place(mesh.source)] for mesh in target.files)
+        files = tuple(named[real_path(mesh.source)] for mesh in target.files)
         name = target.name
         if target.folder:
-            name = target.name if often[target.name] == 1 else target.given
+            name = target.name if counts[target.name] == 1 else target.given
         elif files:
             name = files[0].name
-        told.append(replace(target, name=name, files=files))
-    return told
+        renamed.append(replace(target, name=name, files=files))
+    return renamed
 
 
 def check_fingers(targets: Iterable[Target], settings: SweepSettings) -> None:
-    """Refuse shapes in closed form for more fingers than they are known for.
+    """Refuse shapes in closed form for more than two fingers.
 
     Raises:
         SettingError: One of the targets is such a shape.
@@ -199,18 +203,18 @@ def sweep_mesh(
     threads: int | None = 1,
     progress: Progress | None = None,
 ) -> SweptMesh:
-    """Label a mesh file once and take its shares at all frictions and resolutions.
+    """Label a mesh file once and compute its area fractions at all frictions and resolutions.
 
     Args:
         mesh: The file.
-        settings: What to sweep over, and how to label.
+        settings: Frictions, sensor resolutions, and how to label.
         threads: Threads to use; None: one per processor.
-        progress: Called with the share of the work done, from 0 to 1.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
-        The sweep; of a mesh that cannot be labelled the reason.
+        The sweep, or the reason why the mesh cannot be labelled.
     """
-    # Loaded here: whoever plans a sweep needs no rays and no compiler.
+    # Imported here: the process that plans needs neither ray tracing nor the compiler.
     from grasp3d.diagnosis import length_warnings
     from grasp3d.mesh import prepare_file
     from grasp3d.surface.labelling import label_surface
@@ -241,7 +245,7 @@ def sweep_mesh(
 
 
 def lost_mesh(mesh: MeshFile, reason: str) -> SweptMesh:
-    """What came of a mesh whose process did not come back.
+    """The result of a mesh whose process failed.
 
     Args:
         mesh: The file.
@@ -253,12 +257,12 @@ def lost_mesh(mesh: MeshFile, reason: str) -> SweptMesh:
 def gather(
     targets: Iterable[Target], swept: Sequence[SweptMesh], settings: SweepSettings
 ) -> list[SweptTarget]:
-    """Give each target its sweep: shapes in closed form, folders the mean of what was swept.
+    """Collect the sweep of each target: shapes in closed form, folders as the mean of their meshes.
 
     Args:
         targets: From `find_targets`.
-        swept: Every mesh of theirs, in any order.
-        settings: What was swept over.
+        swept: All meshes of the targets, in any order.
+        settings: Frictions and sensor resolutions of the sweep.
     """
     by_name = {mesh.name: mesh.sweep for mesh in swept}
     gathered = []

@@ -1,6 +1,6 @@
-"""The command line: it parses, calls one function, prints, and returns a code.
+"""The command line: parses the arguments, runs one command, prints, and returns an exit code.
 
-Nothing heavy is imported here, so that `grasp3d --help` answers at once.
+Heavy modules are imported by the commands when they run, so that `grasp3d --help` is fast.
 """
 
 import os
@@ -38,9 +38,9 @@ INTERRUPTED = 130
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run the command line; returns the exit code: 0 done, 1 some meshes failed, 2 bad input."""
+    """Run the command line; returns 0 on success, 1 if some meshes failed, 2 for bad input."""
     for stream in (sys.stdout, sys.stderr):
-        if isinstance(stream, TextIOWrapper):  # a terminal that knows fewer characters
+        if isinstance(stream, TextIOWrapper):  # a terminal may not support all characters
             stream.reconfigure(errors="backslashreplace")
     try:
         try:
@@ -50,12 +50,12 @@ def main(arguments: list[str] | None = None) -> int:
     except GraspError as error:
         print(f"grasp3d: {printable(str(error))}", file=sys.stderr)  # noqa: T201
         return BAD_INPUT
-    except BrokenPipeError:  # whoever reads has seen enough, as in `grasp3d batch ... | head`
+    except BrokenPipeError:  # the reader of the output has ended, as in `grasp3d batch ... | head`
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
     except KeyboardInterrupt as stop:
-        told = f": {stop}" if str(stop) else ""
-        print(f"grasp3d: interrupted{told}", file=sys.stderr)  # noqa: T201
+        details = f": {stop}" if str(stop) else ""
+        print(f"grasp3d: interrupted{details}", file=sys.stderr)  # noqa: T201
         return INTERRUPTED
 
 
@@ -66,7 +66,7 @@ def _run(arguments: list[str]) -> int:
     command = tyro.cli(
         Command,
         prog="grasp3d",
-        description="Where on an object is a grasp reliable for a tactile fingertip?",
+        description="Evaluate grasps on object meshes for fingertips with tactile sensors.",
         args=arguments,
         config=(tyro.conf.OmitArgPrefixes, tyro.conf.OmitSubcommandPrefixes),
     )

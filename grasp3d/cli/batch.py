@@ -1,4 +1,4 @@
-"""`grasp3d batch`: a library of meshes in; labelled meshes, tables and a report out."""
+"""`grasp3d batch`: labels a library of meshes, and writes tables and a report."""
 
 import signal
 import threading
@@ -13,7 +13,7 @@ import tyro
 
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings, FractionGrid
 from grasp3d.cli.options import ClusterOptions, ModelOptions, SamplingOptions, SurfaceOptions
-from grasp3d.cli.ranges import resolutions
+from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
@@ -22,8 +22,8 @@ from grasp3d.settings import GraspModel, MeshOptions, Sampling
 class Batch:
     """Label every mesh of a library, and write a summary and a report.
 
-    It goes on where an earlier run of the same command ended: meshes whose content and settings are
-    unchanged are not labelled again.
+    It resumes an earlier run of the same command: meshes whose content and settings are unchanged
+    are not labelled again.
     """
 
     inputs: Annotated[
@@ -31,36 +31,37 @@ class Batch:
         tyro.conf.Positional,
         tyro.conf.arg(metavar="FOLDER|FILE|GLOB|LIST.txt|URL"),
     ]
-    """Folders that are searched with all below them, mesh files, globs in quotes, lists of these
-    (.txt, a line each); also on an object store (s3://BUCKET/FOLDER)."""
+    """Folders, which are searched recursively, mesh files, globs in quotes, lists of these (.txt,
+    one per line); also on an object store (s3://BUCKET/FOLDER)."""
 
     output: Annotated[str, tyro.conf.arg(aliases=["-o"])]
     """Folder for the results: labels/, fields/, summary/ and report/; also on an object store."""
 
     cluster: ClusterOptions = field(default_factory=ClusterSettings)
-    """Who does the work."""
+    """Which processes label the meshes."""
 
     force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Label all anew."""
+    """Label all meshes again."""
 
     grid_friction: tuple[float, ...] = ()
-    """Coulomb coefficients at which shares are taken besides labels; none: that of the model."""
+    """Coulomb coefficients at which area fractions are computed besides the labels; none: the
+    model's."""
 
     grid_sensor_resolution: Annotated[
         tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP [...]")
     ] = ()
-    """Sensor resolutions in degrees at which shares are taken: numbers, and ranges with both ends;
-    none: 0:60:5 and that of the model, M and U as far as grasps are searched. Grasps are searched
-    as widely as a grid that is given needs."""
+    """Sensor resolutions in degrees at which area fractions are computed: numbers, and ranges that
+    include both ends; none: 0:60:5 and the model's, with M and U only within the searched cone. A
+    grid that is given makes the searched cone large enough for all of it."""
 
     best: int = 5
-    """Best distinct grasps that the summary keeps of each mesh; 0: none."""
+    """Number of best distinct grasps in the summary of each mesh; 0: none."""
 
     report: bool = True
     """Write report/index.html."""
 
     log: Path | None = None
-    """File that a line for each mesh is added to."""
+    """File to which a line for each mesh is appended."""
 
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction and touch."""
@@ -79,14 +80,14 @@ class Batch:
             raise SettingError("no input: name a folder of meshes, or mesh files")
 
     def run(self) -> int:
-        """Do it; returns the exit code."""
+        """Run the command; returns the exit code."""
         from grasp3d.batch.library import label_library
         from grasp3d.cli import batch_report
-        from grasp3d.cli.batch_progress import batch_progress
+        from grasp3d.cli.batch_progress import show_progress
 
-        grid = FractionGrid(self.grid_friction, resolutions(self.grid_sensor_resolution))
+        grid = FractionGrid(self.grid_friction, parse_resolutions(self.grid_sensor_resolution))
         settings = BatchSettings(self.model, self.sampling, self.mesh, grid, self.best)
-        with batch_progress(quiet=self.quiet, log=self.log) as watch, _interrupted_once():
+        with show_progress(quiet=self.quiet, log=self.log) as progress, _interrupted_once():
             try:
                 library = label_library(
                     self.inputs,
@@ -95,10 +96,10 @@ class Batch:
                     cluster=self.cluster,
                     force=self.force,
                     report=self.report,
-                    watch=watch,
+                    progress=progress,
                 )
             except KeyboardInterrupt as stop:
-                raise KeyboardInterrupt(f"{watch.counts}; {self._kept}") from stop
+                raise KeyboardInterrupt(f"{progress.counts}; {self._how_to_resume}") from stop
         if self.quiet:
             batch_report.print_failed(library)
         else:
@@ -106,16 +107,16 @@ class Batch:
         return 1 if library.failed else 0
 
     @property
-    def _kept(self) -> str:
-        """What is left of an interrupted run."""
+    def _how_to_resume(self) -> str:
+        """How to resume an interrupted run."""
         if self.force:
-            return "what is labelled is kept, the same command without --force goes on from there"
-        return "what is labelled is kept, the same command goes on from there"
+            return "labelled meshes are stored; the same command without --force labels the others"
+        return "labelled meshes are stored; the same command labels the others"
 
 
 @contextmanager
 def _interrupted_once() -> Iterator[None]:
-    """Take Ctrl-C, or the signal by which clusters end a job, once: then the run ends in order."""
+    """End the run in order at the first Ctrl-C, or the signal by which clusters end a job."""
     signals = (signal.SIGINT, signal.SIGTERM)
 
     def interrupt(_number: int, _frame: FrameType | None) -> None:
@@ -130,6 +131,6 @@ def _interrupted_once() -> Iterator[None]:
     try:
         yield
     finally:
-        if signal.getsignal(signal.SIGINT) is interrupt:  # nobody did
+        if signal.getsignal(signal.SIGINT) is interrupt:  # not interrupted
             for number, handler in zip(signals, before, strict=True):
                 signal.signal(number, handler)

@@ -1,4 +1,4 @@
-"""How a batch goes, as it is shown: a bar on a terminal, else now and then a line; and a log."""
+"""Display of a batch's progress: a bar on a terminal, else lines at intervals; and a log file."""
 
 import logging
 import time
@@ -10,76 +10,79 @@ from rich.console import Console
 from rich.filesize import decimal
 from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, TimeRemainingColumn
 
+from grasp3d.batch.progress import BatchProgress
 from grasp3d.batch.row import Outcome, Row
-from grasp3d.batch.state import BatchState
-from grasp3d.cli.report import as_printed
+from grasp3d.cli.report import escaped
 from grasp3d.errors import OutputError
 from grasp3d.system.names import printable
 
-EVERY = 10.0
+LINE_INTERVAL = 10.0
 """Time between two lines where there is no terminal [s]."""
 
 _log = logging.getLogger("grasp3d")
 
 
-class BatchProgress:
-    """Shows how far a batch has come; called with each state."""
+class ProgressDisplay:
+    """Shows the progress of a batch; called with each change of it."""
 
     def __init__(self, bar: Progress, *, lines: Console | None) -> None:
         self._bar, self._lines = bar, lines
-        self._task = bar.add_task("labelling", total=1.0, told="")
-        self._begun: float | None = None
-        self._told_at = 0.0
-        self._state: BatchState | None = None
+        self._task = bar.add_task("labelling", total=1.0, status="")
+        self._started: float | None = None
+        self._last_line = 0.0
+        self._progress: BatchProgress | None = None
 
-    def __call__(self, state: BatchState) -> None:
-        """Show a state."""
+    def __call__(self, progress: BatchProgress) -> None:
+        """Show the progress."""
         now = time.monotonic()
-        if self._begun is None:
-            self._begin(state, now)
-        self._state = state
-        self._bar.update(self._task, completed=state.share, told=self._told(now))
-        if state.row is None:
+        if self._started is None:
+            self._start(progress, now)
+        self._progress = progress
+        self._bar.update(self._task, completed=progress.fraction, status=self._status(now))
+        if progress.row is None:
             return
-        _log_row(state.row)
-        if self._lines is not None and (now - self._told_at > EVERY or not state.left):
-            self._told_at = now
-            self._lines.print(self._told(now) + self._to_go())
+        _log_row(progress.row)
+        if self._lines is not None and (now - self._last_line > LINE_INTERVAL or not progress.left):
+            self._last_line = now
+            self._lines.print(self._status(now) + self._time_left())
 
     @property
     def counts(self) -> str:
-        """How much is done, in words."""
-        if self._state is None:
-            return "nothing was begun"
-        done = self._state.finished + self._state.labelled + self._state.failed
-        return f"{done} of {done + self._state.left} meshes are done"
+        """How many meshes are done, as text."""
+        if self._progress is None:
+            return "no mesh was started"
+        done = self._progress.finished + self._progress.labelled + self._progress.failed
+        return f"{done} of {done + self._progress.left} meshes are done"
 
-    def _begin(self, state: BatchState, now: float) -> None:
-        self._begun = self._told_at = now
+    def _start(self, progress: BatchProgress, now: float) -> None:
+        self._started = self._last_line = now
         self._bar.reset(self._task)
-        _log.info("%d meshes to label, %d finished before", state.left, state.finished)
+        _log.info("%d meshes to label, %d finished before", progress.left, progress.finished)
         if self._lines is not None:
-            self._lines.print(f"{state.left} meshes to label, {state.finished} finished before")
-        if state.stale:
+            self._lines.print(
+                f"{progress.left} meshes to label, {progress.finished} finished before"
+            )
+        if progress.stale:
             self._bar.console.print(
-                f"[yellow]warning:[/] {state.stale} of them have labels of other settings, which "
-                "are replaced"
+                f"[yellow]warning:[/] {progress.stale} of them have labels of other settings, "
+                "which are replaced"
             )
 
-    def _told(self, now: float) -> str:
-        state = self._state
-        if state is None or self._begun is None:
+    def _status(self, now: float) -> str:
+        progress = self._progress
+        if progress is None or self._started is None:
             return ""
-        done, seconds = state.labelled + state.failed, now - self._begun
+        done, seconds = progress.labelled + progress.failed, now - self._started
         rate = f", {done / seconds:.3g}/s" if done and seconds else ""
         largest = ""
-        if state.largest is not None:
-            largest = f"; {as_printed(state.largest.name)} ({decimal(state.largest.size)})"
-        return f"{state.labelled} labelled, {state.failed} failed, {state.left} left{rate}{largest}"
+        if progress.largest is not None:
+            largest = f"; {escaped(progress.largest.name)} ({decimal(progress.largest.size)})"
+        counts = f"{progress.labelled} labelled, {progress.failed} failed, {progress.left} left"
+        return f"{counts}{rate}{largest}"
 
-    def _to_go(self) -> str:
+    def _time_left(self) -> str:
         left = self._bar.tasks[self._task].time_remaining
-        return f"; about {_duration(left)} to go" if left else ""
+        return f"; about {_duration(left)} left" if left else ""
 
 
 def _log_row(row: Row) -> None:
@@ -90,7 +93,7 @@ def _log_row(row: Row) -> None:
 
 
 def _duration(seconds: float) -> str:
-    """Write a time as people say it."""
+    """A time as text, in seconds, minutes or hours."""
     minutes, hours = seconds / 60.0, seconds / 3600.0
     if minutes < 1.5:
         return f"{seconds:.0f} s"
@@ -98,12 +101,12 @@ def _duration(seconds: float) -> str:
 
 
 @contextmanager
-def batch_progress(*, quiet: bool, log: Path | None) -> Iterator[BatchProgress]:
-    """Show how a batch goes until its end.
+def show_progress(*, quiet: bool, log: Path | None) -> Iterator[ProgressDisplay]:
+    """Show the progress of a batch for the duration of the context.
 
     Args:
         quiet: Show nothing.
-        log: File that a line for each mesh is added to.
+        log: File to which a line for each mesh is appended.
 
     Raises:
         OutputError: The log cannot be written.
@@ -111,17 +114,17 @@ def batch_progress(*, quiet: bool, log: Path | None) -> Iterator[BatchProgress]:
     console = Console(stderr=True, quiet=quiet, soft_wrap=True, emoji=False)
     bar = Progress(
         TextColumn("{task.description}"), BarColumn(bar_width=24),
-        TextColumn("{task.fields[told]}"), TimeElapsedColumn(), TimeRemainingColumn(),
+        TextColumn("{task.fields[status]}"), TimeElapsedColumn(), TimeRemainingColumn(),
         console=console, transient=True, disable=quiet or not console.is_terminal,
     )  # fmt: skip
     with _logged(log, console), bar:
-        yield BatchProgress(bar, lines=None if quiet or console.is_terminal else console)
+        yield ProgressDisplay(bar, lines=None if quiet or console.is_terminal else console)
 
 
 @contextmanager
 def _logged(path: Path | None, console: Console) -> Iterator[None]:
-    """Add what the package tells to a file, and its warnings to what is shown."""
-    handlers: list[logging.Handler] = [_Told(console)]
+    """Append the package's log to a file, and show the messages of its modules."""
+    handlers: list[logging.Handler] = [_ConsoleHandler(console)]
     if path is not None:
         try:
             handlers.append(logging.FileHandler(path, encoding="utf-8", errors="backslashreplace"))
@@ -141,8 +144,8 @@ def _logged(path: Path | None, console: Console) -> Iterator[None]:
             handler.close()
 
 
-class _Told(logging.Handler):
-    """Shows what the run itself tells; failures of meshes are counted, and told at the end."""
+class _ConsoleHandler(logging.Handler):
+    """Prints log messages of the run; failures of meshes are counted, and printed at the end."""
 
     def __init__(self, console: Console) -> None:
         super().__init__(logging.INFO)
@@ -152,4 +155,4 @@ class _Told(logging.Handler):
     def emit(self, record: logging.LogRecord) -> None:
         """Print the line."""
         mark = "[yellow]warning:[/] " if record.levelno >= logging.WARNING else ""
-        self._console.print(f"{mark}{as_printed(record.getMessage())}")
+        self._console.print(f"{mark}{escaped(record.getMessage())}")

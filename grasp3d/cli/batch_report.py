@@ -1,4 +1,4 @@
-"""What `grasp3d batch` prints: a table of the meshes, what failed, and where the results are."""
+"""Output of `grasp3d batch`: a table of the meshes, the failures, and the paths of the results."""
 
 from collections.abc import Collection, Sequence
 
@@ -7,18 +7,18 @@ from rich.table import Table
 
 from grasp3d.batch.library import REPORT, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
-from grasp3d.cli.report import MORE, angle_text, as_printed
+from grasp3d.cli.report import CHECK_HINT, angle_text, escaped
 from grasp3d.stability.label import MEANING
 
-MOST_ROWS = 60
-"""Meshes of a library that are printed one by one."""
+MAX_ROWS = 60
+"""Meshes up to which each of them is printed."""
 
-MOST_TOLD = 20
+MAX_MESSAGES = 20
 """Failures, and warnings, that are printed; the others are in the summary and the report."""
 
 
 def print_library(library: LibraryLabels, *, report: bool) -> None:
-    """Print what came of a library: a line per mesh where they are few, and what to mind.
+    """Print the results of a library: a line per mesh where they are few, warnings and failures.
 
     Args:
         library: From `label_library`.
@@ -26,38 +26,40 @@ def print_library(library: LibraryLabels, *, report: bool) -> None:
     """
     console = Console(emoji=False)
     rows = library.rows.values()
-    if len(rows) <= MOST_ROWS:
+    if len(rows) <= MAX_ROWS:
         _print_table(console, rows)
-    for told in library.told:
-        console.print(f"[yellow]warning:[/] {as_printed(told)}", soft_wrap=True)
-    failed = [as_printed(row.error) for row in library.failed]
+    for warning in library.warnings:
+        console.print(f"[yellow]warning:[/] {escaped(warning)}", soft_wrap=True)
+    failed = [escaped(row.error) for row in library.failed]
     _print_some(console, "[red]failed:[/]", failed, "failures")
     warned = [
-        as_printed(f"{row.mesh}: {row.warnings}")
+        escaped(f"{row.mesh}: {row.warnings}")
         for row in rows
         if row.outcome == Outcome.LABELLED and row.warnings
     ]
     _print_some(console, "[yellow]warning:[/]", warned, "warnings")
     if failed or warned:
-        console.print(MORE)
+        console.print(CHECK_HINT)
     before = f"; {library.finished} of them were finished before" if library.finished else ""
     console.print(f"{len(rows) - len(failed)} labelled, {len(failed)} failed{before}")
-    console.print(f"written: {as_printed(library.output)}", soft_wrap=True)
+    console.print(f"written: {escaped(library.output)}", soft_wrap=True)
     if report:
-        console.print(f"report: {as_printed(f'{library.output}/{REPORT}')}", soft_wrap=True)
+        console.print(f"report: {escaped(f'{library.output}/{REPORT}')}", soft_wrap=True)
 
 
 def print_failed(library: LibraryLabels) -> None:
-    """Print on standard error what failed, and nothing else."""
+    """Print only the failures, to standard error."""
     console = Console(stderr=True, emoji=False)
-    _print_some(console, "failed:", [as_printed(row.error) for row in library.failed], "failures")
+    _print_some(console, "failed:", [escaped(row.error) for row in library.failed], "failures")
 
 
 def _print_some(console: Console, mark: str, lines: Sequence[str], what: str) -> None:
-    for line in lines[:MOST_TOLD]:
+    for line in lines[:MAX_MESSAGES]:
         console.print(f"{mark} {line}", soft_wrap=True)
-    if len(lines) > MOST_TOLD:
-        console.print(f"{mark} {len(lines) - MOST_TOLD} more {what}: see the summary or the report")
+    if len(lines) > MAX_MESSAGES:
+        console.print(
+            f"{mark} {len(lines) - MAX_MESSAGES} more {what}: see the summary or the report"
+        )
 
 
 def _print_table(console: Console, rows: Collection[Row]) -> None:
@@ -70,20 +72,20 @@ def _print_table(console: Console, rows: Collection[Row]) -> None:
     console.print(table)
     legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING["label"].items())
     console.print(
-        f"{legend}; shares of the area; β* critical friction angle; "
+        f"{legend}; area fractions; β* critical friction angle; "
         "ε_min: smallest epsilon over the tilts, at half of the area"
     )
 
 
 def _cells(row: Row) -> list[str]:
     if row.outcome != Outcome.LABELLED:
-        return [as_printed(row.mesh), f"[red]{row.outcome}[/]", *[""] * 5, f"{row.seconds:.1f}"]
-    shares = (row.stable, row.ambiguous, row.no_grasp_found)
+        return [escaped(row.mesh), f"[red]{row.outcome}[/]", *[""] * 5, f"{row.seconds:.1f}"]
+    fractions = (row.stable, row.ambiguous, row.no_grasp_found)
     angles = (row.critical_angle_p10, row.critical_angle_p50, row.critical_angle_p90)
     return [
-        as_printed(row.mesh),
+        escaped(row.mesh),
         str(row.vertices),
-        *(f"{100.0 * share:.1f}" for share in shares if share is not None),
+        *(f"{100.0 * one:.1f}" for one in fractions if one is not None),
         " ".join(angle_text(angle) for angle in angles if angle is not None),
         "" if row.epsilon_min_p50 is None else f"{row.epsilon_min_p50:.3f}",
         f"{row.seconds:.1f}",

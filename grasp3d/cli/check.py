@@ -1,4 +1,4 @@
-"""`grasp3d check`: what is wrong with meshes, before any work."""
+"""The command `grasp3d check`: diagnoses meshes before they are labelled."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,7 +7,13 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.cli.options import ClusterOptions, ModelOptions, SamplingOptions, SurfaceOptions
+from grasp3d.cli.options import (
+    ClusterOptions,
+    ModelOptions,
+    Quiet,
+    SamplingOptions,
+    SurfaceOptions,
+)
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
@@ -19,27 +25,28 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Check:
-    """Diagnose meshes: unit, holes, winding, bodies, crossings, noise, and what repair changes.
+    """Diagnose meshes: unit, holes, orientation, bodies, self-intersections, noise, and repairs.
 
-    Takes the options of label, and tells whether its labels could be trusted. Exit code 0: of all
-    meshes, at least with care; 1: not of all, or some are refused.
+    With the options of label it reports whether labels can be trusted. Exit code 0: for all
+    meshes, at least with care; 1: not for all meshes, or some cannot be read.
     """
 
     inputs: Annotated[
-        tuple[str, ...], tyro.conf.Positional, tyro.conf.arg(metavar="FILE|FOLDER|PATTERN|LIST.txt")
+        tuple[str, ...],
+        tyro.conf.Positional,
+        tyro.conf.arg(metavar="FILE|FOLDER|GLOB|LIST.txt|URL"),
     ]
-    """Mesh files, folders that are searched with all below them, patterns for files in quotes as
-    'lib/**/*.stl', lists of these, one in each line, and addresses of all of them such as
-    s3://bucket/lib."""
+    """Mesh files, folders, which are searched recursively, globs in quotes such as 'lib/**/*.stl',
+    lists of these (.txt, one per line); also on an object store (s3://BUCKET/FOLDER)."""
 
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """File to write: .json with everything, .csv or .parquet with a row per mesh."""
+    """Report: .json with all results, .csv or .parquet with one row per mesh."""
 
     json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
     """Print JSON instead of tables."""
 
     strict: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Exit code 1 also where labels can be trusted with care only."""
+    """Exit code 1 also for meshes whose labels can be trusted with care only."""
 
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction and touch."""
@@ -51,19 +58,18 @@ class Check:
     """How the mesh is read and prepared."""
 
     cluster: ClusterOptions = field(default_factory=ClusterSettings)
-    """Who does the work where there are several meshes."""
+    """Which processes check the meshes, if there are several."""
 
-    quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
-    """Print nothing but errors."""
+    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         if not self.inputs:
             raise SettingError("no input: name a mesh file, or a folder of meshes")
 
     def run(self) -> int:
-        """Do it; returns the exit code."""
+        """Run the command, and return the exit code."""
         from grasp3d.batch.batch_settings import BatchSettings
-        from grasp3d.batch.check_files import SUFFIXES, json_of, write_checks
+        from grasp3d.batch.check_writing import SUFFIXES, json_of, write_checks
         from grasp3d.batch.inputs import find_meshes
         from grasp3d.cli import check_report
         from grasp3d.diagnosis.mesh_diagnosis import Trust
@@ -83,12 +89,12 @@ class Check:
             print(json_of(meshes, settings))  # noqa: T201
         elif not self.quiet:
             given = {str(local_path(item) or item) for item in self.inputs}
-            check_report.print_checks(meshes, one=all(file.source in given for file in files))
+            check_report.print_checks(meshes, named=all(file.source in given for file in files))
         accepted = {Trust.YES} if self.strict else {Trust.YES, Trust.CARE}
         return 0 if all(mesh.trust in accepted for mesh in meshes) else 1
 
     def _checked(self, files: list["MeshFile"], settings: "BatchSettings") -> list["CheckedMesh"]:
-        """Check one mesh in this process, several in processes of their own."""
+        """Check one mesh in this process, several in child processes."""
         from grasp3d.batch.checking import check_file, lost_check
         from grasp3d.cli import report
 

@@ -1,4 +1,4 @@
-"""What `grasp3d check` shows."""
+"""Printed report of `grasp3d check`."""
 
 import math
 from collections.abc import Sequence
@@ -7,26 +7,26 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d.batch.checking import CheckedMesh
-from grasp3d.cli.report import as_printed
-from grasp3d.diagnosis.mesh_diagnosis import Measured, MeshDiagnosis, Trust
+from grasp3d.cli.report import escaped
+from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
 
-FEW = 3
-"""Meshes that are shown one by one."""
+MAX_PAGES = 3
+"""Largest number of meshes with a page each."""
 
 _COLORS = {Trust.YES: "green", Trust.CARE: "yellow", Trust.NO: "red"}
-_ENOUGH = 1e-4
-"""Share below which a change is written as none."""
+_MIN_CHANGE = 1e-4
+"""Relative change below which nothing is printed."""
 
 
-def print_checks(meshes: Sequence[CheckedMesh], *, one: bool) -> None:
-    """Print a page for each of a few meshes that were named, else a line for each.
+def print_checks(meshes: Sequence[CheckedMesh], *, named: bool) -> None:
+    """Print a page for each of a few named meshes, otherwise a line for each mesh.
 
     Args:
-        meshes: What was found.
-        one: Whether every mesh was named.
+        meshes: Checked meshes.
+        named: Whether the user named every mesh, instead of folders or lists.
     """
     console = Console()
-    if one and len(meshes) <= FEW:
+    if named and len(meshes) <= MAX_PAGES:
         for mesh in meshes:
             _print_page(console, mesh)
         return
@@ -36,33 +36,31 @@ def print_checks(meshes: Sequence[CheckedMesh], *, one: bool) -> None:
 def _print_page(console: Console, mesh: CheckedMesh) -> None:
     found = mesh.diagnosis
     if found is None:
-        console.print(f"[red]refused:[/] {as_printed(mesh.refusal)}", soft_wrap=True)
+        console.print(f"[red]refused:[/] {escaped(mesh.refusal)}", soft_wrap=True)
         return
-    console.print(f"[bold]{as_printed(found.mesh)}[/]: {found.format.upper()}, {_bytes(found)}")
-    console.print(f"unit: {as_printed(_unit(found))}", soft_wrap=True)
+    console.print(f"[bold]{escaped(found.mesh)}[/]: {found.format.upper()}, {_bytes(found)}")
+    console.print(f"unit: {escaped(_unit(found))}", soft_wrap=True)
     extents = " x ".join(f"{extent:.4g}" for extent in found.extents)
     console.print(
-        f"extents {extents}; size {found.size:.4g}, the diameter of the ball around it",
+        f"extents {extents}; size {found.size:.4g} (diameter of the bounding sphere)",
         soft_wrap=True,
     )
     console.print(_measures(found))
     for step in found.repairs:
         console.print(f"repaired: {step}", soft_wrap=True)
     console.print(
-        f"faces that cross others: {found.crossing_faces:,}; noise of normals: "
-        f"{math.degrees(found.noise):.1f}°; Manifold takes it: {_taken(found)}"
+        f"self-intersecting faces: {found.crossing_faces:,}; noise of normals: "
+        f"{math.degrees(found.noise):.1f}°; manifold: {_manifold(found)}"
     )
     console.print(
-        f"to label: {found.label_vertices:,} vertices, "
+        f"labelling: {found.label_vertices:,} vertices, "
         f"{'several times' if found.cost.more else 'about'} {_seconds(found.cost.seconds)} and "
         f"{found.cost.memory:.1f} GB"
     )
     color = _COLORS[found.trust]
     console.print(f"labels can be trusted: [{color}]{found.trust}[/]")
     for warning in found.warnings:
-        console.print(
-            f"[{_COLORS[warning.trust]}]•[/] {as_printed(warning.message)}", soft_wrap=True
-        )
+        console.print(f"[{_COLORS[warning.trust]}]•[/] {escaped(warning.message)}", soft_wrap=True)
 
 
 def _unit(found: MeshDiagnosis) -> str:
@@ -70,15 +68,15 @@ def _unit(found: MeshDiagnosis) -> str:
         return f"not stated; {found.guess.reason}"
     if found.guess.unit in {None, found.unit}:
         return found.unit
-    return f"{found.unit} as stated; by its size rather {found.guess.unit}: {found.guess.reason}"
+    return f"{found.unit} as stated; its size suggests {found.guess.unit}: {found.guess.reason}"
 
 
-def _taken(found: MeshDiagnosis) -> str:
+def _manifold(found: MeshDiagnosis) -> str:
     return "yes" if found.manifold == "NoError" else f"no ({found.manifold})"
 
 
 def _measures(found: MeshDiagnosis) -> Table:
-    """What the surface amounts to, before and after repair."""
+    """Return a table of the measures before and after repair."""
     table = Table("", box=None, pad_edge=False)
     for heading in ("in the file", "after repair"):
         table.add_column(heading, justify="right")
@@ -97,47 +95,47 @@ def _measures(found: MeshDiagnosis) -> Table:
     table.add_row(
         "centre of mass",
         *(_center(m, found.size) for m in (before, after)),
-        f"{100.0 * shift:.2g} % of the size" if shift > _ENOUGH else "",
+        f"{100.0 * shift:.2g} % of the size" if shift > _MIN_CHANGE else "",
     )
     cavities = f", cavities: {found.cavities}" if found.cavities else ""
     table.add_row("bodies", "", f"{found.bodies}{cavities}", "")
     return table
 
 
-def _closed(measured: Measured) -> str:
-    told = ["yes" if measured.closed else "no"]
+def _closed(measured: SurfaceMeasures) -> str:
+    words = ["yes" if measured.closed else "no"]
     if not measured.closed and not measured.boundary_edges:
-        told.append("wound both ways")
+        words.append("inconsistent orientation")
     if measured.boundary_edges:
-        told.append(f"{measured.boundary_edges} edges with one face")
+        words.append(f"{measured.boundary_edges} edges with one face")
     if measured.crowded_edges:
-        told.append(f"{measured.crowded_edges} with more than two")
-    return ", ".join(told)
+        words.append(f"{measured.crowded_edges} with more than two")
+    return ", ".join(words)
 
 
-def _center(measured: Measured, size: float) -> str:
-    """Write where the centre of mass is, to a thousandth of the object's size."""
+def _center(measured: SurfaceMeasures, size: float) -> str:
+    """Format the centre of mass, to a thousandth of the object's size."""
     if not measured.closed:
         return "open"
     digits = max(0, 3 - math.floor(math.log10(size)))
     return " ".join(f"{round(x, digits) + 0.0:.{digits}f}" for x in measured.center_mass)
 
 
-def _volume(measured: Measured) -> str:
+def _volume(measured: SurfaceMeasures) -> str:
     return "open" if measured.volume is None else f"{measured.volume:.5g}"
 
 
-def _volume_change(before: Measured, after: Measured) -> str:
+def _volume_change(before: SurfaceMeasures, after: SurfaceMeasures) -> str:
     if before.volume is None or after.volume is None:
         return ""
     return _change(before.volume, after.volume)
 
 
 def _change(before: float, after: float) -> str:
-    if abs(after - before) <= _ENOUGH * abs(after):
+    if abs(after - before) <= _MIN_CHANGE * abs(after):
         return ""
     if before * after < 0.0:
-        return "turned"
+        return "inverted"
     return f"{100.0 * (after / before - 1.0):+.2g} %" if before else "new"
 
 
@@ -158,7 +156,7 @@ def _seconds(seconds: float) -> str:
 
 
 def _print_lines(console: Console, meshes: Sequence[CheckedMesh]) -> None:
-    """Print a line for each mesh, then what was refused, and what to mind."""
+    """Print a line for each mesh, then the errors and the warnings."""
     table = Table(box=None, pad_edge=False)
     table.add_column("mesh", overflow="fold")
     table.add_column("labels")
@@ -177,32 +175,32 @@ def _print_lines(console: Console, meshes: Sequence[CheckedMesh]) -> None:
         table.add_row(*_cells(mesh))
     console.print(table)
     console.print(
-        "labels: whether they can be trusted; size: with the unit as stated, else as it suggests "
-        "with ?; watertight: in the file > after repair; crossing: faces that cross others"
+        "labels: whether they can be trusted; size: with the stated unit, or with ? the unit that "
+        "it suggests; watertight: in the file > after repair; crossing: self-intersecting faces"
     )
     for mesh in meshes:
         if mesh.diagnosis is None:
-            console.print(f"[red]refused:[/] {as_printed(mesh.refusal)}", soft_wrap=True)
+            console.print(f"[red]refused:[/] {escaped(mesh.refusal)}", soft_wrap=True)
             continue
         for warning in mesh.diagnosis.warnings:
-            told = as_printed(f"{mesh.name}: {warning.message}")
-            console.print(f"[{_COLORS[warning.trust]}]{warning.trust}:[/] {told}", soft_wrap=True)
-    read = [mesh.diagnosis.trust for mesh in meshes if mesh.diagnosis is not None]
-    counts = [f"{read.count(trust)} {trust}" for trust in Trust]
+            text = escaped(f"{mesh.name}: {warning.message}")
+            console.print(f"[{_COLORS[warning.trust]}]{warning.trust}:[/] {text}", soft_wrap=True)
+    trusts = [mesh.diagnosis.trust for mesh in meshes if mesh.diagnosis is not None]
+    counts = [f"{trusts.count(trust)} {trust}" for trust in Trust]
     console.print(
-        f"{len(read)} meshes; labels can be trusted: {', '.join(counts)}; "
-        f"refused: {len(meshes) - len(read)}"
+        f"{len(trusts)} meshes; labels can be trusted: {', '.join(counts)}; "
+        f"refused: {len(meshes) - len(trusts)}"
     )
 
 
 def _cells(mesh: CheckedMesh) -> list[str]:
     found = mesh.diagnosis
     if found is None:
-        return [as_printed(mesh.name), "[red]refused[/]", *[""] * 7]
+        return [escaped(mesh.name), "[red]refused[/]", *[""] * 7]
     closed = {True: "yes", False: "no"}
     unit = found.unit or (f"{found.guess.unit}?" if found.guess.unit else "?")
     return [
-        as_printed(mesh.name),
+        escaped(mesh.name),
         f"[{_COLORS[found.trust]}]{found.trust}[/]",
         f"{found.after.faces:,}",
         f"{found.size:.3g} {unit}",

@@ -1,4 +1,4 @@
-"""What `grasp3d design` shows."""
+"""Printed report of `grasp3d design`."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -12,27 +12,31 @@ from grasp3d.contact.sensor import Sensor, resolution_limit
 from grasp3d.settings import Unit
 
 ROUNDING = 1e-12
-"""A margin that is none [rad]."""
+"""Margin up to which a sensor is not fine enough [rad]."""
 
-_COUNTED = (
-    "Numbers of sensors are for the whole hemisphere, by area: 'discs' as Wan & Howe count, 'caps' "
+_COUNTS_NOTE = (
+    "Numbers of sensors are for the whole hemisphere, by area: 'discs' as in Wan & Howe, 'caps' "
     "on the curved surface. Both are lower bounds: real layouts overlap, by a fifth at least."
 )
-_LOCATIONS = "Locations are uncertain too: give --object-size to count them."
-_PAPER = (
-    "Wan & Howe give 53°, about 9 mm and 10 sensors for friction 0.5; for 0.2, 22.6°, about 4 mm "
+_LOCATIONS_NOTE = (
+    "The uncertainty of contact locations is not included: give --object-size to include it."
+)
+_PAPER_NOTE = (
+    "Wan & Howe report 53°, about 9 mm and 10 sensors for friction 0.5; for 0.2, 22.6°, about 4 mm "
     "and 50 sensors: their 50 comes from rounding 3.95 mm to 4."
 )
 
 
 @dataclass(frozen=True)
 class Setup:
-    """What stands around the question."""
+    """Fingertip, object size and unit of a report."""
 
     radius: float
-    """Of the fingertip; inf: flat."""
+    """Radius of the fingertip; inf: flat."""
     object_size: float | None
+    """Distance between two opposing fingers; None: not given."""
     unit: Unit
+    """Unit of all lengths."""
 
     @property
     def flat(self) -> bool:
@@ -41,7 +45,7 @@ class Setup:
 
     @property
     def fingertip(self) -> str:
-        """The fingertip in words."""
+        """Description of the fingertip."""
         if self.flat:
             return "flat"
         radius = self.length(self.radius)
@@ -49,41 +53,50 @@ class Setup:
 
     @property
     def openings(self) -> tuple[tuple[float, str], ...]:
-        """Distances between two fingers at which to answer, and what counts there."""
-        normals = (math.inf, "By the normals alone, as Wan & Howe do:")
+        """Distances between two fingers with headings; inf: locations are not included."""
+        normals = (math.inf, "Uncertain normals only, as in Wan & Howe:")
         if self.object_size is None:
             return (normals,)
         size = self.length(self.object_size)
-        return normals, (self.object_size, f"Counting locations too, two fingers {size} apart:")
+        return normals, (
+            self.object_size,
+            f"Uncertain normals and locations, two fingers {size} apart:",
+        )
 
     def length(self, value: float) -> str:
-        """A length in words."""
+        """Format a length with its unit."""
         return f"{value:.4g} {self.unit}"
 
     def print_notes(self, console: Console) -> None:
-        """Print what numbers of sensors mean, and that locations have not been counted."""
+        """Print the notes on numbers of sensors and on uncertain locations."""
         if not self.flat:
-            console.print(_COUNTED)
+            console.print(_COUNTS_NOTE)
         if self.object_size is None:
-            console.print(_LOCATIONS)
+            console.print(_LOCATIONS_NOTE)
 
 
 def print_limits(setup: Setup, frictions: Sequence[float], *, paper: bool = False) -> None:
-    """Print how fine a sensor must be at each friction; `paper`: tell the paper's numbers too."""
-    # A flat tip has a limit only where locations count; without a size `limiting` says so.
+    """Print the coarsest sensor for each friction.
+
+    Args:
+        setup: Fingertip, object size and unit.
+        frictions: Coulomb coefficients, above 0.
+        paper: Whether to print a comparison with the numbers of Wan & Howe 2018.
+    """
+    # A flat tip has a limit only if locations are included; otherwise `limiting` raises an error.
     openings = setup.openings[1:] if setup.flat and setup.object_size else setup.openings
-    tables = [(what, _limits(setup, opening, frictions)) for opening, what in openings]
+    tables = [(heading, _limits(setup, opening, frictions)) for opening, heading in openings]
     console = Console()
-    console.print("[bold]Which sensor is fine enough for this friction?[/]")
+    console.print("[bold]Required sensor for each friction[/]")
     console.print(f"fingertip: {setup.fingertip}")
     _print_tables(console, tables)
     console.print(
-        "\nOnly a sensor finer than this lets grasps be surely stable; how much of an object is, "
-        "grasp3d sweep tells."
+        "\nGrasps can be surely stable only with a finer sensor than this; grasp3d sweep computes "
+        "the area fraction of an object where they are."
     )
     setup.print_notes(console)
     if paper:
-        console.print(_PAPER)
+        console.print(_PAPER_NOTE)
 
 
 def _limits(setup: Setup, opening: float, frictions: Sequence[float]) -> Table:
@@ -101,7 +114,7 @@ def _limits(setup: Setup, opening: float, frictions: Sequence[float]) -> Table:
 
 
 def print_sensor(setup: Setup, sensor: Sensor) -> None:
-    """Print what a sensor resolves, and the least friction that is enough for it."""
+    """Print the properties of a sensor, and the friction that it requires."""
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(overflow="fold")
     table.add_column(overflow="fold")
@@ -109,7 +122,7 @@ def print_sensor(setup: Setup, sensor: Sensor) -> None:
         table.add_row(*row)
     warnings = () if setup.object_size is None else sensor.warnings(setup.object_size)
     console = Console()
-    console.print("[bold]Which friction is enough for this sensor?[/]")
+    console.print("[bold]Required friction for this sensor[/]")
     console.print(table)
     for warning in warnings:
         console.print(f"[yellow]warning:[/] {warning}")
@@ -124,39 +137,43 @@ def _sensor_rows(setup: Setup, sensor: Sensor) -> Iterator[tuple[str, str]]:
     if not sensor.flat:
         discs, caps = _counts(sensor)
         yield "sensors on the hemisphere", f"at least {discs} (discs), {caps} (caps)"
-    yield "friction needed", _above(sensor.required_friction)
+    yield "required friction", _above(sensor.required_friction)
 
 
 def _size_rows(setup: Setup, sensor: Sensor) -> Iterator[tuple[str, str]]:
     if setup.object_size is not None:
         yield f"two fingers {setup.length(setup.object_size)} apart", ""
-        yield "  their line turns by up to", _angle(sensor.line_error(setup.object_size))
-        needed = sensor.required_friction_at(setup.object_size)
-        yield "  friction needed with that", _above(needed)
+        yield "  their line tilts by up to", _angle(sensor.line_error(setup.object_size))
+        required = sensor.required_friction_at(setup.object_size)
+        yield "  required friction with this", _above(required)
 
 
-def print_verdicts(setup: Setup, sensor: Sensor, frictions: Sequence[float]) -> None:
-    """Print whether a sensor is fine enough at each friction, and what friction it leaves."""
-    tables = [(what, _verdicts(sensor, opening, frictions)) for opening, what in setup.openings]
+def print_comparison(setup: Setup, sensor: Sensor, frictions: Sequence[float]) -> None:
+    """Print whether a sensor is fine enough for each friction, and the effective friction."""
+    tables = [
+        (heading, _comparison(sensor, opening, frictions)) for opening, heading in setup.openings
+    ]
     console = Console()
-    console.print("\n[bold]Is this sensor fine enough for this friction?[/]")
-    console.print("For the best grasps: two fingers that push straight at each other.")
+    console.print("\n[bold]Comparison of this sensor with each friction[/]")
+    console.print(
+        "For the best grasps: two fingers that push along the line through both contacts."
+    )
     _print_tables(console, tables)
     console.print(
-        "\nmargin: the friction angle less what a normal may be off the fingers' line; effective "
-        "friction: what is left of the friction. Places of an object where no grasp is straight "
-        "need a finer sensor: see grasp3d sweep."
+        "\nmargin: friction angle minus the largest angle between a normal and this line; "
+        "effective friction: friction whose friction angle is the margin. Where the contact "
+        "normals are not along the line, a finer sensor is required: see grasp3d sweep."
     )
 
 
-def _verdicts(sensor: Sensor, opening: float, frictions: Sequence[float]) -> Table:
+def _comparison(sensor: Sensor, opening: float, frictions: Sequence[float]) -> Table:
     table = _table("friction", "fine\nenough", "margin", "effective\nfriction")
-    worst = sensor.misalignment(opening)
+    tilt = sensor.misalignment(opening)
     for friction in frictions:
-        margin = resolution_limit(friction) / 2.0 - worst
-        left = float(effective_friction(friction, 2.0 * worst))
+        margin = resolution_limit(friction) / 2.0 - tilt
+        effective = float(effective_friction(friction, 2.0 * tilt))
         enough = "yes" if margin > ROUNDING else "no"
-        table.add_row(f"{friction:g}", enough, _angle(margin), f"{left:.4g}")
+        table.add_row(f"{friction:g}", enough, _angle(margin), f"{effective:.4g}")
     return table
 
 
@@ -168,13 +185,13 @@ def _table(*headings: str) -> Table:
 
 
 def _print_tables(console: Console, tables: Sequence[tuple[str, Table]]) -> None:
-    for what, table in tables:
-        console.print(f"\n{what}")
+    for heading, table in tables:
+        console.print(f"\n{heading}")
         console.print(table)
 
 
 def _above(friction: float) -> str:
-    return f"above {friction:.4g}" if math.isfinite(friction) else "none is enough"
+    return f"above {friction:.4g}" if math.isfinite(friction) else "none is sufficient"
 
 
 def _counts(sensor: Sensor) -> tuple[str, str]:

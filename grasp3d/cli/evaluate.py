@@ -1,4 +1,4 @@
-"""`grasp3d evaluate`: contacts that a user brings in, and how reliable each grasp is out."""
+"""The command `grasp3d evaluate`: evaluates given grasps on a mesh."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import ModelOptions, SurfaceOptions
+from grasp3d.cli.options import ModelOptions, Quiet, SurfaceOptions
 from grasp3d.errors import OutputError
 from grasp3d.settings import GraspModel, MeshOptions, with_fingers
 from grasp3d.system.names import safe_stem
@@ -14,33 +14,35 @@ from grasp3d.system.names import safe_stem
 
 @dataclass(frozen=True)
 class Evaluate:
-    """Tell of given grasps how reliable they are: their contacts, moved to the surface, decide."""
+    """Evaluate given grasps: label, critical friction angle and epsilon of each.
+
+    Each contact is moved to the closest point of the surface.
+    """
 
     file: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="MESH")]
     """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
 
     contacts: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CONTACTS")]
-    """Contacts in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2 ... and
-    a row for each grasp, or JSON, a list of grasps, each a list of contacts [x, y, z]."""
+    """Contact points in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
+    ... and one row per grasp, or JSON with a list of grasps, each a list of points [x, y, z]."""
 
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """File of results (.csv, .parquet or .json); none: NAME_grasps.csv in this folder."""
+    """Results (.csv, .parquet or .json); none: NAME_grasps.csv in this folder."""
 
     max_distance: float | None = None
-    """How far off the surface a contact may be, in the mesh's unit; none: 1/100 of the object's
-    size."""
+    """Largest distance of a contact from the surface, in the mesh's unit; none: 1/100 of the
+    object's size."""
 
     model: ModelOptions = field(default_factory=GraspModel)
-    """Friction and touch; the number of fingers is that of the contacts."""
+    """Friction and touch; the number of fingers is the number of contacts of a grasp."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared."""
 
-    quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
-    """Print nothing but errors."""
+    quiet: Quiet = False
 
     def run(self) -> int:
-        """Do it; returns the exit code."""
+        """Run the command, and return the exit code."""
         from grasp3d.cli import grasp_report, report
         from grasp3d.grasps.evaluation import evaluate_grasps
         from grasp3d.grasps.reading import read_contacts
@@ -52,7 +54,7 @@ class Evaluate:
         check_suffix(output, SUFFIXES, "table")
         points = read_contacts(self.contacts)
         if output.exists() and output.samefile(self.contacts):
-            raise OutputError(f"{output}: holds the contacts; name another file with -o")
+            raise OutputError(f"{output}: is the file of contacts; name another file with -o")
         model = with_fingers(self.model, points.shape[1])
         mesh = prepare_file(self.file, self.mesh)
         check_writable(output, source=self.file)
@@ -61,7 +63,7 @@ class Evaluate:
                 mesh, points, model, max_distance=self.max_distance, progress=progress
             )
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
-            grasps.measure(progress)
+            grasps.compute_epsilon(progress)
         write_grasps(output, grasps)
         if not self.quiet:
             grasp_report.print_evaluated(grasps, output)

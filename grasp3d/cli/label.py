@@ -1,4 +1,4 @@
-"""`grasp3d label`: one mesh in, one labelled mesh out."""
+"""The command `grasp3d label`: labels one mesh and writes it."""
 
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from grasp3d.cli.options import ModelOptions, SamplingOptions, SurfaceOptions
+from grasp3d.cli.options import ModelOptions, Quiet, SamplingOptions, SurfaceOptions
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.names import safe_stem
@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Label:
-    """Label one mesh: print how much of it is reliably graspable, and write it with colours."""
+    """Label one mesh: print the area fractions of S, M and U, and write the labelled mesh."""
 
     file: tyro.conf.Positional[Path]
     """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
@@ -26,8 +26,8 @@ class Label:
     """Labelled file (.ply, .glb, .npz, .vtp or .parquet); none: NAME_labeled.ply in this folder."""
 
     best: int | None = None
-    """So many of the best grasps that are distinct: prints them, and writes NAME_grasps.json and
-    pictures of them, NAME_grasps.png, beside the labelled file."""
+    """Number of best distinct grasps to print, and to write to NAME_grasps.json, with pictures in
+    NAME_grasps.png, in the folder of the labelled file."""
 
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction and touch."""
@@ -38,41 +38,41 @@ class Label:
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared."""
 
-    quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
-    """Print nothing but errors."""
+    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         if self.best is not None and self.best < 1:
             raise SettingError(f"best must be at least 1; got {self.best}")
 
     def run(self) -> int:
-        """Do it; returns the exit code."""
+        """Run the command, and return the exit code."""
         from grasp3d.cli import report
         from grasp3d.export import writer_for
         from grasp3d.mesh import prepare_file
         from grasp3d.surface.labelling import label_surface
         from grasp3d.system.files import check_writable
 
-        named = safe_stem(self.file.stem) if self.output is None else self.output.stem
-        output = self.output or Path(f"{named}_labeled.ply")
+        name = safe_stem(self.file.stem) if self.output is None else self.output.stem
+        output = self.output or Path(f"{name}_labeled.ply")
         write = writer_for(output)
         mesh = prepare_file(self.file, self.mesh)
-        beside = output.with_name(f"{named}_grasps.json")
-        for path in (output, *((beside, beside.with_suffix(".png")) if self.best else ())):
+        grasp_file = output.with_name(f"{name}_grasps.json")
+        grasp_files = (grasp_file, grasp_file.with_suffix(".png")) if self.best else ()
+        for path in (output, *grasp_files):
             check_writable(path, source=self.file)
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
             labels = label_surface(mesh, self.model, sampling=self.sampling, progress=progress)
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
-            labels.measure(progress)
+            labels.compute_epsilon(progress)
         write(output, labels)
         if not self.quiet:
             report.print_labels(labels, output)
         if self.best:
-            self._write_best(labels, beside, self.best)
+            self._write_best(labels, grasp_file, self.best)
         return 0
 
     def _write_best(self, labels: "SurfaceLabels", output: Path, count: int) -> None:
-        """Print the best distinct grasps, write them, and draw them where that is possible."""
+        """Print and write the best distinct grasps, and draw them if OpenGL is available."""
         from grasp3d.cli import grasp_report, report
         from grasp3d.grasps.distinct import best_grasps
         from grasp3d.grasps.writing import write_grasps

@@ -1,4 +1,4 @@
-"""The settings as command-line options: the same dataclasses, with angles in degrees."""
+"""Command-line options of the settings: the same dataclasses, with angles in degrees."""
 
 import dataclasses
 import math
@@ -32,7 +32,7 @@ _DEGREES = tyro.constructors.PrimitiveConstructorSpec(
 
 
 def _optional(number: type[int] | type[float]) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
-    """Read a number, or none."""
+    """Return the parser of a number or `none`."""
     return tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
         metavar=f"{number.__name__.upper()}|{_NONE}",
@@ -42,55 +42,109 @@ def _optional(number: type[int] | type[float]) -> tyro.constructors.PrimitiveCon
     )
 
 
-def _on_command_line(settings: type) -> Any:  # noqa: ANN401
-    """Make a settings class read and show its angles in degrees, its docstrings being the help.
+def _help_texts(settings: type) -> dict[str, str]:
+    """Return what the docstring of a settings class says of its fields, by name."""
+    return {
+        item.args[-1]: " ".join((item.description or "").split())
+        for item in docstring_parser.parse(settings.__doc__ or "").params
+    }
+
+
+def _options_of(settings: type) -> Any:
+    """Return the command-line options of a settings class: angles in degrees, its docstring as help.
 
     Args:
         settings: A frozen dataclass whose angles are annotated as `Radians`.
     """
-    hints = get_type_hints(settings, include_extras=True)
-    helps = {
-        item.args[-1]: " ".join((item.description or "").split())
-        for item in docstring_parser.parse_from_object(settings).params
-    }
+    hints, helps = get_type_hints(settings, include_extras=True), _help_texts(settings)
     fields = [
         (
             field.name,
             Annotated[
-                (hints[field.name], tyro.conf.arg(help=helps[field.name]), *_reading(hints, field))
+                (hints[field.name], tyro.conf.arg(help=helps[field.name]), *_parser(hints, field))
             ],
             dataclasses.field(default=field.default),
         )
         for field in dataclasses.fields(settings)
     ]
-    made = dataclasses.make_dataclass(
+    options = dataclasses.make_dataclass(
         settings.__name__,
         fields,
         bases=(settings,),
         frozen=True,
         namespace={
             "__doc__": settings.__doc__,
-            # Other processes know the settings class only.
+            # Other processes cannot import the generated class: they unpickle the settings class.
             "__reduce__": lambda self: (settings, dataclasses.astuple(self)),
         },
     )
-    return Annotated[settings, tyro.conf.arg(constructor=made)]
+    return Annotated[settings, tyro.conf.arg(constructor=options)]
 
 
-def _reading(hints: dict[str, Any], field: "dataclasses.Field[Any]") -> tuple[Any, ...]:
-    """How a field is read from the command line where its type alone does not say it."""
+def _parser(hints: dict[str, Any], field: "dataclasses.Field[Any]") -> tuple[Any, ...]:
+    """Return the parser of a field, or nothing if tyro parses its type as needed."""
     hint = hints[field.name]
     if _is_angle(hint):
         return (_DEGREES,)
     return tuple(_optional(number) for number in (int, float) if hint == number | None)
 
 
-def _is_angle(hint: Any) -> bool:  # noqa: ANN401
-    """Tell whether a field, or the part of its union that is not None, is an angle."""
+def _is_angle(hint: Any) -> bool:
+    """Return whether a type, or a member of its union, is an angle."""
     if get_origin(hint) is Annotated:
         return ANGLE in get_args(hint)[1:]
     return any(_is_angle(part) for part in get_args(hint))
 
+
+def _model_option(
+    field: str, note: str = "", *, metavar: str | None = None, default: str | None = None
+) -> object:
+    """Return an option with the help of a field of `GraspModel`.
+
+    Args:
+        field: Name of the field.
+        note: Sentence added to the help.
+        metavar: Placeholder of the value; None: from its type.
+        default: Description of the default; None: its value.
+    """
+    text = f"{_help_texts(GraspModel)[field]} {note}".strip()
+    return tyro.conf.arg(help=text, metavar=metavar, help_behavior_hint=default)
+
+
+Friction = Annotated[float, _model_option("friction")]
+"""A coefficient of friction."""
+
+Frictions = Annotated[tuple[float, ...], _model_option("friction", "One value or more.")]
+"""Coefficients of friction."""
+
+SensorResolution = Annotated[float | None, _model_option("sensor_resolution", default=""), _DEGREES]
+"""A sensor resolution [rad], given in degrees; None: not given."""
+
+SensorResolutions = Annotated[
+    tuple[Annotated[float, _DEGREES], ...],
+    _model_option("sensor_resolution", "One or two values, in degrees."),
+]
+"""One or two sensor resolutions [rad], given in degrees."""
+
+SensorResolutionRanges = Annotated[
+    tuple[str, ...],
+    _model_option(
+        "sensor_resolution",
+        "One value or more, in degrees, and ranges that include both ends.",
+        metavar="DEGREES|FROM:TO:STEP [...]",
+    ),
+]
+"""Sensor resolutions in degrees as words for `parse_resolutions`."""
+
+Fingers = Annotated[int, _model_option("fingers")]
+"""A number of fingers."""
+
+Quiet = Annotated[
+    bool,
+    tyro.conf.arg(aliases=["-q"], help="Print nothing but errors."),
+    tyro.conf.FlagCreatePairsOff,
+]
+"""Whether a command prints errors only."""
 
 if TYPE_CHECKING:
     ModelOptions = GraspModel
@@ -99,8 +153,8 @@ if TYPE_CHECKING:
     ClusterOptions = ClusterSettings
     ViewOptions = ViewSettings
 else:
-    ModelOptions = _on_command_line(GraspModel)
-    SamplingOptions = _on_command_line(Sampling)
-    SurfaceOptions = _on_command_line(MeshOptions)
-    ClusterOptions = _on_command_line(ClusterSettings)
-    ViewOptions = _on_command_line(ViewSettings)
+    ModelOptions = _options_of(GraspModel)
+    SamplingOptions = _options_of(Sampling)
+    SurfaceOptions = _options_of(MeshOptions)
+    ClusterOptions = _options_of(ClusterSettings)
+    ViewOptions = _options_of(ViewSettings)

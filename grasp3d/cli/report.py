@@ -1,4 +1,4 @@
-"""What the commands show: progress on standard error, tables on standard output."""
+"""Printed reports of labels on standard output, and progress bars on standard error."""
 
 import math
 from collections.abc import Callable, Iterator
@@ -17,46 +17,49 @@ from grasp3d.diagnosis.length_warnings import length_warnings
 from grasp3d.settings import Sampling, Tilts
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.stability.label import Label as Code
-from grasp3d.surface.labels import Reason, SurfaceLabels
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.names import printable
-from grasp3d.system.progress import Progress as Told
+from grasp3d.system.progress import Progress as ProgressFunction
 
-_WHY = {
-    Reason.NO_PARTNER: "no place for the other fingers closes a grasp within the search cone",
-    Reason.OPENING: "every place for the other fingers is outside the limits of distances",
-    Reason.OFF_SURFACE: "they belong to no face, their label is U and counts nowhere",
+_REASONS = {
+    Reason.NO_PARTNER: "no opposing contacts within the search cone give force closure",
+    Reason.OPENING: "all opposing contacts are outside the limits of distances",
+    Reason.OFF_SURFACE: "they belong to no face; their label is U, and their area is 0",
 }
-MORE = "what is wrong with a mesh, and what helps, is told by `grasp3d check`"
-_OVER: dict[Tilts, str] = {
+"""Explanations of vertices without a grasp."""
+
+CHECK_HINT = "`grasp3d check` reports the defects of a mesh and their remedies"
+_MINIMUM: dict[Tilts, str] = {
     "exact": "smallest over all tilts",
     "effective_friction": "at the effective friction",
     "sampled_tilts": "smallest over sampled tilts",
 }
 
 
-def as_printed(text: str) -> str:
-    """Make a name, or what holds one, be printed as it is and on one line."""
+def escaped(text: str) -> str:
+    """Return a text for the console: one line, with markup characters escaped."""
     return escape(printable(text))
 
 
-def report_compiling() -> None:
-    """Say why the first run takes so long."""
+def print_compiling_note() -> None:
+    """Print a note if the kernels must be compiled, which makes the first run slow."""
     if not compiled_before():
-        line = "compiling, which the first run has to do; it takes a minute or two"
+        line = "compiling for the first run; this takes a minute or two"
         Console(stderr=True, soft_wrap=True).print(line)
 
 
 @contextmanager
-def progress(text: str, *, quiet: bool) -> Iterator[Told]:
-    """Show a bar for one piece of work; gives a function that takes the share done."""
+def progress(text: str, *, quiet: bool) -> Iterator[ProgressFunction]:
+    """Show a progress bar; yields a function of the fraction of the work that is done."""
     with _bar(TextColumn("{task.percentage:>3.0f} %"), quiet=quiet) as bar:
-        task = bar.add_task(as_printed(text), total=1.0)
-        yield lambda share: bar.update(task, completed=share)
+        task = bar.add_task(escaped(text), total=1.0)
+        yield lambda fraction: bar.update(task, completed=fraction)
 
 
 @contextmanager
 def counter(text: str, total: int, *, quiet: bool) -> Iterator[Callable[[], None]]:
-    """Show a bar that counts meshes; gives a function to call after each."""
+    """Show a progress bar that counts meshes; yields a function to call after each mesh."""
     with _bar(MofNCompleteColumn(), quiet=quiet) as bar:
         task = bar.add_task(text, total=total)
         yield lambda: bar.advance(task)
@@ -71,11 +74,16 @@ def _bar(column: TextColumn | MofNCompleteColumn, *, quiet: bool) -> Progress:
 
 
 def print_labels(labels: SurfaceLabels, output: Path) -> None:
-    """Print how much of a surface is S, M and U, and what the labels rest on."""
+    """Print the settings, area fractions, quantiles, repairs and warnings of a labelled surface.
+
+    Args:
+        labels: Labels of the surface.
+        output: The file that they were written to.
+    """
     console = Console(emoji=False)
     mesh, model = labels.mesh, labels.model
     console.print(
-        f"[bold]{as_printed(mesh.report.source)}[/]: {len(mesh.vertices)} vertices, "
+        f"[bold]{escaped(mesh.report.source)}[/]: {len(mesh.vertices)} vertices, "
         f"size {mesh.size:.4g} {mesh.unit or '(unit not stated)'}; friction {model.friction:g}, "
         f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
         + ("" if model.fingers == 2 else f", {model.fingers} fingers")
@@ -86,54 +94,54 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
             f"{'circular' if model.edges is None else f'with {model.edges} edges'}"
         )
     if labels.sampling is not None and (differences := _differences(labels.sampling)):
-        console.print("searched with " + differences)
-    if labels.search.settled:
-        console.print(f"{labels.search.settled:,} candidate grasps settled")
-    table = Table("label", "", "share of area", box=None, pad_edge=False)
-    for name, share in labels.fractions().items():
+        console.print("search settings: " + differences)
+    if labels.search.evaluated:
+        console.print(f"{labels.search.evaluated:,} candidate grasps evaluated")
+    table = Table("label", "", "area fraction", box=None, pad_edge=False)
+    for name, fraction in labels.fractions().items():
         code = Code[name]
         color = "#{:02X}{:02X}{:02X}".format(*COLORS[code])
-        table.add_row(f"[{color}]■[/] {name}", MEANING["label"][code], f"{100.0 * share:.1f} %")
+        table.add_row(f"[{color}]■[/] {name}", MEANING["label"][code], f"{100.0 * fraction:.1f} %")
     console.print(table)
     console.print(
         "critical friction angle, 10/50/90 % of the area: "
         + ", ".join(angle_text(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
     )
-    console.print(_told_epsilon(labels))
+    console.print(_epsilon_text(labels))
     counts = np.bincount(labels.reason, minlength=len(Reason))
-    for reason, why in _WHY.items():
+    for reason, explanation in _REASONS.items():
         if counts[reason]:
-            console.print(f"{counts[reason]} vertices: {why}")
+            console.print(f"{counts[reason]} vertices: {explanation}")
     for step in mesh.report.repairs:
-        console.print(f"repaired: {as_printed(str(step))}")
+        console.print(f"repaired: {escaped(str(step))}")
     sampling = labels.sampling or Sampling()
     warnings = length_warnings(mesh.size, mesh.unit, model, sampling, mesh.options)
     for line in (*mesh.report.warnings, *warnings):
-        console.print(f"[yellow]warning:[/] {as_printed(line)}")
+        console.print(f"[yellow]warning:[/] {escaped(line)}")
     if mesh.report.warnings:
-        console.print(MORE)
-    console.print(f"written: {as_printed(str(output))}", soft_wrap=True)
+        console.print(CHECK_HINT)
+    console.print(f"written: {escaped(str(output))}", soft_wrap=True)
 
 
-def _told_epsilon(labels: SurfaceLabels) -> str:
-    """Say what epsilon is on the surface, and over which tilts its minimum is taken."""
-    nominal, least = (
+def _epsilon_text(labels: SurfaceLabels) -> str:
+    """Return the quantiles of epsilon and of its minimum over the tilts."""
+    nominal, minimum = (
         ", ".join(f"{value:.3f}" for value in labels.epsilon_quantiles([0.1, 0.5, 0.9], of=of))
         for of in ("nominal", "minimum")
     )
-    return f"epsilon, 10/50/90 % of the area: {nominal}; {_OVER[labels.model.tilts]}: {least}"
+    return f"epsilon, 10/50/90 % of the area: {nominal}; {_MINIMUM[labels.model.tilts]}: {minimum}"
 
 
 def _differences(sampling: Sampling) -> str:
-    """Name the settings of the search that are not the usual ones."""
-    usual, angles = asdict(Sampling()), ("search_angle", "tolerance")
+    """Return the settings of the search that differ from their defaults."""
+    defaults, angles = asdict(Sampling()), ("search_angle", "tolerance")
     return ", ".join(
         f"{name} {math.degrees(value):.4g}°" if name in angles else f"{name} {value}"
         for name, value in asdict(sampling).items()
-        if value != usual[name]
+        if value != defaults[name]
     )
 
 
 def angle_text(angle: float) -> str:
-    """Write an angle in degrees; an infinite one, of no grasp, in words."""
+    """Format an angle in degrees; an infinite angle means that there is no grasp."""
     return "none" if math.isinf(angle) else f"{math.degrees(angle):.1f}°"

@@ -1,4 +1,4 @@
-"""`grasp3d sweep`: how much of an object is reliably graspable, over friction and resolution."""
+"""The command `grasp3d sweep`: area fractions of labels over friction and sensor resolution."""
 
 from dataclasses import asdict, dataclass, field
 from pathlib import Path
@@ -7,8 +7,16 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.cli.options import ClusterOptions, SamplingOptions, SurfaceOptions
-from grasp3d.cli.ranges import resolutions
+from grasp3d.cli.options import (
+    ClusterOptions,
+    Fingers,
+    Frictions,
+    Quiet,
+    SamplingOptions,
+    SensorResolutionRanges,
+    SurfaceOptions,
+)
+from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.settings import MeshOptions, Sampling
 from grasp3d.system.names import safe_stem
@@ -19,43 +27,38 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class Sweep:
-    """Sweep friction and sensor resolution: shares of S, M and U, and how fine a sensor must be.
+    """Compute area fractions of S, M and U over friction and sensor resolution.
 
-    Every mesh is labelled once; a folder is swept mesh by mesh, with the mean over its meshes.
-    Writes a table and a figure.
+    Also prints the sensor resolution that is required for given area fractions of S. Each mesh is
+    labelled once; for a folder the mean over its meshes is added. Writes a table and a figure.
     """
 
     targets: Annotated[
         tuple[str, ...],
         tyro.conf.Positional,
-        tyro.conf.arg(metavar="FILE|FOLDER|PATTERN|LIST.txt|circle|square|sphere"),
+        tyro.conf.arg(metavar="FILE|FOLDER|GLOB|LIST.txt|URL|circle|square|sphere"),
     ]
-    """Name them before the options. Mesh files, folders that are searched with all below them,
-    patterns for files in quotes as 'lib/**/*.stl', lists of these, one in each line, addresses of
-    all of them such as s3://bucket/lib, and shapes in closed form with one finger fixed: circle,
-    square (in the middle of a side) and sphere. ./circle is a file or a folder."""
+    """To be given before the options. Mesh files, folders, which are searched recursively, globs in
+    quotes such as 'lib/**/*.stl', lists of these (.txt, one per line); also on an object store
+    (s3://BUCKET/FOLDER). Shapes in closed form with one finger fixed: circle, square (in the middle
+    of a side) and sphere; ./circle is a file or folder. Shapes have two fingers."""
 
     output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """Table (.csv or .parquet); none: NAME_sweep.csv in this folder, of several sweep.csv."""
+    """Table (.csv or .parquet); none: NAME_sweep.csv in this folder, sweep.csv for several
+    targets."""
 
     figure: Path | None = None
-    """Figure (.svg, .png or .pdf); none: beside the table, as .svg."""
+    """Figure (.svg, .png or .pdf); none: the name of the table with the suffix .svg."""
 
-    friction: tuple[float, ...] = (0.2, 0.5, 1.0)
-    """Coulomb coefficients of friction, above 0."""
+    friction: Frictions = (0.2, 0.5, 1.0)
 
-    sensor_resolution: Annotated[
-        tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP [...]")
-    ] = ("0:60:1", "22.6")
-    """Sensor resolutions alpha in degrees, from 0 to below 180: numbers, and ranges with both
-    ends."""
+    sensor_resolution: SensorResolutionRanges = ("0:60:1", "22.6")
 
-    share: tuple[float, ...] = (0.5, 0.9)
-    """Shares of the surface, above 0 and at most 1: prints the resolution that each requires; with
-    any finer sensor so much of the surface is S."""
+    fraction: tuple[float, ...] = (0.5, 0.9)
+    """Area fractions of S, above 0 and at most 1: for each the required sensor resolution is
+    printed; with any finer sensor at least this fraction is S."""
 
-    fingers: int = 2
-    """Fingers of a grasp, 2 to 5; of circle, square and sphere 2."""
+    fingers: Fingers = 2
 
     sampling: SamplingOptions = field(default_factory=Sampling)
     """How candidate grasps are searched."""
@@ -64,18 +67,17 @@ class Sweep:
     """How the mesh is read and prepared."""
 
     cluster: ClusterOptions = field(default_factory=ClusterSettings)
-    """Who does the work where there are several meshes."""
+    """Which processes label the meshes, if there are several."""
 
-    quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
-    """Print nothing but errors."""
+    quiet: Quiet = False
 
     def __post_init__(self) -> None:
-        for share in self.share:
-            if not 0.0 < share <= 1.0:
-                raise SettingError(f"each share must be above 0 and at most 1; got {share:g}")
+        for fraction in self.fraction:
+            if not 0.0 < fraction <= 1.0:
+                raise SettingError(f"each fraction must be above 0 and at most 1; got {fraction:g}")
 
     def run(self) -> int:
-        """Do it; returns the exit code."""
+        """Run the command, and return the exit code."""
         from grasp3d.batch.sweeping import (
             SweepSettings,
             check_fingers,
@@ -89,32 +91,34 @@ class Sweep:
 
         settings = SweepSettings(
             tuple(sorted(set(self.friction))),
-            resolutions(self.sensor_resolution),
+            parse_resolutions(self.sensor_resolution),
             self.sampling,
             self.mesh,
             self.fingers,
         )
-        shares = sorted(set(self.share))
+        fractions = sorted(set(self.fraction))
         targets = find_targets(self.targets)
         check_fingers(targets, settings)
         table, figure = self._outputs(targets)
         meshes = self._swept(targets, settings)
         failures = {mesh.name: mesh.error for mesh in meshes if mesh.error}
         swept = gather(targets, meshes, settings)
-        every = list(dict.fromkeys(one for target in swept for one in target.sweeps))
-        shown = list(dict.fromkeys(one for target in swept for one in target.shown))
-        write_sweeps(table, every, shares=shares, failures=failures, settings=asdict(settings))
+        every = list(dict.fromkeys(sweep for target in swept for sweep in target.sweeps))
+        shown = list(dict.fromkeys(sweep for target in swept for sweep in target.shown))
+        write_sweeps(
+            table, every, fractions=fractions, failures=failures, settings=asdict(settings)
+        )
         if shown:
             members = {target.name: target.members for target in swept if target.members}
-            save_as(sweep_figure(shown, members=members, shares=shares), figure)
+            save_as(sweep_figure(shown, members=members, fractions=fractions), figure)
         if not self.quiet:
-            sweep_report.print_sweeps(swept, shares)
-            sweep_report.print_notes(targets, meshes, shares)
+            sweep_report.print_sweeps(swept, fractions)
+            sweep_report.print_notes(targets, meshes, fractions)
             sweep_report.print_written([table, *([figure] if shown else [])])
         return 1 if failures else 0
 
     def _outputs(self, targets: list["Target"]) -> tuple[Path, Path]:
-        """Table and figure to write; both can be written, and neither is one of the meshes."""
+        """Return the paths of table and figure, checked to be writable and not to be meshes."""
         from grasp3d.batch.sweeping import meshes_of
         from grasp3d.plots.formats import METADATA
         from grasp3d.storage import local_path
@@ -134,7 +138,7 @@ class Sweep:
         return table, figure
 
     def _swept(self, targets: list["Target"], settings: "SweepSettings") -> list["SweptMesh"]:
-        """Sweep the meshes, each once: one alone in this process, several in processes."""
+        """Sweep each mesh once: a single mesh in this process, several in child processes."""
         from grasp3d.batch.sweeping import lost_mesh, meshes_of, sweep_mesh
         from grasp3d.cli import report
 

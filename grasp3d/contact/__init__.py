@@ -1,4 +1,4 @@
-"""Contacts of fingers with an object: positions, friction cones, and the sensor that feels them."""
+"""Contacts of fingers with an object, friction cones, and tactile sensors."""
 
 from lazy_loader import attach_stub
 

@@ -4,51 +4,52 @@ from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.arrays import ArrayLike, Floats, Ints, locked, short_repr
 from grasp3d.errors import ContactError, SettingError
 
 LARGEST = 1e100
-"""Numbers beyond this would overflow when they are squared."""
+"""Largest coordinate; the squares of larger ones could overflow."""
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Contacts:
     """Point contacts of one grasp, or of many with the same number of fingers.
 
-    Leading axes (...) are a batch: results have one value per grasp.
+    Leading axes (...) are a batch; results have one value per grasp.
     """
 
     points: Floats
-    """Where the fingers touch, relative to the centre of mass [mesh unit], shape (..., n, 3)."""
+    """Contact points relative to the centre of mass [mesh unit], shape (..., n, 3)."""
     normals: Floats
-    """Inward unit normals, the way each finger pushes, shape (..., n, 3)."""
+    """Unit normals pointing into the object, shape (..., n, 3)."""
     friction: Floats
     """Coulomb coefficients, shape (..., n)."""
     torsion_radius: Floats
     """Largest torsional moment about the normal per normal force [mesh unit], shape (..., n);
     0: a hard finger."""
 
+    __repr__ = short_repr
+
     def __init__(
         self,
-        points: npt.ArrayLike,
-        normals: npt.ArrayLike,
-        friction: npt.ArrayLike = 0.5,
-        torsion_radius: npt.ArrayLike = 0.0,
+        points: ArrayLike,
+        normals: ArrayLike,
+        friction: ArrayLike = 0.5,
+        torsion_radius: ArrayLike = 0.0,
     ) -> None:
-        """Check, copy and lock.
+        """Check and copy the arrays.
 
         Args:
             points: Shape (..., n, 3), relative to the centre of mass.
-            normals: Inward normals of that shape; they are scaled to length 1.
-            friction: Coulomb coefficients, at least 0: one, or shape (..., n).
+            normals: Inward normals of the same shape; they are scaled to length 1.
+            friction: Coulomb coefficients, at least 0: one value, or shape (..., n).
             torsion_radius: Soft fingers: uniform pressure on a disc of radius r under Coulomb
                 friction resists a torsional moment of up to 2/3 friction r per normal force, so
-                give 2/3 * friction * r. One, or shape (..., n).
+                give 2/3 * friction * r. One value, or shape (..., n).
 
         Raises:
-            ContactError: Shapes that do not fit, or numbers out of range.
+            ContactError: Shapes that do not match, or values out of range.
         """
         p = _numbers("points", points)
         n = _numbers("normals", normals)
@@ -62,7 +63,7 @@ class Contacts:
         if not (largest > 0.0).all():
             where = tuple(int(i) for i in np.argwhere(largest[..., 0] == 0.0)[0])
             raise ContactError(f"the normal of contact {where} has no direction: its length is 0")
-        n = n / largest  # squares of very large or small numbers would be lost
+        n = n / largest  # squares of very large or small numbers would overflow or underflow
         lengths = np.linalg.norm(n, axis=-1, keepdims=True)
         object.__setattr__(self, "points", locked(p))
         object.__setattr__(self, "normals", locked(n / lengths))
@@ -71,32 +72,32 @@ class Contacts:
             if (values < 0.0).any():
                 raise ContactError(f"{name} must be at least 0; got {values.min():g}")
             try:
-                spread = np.broadcast_to(values, p.shape[:-1])
+                per_finger = np.broadcast_to(values, p.shape[:-1])
             except ValueError as error:
                 raise ContactError(
                     f"{name} must be one number or have shape {p.shape[:-1]}; got {values.shape}"
                 ) from error
-            object.__setattr__(self, name, locked(spread))
+            object.__setattr__(self, name, locked(per_finger))
 
     @property
     def friction_angle(self) -> Floats:
         """Half-angles of the friction cones [rad], shape (..., n)."""
         return np.arctan(self.friction)
 
-    def with_friction(self, friction: npt.ArrayLike) -> "Contacts":
-        """The same contacts with another friction, one coefficient or shape (..., n)."""
+    def with_friction(self, friction: ArrayLike) -> "Contacts":
+        """The same contacts with other friction coefficients: one value, or shape (..., n)."""
         return Contacts(self.points, self.normals, friction, self.torsion_radius)
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
-        """The same grasps in a batch of another shape, of which one number may be -1."""
+        """The same grasps in a batch of another shape, in which one number may be -1."""
         return self._each(lambda values, rest: values.reshape(*batch, *rest))
 
     def take(self, which: slice | Ints) -> "Contacts":
-        """Some grasps of a batch, along its first axis."""
+        """The chosen grasps along the first axis of the batch."""
         return self._each(lambda values, _: values[which])
 
     def _each(self, change: Callable[[Floats, tuple[int, ...]], Floats]) -> "Contacts":
-        """Change the batch of every field; the other axes are handed on beside it."""
+        """Apply `change(values, other axes)` to every field, to change the batch axes."""
         made = object.__new__(Contacts)
         for field in fields(self):
             values = getattr(self, field.name)
@@ -106,17 +107,17 @@ class Contacts:
 
     @property
     def batch(self) -> tuple[int, ...]:
-        """Shape of the batch; () for one grasp."""
+        """Shape of the batch; () for a single grasp."""
         return self.points.shape[:-2]
 
     @property
     def count(self) -> int:
-        """Contacts of each grasp."""
+        """Number of contacts of each grasp."""
         return int(self.points.shape[-2])
 
 
-def _numbers(name: str, values: npt.ArrayLike) -> Floats:
-    """Finite numbers, or an error that says where they are not."""
+def _numbers(name: str, values: ArrayLike) -> Floats:
+    """Convert to an array of finite numbers. Raises ContactError."""
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -127,19 +128,19 @@ def _numbers(name: str, values: npt.ArrayLike) -> Floats:
     return array
 
 
-def per_contact(name: str, values: npt.ArrayLike, contacts: Contacts) -> Floats:
-    """Spread a setting over the contacts.
+def per_contact(name: str, values: ArrayLike, contacts: Contacts) -> Floats:
+    """Broadcast a setting to one value per contact.
 
     Args:
-        name: What to call it in an error.
-        values: Finite numbers: one, or shape (..., n).
+        name: Name of the setting, for the error message.
+        values: Finite numbers: one value, or shape (..., n).
         contacts: The contacts.
 
     Returns:
         Shape (..., n).
 
     Raises:
-        SettingError: Numbers that are none, or a shape that does not fit.
+        SettingError: Values that are not finite numbers, or a shape that does not match.
     """
     try:
         numbers = np.asarray(values, dtype=np.float64)
@@ -157,16 +158,17 @@ def per_contact(name: str, values: npt.ArrayLike, contacts: Contacts) -> Floats:
 
 
 def centred(points: Floats) -> tuple[Floats, Floats, Floats]:
-    """Points about their middle, divided by their size, as closure does not depend on either.
+    """Points relative to their mean and divided by their size; closure depends on neither.
 
     Args:
         points: Shape (..., n, 3).
 
     Returns:
-        (points, middle (..., 1, 3), size (..., 1, 1)).
+        (points, mean (..., 1, 3), size (..., 1, 1)); the size is the largest distance from the
+        mean, or 1 where that is 0.
     """
-    middle = points.mean(axis=-2, keepdims=True)
-    around = points - middle
-    size = np.linalg.norm(around, axis=-1, keepdims=True).max(axis=-2, keepdims=True, initial=0.0)
+    mean = points.mean(axis=-2, keepdims=True)
+    offsets = points - mean
+    size = np.linalg.norm(offsets, axis=-1, keepdims=True).max(axis=-2, keepdims=True, initial=0.0)
     size = np.where(size > 0.0, size, 1.0)
-    return around / size, middle, size
+    return offsets / size, mean, size

@@ -1,26 +1,25 @@
-"""Friction cones: their edges, and the normals that a fingertip may mistake for one another."""
+"""Edges of friction cones, tilted normals, and the effective friction."""
 
 import math
 from numbers import Real
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats, unit_rows
+from grasp3d.arrays import ArrayLike, Floats, unit_rows
 from grasp3d.errors import SettingError
 
-STEEP = 0.9
-"""Component along x of a normal from which tangents are laid out from the y-axis instead."""
+NEAR_X_AXIS = 0.9
+"""Absolute x-component of a normal above which its tangents come from the y-axis instead."""
 
-STRAIGHT = 1e-12
-"""Sine of the angle to a goal below which the way to it is not told by it."""
+PARALLEL = 1e-12
+"""Sine of the angle between a normal and its goal below which the goal gives no direction."""
 
 
-def tangents(normals: npt.ArrayLike) -> tuple[Floats, Floats]:
-    """Two tangents of each normal, from which the edges of a cone are counted.
+def tangents(normals: ArrayLike) -> tuple[Floats, Floats]:
+    """Two orthogonal tangents of each normal; the angles of a cone's edges start at the first.
 
     The first is normal x x-axis; for normals within 26 degrees of that axis it is normal x y-axis.
-    So contacts in the xy-plane have it along z. The second is normal x first.
+    So contacts in the xy-plane have their first tangent along z. The second is normal x first.
 
     Args:
         normals: Unit normals, shape (..., 3).
@@ -29,7 +28,7 @@ def tangents(normals: npt.ArrayLike) -> tuple[Floats, Floats]:
         (first, second), unit vectors of that shape.
     """
     n = np.asarray(normals, dtype=np.float64)
-    axis = np.where(np.abs(n[..., :1]) > STEEP, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
+    axis = np.where(np.abs(n[..., :1]) > NEAR_X_AXIS, [0.0, 1.0, 0.0], [1.0, 0.0, 0.0])
     first = unit_rows(np.cross(n, axis))
     return first, np.cross(n, first)
 
@@ -38,11 +37,11 @@ def edge_angles(edges: int, phase: float = 0.0) -> Floats:
     """Angles of a cone's edges about its normal [rad], counted from the first tangent, (edges,).
 
     Args:
-        edges: Edges of the cone, at least 3: fewer span no cone.
+        edges: Number of edges of the cone, at least 3: fewer span no cone.
         phase: Angle of the first edge [rad].
 
     Raises:
-        SettingError: Too few edges, or a phase that is no number.
+        SettingError: Too few edges, or a phase that is not finite.
     """
     whole = isinstance(edges, Real) and math.isfinite(edges) and edges == int(edges)
     if not whole or edges < 3:
@@ -53,8 +52,8 @@ def edge_angles(edges: int, phase: float = 0.0) -> Floats:
 
 
 def cone_edges(
-    normals: npt.ArrayLike,
-    friction_angle: npt.ArrayLike,
+    normals: ArrayLike,
+    friction_angle: ArrayLike,
     *,
     edges: int = 8,
     phase: float = 0.0,
@@ -63,8 +62,8 @@ def cone_edges(
 
     Args:
         normals: Inward unit normals, shape (..., 3).
-        friction_angle: Half-angles of the cones [rad], shape (...) or one for all.
-        edges: Edges of each cone.
+        friction_angle: Half-angles of the cones [rad], shape (...) or one value for all.
+        edges: Number of edges of each cone.
         phase: Angle of the first edge about the normal, from the first of `tangents` [rad].
 
     Returns:
@@ -83,21 +82,21 @@ def cone_edges(
 
 
 def tilted_normals(
-    normals: npt.ArrayLike, tilt: npt.ArrayLike, *, count: int = 8, rings: int = 1
+    normals: ArrayLike, tilt: ArrayLike, *, count: int = 8, rings: int = 1
 ) -> Floats:
-    """Extreme normals: those at an angle from the given ones (Wan & Howe 2018, Sec. III).
+    """Extreme normals: normals at an angle to the given ones (Wan & Howe 2018, Sec. III).
 
     Args:
         normals: Unit normals, shape (..., 3).
-        tilt: The angle, half the sensor's resolution [rad], one or shape (...).
-        count: How many, evenly around each.
-        rings: Rings of so many, at even steps up to the tilt.
+        tilt: The angle, half the sensor's resolution [rad], one value or shape (...).
+        count: Number of normals on a ring, evenly around each given one.
+        rings: Number of rings, at even steps up to the tilt.
 
     Returns:
         Shape (..., 1 + rings * count, 3), the given normal first, the innermost ring next.
 
     Raises:
-        SettingError: Fewer than 3 around.
+        SettingError: Fewer than 3 normals on a ring.
     """
     n = np.asarray(normals, dtype=np.float64)
     steps = [np.asarray(tilt) * ring / rings for ring in range(1, rings + 1)]
@@ -106,46 +105,45 @@ def tilted_normals(
 
 
 def turned(normals: Floats, goals: Floats, tilt: Floats) -> Floats:
-    """Turn unit normals toward goals, by at most a tilt and not past them.
+    """Turn unit normals toward goal directions, by at most a tilt and not past the goals.
 
     Args:
         normals: Shape (..., 3).
         goals: Directions of any length, shape (..., 3); nan gives nan.
-        tilt: Most that each may turn [rad], shape (...).
+        tilt: Largest angle by which each may turn [rad], shape (...).
 
     Returns:
         Shape (..., 3).
     """
-    known = np.isfinite(goals).all(axis=-1, keepdims=True)
+    finite = np.isfinite(goals).all(axis=-1, keepdims=True)
     goals = unit_rows(goals)
-    along = (normals * goals).sum(axis=-1, keepdims=True)
-    across = goals - along * normals
-    far = np.linalg.norm(across, axis=-1, keepdims=True)
-    # Any way round leads to a goal straight behind.
-    across = unit_rows(np.where(far < STRAIGHT, tangents(normals)[0], across))
-    gap = np.arctan2(far, along)
-    turn = np.minimum(tilt[..., None], gap)
-    return np.where(known, np.cos(turn) * normals + np.sin(turn) * across, math.nan)
+    cosine = (normals * goals).sum(axis=-1, keepdims=True)
+    across = goals - cosine * normals
+    sine = np.linalg.norm(across, axis=-1, keepdims=True)
+    # Any tangent leads to a goal opposite to the normal.
+    across = unit_rows(np.where(sine < PARALLEL, tangents(normals)[0], across))
+    turn = np.minimum(tilt[..., None], np.arctan2(sine, cosine))
+    return np.where(finite, np.cos(turn) * normals + np.sin(turn) * across, math.nan)
 
 
-def on_arcs(first: Floats, second: Floats, shares: Floats) -> Floats:
-    """Unit vectors along the arcs from some unit vectors to others.
+def on_arcs(first: Floats, second: Floats, fractions: Floats) -> Floats:
+    """Unit vectors on the arcs from first unit vectors to second ones.
 
     Args:
         first: Shape (..., 3).
-        second: Shape (..., 3); opposite ones are joined by any arc.
-        shares: How far along the arcs, from 0 to 1, shape (m,).
+        second: Shape (..., 3); opposite vectors are joined by any arc.
+        fractions: Positions along the arcs, from 0 to 1, shape (m,).
 
     Returns:
         Shape (..., m, 3).
     """
     across = np.linalg.norm(np.cross(first, second), axis=-1)
     widths = np.arctan2(across, (first * second).sum(axis=-1))
-    return turned(first[..., None, :], second[..., None, :], shares * widths[..., None])
+    return turned(first[..., None, :], second[..., None, :], fractions * widths[..., None])
 
 
-def effective_friction(friction: npt.ArrayLike, sensor_resolution: npt.ArrayLike) -> Floats:
-    """Friction that no normal within the sensor's resolution can take away.
+def effective_friction(friction: ArrayLike, sensor_resolution: ArrayLike) -> Floats:
+    """Friction that remains at every normal within the sensor's resolution.
 
     Wan & Howe 2018, Sec. III: tan(atan(friction) - sensor_resolution / 2).
 
@@ -154,7 +152,7 @@ def effective_friction(friction: npt.ArrayLike, sensor_resolution: npt.ArrayLike
         sensor_resolution: Angle between the two extreme normals [rad], at least 0.
 
     Returns:
-        The coefficients; 0 where no force is safe for every normal.
+        The coefficients; 0 where no force is within the friction cones of all normals.
 
     Raises:
         SettingError: A value is outside its range.

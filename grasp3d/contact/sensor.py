@@ -1,17 +1,18 @@
-"""Tactile sensors: from fingertip and receptive field to the resolution that decides grasps.
+"""Tactile sensors: sensor resolution from the fingertip and its receptive field.
 
-A fingertip localises a contact only down to its receptive field, an arc of length l on its surface.
-On a tip of radius R the normals of that arc differ by alpha = l / R: the sensor resolution. A flat
-tip has one normal everywhere, so alpha = 0 and the location alone is uncertain. Fewer than seven
-contacts (four in the plane) are surely stable only while alpha < 2 atan(friction) (Wan & Howe 2018,
-Sec. III, who write alpha <= 2 beta; at the bound itself nothing is).
+A fingertip localises a contact only to within its receptive field, an arc of length l on its
+surface. On a tip of radius R the normals of that arc differ by up to alpha = l / R: the sensor
+resolution. A flat tip has the same normal everywhere, so alpha = 0 and only the location is
+uncertain. Fewer than seven contacts (four in the plane) are surely stable only while
+alpha < 2 atan(friction) (Wan & Howe 2018, Sec. III, who write alpha <= 2 beta; at the bound itself
+no grasp is).
 
 Wan & Howe's numbers, for a hemispherical fingertip of 2 cm diameter: friction 0.5 needs 53 degrees,
 an arc of about 9 mm and 10 sensors; friction 0.2 needs 22.6 degrees, about 4 mm and 50 sensors.
-Computed here: 53.13 degrees, 9.27 mm, 10; 22.62 degrees, 3.95 mm and 52. Their 50 is what 3.95 mm
-rounded to 4 gives.
+Computed here: 53.13 degrees, 9.27 mm, 10; 22.62 degrees, 3.95 mm and 52. Their 50 follows from
+3.95 mm rounded to 4.
 
-Any unit of length will do, the same for all lengths.
+Lengths may be in any unit, the same for all.
 """
 
 import math
@@ -19,12 +20,13 @@ from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
 
-SMALL = 0.05
-"""Largest location uncertainty that is small against the object, a share of its size. There the
-line of two opposing fingers may turn by some atan(2 x 0.05), all that a friction of 0.1 bears."""
+SMALL_UNCERTAINTY = 0.05
+"""Largest location uncertainty that is small against the object, as a fraction of its size. At that
+value the line of two opposing fingers may turn by about atan(2 x 0.05), which is the friction angle
+of a friction of 0.1."""
 
 COUNT_ROUNDING = 1e-12
-"""Share by which a number of sensors may exceed a whole number and still be that number."""
+"""Fraction by which a number of sensors may exceed a whole number and not be rounded up."""
 
 
 def resolution_limit(friction: float) -> float:
@@ -36,7 +38,7 @@ def resolution_limit(friction: float) -> float:
         friction: Coulomb coefficient, above 0.
 
     Raises:
-        SettingError: The friction is no finite number above 0.
+        SettingError: The friction is not a finite number above 0.
     """
     if not (friction > 0.0 and math.isfinite(friction)):
         raise SettingError(f"friction must be a finite number above 0; got {friction:g}")
@@ -45,10 +47,11 @@ def resolution_limit(friction: float) -> float:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A tactile fingertip, hemispherical or flat, known down to its receptive field."""
+    """A tactile fingertip, hemispherical or flat, and the size of its receptive field."""
 
     receptive_field: float
-    """Length of the arc on which contacts feel alike, above 0, below half the circumference."""
+    """Length of the arc within which contact points cannot be distinguished, above 0 and below half
+    the circumference."""
     fingertip_radius: float
     """Radius of the tip, above 0; inf: a flat tip."""
 
@@ -69,7 +72,7 @@ class Sensor:
         """Make a sensor from its fingertip's curvature.
 
         Args:
-            receptive_field: Length of the arc on which contacts feel alike.
+            receptive_field: Length of the arc within which contact points are not distinguished.
             curvature: 1 / radius, at least 0; 0: a flat tip.
 
         Raises:
@@ -79,15 +82,15 @@ class Sensor:
 
     @classmethod
     def for_resolution(cls, resolution: float, fingertip_radius: float) -> "Sensor":
-        """Make the sensor that has a resolution.
+        """Make the sensor that has a given resolution.
 
         Args:
             resolution: Angle between the extreme normals [rad], above 0, below pi.
             fingertip_radius: Radius of the tip, above 0 and finite.
 
         Raises:
-            SettingError: A value is outside its range, or the tip is flat, whose resolution is 0
-                whatever its receptive field.
+            SettingError: A value is outside its range, or the tip is flat: then the resolution is 0
+                whatever the receptive field.
         """
         if not 0.0 < resolution < math.pi:
             raise SettingError(
@@ -105,13 +108,13 @@ class Sensor:
     def limiting(
         cls, friction: float, fingertip_radius: float, *, opening: float = math.inf
     ) -> "Sensor":
-        """Sensor that is just too coarse at a friction: every finer one is fine enough.
+        """Sensor that is just too coarse for a friction: every finer one is fine enough.
 
         Args:
             friction: Coulomb coefficient, above 0.
             fingertip_radius: Radius of the tip; inf: flat.
-            opening: Distance between two opposing fingers whose uncertain locations count as
-                well, see `misalignment`; inf: the normals alone count.
+            opening: Distance between two opposing fingers, to take their uncertain locations into
+                account as well, see `misalignment`; inf: only the normals.
 
         Raises:
             SettingError: A value is outside its range, or the tip is flat and no opening is given:
@@ -124,17 +127,17 @@ class Sensor:
                 raise SettingError(
                     "a flat fingertip has the same normal everywhere, so no receptive field is too "
                     "long for its normals; give the opening (on the command line --object-size) "
-                    "to count its locations"
+                    "to take its locations into account"
                 )
             return cls(2.0 * half * friction, fingertip_radius)
         if not fingertip_radius > 0.0 or math.isinf(half / fingertip_radius):
             return cls(2.0 * beta * fingertip_radius, fingertip_radius)
-        # The tip's centre, the contact and the middle of the line make a triangle whose outer angle
-        # at the contact is beta. In radii: `base` is the tangent from the middle to the tip,
-        # `reach` the way from the contact to the middle.
-        base = math.sqrt(half / fingertip_radius) * math.sqrt(2.0 + half / fingertip_radius)
-        reach = base * (base / (math.cos(beta) + math.hypot(math.cos(beta), base)))
-        tilt = math.atan2(reach * math.sin(beta), 1.0 + reach * math.cos(beta))
+        # The tip's centre, the contact and the line's midpoint make a triangle whose outer angle at
+        # the contact is beta. In units of the radius: `tangent` is the length of the tangent from
+        # the midpoint to the tip, `distance` that from the contact to the midpoint.
+        tangent = math.sqrt(half / fingertip_radius) * math.sqrt(2.0 + half / fingertip_radius)
+        distance = tangent * (tangent / (math.cos(beta) + math.hypot(math.cos(beta), tangent)))
+        tilt = math.atan2(distance * math.sin(beta), 1.0 + distance * math.cos(beta))
         return cls(2.0 * tilt * fingertip_radius, fingertip_radius)
 
     @property
@@ -154,12 +157,12 @@ class Sensor:
 
     @property
     def tilt(self) -> float:
-        """How far the true normal may lie from the perceived one, alpha / 2 [rad]."""
+        """Largest angle between the true and the perceived normal, alpha / 2 [rad]."""
         return self.resolution / 2.0
 
     @property
     def location_uncertainty(self) -> float:
-        """How far the contact may lie from where it is perceived: half the receptive field."""
+        """Largest distance between true and perceived contact point: half the receptive field."""
         return self.receptive_field / 2.0
 
     @property
@@ -167,10 +170,10 @@ class Sensor:
         """Fewest sensors that cover a hemisphere, as Wan & Howe 2018 count them.
 
         Area of the hemisphere over that of equal discs as wide as the receptive field: 8 / alpha^2,
-        rounded up. A lower bound: no layout of two or more overlaps by less than 21 % (Kershner
-        1939 in the plane, L. Fejes Toth on the sphere).
+        rounded up. A lower bound: no arrangement of two or more overlaps by less than 21 %
+        (Kershner 1939 in the plane, L. Fejes Toth on the sphere).
 
-        None for a flat tip, or one so nearly flat that the number exceeds all bounds.
+        None for a flat tip, or one so nearly flat that the number overflows.
         """
         return _count(8.0, self.resolution)
 
@@ -179,7 +182,7 @@ class Sensor:
         """Fewest sensors that cover a hemisphere, counting spherical caps of half-angle alpha / 2.
 
         1 / (1 - cos(alpha / 2)), rounded up; `sensors_by_discs` or one more, since caps are smaller
-        than flat discs. A lower bound as well; None as there.
+        than flat discs. A lower bound as well; None in the same cases.
         """
         return _count(0.5, math.sin(self.resolution / 4.0))
 
@@ -187,32 +190,34 @@ class Sensor:
     def required_friction(self) -> float:
         """Friction above which grasps can be surely stable, tan(alpha / 2).
 
-        At this value itself none is, short of seven contacts (four in the plane). 0 for a flat tip.
+        At this value itself no grasp of fewer than seven contacts (four in the plane) is. 0 for a
+        flat tip.
         """
         return self.required_friction_at(math.inf)
 
     def line_error(self, opening: float) -> float:
-        """How far the line between two opposing fingers may turn, since both places are uncertain.
+        """Largest angle between the true and the perceived line of two opposing fingers.
 
-        Each contact may lie anywhere in its receptive field; worst is that both lie at the ends of
+        Each contact may lie anywhere in its receptive field; in the worst case both lie at ends of
         it, on opposite sides of the perceived line. Flat tips: atan(receptive field / opening).
-        Round ones are exact as well: their ends lie R sin(alpha / 2) aside and
-        R (1 - cos(alpha / 2)) back, and no line turns past the one that touches both tips.
+        Exact for round tips as well: the ends of their receptive fields are R sin(alpha / 2) to the
+        side and R (1 - cos(alpha / 2)) back, and no line turns past the one tangent to both tips.
 
         Args:
-            opening: Distance between the perceived contacts, above 0; normals lie on their line.
+            opening: Distance between the perceived contacts, above 0; their normals lie on the
+                line through them.
 
         Returns:
             The angle [rad].
 
         Raises:
-            SettingError: The opening is no length above 0.
+            SettingError: The opening is not a length above 0.
         """
         half, radius = _half(opening), self.fingertip_radius
         if self.flat:
             return math.atan2(self.location_uncertainty, half)
-        touching = math.atan2(math.sqrt(half) * math.sqrt(2.0 * radius + half), radius)
-        tilt = min(self.tilt, touching)
+        tangent = math.atan2(math.sqrt(half) * math.sqrt(2.0 * radius + half), radius)
+        tilt = min(self.tilt, tangent)
         back = radius * (2.0 * math.sin(tilt / 2.0) ** 2)
         return math.atan2(radius * math.sin(tilt), half + back)
 
@@ -220,19 +225,19 @@ class Sensor:
         """Largest angle between a true normal and the true line of two opposing fingers [rad].
 
         Tilt and turn of the line come from the same displacement and add up: alpha / 2 +
-        `line_error`. Exact up to 90 degrees, from where on no friction helps. Wan & Howe 2018 count
-        the tilt alone, which is what a wide opening leaves.
+        `line_error`. Exact up to 90 degrees, from where on no friction is enough. Wan & Howe 2018
+        count the tilt alone, which is the limit for a wide opening.
 
         Args:
             opening: Distance between the perceived contacts, above 0, or inf.
 
         Raises:
-            SettingError: The opening is no length above 0.
+            SettingError: The opening is not a length above 0.
         """
         return self.tilt + self.line_error(opening)
 
     def required_friction_at(self, opening: float) -> float:
-        """Friction above which two opposing fingers can be surely stable, locations counted.
+        """Friction above which two opposing fingers with uncertain locations can be surely stable.
 
         The tangent of `misalignment`; receptive field / opening for flat tips.
 
@@ -243,48 +248,48 @@ class Sensor:
             The coefficient; inf where no friction is enough.
 
         Raises:
-            SettingError: The opening is no length above 0.
+            SettingError: The opening is not a length above 0.
         """
         angle = self.misalignment(opening)
         return math.tan(angle) if angle < math.pi / 2.0 else math.inf
 
     def warnings(self, object_size: float) -> tuple[str, ...]:
-        """Say what a model of uncertain normals alone leaves out on an object.
+        """Warnings about what a model of uncertain normals alone neglects on an object.
 
         Args:
             object_size: Distance between two opposing fingers on the object, above 0.
 
         Returns:
-            A sentence where the location uncertainty exceeds 5 % of the object, else nothing.
+            One sentence if the location uncertainty exceeds 5 % of the object's size, else none.
 
         Raises:
-            SettingError: The size is no length above 0.
+            SettingError: The size is not a length above 0.
         """
         turn, needed = self.line_error(object_size), self.required_friction_at(object_size)
-        share = self.location_uncertainty / object_size
-        if share <= SMALL:
+        fraction = self.location_uncertainty / object_size
+        if fraction <= SMALL_UNCERTAINTY:
             return ()
         friction = (
-            f"which takes a friction above {needed:.4g} instead of {self.required_friction:.4g}"
+            f"which requires a friction above {needed:.4g} instead of {self.required_friction:.4g}"
             if math.isfinite(needed)
-            else "which no friction can bear"
+            else "which no friction compensates"
         )
         sentence = (
-            f"the location uncertainty, {100.0 * share:.3g} % of the object's size, is not small "
-            f"(up to {100.0 * SMALL:g} %): the line of two opposing fingers may turn by up to "
-            f"{math.degrees(turn):.3g} degrees, {friction}"
+            f"the location uncertainty, {100.0 * fraction:.3g} % of the object's size, is not "
+            f"small (up to {100.0 * SMALL_UNCERTAINTY:g} %): the line of two opposing fingers may "
+            f"turn by up to {math.degrees(turn):.3g} degrees, {friction}"
         )
         return (sentence,)
 
 
 def radius_of(curvature: float) -> float:
-    """Radius of a fingertip of known curvature; inf: flat.
+    """Radius of a fingertip of given curvature; inf: flat.
 
     Args:
         curvature: At least 0.
 
     Raises:
-        SettingError: The curvature is no finite number of at least 0.
+        SettingError: The curvature is not a finite number of at least 0.
     """
     if not (curvature >= 0.0 and math.isfinite(curvature)):
         raise SettingError(
@@ -300,6 +305,6 @@ def _half(opening: float) -> float:
 
 
 def _count(numerator: float, denominator: float) -> int | None:
-    """Sensors, numerator / denominator^2 rounded up; None where that exceeds all bounds."""
+    """Number of sensors, numerator / denominator^2 rounded up; None where that overflows."""
     sensors = numerator / denominator / denominator if denominator > 0.0 else math.inf
     return None if math.isinf(sensors) else math.ceil(sensors * (1.0 - COUNT_ROUNDING))

@@ -1,21 +1,21 @@
-"""Looking at a mesh file: as it is, as repair leaves it, and what speaks against its labels."""
+"""Diagnosis of a mesh file, before and after repair, with warnings about its labels."""
 
 from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
-from typing import Unpack
+from typing import Any
 
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, first_at_position
 from grasp3d.costs import labelling_cost
 from grasp3d.diagnosis.length_warnings import length_warnings
-from grasp3d.diagnosis.mesh_diagnosis import Measured, MeshDiagnosis, MeshWarning, Trust
+from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis, MeshWarning, SurfaceMeasures, Trust
 from grasp3d.diagnosis.mesh_warnings import (
     body_warnings,
     count_parts,
     hole_warnings,
-    inside_out_warnings,
+    interior_warnings,
     missing_fraction,
     noise_warnings,
     self_intersection_warnings,
@@ -30,13 +30,13 @@ from grasp3d.mesh.measures import (
 )
 from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.preparing import mend, refined_mesh
+from grasp3d.mesh.preparing import check_and_repair, refined_mesh
 from grasp3d.mesh.repair import RepairedSurface
 from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.self_intersections import crossings
 from grasp3d.mesh.units import guess_unit
 from grasp3d.reading import RawMesh, read_mesh
-from grasp3d.settings import GraspModel, MeshKeywords, MeshOptions, Sampling
+from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.names import printable
 from grasp3d.system.processors import available_processors
 
@@ -46,44 +46,45 @@ def check_mesh(
     *,
     model: GraspModel | None = None,
     sampling: Sampling | None = None,
-    **options: Unpack[MeshKeywords],
+    options: MeshOptions | None = None,
+    **fields: Any,
 ) -> MeshDiagnosis:
-    """Diagnose a mesh file before any work: what is wrong, what is mended, what it will take.
+    """Diagnose a mesh file before labelling: defects, repairs, and the cost of labelling.
 
     Args:
         path: The file.
-        model: What it shall be labelled with; for costs, and lengths in a wrong unit.
-        sampling: How it shall be searched, likewise.
-        options: As in `load_mesh`.
+        model: Model for labelling; used for the cost, and to find lengths in a wrong unit.
+        sampling: Settings of the grasp search; used in the same way.
+        options: How the file is read and prepared; None: the defaults.
+        fields: Fields of `MeshOptions` that differ from `options`, as in `load_mesh`.
 
     Raises:
-        MeshError: It would be refused by `load_mesh` as well, for the same reason.
+        MeshError: The file cannot be read, for the same reasons as in `load_mesh`.
         SettingError: An option is outside its range.
     """
-    return diagnose(
-        Path(path), model or GraspModel(), sampling or Sampling(), MeshOptions(**options)
-    )
+    chosen = MeshOptions.of(options, fields)
+    return diagnose(Path(path), model or GraspModel(), sampling or Sampling(), chosen)
 
 
 def diagnose(
     path: Path, model: GraspModel, sampling: Sampling, options: MeshOptions
 ) -> MeshDiagnosis:
-    """Do what `check_mesh` does, with settings that stand together already."""
+    """Diagnose a mesh file, as `check_mesh` does, with all settings given."""
     where = printable(str(path))
     raw = read_mesh(path, max_memory=options.max_memory)
-    surface = mend(raw, options, where)
+    surface = check_and_repair(raw, options, where)
     mesh = refined_mesh(raw, surface, options, name=path.name, where=where)
     points = (surface.vertices - mesh.center) / mesh.size
-    crossed = crossings(points, surface.faces)
+    crossing = crossings(points, surface.faces)
     areas = face_areas(points, surface.faces)
-    share = float(areas[crossed.faces].sum() / areas.sum())
+    fraction = float(areas[crossing.faces].sum() / areas.sum())
     noise = normal_noise(points, surface.faces)
     bodies, cavities = count_parts(points, surface.faces)
     warnings = (
         *(MeshWarning(Trust.CARE, message) for message in mesh.report.warnings),
-        *inside_out_warnings(mesh),
+        *interior_warnings(mesh),
         *_hole_warnings(raw, surface, options, where),
-        *self_intersection_warnings(int(crossed.faces.sum()), share),
+        *self_intersection_warnings(int(crossing.faces.sum()), fraction),
         *body_warnings(bodies),
         *stray_warnings(points, surface.faces),
         *noise_warnings(points, surface.faces, mesh, noise),
@@ -104,12 +105,12 @@ def diagnose(
         extents=(extents[0], extents[1], extents[2]),
         bodies=bodies,
         cavities=cavities,
-        before=_measured_file(raw, mesh),
-        after=_measured(points, surface.faces, mesh),
+        before=_measure_file(raw, mesh),
+        after=_measure(points, surface.faces, mesh),
         repairs=surface.steps,
         manifold=manifold_status(points, surface.faces),
-        crossing_faces=int(crossed.faces.sum()),
-        self_intersecting_fraction=share,
+        crossing_faces=int(crossing.faces.sum()),
+        self_intersecting_fraction=fraction,
         noise=noise,
         label_vertices=len(mesh.vertices),
         cost=labelling_cost(len(mesh.vertices), model, sampling, threads=available_processors()),
@@ -117,14 +118,14 @@ def diagnose(
     )
 
 
-def _measured_file(raw: RawMesh, mesh: ObjectMesh) -> Measured:
-    """Measure a surface as the file has it, but for vertices at exactly one position."""
+def _measure_file(raw: RawMesh, mesh: ObjectMesh) -> SurfaceMeasures:
+    """Measure the surface as stored in the file, with vertices at equal positions merged."""
     points = (raw.vertices - mesh.center) / mesh.size
-    return _measured(points, first_at_position(raw.vertices)[raw.faces], mesh)
+    return _measure(points, first_at_position(raw.vertices)[raw.faces], mesh)
 
 
-def _measured(points: Floats, faces: Ints, mesh: ObjectMesh) -> Measured:
-    """Measure a surface in the mesh's normalised frame."""
+def _measure(points: Floats, faces: Ints, mesh: ObjectMesh) -> SurfaceMeasures:
+    """Measure a surface; `points` are in the mesh's normalised frame, shape (V, 3)."""
     count, faces = len(faces), faces[is_face(faces)]
     areas, pieces = face_areas(points, faces), signed_volumes(points, faces)
     closed, volume = is_closed(faces), float(pieces.sum())
@@ -132,14 +133,14 @@ def _measured(points: Floats, faces: Ints, mesh: ObjectMesh) -> Measured:
     center = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()
     if closed and volume:
         center = (pieces[:, None] * corners.sum(axis=1)).sum(axis=0) / (4.0 * volume)
-    boundary, crowded = edge_counts(faces)
+    boundary, nonmanifold = edge_counts(faces)
     x, y, z = mesh.from_normalized(center).tolist()
-    return Measured(
+    return SurfaceMeasures(
         vertices=len(np.unique(faces)),
         faces=count,
         closed=closed,
         boundary_edges=boundary,
-        crowded_edges=crowded,
+        crowded_edges=nonmanifold,
         area=float(areas.sum()) * mesh.size**2,
         volume=volume * mesh.size**3 if closed else None,
         center_mass=(x, y, z),
@@ -149,8 +150,8 @@ def _measured(points: Floats, faces: Ints, mesh: ObjectMesh) -> Measured:
 def _hole_warnings(
     raw: RawMesh, surface: RepairedSurface, options: MeshOptions, where: str
 ) -> Iterator[MeshWarning]:
-    """Tell of holes that are there, or that repair has closed by a guess."""
-    guessed = any(step.name == "closed" for step in surface.steps)
-    if guessed:
-        surface = mend(raw, replace(options, repair="safe"), where)
-    yield from hole_warnings(*missing_fraction(surface.vertices, surface.faces), closed=guessed)
+    """Warn about holes, open or closed by repair."""
+    filled = any(step.name == "closed" for step in surface.steps)
+    if filled:
+        surface = check_and_repair(raw, replace(options, repair="safe"), where)
+    yield from hole_warnings(*missing_fraction(surface.vertices, surface.faces), filled=filled)

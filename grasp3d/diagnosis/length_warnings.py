@@ -1,4 +1,4 @@
-"""Lengths that do not fit the object: the millimetres that were read as metres."""
+"""Warnings about lengths that are probably in another unit than the mesh."""
 
 import math
 from collections.abc import Iterator
@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, Unit
 
 SMALL, LARGE = 0.01, 100.0
-"""Shares of the object's size beyond which a length is hardly meant in the object's unit."""
+"""Range of lengths that are plausible in the mesh's unit, as fractions of the object's size."""
 
 
 def length_warnings(
@@ -16,16 +16,16 @@ def length_warnings(
     sampling: Sampling,
     options: MeshOptions,
 ) -> tuple[str, ...]:
-    """Tell which settings are hardly in the mesh's unit, a sentence each.
+    """Return a message for each setting that is probably not in the mesh's unit.
 
     Args:
-        size: Diameter of the object.
-        unit: The mesh's, if it is known.
-        model: Its torsion radius is a length.
-        sampling: Openings and distances.
-        options: The patch's radius.
+        size: Diameter of the object, in the mesh's unit.
+        unit: The mesh's unit; None: not stated.
+        model: With its torsion radius.
+        sampling: With its openings and distances.
+        options: With the patch radius.
     """
-    stated = f"in {unit}" if unit else "in the mesh's unit, which nobody stated"
+    stated = f"in {unit}" if unit else "in the mesh's unit, which is not stated"
     return tuple(
         f"{name} {length:g} is {_times(length / size)} the object's size, {size:.4g}: lengths are "
         f"{stated}; is it the right one?"
@@ -37,7 +37,7 @@ def length_warnings(
 def _lengths(
     model: GraspModel, sampling: Sampling, options: MeshOptions
 ) -> Iterator[tuple[str, float, float]]:
-    """(name, length, largest share of the size) of the lengths that were given."""
+    """Yield (name, length, largest plausible fraction of the size) of the lengths that are set."""
     for name, length, upper in (
         ("max_opening", sampling.max_opening, LARGE),
         ("min_opening", sampling.min_opening, 1.0),
@@ -50,7 +50,7 @@ def _lengths(
             yield name, length, upper
 
 
-def _times(share: float) -> str:
-    if share >= LARGE:
-        return f"{share:,.0f} times"
-    return f"{share:.3g} times" if share > 1.0 else f"1/{1.0 / share:,.0f} of"
+def _times(ratio: float) -> str:
+    if ratio >= LARGE:
+        return f"{ratio:,.0f} times"
+    return f"{ratio:.3g} times" if ratio > 1.0 else f"1/{1.0 / ratio:,.0f} of"

@@ -1,4 +1,4 @@
-"""The record of a diagnosis."""
+"""Result of a mesh diagnosis."""
 
 from dataclasses import dataclass
 from enum import StrEnum
@@ -14,89 +14,91 @@ class Trust(StrEnum):
 
     YES = "yes"
     CARE = "with care"
-    """Something may spoil some of them; the warnings say what."""
+    """Some labels may be wrong; the warnings give the reasons."""
     NO = "no"
-    """They would say little about the object."""
+    """Many labels may be wrong."""
 
 
 @dataclass(frozen=True)
 class MeshWarning:
-    """Something that speaks against the labels of a mesh."""
+    """A defect of a mesh that can make its labels wrong."""
 
     trust: Trust
-    """What is left of the trust."""
+    """Whether labels can be trusted despite the defect."""
     message: str
-    """What it is and what helps, in a sentence."""
+    """The defect and its remedy, in one sentence."""
 
 
 @dataclass(frozen=True)
-class Measured:
-    """What a surface amounts to."""
+class SurfaceMeasures:
+    """Counts, area, volume and centre of mass of a surface."""
 
     vertices: int
-    """Vertices that faces use; those at exactly one position count once."""
+    """Vertices that faces use; vertices at equal positions count once."""
     faces: int
     closed: bool
-    """Every edge is passed as often one way as the other: the faces bound a volume."""
+    """Every edge is used equally often in both directions: the faces enclose a volume."""
     boundary_edges: int
-    """Edges with one face: the rims of holes."""
+    """Edges with one face: the boundaries of holes."""
     crowded_edges: int
-    """Edges with more than two faces, where the surface is no manifold."""
+    """Edges with more than two faces, where the surface is not a manifold."""
     area: float
     volume: float | None
-    """Enclosed volume, negative where the faces look inward; None: the surface is open."""
+    """Enclosed volume, negative if the faces are oriented inward; None: the surface is open."""
     center_mass: tuple[float, float, float]
-    """Centre of mass at uniform density; of an open surface that of the surface itself."""
+    """Centre of mass at uniform density; of an open surface, the centroid of its area."""
 
 
 @dataclass(frozen=True)
 class MeshDiagnosis:
-    """What was found in a mesh file; lengths are in the file's unit, angles in radians."""
+    """Diagnosis of a mesh file; lengths are in the file's unit, angles in radians."""
 
     mesh: str
     """Name of the file."""
     format: str
+    """File suffix without its dot, in lower case."""
     file_bytes: int
     unit: Unit | None
-    """As the file or the user says; None: neither does."""
+    """Unit stated by the file or the user; None: not stated."""
     guess: UnitGuess
-    """What the size speaks for; never applied."""
+    """Unit that the size suggests; never applied."""
     size: float
     """Diameter of the ball around the surface."""
     extents: tuple[float, float, float]
+    """Edge lengths of the axis-aligned bounding box."""
     bodies: int
     """Connected parts after repair, without cavities."""
     cavities: int
-    """Closed parts that are wound inward."""
-    before: Measured
-    """The surface as the file has it."""
-    after: Measured
+    """Closed parts that are oriented inward."""
+    before: SurfaceMeasures
+    """The surface as stored in the file."""
+    after: SurfaceMeasures
     """The surface after repair, before long edges are divided."""
     repairs: tuple[RepairStep, ...]
     manifold: str
-    """What Manifold says of the repaired surface: NoError, NotManifold, ..."""
+    """Status of the repaired surface in the library Manifold: NoError, NotManifold, ..."""
     crossing_faces: int
-    """Faces that surely cross others; grazing ones are not counted."""
+    """Faces that certainly intersect others; faces that only touch are not counted."""
     self_intersecting_fraction: float
-    """Their share of the area."""
+    """Area fraction of these faces."""
     noise: float
-    """By how much contact normals are off because the surface is rough [rad], a median."""
+    """Median error of contact normals due to the roughness of the surface [rad]."""
     label_vertices: int
-    """Vertices to label, after long edges are divided."""
+    """Number of vertices to label, after long edges are divided."""
     cost: Cost
-    """What labelling is expected to take."""
+    """Expected time and memory of labelling."""
     warnings: tuple[MeshWarning, ...]
-    """What speaks against its labels."""
+    """Defects that can make its labels wrong."""
 
     @property
     def trust(self) -> Trust:
-        """Whether its labels can be trusted: the worst of the warnings."""
+        """Whether its labels can be trusted: the lowest trust of all warnings."""
         return max(
             (warning.trust for warning in self.warnings), key=list(Trust).index, default=Trust.YES
         )
 
     @property
     def center_shift(self) -> float:
-        """How far repair moves the centre of mass, as a share of the size."""
+        """Distance by which repair moves the centre of mass, as a fraction of the size."""
         moved = zip(self.before.center_mass, self.after.center_mass, strict=True)
         return float(sum((a - b) ** 2 for a, b in moved) ** 0.5 / self.size)

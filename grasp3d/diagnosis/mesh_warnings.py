@@ -1,4 +1,4 @@
-"""What speaks against the labels of a mesh, besides lengths in a wrong unit."""
+"""Warnings about defects of a mesh that can make its labels wrong."""
 
 import math
 from collections.abc import Iterator
@@ -13,83 +13,89 @@ from grasp3d.mesh.patches import patch_areas, surface_net
 from grasp3d.mesh.repair.holes import close_hole, holes_of
 
 MISSING = 0.05
-"""Share of the area that holes may take before labels say little about the object."""
+"""Area fraction of holes above which labels cannot be trusted."""
 
-CROSSED = 0.1
-"""Share of the area that may cross itself before labels say little about the object."""
+SELF_INTERSECTING = 0.1
+"""Area fraction of self-intersecting faces above which labels cannot be trusted."""
 
 ROUGH = math.radians(3.0)
-"""Noise of normals that is worth a warning [rad]: about a quarter of the resolution of
-the paper's fingertip."""
+"""Noise of normals above which a warning is given [rad]: about a quarter of the tilt, alpha / 2,
+of the paper's fingertip."""
 
-CALM = math.radians(1.0)
-"""Noise of normals that a patch is suggested for."""
+SMOOTH = math.radians(1.0)
+"""Noise of normals that a suggested patch radius shall reach [rad]."""
 
 LARGEST_PATCH = 0.1
-"""Share of the object's size that a fingertip's patch may have to be suggested."""
+"""Largest patch radius that is suggested, as a fraction of the object's size."""
 
-BENT = 0.7
-"""Length of a patch's area vector, as a share of its area, from which on it has one direction."""
+FLATNESS = 0.7
+"""Least length of a patch's area vector, as a fraction of its area, for a well-defined normal."""
 
 PROBES = 200
-"""Patches by which it is judged whether they have."""
+"""Number of patches whose flatness is measured."""
 
 STRAY = 0.01
-"""Share of the area of parts that are strays if they make the object much larger."""
+"""Largest area fraction of a part that counts as stray."""
 
 LARGER, FAR_LARGER = 1.5, 3.0
-"""How much larger they make it, to be worth a warning, and to leave labels of little use."""
+"""Factors by which stray parts enlarge the object: for a warning, and for no trust in labels."""
 
 
-def inside_out_warnings(mesh: ObjectMesh) -> Iterator[MeshWarning]:
-    """Tell of a surface without an inside."""
+def interior_warnings(mesh: ObjectMesh) -> Iterator[MeshWarning]:
+    """Warn about a surface without an interior."""
     if mesh.report.closed and math.isnan(mesh.volume):
         yield MeshWarning(
-            Trust.NO, "nothing is inside the surface: no finger could press against it"
+            Trust.NO, "the surface has no interior, so that no contact can be pushed against it"
         )
 
 
 def missing_fraction(points: Floats, faces: Ints) -> tuple[int, float]:
-    """How many holes there are, and their share of the whole surface."""
+    """Return the number of holes, and their area fraction of the closed surface."""
     holes = holes_of(faces)
     lids = sum(float(face_areas(points, close_hole(points, hole)).sum()) for hole in holes)
     return len(holes), lids / (lids + float(face_areas(points, faces).sum()))
 
 
-def hole_warnings(count: int, missing: float, *, closed: bool) -> Iterator[MeshWarning]:
-    """Tell of holes, left open or closed by a guess."""
+def hole_warnings(count: int, missing: float, *, filled: bool) -> Iterator[MeshWarning]:
+    """Warn about holes, left open or filled by repair.
+
+    Args:
+        count: Number of holes.
+        missing: Their area fraction.
+        filled: Whether repair closed them.
+    """
     if not count:
         return
     trust = Trust.NO if missing > MISSING else Trust.CARE
-    share = f"{100.0 * missing:.2g} % of the surface"
-    if closed:
-        yield MeshWarning(trust, f"holes: {count}, closed by a guess, which is {share}")
+    area = f"{100.0 * missing:.2g} % of the surface"
+    if filled:
+        yield MeshWarning(trust, f"holes: {count}, {area}: closed by repair with a guessed surface")
     elif trust is Trust.NO:
         yield MeshWarning(
             trust,
-            f"holes: {count}, {share}: is it a sheet that should have a thickness? Repair full "
-            "(--repair full) would close them by a guess",
+            f"holes: {count}, {area}: is it a sheet that should have a thickness? Repair full "
+            "(--repair full) closes them with a guessed surface",
         )
     else:
         yield MeshWarning(
             trust,
-            f"holes: {count}, {share}: grasps that would end in them are not found; repair full "
+            f"holes: {count}, {area}: grasps with contacts there are not found; repair full "
             "(--repair full) closes them",
         )
 
 
-def self_intersection_warnings(count: int, share: float) -> Iterator[MeshWarning]:
-    """Tell of faces that cross others."""
+def self_intersection_warnings(count: int, fraction: float) -> Iterator[MeshWarning]:
+    """Warn about faces that intersect others; `fraction` is their area fraction."""
     if count:
         yield MeshWarning(
-            Trust.NO if share > CROSSED else Trust.CARE,
-            f"faces that cross others: {count:,}, {100.0 * share:.2g} % of the area: contacts "
-            "there may lie inside the object",
+            Trust.NO if fraction > SELF_INTERSECTING else Trust.CARE,
+            f"faces that intersect others: {count:,}, {100.0 * fraction:.2g} % of the area: "
+            "contacts there may be inside the object",
         )
 
 
 def count_parts(points: Floats, faces: Ints) -> tuple[int, int]:
-    """(bodies, cavities): connected parts, and parts of a closed surface that are wound inward."""
+    """Return (bodies, cavities); cavities are parts of a closed surface oriented inward."""
     volumes = part_volumes(points, faces, parts_of(faces))
     solid = is_closed(faces) and (volumes > 0.0).any()
     cavities = int((volumes < 0.0).sum()) if solid else 0
@@ -97,17 +103,17 @@ def count_parts(points: Floats, faces: Ints) -> tuple[int, int]:
 
 
 def body_warnings(bodies: int) -> Iterator[MeshWarning]:
-    """Tell of bodies that do not hang together."""
+    """Warn about bodies that are not connected."""
     if bodies > 1:
         yield MeshWarning(
             Trust.CARE,
-            f"separate bodies, {bodies}, are taken for one rigid object: a grasp may hold two of "
-            "them",
+            f"separate bodies: {bodies}, treated as one rigid object: the contacts of a grasp may "
+            "be on different bodies",
         )
 
 
 def stray_warnings(points: Floats, faces: Ints) -> Iterator[MeshWarning]:
-    """Tell of small pieces far off, which make the object seem larger."""
+    """Warn about small distant parts, which make the object larger."""
     part, areas = parts_of(faces), face_areas(points, faces)
     stray = np.bincount(part, areas)[part] <= STRAY * areas.sum()
     if not stray.any() or stray.all():
@@ -117,44 +123,46 @@ def stray_warnings(points: Floats, faces: Ints) -> Iterator[MeshWarning]:
         for chosen in (faces, faces[~stray])
     )
     if whole > LARGER * rest:
-        share = 100.0 * areas[stray].sum() / areas.sum()
+        percent = 100.0 * areas[stray].sum() / areas.sum()
         yield MeshWarning(
             Trust.NO if whole > FAR_LARGER * rest else Trust.CARE,
-            f"stray pieces, {len(np.unique(part[stray]))}, with {share:.2g} % of the area make "
-            f"the object {whole / rest:.3g} times larger: leave them out",
+            f"stray parts: {len(np.unique(part[stray]))}, {percent:.2g} % of the area: they make "
+            f"the object {whole / rest:.3g} times larger; remove them",
         )
 
 
 def noise_warnings(
     points: Floats, faces: Ints, mesh: ObjectMesh, noise: float
 ) -> Iterator[MeshWarning]:
-    """Tell that the surface is too rough for its normals, and what patch may calm them."""
+    """Warn about inaccurate normals of a rough surface, and suggest a patch radius."""
     given = mesh.options.patch_radius / mesh.size
-    radius = _calming_radius(points, faces, noise)
+    radius = _smoothing_radius(points, faces, noise)
     if noise <= ROUGH or given >= radius:
         return
-    message = f"normals are off by about {math.degrees(noise):.2g} degrees"
+    message = (
+        f"the surface is rough: its normals have errors of about {math.degrees(noise):.2g} degrees"
+    )
     if radius > LARGEST_PATCH or not _has_direction(points, faces, radius):
-        cure = "the mesh is too rough or too coarse for a fingertip's patch: smooth or remesh it"
+        remedy = "smooth or remesh it; it is too rough or too coarse for a patch radius"
     else:
         digits = 1 - math.floor(math.log10(radius * mesh.size))
         rounded = math.ceil(radius * mesh.size * 10.0**digits) / 10.0**digits
-        cure = f"a fingertip's patch of {rounded:g} may calm them (--patch-radius)"
+        remedy = f"try a patch radius of {rounded:g} (--patch-radius)"
         if given > 0.0:
-            cure = f"the patch of {mesh.options.patch_radius:g} is small for it, {rounded:g} may do"
-    yield MeshWarning(Trust.CARE, f"{message}; {cure}")
+            remedy += f"; {mesh.options.patch_radius:g} is too small"
+    yield MeshWarning(Trust.CARE, f"{message}; {remedy}")
 
 
-def _calming_radius(points: Floats, faces: Ints, noise: float) -> float:
-    """Radius of a patch with so many vertices that independent errors average to little."""
-    places = (noise / CALM) ** 2
+def _smoothing_radius(points: Floats, faces: Ints, noise: float) -> float:
+    """Return the patch radius at which the mean of independent errors is small enough."""
+    vertices = (noise / SMOOTH) ** 2
     area = float(face_areas(points, faces).sum()) / len(np.unique(faces))
-    return math.sqrt(places * area / math.pi)
+    return math.sqrt(vertices * area / math.pi)
 
 
 def _has_direction(points: Floats, faces: Ints, radius: float) -> bool:
-    """Tell whether patches of this radius are flat enough to have a normal."""
+    """Return whether patches of a radius are flat enough to have a normal."""
     used = np.unique(faces)
     sources = used[:: max(1, len(used) // PROBES)]
     vectors, areas = patch_areas(surface_net(points, faces), sources, radius)
-    return bool(np.median(np.linalg.norm(vectors, axis=1) / areas) > BENT)
+    return bool(np.median(np.linalg.norm(vectors, axis=1) / areas) > FLATNESS)

@@ -1,4 +1,4 @@
-"""Whole grasps on a surface: given or found, evaluated, ranked, read and written."""
+"""Whole grasps on a surface: evaluated, selected, read from files and written to files."""
 
 from lazy_loader import attach_stub
 

@@ -1,14 +1,13 @@
-"""How reliable are the grasps that a user brings?"""
+"""Evaluation of given grasps on a mesh."""
 
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats, locked
+from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.grasps.surface_grasps import SurfaceGrasps, labelled_grasps
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.settings import MAX_FINGERS, GraspModel, with_fingers
@@ -20,43 +19,44 @@ from grasp3d.system.progress import Progress, ignore, within
 OFF_SURFACE = 1.0 / 100.0
 """Distance, in object sizes, up to which a given contact is moved to the surface."""
 
-ROUNDING = 1e-9
-"""How much of an object's size a contact on the surface may be off it by rounding."""
+DISTANCE_ROUNDING = 1e-9
+"""Distance, in object sizes, by which a contact on the surface may be off it through rounding."""
 
-SNAPPING, ANGLES = 0.5, 0.9
-"""Shares of the work after which contacts are on the surface, and angles known."""
+PROJECTED, ANGLES_COMPUTED = 0.5, 0.9
+"""Fractions of the work after which contacts are on the surface, and critical angles computed."""
 
 
 def evaluate_grasps(
     mesh: ObjectMesh,
-    points: npt.ArrayLike,
+    points: ArrayLike,
     model: GraspModel | None = None,
     *,
     max_distance: float | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SurfaceGrasps:
-    """Tell how reliable given grasps are.
+    """Compute the label, critical friction angle and epsilon of given grasps.
 
-    Each contact is moved to the nearest place of the surface, whose normals count. The order of
-    the contacts of a grasp does not matter.
+    Each contact is moved to the nearest surface point, and has the normals there. The order of the
+    contacts of a grasp does not matter.
 
     Args:
         mesh: The object's surface.
         points: Contacts in the mesh's frame and unit, shape (b, n, 3), or (n, 3) for one grasp;
             n is 2 to 32 for every grasp.
-        model: Friction and sensor resolution; its number of fingers, unless it is the usual 2, must
-            be that of `points`.
-        max_distance: How far off the surface a contact may be, in the mesh's unit; None: 1/100 of
-            the object's size.
+        model: Friction and sensor resolution; its number of fingers, unless it is the default 2,
+            must be that of `points`.
+        max_distance: Largest distance of a contact from the surface, in the mesh's unit; None:
+            1/100 of the object's size.
         threads: Threads to use; None: one per processor. The result does not depend on it.
-        progress: Called with the share of the work done, from 0 to 1.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
-        ContactError: Points of another shape, numbers that are none, or contacts off the surface.
+        ContactError: Points of another shape, values that are not finite, or contacts off the
+            surface.
         SettingError: A setting outside its range.
     """
-    told = progress or ignore
+    report = progress or ignore
     given = _checked(points)
     used = with_fingers(model or GraspModel(), given.shape[1])
     limit = OFF_SURFACE * mesh.size if max_distance is None else max_distance
@@ -65,24 +65,25 @@ def evaluate_grasps(
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
-    contacts, off = _on_surface(mesh, given, limit, threads, within(told, 0.0, SNAPPING))
-    ends = ANGLES if used.method == "extremes" else 1.0
-    worst, best = critical_angles(contacts, threads=threads, progress=within(told, SNAPPING, ends))
-    grasps = SurfaceGrasps(contacts, used, off, worst, best, threads)
-    grasps.enumerate_extremes(within(told, ends, 1.0))
-    told(1.0)
+    projecting = within(report, 0.0, PROJECTED)
+    contacts, distances = _on_surface(mesh, given, limit, threads, projecting)
+    end = ANGLES_COMPUTED if used.method == "extremes" else 1.0
+    angles = critical_angles(contacts, threads=threads, progress=within(report, PROJECTED, end))
+    grasps = labelled_grasps(contacts, used, angles, distance=distances, threads=threads)
+    grasps.compute_labels(within(report, end, 1.0))
+    report(1.0)
     return grasps
 
 
 def _on_surface(
     mesh: ObjectMesh, given: Floats, limit: float, threads: int, progress: Progress
 ) -> tuple[SurfaceContacts, Floats]:
-    """Contacts (b, n, 3) moved to the surface, and how far they were off it (b, n)."""
+    """Contacts (b, n, 3) moved to the surface, and their distances from it before (b, n)."""
     size, count = given.shape[:2]
     nearest, _, found = nearest_surface_points(
         mesh,
         given.reshape(-1, 3),
-        limit=limit + ROUNDING * mesh.size,
+        limit=limit + DISTANCE_ROUNDING * mesh.size,
         threads=threads,
         progress=progress,
     )
@@ -92,7 +93,7 @@ def _on_surface(
     return SurfaceContacts(mesh, SurfacePoints(locked(faces), locked(weights))), locked(distances)
 
 
-def _checked(points: npt.ArrayLike) -> Floats:
+def _checked(points: ArrayLike) -> Floats:
     """Finite contacts of at least one grasp, shape (b, n, 3)."""
     try:
         given = np.asarray(points, dtype=np.float64)
@@ -109,35 +110,35 @@ def _checked(points: npt.ArrayLike) -> Floats:
         raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {count}")
     if not np.isfinite(given).all():
         grasp, contact, _ = np.argwhere(~np.isfinite(given))[0]
-        told = _told(given, grasp, contact)
-        raise ContactError(f"{_named(grasp, contact)} must be three finite numbers; got {told}")
+        point = _format_point(given[grasp, contact])
+        raise ContactError(f"{_name(grasp, contact)} must be three finite numbers; got {point}")
     if (np.abs(given) > LARGEST).any():
         raise ContactError(f"contacts must not exceed {LARGEST:g}; got {np.abs(given).max():g}")
     return given
 
 
 def _check_near(mesh: ObjectMesh, given: Floats, distances: Floats, limit: float) -> None:
-    """Refuse contacts that are off the surface, the first of them by name."""
+    """Raise ContactError if contacts are too far from the surface."""
     off = np.argwhere(np.isinf(distances))
     if not len(off):
         return
     grasp, contact = off[0]
     point = (given[grasp, contact] - mesh.center) / mesh.size
-    place, _, _ = nearest_surface_point(mesh, point)
-    distance = float(np.linalg.norm(place - point)) * mesh.size
+    nearest, _, _ = nearest_surface_point(mesh, point)
+    distance = float(np.linalg.norm(nearest - point)) * mesh.size
     unit = mesh.unit or "(unit not stated)"
     raise ContactError(
-        f"{_named(grasp, contact)} at {_told(given, grasp, contact)} is {distance:.4g} off the "
-        f"surface and may be {limit:.4g}, as are {len(off)} of {distances.size} contacts; are they "
-        f"in the frame and unit of {mesh.report.source}, which is {mesh.size:.4g} {unit} in size? "
-        "max_distance (--max-distance) allows more"
+        f"{_name(grasp, contact)} at {_format_point(given[grasp, contact])} is {distance:.4g} from "
+        f"the surface, more than the allowed {limit:.4g}, as are {len(off)} of {distances.size} "
+        f"contacts; are they in the frame and unit of {mesh.report.source}, which is "
+        f"{mesh.size:.4g} {unit} in size? max_distance (--max-distance) allows more"
     )
 
 
-def _named(grasp: int, contact: int) -> str:
-    """A contact as people count."""
+def _name(grasp: int, contact: int) -> str:
+    """Name of a contact, numbered from 1."""
     return f"grasp {grasp + 1}, contact {contact + 1}"
 
 
-def _told(given: Floats, grasp: int, contact: int) -> str:
-    return "(" + ", ".join(f"{number:.6g}" for number in given[grasp, contact]) + ")"
+def _format_point(point: Floats) -> str:
+    return "(" + ", ".join(f"{number:.6g}" for number in point) + ")"

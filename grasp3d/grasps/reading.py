@@ -1,4 +1,4 @@
-"""Contacts of grasps that a user brings, from files."""
+"""Reading of grasps' contacts from files."""
 
 import json
 import math
@@ -17,22 +17,22 @@ from grasp3d.settings import MAX_FINGERS
 SUFFIXES = (".csv", ".parquet", ".json")
 
 COLUMNS = "x1 y1 z1 x2 y2 z2 ..."
-"""What columns of contacts are called, as errors say it."""
+"""Names of the columns, for error messages."""
 
 GRASPS = "a list of grasps, each a list of two or more contacts [x, y, z]"
-"""What stands in a JSON file, as errors say it."""
+"""Content of a JSON file, for error messages."""
 
-MOST_TOLD = 12
-"""Columns found in a file that an error lists."""
+MAX_LISTED = 12
+"""Most columns of a file that an error message lists."""
 
 _COORDINATE = re.compile(r"[xyz][1-9]\d*")
 
 
 def read_contacts(path: str | Path) -> Floats:
-    """Read the contacts of grasps; what `write_grasps` wrote can be read back.
+    """Read the contacts of grasps; also from files that `write_grasps` wrote.
 
-    CSV and Parquet have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns do not
-    matter. JSON is a list of grasps, each a list of contacts [x, y, z].
+    CSV and Parquet have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are
+    ignored. JSON is a list of grasps, each a list of contacts [x, y, z].
 
     Args:
         path: File to read; .csv, .parquet or .json.
@@ -41,7 +41,7 @@ def read_contacts(path: str | Path) -> Floats:
         Contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at least 1.
 
     Raises:
-        ContactError: The file is missing, or is no such list of contacts.
+        ContactError: The file is missing, or contains no such contacts.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -50,8 +50,8 @@ def read_contacts(path: str | Path) -> Floats:
             f"{path}: contacts are read from {', '.join(SUFFIXES)}; got {path.suffix!r}"
         )
     if not path.is_file():
-        said = "is a folder; name a file" if path.is_dir() else "there is no such file"
-        raise ContactError(f"{path}: {said}")
+        problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
+        raise ContactError(f"{path}: {problem}")
     try:
         return _from_json(path) if suffix == ".json" else _from_table(path)
     except OSError as error:
@@ -65,32 +65,31 @@ def _from_table(path: Path) -> Floats:
     from grasp3d.tables import read_columns
 
     found = read_columns(path)
-    wanted = _wanted(list(found))
-    columns = [_column(name, found[name]) for name in wanted]
+    columns = [_column(name, found[name]) for name in _coordinate_columns(list(found))]
     if not len(columns[0]):
-        raise ContactError("there are no grasps in it, only the names of columns")
+        raise ContactError("there are no grasps in it, only column names")
     return np.stack(columns, axis=1).reshape(len(columns[0]), -1, 3)
 
 
-def _wanted(names: Sequence[str]) -> list[str]:
-    """Columns of the contacts, in order. Raises ContactError where one is missing."""
-    told = " ".join(names[:MOST_TOLD]) + (" ..." if len(names) > MOST_TOLD else "")
+def _coordinate_columns(names: Sequence[str]) -> list[str]:
+    """Names of the contacts' columns, in order. Raises ContactError if one is missing."""
+    listed = " ".join(names[:MAX_LISTED]) + (" ..." if len(names) > MAX_LISTED else "")
     numbers = [int(name[1:]) for name in names if _COORDINATE.fullmatch(name)]
     if not numbers:
-        raise ContactError(f"expected columns {COLUMNS}; found {told}")
+        raise ContactError(f"expected columns {COLUMNS}; found {listed}")
     count = min(max(numbers), MAX_FINGERS + 1)
-    wanted = [f"{axis}{number}" for number in range(1, count + 1) for axis in "xyz"]
-    missing = [name for name in wanted if name not in names]
+    required = [f"{axis}{number}" for number in range(1, count + 1) for axis in "xyz"]
+    missing = [name for name in required if name not in names]
     if missing:
-        raise ContactError(f"column {missing[0]} is missing of {COLUMNS}; found {told}")
+        raise ContactError(f"column {missing[0]} is missing of {COLUMNS}; found {listed}")
     _check_count(count)
-    return wanted
+    return required
 
 
 def _check_count(count: int) -> None:
     if not 2 <= count <= MAX_FINGERS:
-        told = f"more than {MAX_FINGERS}" if count > MAX_FINGERS else str(count)
-        raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {told}")
+        number = f"more than {MAX_FINGERS}" if count > MAX_FINGERS else str(count)
+        raise ContactError(f"a grasp has 2 to {MAX_FINGERS} contacts; got {number}")
 
 
 def _column(name: str, values: npt.NDArray[Any]) -> Floats:
@@ -100,13 +99,13 @@ def _column(name: str, values: npt.NDArray[Any]) -> Floats:
     if len(bad):
         value = values[bad[0]]
         empty = value is None or value == "" or (isinstance(value, float) and math.isnan(value))
-        said = "is empty or no number" if empty else f"is no finite number: {str(value)[:40]!r}"
-        raise ContactError(f"grasp {bad[0] + 1}: {name} {said}")
+        problem = "is empty or no number" if empty else f"is no finite number: {str(value)[:40]!r}"
+        raise ContactError(f"grasp {bad[0] + 1}: {name} {problem}")
     return numbers
 
 
 def _number(value: object) -> float:
-    """A number, or nan for whatever is none."""
+    """The number that a value is or spells, nan if none."""
     if isinstance(value, bool) or not isinstance(value, int | float | str):
         return math.nan
     try:
@@ -122,7 +121,7 @@ def _from_json(path: Path) -> Floats:
     except json.JSONDecodeError as error:
         raise ContactError(f"is no JSON: {error}") from error
     if isinstance(found, dict):
-        found = _written(found)
+        found = _from_written(found)
     if not isinstance(found, list):
         raise ContactError(f"expected {GRASPS}; found {_kind(found)}")
     if not found:
@@ -132,17 +131,17 @@ def _from_json(path: Path) -> Floats:
     other = next((k for k, count in enumerate(counts) if count != counts[0]), None)
     if other is not None:
         raise ContactError(
-            f"all grasps need as many contacts: grasp 1 has {counts[0]}, grasp {other + 1} has "
-            f"{counts[other]}; put them into files of their own"
+            f"all grasps need the same number of contacts: grasp 1 has {counts[0]}, grasp "
+            f"{other + 1} has {counts[other]}; put them into separate files"
         )
     return np.array(rows, dtype=np.float64)
 
 
-def _written(found: dict[str, Any]) -> object:
-    """Contacts in what `write_grasps` wrote."""
+def _from_written(found: dict[str, Any]) -> object:
+    """Contacts in a file that `write_grasps` wrote."""
     grasps = found.get("grasps")
     if not isinstance(grasps, list):
-        raise ContactError(f"expected {GRASPS}, or under 'grasps' what was written as grasps")
+        raise ContactError(f"expected {GRASPS}, or a file that write_grasps wrote")
     return [
         [
             contact.get("point") if isinstance(contact, dict) else contact
@@ -176,7 +175,7 @@ def _grasp(number: int, grasp: object) -> list[list[float]]:
 
 
 def _kind(value: object) -> str:
-    """What something read from JSON is, in a few characters."""
+    """Short description of a value read from JSON."""
     if isinstance(value, list):
         return f"a list of {len(value)}"
     return "an object" if isinstance(value, dict) else json.dumps(value)[:40]

@@ -1,4 +1,4 @@
-"""Grasps as files, with all that is known of them."""
+"""Writing of grasps, with labels and epsilon, to files."""
 
 import json
 import math
@@ -12,21 +12,21 @@ import numpy.typing as npt
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.epsilon import EPSILON_RTOL
-from grasp3d.system.files import check_suffix, written_whole
+from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.versions import package_version
 
 SUFFIXES = (".csv", ".parquet", ".json")
 
 
 def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
-    """Write grasps and all that is known of them, in the format that the suffix names.
+    """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
 
-    A row, in JSON an entry, for each grasp: `grasp` (its number from 1), `label`, `critical_angle`,
-    `critical_angle_best`, `max_resolution` [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `rank`,
-    `opening`, `separation`; and for each contact its place on the surface `x1` `y1` `z1`, the
-    outward normal there `nx1` `ny1` `nz1`, `distance1`, how far it was off the surface, and
-    `on_crease1`. Numbers that are none are empty, in JSON null; infinite ones are null in JSON too.
-    JSON and Parquet hold the settings.
+    One row, in JSON one entry, for each grasp: `grasp` (its number from 1), `label`,
+    `critical_angle`, `critical_angle_best`, `max_resolution` [rad], `epsilon`, `epsilon_min`,
+    `epsilon_max`, `rank`, `opening`, `separation`; and for each contact its position on the surface
+    `x1` `y1` `z1`, the outward normal there `nx1` `ny1` `nz1`, `distance1`, its distance from the
+    surface before it was moved there, and `on_crease1`. nan is written as an empty cell, in JSON as
+    null, where infinite numbers are null as well. JSON and Parquet contain the settings.
 
     Args:
         path: File to make or replace; .csv, .parquet or .json.
@@ -42,15 +42,15 @@ def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
         return
     from grasp3d.tables import write_columns
 
-    columns = _numbers(grasps)
+    columns = _grasp_columns(grasps)
     for number in range(grasps.contacts.count):
-        for name, values in _of_contacts(grasps).items():
+        for name, values in _contact_columns(grasps).items():
             columns[f"{name}{number + 1}"] = values[:, number]
     write_columns(path, columns, settings=_settings(grasps))
 
 
-def _of_contacts(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
-    """What is written of each contact in a table, shape (b, n)."""
+def _contact_columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
+    """Columns of each contact in a table, shape (b, n)."""
     points, outward = grasps.contacts.points, 0.0 - grasps.contacts.normals
     return {
         **{axis: points[..., k] for k, axis in enumerate("xyz")},
@@ -60,19 +60,19 @@ def _of_contacts(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
     }
 
 
-def _numbers(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
-    """What is written of each grasp as a whole, shape (b,)."""
+def _grasp_columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
+    """Columns of each grasp as a whole, shape (b,)."""
     names = np.array([label.name for label in sorted(Label)])
-    found = grasps.epsilon_range
+    epsilon = grasps.epsilon_range
     return {
         "grasp": np.arange(1, grasps.size + 1),
         "label": names[grasps.label],
         "critical_angle": grasps.critical_angle,
         "critical_angle_best": grasps.critical_angle_best,
         "max_resolution": grasps.max_resolution,
-        "epsilon": found.nominal,
-        "epsilon_min": found.minimum,
-        "epsilon_max": found.maximum,
+        "epsilon": epsilon.nominal,
+        "epsilon_min": epsilon.minimum,
+        "epsilon_max": epsilon.maximum,
         "rank": grasps.rank,
         "opening": grasps.opening,
         "separation": grasps.separation,
@@ -80,7 +80,7 @@ def _numbers(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
 
 
 def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
-    """What the grasps were settled with; angles in radians."""
+    """Settings of the evaluation; angles in radians."""
     mesh, model = grasps.mesh, grasps.model
     meaning = MEANING["scan"]
     return {
@@ -101,20 +101,20 @@ def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
 
 def _write_json(path: Path, grasps: SurfaceGrasps) -> None:
     """Write the settings, then one line for each grasp."""
-    columns = {name: values.tolist() for name, values in _numbers(grasps).items()}
+    columns = {name: values.tolist() for name, values in _grasp_columns(grasps).items()}
     contacts = grasps.contacts
-    of_contacts = {
+    contact_fields = {
         "point": contacts.points.tolist(),
         "normal": (0.0 - contacts.normals).tolist(),
         "distance": grasps.distance.tolist(),
         "on_crease": contacts.on_crease.tolist(),
     }
-    with written_whole(path) as part, part.open("w", encoding="utf-8") as stream:
+    with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
         stream.write(f'{{"grasp3d": {_json(_settings(grasps))},\n"grasps": [')
         for row in range(grasps.size):
             entry = {name: values[row] for name, values in columns.items()}
             entry["contacts"] = [
-                {name: values[row][number] for name, values in of_contacts.items()}
+                {name: values[row][number] for name, values in contact_fields.items()}
                 for number in range(contacts.count)
             ]
             stream.write(("," if row else "") + "\n" + _json(entry))
@@ -122,7 +122,7 @@ def _write_json(path: Path, grasps: SurfaceGrasps) -> None:
 
 
 def _json(values: dict[str, Any]) -> str:
-    """Write as JSON, which knows no infinite numbers."""
+    """JSON text; numbers that are not finite are null, since JSON cannot represent them."""
     finite = {
         name: None if isinstance(value, float) and not math.isfinite(value) else value
         for name, value in values.items()

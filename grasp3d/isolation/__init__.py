@@ -1,16 +1,16 @@
-"""Work in child processes of this one, watched and ended when it takes too much."""
+"""Function calls in child processes, with limits on memory and time."""
 
 from grasp3d.isolation.calls import call, end_idle, working_folder
+from grasp3d.isolation.failures import CallFailedError, CallFailure, describe_unexpected
 from grasp3d.isolation.limits import NeedsMemory, allowed_memory
-from grasp3d.isolation.losses import Loss, Lost, unexpected
 
 __all__ = [
-    "Loss",
-    "Lost",
+    "CallFailedError",
+    "CallFailure",
     "NeedsMemory",
     "allowed_memory",
     "call",
+    "describe_unexpected",
     "end_idle",
-    "unexpected",
     "working_folder",
 ]

@@ -1,4 +1,4 @@
-"""Calling a function in a child process, which may crash, hang or take too much memory."""
+"""Function calls in child processes, which may crash, hang or run out of memory."""
 
 import os
 import pickle
@@ -8,26 +8,26 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any, TypeVar
 
+from grasp3d.isolation.failures import CallFailedError, CallFailure
 from grasp3d.isolation.limits import Limits, never
-from grasp3d.isolation.losses import Loss, Lost
-from grasp3d.isolation.process import Child, Pool
-from grasp3d.isolation.watching import ask
+from grasp3d.isolation.monitoring import send_request
+from grasp3d.isolation.process import ChildProcess, ProcessPool
 
 ResultT = TypeVar("ResultT")
 
 LENGTH = struct.Struct("<Q")
-"""How the length of a request and of an answer is written."""
+"""Format of the length that precedes each request and each answer."""
 
 IDLE = 30.0
-"""How long a child is kept that nobody asks [s]."""
+"""Time after which an idle child process is ended [s]."""
 
 _ONE_THREAD = {
     f"{library}_NUM_THREADS": "1"
     for library in ("NUMBA", "OMP", "OPENBLAS", "MKL", "NUMEXPR", "VECLIB_MAXIMUM")
 }
-"""There is a child for each processor already."""
+"""Environment for one thread per child process, since each processor has a child already."""
 
-_pool = Pool("grasp3d.isolation.child", _ONE_THREAD, IDLE)
+_pool = ProcessPool("grasp3d.isolation.child", _ONE_THREAD, IDLE)
 
 
 def call(
@@ -37,33 +37,34 @@ def call(
     seconds: float | None = None,
     cancelled: Callable[[], bool] = never,
 ) -> ResultT:
-    """Call a function in a child process, which is kept for the next call.
+    """Call a function in a child process, which is reused for later calls.
 
-    Function and arguments are pickled, those of a script by value. The child finds modules where
-    this process does, and works in its folder, with one thread for each numerical library. What it
-    prints is not shown.
+    Function and arguments are pickled; functions of a script are pickled by value. The child has
+    the module search path and the working folder of this process, and one thread per numerical
+    library. Its standard output is discarded.
 
     Args:
-        function: What to call.
-        arguments: Handed to it.
-        memory: What the child and its own children may take together [GB]; none: any.
-        seconds: How long it may take [s]; none: any.
-        cancelled: Asked ten times a second, in another thread: whether nobody waits any more.
+        function: Function to call.
+        arguments: Its arguments.
+        memory: Limit for the child process and its descendants together [GB]; none: no limit.
+        seconds: Time limit [s]; none: no limit.
+        cancelled: Called ten times a second in another thread: whether the result is no longer
+            needed.
 
     Returns:
-        What the function returned.
+        The return value of the function.
 
     Raises:
-        Lost: The child crashed, was killed, took more than the limits, or nobody waits any more.
-        Exception: Whatever the function raised, with its traceback in the child as a note.
+        CallFailedError: The child crashed, was killed, exceeded a limit, or the call was cancelled.
+        Exception: The exception that the function raised, with its traceback as a note.
     """
     import cloudpickle
 
-    request = cloudpickle.dumps((_place(), memory, cloudpickle.dumps((function, arguments))))
+    request = cloudpickle.dumps((_environment(), memory, cloudpickle.dumps((function, arguments))))
     limits = Limits(memory, seconds, cancelled)
     try:
         kind, value = _answer(_child(), request, limits)
-    except _WornError:
+    except _ReusedChildError:
         kind, value = _answer(_child(fresh=True), request, limits)
     if kind == "raised":
         raise value
@@ -72,43 +73,45 @@ def call(
 
 
 def end_idle() -> None:
-    """End the children that are not at a call."""
+    """End the idle child processes."""
     _pool.end_idle()
 
 
 def working_folder() -> str:
-    """Folder that this process works in; the root where it was removed."""
+    """Return the working folder of this process; the root if the folder was deleted."""
     try:
         return str(Path.cwd())
     except OSError:
         return os.sep
 
 
-def _place() -> tuple[str, list[str]]:
-    """This process's folder, and where it finds modules."""
-    here = working_folder()
-    return here, [str(Path(here, path)) for path in sys.path]
+def _environment() -> tuple[str, list[str]]:
+    """Return the working folder and the module search path of this process."""
+    folder = working_folder()
+    return folder, [str(Path(folder, path)) for path in sys.path]
 
 
-def _child(*, fresh: bool = False) -> Child:
+def _child(*, fresh: bool = False) -> ChildProcess:
     try:
         return _pool.take(fresh=fresh)
-    except OSError as error:  # the machine is full, which is no fault of this call
-        raise Lost(Loss.KILLED, f"could not be given a process ({error.strerror})") from error
+    except OSError as error:  # the machine has too many processes: not an error of the call
+        raise CallFailedError(
+            CallFailure.KILLED, f"could not start a process ({error.strerror})"
+        ) from error
 
 
-class _WornError(Exception):
-    """A call ran out of memory in a child that may not have given back what others took."""
+class _ReusedChildError(Exception):
+    """A call ran out of memory in a child process that may still hold memory of earlier calls."""
 
 
-def _answer(child: Child, request: bytes, limits: Limits) -> tuple[str, Any]:
-    """Ask a child, which is kept if it is well."""
+def _answer(child: ChildProcess, request: bytes, limits: Limits) -> tuple[str, Any]:
+    """Send a request to a child process, and return the child to the pool if it is alive."""
     try:
-        answer = ask(child, LENGTH.pack(len(request)) + request, _read, limits)
-        kind, value = _loaded(child, answer)
-    except Lost as lost:
-        if lost.kind is Loss.OUT_OF_MEMORY and child.used:
-            raise _WornError from lost
+        answer = send_request(child, LENGTH.pack(len(request)) + request, _read, limits)
+        kind, value = _unpickled(child, answer)
+    except CallFailedError as failure:
+        if failure.kind is CallFailure.OUT_OF_MEMORY and child.used:
+            raise _ReusedChildError from failure
         raise
     child.used = True
     if child.alive:
@@ -118,18 +121,20 @@ def _answer(child: Child, request: bytes, limits: Limits) -> tuple[str, Any]:
     return kind, value
 
 
-def _read(child: Child) -> bytearray:
+def _read(child: ChildProcess) -> bytearray:
     (length,) = LENGTH.unpack(child.receive(LENGTH.size))
     return child.receive(length)
 
 
-def _loaded(child: Child, answer: bytearray) -> tuple[str, Any]:
+def _unpickled(child: ChildProcess, answer: bytearray) -> tuple[str, Any]:
     try:
-        kind, value = pickle.loads(answer)  # noqa: S301, made by our own child
+        kind, value = pickle.loads(answer)  # noqa: S301, from a child process of ours
     except BaseException:
         child.close()
         raise
     if kind == "memory":
         child.close()
-        raise Lost(Loss.OUT_OF_MEMORY, "asked for more memory than there is and was ended")
+        raise CallFailedError(
+            CallFailure.OUT_OF_MEMORY, "requested more memory than is available and was ended"
+        )
     return kind, value

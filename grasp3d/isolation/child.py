@@ -1,7 +1,7 @@
-"""The process that calls functions for another one.
+"""Main loop of a child process that runs function calls for its parent.
 
-A request is its length and a pickle: the folder to work in and where modules are found, the memory
-that is allowed, and the pickled call. The answer is its length and a pickle: a kind and a value.
+A request is its length and a pickle: the working folder and the module search path, the memory
+limit, and the pickled call. An answer is its length and a pickle: a kind and a value.
 """
 
 import contextlib
@@ -18,25 +18,25 @@ from typing import BinaryIO
 import cloudpickle
 import psutil
 
-with contextlib.suppress(ImportError):  # Windows knows no limits
+with contextlib.suppress(ImportError):  # Windows has no resource limits
     import resource
 
 from grasp3d.isolation.calls import LENGTH
-from grasp3d.isolation.limits import allow_memory
-from grasp3d.isolation.packing import dumped
+from grasp3d.isolation.limits import set_allowed_memory
+from grasp3d.isolation.pickling import pickle_result
 
-NET = 1.5
-"""Share of the allowed memory that may be asked for at once: what is not touched is not taken."""
+VIRTUAL_FACTOR = 1.5
+"""Limit of virtual memory as a multiple of the memory limit, since not all of it is used."""
 
-SPARE = 2e9
-"""Bytes beside it for what libraries ask for and never touch."""
+VIRTUAL_SPARE = 2e9
+"""Virtual memory in addition, which libraries allocate but never use [bytes]."""
 
 
 def main() -> None:
-    """Answer requests until there are no more, then end at once, with all processes below."""
+    """Answer requests until the input ends, then end this process and its descendants at once."""
     inbox: queue.SimpleQueue[bytes] = queue.SimpleQueue()
-    requests, answers = _own_pipes()
-    _volunteer()
+    requests, answers = _reserve_pipes()
+    _raise_kill_priority()
     threading.Thread(target=_receive, args=(requests, inbox), daemon=True).start()
     while True:
         answer = _answer(inbox.get())
@@ -44,26 +44,26 @@ def main() -> None:
         answers.flush()
         del answer
         gc.collect()
-        gc.freeze()  # what stays, modules above all, need not be looked through again
+        gc.freeze()  # later collections skip what stays in memory, above all modules
 
 
-def _own_pipes() -> tuple[BinaryIO, BinaryIO]:
-    """Keep the pipes from whatever the functions read or print."""
+def _reserve_pipes() -> tuple[BinaryIO, BinaryIO]:
+    """Return the pipes to the parent; the called functions read and print to the null device."""
     requests, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    nothing = os.open(os.devnull, os.O_RDWR)
-    os.dup2(nothing, 0)
-    os.dup2(nothing, 1)
+    null = os.open(os.devnull, os.O_RDWR)
+    os.dup2(null, 0)
+    os.dup2(null, 1)
     return requests, answers
 
 
-def _volunteer() -> None:
-    """Be the first that Linux ends when its memory is full: the parent can tell what happened."""
+def _raise_kill_priority() -> None:
+    """Make Linux kill this process first when memory runs out, since the parent can report it."""
     with contextlib.suppress(OSError):
         Path("/proc/self/oom_score_adj").write_text("900", encoding="ascii")
 
 
 def _receive(requests: BinaryIO, inbox: "queue.SimpleQueue[bytes]") -> None:
-    """Hand requests on; the end of the input is the end of the parent, even amid a call."""
+    """Queue requests; end this process, even during a call, when the parent closes the pipe."""
     while len(head := requests.read(LENGTH.size)) == LENGTH.size:
         inbox.put(requests.read(*LENGTH.unpack(head)))
     for process in psutil.Process().children(recursive=True):
@@ -74,16 +74,16 @@ def _receive(requests: BinaryIO, inbox: "queue.SimpleQueue[bytes]") -> None:
 
 def _answer(request: bytes) -> bytes:
     try:
-        return dumped(("value", _called(request)))
+        return pickle_result(("value", _result(request)))
     except MemoryError:
         return pickle.dumps(("memory", None))
-    except Exception as error:  # noqa: BLE001, whatever it is: the parent raises it
+    except Exception as error:  # noqa: BLE001, the parent raises it
         return _failure(error)
-    except BaseException as error:  # noqa: BLE001, sys.exit is for a process, not for a call
+    except BaseException as error:  # noqa: BLE001, sys.exit must not end the child process
         return _failure(RuntimeError(f"{type(error).__name__}: {error}"))
 
 
-def _called(request: bytes) -> object:
+def _result(request: bytes) -> object:
     (folder, paths), memory, call = pickle.loads(request)  # noqa: S301, from the parent
     sys.path.extend(path for path in paths if path not in sys.path)
     if folder != os.getcwd():  # noqa: PTH109, compared as text
@@ -94,23 +94,27 @@ def _called(request: bytes) -> object:
 
 
 def _failure(error: Exception) -> bytes:
-    """Pickle an exception so that the parent can read it, whatever is in it."""
-    told = "".join(traceback.format_exception(error))
+    """Pickle an exception with its traceback; one that cannot be pickled becomes a RuntimeError."""
+    trace = "".join(traceback.format_exception(error))
     try:
-        error.add_note(told)
+        error.add_note(trace)
         data: bytes = cloudpickle.dumps(("raised", error))
-        pickle.loads(data)  # noqa: S301, some can be written only
+        pickle.loads(data)  # noqa: S301, some exceptions pickle but do not unpickle
     except Exception:  # noqa: BLE001, as above
         plain = RuntimeError(f"{type(error).__name__}: {error}")
-        plain.add_note(told)
+        plain.add_note(trace)
         return pickle.dumps(("raised", plain))
     return data
 
 
 def _limit(memory: float | None) -> None:
-    """Tell the work what it may take, and refuse it at once far more than that [GB]."""
-    allow_memory(memory)
+    """Set the memory limit of the call [GB], and a limit of virtual memory above it."""
+    set_allowed_memory(memory)
     with contextlib.suppress(NameError, OSError, ValueError, AttributeError):
         _, hard = resource.getrlimit(resource.RLIMIT_DATA)
-        most = resource.RLIM_INFINITY if memory is None else int(NET * 1e9 * memory + SPARE)
-        resource.setrlimit(resource.RLIMIT_DATA, (most, hard))
+        limit = (
+            resource.RLIM_INFINITY
+            if memory is None
+            else int(VIRTUAL_FACTOR * 1e9 * memory + VIRTUAL_SPARE)
+        )
+        resource.setrlimit(resource.RLIMIT_DATA, (limit, hard))

@@ -1,30 +1,30 @@
-"""What a call may take, and how the work in the child learns of it."""
+"""Limits of a call in a child process, and access to the memory limit inside the child."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
 
 
 def never() -> bool:
-    """Nobody takes the call back."""
+    """Return False: the call is never cancelled."""
     return False
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What ends a call."""
+    """Limits of a call; the child process is ended when one is exceeded."""
 
     memory: float | None = None
-    """Memory of the child and of its own children together [GB]; none: any."""
+    """Memory of the child process and its descendants together [GB]; none: no limit."""
     seconds: float | None = None
-    """Time for the call [s]; none: any."""
+    """Duration of the call [s]; none: no limit."""
     cancelled: Callable[[], bool] = never
-    """Asked again and again, in another thread: whether nobody waits any more."""
+    """Polled in another thread: whether the result is no longer needed."""
 
 
-class NeedsMemory(Exception):  # noqa: N818, no error: the work was not begun
-    """Raised by work that would take more memory than it may.
+class NeedsMemory(Exception):  # noqa: N818, not an error: the work was not started
+    """Raised instead of starting work that would exceed the memory limit.
 
-    It is no `GraspError`, since nothing is wrong with what was given: with more memory it works.
+    It is not a `GraspError`, since the input is valid: with more memory the work succeeds.
     """
 
     def __init__(self, gigabytes: float) -> None:
@@ -32,22 +32,22 @@ class NeedsMemory(Exception):  # noqa: N818, no error: the work was not begun
         self.gigabytes = gigabytes
 
     def __str__(self) -> str:
-        return f"needs about {round(self.gigabytes, 2):g} GB of memory, more than it may take"
+        return f"needs about {round(self.gigabytes, 2):g} GB of memory, more than its limit"
 
 
 _allowed: float | None = None
 
 
 def allowed_memory() -> float | None:
-    """Memory that this process may take for the call it is at [GB]; none: any."""
+    """Return the memory limit of the current call in this process [GB]; None: no limit."""
     return _allowed
 
 
-def allow_memory(memory: float | None) -> None:
-    """Say what `allowed_memory` tells from now on.
+def set_allowed_memory(memory: float | None) -> None:
+    """Set the value that `allowed_memory` returns.
 
     Args:
-        memory: Of the whole process with its children [GB]; none: any.
+        memory: Limit of this process and its descendants together [GB]; none: no limit.
     """
     global _allowed  # noqa: PLW0603
     _allowed = memory

@@ -1,6 +1,6 @@
-"""Child processes that run this package, kept from one request to the next.
+"""Reusable child processes that run modules of this package.
 
-They are started anew, never forked: what threads and compilers hold does not survive a fork.
+They are spawned, not forked, since locks of threads and compilers do not survive a fork.
 """
 
 import atexit
@@ -29,22 +29,22 @@ import grasp3d
 sys.path[:] = sys.path[1:] + [path for path in paths if path not in sys.path[1:]]
 importlib.import_module(module).main()
 """
-"""The package is this process's own; no other module may come from its folder, or from the one that
-this process works in, before those of Python."""
+"""Start code of a child: imports this process's own copy of the package. Modules in the package's
+parent folder or in the working folder must not shadow those of Python."""
 
 
-class Child:
-    """A process, and the pipes to it."""
+class ChildProcess:
+    """A child process, and the pipes to it."""
 
     def __init__(self, module: str, environment: Mapping[str, str]) -> None:
         package = str(Path(grasp3d.__file__).parents[1])
-        self.process = subprocess.Popen(  # noqa: S603, nothing of a file is in the command
+        self.process = subprocess.Popen(  # noqa: S603, the command contains no user input
             [sys.executable, *_flags(), "-c", _START, package, module, *_paths()],
             bufsize=0,
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
-            start_new_session=True,  # Ctrl-C is for us alone
+            start_new_session=True,  # Ctrl-C must reach this process only
             cwd=package,
             env={**os.environ, **environment},
         )
@@ -52,42 +52,42 @@ class Child:
         self.answers = cast("io.RawIOBase", self.process.stdout)
         self.idle_since = time.monotonic()
         self.used = False
-        """Whether it has answered a request before."""
-        self.kill_below: Callable[[], None] | None = None
-        """Set while it is at work: ends what it started in sessions of their own."""
+        """Whether it has answered a request."""
+        self.kill_descendants: Callable[[], None] | None = None
+        """Set during a request: ends descendants, also those in sessions of their own."""
         _children.add(self)
 
     @property
     def alive(self) -> bool:
-        """Whether it can be asked."""
+        """Whether the process is running."""
         return self.process.poll() is None
 
     def send(self, data: bytes) -> None:
-        """Write all of a request."""
-        left = memoryview(data)
-        while left:
-            left = left[self.requests.write(left) :]
+        """Write a request completely."""
+        rest = memoryview(data)
+        while rest:
+            rest = rest[self.requests.write(rest) :]
 
     def receive(self, count: int) -> bytearray:
-        """Wait for so many bytes of an answer.
+        """Read a number of bytes of an answer.
 
         Raises:
-            EOFError: The process ended before.
+            EOFError: The process ended before they were complete.
         """
         data = bytearray(count)
-        left = memoryview(data)
-        while left:
-            got = self.answers.readinto(left)
-            if not got:
+        rest = memoryview(data)
+        while rest:
+            size = self.answers.readinto(rest)
+            if not size:
                 raise EOFError
-            left = left[got:]
+            rest = rest[size:]
         return data
 
     def kill(self) -> None:
-        """End the process, and what it started."""
-        if self.kill_below is not None:
-            self.kill_below()
-        if self.process.returncode is not None:  # its number may be another's by now
+        """End the process and its descendants."""
+        if self.kill_descendants is not None:
+            self.kill_descendants()
+        if self.process.returncode is not None:  # the id may belong to another process by now
             return
         if hasattr(os, "killpg"):
             with contextlib.suppress(OSError):
@@ -95,84 +95,87 @@ class Child:
         self.process.kill()
 
     def close(self) -> int:
-        """End it; returns its exit code, which tells what ended it if it had ended already."""
+        """End the process, and return its exit code; unchanged if it had ended before."""
         self.kill()
         self.requests.close()
         self.answers.close()
         _children.discard(self)
         return self.process.wait()
 
-    def leave(self) -> None:
-        """Let go of it, as a process must that was forked from the one that asks."""
+    def detach(self) -> None:
+        """Close the pipes without ending the process; for forks of the parent process."""
         self.requests.close()
         self.answers.close()
-        self.process.returncode = 0  # it is no child of this process, which must not wait for it
+        self.process.returncode = 0  # the fork is not its parent and must not wait for it
 
 
-class Pool:
-    """Children of one kind: as many as are busy at once, idle ones first."""
+class ProcessPool:
+    """Child processes that run one module; idle ones are reused before new ones are started."""
 
     def __init__(
-        self, module: str, environment: Mapping[str, str] | None = None, keep: float | None = None
+        self,
+        module: str,
+        environment: Mapping[str, str] | None = None,
+        idle_time: float | None = None,
     ) -> None:
-        """Start nothing yet.
+        """Create an empty pool.
 
         Args:
-            module: Its `main` answers requests until its input ends.
-            environment: Variables to set.
-            keep: How long an idle child is kept [s]; none: as long as this process.
+            module: Module whose `main` answers requests until its input ends.
+            environment: Environment variables to set.
+            idle_time: Time after which an idle child is ended [s]; none: with this process.
         """
-        self._module, self._environment, self._keep = module, environment or {}, keep
-        self.renew()
+        self._module, self._environment, self._idle_time = module, environment or {}, idle_time
+        self.reset()
         _pools.add(self)
 
-    def renew(self) -> None:
-        """Begin anew, without any child."""
+    def reset(self) -> None:
+        """Forget all children, after a fork."""
         self._lock = threading.Lock()
-        self._idle: list[Child] = []
+        self._idle: list[ChildProcess] = []
         self._timer: threading.Timer | None = None
 
-    def take(self, *, fresh: bool = False) -> Child:
-        """Give a child that is alive to one who asks, and who gives it back or closes it.
+    def take(self, *, fresh: bool = False) -> ChildProcess:
+        """Return a running child; the caller gives it back or closes it.
 
         Args:
-            fresh: Whether it must be a new one.
+            fresh: Whether to start a new one in any case.
 
         Raises:
-            OSError: None can be started.
+            OSError: No process can be started.
         """
         while True:
             with self._lock:
                 child = self._idle.pop() if self._idle and not fresh else None
             if child is None:
-                return Child(self._module, self._environment)
+                return ChildProcess(self._module, self._environment)
             if child.alive:
                 return child
             child.close()
 
-    def give_back(self, child: Child) -> None:
-        """Keep a child for the next request."""
+    def give_back(self, child: ChildProcess) -> None:
+        """Return a child to the pool for the next request."""
         child.idle_since = time.monotonic()
         with self._lock:
             self._idle.append(child)
-            self._look_later()
+            self._schedule_end()
 
     def end_idle(self) -> None:
-        """End the children that nobody uses."""
+        """End all idle children."""
         self._end(float("inf"))
 
-    def _look_later(self) -> None:
-        """See to it that children that stay idle are ended; the lock is held."""
-        if self._keep is not None and self._timer is None and self._idle:
-            self._timer = threading.Timer(self._keep, self._end_old)
+    def _schedule_end(self) -> None:
+        """Start the timer that ends idle children; the caller holds the lock."""
+        if self._idle_time is not None and self._timer is None and self._idle:
+            self._timer = threading.Timer(self._idle_time, self._end_old)
             self._timer.daemon = True
             self._timer.start()
 
     def _end_old(self) -> None:
-        self._end(time.monotonic() - (self._keep or 0.0))
+        self._end(time.monotonic() - (self._idle_time or 0.0))
         with self._lock:
             self._timer = None
-            self._look_later()
+            self._schedule_end()
 
     def _end(self, before: float) -> None:
         with self._lock:
@@ -182,8 +185,8 @@ class Pool:
             child.close()
 
 
-_children: "weakref.WeakSet[Child]" = weakref.WeakSet()
-_pools: "weakref.WeakSet[Pool]" = weakref.WeakSet()
+_children: "weakref.WeakSet[ChildProcess]" = weakref.WeakSet()
+_pools: "weakref.WeakSet[ProcessPool]" = weakref.WeakSet()
 
 
 def _flags() -> list[str]:
@@ -191,28 +194,28 @@ def _flags() -> list[str]:
 
 
 def _paths() -> list[str]:
-    """Where this process finds modules, its working folder left out."""
+    """Return the module search path of this process without its working folder."""
     with contextlib.suppress(OSError):
-        here = os.getcwd()  # noqa: PTH109, compared as text
-        return [path for path in sys.path if Path(path).is_absolute() and path != here]
+        folder = os.getcwd()  # noqa: PTH109, compared as text
+        return [path for path in sys.path if Path(path).is_absolute() and path != folder]
     return []
 
 
 def _end_all() -> None:
-    """End all children together with this process."""
+    """End all children when this process ends."""
     for child in list(_children):
         child.close()
 
 
-def _leave_all() -> None:
-    """Leave the children to the parent after a fork, and begin anew."""
+def _detach_all() -> None:
+    """Leave all children to the parent process after a fork."""
     for child in list(_children):
-        child.leave()
+        child.detach()
     _children.clear()
     for pool in list(_pools):
-        pool.renew()
+        pool.reset()
 
 
 atexit.register(_end_all)
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_leave_all)
+    os.register_at_fork(after_in_child=_detach_all)

@@ -1,4 +1,4 @@
-"""What Manifold makes of a surface: the library that others will hand it to."""
+"""The Manifold library's verdict on a surface: whether it is a valid solid to that library."""
 
 import manifold3d
 import numpy as np
@@ -7,7 +7,7 @@ from grasp3d.arrays import Floats, Ints
 
 
 def manifold_status(points: Floats, faces: Ints) -> str:
-    """Name what Manifold says of a surface: NoError, NotManifold, NonFiniteVertex, ...
+    """Name of Manifold's status for a surface: NoError, NotManifold, NonFiniteVertex, ...
 
     Args:
         points: Positions (V, 3).

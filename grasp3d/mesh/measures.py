@@ -1,4 +1,4 @@
-"""Areas, volumes, places, edges and rounding of plain vertex and face arrays."""
+"""Areas, volumes, components, edges and rounding of plain vertex and face arrays."""
 
 from typing import NamedTuple
 
@@ -13,11 +13,11 @@ class Edges(NamedTuple):
     """The undirected edges of some faces."""
 
     ends: Ints
-    """Vertices of each, the smaller one first, shape (E, 2)."""
+    """Vertices of each edge, the smaller index first, shape (E, 2)."""
     faces: Ints
-    """How many faces have it, shape (E,)."""
+    """Number of faces at each edge, shape (E,)."""
     balance: Ints
-    """How much more often it is passed from the smaller vertex than from the larger, shape (E,)."""
+    """Number of faces that run from the smaller to the larger index minus those that run back."""
     of_corner: Ints
     """Edge from each corner of each face to the next, shape (F, 3)."""
 
@@ -35,15 +35,15 @@ def signed_volumes(vertices: Floats, faces: Ints) -> Floats:
 
 
 def part_volumes(vertices: Floats, faces: Ints, part: Ints) -> Floats:
-    """Volumes of closed parts, each about a vertex of its own, so that small ones keep digits.
+    """Volumes of closed components, each about one of its vertices, so that small ones stay exact.
 
     Args:
         vertices: Positions (V, 3).
         faces: Faces (F, 3).
-        part: Part of each face, counted from 0, shape (F,).
+        part: Component of each face, counted from 0, shape (F,).
 
     Returns:
-        One for each part; of open parts it means nothing.
+        One volume per component; meaningless for open components.
     """
     _, first = np.unique(part, return_index=True)
     a, b, c = np.moveaxis(vertices[faces] - vertices[faces[first, 0]][part][:, None], 1, 0)
@@ -52,7 +52,7 @@ def part_volumes(vertices: Floats, faces: Ints, part: Ints) -> Floats:
 
 
 def edges_of(faces: Ints) -> Edges:
-    """Find the edges of faces (F, 3) and how they are passed."""
+    """Find the undirected edges of faces (F, 3)."""
     start, end = faces, np.roll(faces, -1, axis=1)
     low, high = np.minimum(start, end), np.maximum(start, end)
     size = int(faces.max(initial=0)) + 1
@@ -66,7 +66,7 @@ def edges_of(faces: Ints) -> Edges:
 
 
 def edge_counts(faces: Ints) -> tuple[int, int]:
-    """Count the edges with one face, and those with more than two.
+    """Count the edges with one face, and the edges with more than two.
 
     A surface is watertight in the strict sense, every edge with exactly two faces, when both are 0
     and the faces are wound alike.
@@ -76,7 +76,7 @@ def edge_counts(faces: Ints) -> tuple[int, int]:
 
 
 def is_closed(faces: Ints) -> bool:
-    """Tell whether every edge is passed equally often in both directions.
+    """Return whether equally many faces run along every edge in both directions.
 
     Then the signed volume does not depend on the origin, even where more than two faces meet.
     """
@@ -84,7 +84,7 @@ def is_closed(faces: Ints) -> bool:
 
 
 def parts_of(faces: Ints) -> Ints:
-    """Connected part of each face, faces being neighbours when they share a vertex, shape (F,)."""
+    """Connected component of each face, shape (F,); faces that share a vertex are connected."""
     size = int(faces.max(initial=-1)) + 1
     links = coo_array(
         (
@@ -99,22 +99,22 @@ def parts_of(faces: Ints) -> Ints:
 
 
 def rounding_of(vertices: Floats) -> float:
-    """How far rounding may have moved a coordinate; more for files that hold 32 bits only."""
+    """Largest rounding error of a coordinate; larger if all are exact in 32 bits."""
     single = np.array_equal(vertices, vertices.astype(np.float32))
     step = np.finfo(np.float32 if single else np.float64).eps
     return float(step * np.abs(vertices).max(initial=0.0))
 
 
 def has_area(vertices: Floats, faces: Ints, rounding: float) -> Bools:
-    """Tell the faces with an area from the needles and caps without one, shape (F,).
+    """Mark the faces with an area, unlike needles and caps without one, shape (F,).
 
-    A face counts as flat when its height is lost in the rounding of its coordinates: its normal
-    would be anyone's guess.
+    A face has no area when its height is within the rounding of its coordinates: its normal is
+    then undefined.
 
     Args:
         vertices: Positions (V, 3).
         faces: Faces (F, 3).
-        rounding: How far a coordinate may be off, in the same unit.
+        rounding: Largest error of a coordinate, in the same unit.
     """
     corners = vertices[faces]  # (F, 3 corners, 3)
     sides = np.roll(corners, -1, axis=1) - corners

@@ -1,4 +1,4 @@
-"""Noise of contact normals: how far they are off because vertices are, not because of the shape."""
+"""Noise of contact normals: their error due to errors of the vertices."""
 
 import math
 
@@ -13,74 +13,74 @@ CREASES = (
     (math.radians(60.0), math.radians(5.0)),
     (math.pi, math.inf),
 )
-"""Bend from which an edge is a crease, and the largest noise that makes no such creases itself."""
+"""Crease angles to try, each with the largest noise that makes no edges bend by so much [rad]."""
 
 SCALE = 1.15
-"""Median error of normals over their usual distance from their neighbours' mean: errors of
-neighbours, which share vertices, cancel in part. Between 1.0 and 1.25 on spheres, cylinders and
+"""Ratio of the normals' median error to their median deviation from their neighbours' mean: errors
+of neighbours, which share vertices, cancel in part. Measured 1.0 to 1.25 on spheres, cylinders and
 tori of even and uneven triangles."""
 
 FLAT = 1e-3
-"""Determinant of the places around a normal, relative to their mean distance, below which they
-stand in a line."""
+"""Determinant of the second moments of a vertex's neighbours, relative to their mean distance,
+below which they are collinear."""
 
 
 def normal_noise(points: Floats, faces: Ints) -> float:
-    """Estimate how far the vertices' normals are off because of noise.
+    """Estimate the error of the vertices' normals due to noise.
 
-    A normal is compared with what its neighbours' normals, as a linear function of the place, say
-    at its own: of a surface that bends evenly that is the same. Creases are left out, unless the
-    noise is so strong that it makes creases itself. Errors that run on over many faces are part of
-    the shape to this, and so is noise that a scanner has smoothed away; corners of a coarse mesh of
-    a round shape are noise.
+    Each normal is compared with the linear extrapolation of its neighbours' normals to its own
+    position, which is equal to it on a surface of constant curvature. Creases are left out, unless
+    the noise is so strong that it makes creases itself. Errors that are correlated over many faces
+    count as shape, and so does noise that a scanner has smoothed away; corners of a coarse mesh of
+    a round shape count as noise.
 
     Args:
         points: Positions (V, 3).
         faces: Faces (F, 3), all with an area.
 
     Returns:
-        Median error over the area [rad]; 0 where no normal has neighbours around it.
+        Median error over the area [rad]; 0 where no normal has neighbours on all sides.
     """
     noise = 0.0
     for crease, largest in CREASES:
-        noise = SCALE * _usual_distance(points, faces, corner_normals(points, faces, crease))
+        noise = SCALE * _median_deviation(points, faces, corner_normals(points, faces, crease))
         if noise <= largest:
             break
     return noise
 
 
-def _usual_distance(points: Floats, faces: Ints, normals: CornerNormals) -> float:
-    """Median angle between a normal and what its neighbours say, for neighbours without error."""
+def _median_deviation(points: Floats, faces: Ints, normals: CornerNormals) -> float:
+    """Median angle between normals and their neighbours' extrapolation, if that had no error."""
     count, own = len(normals.normals), normals.normals
     one, two = _neighbours(normals.corners, count)
     weights = _weights(points[normals.vertices[two]] - points[normals.vertices[one]], own, one)
-    said = np.stack([np.bincount(one, weights * own[two, k], count) for k in range(3)], axis=1)
+    expected = np.stack([np.bincount(one, weights * own[two, k], count) for k in range(3)], axis=1)
     spread = np.bincount(one, weights**2, count)
-    told = spread > 0.0
-    if not told.any():
+    usable = spread > 0.0
+    if not usable.any():
         return 0.0
-    sine = np.linalg.norm(np.cross(own, said), axis=1)
-    angles = np.arctan2(sine, (own * said).sum(axis=1)) / np.sqrt(1.0 + spread)
+    sine = np.linalg.norm(np.cross(own, expected), axis=1)
+    angles = np.arctan2(sine, (own * expected).sum(axis=1)) / np.sqrt(1.0 + spread)
     areas = np.bincount(normals.corners.ravel(), np.repeat(face_areas(points, faces), 3), count)
-    return _median(angles[told], (areas / (1.0 + spread))[told])
+    return _median(angles[usable], (areas / (1.0 + spread))[usable])
 
 
 def _neighbours(corners: Ints, count: int) -> tuple[Ints, Ints]:
-    """Pairs of normals at the two ends of a face's side, each pair once in either direction."""
+    """Pairs of normals at the two ends of a face's side, each pair once in each direction."""
     one, two = corners, np.roll(corners, -1, axis=1)
     return np.divmod(np.unique(np.concatenate([one * count + two, two * count + one])), count)
 
 
 def _weights(offsets: Floats, own: Floats, one: Ints) -> Floats:
-    """Smallest weights of neighbours whose mean is exact for a linear function, shape (m,).
+    """Least-squares weights of neighbours whose mean is exact for linear functions, shape (m,).
 
     Args:
-        offsets: From the place of a normal to that of its neighbour, for each pair (m, 3).
+        offsets: From the position of a normal to that of its neighbour, for each pair (m, 3).
         own: The normals (C, 3).
         one: Number of the normal in each pair (m,).
 
     Returns:
-        The weights, whose sum is 1 for each normal; 0 where the neighbours stand in a line.
+        The weights, whose sum is 1 for each normal; 0 where the neighbours are collinear.
     """
     count = len(own)
     squares = np.bincount(one, (offsets**2).sum(axis=1), count)
@@ -93,9 +93,9 @@ def _weights(offsets: Floats, own: Floats, one: Ints) -> Floats:
         [np.bincount(one, basis[:, i] * basis[:, j], count) for i in range(3) for j in range(3)],
         axis=1,
     ).reshape(-1, 3, 3)
-    around = np.linalg.det(moments) > FLAT
+    spread_out = np.linalg.det(moments) > FLAT
     factors = np.zeros((count, 3))
-    factors[around] = np.linalg.inv(moments[around])[:, 0]
+    factors[spread_out] = np.linalg.inv(moments[spread_out])[:, 0]
     return np.asarray((basis * factors[one]).sum(axis=1))
 
 

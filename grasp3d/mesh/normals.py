@@ -8,13 +8,13 @@ from scipy.sparse.csgraph import connected_components
 
 from grasp3d._kernels.normal_sets import order_normal_sets
 from grasp3d._kernels.surface_contacts import ANY_NORMAL
-from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
 
 HALF = 0.5
-"""Between the lengths of a mean with a direction, 1, and of one without, 0."""
+"""Length of a mean of unit normals below which it has no meaningful direction."""
 
 SAME_DIGITS = 6
-"""Unit normals at one vertex that agree to so many digits count as one."""
+"""Unit normals at one vertex that agree to this many digits count as one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,9 @@ class CornerNormals:
     normals: Floats
     """Inward unit normals, shape (C, 3)."""
     vertices: Ints
-    """Vertex at which each normal stands, shape (C,)."""
+    """Vertex of each normal, shape (C,)."""
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,13 +38,15 @@ class NormalSets:
     start: Ints
     """First row of each vertex in `normals`, shape (V + 1,)."""
     counts: Ints
-    """Corners of each polygon, shape (V,); 0 with a radius of pi: any direction at all."""
+    """Corners of each polygon, shape (V,); 0 with a radius of pi: any direction."""
     normals: Floats
     """Inward unit normals, shape (K, 3)."""
     centres: Floats
     """Middle of each set, shape (V, 3)."""
     radii: Floats
     """Largest angle from the middle to a normal [rad], shape (V,); -1 without any normal."""
+
+    __repr__ = short_repr
 
 
 def inward_normals(vertices: Floats, faces: Ints) -> Floats:
@@ -54,7 +58,7 @@ def inward_normals(vertices: Floats, faces: Ints) -> Floats:
 def corner_normals(vertices: Floats, faces: Ints, crease_angle: float) -> CornerNormals:
     """Average the face normals around each vertex, but never across a crease.
 
-    Faces around a vertex are one patch when they hang together by edges that bend by at most
+    Faces around a vertex are one patch when they are connected by edges that bend by at most
     `crease_angle`. A patch that as a whole bends more (the tip of a cone) keeps its face normals.
     The average is weighted by the angle at the vertex, which does not depend on the tessellation.
 
@@ -116,7 +120,7 @@ def crowded_edges(faces: Ints) -> Ints:
 
 
 def _by_edge(faces: Ints) -> tuple[Ints, Ints, Ints]:
-    """Half-edges ordered by their edge; where each edge's begin, and how many there are."""
+    """Half-edges ordered by their edge; the first of each edge, and its number of half-edges."""
     edges = np.sort(faces[:, [1, 2, 2, 0, 0, 1]].reshape(-1, 2), axis=1)
     order = np.lexsort((edges[:, 1], edges[:, 0]))
     ordered = edges[order]
@@ -160,8 +164,7 @@ def crease_twins(faces: Ints, corners: Ints) -> Ints:
     """Rows of the corner normals on the other side of each crease, shape (F, 3, 2).
 
     Entry [f, i] belongs to the edge opposite corner i of face f, its two columns to the corners
-    i + 1 and i + 2; -1 where the normals run on smoothly or the surface ends, -2 where more than
-    two faces meet.
+    i + 1 and i + 2; -1 where the edge is smooth or on a border, -2 where more than two faces meet.
     """
     twins = np.full((3 * len(faces), 2), -1, dtype=np.int64)
     twins[crowded_edges(faces)] = ANY_NORMAL

@@ -1,13 +1,13 @@
-"""ObjectMesh: the surface that contacts lie on, and the report of how it was made."""
+"""ObjectMesh: the surface that contacts lie on, and the report of its preparation."""
 
 from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
 
-from grasp3d._kernels.normal_sets import Sets
+from grasp3d._kernels.normal_sets import ContactNormals
 from grasp3d._kernels.surface_contacts import Surface
-from grasp3d.arrays import Bools, Floats, Ints, locked, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins
 from grasp3d.mesh.repair import RepairStep
@@ -16,14 +16,14 @@ from grasp3d.settings import MeshOptions, Unit
 
 @dataclass(frozen=True)
 class MeshReport:
-    """What was found in a mesh file and what was done about it."""
+    """What a mesh file contained and how it was repaired."""
 
     source: str
     """Name of the file, or 'arrays'."""
     format: str
     """Suffix of the file, or 'arrays'."""
     unit: Unit | None
-    """Unit of positions and openings; None where neither the file nor the user says."""
+    """Unit of positions and openings; None if neither the file nor the user states it."""
     file_vertices: int
     file_faces: int
     vertices: int
@@ -32,18 +32,18 @@ class MeshReport:
     """Faces after cleaning and refinement."""
     bodies: int
     closed: bool
-    """The faces bound a volume: every edge is passed as often one way as the other."""
+    """Whether the faces bound a volume: equally many run along every edge in both directions."""
     center_mass_from: str
-    """'volume' (uniform density) or, where the mesh is open, 'surface'."""
+    """'volume' (uniform density) or, if the mesh is open, 'surface'."""
     repairs: tuple[RepairStep, ...]
-    """What was changed; as text a sentence each."""
+    """What was changed; one sentence each as text."""
     warnings: tuple[str, ...]
-    """What a user should know before trusting the labels, a sentence each."""
+    """What may make the labels wrong, one sentence each."""
 
 
 @dataclass(frozen=True, eq=False)
 class ObjectMesh:
-    """An object's surface, with the normals that a contact may have at each place.
+    """An object's surface, with the normals that a contact may have at each surface point.
 
     Positions are in the file's own unit and frame; normals point into the object.
     """
@@ -51,24 +51,26 @@ class ObjectMesh:
     vertices: Floats
     """Shape (V, 3): the file's vertices in their own order, then those added by refinement."""
     faces: Ints
-    """Shape (F, 3), counter-clockwise from outside; duplicates of a vertex are not used."""
+    """Shape (F, 3), counter-clockwise from outside; they use canonical vertices only."""
     canonical: Ints
-    """For every vertex the one that stands for its position, shape (V,)."""
+    """Canonical vertex of each vertex, the one used for its position, shape (V,)."""
     file_vertices: int
-    """How many of the vertices are the file's own; they come first."""
+    """Number of vertices in the file; they come first."""
     corner_normals: CornerNormals
     normal_sets: NormalSets
     center: Floats
     """Centre of the surface, shape (3,): origin of the normalised frame."""
     size: float
-    """Diameter of the ball about `center` that holds the surface: unit of the normalised frame."""
+    """Diameter of the ball about `center` around the surface: unit of the normalised frame."""
     center_mass: Floats
     """Centre of mass at uniform density, shape (3,)."""
     volume: float
-    """Enclosed volume; nan where the surface is open."""
+    """Enclosed volume; nan if the surface is open."""
     options: MeshOptions
     """How the mesh was read and prepared."""
     report: MeshReport
+
+    __repr__ = short_repr
 
     @property
     def unit(self) -> Unit | None:
@@ -77,7 +79,7 @@ class ObjectMesh:
 
     @cached_property
     def on_surface(self) -> Bools:
-        """Tell the vertices whose position belongs to a face, shape (V,)."""
+        """Mask of the vertices whose position belongs to a face, shape (V,)."""
         used = np.zeros(len(self.vertices), dtype=bool)
         used[self.faces] = True
         return locked(used[self.canonical])
@@ -97,7 +99,7 @@ class ObjectMesh:
 
     @cached_property
     def crease_fraction(self) -> float:
-        """Share of the area that counts for vertices on creases; it shrinks on a finer mesh."""
+        """Area fraction of the vertices on creases; it shrinks on a finer mesh."""
         on_crease = self.normal_sets.counts != 1
         return float(self.vertex_areas[on_crease].sum() / self.vertex_areas.sum())
 
@@ -113,13 +115,15 @@ class ObjectMesh:
         return locked((self.vertices - self.center) / self.size)
 
     @cached_property
-    def contact_normals(self) -> Sets:
-        """The vertices' normal sets, as the compiled loops take them."""
-        return Sets(self.normal_sets.start, self.normal_sets.counts, self.normal_sets.normals)
+    def contact_normals(self) -> ContactNormals:
+        """The vertices' normal sets, as the kernels take them."""
+        return ContactNormals(
+            self.normal_sets.start, self.normal_sets.counts, self.normal_sets.normals
+        )
 
     @cached_property
     def contact_surface(self) -> Surface:
-        """The surface in the normalised frame, as the compiled loops take it."""
+        """The surface in the normalised frame, as the kernels take it."""
         corners = self.corner_normals
         return Surface(
             points=np.ascontiguousarray(self.normalized),
@@ -130,5 +134,5 @@ class ObjectMesh:
         )
 
     def from_normalized(self, points: Floats) -> Floats:
-        """Take points (..., 3) of the normalised frame back to the file's frame and unit."""
+        """Transform points (..., 3) of the normalised frame to the file's frame and unit."""
         return points * self.size + self.center

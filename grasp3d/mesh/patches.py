@@ -1,11 +1,18 @@
-"""Contact normals of a soft fingertip: averaged over the surface within its patch."""
+"""Contact normals of a soft fingertip: face normals averaged over its contact patch."""
 
 import math
 from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 
-from grasp3d._kernels.patches import REACHED, Net, clear, make_front, patch_vectors, spread
+from grasp3d._kernels.patches import (
+    REACHED,
+    GeodesicMesh,
+    make_front,
+    measure_distances,
+    patch_vectors,
+    reset_front,
+)
 from grasp3d.arrays import Bools, Floats, Ints, unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import face_areas
@@ -26,22 +33,22 @@ LARGEST_PATCH = 0.5
 cancel."""
 
 CANCELLED = 0.1
-"""Length of a patch's area vector, as a share of its area, below which it tells no direction."""
+"""Length of a patch's area vector over its area below which it has no meaningful direction."""
 
 MOST_VISITS = 5e9
-"""Vertices of all patches together that are worth the wait: about an hour of one processor."""
+"""Largest number of vertices of all patches together: about an hour of one processor."""
 
 PROBES = 16
-"""Patches by which the work is judged beforehand."""
+"""Patches from which the work is estimated beforehand."""
 
 MOST_THREADS = 4
-"""Each has scratch as large as the mesh, and batches run many processes."""
+"""Most threads: each has scratch arrays as large as the mesh, and batches run many processes."""
 
 CHUNK = 512
-"""Patches that a thread sums at once."""
+"""Patches that a thread sums in one call."""
 
 STRAIGHT = math.radians(0.1)
-"""Bend of an edge below which its faces are one facet."""
+"""Bend of an edge below which its faces are one facet [rad]."""
 
 
 def fingertip_normals(
@@ -52,7 +59,7 @@ def fingertip_normals(
     *,
     threads: int | None = None,
 ) -> tuple[CornerNormals, tuple[str, ...]]:
-    """Take the normals as a fingertip feels them: over its patch, if it has one.
+    """Take the contact normals of a fingertip: averaged over its patch, if it has one.
 
     Args:
         given: The surface before refinement, in the mesh's unit.
@@ -62,7 +69,7 @@ def fingertip_normals(
         threads: As in `patch_normals`.
 
     Returns:
-        The normals, and what a user should know about them, a sentence each.
+        The normals, and warnings about them, one sentence each.
 
     Raises:
         SettingError: The patch would reach around the object, or take too long.
@@ -85,21 +92,21 @@ def fingertip_normals(
 
 
 def patch_normals(
-    net: Net, normals: CornerNormals, radius: float, *, threads: int | None = None
+    net: GeodesicMesh, normals: CornerNormals, radius: float, *, threads: int | None = None
 ) -> CornerNormals:
     """Average the face normals over the patch around each vertex.
 
     A patch is the surface within a distance of the vertex along it: the far side of a thin plate
     does not belong to it. Faces count by their area within it, so that noise inside the patch
-    cancels out, and the finer or coarser tessellation does not show. All corners at a vertex share
-    the one normal; an edge of a box is rounded, no crease. Vertices keep the normals they have
-    where the patch's normals cancel out (the rim of a thin plate, the tip of a needle), and where
-    more than two faces meet at an edge, for nobody knows which of them a fingertip touches.
+    cancels out, and the result does not depend on the tessellation. All corners at a vertex share
+    one normal: an edge of a box is rounded, not a crease. Vertices keep the normals they have where
+    the patch's normals cancel out (the rim of a thin plate, the tip of a needle), and where more
+    than two faces meet at an edge, as it is undefined which of them a fingertip touches.
 
     Args:
         net: The surface; see `surface_net`.
         normals: Normals at the corners of its faces.
-        radius: How far a patch reaches, in the unit of its vertices, > 0.
+        radius: Radius of a patch along the surface, in the unit of its vertices, > 0.
         threads: Threads to use; None: one per processor, up to a few. The result does not depend
             on it.
 
@@ -108,23 +115,23 @@ def patch_normals(
     """
     sources = np.unique(net.faces)
     vectors, areas = patch_areas(net, sources, radius, threads=threads)
-    told = np.linalg.norm(vectors, axis=1) > CANCELLED * areas
-    told &= ~_on_crowded_edges(net)[sources]
-    row = np.full(_vertices(net), -1, dtype=np.int64)
-    row[sources[told]] = len(normals.normals) + np.arange(told.sum())
+    averaged = np.linalg.norm(vectors, axis=1) > CANCELLED * areas
+    averaged &= ~_on_crowded_edges(net)[sources]
+    row = np.full(_vertex_count(net), -1, dtype=np.int64)
+    row[sources[averaged]] = len(normals.normals) + np.arange(averaged.sum())
     rows = np.where(row[net.faces] >= 0, row[net.faces], normals.corners)
     used, corners = np.unique(rows, return_inverse=True)
     return CornerNormals(
         corners=corners.reshape(-1, 3).astype(np.int64),
-        normals=np.concatenate([normals.normals, unit_rows(vectors[told])])[used],
-        vertices=np.concatenate([normals.vertices, sources[told]])[used],
+        normals=np.concatenate([normals.normals, unit_rows(vectors[averaged])])[used],
+        vertices=np.concatenate([normals.vertices, sources[averaged]])[used],
     )
 
 
 def patch_areas(
-    net: Net, sources: Ints, radius: float, *, threads: int | None = None
+    net: GeodesicMesh, sources: Ints, radius: float, *, threads: int | None = None
 ) -> tuple[Floats, Floats]:
-    """Sum the surface within a distance of vertices, along it.
+    """Sum the areas within a distance of vertices, measured along the surface.
 
     Args:
         net: The surface.
@@ -140,7 +147,7 @@ def patch_areas(
     starts = range(0, len(sources), CHUNK)
 
     def work(number: int) -> None:
-        front = make_front(_vertices(net), len(net.faces))
+        front = make_front(_vertex_count(net), len(net.faces))
         for start in starts[number::threads]:
             part = slice(start, start + CHUNK)
             patch_vectors(sources[part], radius, net, front, vectors[part], areas[part])
@@ -150,8 +157,8 @@ def patch_areas(
     return vectors, areas
 
 
-def surface_net(vertices: Floats, faces: Ints) -> Net:
-    """Measure a surface for the ways along it.
+def surface_net(vertices: Floats, faces: Ints) -> GeodesicMesh:
+    """Compute what distances along a surface are measured with.
 
     Args:
         vertices: Positions (V, 3).
@@ -160,7 +167,7 @@ def surface_net(vertices: Floats, faces: Ints) -> Net:
     order = np.argsort(faces.ravel(), kind="stable")
     counts = np.bincount(faces.ravel(), minlength=len(vertices))
     angles = corner_angles(vertices, faces)
-    return Net(
+    return GeodesicMesh(
         faces=faces,
         sides=_sides(vertices, faces),
         cosines=np.cos(angles),
@@ -175,12 +182,12 @@ def surface_net(vertices: Floats, faces: Ints) -> Net:
 def facet_width(vertices: Floats, faces: Ints, crease_angle: float) -> float:
     """Mean width of the facets that a round surface consists of, across their bent edges.
 
-    The height of a face over each of its edges that bend, but are no creases, weighted by the
-    edge's length. 0 where there is none: all is flat between creases.
+    The height of a face over each of its edges that bend without being creases, weighted by the
+    edge's length. 0 if there is none: the surface is flat between creases.
 
     Args:
         vertices: Positions (V, 3).
-        faces: Faces (F, 3), as they were before refinement.
+        faces: Faces (F, 3) before refinement.
         crease_angle: Largest bend of a smooth edge [rad].
     """
     one, two = paired_edges(faces)
@@ -194,16 +201,16 @@ def facet_width(vertices: Floats, faces: Ints, crease_angle: float) -> float:
     return float(doubled / lengths) if lengths > 0.0 else 0.0
 
 
-def _check_work(net: Net, radius: float, size: float) -> None:
-    """Refuse patches that together have too many vertices, judged by a few of them."""
+def _check_work(net: GeodesicMesh, radius: float, size: float) -> None:
+    """Refuse patches that together have too many vertices, estimated from a few of them."""
     sources = np.unique(net.faces)
     probes = sources[np.linspace(0, len(sources) - 1, PROBES).astype(np.int64)]
-    front = make_front(_vertices(net), len(net.faces))
+    front = make_front(_vertex_count(net), len(net.faces))
     reached = 0
     for probe in probes:
-        spread(probe, radius / size, net, front)
+        measure_distances(probe, radius / size, net, front)
         reached += front.sizes[REACHED]
-        clear(front)
+        reset_front(front)
     each = reached / PROBES
     if each * len(sources) > MOST_VISITS:
         raise SettingError(
@@ -213,7 +220,7 @@ def _check_work(net: Net, radius: float, size: float) -> None:
 
 
 def _warnings(radius: float, width: float, edge: float) -> tuple[str, ...]:
-    """Tell where a patch is too small to do what it is for, a sentence each."""
+    """Warnings about a patch that is too small to average over several faces, one sentence each."""
     warnings = []
     if radius < width:
         warnings.append(
@@ -236,15 +243,15 @@ def _sides(vertices: Floats, faces: Ints) -> Floats:
     return np.ascontiguousarray(np.linalg.norm(across, axis=2))
 
 
-def _vertices(net: Net) -> int:
-    """How many vertices there are, those without a face included."""
+def _vertex_count(net: GeodesicMesh) -> int:
+    """Number of vertices, including those without a face."""
     return len(net.first) - 1
 
 
-def _on_crowded_edges(net: Net) -> Bools:
-    """Tell the vertices of edges with more than two faces, shape (V,)."""
+def _on_crowded_edges(net: GeodesicMesh) -> Bools:
+    """Mask of the vertices of edges with more than two faces, shape (V,)."""
     half = crowded_edges(net.faces)
-    marked = np.zeros(_vertices(net), dtype=bool)
+    marked = np.zeros(_vertex_count(net), dtype=bool)
     for k in (1, 2):
         marked[net.faces[half // 3, (half + k) % 3]] = True
     return marked

@@ -1,13 +1,12 @@
-"""From a file or arrays to an ObjectMesh: mend, weigh, refine."""
+"""Preparation of an ObjectMesh from a file or arrays: repair, mass properties, refinement."""
 
 import math
 from pathlib import Path
-from typing import Unpack
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.arrays import ArrayLike, Floats, Ints, locked
 from grasp3d.costs import check_cost
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import face_areas, rounding_of, signed_volumes
@@ -18,55 +17,60 @@ from grasp3d.mesh.refinement import refine, refined_faces
 from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, repair_surface
 from grasp3d.mesh.units import unit_warning
 from grasp3d.reading import RawMesh, check_finite, read_mesh
-from grasp3d.settings import MeshKeywords, MeshOptions, Unit
+from grasp3d.settings import MeshOptions, Unit
 from grasp3d.system.names import printable
 
 DEFAULT_EDGE = 1.0 / 32.0
-"""Longest edge as a share of the object's size."""
+"""Longest edge as a fraction of the object's size."""
 
 LARGEST = 1e60
-"""Largest coordinate, and one over the smallest size, whose powers stay finite."""
+"""Largest coordinate, and reciprocal of the smallest size, whose powers stay finite."""
 
 MANY = 1e15
-"""Faces that are too many in any case."""
+"""Upper bound of estimated face counts, so that they fit an integer."""
 
 FLAT_VOLUME = 1e-9
-"""Share of size cubed below which a closed surface encloses nothing."""
+"""Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
 
 
-def load_mesh(path: str | Path, **options: Unpack[MeshKeywords]) -> ObjectMesh:
+def load_mesh(path: str | Path, options: MeshOptions | None = None, **fields: Any) -> ObjectMesh:
     """Read a mesh file and prepare its surface for contacts.
 
     The file's own vertices keep their order and come first. Nothing is scaled or moved.
 
     Args:
         path: A file in any format that is read: STL, OBJ, PLY, OFF, GLB, glTF, 3MF, ...
-        options: Fields of `MeshOptions`: unit, max_edge, crease_angle, repair, patch_radius,
-            max_memory.
+        options: How the file is read and prepared; None: the defaults.
+        fields: Fields of `MeshOptions` that differ from `options`: unit, max_edge, crease_angle,
+            repair, patch_radius, max_memory.
 
     Raises:
-        MeshError: The file is missing, damaged, too large, of an unknown format, or holds no
+        MeshError: The file is missing, damaged, too large, of an unknown format, or contains no
             surface.
         SettingError: An option is outside its range.
     """
-    return prepare_file(Path(path), MeshOptions(**options))
+    return prepare_file(Path(path), MeshOptions.of(options, fields))
 
 
 def mesh_from_arrays(
-    vertices: npt.ArrayLike, faces: npt.ArrayLike, **options: Unpack[MeshKeywords]
+    vertices: ArrayLike,
+    faces: ArrayLike,
+    options: MeshOptions | None = None,
+    **fields: Any,
 ) -> ObjectMesh:
     """Prepare a surface given as arrays; the options are those of `load_mesh`.
 
     Args:
         vertices: Positions (V, 3).
         faces: Indices of the corners (F, 3), counter-clockwise from outside.
-        options: Fields of `MeshOptions`.
+        options: How the surface is prepared; None: the defaults.
+        fields: Fields of `MeshOptions` that differ from `options`.
 
     Raises:
-        MeshError: The arrays are no surface.
+        MeshError: The arrays are not a surface.
         SettingError: An option is outside its range.
     """
-    chosen = MeshOptions(**options)
+    chosen = MeshOptions.of(options, fields)
     points, corners = np.asarray(vertices), np.asarray(faces)
     for name, array, kinds in (("vertices", points, "fiu"), ("faces", corners, "iu")):
         if array.ndim != 2 or array.shape[1] != 3:
@@ -74,12 +78,12 @@ def mesh_from_arrays(
         if array.dtype.kind not in kinds and array.size:
             raise MeshError(f"{name} must be numbers of the right kind; got {array.dtype}")
     raw = RawMesh(points.astype(np.float64), corners.astype(np.int64), "arrays", None)
-    surface = mend(raw, chosen, "arrays")
+    surface = check_and_repair(raw, chosen, "arrays")
     return refined_mesh(raw, surface, chosen, name="arrays", where="arrays")
 
 
 def prepare_file(path: Path, options: MeshOptions, *, threads: int | None = None) -> ObjectMesh:
-    """Do what `load_mesh` does, with options that stand together already.
+    """Like `load_mesh`, with the options in one object.
 
     Args:
         path: The file.
@@ -88,20 +92,20 @@ def prepare_file(path: Path, options: MeshOptions, *, threads: int | None = None
     """
     where = printable(str(path))
     raw = read_mesh(path, max_memory=options.max_memory)
-    surface = mend(raw, options, where)
+    surface = check_and_repair(raw, options, where)
     return refined_mesh(raw, surface, options, name=path.name, where=where, threads=threads)
 
 
-def mend(raw: RawMesh, options: MeshOptions, where: str) -> RepairedSurface:
-    """Check and repair a surface as a file has it.
+def check_and_repair(raw: RawMesh, options: MeshOptions, where: str) -> RepairedSurface:
+    """Check and repair a surface read from a file.
 
     Args:
         raw: Positions and faces.
         options: How much is repaired, and how large it may be.
-        where: What errors call it.
+        where: Its name in errors.
 
     Raises:
-        MeshError: It is no surface, or too large.
+        MeshError: It is not a surface, or too large.
     """
     _check_numbers(raw, where)
     _check_magnitude(raw, where)
@@ -118,14 +122,14 @@ def refined_mesh(
     where: str,
     threads: int | None = None,
 ) -> ObjectMesh:
-    """Make the mesh of a surface that is mended: weigh it, find its normals, divide its edges.
+    """Make the mesh of a repaired surface: mass properties, contact normals, refinement.
 
     Args:
-        raw: As it was read.
-        surface: As it was mended.
-        options: How.
-        name: What the report calls it.
-        where: What errors call it.
+        raw: The surface as it was read.
+        surface: The repaired surface.
+        options: Longest edge, crease angle, patch radius, unit and memory limit.
+        name: Its name in the report.
+        where: Its name in errors.
         threads: Threads to use; None: one per processor.
 
     Raises:
@@ -139,7 +143,7 @@ def refined_mesh(
     check_cost(expected // 2, options.max_memory, where, "give a longer max_edge (--max-edge)")
     rounding = min(rounding_of(raw.vertices) / size, MOST_ROUNDING)
     refined = refine(points, surface.faces, normals, edge, rounding)
-    normals, told = fingertip_normals(surface, refined, size, options, threads=threads)
+    normals, patch_warnings = fingertip_normals(surface, refined, size, options, threads=threads)
     added = refined.vertices[len(points) :] * size + center
     vertices = np.concatenate([surface.vertices, added])
     center_mass, volume = _mass(points, surface)
@@ -156,7 +160,11 @@ def refined_mesh(
         closed=surface.closed,
         center_mass_from="surface" if math.isnan(volume) else "volume",
         repairs=surface.steps,
-        warnings=(*_warnings(surface, volume, size, unit, raw.unit), *surface.warnings, *told),
+        warnings=(
+            *_warnings(surface, volume, size, unit, raw.unit),
+            *surface.warnings,
+            *patch_warnings,
+        ),
     )
     own = np.arange(len(points), len(vertices))
     return ObjectMesh(
@@ -195,7 +203,7 @@ def _check_numbers(raw: RawMesh, where: str) -> None:
 def _check_magnitude(raw: RawMesh, where: str) -> None:
     corners = raw.vertices[raw.faces]
     largest = float(np.abs(corners).max())
-    with np.errstate(over="ignore"):  # what is so large is refused
+    with np.errstate(over="ignore"):  # values that overflow are refused below
         spread = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
     if largest > LARGEST or 0.0 < spread < 1.0 / LARGEST:
         raise MeshError(
@@ -205,7 +213,7 @@ def _check_magnitude(raw: RawMesh, where: str) -> None:
 
 
 def surface_extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
-    """Centre and diameter of a surface; both turn and move with the object.
+    """Centre and diameter of a surface; both follow rotations and translations of the object.
 
     Args:
         vertices: Positions (V, 3).
@@ -220,7 +228,7 @@ def surface_extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
 
 
 def _mass(points: Floats, surface: RepairedSurface) -> tuple[Floats, float]:
-    """Centre of mass and volume in the normalised frame; nan and the surface's centre if open."""
+    """Centre of mass and volume in the normalised frame; the surface's centre and nan if open."""
     if surface.closed:
         pieces = signed_volumes(points, surface.faces)
         volume = float(pieces.sum())
@@ -248,7 +256,7 @@ def _warnings(
             "the surface is closed but encloses no volume; the centre of mass is the surface's"
         )
     if declared not in {None, unit}:
-        warnings.append(f"the file says its unit is {declared}, but {unit} was asked for")
-    if unit is not None and (doubt := unit_warning(size, unit)):
-        warnings.append(doubt)
+        warnings.append(f"the file states the unit {declared}, but {unit} was requested")
+    if unit is not None and (implausible := unit_warning(size, unit)):
+        warnings.append(implausible)
     return tuple(warnings)

@@ -7,17 +7,17 @@ from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.preparing import mesh_from_arrays
 
 DEFAULT_EDGE = 1.0 / 64.0
-"""Longest edge, as a share of the largest extent."""
+"""Longest edge, as a fraction of the largest extent."""
 
 SECTIONS = 144
-"""Sides of a cylinder: 2.5 degrees each, so that its facets do not show in the labels."""
+"""Sides of a cylinder: 2.5 degrees each, so that its facets do not affect the labels."""
 
 
 def sphere_mesh(radius: float = 1.0, *, subdivisions: int = 5) -> ObjectMesh:
     """Make a sphere about the origin from an icosahedron.
 
     Args:
-        radius: Of the vertices.
+        radius: Distance of the vertices from the origin.
         subdivisions: How often each triangle is divided into four; 5 gives 10,242 vertices.
 
     Raises:
@@ -45,11 +45,11 @@ def box_mesh(
 def cylinder_mesh(
     radius: float = 1.0, height: float = 3.0, *, max_edge: float | None = None
 ) -> ObjectMesh:
-    """Make a cylinder about the origin that lies along the x-axis, its lowest line at -radius.
+    """Make a cylinder about the origin, its axis along x.
 
     Args:
-        radius: Of the vertices.
-        height: Its length.
+        radius: Distance of the vertices from the axis.
+        height: Length along the axis.
         max_edge: Longest edge of its triangles; None: 1/64 of the largest extent.
 
     Raises:
@@ -65,9 +65,9 @@ def cylinder_mesh(
             np.column_stack([across[::-1], np.full(len(across), height / 2.0)]),
         ]
     )
-    turned = trimesh.creation.revolve(profile, sections=SECTIONS)
-    turned.vertices = turned.vertices[:, [2, 0, 1]]
-    return _prepared(turned, max_edge=longest)
+    cylinder = trimesh.creation.revolve(profile, sections=SECTIONS)
+    cylinder.vertices = cylinder.vertices[:, [2, 0, 1]]
+    return _prepared(cylinder, max_edge=longest)
 
 
 def _prepared(mesh: trimesh.Trimesh, *, max_edge: float) -> ObjectMesh:

@@ -1,4 +1,4 @@
-"""Every crossing of many rays with a surface: Embree finds the face, 64 bits settle the rest."""
+"""All crossings of rays with a surface: Embree finds the faces, 64 bits the positions."""
 
 from typing import Any
 
@@ -7,10 +7,10 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from grasp3d._kernels.antipodal_candidates import Grasps
-from grasp3d._kernels.normal_sets import Sets
-from grasp3d._kernels.ray_crossings import settle
-from grasp3d._kernels.ray_tracing import Rays, aim
+from grasp3d._kernels.antipodal_candidates import BestPairs
+from grasp3d._kernels.normal_sets import ContactNormals
+from grasp3d._kernels.ray_crossings import evaluate_crossings
+from grasp3d._kernels.ray_tracing import Rays, write_rays
 from grasp3d._kernels.surface_contacts import Surface
 from grasp3d.arrays import Floats, Ints
 
@@ -34,31 +34,31 @@ class FaceRays:
         directions: npt.NDArray[np.float32],
         lengths: npt.NDArray[np.float32] | None = None,
     ) -> dict[str, npt.NDArray[Any]]:
-        """First face that each ray meets, as Embree answers it; rays may end after `lengths`."""
-        answer: dict[str, npt.NDArray[Any]] = self._scene.run(
+        """First face that each ray meets, as Embree's arrays; rays may end after `lengths`."""
+        hits: dict[str, npt.NDArray[Any]] = self._scene.run(
             origins, directions, dists=lengths, output=1
         )
-        return answer
+        return hits
 
 
 class SurfaceRays(FaceRays):
-    """Traces rays from vertices through a surface and hands every crossing to `settle`."""
+    """Traces rays from vertices through a surface and evaluates the grasp at every crossing."""
 
-    def __init__(self, surface: Surface, sets: Sets) -> None:
+    def __init__(self, surface: Surface, sets: ContactNormals) -> None:
         super().__init__(surface.points, surface.faces)
         self._surface = surface
         self._sets = sets
 
-    def settle_all(self, rays: Rays, limits: tuple[float, float], grasps: Grasps) -> int:
+    def evaluate_all(self, rays: Rays, limits: tuple[float, float], grasps: BestPairs) -> int:
         """Follow every ray through all its crossings and keep each vertex's best grasps.
 
         Args:
-            rays: The rays; used up.
+            rays: The rays; modified.
             limits: (smallest, largest) opening in the normalised frame.
-            grasps: Written: the best grasps so far.
+            grasps: The best grasps so far; modified.
 
         Returns:
-            How many rays were traced, those that went on behind a crossing included.
+            Number of rays traced, those continued behind a crossing included.
         """
         count = len(rays.owner)
         origins = np.empty((count, 3), dtype=np.float32)
@@ -66,10 +66,10 @@ class SurfaceRays(FaceRays):
         traced = 0
         while count:
             traced += count
-            aim(count, rays, self._surface.points, origins, directions)
-            answer = self.hits(origins[:count], directions[:count])
-            count = settle(
-                count, answer["primID"], answer["tfar"], rays, self._surface, self._sets, limits,
+            write_rays(count, rays, self._surface.points, origins, directions)
+            hits = self.hits(origins[:count], directions[:count])
+            count = evaluate_crossings(
+                count, hits["primID"], hits["tfar"], rays, self._surface, self._sets, limits,
                 grasps,
             )  # fmt: skip
         return traced

@@ -1,4 +1,4 @@
-"""Dividing long edges, so that labels are told apart within a large flat face."""
+"""Division of long edges, so that labels can vary within a large flat face."""
 
 from dataclasses import dataclass
 
@@ -17,10 +17,10 @@ MAX_ROUNDS = 40
 
 @dataclass(frozen=True, eq=False)
 class RefinedSurface:
-    """The same surface with no edge longer than asked; given vertices first."""
+    """The same surface with no edge longer than requested; given vertices first."""
 
     vertices: Floats
-    """Shape (V', 3); the first V are the vertices that were given, unchanged."""
+    """Shape (V', 3); the first V are the given vertices, unchanged."""
     faces: Ints
     """Shape (F', 3)."""
     normals: CornerNormals
@@ -37,10 +37,10 @@ def refine(
         faces: Faces (F, 3).
         normals: Normals at the corners of the faces.
         max_edge: Longest edge allowed, in the unit of `vertices`.
-        rounding: How far a coordinate may be off, in the same unit.
+        rounding: Largest error of a coordinate, in the same unit.
     """
-    # Position and normal travel together, one row per patch at a vertex: the columns behind the
-    # first three are interpolated but do not count for an edge's length.
+    # Positions and normals are columns of one array, one row per patch at a vertex: the columns
+    # after the first three are interpolated but do not count for an edge's length.
     rows = np.hstack([vertices[normals.vertices], normals.normals])
     rows, corners = trimesh.remesh.subdivide_to_size(
         rows, normals.corners, max_edge * (1.0 + 1e-9), max_iter=MAX_ROUNDS
@@ -60,7 +60,7 @@ def refine(
 
 
 def _first_nearby(points: Floats, given: int, tolerance: float) -> Ints:
-    """For each added point the first one within a tolerance, shape (n,).
+    """First point within a tolerance of each added point, shape (n,).
 
     At a T-junction one face has a vertex in the middle of another's edge, and the midpoints of the
     one lie on those of the other only up to rounding.
@@ -70,12 +70,12 @@ def _first_nearby(points: Floats, given: int, tolerance: float) -> Ints:
     _, part = connected_components(links, directed=False)
     _, first, inverse = np.unique(part, return_index=True, return_inverse=True)
     result = first[inverse]
-    result[:given] = np.arange(given)  # given vertices stay apart
+    result[:given] = np.arange(given)  # given vertices stay distinct
     return np.asarray(result, dtype=np.int64)
 
 
 def refined_faces(vertices: Floats, faces: Ints, max_edge: float) -> float:
-    """Estimate how many faces there will be; positions (V, 3), faces (F, 3)."""
+    """Estimate the number of faces after refinement of positions (V, 3), faces (F, 3)."""
     a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
     area = face_areas(vertices, faces).sum()
     longest = np.max([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)

@@ -1,4 +1,4 @@
-"""Where a surface crosses itself: faces with an edge of another face through them."""
+"""Self-intersections of a surface: faces that an edge of another face passes through."""
 
 from dataclasses import dataclass
 
@@ -9,11 +9,11 @@ from grasp3d.arrays import Bools, Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.ray_tracing import FaceRays
 
 MARGIN = 1e-6
-"""How far an edge must reach beyond a face on both sides, and pass from its border, in the unit of
-the points: what a file of 32 bits rounds away is no crossing."""
+"""Least distance of an edge's ends from the face that it passes through, and of the crossing from
+the face's border, in the unit of the points: less may be the rounding of a file of 32 bits."""
 
 MOST_ROUNDS = 256
-"""Faces that one edge is followed through."""
+"""Most faces that are found along one edge."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -21,23 +21,23 @@ class Crossings:
     """Faces of a surface that cross one another."""
 
     faces: Bools
-    """Marks of the faces that cross another one, shape (F,)."""
+    """Mask of the faces that cross another one, shape (F,)."""
     pairs: Ints
-    """Faces that cross, the smaller number first, each pair once, shape (P, 2)."""
+    """Faces that cross, the smaller index first, each pair once, shape (P, 2)."""
 
     @property
     def count(self) -> int:
-        """Pairs of faces that cross."""
+        """Number of pairs of faces that cross."""
         return len(self.pairs)
 
 
 def crossings(points: Floats, faces: Ints) -> Crossings:
-    """Find faces that cross one another; of open and non-manifold surfaces as well.
+    """Find faces that cross one another, also on open and non-manifold surfaces.
 
-    Two triangles in general position cross where an edge of one passes through the other. Every
-    edge is followed through all faces in its way with 32 bits; in 64 bits those remain that it
-    surely passes through. What is told is true, but not all: faces that graze, that lie in one
-    plane, or that meet in an edge or a corner count as touching.
+    Two triangles in general position cross where an edge of one passes through the other. A ray in
+    32 bits finds all faces along each edge; a test in 64 bits keeps those that the edge surely
+    passes through. Every reported pair crosses, but not all are reported: faces that graze, that
+    are coplanar, or that meet in an edge or a corner count as touching.
 
     Args:
         points: Positions (V, 3) in the normalised frame: near the origin, size 1.
@@ -59,7 +59,7 @@ def crossings(points: Floats, faces: Ints) -> Crossings:
 
 
 def _edges(corners: Ints) -> tuple[Ints, Ints, Ints]:
-    """Undirected edges (E, 2), the faces around them, and where each edge's faces begin (E + 1)."""
+    """Undirected edges (E, 2), the faces at them, and where each edge's faces begin (E + 1)."""
     sides = np.sort(corners[:, [0, 1, 1, 2, 2, 0]].reshape(-1, 2), axis=1)
     order = np.lexsort((sides[:, 1], sides[:, 0]))
     ordered = sides[order]
@@ -70,7 +70,7 @@ def _edges(corners: Ints) -> tuple[Ints, Ints, Ints]:
 
 
 def _met(points: Floats, corners: Ints, edges: Ints) -> tuple[Ints, Ints]:
-    """Follow every edge through all faces that it meets: (edge, face) of each meeting."""
+    """Trace a ray along every edge through all faces: (edge, face) of each intersection."""
     rays = FaceRays(points, corners)
     origins, ends = points[edges[:, 0]], points[edges[:, 1]]
     directions = unit_rows(ends - origins)
@@ -83,37 +83,37 @@ def _met(points: Floats, corners: Ints, edges: Ints) -> tuple[Ints, Ints]:
         if len(active) == 0:
             break
         starts = origins[active] + along[active, None] * directions[active]
-        answer = rays.hits(
+        hits_found = rays.hits(
             starts.astype(np.float32),
             directions[active].astype(np.float32),
             (lengths[active] - along[active]).astype(np.float32),
         )
-        hit = answer["primID"] >= 0
-        active, found = active[hit], answer["primID"][hit].astype(np.int64)
+        hit = hits_found["primID"] >= 0
+        active, found = active[hit], hits_found["primID"][hit].astype(np.int64)
         met.append((active, found))
-        # One that gets no further lies along a face.
-        step[active] = np.where(answer["tfar"][hit] < step[active], 2.0 * step[active], STEP)
-        along[active] += answer["tfar"][hit] + step[active]
+        # A ray that makes no progress lies in a face: take a longer step.
+        step[active] = np.where(hits_found["tfar"][hit] < step[active], 2.0 * step[active], STEP)
+        along[active] += hits_found["tfar"][hit] + step[active]
         active = active[along[active] < lengths[active]]
     return np.concatenate([a for a, _ in met]), np.concatenate([b for _, b in met])
 
 
 def _passes(edges: Floats, triangles: Floats) -> Bools:
-    """Tell the edges (m, 2, 3) that surely pass through their triangles (m, 3, 3)."""
+    """Mask of the edges (m, 2, 3) that surely pass through their triangles (m, 3, 3)."""
     a, b = edges[:, 0], edges[:, 1]
     sides = np.roll(triangles, -1, axis=1) - triangles  # (m, 3 sides, 3)
     normal = unit_rows(np.cross(sides[:, 0], sides[:, 1]))
     above, below = (_dot(end - triangles[:, 0], normal) for end in (a, b))
     opposite = (np.minimum(np.abs(above), np.abs(below)) > MARGIN) & (above * below < 0.0)
-    share = np.divide(above, above - below, out=np.zeros_like(above), where=opposite)
-    place = a + share[:, None] * (b - a)
+    fraction = np.divide(above, above - below, out=np.zeros_like(above), where=opposite)
+    crossing = a + fraction[:, None] * (b - a)
     inward = unit_rows(np.cross(normal[:, None], sides))
-    inside = _dot(place[:, None] - triangles, inward).min(axis=1) > MARGIN
+    inside = _dot(crossing[:, None] - triangles, inward).min(axis=1) > MARGIN
     return np.asarray(opposite & inside)
 
 
 def _pairs(edges: Ints, faces: Ints, owners: Ints, first: Ints) -> Ints:
-    """Pair each face that an edge passes through with those at the edge, (P, 2), each once."""
+    """Pair each face that an edge passes through with the faces at that edge, (P, 2), each once."""
     counts = first[edges + 1] - first[edges]
     offsets = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     around = owners[np.repeat(first[edges], counts) + offsets]

@@ -1,4 +1,4 @@
-"""Places on a surface."""
+"""Points on a surface, by face and barycentric coordinates; nearest surface points."""
 
 import math
 from collections.abc import Iterator
@@ -10,31 +10,33 @@ import numpy as np
 import trimesh
 from scipy.spatial import KDTree
 
-from grasp3d.arrays import Floats, Ints, unit_rows
+from grasp3d.arrays import Floats, Ints, short_repr, unit_rows
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.system.progress import Progress, ignore
 
 ON_BORDER = 1e-9
-"""Distance, in object sizes, from which a place near a corner or an edge is not on it."""
+"""Distance, in object sizes, within which a point counts as on a corner or an edge."""
 
 POINTS = 1 << 14
-"""Points whose nearest places are sought at once."""
+"""Points whose nearest surface points are searched at once."""
 
 PAIRS = 1 << 18
-"""Points and faces near them that are in memory at once."""
+"""Pairs of a point and a face near it that are in memory at once."""
 
 
 @dataclass(frozen=True, eq=False)
 class SurfacePoints:
-    """Places anywhere on a surface."""
+    """Points anywhere on a surface."""
 
     faces: Ints
-    """Face of each, shape (...); -1: nowhere."""
+    """Face of each point, shape (...); -1: no point."""
     weights: Floats
-    """Barycentric coordinates on it, shape (..., 3)."""
+    """Barycentric coordinates on the face, shape (..., 3)."""
+
+    __repr__ = short_repr
 
     def positions(self, mesh: ObjectMesh) -> Floats:
-        """Where they are, in the mesh's frame and unit, shape (..., 3)."""
+        """Positions in the mesh's frame and unit, shape (..., 3)."""
         corners = mesh.vertices[mesh.faces[self.faces]]  # (..., 3, 3)
         return (self.weights[..., None, :] @ corners)[..., 0, :]
 
@@ -47,49 +49,49 @@ def nearest_surface_points(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> tuple[SurfacePoints, Floats, Floats]:
-    """Find the place of the surface that is nearest to each point.
+    """Find the surface point that is nearest to each point.
 
-    Exact: every face that could be nearer than the nearest one is tried; of several that are
-    equally near the first counts.
+    Exact: every face that could be nearer than the nearest one found is tested; of several that
+    are equally near the first is taken.
 
     Args:
         mesh: The surface.
         points: Finite positions in the mesh's frame and unit, shape (k, 3).
-        limit: Distance from which places need not be found, in the mesh's unit. Points far from a
-            surface are as near to much of it, so that without a limit they take long.
+        limit: Largest distance to search, in the mesh's unit. Without a limit, points far from the
+            surface take long, as much of it is almost equally near.
         threads: Threads to use.
-        progress: Called with the share of the work done, from 0 to 1.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
-        The places (k,); their positions (k, 3) in the mesh's frame and unit; the distances (k,).
-        Points that are farther off than `limit` have face -1, nan and inf.
+        The surface points (k,); their positions (k, 3) in the mesh's frame and unit; the distances
+        (k,). Points farther away than `limit` have face -1, nan and inf.
     """
     faces = _Faces.of(mesh.normalized[mesh.faces])
     found, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
     reach = limit / mesh.size
     for start in range(0, len(points), POINTS):
         part = slice(start, start + POINTS)
-        asked = (points[part] - mesh.center) / mesh.size
-        found[part], weights[part] = faces.nearest(asked, reach, threads)
+        normalized = (points[part] - mesh.center) / mesh.size
+        found[part], weights[part] = faces.nearest(normalized, reach, threads)
         (progress or ignore)(min(part.stop / len(points), 1.0))
-    places = SurfacePoints(found, weights)
+    surface_points = SurfacePoints(found, weights)
     missing = found < 0
-    positions = np.where(missing[:, None], math.nan, places.positions(mesh))
+    positions = np.where(missing[:, None], math.nan, surface_points.positions(mesh))
     distances = np.where(missing, math.inf, np.linalg.norm(positions - points, axis=1))
     far = distances > limit
     found[far], weights[far], positions[far], distances[far] = -1, 0.0, math.nan, math.inf
-    return places, positions, distances
+    return surface_points, positions, distances
 
 
 def nearest_surface_point(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int, Floats]:
-    """Find the place of the surface that is nearest to a point.
+    """Find the surface point that is nearest to a point.
 
     Args:
         mesh: The surface.
         point: Position in the normalised frame, shape (3,).
 
     Returns:
-        The place (3,) in the normalised frame, its face, and its barycentric coordinates (3,).
+        Its position (3,) in the normalised frame, its face, and its barycentric coordinates (3,).
     """
     corners = mesh.normalized[mesh.faces]
     found, weights = _Faces.of(corners).nearest(point[None], math.inf, 1)
@@ -97,42 +99,44 @@ def nearest_surface_point(mesh: ObjectMesh, point: Floats) -> tuple[Floats, int,
     return weights[0] @ corners[face], face, weights[0]
 
 
-class _Alike(NamedTuple):
-    """Faces of about one size."""
+class _SizeGroup(NamedTuple):
+    """Faces of similar size: within a factor of two."""
 
     numbers: Ints
     tree: KDTree
-    """Of their middles."""
+    """Of the faces' centroids."""
     radius: float
-    """Largest of their radii."""
+    """Largest of the faces' radii."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Faces:
-    """The faces of a surface in the normalised frame, to be searched."""
+    """The faces of a surface in the normalised frame, with search trees."""
 
     corners: Floats
     """Shape (F, 3, 3)."""
     radii: Floats
-    """Largest distance of a corner from the middle, shape (F,)."""
+    """Largest distance of a corner from the centroid, shape (F,)."""
     tree: KDTree
-    """Of the middles."""
-    kinds: tuple[_Alike, ...]
-    """All faces, parted by size: beside large faces small ones would all seem near."""
+    """Of the centroids."""
+    groups: tuple[_SizeGroup, ...]
+    """All faces by size: the radius of a few large faces must not widen the search of all."""
 
     @classmethod
     def of(cls, corners: Floats) -> "_Faces":
-        middles = corners.mean(axis=1)
-        radii = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
+        centroids = corners.mean(axis=1)
+        radii = np.linalg.norm(corners - centroids[:, None], axis=2).max(axis=1)
         sizes = np.ceil(np.log2(radii))
-        kinds = []
+        groups = []
         for size in np.unique(sizes):
             numbers = np.flatnonzero(sizes == size)
-            kinds.append(_Alike(numbers, KDTree(middles[numbers]), float(radii[numbers].max())))
-        return cls(corners, radii, KDTree(middles), tuple(kinds))
+            groups.append(
+                _SizeGroup(numbers, KDTree(centroids[numbers]), float(radii[numbers].max()))
+            )
+        return cls(corners, radii, KDTree(centroids), tuple(groups))
 
     def nearest(self, points: Floats, limit: float, threads: int) -> tuple[Ints, Floats]:
-        """Face of the place nearest to each point (k,) and barycentric coordinates (k, 3).
+        """Face nearest to each point (k,) and barycentric coordinates of the nearest point (k, 3).
 
         Points that are surely beyond the limit have face -1.
         """
@@ -142,38 +146,38 @@ class _Faces:
         first = np.asarray(first, dtype=np.int64)
         near = np.flatnonzero(first < len(self.radii))
         faces, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
-        asked, found = points[near], first[near]
-        least = self._distances(asked, found)
-        for kind in self.kinds:
-            for rows, tried in _pairs(kind, asked, least, threads):
-                which, faces_here, least_here = self._best(asked, rows, tried)
+        queried, found = points[near], first[near]
+        least = self._distances(queried, found)
+        for group in self.groups:
+            for rows, tested in _pairs(group, queried, least, threads):
+                which, faces_here, least_here = self._best(queried, rows, tested)
                 better = (least_here < least[which]) | (
                     (least_here == least[which]) & (faces_here < found[which])
                 )
                 found[which[better]] = faces_here[better]
                 least[which[better]] = least_here[better]
         faces[near] = found
-        weights[near] = _weights(self.corners[found], self._closest(asked, found))
+        weights[near] = _weights(self.corners[found], self._closest(queried, found))
         return faces, weights
 
-    def _best(self, points: Floats, rows: Ints, tried: Ints) -> tuple[Ints, Ints, Floats]:
-        """Nearest face tried at each point, the first of equals: (points, faces, distances)."""
-        distances = self._distances(points[rows], tried)
+    def _best(self, points: Floats, rows: Ints, tested: Ints) -> tuple[Ints, Ints, Floats]:
+        """Nearest tested face of each point, the first of equals: (points, faces, distances)."""
+        distances = self._distances(points[rows], tested)
         start = np.flatnonzero(np.diff(rows, prepend=-1))
         least = np.minimum.reduceat(distances, start)
         count = np.diff(start, append=len(rows))
-        nearest = np.where(distances == np.repeat(least, count), tried, len(self.radii))
+        nearest = np.where(distances == np.repeat(least, count), tested, len(self.radii))
         return rows[start], np.minimum.reduceat(nearest, start), least
 
     def _distances(self, points: Floats, faces: Ints) -> Floats:
-        """From points (k, 3) to a face each, shape (k,)."""
+        """Distance of each point (k, 3) from one face, shape (k,)."""
         return np.asarray(np.linalg.norm(self._closest(points, faces) - points, axis=1))
 
     def _closest(self, points: Floats, faces: Ints) -> Floats:
-        """Nearest places of a face each, shape (k, 3)."""
+        """Nearest point of one face to each point, shape (k, 3)."""
         corners, scale = self.corners[faces], self.radii[faces][:, None]
         origin = corners[:, 0]
-        # In units of the face: trimesh's tolerances are absolute, and small faces would vanish.
+        # In units of the face: trimesh's tolerances are absolute and too large for small faces.
         closest = trimesh.triangles.closest_point(
             (corners - origin[:, None]) / scale[..., None], (points - origin) / scale
         )
@@ -181,43 +185,43 @@ class _Faces:
 
 
 def _pairs(
-    kind: _Alike, points: Floats, least: Floats, threads: int
+    group: _SizeGroup, points: Floats, least: Floats, threads: int
 ) -> Iterator[tuple[Ints, Ints]]:
-    """Points, by number and in order, and the faces that may be nearer to them than `least`."""
-    reach = least + kind.radius
-    reach *= 1.0 + 1e-12  # rounding must not leave out the face itself
+    """Pairs of a point, by row and in order, and a face that may be nearer to it than `least`."""
+    reach = least + group.radius
+    reach *= 1.0 + 1e-12  # rounding must not exclude the nearest face itself
     counts = np.asarray(
-        kind.tree.query_ball_point(points, reach, return_length=True, workers=threads)
+        group.tree.query_ball_point(points, reach, return_length=True, workers=threads)
     )
     near = np.flatnonzero(counts)
     part = np.cumsum(counts[near]) // PAIRS
     for number in np.unique(part):
         rows = near[part == number]
-        lists = kind.tree.query_ball_point(points[rows], reach[rows])
-        tried = np.fromiter(chain.from_iterable(lists), np.int64, int(counts[rows].sum()))
-        yield np.repeat(rows, counts[rows]), kind.numbers[tried]
+        lists = group.tree.query_ball_point(points[rows], reach[rows])
+        tested = np.fromiter(chain.from_iterable(lists), np.int64, int(counts[rows].sum()))
+        yield np.repeat(rows, counts[rows]), group.numbers[tested]
 
 
-def _weights(corners: Floats, places: Floats) -> Floats:
-    """Barycentric coordinates of places (k, 3) on triangles (k, 3, 3), exact on their borders."""
-    weights = _inside(corners, places)
-    for i in range(3):  # edges, then corners: the nearest border has the last word
+def _weights(corners: Floats, points: Floats) -> Floats:
+    """Barycentric coordinates of points (k, 3) on triangles (k, 3, 3), exact on their borders."""
+    weights = _inside(corners, points)
+    for i in range(3):  # edges first, as corners override them
         a, b = corners[:, (i + 1) % 3], corners[:, (i + 2) % 3]
-        along = np.clip(_dot(places - a, b - a) / _dot(b - a, b - a), 0.0, 1.0)
-        on = np.linalg.norm(a + along[:, None] * (b - a) - places, axis=1) <= ON_BORDER
+        along = np.clip(_dot(points - a, b - a) / _dot(b - a, b - a), 0.0, 1.0)
+        on = np.linalg.norm(a + along[:, None] * (b - a) - points, axis=1) <= ON_BORDER
         weights[on] = 0.0
         weights[on, (i + 1) % 3], weights[on, (i + 2) % 3] = 1.0 - along[on], along[on]
     for i in range(3):
-        weights[np.linalg.norm(corners[:, i] - places, axis=1) <= ON_BORDER] = np.eye(3)[i]
+        weights[np.linalg.norm(corners[:, i] - points, axis=1) <= ON_BORDER] = np.eye(3)[i]
     return weights
 
 
-def _inside(corners: Floats, places: Floats) -> Floats:
-    """Barycentric coordinates by areas; a triangle without area has its places on its edges."""
+def _inside(corners: Floats, points: Floats) -> Floats:
+    """Barycentric coordinates by areas; points of triangles without an area lie on their edges."""
     across = unit_rows(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     edges = [corners[:, (i + 2) % 3] - corners[:, (i + 1) % 3] for i in range(3)]
     areas = [
-        _dot(np.cross(edge, places - corners[:, (i + 1) % 3]), across)
+        _dot(np.cross(edge, points - corners[:, (i + 1) % 3]), across)
         for i, edge in enumerate(edges)
     ]
     weights = np.clip(np.stack(areas, axis=1), 0.0, None)

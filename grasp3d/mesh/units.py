@@ -1,4 +1,4 @@
-"""Units of length: which of them makes an object one that a hand may hold."""
+"""Units of length, and which of them gives an object a plausible size for grasping."""
 
 from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
@@ -9,7 +9,7 @@ from grasp3d.settings import Unit
 METRES: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
 
 PLAUSIBLE = (0.002, 2.0)
-"""Sizes of objects that a hand may hold [m]."""
+"""Sizes of objects that a hand can hold [m]."""
 
 USUAL = (0.01, 0.5)
 """Sizes of most such objects [m]."""
@@ -22,19 +22,19 @@ _ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class UnitGuess:
-    """Which unit a mesh's numbers may have."""
+    """Likely unit of a mesh's coordinates."""
 
     unit: Unit | None
-    """The likely one; None where none is, or several are equally so."""
+    """The likely unit; None if none is plausible, or several are equally so."""
     reason: str
-    """Why, in one sentence."""
+    """Reason, in one sentence."""
 
 
 def guess_unit(size: float) -> UnitGuess:
-    """Guess the unit of a mesh that states none, to be told and never applied.
+    """Guess the unit of a mesh that states none; the guess is reported and never applied.
 
     Args:
-        size: Largest extent of the object, in the unit that is sought.
+        size: Largest extent of the object, in the unknown unit.
     """
     usual = _fitting(size, USUAL)
     likely = tuple(unit for unit in PREFERRED if unit in usual)
@@ -42,17 +42,17 @@ def guess_unit(size: float) -> UnitGuess:
         plausible = _fitting(size, PLAUSIBLE)
         likely = tuple(unit for unit in plausible if unit in usual or unit in PREFERRED)
     if not likely:
-        told = _told(size, get_args(Unit))
-        return UnitGuess(None, f"largest extent {size:.4g}: {told}; no hand holds any of these")
+        sizes = _size_texts(size, get_args(Unit))
+        return UnitGuess(None, f"largest extent {size:.4g}: {sizes}; no hand holds any of these")
     if len(likely) > 1:
-        told = _told(size, likely)
-        return UnitGuess(None, f"largest extent {size:.4g}: {told}; these are equally plausible")
-    told = _told(size, dict.fromkeys((*likely, *PREFERRED)))
-    return UnitGuess(likely[0], f"largest extent {size:.4g}: {told}")
+        sizes = _size_texts(size, likely)
+        return UnitGuess(None, f"largest extent {size:.4g}: {sizes}; these are equally plausible")
+    sizes = _size_texts(size, dict.fromkeys((*likely, *PREFERRED)))
+    return UnitGuess(likely[0], f"largest extent {size:.4g}: {sizes}")
 
 
 def unit_warning(size: float, unit: Unit) -> str:
-    """Say why a stated unit is hardly right; empty where it may be.
+    """Warning that a stated unit is implausible; empty where it is plausible.
 
     Args:
         size: Size of the object, in that unit.
@@ -60,13 +60,13 @@ def unit_warning(size: float, unit: Unit) -> str:
     """
     if unit in _fitting(size, PLAUSIBLE):
         return ""
-    doubt = f"the object is {length_text(size * METRES[unit])} large if its unit is {unit}"
+    text = f"the object is {length_text(size * METRES[unit])} large if its unit is {unit}"
     guess = guess_unit(size).unit
     better = _fitting(size, PLAUSIBLE) if guess is None else (guess,)
     if not better:
-        return f"{doubt}; no unit (m, cm, mm, in) makes it one that a hand may hold"
+        return f"{text}; no unit (m, cm, mm, in) makes it one that a hand may hold"
     sizes = _listed([length_text(size * METRES[other]) for other in better])
-    return f"{doubt}: is the unit right? If its unit were {_listed(better)} it would be {sizes}"
+    return f"{text}: is the unit right? If its unit were {_listed(better)} it would be {sizes}"
 
 
 def length_text(metres: float) -> str:
@@ -87,7 +87,7 @@ def _fitting(size: float, limits: tuple[float, float]) -> tuple[Unit, ...]:
     return tuple(unit for unit in get_args(Unit) if least <= size * METRES[unit] <= most)
 
 
-def _told(size: float, units: Iterable[Unit]) -> str:
+def _size_texts(size: float, units: Iterable[Unit]) -> str:
     return ", ".join(f"{length_text(size * METRES[unit])} if {unit}" for unit in units)
 
 

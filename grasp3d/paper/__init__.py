@@ -1,1 +1,1 @@
-"""Wan & Howe 2018 recomputed: their figures, their numbers, and where ours differ."""
+"""Wan & Howe 2018 recomputed: figures, numbers, and differences from the paper."""

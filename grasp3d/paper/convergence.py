@@ -1,4 +1,4 @@
-"""How often the paper's sampled method errs: its labels beside exact ones, on random grasps."""
+"""Error rates of the paper's sampled method: its labels against exact ones, on random grasps."""
 
 import math
 from collections.abc import Sequence
@@ -9,12 +9,13 @@ import numpy as np
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.contact.contacts import Contacts
 from grasp3d.paper.markdown import table
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.stability.classification import classify
 from grasp3d.stability.label import Label
 from grasp3d.system.progress import Progress
 
 SAMPLES = {2: (2000, (4, 8, 16, 32)), 3: (500, (4, 8, 16)), 4: (200, (4, 8))}
-"""For each number of fingers: how many grasps, and the numbers of extreme normals on a rim."""
+"""For each number of fingers: the number of grasps, and numbers of extreme normals to compare."""
 
 SEED = 2018
 
@@ -27,56 +28,56 @@ ALLOWED = {
         (Label.S, Label.U),
     ),
 }
-"""Disagreements (exact, sampled) that a tilt left out, or a polygon inside its cone, explains."""
+"""Disagreements (exact, sampled) that an untested tilt, or a polygon inside its cone, explains."""
 
 
-INTRODUCTION = """Random grasps, labelled by the paper's method (a few extreme normals on a rim and
-the perceived one, every combination over the fingers) and exactly. 'Not allowed' counts
-disagreements that a tilt not tried, or a polygon inside its cone, cannot explain. 'M taken for
-sure' is the share of the exact M that sampled normals call S or U: how over-confident they are."""
+INTRODUCTION = """Random grasps, labelled by the paper's method (a few extreme normals of maximal
+tilt and the perceived one, every combination over the fingers) and exactly. 'Not allowed' counts
+disagreements that an untested tilt, or a polygon inside its cone, cannot explain. 'M taken for
+sure' is the fraction of the exact M that sampled normals label S or U: their over-confidence."""
 
 
 @dataclass(frozen=True, eq=False)
 class Comparison:
-    """Labels of one sampled method beside the exact ones."""
+    """Labels of one sampled method against the exact ones."""
 
     fingers: int
     grasps: int
     extreme_normals: int
-    """Normals on a rim; with them the perceived one."""
+    """Extreme normals of each contact; the perceived one is added."""
     edges: int | None
-    """Edges of the friction cones; None: circular ones."""
+    """Edges of the friction cones; None: circular cones."""
     counts: Ints
     """Grasps by exact label (rows) and sampled label (columns), in the order of `Label`, (3, 3)."""
     hulls: int
-    """Wrench hulls grown."""
+    """Number of wrench hulls computed."""
 
     @property
-    def share(self) -> float:
-        """Share of the grasps whose labels differ."""
+    def disagreement(self) -> float:
+        """Fraction of the grasps whose labels differ."""
         return 1.0 - float(np.trace(self.counts)) / self.grasps
 
     @property
     def error(self) -> float:
-        """Standard error of that share."""
-        return math.sqrt(self.share * (1.0 - self.share) / self.grasps)
+        """Standard error of that fraction."""
+        return math.sqrt(self.disagreement * (1.0 - self.disagreement) / self.grasps)
 
     @property
     def overconfident(self) -> float:
-        """Share of the exact M that are called S or U."""
+        """Fraction of the exact M that are labelled S or U."""
         ambiguous = self.counts[Label.M]
         return float(ambiguous.sum() - ambiguous[Label.M]) / max(int(ambiguous.sum()), 1)
 
     @property
-    def forbidden(self) -> int:
-        """Disagreements that no missing tilt and no inscribed polygon explains."""
+    def not_allowed(self) -> int:
+        """Disagreements that neither an untested tilt nor an inscribed polygon explains."""
         allowed = ALLOWED["circular" if self.edges is None else "polygonal"]
         wrong = self.counts.sum() - np.trace(self.counts)
         return int(wrong - sum(self.counts[exact, sampled] for exact, sampled in allowed))
 
 
 def random_grasps(fingers: int, count: int, seed: int = SEED) -> tuple[Contacts, Floats]:
-    """Contacts about a ball, and sensor resolutions [rad], shape (count, 1).
+    """Random contacts on a ball, and sensor resolutions [rad], shape (count, 1).
 
     Friction is 0.3 to 1 and the resolution up to twice the friction angle, so that S, M and U are
     all common.
@@ -88,8 +89,8 @@ def random_grasps(fingers: int, count: int, seed: int = SEED) -> tuple[Contacts,
     points /= np.linalg.norm(points, axis=-1, keepdims=True)
     normals = -points + 0.25 * rng.normal(size=points.shape)
     contacts = Contacts(points, normals, rng.uniform(0.3, 1.0, size=(count, 1)))
-    share = rng.uniform(0.0, 1.0, size=(count, 1))
-    return contacts, 2.0 * share * contacts.friction_angle[:, :1]
+    fraction = rng.uniform(0.0, 1.0, size=(count, 1))
+    return contacts, 2.0 * fraction * contacts.friction_angle[:, :1]
 
 
 def compare(
@@ -101,22 +102,22 @@ def compare(
     seed: int = SEED,
     threads: int | None = None,
 ) -> Comparison:
-    """Label random grasps both ways.
+    """Label random grasps exactly and with sampled normals.
 
     Args:
         fingers: Contacts of each grasp.
-        grasps: How many.
-        extreme_normals: Normals on a rim.
-        edges: Edges of the friction cones of the sampled method; None: circular ones.
-        seed: Of the grasps.
+        grasps: Number of grasps.
+        extreme_normals: Extreme normals of each contact.
+        edges: Edges of the friction cones of the sampled method; None: circular cones.
+        seed: Seed of the grasps.
         threads: Threads; None: one per processor.
     """
     contacts, resolution = random_grasps(fingers, grasps, seed)
-    exact = classify(contacts, resolution, threads=threads)
+    exact = classify(contacts, resolution, options=EpsilonOptions(threads=threads))
+    options = EpsilonOptions(edges=edges, threads=threads)
     sampled = classify(
-        contacts, resolution, method="extremes", extreme_normals=extreme_normals, edges=edges,
-        threads=threads,
-    )  # fmt: skip
+        contacts, resolution, method="extremes", extreme_normals=extreme_normals, options=options
+    )
     counts = np.zeros((len(Label), len(Label)), dtype=np.int64)
     np.add.at(counts, (exact.label, sampled.label), 1)
     return Comparison(
@@ -125,40 +126,40 @@ def compare(
 
 
 def comparisons(progress: Progress | None = None) -> list[Comparison]:
-    """Compare all `SAMPLES`: circular cones first, then polygons of as many edges as normals."""
+    """Compare all `SAMPLES`: circular cones first, then polygons with as many edges as normals."""
     tasks = [
-        (fingers, grasps, around, around if polygonal else None)
+        (fingers, grasps, normals, normals if polygonal else None)
         for polygonal in (False, True)
-        for fingers, (grasps, rims) in SAMPLES.items()
-        for around in rims
+        for fingers, (grasps, numbers) in SAMPLES.items()
+        for normals in numbers
     ]
-    weights = np.cumsum([grasps * (around + 1) ** fingers for fingers, grasps, around, _ in tasks])
+    weights = np.cumsum([grasps * (count + 1) ** fingers for fingers, grasps, count, _ in tasks])
     found = []
-    for (fingers, grasps, around, edges), done in zip(tasks, weights / weights[-1], strict=True):
-        found.append(compare(fingers, grasps, around, edges=edges))
+    for (fingers, grasps, normals, edges), done in zip(tasks, weights / weights[-1], strict=True):
+        found.append(compare(fingers, grasps, normals, edges=edges))
         if progress is not None:
             progress(float(done))
     return found
 
 
 def convergence_tables(found: Sequence[Comparison]) -> str:
-    """Write comparisons as two Markdown tables, of circular cones and of inscribed polygons."""
+    """Write comparisons as two Markdown tables: circular cones and inscribed polygons."""
     circular = _table([one for one in found if one.edges is None])
     polygonal = _table([one for one in found if one.edges is not None])
     return (
         f"{INTRODUCTION}\n\n"
-        "Circular friction cones. A tilt that was not tried can only make an exact M look like S "
-        f"or U.\n\n{circular}\n\n"
-        "Polygons of as many edges as there are normals on a rim, inside those cones: besides, an "
-        f"exact S can look like M or U.\n\n{polygonal}"
+        "Circular friction cones. An untested tilt can only turn an exact M into S or U.\n\n"
+        f"{circular}\n\n"
+        "Polygons inside those cones, with as many edges as there are extreme normals: in addition "
+        f"an exact S can become M or U.\n\n{polygonal}"
     )
 
 
 def _table(rows: Sequence[Comparison]) -> str:
     head = [
-        "fingers", "grasps", "normals on a rim", "edges", "exact S / M / U", "M called S",
-        "M called U", "S called M", "S called U", "not allowed", "disagree", "M taken for sure",
-        "hulls grown",
+        "fingers", "grasps", "extreme normals", "edges", "exact S / M / U", "M labelled S",
+        "M labelled U", "S labelled M", "S labelled U", "not allowed", "disagree",
+        "M taken for sure", "hulls computed",
     ]  # fmt: skip
     cells = []
     for row in rows:
@@ -171,8 +172,8 @@ def _table(rows: Sequence[Comparison]) -> str:
                 "circular" if row.edges is None else str(row.edges),
                 " / ".join(str(exact[label]) for label in (Label.S, Label.M, Label.U)),
                 *(str(row.counts[exact_, sampled]) for exact_, sampled in ALLOWED["polygonal"]),
-                str(row.forbidden),
-                f"{100.0 * row.share:.2f} ± {100.0 * row.error:.2f} %",
+                str(row.not_allowed),
+                f"{100.0 * row.disagreement:.2f} ± {100.0 * row.error:.2f} %",
                 f"{100.0 * row.overconfident:.2f} %",
                 f"{row.hulls:,}",
             ]

@@ -1,4 +1,4 @@
-"""The figures of Wan & Howe 2018: 5 to 11, one function each."""
+"""Figures 5 to 11 of Wan & Howe 2018, one function each."""
 
 from collections.abc import Callable
 
@@ -7,23 +7,23 @@ from grasp3d.planar import Circle, Outline, scan, square
 from grasp3d.plots.combinations import combinations_figure
 from grasp3d.plots.cones import cone_figure
 from grasp3d.plots.curves import curves_figure
-from grasp3d.plots.fraction_figures import ceiling_figure, shares_figure
+from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure
 from grasp3d.plots.style import Drawing
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.sweeps import Sweep, sweep
 
-DRAWN = GraspModel(friction=1.0, sensor_resolution=30.0 * DEGREE)
-"""What the drawings of cones show whatever the settings, as all its angles can be told apart."""
+CONE_MODEL = GraspModel(friction=1.0, sensor_resolution=30.0 * DEGREE)
+"""Model of the drawings of cones for all settings: all its angles are clearly visible."""
 
 
 def cone(_: PaperSettings) -> Drawing:
     """Draw Fig. 5: the cones of one contact."""
-    return cone_figure(DRAWN)
+    return cone_figure(CONE_MODEL)
 
 
 def combinations(_: PaperSettings) -> Drawing:
     """Draw Fig. 6: a grasp under the four combinations of extreme cones."""
-    return combinations_figure(DRAWN)
+    return combinations_figure(CONE_MODEL)
 
 
 def circle_curves(settings: PaperSettings) -> Drawing:
@@ -31,9 +31,9 @@ def circle_curves(settings: PaperSettings) -> Drawing:
     return curves_figure([scan(Circle(), model) for model in settings.models], over="angle")
 
 
-def circle_shares(settings: PaperSettings) -> Drawing:
-    """Draw Fig. 8: shares of the circle over the resolution."""
-    return shares_figure(swept(Circle(), settings))
+def circle_fractions(settings: PaperSettings) -> Drawing:
+    """Draw Fig. 8: fractions of the circle over the resolution."""
+    return fractions_figure(swept(Circle(), settings))
 
 
 def square_curves(settings: PaperSettings) -> Drawing:
@@ -42,9 +42,9 @@ def square_curves(settings: PaperSettings) -> Drawing:
     return curves_figure(scans, over="position", unit="half sides")
 
 
-def square_shares(settings: PaperSettings) -> Drawing:
-    """Draw Fig. 10: shares of the square over the resolution."""
-    return shares_figure(swept(square(), settings))
+def square_fractions(settings: PaperSettings) -> Drawing:
+    """Draw Fig. 10: fractions of the square over the resolution."""
+    return fractions_figure(swept(square(), settings))
 
 
 def ceilings(settings: PaperSettings) -> Drawing:
@@ -56,16 +56,16 @@ FIGURES: dict[str, Callable[[PaperSettings], Drawing]] = {
     "figure_05": cone,
     "figure_06": combinations,
     "figure_07": circle_curves,
-    "figure_08": circle_shares,
+    "figure_08": circle_fractions,
     "figure_09": square_curves,
-    "figure_10": square_shares,
+    "figure_10": square_fractions,
     "figure_11": ceilings,
 }
-"""By the name of their files, without suffix."""
+"""Functions that draw the figures, by the name of their files without suffix."""
 
 
 def swept(outline: Outline, settings: PaperSettings) -> Sweep:
-    """Shares of an outline's perimeter over the resolution, in closed form."""
+    """Fractions of an outline's perimeter over the resolution, in closed form."""
     return sweep(
         outline,
         friction=settings.friction,

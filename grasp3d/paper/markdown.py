@@ -9,17 +9,17 @@ def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) 
     Args:
         head: Headings.
         rows: Cells, as many in each row as there are headings.
-        left: Columns at the left that hold words; the others hold numbers, aligned at the right.
+        left: Number of left-aligned columns of text; the others are right-aligned numbers.
     """
     rule = [":---"] * left + ["---:"] * (len(head) - left)
     return "\n".join(f"| {' | '.join(row)} |" for row in (head, rule, *rows))
 
 
-def percent(share: float) -> str:
-    """Write a share with one decimal."""
-    return f"{100.0 * share + 0.0:.1f} %"
+def percent(fraction: float) -> str:
+    """Write a fraction in percent with one decimal."""
+    return f"{100.0 * fraction + 0.0:.1f} %"
 
 
-def shares(fractions: Mapping[str, float]) -> list[str]:
-    """Write the shares S, M and U, a cell each."""
+def fraction_cells(fractions: Mapping[str, float]) -> list[str]:
+    """Write the fractions S, M and U, one cell each."""
     return [percent(fractions[name]) for name in ("S", "M", "U")]

@@ -1,4 +1,4 @@
-"""The same in space: sphere, box, cylinder and a real object, one finger fixed, one scanned.
+"""Scans in space: sphere, box, cylinder and a real object, one finger fixed, one scanned.
 
 Wan & Howe 2018 announce these counterparts of their Fig. 7 to 10.
 """
@@ -9,14 +9,13 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.plots.painting import painted
+from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import Drawing
 from grasp3d.plots.surfaces import fixed_fingers, surface_figure
 from grasp3d.rendering import View
@@ -29,23 +28,24 @@ from grasp3d.sweeps import Sweep, sweep
 from grasp3d.system.progress import Progress
 
 BELOW = (0.0, 0.0, -1.0)
-"""Where the first finger stands on the solids: in the middle underneath, as on the square."""
+"""Contact point of the first finger on the solids: in the middle underneath, as on the square."""
 
 ELEVATION, ASIDE = 22.0 * DEGREE, 110.0 * DEGREE
-"""From where pictures are taken: above, and the fixed finger a little behind the side."""
+"""Camera elevation, and its azimuth from the fixed finger, which is then a little behind the side.
+"""
 FROM_BELOW = View(azimuth=38.0 * DEGREE, elevation=ELEVATION)
 UPRIGHT = 0.8
-"""Sine of the angle above the horizontal from which on a finger stands under or on the object."""
+"""Sine of the elevation of a finger from which it counts as under or on top of the object."""
 
 PIXELS = (720, 720)
 
 PICTURE_EDGE = 1.0 / 100.0
-"""Longest edge of a real object's mesh, as a share of its size."""
+"""Longest edge of a real object's mesh, as a fraction of its size."""
 AS_GOOD = 2e-3
 """Critical angles that differ by less count as equally good [rad]."""
 
-TRIED = 24
-"""Equally good places of which the one with most room is taken."""
+COMPARED = 24
+"""Equally good contact points that are compared by the area fraction S of their scan."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +58,7 @@ class ScannedObject:
     closed_form: AngleDistribution | None = None
 
     def sweep(self, settings: PaperSettings) -> Sweep:
-        """Shares of its area over the resolution."""
+        """Area fractions over the resolution."""
         return _swept(self.scans[0].angle_distribution(), self.name, settings)
 
 
@@ -73,7 +73,7 @@ def load_object(path: Path) -> ObjectMesh:
     """Read a mesh finely enough for a picture.
 
     Raises:
-        MeshError: The file is no surface.
+        MeshError: The file contains no surface.
     """
     return load_mesh(path, max_edge=PICTURE_EDGE * load_mesh(path).size)
 
@@ -83,60 +83,62 @@ def real_object(
     name: str,
     settings: PaperSettings,
     *,
-    fixed: npt.ArrayLike | None = None,
+    fixed: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> ScannedObject:
     """Scan any object.
 
     Args:
         mesh: Its surface.
-        name: What to call it.
+        name: Its name.
         settings: Friction and resolutions.
-        fixed: Place of the first finger, in the mesh's frame; None: where a two-finger grasp is
-            best.
-        progress: Called with the share of the work done, from 0 to 1.
+        fixed: Contact point of the first finger, in the mesh's frame; None: where a two-finger
+            grasp is best.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
-        SettingError: No grasp was found on it and no place is given, or that is no point.
+        SettingError: No grasp was found on it and no point is given, or `fixed` is not a point.
     """
-    place = best_place(mesh, settings.models[0], progress) if fixed is None else fixed
-    (finger,) = fixed_fingers(scan_surface(mesh, settings.models[0], fixed=place))
-    return _scanned(name, mesh, place, settings, view_of(finger.push))
+    point = best_contact_point(mesh, settings.models[0], progress) if fixed is None else fixed
+    (finger,) = fixed_fingers(scan_surface(mesh, settings.models[0], fixed=point))
+    return _scanned(name, mesh, point, settings, view_of(finger.normal))
 
 
-def best_place(
+def best_contact_point(
     mesh: ObjectMesh, model: GraspModel, progress: Progress | None = None
 ) -> Floats:  # fmt: skip
-    """Find the vertex whose best two-finger grasp bears the coarsest sensor, shape (3,).
+    """Find the vertex whose best two-finger grasp tolerates the coarsest sensor, shape (3,).
 
-    Many bear equally coarse ones; of some of those it is the one that leaves the second finger most
-    room: the largest share S of the surface.
+    Several tolerate equally coarse ones; of some of those it is the one with the largest area
+    fraction S for the second finger.
 
     Raises:
         SettingError: There is no grasp.
     """
-    fine = replace(model, sensor_resolution=0.0)  # needs the narrowest search
+    fine = replace(model, sensor_resolution=0.0)  # smallest search cone
     labels = label_surface(mesh, fine, progress=progress)
     lowest = float(labels.critical_angle.min())
     if math.isinf(lowest):
         raise SettingError(
-            f"{mesh.report.source}: no grasp was found to take a place from; name one with --fixed"
+            f"{mesh.report.source}: no grasp was found that gives the fixed finger's contact "
+            "point; set one with --fixed"
         )
     good = np.flatnonzero(labels.critical_angle <= max(lowest, 0.0) + AS_GOOD)
-    tried = np.unique(good[np.linspace(0, len(good) - 1, TRIED).astype(np.int64)])
-    room = [
-        scan_surface(mesh, model, fixed=mesh.vertices[vertex]).fractions()["S"] for vertex in tried
+    compared = np.unique(good[np.linspace(0, len(good) - 1, COMPARED).astype(np.int64)])
+    stable = [
+        scan_surface(mesh, model, fixed=mesh.vertices[vertex]).fractions()["S"]
+        for vertex in compared
     ]
-    return np.array(mesh.vertices[tried[int(np.argmax(room))]])
+    return np.array(mesh.vertices[compared[int(np.argmax(stable))]])
 
 
-def view_of(push: Floats) -> View:
-    """Look at an object so that the finger comes from the side and its partner is seen.
+def view_of(normal: Floats) -> View:
+    """View in which the finger is at the side and the opposing contact is visible.
 
     Args:
-        push: Inward normal at the finger, shape (3,).
+        normal: Inward normal at the finger, shape (3,).
     """
-    outward = -push
+    outward = -normal
     if abs(outward[2]) > UPRIGHT:
         above = math.copysign(ELEVATION, -outward[2])
         return View(FROM_BELOW.azimuth, above)
@@ -144,15 +146,15 @@ def view_of(push: Floats) -> View:
 
 
 def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: bool) -> Drawing:
-    """Draw the painted surface at each resolution beside the shares over all.
+    """Draw the labelled surface at each resolution, and the area fractions over all resolutions.
 
     Args:
         scanned: The object.
         settings: Friction and resolutions.
-        pictures: Whether pictures can be drawn; else the shares alone.
+        pictures: Whether pictures can be rendered; otherwise only the fractions are drawn.
     """
     images = [
-        painted(scan, view=scanned.view, size=PIXELS, fingers=fixed_fingers(scan))
+        paint_labels(scan, view=scanned.view, size=PIXELS, fingers=fixed_fingers(scan))
         for scan in scanned.scans
         if pictures
     ]
@@ -168,7 +170,7 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
 def _scanned(
     name: str,
     mesh: ObjectMesh,
-    fixed: npt.ArrayLike,
+    fixed: ArrayLike,
     settings: PaperSettings,
     view: View,
     closed_form: AngleDistribution | None = None,

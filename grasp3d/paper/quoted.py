@@ -1,4 +1,4 @@
-"""The numbers in the text of Wan & Howe 2018, quoted, beside the same numbers computed."""
+"""Numbers quoted from the text of Wan & Howe 2018, beside the same numbers computed."""
 
 import math
 
@@ -8,22 +8,23 @@ from grasp3d.planar import circle_fractions, square_fractions
 from grasp3d.stability.angle_distributions import SphereAngles
 
 RADIUS = 10.0
-"""Of the paper's hemispherical fingertip, 2 cm across [mm]."""
+"""Radius of the paper's hemispherical fingertip [mm]."""
 ROUNDED_ARC = 4.0
 """The paper's arc at friction 0.2 [mm]."""
 COARSE = math.radians(22.6)
-"""The resolution at which the paper reads its Fig. 8 [rad]."""
+"""Resolution at which the paper reads a value from its Fig. 8 [rad]."""
 READ_AT = 1.0
 """Friction of that figure."""
 SPHERE = (0.2, 1.0)
-"""Frictions between which the sphere is compared."""
+"""Range of friction for which the sphere is compared."""
 
 HEAD = ("quantity", "in the paper", "computed", "closed form", "compared")
 QUOTED = {
     0.5: ("α ≤ 2 atan μ ≈ 53°", "about 9 mm", "at least 10"),
     0.2: ("22.6°", "about 4 mm", "50"),
 }
-"""For each friction the bound on the resolution, the arc on the fingertip, the sensors (III)."""
+"""By friction: the bound on the resolution, the arc on the fingertip, the number of sensors (III).
+"""
 ALMOST = "almost 20 %"
 
 
@@ -49,7 +50,7 @@ def _design(friction: float) -> list[tuple[str, ...]]:
 
 
 def _counted(quoted: str, sensor: Sensor) -> str:
-    """Compare numbers of sensors, by discs as the paper counts."""
+    """Compare numbers of sensors, counted by discs as in the paper."""
     if quoted.rsplit(maxsplit=1)[-1] == str(sensor.sensors_by_discs):
         return "the same"
     rounded = Sensor(ROUNDED_ARC, RADIUS).sensors_by_discs
@@ -60,7 +61,7 @@ def _counted(quoted: str, sensor: Sensor) -> str:
 
 
 def _ambiguous() -> list[tuple[str, ...]]:
-    """Ambiguous shares at the resolution at which the paper reads its Fig. 8."""
+    """Ambiguous fractions at the resolution at which the paper reads its Fig. 8."""
     circle, square, *spheres = (
         fractions(friction=friction, sensor_resolution=COARSE)["M"]
         for fractions, friction in (
@@ -70,14 +71,14 @@ def _ambiguous() -> list[tuple[str, ...]]:
         )
     )
     least = math.tan(COARSE / 2.0)
-    asked = f"ambiguous at α = {math.degrees(COARSE):g}°"
+    quantity = f"ambiguous at α = {math.degrees(COARSE):g}°"
     return [
-        (f"{asked}, circle, μ = {READ_AT:g} (Fig. 8)", ALMOST, percent(circle),
+        (f"{quantity}, circle, μ = {READ_AT:g} (Fig. 8)", ALMOST, percent(circle),
          "2α / π while α/2 ≤ β and β + α/2 ≤ 90°",
          f"**differs**: a value read off a curve; ours holds for μ {least:.2f} to {1 / least:.2f}"),
-        (f"{asked}, square, μ = {READ_AT:g}", "–", percent(square),
+        (f"{quantity}, square, μ = {READ_AT:g}", "–", percent(square),
          "from the polygon, `grasp3d.planar.square`", "not what Fig. 8 shows, but nearer"),
-        (f"{asked}, sphere by area, μ = {SPHERE[0]:g} to {SPHERE[1]:g}", "–",
-         " to ".join(percent(share) for share in spheres), "sin 2β · sin α",
+        (f"{quantity}, sphere by area, μ = {SPHERE[0]:g} to {SPHERE[1]:g}", "–",
+         " to ".join(percent(fraction) for fraction in spheres), "sin 2β · sin α",
          "depends on μ, unlike on the circle"),
     ]  # fmt: skip

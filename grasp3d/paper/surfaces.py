@@ -1,4 +1,4 @@
-"""Labels from wrench hulls alone beside exact ones, over whole surfaces."""
+"""Labels from wrench hulls alone against exact ones, over whole surfaces."""
 
 import math
 from dataclasses import replace
@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.convergence import ALLOWED
-from grasp3d.paper.markdown import shares, table
+from grasp3d.paper.markdown import fraction_cells, table
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.settings import DEGREE, GraspModel
 from grasp3d.surface.labelling import label_surface
@@ -15,14 +15,14 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 
 BELOW = (0.0, 0.0, -1.0)
-"""Where the first finger stands in scans."""
+"""Contact point of the first finger in scans."""
 EDGE = 1.0 / 8.0
 """Longest edge of the box, whose sides are 2; twice that on the cylinder."""
 SUBDIVISIONS = 4
-"""Of the sphere: 2,562 vertices."""
+"""Subdivisions of the sphere: 2,562 vertices."""
 EDGES = (None, 8)
 SEARCHED = GraspModel(friction=0.2, sensor_resolution=15.0 * DEGREE)
-"""For grasps that are searched: little friction, so that not all is S."""
+"""Model for searched grasps: low friction, so that not all vertices are S."""
 
 
 def surface_table(settings: PaperSettings) -> str:
@@ -44,9 +44,9 @@ def surface_table(settings: PaperSettings) -> str:
             rows += [[name, kind, *_compared(labels, edges)] for edges in EDGES]
     return (
         "The same grasps labelled exactly, for all normals, and from the wrench hulls of 8 extreme "
-        "normals on a rim and the perceived one; at creases those of every face, and the bisecting "
-        "normal. The meshes are coarser than above, so the shares differ a little. 'Vertices not "
-        "allowed' are those whose labels differ in a way that neither a tilt not tried nor a "
+        "normals and the perceived one; at creases those of every face, and the bisecting normal. "
+        "The meshes are coarser than above, so the area fractions differ a little. 'Vertices not "
+        "allowed' are those whose labels differ in a way that neither an untested tilt nor a "
         "polygon inside its cone explains.\n\n" + table(head, rows, left=2)
     )
 
@@ -54,7 +54,7 @@ def surface_table(settings: PaperSettings) -> str:
 def _compared(exact: SurfaceLabels, edges: int | None) -> list[str]:
     """The cells of one row."""
     model = replace(exact.model, method="extremes", edges=edges)
-    hulls = replace(exact, model=model)
+    hulls = exact.with_model(model)
     areas = exact.mesh.vertex_areas
     differ = float(areas[exact.label != hulls.label].sum() / areas.sum())
     wrong = exact.label != hulls.label
@@ -64,8 +64,8 @@ def _compared(exact: SurfaceLabels, edges: int | None) -> list[str]:
         f"{model.friction:g}",
         f"{math.degrees(model.sensor_resolution):.4g}°",
         "circular" if edges is None else f"{edges} edges",
-        *shares(exact.fractions()),
-        *shares(hulls.fractions()),
+        *fraction_cells(exact.fractions()),
+        *fraction_cells(hulls.fractions()),
         f"{100.0 * differ:.2f} %",
         str(int(np.count_nonzero(wrong))),
     ]

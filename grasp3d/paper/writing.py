@@ -1,10 +1,9 @@
-"""Everything of the paper into one folder: figures, painted surfaces, numbers."""
+"""Recomputation of the whole paper into one folder: figures, labelled surfaces, numbers."""
 
 from dataclasses import dataclass
 from pathlib import Path
 
-import numpy.typing as npt
-
+from grasp3d.arrays import ArrayLike
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.paper.convergence import comparisons, convergence_tables
 from grasp3d.paper.figures import FIGURES
@@ -20,26 +19,26 @@ from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.paper.surfaces import surface_table
 from grasp3d.plots.formats import save
 from grasp3d.rendering import can_render
-from grasp3d.system.files import check_writable, written_whole
+from grasp3d.system.files import atomic_write, check_writable
 from grasp3d.system.progress import Progress, ignore, within
 
 NUMBERS = "numbers.md"
 SOLIDS = ("sphere", "box", "cylinder")
 OBJECT = "object"
-"""What files about a real object are called, whatever its own is."""
+"""Name of a real object in the names of files."""
 SUFFIXES = (".svg", ".png")
 
 SEARCH, FIGURE, SURFACE, COMPARISON = 8.0, 1.0, 3.0, 13.0
-"""How long the parts take beside one another, for the progress."""
+"""Relative durations of the parts, for the progress."""
 
 
 @dataclass(frozen=True)
 class Paper:
-    """What was written."""
+    """Files that were written."""
 
     written: tuple[Path, ...]
     notes: tuple[str, ...]
-    """What is missing and why, a sentence each."""
+    """What is missing and why, one sentence each."""
 
 
 def write_paper(
@@ -47,20 +46,20 @@ def write_paper(
     settings: PaperSettings | None = None,
     *,
     object_file: Path | None = None,
-    fixed: npt.ArrayLike | None = None,
+    fixed: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> Paper:
     """Recompute Wan & Howe 2018: Fig. 5 to 11, their counterparts in space, and all numbers.
 
-    Files of the same names are replaced, each whole; nothing else in the folder is touched.
+    Files of the same names are replaced atomically; other files in the folder are not changed.
 
     Args:
         output: Folder, made if it is missing.
         settings: Friction and resolutions; None: the paper's.
         object_file: A mesh for the counterparts in space.
-        fixed: Place of the first finger on it, in the file's frame; None: where a two-finger grasp
-            is best.
-        progress: Called with the share of the work done, from 0 to 1.
+        fixed: Contact point of the first finger on it, in the file's frame; None: where a
+            two-finger grasp is best.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         SettingError: A setting is outside its range, or `fixed` is given without a mesh.
@@ -68,7 +67,7 @@ def write_paper(
         OutputError: The folder cannot be written to.
     """
     if fixed is not None and object_file is None:
-        raise SettingError("a place for the first finger needs an object: name its mesh as well")
+        raise SettingError("a contact point of the first finger needs an object: give its mesh")
     chosen = settings or PaperSettings()
     mesh = None if object_file is None else load_object(object_file)
     names = [*SOLIDS, *([OBJECT] if mesh is not None else [])]
@@ -95,37 +94,37 @@ def write_paper(
         steps.part(SURFACE)(1.0)
     sampled = {
         "The same solids from wrench hulls alone": surface_table(chosen),
-        "Sampled extreme normals beside exact labels": convergence_tables(
+        "Sampled extreme normals against exact labels": convergence_tables(
             comparisons(steps.part(COMPARISON))
         ),
     }
-    with written_whole(output / NUMBERS) as part:
+    with atomic_write(output / NUMBERS) as part:
         part.write_text(numbers_page(chosen, scanned, sampled), encoding="utf-8")
     written.append(output / NUMBERS)
     return Paper(tuple(written), _notes(names, pictures=pictures, real=bool(real)))
 
 
 class _Steps:
-    """Progress of parts that take different times."""
+    """Progress over parts of different durations."""
 
     def __init__(self, total: float, progress: Progress | None) -> None:
         self._total, self._progress, self._done = total, progress or ignore, 0.0
 
     def part(self, size: float) -> Progress:
-        """Begin the next part; gives a function that takes the share of it that is done."""
+        """Begin the next part; return a function that takes the fraction of it that is done."""
         start = self._done
         self._done += size / self._total
         return within(self._progress, start, min(1.0, self._done))
 
 
 def _check(output: Path, names: list[str]) -> None:
-    """Make the folder, and tell before the work whether it can be written to."""
+    """Make the folder, and check before the work that it can be written to."""
     try:
         output.mkdir(parents=True, exist_ok=True)
     except OSError as error:
-        raise OutputError(f"{output}: is no folder and none can be made ({error.strerror})") from (
-            error
-        )
+        raise OutputError(
+            f"{output}: is not a folder and cannot be made ({error.strerror})"
+        ) from error
     for path in (
         output / NUMBERS,
         *(output / f"{name}{end}" for name in names for end in SUFFIXES),
@@ -138,9 +137,9 @@ def _notes(names: list[str], *, pictures: bool, real: bool) -> tuple[str, ...]:
     if not pictures:
         files = ", ".join(f"surface_{name}" for name in names)
         notes.append(
-            f"there is no OpenGL here, so {files} show the shares without the painted surfaces; "
-            "EGL is enough (on Debian: libegl1 libgl1)"
+            f"OpenGL is not available, so {files} show the area fractions without the labelled "
+            "surfaces; EGL is enough (on Debian: libegl1 libgl1)"
         )
     if not real:
-        notes.append("to add a real object name its mesh: --object FILE")
+        notes.append("to add a real object give its mesh: --object FILE")
     return tuple(notes)

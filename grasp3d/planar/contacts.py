@@ -6,26 +6,29 @@ from functools import cached_property
 
 import numpy as np
 
-from grasp3d.arrays import Floats, locked
+from grasp3d.arrays import Floats, locked, short_repr
 
 TIE = 1e-10
-"""Angles closer than this count as equal, and a grasp at its critical angle as not closed [rad]."""
+"""Angles closer than this count as equal; a grasp at its critical angle is not force-closed [rad].
+"""
 
 STRAIGHT = 1e-9
-"""Where normals lie this near their middle there is no corner [rad]."""
+"""Half-range of normals up to which a point is not a corner [rad]."""
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
-    """Places on an outline and the inward normals that a finger may meet there."""
+class OutlineContacts:
+    """Contact points on an outline and the inward normals possible there."""
 
     points: Floats
     """Shape (k, 2)."""
     first: Floats
-    """Unit normals where the outline arrives at the place, shape (k, 2)."""
+    """Unit normals of the outline just before the point, shape (k, 2)."""
     last: Floats
-    """Unit normals where it leaves; another than `first` at corners only, where any normal between
-    the two may be met. Shape (k, 2)."""
+    """Unit normals just behind it, shape (k, 2); different from `first` at corners only, where any
+    normal between the two is possible."""
+
+    __repr__ = short_repr
 
     @cached_property
     def middle(self) -> Floats:
@@ -35,7 +38,7 @@ class Places:
 
     @cached_property
     def half_range(self) -> Floats:
-        """How far first and last lie from the middle [rad], shape (k,); below pi/2."""
+        """Angle from the middle to first and to last [rad], shape (k,); below pi/2."""
         across = self.first[:, 0] * self.last[:, 1] - self.first[:, 1] * self.last[:, 0]
         along = (self.first * self.last).sum(axis=1)
         return locked(0.5 * np.arctan2(np.abs(across), along))
@@ -46,38 +49,38 @@ def turn_between(first: Floats, second: Floats) -> Floats:
     return np.abs(np.remainder(first - second + math.pi, 2.0 * math.pi) - math.pi)
 
 
-def critical_angles(fixed: Places, places: Places) -> tuple[Floats, Floats]:
-    """Critical friction angles of one finger and each of others, in closed form.
+def critical_angles(fixed: OutlineContacts, others: OutlineContacts) -> tuple[Floats, Floats]:
+    """Critical friction angles of one finger with each of several others, in closed form.
 
-    With d from the first to the second contact, the smaller over s = +1 (squeezing) and s = -1
-    (expanding) of max(angle(n1, s d), angle(n2, -s d)): two planar cones close when both hold the
-    line between the contacts strictly inside (Nguyen 1988).
+    With d from the first to the second contact, the smaller over s = +1 (external grasp) and s = -1
+    (internal grasp) of max(angle(n1, s d), angle(n2, -s d)): two planar contacts are force-closed
+    when the line between them lies strictly inside both cones (Nguyen 1988).
 
     Args:
-        fixed: One place.
-        places: The others (k,).
+        fixed: One contact.
+        others: The others (k,).
 
     Returns:
-        (worst, best) [rad], shape (k,), inf where both fingers stand at one place. At corners each
-        angle is the largest, and the smallest, over the normals there. Up to pi/2, which is all
-        that labels ask, the first is the largest critical angle of any normals; beyond, a bound.
+        (worst, best) [rad], shape (k,), inf where both contacts are at one point. At corners these
+        are the largest and the smallest angle over the normals there. Up to pi/2, which is all that
+        labels need, the first is the exact maximum over the normals; above it is an upper bound.
     """
-    apart = places.points - fixed.points
+    apart = others.points - fixed.points
     toward = np.arctan2(apart[:, 1], apart[:, 0])
     off_first = turn_between(toward, fixed.middle)
-    off_second = turn_between(toward + math.pi, places.middle)
+    off_second = turn_between(toward + math.pi, others.middle)
     worst, best = (
         np.minimum(
-            np.maximum(off_first + wide_first, off_second + wide_second),
-            np.maximum(math.pi - off_first + wide_first, math.pi - off_second + wide_second),
+            np.maximum(off_first + range_first, off_second + range_second),
+            np.maximum(math.pi - off_first + range_first, math.pi - off_second + range_second),
         )
-        for wide_first, wide_second in (
-            (fixed.half_range, places.half_range),
-            (-fixed.half_range, -places.half_range),
+        for range_first, range_second in (
+            (fixed.half_range, others.half_range),
+            (-fixed.half_range, -others.half_range),
         )
     )
-    nowhere = (apart == 0.0).all(axis=1)
+    same_point = (apart == 0.0).all(axis=1)
     return (
-        np.where(nowhere, math.inf, np.minimum(worst, math.pi)),
-        np.where(nowhere, math.inf, np.maximum(best, 0.0)),
+        np.where(same_point, math.inf, np.minimum(worst, math.pi)),
+        np.where(same_point, math.inf, np.maximum(best, 0.0)),
     )

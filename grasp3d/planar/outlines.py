@@ -6,28 +6,27 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats, locked
+from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.planar.contacts import STRAIGHT, Places
+from grasp3d.planar.contacts import STRAIGHT, OutlineContacts
 from grasp3d.planar.fractions import length_below
 from grasp3d.planar.polygons import TINY, area_centroid, length, simple_polygon
-from grasp3d.settings import whole
+from grasp3d.settings import whole_number
 from grasp3d.stability.angle_distributions import AngleDistribution, check_fraction
 
 
 class Outline(AngleDistribution):
-    """A closed curve in the plane, gone round counter-clockwise, with one finger fixed on it.
+    """A closed counter-clockwise curve in the plane with one finger fixed on it.
 
-    As a distribution it tells the shares of its perimeter, where the second finger may stand, by
+    As a distribution it gives fractions of its perimeter, along which the second finger may be, by
     critical friction angle, in closed form.
     """
 
     name: str
-    """What it is, for titles."""
+    """Name for titles."""
     fixed: float
-    """Where the first finger stands: arc length from place 0 [unit], below the perimeter."""
+    """Arc length of the fixed finger [unit], from 0 to less than the perimeter."""
 
     @property
     @abstractmethod
@@ -50,35 +49,35 @@ class Outline(AngleDistribution):
         """Arc lengths of the corners [unit], ascending, shape (c,)."""
 
     @abstractmethod
-    def contacts_about_center(self, positions: npt.ArrayLike) -> Places:
-        """As `contacts_at`, the points relative to the center of mass."""
+    def contacts_about_center(self, positions: ArrayLike) -> OutlineContacts:
+        """Like `contacts_at`, with points relative to the center of mass."""
 
-    def contacts_at(self, positions: npt.ArrayLike) -> Places:
-        """Contacts at places along the perimeter.
+    def contacts_at(self, positions: ArrayLike) -> OutlineContacts:
+        """Contacts at positions along the perimeter.
 
         Args:
             positions: Arc lengths [unit], shape (k,), taken modulo the perimeter.
         """
         near = self.contacts_about_center(positions)
-        return Places(locked(near.points + self.center_mass), near.first, near.last)
+        return OutlineContacts(locked(near.points + self.center_mass), near.first, near.last)
 
 
 @dataclass(frozen=True)
 class Circle(Outline):
-    """A circle about the origin; place 0 is its lowest point."""
+    """A circle about the origin; arc lengths begin at its lowest point."""
 
     radius: float = 1.0
     fixed: float = 0.0
     name: str = "circle"
 
     def __post_init__(self) -> None:
-        """Check, and take the fixed place modulo the perimeter.
+        """Check, and take the fixed position modulo the perimeter.
 
         Raises:
-            SettingError: The radius is none, or the fixed place is not finite.
+            SettingError: The radius is not a length, or the fixed position is not finite.
         """
         object.__setattr__(self, "radius", length("radius of the circle", self.radius))
-        object.__setattr__(self, "fixed", _place(self.fixed, self.perimeter))
+        object.__setattr__(self, "fixed", _wrapped_position(self.fixed, self.perimeter))
 
     @property
     def perimeter(self) -> float:
@@ -100,55 +99,55 @@ class Circle(Outline):
         """None."""
         return locked(np.zeros(0))
 
-    def contacts_about_center(self, positions: npt.ArrayLike) -> Places:
+    def contacts_about_center(self, positions: ArrayLike) -> OutlineContacts:
         """See `Outline`."""
         turn = np.asarray(positions, dtype=np.float64) / self.radius - math.pi / 2.0
         outward = np.stack([np.cos(turn), np.sin(turn)], axis=-1)
         inward = locked(-outward)
-        return Places(locked(self.radius * outward), inward, inward)
+        return OutlineContacts(locked(self.radius * outward), inward, inward)
 
-    def worst_below(self, angles: npt.ArrayLike) -> Floats:
-        """See `AngleDistribution`: 2 angle / pi, wherever the finger stands.
+    def worst_below(self, angles: ArrayLike) -> Floats:
+        """See `AngleDistribution`: 2 angle / pi, for every position of the fixed finger.
 
-        Fingers an angle t apart about the center make a line that is (pi - t) / 2 off both normals.
+        The line through fingers an angle t apart about the center is (pi - t) / 2 off both normals.
         """
         return np.clip(np.asarray(angles, dtype=np.float64) * (2.0 / math.pi), 0.0, 1.0)
 
-    def best_below(self, angles: npt.ArrayLike) -> Floats:
+    def best_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`: a circle has no corners."""
         return self.worst_below(angles)
 
-    def worst_quantile(self, share: float) -> float:
+    def worst_quantile(self, fraction: float) -> float:
         """See `AngleDistribution`: the inverse."""
-        check_fraction(share)
-        return share * math.pi / 2.0
+        check_fraction(fraction)
+        return fraction * math.pi / 2.0
 
 
 @dataclass(frozen=True, eq=False, init=False)
 class Polyline(Outline):
-    """Any closed polygon that does not touch itself; place 0 is its first corner."""
+    """Any closed polygon that does not touch itself; arc lengths begin at its first corner."""
 
     corners: Floats
-    """Counter-clockwise [unit], without repeated ones, shape (n, 2)."""
+    """Counter-clockwise corners without repetitions [unit], shape (n, 2)."""
     fixed: float
     name: str
 
     def __init__(
-        self, corners: npt.ArrayLike, fixed: float = 0.0, *, name: str = "polygon"
+        self, corners: ArrayLike, fixed: float = 0.0, *, name: str = "polygon"
     ) -> None:
         """Check, copy and lock.
 
         Args:
             corners: Shape (k, 2), in either order; clockwise ones are reversed behind the first.
-            fixed: Where the first finger stands: arc length counter-clockwise from the first
-                corner [unit], taken modulo the perimeter.
-            name: What it is, for titles.
+            fixed: Position of the fixed finger: arc length counter-clockwise from the first corner
+                [unit], taken modulo the perimeter.
+            name: Name for titles.
 
         Raises:
-            SettingError: Corners that are no polygon, or a fixed place that is not finite.
+            SettingError: The corners are not a polygon, or the fixed position is not finite.
         """
         object.__setattr__(self, "corners", locked(simple_polygon(corners)))
-        object.__setattr__(self, "fixed", _place(fixed, self.perimeter))
+        object.__setattr__(self, "fixed", _wrapped_position(fixed, self.perimeter))
         object.__setattr__(self, "name", name)
 
     @cached_property
@@ -173,36 +172,36 @@ class Polyline(Outline):
         starts[0] = 0.0
         return locked(starts[self._corners.half_range > STRAIGHT])
 
-    def contacts_about_center(self, positions: npt.ArrayLike) -> Places:
-        """See `Outline`; within 1e-12 of the perimeter of a corner the finger stands on it."""
-        place = np.remainder(np.asarray(positions, dtype=np.float64), self.perimeter)
-        edge = np.minimum(np.searchsorted(self._ends, place, side="right"), len(self._ends) - 1)
-        left = self._ends[edge] - place
-        share = 1.0 - left / self._lengths[edge]
+    def contacts_about_center(self, positions: ArrayLike) -> OutlineContacts:
+        """See `Outline`; a contact within 1e-12 perimeters of a corner is at the corner."""
+        wrapped = np.remainder(np.asarray(positions, dtype=np.float64), self.perimeter)
+        edge = np.minimum(np.searchsorted(self._ends, wrapped, side="right"), len(self._ends) - 1)
+        left = self._ends[edge] - wrapped
+        fraction = 1.0 - left / self._lengths[edge]
         near = TINY * self.perimeter
         at_end, at_start = left <= near, self._lengths[edge] - left <= near
         edge = np.where(at_end, (edge + 1) % len(self._ends), edge)
         corner = at_end | at_start
-        share = np.where(corner, 0.0, share)
-        points = self._edges.points[edge] + share[:, None] * self._along[edge]
+        fraction = np.where(corner, 0.0, fraction)
+        points = self._edges.points[edge] + fraction[:, None] * self._along[edge]
         normals = self._edges.last[edge]
         first = np.where(corner[:, None], self._corners.first[edge], normals)
-        return Places(locked(points), locked(first), locked(normals))
+        return OutlineContacts(locked(points), locked(first), locked(normals))
 
-    def worst_below(self, angles: npt.ArrayLike) -> Floats:
+    def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
-        return self._share_below(angles, best=False)
+        return self._fraction_below(angles, best=False)
 
-    def best_below(self, angles: npt.ArrayLike) -> Floats:
-        """See `AngleDistribution`; other than `worst_below` where the finger is on a corner."""
-        return self._share_below(angles, best=True)
+    def best_below(self, angles: ArrayLike) -> Floats:
+        """See `AngleDistribution`; not `worst_below` only if the fixed finger is at a corner."""
+        return self._fraction_below(angles, best=True)
 
-    def _share_below(self, angles: npt.ArrayLike, *, best: bool) -> Floats:
+    def _fraction_below(self, angles: ArrayLike, *, best: bool) -> Floats:
         below = length_below(angles, self._finger, self._edges, self._along, best=best)
         return np.minimum(below / self.perimeter, 1.0)
 
     @cached_property
-    def _finger(self) -> Places:
+    def _finger(self) -> OutlineContacts:
         return self.contacts_about_center([self.fixed])
 
     @cached_property
@@ -218,43 +217,43 @@ class Polyline(Outline):
         return np.cumsum(self._lengths)
 
     @cached_property
-    def _edges(self) -> Places:
-        """Every edge's start and normal."""
+    def _edges(self) -> OutlineContacts:
+        """Start point and normal of every edge."""
         normals = np.stack([-self._along[:, 1], self._along[:, 0]], axis=-1)
         normals /= self._lengths[:, None]
-        return Places(self.corners - self.center_mass, normals, normals)
+        return OutlineContacts(self.corners - self.center_mass, normals, normals)
 
     @cached_property
-    def _corners(self) -> Places:
-        """Every corner, with the normals of the edges before and behind it."""
+    def _corners(self) -> OutlineContacts:
+        """Every corner with the normals of the edges before and behind it."""
         edges = self._edges
-        return Places(edges.points, np.roll(edges.last, 1, axis=0), edges.last)
+        return OutlineContacts(edges.points, np.roll(edges.last, 1, axis=0), edges.last)
 
 
 def square(half_side: float = 1.0) -> Polyline:
-    """Return the paper's square, the fixed finger at place 0, in the middle of its bottom side.
+    """Return the paper's square, the fixed finger in the middle of its bottom side.
 
     Args:
         half_side: Half of a side [unit].
 
     Raises:
-        SettingError: It is no length.
+        SettingError: It is not a length.
     """
     h = length("half side of the square", half_side)
     return Polyline([(0.0, -h), (h, -h), (h, h), (-h, h), (-h, -h)], name="square")
 
 
 def regular_polygon(sides: int, radius: float = 1.0) -> Polyline:
-    """Return a polygon of equal sides, the fixed finger at place 0, in the middle of its bottom.
+    """Return a regular polygon, the fixed finger in the middle of its bottom side.
 
     Args:
-        sides: Their number, at least 3.
+        sides: Number of sides, at least 3.
         radius: Distance of the corners from the center [unit].
 
     Raises:
-        SettingError: Fewer sides, or a radius that is no length.
+        SettingError: There are fewer sides, or the radius is not a length.
     """
-    count = whole("the number of sides", sides, 3)
+    count = whole_number("the number of sides", sides, 3)
     r = length("radius of the polygon", radius)
     turn = (np.arange(count) + 0.5) * (2.0 * math.pi / count) - math.pi / 2.0
     corners = r * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
@@ -263,18 +262,20 @@ def regular_polygon(sides: int, radius: float = 1.0) -> Polyline:
 
 
 def circle_fractions(*, friction: float, sensor_resolution: float) -> dict[str, float]:
-    """Shares of the paper's circle that are S, M and U; see `AngleDistribution.fractions`."""
+    """Fractions of the paper's circle that are S, M and U; see `AngleDistribution.fractions`."""
     return Circle().fractions(friction=friction, sensor_resolution=sensor_resolution)
 
 
 def square_fractions(*, friction: float, sensor_resolution: float) -> dict[str, float]:
-    """Shares of the paper's square that are S, M and U; see `AngleDistribution.fractions`."""
+    """Fractions of the paper's square that are S, M and U; see `AngleDistribution.fractions`."""
     return square().fractions(friction=friction, sensor_resolution=sensor_resolution)
 
 
-def _place(position: float, perimeter: float) -> float:
-    """A place modulo the perimeter."""
+def _wrapped_position(position: float, perimeter: float) -> float:
+    """Arc length modulo the perimeter."""
     if not math.isfinite(position):
-        raise SettingError(f"the fixed finger's place must be a finite length; got {position:g}")
-    place = position % perimeter
-    return place if place < perimeter else 0.0
+        raise SettingError(
+            f"the fixed finger's position must be a finite arc length; got {position:g}"
+        )
+    wrapped = position % perimeter
+    return wrapped if wrapped < perimeter else 0.0

@@ -1,28 +1,27 @@
-"""Closed polygons: read and checked, counter-clockwise."""
+"""Checks of closed polygons, and their conversion to counter-clockwise order."""
 
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import SettingError
 
 TINY = 1e-12
-"""Share of an outline's size below which lengths are none."""
+"""Fraction of an outline's size below which lengths count as 0."""
 
 FEWEST = 3
-"""Corners of a polygon."""
+"""Least number of corners of a polygon."""
 
 SMALLEST, LARGEST = 1e-100, 1e100
-"""Lengths beyond these would be lost when they are squared."""
+"""Limits of lengths: squares of smaller and larger ones underflow and overflow."""
 
 
 def length(name: str, value: float) -> float:
-    """A finite length above 0.
+    """Check a length: finite and above 0.
 
     Raises:
-        SettingError: It is not.
+        SettingError: It is outside the limits.
     """
     if not SMALLEST <= value <= LARGEST:
         raise SettingError(
@@ -31,11 +30,11 @@ def length(name: str, value: float) -> float:
     return float(value)
 
 
-def simple_polygon(corners: npt.ArrayLike) -> Floats:
-    """Corners of a polygon that goes round one region once, counter-clockwise.
+def simple_polygon(corners: ArrayLike) -> Floats:
+    """Corners of a simple polygon, counter-clockwise.
 
-    Corners that repeat one another in a row count once, and the first may stand at the end again.
-    It stays the first where the order is reversed.
+    Consecutive equal corners count once, and the first corner may be repeated at the end. The first
+    corner stays the first if the order is reversed.
 
     Args:
         corners: Shape (k, 2), in either order.
@@ -44,7 +43,7 @@ def simple_polygon(corners: npt.ArrayLike) -> Floats:
         Shape (at most k, 2).
 
     Raises:
-        SettingError: They are no such polygon.
+        SettingError: They are not a simple polygon.
     """
     points = _finite_points(corners)
     size = float(np.abs(points - points.mean(axis=0)).max())
@@ -72,7 +71,7 @@ def area_centroid(corners: Floats) -> Floats:
     return np.asarray(middle + parts @ (here + there) / (3.0 * parts.sum()))
 
 
-def _finite_points(corners: npt.ArrayLike) -> Floats:
+def _finite_points(corners: ArrayLike) -> Floats:
     try:
         points = np.asarray(corners, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -91,27 +90,27 @@ def _finite_points(corners: npt.ArrayLike) -> Floats:
 
 
 def _check_apart(corners: Floats) -> None:
-    """Refuse edges that cross, and corners on edges that are not theirs."""
+    """Refuse edges that cross, and corners that lie on other edges."""
     count = len(corners)
     ends = np.roll(corners, -1, axis=0)
     for i, (start, end) in enumerate(zip(corners, ends, strict=True)):
         along = end - start
         side = _cross(along, corners - start)  # of every corner
-        share = np.clip((corners - start) @ along / (along @ along), 0.0, 1.0)
-        distance = np.hypot(*(corners - start - share[:, None] * along).T)
+        fraction = np.clip((corners - start) @ along / (along @ along), 0.0, 1.0)
+        distance = np.hypot(*(corners - start - fraction[:, None] * along).T)
         distance[[i, (i + 1) % count]] = math.inf
         if distance.min() <= TINY:
             raise SettingError(
                 f"the outline must not touch itself; corner {int(distance.argmin())} lies on the "
                 f"edge that starts at corner {i}"
             )
-        parted = side * np.roll(side, -1) < 0.0
+        straddles = side * np.roll(side, -1) < 0.0
         across = ends - corners
         parts = _cross(across, start - corners) * _cross(across, end - corners) < 0.0
-        if (parted & parts).any():
+        if (straddles & parts).any():
             raise SettingError(
                 f"the outline must not cross itself; the edges that start at corners {i} and "
-                f"{int((parted & parts).argmax())} do"
+                f"{int((straddles & parts).argmax())} do"
             )
 
 

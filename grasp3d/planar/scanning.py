@@ -3,62 +3,65 @@
 import math
 from dataclasses import dataclass
 from functools import cached_property, partial
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Bytes, Floats, locked
+from grasp3d.arrays import Bools, Bytes, Floats, locked, short_repr
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.errors import SettingError
-from grasp3d.planar.contacts import STRAIGHT, TIE, Places, critical_angles
-from grasp3d.planar.hulls import Pairs, Span, extreme_normals, face_normals, tested_normals
+from grasp3d.planar.contacts import STRAIGHT, TIE, OutlineContacts, critical_angles
+from grasp3d.planar.hulls import EpsilonRange, Pairs, extreme_normals, face_normals, tested_normals
 from grasp3d.planar.outlines import Outline
 from grasp3d.planar.polygons import TINY
-from grasp3d.settings import GraspModel, whole
+from grasp3d.settings import GraspModel, check_choice, whole_number
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles
 
 Kind = Literal["exact", "extremes", "four"]
 
-FEWEST_PLACES = 8
+FEWEST_POINTS = 8
 FEWEST_EDGES = 2
 
 
 @dataclass(frozen=True, eq=False)
 class PlanarScan:
-    """A finger fixed on an outline and a second one at k places along it.
+    """A finger fixed on an outline and a second one at k points along it.
 
-    The first row is the fixed finger's own place, which makes no grasp: U, epsilon 0, critical
-    angle inf. What comes from hulls is computed when first asked for.
+    The first row is the fixed finger's own point, which makes no grasp: U, epsilon 0, critical
+    angle inf. What comes from wrench hulls is computed at first use.
     """
 
     outline: Outline
     model: GraspModel
     edges: int
-    """Forces of a planar cone."""
+    """Number of forces of a planar cone."""
     rings: bool
-    """Whether normals between the extreme ones were added where they leave gaps."""
+    """Whether normals between the extreme ones were added where these leave gaps."""
     position: Floats
-    """Arc length [unit], rising from the fixed finger's place to less than a perimeter beyond."""
+    """Arc length [unit], rising from the fixed finger's to less than a perimeter beyond it."""
     weights: Floats
-    """Share of the perimeter that each place stands for; 0 for corners and the fixed place."""
-    contacts: Places
-    """The places, about the center of mass."""
+    """Fraction of the perimeter that is nearest to each point; 0 for corners and the fixed point.
+    """
+    contacts: OutlineContacts
+    """Contacts at the points, relative to the center of mass."""
     critical_angle: Floats
     """Critical friction angle over the worst normals [rad], closed form."""
     critical_angle_best: Floats
-    """The same over the best normals; another at corners, or if the fixed finger is on one."""
+    """The same over the best normals; smaller at corners, or if the fixed finger is at one."""
     label: Bytes
-    """`Label` codes, exact: from the critical angles."""
+    """Exact `Label` codes, from the critical angles."""
+
+    __repr__ = short_repr
 
     @property
     def points(self) -> Floats:
-        """The places in the outline's frame [unit], shape (k, 2)."""
+        """The points in the outline's frame [unit], shape (k, 2)."""
         return locked(self.contacts.points + self.outline.center_mass)
 
     @cached_property
     def at_corner(self) -> Bools:
-        """Whether a place is a corner, with a range of normals, shape (k,)."""
+        """Whether a point is a corner, with a range of normals, shape (k,)."""
         return locked(self.contacts.half_range > STRAIGHT)
 
     @cached_property
@@ -71,7 +74,8 @@ class PlanarScan:
     @cached_property
     def epsilon(self) -> Floats:
         """Epsilon at the perceived normals; at corners the bisecting ones."""
-        return self._pairs.over(lambda _: np.zeros(1), self.model.friction_angle).lowest
+        beta = self.model.friction_angle
+        return self._pairs.over_combinations(lambda _: np.zeros(1), beta).lowest
 
     @cached_property
     def epsilon_extremes(self) -> Floats:
@@ -86,11 +90,11 @@ class PlanarScan:
     def epsilon_effective(self) -> Floats:
         """Epsilon at the effective friction; at corners the smallest over faces and bisector."""
         beta = math.atan(effective_friction(self.model.friction, self.model.sensor_resolution))
-        return self._pairs.over(face_normals, beta).lowest
+        return self._pairs.over_combinations(face_normals, beta).lowest
 
     @property
     def epsilon_min(self) -> Floats:
-        """Smallest epsilon over all normals that are tested.
+        """Smallest epsilon over all tested normals.
 
         Raises:
             SettingError: The rings need too many normals.
@@ -99,43 +103,41 @@ class PlanarScan:
 
     @property
     def epsilon_max(self) -> Floats:
-        """Largest epsilon over all normals that are tested; see `epsilon_min`."""
+        """Largest epsilon over all tested normals; see `epsilon_min`."""
         return self._tested.highest
 
     @cached_property
     def label_extremes(self) -> Bytes:
-        """`Label` codes from closure of all normals that are tested alone; see `epsilon_min`.
+        """`Label` codes from force closure at the tested normals alone; see `epsilon_min`.
 
         With rings the same as `label`, except within rounding of a threshold.
         """
-        return locked(_labels(self._tested.every, self._tested.some))
+        return locked(_labels(self._tested.all_closed, self._tested.any_closed))
 
     @cached_property
     def label_four(self) -> Bytes:
         """`Label` codes from the four combinations of extreme normals alone.
 
         They differ from the exact ones where alpha > 2 beta: the extreme cones of a contact then
-        leave a gap between them. Where the line between the contacts lies within alpha/2 - beta of
-        a perceived normal, in the gap, no combination closes and the label is U, although it is M
-        wherever the line is less than alpha/2 + beta off both normals. At corners the gap opens
-        where exterior angle + alpha exceed 2 beta; where they exceed 180 degrees the label may even
-        be S, from two normals that turn round the back.
+        leave a gap between them. If the line between the contacts lies within alpha/2 - beta of a
+        perceived normal, in the gap, no combination is force-closed and the label is U, although it
+        is M wherever the line is less than alpha/2 + beta off both normals. At corners there is a
+        gap where exterior angle + alpha exceed 2 beta; where they exceed 180 degrees the label may
+        even be S, from extreme normals that point to the opposite side.
         """
         closed = self._four[1]
         return locked(_labels(np.all(closed, axis=0), np.any(closed, axis=0)))
 
     def fractions(self, *, of: Kind = "exact") -> dict[str, float]:
-        """Shares of the perimeter that are S, M and U, each place standing for its surroundings.
+        """Fractions of the perimeter that are S, M and U, weighted with `weights`.
 
         Args:
             of: 'exact': `label`; 'extremes': `label_extremes`; 'four': `label_four`.
 
         Raises:
-            SettingError: No label is called so, or the rings need too many normals.
+            SettingError: `of` is unknown, or the rings need too many normals.
         """
-        if of not in get_args(Kind):
-            known = ", ".join(get_args(Kind))
-            raise SettingError(f"no labels are called {of!r}; known: {known}")
+        check_choice("kind of labels", of, Kind)
         labels = getattr(self, "label" if of == "exact" else f"label_{of}")
         return {
             label.name: float(self.weights[labels == label].sum())
@@ -145,31 +147,31 @@ class PlanarScan:
     @cached_property
     def _pairs(self) -> Pairs:
         row = slice(0, 1)
-        places = self.contacts
-        fixed = Places(places.points[row], places.first[row], places.last[row])
+        contacts = self.contacts
+        fixed = OutlineContacts(contacts.points[row], contacts.first[row], contacts.last[row])
         scale, actuation = self.outline.torque_scale, self.model.actuation
-        return Pairs(fixed, places, scale, actuation, self.edges)
+        return Pairs(fixed, contacts, scale, actuation, self.edges)
 
     @cached_property
     def _four(self) -> tuple[Floats, Bools]:
         """Epsilon and closure of the combinations of extreme normals, shape (4, k)."""
         choose = partial(extreme_normals, tilt=self.model.tilt)
-        return self._pairs.each(choose, self.model.friction_angle)
+        return self._pairs.each_combination(choose, self.model.friction_angle)
 
     @cached_property
-    def _tested(self) -> Span:
+    def _tested(self) -> EpsilonRange:
         beta = self.model.friction_angle
         choose = partial(
             tested_normals, tilt=self.model.tilt, friction_angle=beta, rings=self.rings
         )
-        return self._pairs.over(choose, beta)
+        return self._pairs.over_combinations(choose, beta)
 
 
 def scan(
     outline: Outline,
     model: GraspModel | None = None,
     *,
-    places: int = 720,
+    points: int = 720,
     edges: int = 2,
     rings: bool = True,
 ) -> PlanarScan:
@@ -177,21 +179,22 @@ def scan(
 
     Args:
         outline: The curve, with the first finger fixed on it.
-        model: Friction and sensor resolution, and what is at most 1 in epsilon; None: the
-            defaults. Its `edges` and `torsion_radius` say nothing in the plane.
-        places: Evenly spaced ones, the fixed finger's first, at least 8; corners come on top. For
-            shares of the perimeter every edge should hold some.
-        edges: Forces of unit length of a planar friction cone, at least 2, spread evenly from one
-            edge to the other; the paper has 2. More are for the arc between: closure is the same.
+        model: Friction, sensor resolution and actuation; None: the defaults. Its `edges` and
+            `torsion_radius` have no effect in the plane.
+        points: Number of evenly spaced points, the fixed finger's first, at least 8; corners are
+            added. For fractions of the perimeter every edge should contain some.
+        edges: Number of unit forces of a planar friction cone, at least 2, evenly spaced from one
+            edge to the other; 2 in the paper. More approximate the arc between the edges: epsilon
+            changes, force closure does not.
         rings: Whether to test more normals where the extreme, the perceived and the bisecting ones
             leave gaps of more than 2 beta.
 
     Raises:
-        SettingError: A setting outside its range, or no place that is not a corner.
+        SettingError: A setting is outside its range, or all points are corners.
     """
     settings = GraspModel() if model is None else model
-    travel = _travel(outline, whole("places", places, FEWEST_PLACES))
-    count = whole("edges of a planar cone", edges, FEWEST_EDGES)
+    travel = _travel(outline, whole_number("points", points, FEWEST_POINTS))
+    count = whole_number("edges of a planar cone", edges, FEWEST_EDGES)
     position = outline.fixed + travel
     contacts = outline.contacts_about_center(position)
     fixed = outline.contacts_about_center(position[:1])
@@ -210,27 +213,27 @@ def scan(
     )
 
 
-def _travel(outline: Outline, places: int) -> Floats:
+def _travel(outline: Outline, points: int) -> Floats:
     """Arc lengths from the fixed finger: evenly spaced ones and the corners, in order."""
-    even = np.linspace(0.0, outline.perimeter, places + 1)
+    even = np.linspace(0.0, outline.perimeter, points + 1)
     corners = np.remainder(outline.corner_positions - outline.fixed, outline.perimeter)
     apart = np.abs(corners[:, None] - even).min(axis=1) > TINY * outline.perimeter
     return np.sort(np.concatenate([even[:-1], corners[apart]]))
 
 
-def _weights(travel: Floats, contacts: Places, perimeter: float) -> Floats:
-    """Share of the perimeter that is nearest to each place, corners and the fixed one parting."""
-    counts = contacts.half_range <= STRAIGHT
-    counts[0] = False
-    smooth = np.flatnonzero(counts)
+def _weights(travel: Floats, contacts: OutlineContacts, perimeter: float) -> Floats:
+    """Fraction of the perimeter nearest to each point, except to corners and the fixed point."""
+    weighted = contacts.half_range <= STRAIGHT
+    weighted[0] = False
+    smooth = np.flatnonzero(weighted)
     if len(smooth) == 0:
-        raise SettingError("every place is a corner of the outline; scan more places")
+        raise SettingError("every point is a corner of the outline; scan more points")
     bounds = 0.5 * (travel[smooth[:-1] + 1] + travel[smooth[1:] - 1])
     weights = np.zeros(len(travel))
     weights[smooth] = np.diff(np.concatenate([[0.0], bounds, [perimeter]])) / perimeter
     return weights
 
 
-def _labels(every: Bools, some: Bools) -> Bytes:
-    """S where all close, U where none does, M elsewhere."""
-    return np.where(every, Label.S, np.where(some, Label.M, Label.U)).astype(np.uint8)
+def _labels(all_closed: Bools, any_closed: Bools) -> Bytes:
+    """S where all are force-closed, U where none is, M elsewhere."""
+    return np.where(all_closed, Label.S, np.where(any_closed, Label.M, Label.U)).astype(np.uint8)

@@ -1,1 +1,1 @@
-"""The figures: drawings of cones, curves, stacked fractions, painted surfaces (matplotlib)."""
+"""Figures with matplotlib: cones, curves, stacked area fractions, labelled surfaces."""

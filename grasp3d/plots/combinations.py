@@ -25,12 +25,13 @@ from grasp3d.plots.style import COLUMN, LABEL_COLORS, bare, new_figure, styled
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 
-LOST = 1.0 / 3.0
-"""Share of the tilt that the drawn grasp can lose: so it is ambiguous."""
+TOLERATED = 1.0 / 3.0
+"""Fraction of the tilt that the drawn grasp tolerates at both contacts: less than 1 is ambiguous.
+"""
 
 _PERCEIVED: dict[str, Any] = {"color": DARK, "linewidth": 0.8, "linestyle": (0, (3, 2))}
 
-_VERDICTS = {
+_RESULTS = {
     (True, True): "line in both cones:\nstable",
     (True, False): "line outside cone 2:\nnot stable",
     (False, True): "line outside cone 1:\nnot stable",
@@ -42,8 +43,8 @@ _VERDICTS = {
 def combinations_figure(model: GraspModel) -> Figure:
     """Draw one grasp of a circle under the four combinations of extreme normals.
 
-    Wan & Howe 2018, Fig. 6: some combinations hold the line between the fingers in both cones,
-    some do not, so the sensor cannot tell whether the grasp is stable.
+    Wan & Howe 2018, Fig. 6: in some combinations the line between the contacts is inside both
+    cones, in others it is not, so the sensor cannot decide whether the grasp is stable.
 
     Args:
         model: Friction and sensor resolution.
@@ -53,11 +54,11 @@ def combinations_figure(model: GraspModel) -> Figure:
     """
     check_drawable(model)
     circle = CircleOutline()
-    off = model.friction_angle - LOST * model.tilt  # the line and each perceived normal
-    places = circle.contacts_at([off * circle.radius, (math.pi - off) * circle.radius])
+    off = model.friction_angle - TOLERATED * model.tilt  # between line and perceived normals
+    contacts = circle.contacts_at([off * circle.radius, (math.pi - off) * circle.radius])
     figure = new_figure(COLUMN, 4.3)
     for axes, signs in zip(figure.subplots(2, 2).flat, product((1, -1), repeat=2), strict=True):
-        _combination(axes, places.points, places.first, np.array(signs), model)
+        _combination(axes, contacts.points, contacts.first, np.array(signs), model)
     figure.legend(handles=_handles(), loc="outside lower center", ncols=2)
     return figure
 
@@ -65,12 +66,12 @@ def combinations_figure(model: GraspModel) -> Figure:
 def _combination(
     axes: Axes, points: Floats, normals: Floats, signs: Floats, model: GraspModel
 ) -> None:
-    """One panel: both cones tilted, the line between the contacts, and whether they hold it."""
+    """Draw one panel: both tilted cones, and the line between the contacts."""
     bare(axes)
     axes.add_patch(Circle((0.0, 0.0), 1.0, facecolor=OBJECT, edgecolor=DARK, linewidth=0.9))
     perceived = np.arctan2(normals[:, 1], normals[:, 0])
     tilted = perceived + signs * model.tilt
-    holds = holding(points, tilted, model.friction_angle)
+    inside = cones_with_line(points, tilted, model.friction_angle)
     for number, (point, normal, angle, line) in enumerate(
         zip(points, perceived, tilted, SIDES, strict=True), start=1
     ):
@@ -81,15 +82,14 @@ def _combination(
         axes.add_patch(Circle(tuple(finger), 0.14, facecolor=DARK, edgecolor="none", zorder=5))
         name = axes.text(finger[0], finger[1], str(number), color="white", fontsize=6.5, zorder=6)
         name.set(ha="center", va="center_baseline")
-    color = LABEL_COLORS[Label.S if holds.all() else Label.U]
+    color = LABEL_COLORS[Label.S if inside.all() else Label.U]
     axes.plot(*points.T, color=color, linewidth=1.8, zorder=4)
-    said = _VERDICTS[bool(holds[0]), bool(holds[1])]
-    axes.set_title(said, fontsize=7.5)
+    axes.set_title(_RESULTS[bool(inside[0]), bool(inside[1])], fontsize=7.5)
     axes.set(xlim=(-1.12, 1.16), ylim=(-1.16, 1.16))
 
 
-def holding(points: Floats, normals: Floats, friction_angle: float) -> Bools:
-    """Tell which of two cones hold the line between their contacts strictly inside, shape (2,).
+def cones_with_line(points: Floats, normals: Floats, friction_angle: float) -> Bools:
+    """Mask of the two cones that have the line between their contacts strictly inside, shape (2,).
 
     Args:
         points: The contacts, shape (2, 2).

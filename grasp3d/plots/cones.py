@@ -1,4 +1,4 @@
-"""Drawings of friction cones whose normals are known to within the sensor's resolution."""
+"""Drawings of friction cones of normals within the sensor's resolution."""
 
 import math
 from typing import Any
@@ -21,14 +21,14 @@ UP = math.pi / 2.0
 TIP = 0.42
 """Radius of the drawn fingertip; the cones have length 1."""
 OPACITY = 0.22
-"""Of the drawn cones."""
+"""Opacity of the drawn cones."""
 SIDES = LINES[:2]
-"""Lines of the two extreme cones, or of the cones of two fingers."""
+"""Line styles of the two extreme cones, or of the cones of two fingers."""
 
 
 @styled
 def cone_figure(model: GraspModel) -> Figure:
-    """Draw one contact: the perceived normal, the extreme ones, and what their cones share.
+    """Draw one contact: perceived and extreme normals, and the intersection of the extreme cones.
 
     Wan & Howe 2018, Fig. 5: the effective cone has the half-angle beta - alpha / 2.
 
@@ -36,7 +36,7 @@ def cone_figure(model: GraspModel) -> Figure:
         model: Friction and sensor resolution.
 
     Raises:
-        SettingError: The extreme cones share nothing, or do not fit above the surface.
+        SettingError: The extreme cones do not intersect, or do not fit above the surface.
     """
     check_drawable(model)
     beta, tilt = model.friction_angle, model.tilt
@@ -58,7 +58,7 @@ def cone_figure(model: GraspModel) -> Figure:
 
 
 def check_drawable(model: GraspModel) -> None:
-    """Check that the extreme cones share a cone, and that all lie above the surface.
+    """Check that the extreme cones intersect in a cone, and that all lie above the surface.
 
     Raises:
         SettingError: They do not.
@@ -78,7 +78,7 @@ def draw_cone(
     axis: float,
     half_angle: float,
     color: str,
-    linestyle: Any,  # noqa: ANN401, matplotlib's own union of names and dashes
+    linestyle: Any,
     *,
     length: float = 1.0,
     opacity: float = OPACITY,
@@ -86,14 +86,14 @@ def draw_cone(
     """Draw a cone as a wedge.
 
     Args:
-        axes: Where to draw.
-        tip: Where the finger touches, shape (2,).
-        axis: Polar angle of its axis [rad].
-        half_angle: [rad]
-        color: Of the wedge and its outline.
-        linestyle: Of the outline.
-        length: Of its sides.
-        opacity: Of the wedge.
+        axes: Axes to draw on.
+        tip: Contact point, shape (2,).
+        axis: Polar angle of the cone's axis [rad].
+        half_angle: Half-angle of the cone [rad].
+        color: Color of the wedge and its outline.
+        linestyle: Line style of the outline.
+        length: Length of the sides.
+        opacity: Opacity of the wedge.
     """
     low, high = math.degrees(axis - half_angle), math.degrees(axis + half_angle)
     inside, rim = (Wedge((tip[0], tip[1]), length, low, high) for _ in range(2))
@@ -117,7 +117,7 @@ def at_polar(radius: float, angle: float) -> Floats:
 
 
 def _contact(axes: Axes) -> None:
-    """The perceived surface, the object above it, and the fingertip that touches it from below."""
+    """Draw the perceived surface, the object above it, and the fingertip that touches it."""
     axes.axhspan(0.0, 1.9, color=OBJECT, linewidth=0.0, zorder=0)
     axes.axhline(0.0, color=DARK, linewidth=1.0, zorder=1)
     turn = np.linspace(0.0, math.pi, 49)
@@ -143,9 +143,9 @@ def _name_normals(axes: Axes, tilt: float) -> None:
 def _name_angles(axes: Axes, beta: float, tilt: float) -> None:
     for low, high in ((UP - tilt, UP), (UP, UP + tilt)):
         _angle(axes, 1.1, low, high)
-        _say(axes, at_polar(1.26, 0.5 * (low + high)), r"$\alpha/2$", tilt)
+        _write_angle(axes, at_polar(1.26, 0.5 * (low + high)), r"$\alpha/2$", tilt)
     _angle(axes, 0.8, UP - tilt - beta, UP - tilt)
-    _say(axes, at_polar(0.64, UP - beta), r"$\beta$", beta)
+    _write_angle(axes, at_polar(0.64, UP - beta), r"$\beta$", beta)
     _angle(axes, 0.5, UP, UP + beta - tilt)
     axes.annotate(
         rf"$\beta-\alpha/2$ = {math.degrees(beta - tilt):.3g}°",
@@ -169,16 +169,15 @@ def _angle(axes: Axes, radius: float, low: float, high: float) -> None:
     axes.add_patch(shape)
 
 
-def _say(axes: Axes, place: Floats, name: str, angle: float) -> None:
-    said = f"{name}\n{math.degrees(angle):.3g}°"
-    axes.text(
-        place[0], place[1], said, ha="center", va="center", fontsize=6.5, linespacing=1.0, zorder=5
-    )
+def _write_angle(axes: Axes, position: Floats, name: str, angle: float) -> None:
+    x, y = position
+    text = f"{name}\n{math.degrees(angle):.3g}°"
+    axes.text(x, y, text, ha="center", va="center", fontsize=6.5, linespacing=1.0, zorder=5)
 
 
 def _handles() -> list[Patch]:
-    shared = Patch(facecolor=LABEL_COLORS[Label.S], alpha=0.8, label="effective cone")
+    effective = Patch(facecolor=LABEL_COLORS[Label.S], alpha=0.8, label="effective cone")
     extreme = [Patch(edgecolor=line["color"], linestyle=line["linestyle"]) for line in SIDES]
     for patch in extreme:
         patch.set(facecolor=to_rgba(patch.get_edgecolor(), OPACITY), label="extreme cone")
-    return [shared, *extreme]
+    return [effective, *extreme]

@@ -21,10 +21,10 @@ Over = Literal["angle", "position"]
 HEIGHT = 3.5
 """Of the figure [inch]."""
 CURVES, BAR = 9.0, 1.0
-"""Shares of the height that the curves and the bars take."""
+"""Height ratio of the curves and the bars."""
 
 LETTER = 0.05
-"""Share of the axis from which on a bar bears its letter."""
+"""Fraction of the axis from which a bar is labelled with its letter."""
 
 _NOMINAL: dict[str, Any] = {"color": "black", "linewidth": 1.6}
 _EFFECTIVE: dict[str, Any] = {"color": "#B0B0B0", "linewidth": 4.0, "solid_capstyle": "butt"}
@@ -33,7 +33,7 @@ _COMBINATIONS = ("+ +", "+ −", "− +", "− −")
 
 @dataclass(frozen=True, eq=False)
 class Run:
-    """A stretch of places with one label."""
+    """An interval of the axis with one label."""
 
     start: float
     end: float
@@ -42,13 +42,13 @@ class Run:
 
 @styled
 def curves_figure(scans: Sequence[PlanarScan], *, over: Over, unit: str = "unit") -> Figure:
-    """Draw a column for each scan: epsilon of all kinds, and bars of S, M and U under it.
+    """Draw a column for each scan: curves of epsilon, and bars of S, M and U under them.
 
     Args:
-        scans: Of one outline at several resolutions; at least one.
-        over: What the second finger's place is told by: its 'angle' [degrees] or its 'position'
-            along the perimeter from the fixed finger [unit].
-        unit: What the outline's lengths are measured in.
+        scans: Scans of one outline at several resolutions; at least one.
+        over: Abscissa: the second finger's 'angle' [degrees] or its 'position' along the perimeter,
+            both from the fixed finger [unit].
+        unit: Unit of the outline's lengths.
     """
     figure = new_figure(PAGE, HEIGHT)
     grid = figure.subplots(
@@ -79,11 +79,11 @@ def epsilon_curves(axes: Axes, scan: PlanarScan, *, over: Over) -> None:
     Curves are broken at corners; there the values are dots.
 
     Args:
-        axes: Where to draw.
-        scan: What to draw.
+        axes: Axes to draw on.
+        scan: The scan.
         over: As in `curves_figure`.
     """
-    x, corners = places(scan, over), at_corner(scan)
+    x, corners = axis_positions(scan, over), at_corner(scan)
     values = [
         (scan.epsilon_effective, _EFFECTIVE),
         *zip(scan.epsilon_extremes, LINES, strict=False),
@@ -114,11 +114,11 @@ def label_bars(axes: Axes, scan: PlanarScan, *, over: Over) -> None:
     """Draw the labels along the perimeter as bars with letters, those of corners as squares.
 
     Args:
-        axes: Where to draw.
-        scan: What to draw.
+        axes: Axes to draw on.
+        scan: The scan.
         over: As in `curves_figure`.
     """
-    x, corners = places(scan, over), at_corner(scan)
+    x, corners = axis_positions(scan, over), at_corner(scan)
     smooth = ~corners
     for run in label_runs(x[:-1][smooth], scan.label[smooth], x[-1]):
         axes.axvspan(run.start, run.end, color=LABEL_COLORS[run.label], linewidth=0.0)
@@ -136,25 +136,25 @@ def label_bars(axes: Axes, scan: PlanarScan, *, over: Over) -> None:
     axes.spines[:].set_visible(False)
 
 
-def places(scan: PlanarScan, over: Over) -> Floats:
-    """Where the scanned places stand on the axis, and its end, shape (k + 1,)."""
+def axis_positions(scan: PlanarScan, over: Over) -> Floats:
+    """Abscissas of the scanned points, and the end of the axis, shape (k + 1,)."""
     if over == "angle":
         return np.append(np.degrees(scan.angle), 360.0)
     return np.append(scan.position - scan.position[0], scan.outline.perimeter)
 
 
 def at_corner(scan: PlanarScan) -> Bools:
-    """Tell the places that are corners of the outline, shape (k,)."""
+    """Mask of the points that are corners of the outline, shape (k,)."""
     return np.asarray((scan.contacts.first != scan.contacts.last).any(axis=1))
 
 
 def label_runs(x: Floats, labels: Bytes, end: float) -> list[Run]:
-    """Stretches of one label, each to halfway between the places where the label changes.
+    """Intervals of one label, with bounds halfway between the points where the label changes.
 
     Args:
-        x: Places in order, shape (k,).
+        x: Abscissas of the points in order, shape (k,).
         labels: Their `Label` codes, shape (k,).
-        end: Where the last stretch ends; the first starts at 0.
+        end: End of the last interval; the first starts at 0.
     """
     changes = np.flatnonzero(np.diff(labels)) + 1
     bounds = [0.0, *(0.5 * (x[changes - 1] + x[changes])).tolist(), end]
@@ -173,7 +173,7 @@ def _widest(run: Run, corners: Floats) -> tuple[float, float]:
 
 
 def _corner_spans(scan: PlanarScan, x: Floats) -> list[tuple[float, float]]:
-    """Where each corner stands on the axis, and its range of normals [degrees].
+    """Abscissa of each corner, and its range of normals [degrees].
 
     Wan & Howe 2018, Sec. IV: exterior angle + alpha.
     """
@@ -183,15 +183,15 @@ def _corner_spans(scan: PlanarScan, x: Floats) -> list[tuple[float, float]]:
 
 
 def _handles(*, cornered: bool) -> list[Any]:
-    """Legend entries, to be laid out in three columns of four, four and three."""
-    nothing = Line2D([], [], linestyle="none", label=" ")
+    """Legend entries, for three columns of four, four and three."""
+    empty = Line2D([], [], linestyle="none", label=" ")
     corner = Line2D([], [], marker="s", color="white", markeredgecolor="black", linestyle="none",
                     markersize=5.0, label="label of the corner itself")  # fmt: skip
     return [
         Line2D([], [], label="perceived normals", **_NOMINAL),
         Line2D([], [], label=r"perceived normals, friction $\mu_\mathrm{eff}$", **_EFFECTIVE),
-        corner if cornered else nothing,
-        nothing,
+        corner if cornered else empty,
+        empty,
         *(
             Line2D([], [], label=f"extreme normals, tilts {signs}", **line)
             for signs, line in zip(_COMBINATIONS, LINES, strict=False)

@@ -1,4 +1,4 @@
-"""Figures as files, in the formats that their suffixes name."""
+"""Writing of figures to files, in formats chosen by suffix."""
 
 import warnings
 from pathlib import Path
@@ -8,13 +8,13 @@ from matplotlib import style
 from matplotlib.figure import Figure
 
 from grasp3d.plots.style import styled
-from grasp3d.system.files import check_suffix, written_whole
+from grasp3d.system.files import atomic_write, check_suffix
 
 DPI = 300
 
 SAVING: dict[str, Any] = {
-    # As outlines, so that labels measured here fit in every viewer, whatever fonts it has; each
-    # label's words stand in a comment beside its outline.
+    # Text as outlines, so that it has the same size with any fonts; the text itself is in a comment
+    # beside each outline.
     "svg.fonttype": "path",
     "svg.hashsalt": "grasp3d",
 }
@@ -24,15 +24,15 @@ METADATA: dict[str, dict[str, Any]] = {
     ".png": {"Software": None},
     ".pdf": {"CreationDate": None},
 }
-"""What each format would say about the moment and the maker, left out: the same bytes each time."""
+"""Metadata of each format on time and software, removed: files are the same bytes each time."""
 
 
 @styled
 def save_as(figure: Figure, path: Path) -> None:
-    """Write a figure whole.
+    """Write a figure atomically.
 
     Args:
-        figure: What to write.
+        figure: The figure.
         path: File to make or replace; .svg, .png or .pdf.
 
     Raises:
@@ -40,18 +40,18 @@ def save_as(figure: Figure, path: Path) -> None:
     """
     check_suffix(path, METADATA, "figure")
     suffix = path.suffix.lower()
-    with style.context(SAVING), written_whole(path) as part, warnings.catch_warnings():
-        # A name in letters that the font lacks is drawn as boxes; that is no news to anybody.
+    with style.context(SAVING), atomic_write(path) as part, warnings.catch_warnings():
+        # A name in letters that the font lacks is drawn as boxes, without a warning.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure.savefig(part, format=suffix[1:], dpi=DPI, metadata=METADATA[suffix])
 
 
 def save(figure: Figure, path: Path) -> tuple[Path, Path]:
-    """Write a figure as vector graphics and as a picture, each whole.
+    """Write a figure as vector graphics and as a picture, each atomically.
 
     Args:
-        figure: What to write.
-        path: Without suffix, or with one that is replaced.
+        figure: The figure.
+        path: Path without suffix, or with one that is replaced.
 
     Returns:
         The paths, .svg and .png.

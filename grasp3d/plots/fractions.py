@@ -1,4 +1,4 @@
-"""Shares of S, M and U over the sensor's resolution, and the ceiling that they set."""
+"""Panels of area fractions S, M and U over the sensor's resolution, and of accuracy ceilings."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -28,22 +28,24 @@ PANEL = 1.7
 """Least width of a panel [inch]."""
 ROW = 1.35
 """Height of a row of panels [inch]."""
-AROUND = 1.25
-"""Height of what stands above and below the rows [inch]."""
+MARGINS = 1.25
+"""Height of titles and legend above and below the rows [inch]."""
 NAME = 20
-"""Letters of a name in one line."""
+"""Characters of a name in one line."""
 LEAST, ENOUGH = 13.0, 30.0
-"""Thickness of an area that has room for its letter, and plenty of it [%]."""
+"""Thickness of an area that is needed for its letter, and that is ample [%]."""
 
 
-def stacked(axes: Axes, sweep: Sweep, row: int = 0, *, shares: Sequence[float] = ()) -> None:
-    """Stack the shares of S, M and U over the resolution (Wan & Howe 2018, Fig. 8 and 10).
+def stack_fractions(
+    axes: Axes, sweep: Sweep, row: int = 0, *, fractions: Sequence[float] = ()
+) -> None:
+    """Stack the fractions S, M and U over the resolution (Wan & Howe 2018, Fig. 8 and 10).
 
     Args:
-        axes: Where to draw; in degrees and percent.
-        sweep: What to draw.
-        row: Which of its frictions.
-        shares: Shares of the surface whose required resolution is marked.
+        axes: Axes to draw on, in degrees and percent.
+        sweep: The sweep.
+        row: Row of its friction.
+        fractions: Area fractions whose required resolution is marked.
     """
     degrees, stable, certain = _widened(
         sweep, 100.0 * sweep.stable[row], 100.0 * (1.0 - sweep.unstable[row])
@@ -53,25 +55,32 @@ def stacked(axes: Axes, sweep: Sweep, row: int = 0, *, shares: Sequence[float] =
         Label.M: (stable, certain),
         Label.U: (certain, np.full_like(stable, 100.0)),
     }
-    places = {share: math.degrees(sweep.required_resolution(share)[row]) for share in shares}
-    marks = {share: at for share, at in places.items() if max(degrees[0], 0.05) < at <= degrees[-1]}
+    required = {
+        fraction: math.degrees(sweep.required_resolution(fraction)[row]) for fraction in fractions
+    }
+    marks = {
+        fraction: resolution
+        for fraction, resolution in required.items()
+        if max(degrees[0], 0.05) < resolution <= degrees[-1]
+    }
     for label, (low, high) in edges.items():
         axes.fill_between(degrees, low, high, color=LABEL_COLORS[label], linewidth=0.0)
         _write_letter(axes, label, degrees, low, high, list(marks.values()))
-    for share, place in marks.items():
-        _mark(axes, place, 100.0 * share, left=place > 0.2 * degrees[0] + 0.8 * degrees[-1])
+    for fraction, resolution in marks.items():
+        left = resolution > 0.2 * degrees[0] + 0.8 * degrees[-1]
+        _mark(axes, resolution, 100.0 * fraction, left=left)
     axes.set(xlim=(degrees[0], degrees[-1]), ylim=(0.0, 100.0), yticks=[0, 25, 50, 75, 100])
     _degree_ticks(axes, sweep)
 
 
-def ceiling(axes: Axes, sweeps: Sequence[Sweep]) -> None:
+def draw_ceiling(axes: Axes, sweeps: Sequence[Sweep]) -> None:
     """Draw the best accuracy of any predictor over the resolution (Wan & Howe 2018, Fig. 11).
 
-    One line for each sweep and friction, labelled with what tells them apart.
+    One line for each sweep and friction, labelled with what differs among them.
 
     Args:
-        axes: Where to draw; in degrees and percent.
-        sweeps: What to draw.
+        axes: Axes to draw on, in degrees and percent.
+        sweeps: The sweeps.
     """
     lines = [(sweep, row) for sweep in sweeps for row in range(len(sweep.friction))]
     one_friction = len({float(sweep.friction[row]) for sweep, row in lines}) == 1
@@ -91,36 +100,38 @@ def sweep_figure(
     sweeps: Sequence[Sweep],
     *,
     members: Mapping[str, Sequence[Sweep]] | None = None,
-    shares: Sequence[float] = (),
+    fractions: Sequence[float] = (),
 ) -> Figure:
-    """Draw one row for each sweep: its stacked shares at each friction, and its ceiling.
+    """Draw one row for each sweep: its stacked fractions at each friction, and its ceiling.
 
     Args:
-        sweeps: Of the same frictions; at least one.
-        members: By a sweep's name, those it is the mean of, whose S are drawn as thin lines.
-        shares: Shares of the surface whose required resolution is marked.
+        sweeps: Sweeps of the same frictions; at least one.
+        members: By a mean's name, the sweeps it is the mean of, whose S are drawn as thin lines.
+        fractions: Area fractions whose required resolution is marked.
     """
     members = members or {}
     rows, columns = len(sweeps), len(sweeps[0].friction) + 1
-    figure = new_figure(max(PAGE, PANEL * columns), ROW * rows + AROUND)
+    figure = new_figure(max(PAGE, PANEL * columns), ROW * rows + MARGINS)
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for panels, sweep in zip(grid, sweeps, strict=True):
         for row, axes in enumerate(panels[:-1]):
-            stacked(axes, sweep, row, shares=shares)
+            stack_fractions(axes, sweep, row, fractions=fractions)
             for member in members.get(sweep.name, ()):
                 degrees, height = _widened(member, 100.0 * member.stable[row])
                 axes.plot(degrees, height, **_MEMBER)
             axes.tick_params(labelleft=row == 0)
-        ceiling(panels[-1], [sweep])
+        draw_ceiling(panels[-1], [sweep])
         lines = wrap(as_text(sweep.name), NAME)
         panels[0].set_ylabel("\n".join(lines), fontweight="bold", parse_math=False)
     for axes, friction in zip(grid[0, :-1], sweeps[0].friction, strict=True):
         axes.set_title(f"friction μ = {friction:g}")
     grid[0, -1].set_title("accuracy ceiling [%]")
-    figure.supylabel("share of the surface [%]", fontsize="medium")
+    figure.supylabel("area fraction [%]", fontsize="medium")
     for axes in grid[-1]:
         axes.set_xlabel(r"sensor resolution $\alpha$ [°]")
-    _add_legend(figure, [*grid[0, -1].get_lines(), *_keys(shares, bool(members))], sweeps)
+    _add_legend(
+        figure, [*grid[0, -1].get_lines(), *_legend_lines(fractions, bool(members))], sweeps
+    )
     return figure
 
 
@@ -130,15 +141,15 @@ _DOT: dict[str, Any] = {
 }  # fmt: skip
 
 
-def _keys(shares: Sequence[float], means: bool) -> list[Line2D]:
+def _legend_lines(fractions: Sequence[float], means: bool) -> list[Line2D]:
     """Legend entries of the marks and of the thin lines."""
-    keys = []
-    if shares:
-        told = ", ".join(f"{100.0 * share:g}" for share in shares)
-        keys.append(Line2D([], [], label=f"coarsest sensor for S on {told} %", **_DOT))
+    lines = []
+    if fractions:
+        percents = ", ".join(f"{100.0 * fraction:g}" for fraction in fractions)
+        lines.append(Line2D([], [], label=f"coarsest sensor for S on {percents} %", **_DOT))
     if means:
-        keys.append(Line2D([], [], label="S of each mesh", **_MEMBER))
-    return keys
+        lines.append(Line2D([], [], label="S of each mesh", **_MEMBER))
+    return lines
 
 
 def _add_legend(figure: Figure, lines: Sequence[Line2D], sweeps: Sequence[Sweep]) -> None:
@@ -164,28 +175,28 @@ def _write_letter(
 ) -> None:
     """Write the label's letter into its area, if it fits, off the marks and near the middle."""
     span = degrees[-1] - degrees[0]
-    places = degrees[0] + span * np.linspace(0.08, 0.92, 43)
-    around = places[:, None] + span * np.linspace(-0.05, 0.05, 5)
-    bottom = np.interp(around, degrees, low).max(axis=1)
-    top = np.interp(around, degrees, high).min(axis=1)
-    room = np.minimum(top - bottom, ENOUGH)
-    beside = 0.06 if label == Label.S else 0.28  # a mark's number stands above S
+    x = degrees[0] + span * np.linspace(0.08, 0.92, 43)
+    nearby = x[:, None] + span * np.linspace(-0.05, 0.05, 5)
+    bottom = np.interp(nearby, degrees, low).max(axis=1)
+    top = np.interp(nearby, degrees, high).min(axis=1)
+    height = np.minimum(top - bottom, ENOUGH)
+    beside = 0.06 if label == Label.S else 0.28  # the number of a mark is above S
     for mark in marks:
-        room = np.where(np.abs(places - mark) < beside * span, 0.0, room)
-    off_middle = np.abs(places - places.mean()) / span
-    best = int(np.argmax(room - off_middle))
-    if room[best] >= LEAST:
+        height = np.where(np.abs(x - mark) < beside * span, 0.0, height)
+    off_middle = np.abs(x - x.mean()) / span
+    best = int(np.argmax(height - off_middle))
+    if height[best] >= LEAST:
         middle = 0.5 * (top[best] + bottom[best])
-        axes.text(places[best], middle, label.name, ha="center", va="center", weight="bold")
+        axes.text(x[best], middle, label.name, ha="center", va="center", weight="bold")
 
 
-def _mark(axes: Axes, place: float, share: float, *, left: bool) -> None:
-    """Mark the resolution at which S falls to a share; its number stands above, to one side."""
-    axes.plot([place, place], [0.0, share], color="black", linestyle=":", linewidth=0.7)
-    axes.plot([place], [share], **_DOT)
+def _mark(axes: Axes, resolution: float, percent: float, *, left: bool) -> None:
+    """Mark the resolution at which S falls to a fraction, with its number above, to one side."""
+    axes.plot([resolution] * 2, [0.0, percent], color="black", linestyle=":", linewidth=0.7)
+    axes.plot([resolution], [percent], **_DOT)
     axes.annotate(
-        f"{place:.0f}°",
-        (place, share),
+        f"{resolution:.0f}°",
+        (resolution, percent),
         xytext=(-3.0 if left else 3.0, 1.5),
         textcoords="offset points",
         ha="right" if left else "left",
@@ -194,7 +205,7 @@ def _mark(axes: Axes, place: float, share: float, *, left: bool) -> None:
 
 
 def _line(number: int) -> dict[str, Any]:
-    """Colour and dashes of a line; each colour meets other dashes when it comes again."""
+    """Colour and dashes of a line; a repeated colour has other dashes."""
     count = len(LINES)
     return {
         **LINES[number % count],

@@ -1,4 +1,4 @@
-"""The best grasps of a surface: small pictures beside one another."""
+"""Figure of a surface's best grasps: one small picture each."""
 
 import math
 
@@ -7,7 +7,7 @@ from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.plots.painting import painted
+from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import PAGE, as_text, label_patches, new_figure, styled
 from grasp3d.plots.views import views_of
 from grasp3d.rendering import Finger, extent_of
@@ -17,11 +17,11 @@ from grasp3d.system.progress import Progress, ignore
 
 COLUMNS = 4
 HEIGHT = 1.9
-"""Of a row of pictures with what is said above them [inch]."""
-AROUND = 0.9
-"""Of the headline and the legend [inch]."""
+"""Height of a row of pictures with their titles [inch]."""
+MARGINS = 0.9
+"""Height of the headline and the legend [inch]."""
 LEAST_WIDTH = 4.6
-"""Of the figure, which the legend needs [inch]."""
+"""Least width of the figure, which the legend needs [inch]."""
 
 LONGEST = 48
 """Characters of a name in the headline."""
@@ -29,49 +29,49 @@ LONGEST = 48
 PIXELS = (512, 512)
 
 MOST_PICTURES = 40
-"""Pictures in one figure."""
+"""Most pictures in one figure."""
 
 
 def draw_grasps(
     labels: SurfaceLabels, grasps: SurfaceGrasps, *, progress: Progress | None = None
 ) -> list[Bytes]:
-    """Draw the painted surface with the fingers of each grasp, at most `MOST_PICTURES` of them.
+    """Render the labelled surface with the fingers of each grasp, at most `MOST_PICTURES` of them.
 
     Args:
         labels: The labelled surface.
         grasps: Grasps on it.
-        progress: Called with the share of the work done, from 0 to 1.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3) each.
 
     Raises:
-        OutputError: There is no OpenGL here.
+        OutputError: OpenGL is not available.
     """
     shown = grasps.contacts.take(slice(MOST_PICTURES))
     views = views_of(shown, extent_of(labels.mesh.vertices))
     pictures = []
     for number, view in enumerate(views):
         marks = zip(shown.points[number], shown.normals[number], strict=True)
-        fingers = [Finger(place, push) for place, push in marks]
-        pictures.append(painted(labels, view=view, size=PIXELS, fingers=fingers))
+        fingers = [Finger(point, normal) for point, normal in marks]
+        pictures.append(paint_labels(labels, view=view, size=PIXELS, fingers=fingers))
         (progress or ignore)((number + 1) / len(views))
     return pictures
 
 
 @styled
 def grasp_figure(labels: SurfaceLabels, grasps: SurfaceGrasps, pictures: list[Bytes]) -> Figure:
-    """Lay out the pictures of grasps, numbered from the best on.
+    """Lay out the pictures of grasps, numbered from the best.
 
     Args:
         labels: The labelled surface.
         grasps: The grasps, best first.
-        pictures: Of the first of them, at least one.
+        pictures: Pictures of the first grasps, at least one.
     """
     columns = min(len(pictures), COLUMNS)
     rows = math.ceil(len(pictures) / columns)
     width = max(PAGE * columns / COLUMNS, LEAST_WIDTH)
-    figure = new_figure(width, rows * HEIGHT + AROUND)
+    figure = new_figure(width, rows * HEIGHT + MARGINS)
     model = labels.model
     figure.suptitle(
         f"{_short(labels.mesh.report.source)}\n"
@@ -91,9 +91,9 @@ def grasp_figure(labels: SurfaceLabels, grasps: SurfaceGrasps, pictures: list[By
 
 
 def _short(name: str) -> str:
-    """A file's name as words, its end where it is too long for the headline."""
-    told = as_text(name)
-    shown = told if len(told) <= LONGEST else f"…{told[1 - LONGEST :]}"
+    """A file's name as text; its end if it is too long for the headline."""
+    text = as_text(name)
+    shown = text if len(text) <= LONGEST else f"…{text[1 - LONGEST :]}"
     return shown.replace("$", r"\$")
 
 

@@ -1,4 +1,4 @@
-"""Painted surfaces as pictures, with the borders between labels as sharp as the labels are."""
+"""Pictures of labelled surfaces, with exact borders between the labels."""
 
 import math
 from collections.abc import Sequence
@@ -11,30 +11,30 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.rendering import Finger, View, picture
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import COLORS, Label
-from grasp3d.stability.thresholds import unstable_from
-from grasp3d.surface.labels import Reason, SurfaceLabels
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason
 
-PLACE, NORMAL, WORST, BEST, COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8
-"""What is known at the corner of a triangle."""
+POSITION, NORMAL, WORST, BEST, COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8
+"""Columns of a triangle's corner: position, outward normal, critical angles."""
 
 PALETTE = np.array([COLORS[label] for label in sorted(Label)], dtype=np.uint8)
 
 
-def painted(
+def paint_labels(
     labels: SurfaceLabels,
     *,
     view: View | None = None,
     size: tuple[int, int] = (640, 640),
     fingers: Sequence[Finger] = (),
 ) -> Bytes:
-    """Draw a surface in the colours of its labels.
+    """Render a surface in the colours of its labels.
 
     Between the vertices of a triangle the critical angles are interpolated, not the colours; with
-    labels of method extremes, which have none, the borders lie halfway.
+    labels of method extremes, which have no angles, the borders are halfway.
 
     Args:
         labels: The surface with its labels.
-        view: From where it is seen.
+        view: Direction of view.
         size: Width and height [pixels].
         fingers: Contacts to mark.
 
@@ -42,13 +42,13 @@ def painted(
         Red, green, blue from 0 to 255, shape (height, width, 3).
 
     Raises:
-        OutputError: There is no OpenGL here.
+        OutputError: OpenGL is not available.
     """
     parts = _parts(labels)
     rows = np.concatenate(list(parts.values())).reshape(-1, COLUMNS)
     colors = [np.tile(PALETTE[label], (3 * len(part), 1)) for label, part in parts.items()]
     return picture(
-        rows[:, PLACE],
+        rows[:, POSITION],
         np.arange(len(rows)).reshape(-1, 3),
         np.concatenate(colors),
         normals=unit_rows(rows[:, NORMAL]),
@@ -68,7 +68,7 @@ def _parts(labels: SurfaceLabels) -> dict[Label, Floats]:
     inward = mesh.corner_normals.normals[mesh.corner_normals.corners]  # (F, 3, 3)
     angles = _corner_angles(labels, inward)
     corners = np.concatenate([mesh.vertices[mesh.faces], -inward, angles], axis=2)
-    stable, others = _cut(corners, WORST, model.friction_angle - model.tilt)
+    stable, others = _cut(corners, WORST, model.effective_friction_angle)
     ambiguous, unstable = _cut(others, BEST, _unstable_from(model))
     return {Label.S: stable, Label.M: ambiguous, Label.U: unstable}
 
@@ -76,21 +76,22 @@ def _parts(labels: SurfaceLabels) -> dict[Label, Floats]:
 def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
     """Critical angles, worst and best, at the corners of the faces, shape (F, 3, 2).
 
-    A crease has no area, yet angles of its wider range of normals would spread over the faces next
-    to it; so in a scan each face has there the angle of the same grasp at its own normal. Where
-    grasps are searched another grasp may suit that normal: the crease's own angles stay.
+    A crease has no area, but the angles of its wider range of normals would extend over the faces
+    next to it; so in a scan each face takes the angle of the same grasp at its own normal. With
+    searched grasps another grasp may suit that normal: the crease's angles are kept.
     """
     mesh, model = labels.mesh, labels.model
     if model.method == "extremes":
-        worst = model.friction_angle - model.tilt - np.where(labels.label == Label.S, 1.0, -1.0)
+        worst = model.effective_friction_angle - np.where(labels.label == Label.S, 1.0, -1.0)
         best = _unstable_from(model) + np.where(labels.label == Label.U, 1.0, -1.0)
         return np.stack([worst, best], axis=1)[mesh.faces]
     both = np.stack([labels.critical_angle, labels.critical_angle_best], axis=1)
     angles = np.minimum(both, math.pi)[mesh.faces]
     if labels.mode != "scan":
         return angles
-    held = (labels.reason == Reason.FOUND) & (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
-    creased = (mesh.normal_sets.counts[mesh.canonical] > 1) & held
+    found = labels.reason == Reason.FOUND
+    found &= (labels.partner_normals != 0.0).any(axis=2).all(axis=1)
+    creased = (mesh.normal_sets.counts[mesh.canonical] > 1) & found
     at = np.nonzero(creased[mesh.faces])
     vertex = mesh.faces[at]
     grasps = Contacts(
@@ -103,18 +104,17 @@ def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
 
 
 def _unstable_from(model: GraspModel) -> float:
-    """Critical angle from which the surface is U [rad]; no grasp stands for pi."""
-    limit = unstable_from(model.friction_angle, model.tilt, model.fingers)
-    return min(float(limit), math.pi)
+    """Critical angle from which the surface is U [rad]; at most pi, the value for no grasp."""
+    return min(model.unstable_from, math.pi)
 
 
 def _cut(corners: Floats, column: int, limit: float) -> tuple[Floats, Floats]:
     """Cut triangles where one of their columns reaches a limit.
 
     Args:
-        corners: What is known at the corners and linear between them, shape (n, 3, k).
-        column: Which of the k is cut at the limit.
-        limit: Below it is strictly below.
+        corners: Values at the corners, linear between them, shape (n, 3, k).
+        column: Column that is compared with the limit.
+        limit: Triangles below it are strictly below.
 
     Returns:
         The triangles below the limit and the others, (m, 3, k) each.
@@ -124,7 +124,7 @@ def _cut(corners: Floats, column: int, limit: float) -> tuple[Floats, Floats]:
     sides = {True: [corners[count == 3]], False: [corners[count == 0]]}
     for alone, size in ((True, 1), (False, 2)):
         cut = count == size
-        first = np.argmax(below[cut] == alone, axis=1)  # the corner that lies alone on its side
+        first = np.argmax(below[cut] == alone, axis=1)  # the only corner on its side of the limit
         order = (first[:, None] + np.arange(3)) % 3
         a, b, c = np.take_along_axis(corners[cut], order[..., None], axis=1).swapaxes(0, 1)
         ab, ac = _reached(a, b, column, limit), _reached(a, c, column, limit)
@@ -135,5 +135,5 @@ def _cut(corners: Floats, column: int, limit: float) -> tuple[Floats, Floats]:
 
 def _reached(a: Floats, b: Floats, column: int, limit: float) -> Floats:
     """Points between a and b, (n, k) each, where the column reaches the limit."""
-    share = (limit - a[:, column]) / (b[:, column] - a[:, column])
-    return np.asarray(a + share[:, None] * (b - a))
+    fraction = (limit - a[:, column]) / (b[:, column] - a[:, column])
+    return np.asarray(a + fraction[:, None] * (b - a))

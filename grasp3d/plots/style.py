@@ -1,6 +1,6 @@
-"""How every figure looks: sizes, fonts, colours, line styles.
+"""Style of all figures: sizes, fonts, colours, line styles.
 
-Nothing here touches pyplot or the settings of whoever imports the package.
+Neither pyplot nor matplotlib's global settings are changed.
 """
 
 from collections.abc import Callable
@@ -19,7 +19,7 @@ Parameters = ParamSpec("Parameters")
 Made = TypeVar("Made")
 
 Drawing: TypeAlias = Figure
-"""What figures are for those who only save them."""
+"""Type of figures for modules that only save them."""
 
 COLUMN = 3.5
 """Width of one column of the paper's journal [inch]."""
@@ -62,11 +62,11 @@ LINES: tuple[dict[str, Any], ...] = (
     {"color": "#7F3C8D", "linestyle": (0, (1, 1.2))},
     {"color": "#8C6D1F", "linestyle": (0, (3, 1, 1, 1, 1, 1))},
 )
-"""Curves beside one another: told apart by dashes as well, and unlike the labels' colours."""
+"""Styles of curves: distinct in dashes as well, and in colour from the labels."""
 
 
 def styled(make: Callable[Parameters, Made]) -> Callable[Parameters, Made]:
-    """Decorate a function that draws: the figures' style holds while it runs, and only then."""
+    """Decorate a function that draws: the figures' style applies while it runs, and only then."""
 
     @wraps(make)
     def drawn(*arguments: Parameters.args, **options: Parameters.kwargs) -> Made:
@@ -78,11 +78,11 @@ def styled(make: Callable[Parameters, Made]) -> Callable[Parameters, Made]:
 
 @styled
 def new_figure(width: float = PAGE, height: float = 2.6) -> Figure:
-    """Make an empty figure with a canvas of its own, its parts laid out when it is saved.
+    """Make an empty figure with its own canvas, laid out when it is saved.
 
     Args:
-        width: [inch]
-        height: [inch]
+        width: Width [inch].
+        height: Height [inch].
     """
     figure = Figure(figsize=(width, height), layout="constrained")
     FigureCanvasAgg(figure)
@@ -93,21 +93,25 @@ def label_patches(meaning: dict[Label, str] | None = None) -> list[Patch]:
     """Legend entries of the labels, S first.
 
     Args:
-        meaning: What each label says; None: as in scans.
+        meaning: Description of each label; None: as in scans.
     """
-    said = MEANING["scan"] if meaning is None else meaning
+    descriptions = MEANING["scan"] if meaning is None else meaning
     return [
-        Patch(facecolor=LABEL_COLORS[label], edgecolor="none", label=f"{label.name}  {said[label]}")
+        Patch(
+            facecolor=LABEL_COLORS[label],
+            edgecolor="none",
+            label=f"{label.name}  {descriptions[label]}",
+        )
         for label in sorted(Label, reverse=True)
     ]
 
 
 def bare(axes: Axes) -> None:
-    """Strip axes of everything but what is drawn, to the same scale both ways."""
+    """Hide the axes' lines, ticks and labels, and scale both directions equally."""
     axes.set_axis_off()
     axes.set_aspect("equal")
 
 
 def as_text(name: str) -> str:
-    """Write out the bytes of a file name that are no Unicode, which no font can show."""
+    """Escape the bytes of a file name that are not Unicode, which no font can show."""
     return name.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")

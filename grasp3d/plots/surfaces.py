@@ -1,4 +1,4 @@
-"""A painted surface beside the shares of S, M and U over the sensor's resolution."""
+"""Figure of a labelled surface beside its area fractions over the sensor's resolution."""
 
 import math
 from collections.abc import Sequence
@@ -10,16 +10,16 @@ from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from grasp3d.arrays import Bytes
-from grasp3d.plots.fraction_figures import CLOSED_FORM, draw_shares
+from grasp3d.plots.fraction_figures import CLOSED_FORM, draw_fractions
 from grasp3d.plots.style import PAGE, label_patches, new_figure, styled
 from grasp3d.rendering import Finger
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.sweeps import Sweep
 
 HEIGHT = 2.75
-"""Of the figure [inch]."""
+"""Height of the figure [inch]."""
 PICTURE, CURVES = 1.0, 1.12
-"""Shares of the width."""
+"""Width ratio of a picture and the curves."""
 
 _SHOWN: dict[str, Any] = {
     "color": "black", "linestyle": "none", "marker": "v", "markersize": 4.0, "clip_on": False,
@@ -34,15 +34,15 @@ def surface_figure(
     *,
     closed_form: Sweep | None = None,
 ) -> Figure:
-    """Draw the surface at some resolutions, and beside it the shares over all.
+    """Draw the surface at some resolutions, and beside it the area fractions over all.
 
     The counterpart in space of Wan & Howe 2018, Fig. 7 to 10.
 
     Args:
         scans: The surface's labels at each resolution.
-        pictures: Of the same surfaces, shape (h, w, 3) each, or none: the shares alone.
-        sweep: Shares of the surface at one friction.
-        closed_form: The same shares in closed form, drawn over them.
+        pictures: Pictures of the same surfaces, shape (h, w, 3) each; none: only the fractions.
+        sweep: Area fractions at one friction.
+        closed_form: The same fractions in closed form, drawn over them.
     """
     shown = len(pictures)
     figure = new_figure(PAGE if shown else PAGE / 2.0, HEIGHT)
@@ -50,7 +50,7 @@ def surface_figure(
     for axes, scan, picture in zip(grid[0, :shown], scans, pictures, strict=bool(shown)):
         _show(axes, scan, picture)
     curves = grid[0, -1]
-    draw_shares(curves, sweep, whole="surface", closed_form=closed_form)
+    draw_fractions(curves, sweep, label="area fraction", closed_form=closed_form)
     if shown:
         angles = [math.degrees(scan.model.sensor_resolution) for scan in scans]
         curves.plot(angles, np.ones(shown), transform=curves.get_xaxis_transform(), **_SHOWN)
@@ -70,10 +70,10 @@ def surface_figure(
 
 
 def fixed_fingers(scan: SurfaceLabels) -> list[Finger]:
-    """Take the fixed fingers of a scan."""
+    """The fixed fingers of a scan, for pictures."""
     return [
-        Finger(place, normal)
-        for place, normal in zip(scan.partners[0], scan.partner_normals[0], strict=True)
+        Finger(point, normal)
+        for point, normal in zip(scan.partners[0], scan.partner_normals[0], strict=True)
     ]
 
 
@@ -83,5 +83,5 @@ def _show(axes: Axes, scan: SurfaceLabels, picture: Bytes) -> None:
     axes.grid(visible=False)
     axes.spines[:].set_visible(False)
     axes.set_title(rf"$\alpha$ = {math.degrees(scan.model.sensor_resolution):.4g}°")
-    shares = scan.fractions().items()
-    axes.set_xlabel("   ".join(f"{name} {100.0 * share:.1f} %" for name, share in shares))
+    fractions = scan.fractions().items()
+    axes.set_xlabel("   ".join(f"{name} {100.0 * value:.1f} %" for name, value in fractions))

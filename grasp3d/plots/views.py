@@ -1,4 +1,4 @@
-"""From where the fingers of a grasp are seen best."""
+"""Choice of the view that shows the fingers of a grasp best."""
 
 import itertools
 import math
@@ -12,17 +12,17 @@ from grasp3d.settings import DEGREE
 from grasp3d.surface.contacts import SurfaceContacts
 
 AZIMUTHS = 24
-"""Directions about the object from which it may be seen."""
+"""Number of directions about the object that are compared."""
 
 ELEVATIONS = {-25.0 * DEGREE: -0.15, 10.0 * DEGREE: 0.0, 35.0 * DEGREE: 0.1, 60.0 * DEGREE: 0.0}
-"""Angles of the eye above the horizontal, and how much they are liked."""
+"""Elevations of the camera that are compared, and their bonus."""
 
 ALONG = (0.06, 0.35, 0.65, 0.95)
-"""Where along the arrow of a finger it is looked for; the first stands for the finger itself."""
+"""Fractions of a finger's arrow at which visibility is tested; the first one is the contact's."""
 
-HIDDEN, SHORT, TOGETHER = 1.0, 0.4, 0.6
-"""What weighs against a view: parts that are hidden, arrows seen from their end, and arrows that
-lie upon each other."""
+HIDDEN, ENDWISE, OVERLAP = 1.0, 0.4, 0.6
+"""Penalties of a view: for hidden parts, for arrows along the line of sight, and for arrows that
+overlap."""
 
 
 def views_of(contacts: SurfaceContacts, extent: float) -> list[View]:
@@ -30,41 +30,40 @@ def views_of(contacts: SurfaceContacts, extent: float) -> list[View]:
 
     Args:
         contacts: The grasps, (b, n).
-        extent: Length that `rendering.picture` sizes the fingers' marks by, in the mesh's unit.
+        extent: Length that `rendering.picture` scales the fingers' marks by, in the mesh's unit.
     """
-    tried = list(itertools.product(np.arange(AZIMUTHS) * 2.0 * math.pi / AZIMUTHS, ELEVATIONS))
-    views = [View(float(azimuth), elevation) for azimuth, elevation in tried]
+    candidates = list(itertools.product(np.arange(AZIMUTHS) * 2.0 * math.pi / AZIMUTHS, ELEVATIONS))
+    views = [View(float(azimuth), elevation) for azimuth, elevation in candidates]
     axes = np.stack([view.axes for view in views])  # (v, 3, 3)
-    liked = np.array([ELEVATIONS[elevation] for _, elevation in tried])
+    bonus = np.array([ELEVATIONS[elevation] for _, elevation in candidates])
     mesh = contacts.mesh
     rays = SurfaceRays(mesh.contact_surface, mesh.contact_normals)
     found = []
     for points, normals in zip(contacts.points, contacts.normals, strict=True):
         steps = ARROW * extent * np.array(ALONG)[:, None]
         parts = points[:, None] - steps * normals[:, None]  # (n, p, 3)
-        seen = _seen(rays, (parts - mesh.center) / mesh.size, axes[:, 2])  # (v, n, p)
-        hidden = 1.0 - 0.5 * (seen[..., 0] + seen.mean(axis=2)).mean(axis=1)
+        visible = _visible(rays, (parts - mesh.center) / mesh.size, axes[:, 2])  # (v, n, p)
+        hidden = 1.0 - 0.5 * (visible[..., 0] + visible.mean(axis=2)).mean(axis=1)
         endwise = np.abs(axes[:, 2] @ normals.T).mean(axis=1) ** 2
-        near = _together(np.einsum("vij,npj->vnpi", axes[:, :2], parts) / (ARROW * extent))
-        found.append(
-            views[int(np.argmax(liked - HIDDEN * hidden - SHORT * endwise - TOGETHER * near))]
-        )
+        overlap = _overlap(np.einsum("vij,npj->vnpi", axes[:, :2], parts) / (ARROW * extent))
+        score = bonus - HIDDEN * hidden - ENDWISE * endwise - OVERLAP * overlap
+        found.append(views[int(np.argmax(score))])
     return found
 
 
-def _seen(rays: SurfaceRays, parts: Floats, eyes: Floats) -> Bools:
-    """Whether nothing is between parts (n, p, 3) and eyes in directions (v, 3): (v, n, p)."""
+def _visible(rays: SurfaceRays, parts: Floats, eyes: Floats) -> Bools:
+    """Whether nothing is between parts (n, p, 3) and cameras in directions (v, 3): (v, n, p)."""
     shape = (len(eyes), *parts.shape)
     origins = np.broadcast_to(parts, shape).reshape(-1, 3).astype(np.float32)
     toward = np.broadcast_to(eyes[:, None, None], shape).reshape(-1, 3).astype(np.float32)
     return np.asarray(rays.hits(origins, toward)["primID"].reshape(shape[:-1]) < 0)
 
 
-def _together(flat: Floats) -> Floats:
-    """How near the nearest two arrows of each view lie to each other, from 0 to 1, shape (v,).
+def _overlap(flat: Floats) -> Floats:
+    """Proximity of the nearest two arrows of each view, from 0 to 1, shape (v,).
 
     Args:
-        flat: Parts of the arrows in the picture, in lengths of one, shape (v, n, p, 2).
+        flat: Points of the arrows in the picture, in units of an arrow, shape (v, n, p, 2).
     """
     nearest = np.full(len(flat), math.inf)
     for one, two in itertools.combinations(range(flat.shape[1]), 2):

@@ -3,6 +3,7 @@ from .certificates import Status as Status
 from .closure import ForceClosure as ForceClosure
 from .closure import force_closure as force_closure
 from .critical_angle import critical_friction_angle as critical_friction_angle
+from .epsilon_options import EpsilonOptions as EpsilonOptions
 from .ferrari_canny import Epsilon as Epsilon
 from .ferrari_canny import SmallestEpsilon as SmallestEpsilon
 from .ferrari_canny import epsilon as epsilon

@@ -1,4 +1,4 @@
-"""What proves an answer about a grasp, and how the answer was reached."""
+"""Status and certificate of a computed epsilon or force closure."""
 
 from dataclasses import dataclass
 from enum import IntEnum
@@ -6,51 +6,53 @@ from enum import IntEnum
 import numpy as np
 
 from grasp3d._kernels import growing_hull
-from grasp3d._kernels.wrench_problem import Answers
-from grasp3d.arrays import Floats, shaped
+from grasp3d._kernels.wrench_problem import Results
+from grasp3d.arrays import Floats, shaped, short_repr
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import tangents
 
 
 class Status(IntEnum):
-    """How an answer was reached."""
+    """How a computation ended."""
 
     CONVERGED = growing_hull.CONVERGED
-    """As close as asked for."""
+    """Within the requested tolerance."""
     UNDECIDED = growing_hull.UNDECIDED
-    """Closed or not: the interval contains 0, and is narrower than rounding can tell, or tilts
-    exceed friction (see `cone_offset`)."""
+    """Force closure is not decided: the interval contains 0 and is as narrow as rounding errors, or
+    tilts exceed friction (see `cone_offset`)."""
     STALLED = growing_hull.STALLED
-    """Rounding stopped the search; the interval holds."""
+    """Rounding errors stopped the search; the interval is valid."""
     EXHAUSTED = growing_hull.EXHAUSTED
-    """The hull outgrew its memory; the interval reached holds."""
+    """The hull needed too much memory; the interval reached so far is valid."""
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What proves an answer; plain linear algebra checks it."""
+    """Proof of a result, which linear algebra can verify."""
 
     direction: Floats
-    """Unit direction, shape (..., 6). Where the grasp is not closed it separates: no wrench of any
-    contact has a positive product with it. Where it is closed, the wrench that is hardest to
-    resist lies against it: the support of the grasp wrench space there is `upper`. In a
-    `ForceClosure` it is meaningful only where not closed."""
+    """Unit direction, shape (..., 6). If the grasp is not force-closed, the direction separates it
+    from the origin: no wrench of any contact has a positive component along it. If it is, the
+    disturbance that is hardest to resist acts against it: the support function of the grasp wrench
+    space is `upper` there. In a `ForceClosure` it is meaningful only where not force-closed."""
     equilibrium: Floats
-    """Where the grasp is closed, forces that balance, every one of them inside its friction cone
-    and none zero, shape (..., n, 4): force along x, y, z, and torsional moment about the normal
-    [mesh unit]. For given wrenches their weights, shape (..., n). nan where not closed, and where
-    cones are outer_offset to 90 degrees or more."""
+    """If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
+    shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit]. For
+    given wrenches their weights, shape (..., n). nan where not force-closed, and where
+    `cone_offset` makes cones of 90 degrees or more."""
+
+    __repr__ = short_repr
 
 
-def certificate_of(answers: Answers, batch: tuple[int, ...], equilibrium: Floats) -> Certificate:
-    """Shape the proofs of a flat batch like the batch."""
-    return Certificate(shaped(answers.direction, batch), shaped(equilibrium, batch))
+def certificate_of(results: Results, batch: tuple[int, ...], equilibrium: Floats) -> Certificate:
+    """Certificates of a flat batch, reshaped to the batch's shape."""
+    return Certificate(shaped(results.direction, batch), shaped(equilibrium, batch))
 
 
-def contact_forces(contacts: Contacts, mixes: Floats) -> Floats:
-    """Forces and torsional moments (b, n, 4) from their parts along the contacts' axes."""
-    normals = contacts.normals.reshape(*mixes.shape[:2], 3)
+def contact_forces(contacts: Contacts, components: Floats) -> Floats:
+    """Forces and torsional moments (b, n, 4) from their components along the contacts' axes."""
+    normals = contacts.normals.reshape(*components.shape[:2], 3)
     axes = np.stack([normals, *tangents(normals)], axis=-2)  # (b, n, 3, 3)
-    forces = (mixes[..., None, :3] @ axes)[..., 0, :]
-    moments = mixes[..., 3] * contacts.torsion_radius.reshape(mixes.shape[:2])
+    forces = (components[..., None, :3] @ axes)[..., 0, :]
+    moments = components[..., 3] * contacts.torsion_radius.reshape(components.shape[:2])
     return np.concatenate([forces, moments[..., None]], axis=-1)

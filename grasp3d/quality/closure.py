@@ -1,68 +1,70 @@
-"""Force closure of grasps, with its proof."""
+"""Force closure of grasps, with certificates."""
 
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d._kernels.wrench_problem import SIGN
-from grasp3d.arrays import Bools, Bytes, Ints, shaped
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Ints, shaped, short_repr
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.quality.certificates import Certificate, certificate_of, contact_forces
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrench_problem import WrenchProblem
 
 
 @dataclass(frozen=True, eq=False)
 class ForceClosure:
-    """Whether grasps are in force closure."""
+    """Force closure of grasps."""
 
     closed: Bools
-    """Shape (...)."""
+    """Whether the grasp is force-closed, shape (...)."""
     rank: Ints
-    """Dimensions in which they are, shape (...)."""
+    """Dimension of the span of the grasp's wrenches, shape (...)."""
     status: Bytes
     """`Status` codes, shape (...)."""
     certificate: Certificate
+
+    __repr__ = short_repr
 
 
 def force_closure(
     contacts: Contacts,
     *,
     edges: int | None = None,
-    cone_offset: npt.ArrayLike = 0.0,
+    cone_offset: ArrayLike = 0.0,
     phase: float = 0.0,
     threads: int | None = 1,
 ) -> ForceClosure:
-    """Whether grasps resist every wrench in their span, with proof.
+    """Whether grasps resist every wrench in the span of their own, with certificates.
 
-    It depends neither on the centre of mass nor on a torque scale; the direction of the certificate
-    is one for a torque scale of 1.
+    Depends neither on the centre of mass nor on a torque scale; the direction of the certificate is
+    that for a torque scale of 1.
 
     Args:
         contacts: The contacts.
         edges: Edges of polygonal friction cones; None: circular cones.
-        cone_offset: Angle added to the cones' half-angles [rad], one or shape (..., n).
+        cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
         phase: As in `epsilon`.
         threads: Threads for a batch; None: one per processor.
 
     Raises:
         SettingError: A setting outside its range.
     """
-    points, middle, size = centred(contacts.points)  # far from the origin digits are lost
+    points, mean, size = centred(contacts.points)  # far from the origin precision is lost
     torsion = contacts.torsion_radius / size[..., 0]
-    near = Contacts(points, contacts.normals, contacts.friction, torsion)
+    scaled = Contacts(points, contacts.normals, contacts.friction, torsion)
     problem = WrenchProblem.of_contacts(
-        near, edges, "total", torque_scale=1.0, cone_offset=cone_offset, phase=phase
+        scaled, EpsilonOptions(edges), cone_offset=cone_offset, phase=phase
     )
-    answers = problem.solve(SIGN, threads=threads)
-    u = answers.direction
+    results = problem.solve(SIGN, threads=threads)
+    u = results.direction
     u[:, 3:] /= size.reshape(-1, 1)
-    u[:, :3] -= np.cross(u[:, 3:], middle.reshape(-1, 3))
+    u[:, :3] -= np.cross(u[:, 3:], mean.reshape(-1, 3))
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     batch = contacts.batch
     return ForceClosure(
-        closed=shaped(answers.closed, batch),
-        rank=shaped(answers.rank, batch),
-        status=shaped(answers.status, batch),
-        certificate=certificate_of(answers, batch, contact_forces(contacts, answers.forces)),
+        closed=shaped(results.closed, batch),
+        rank=shaped(results.rank, batch),
+        status=shaped(results.status, batch),
+        certificate=certificate_of(results, batch, contact_forces(contacts, results.forces)),
     )

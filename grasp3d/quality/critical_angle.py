@@ -1,8 +1,8 @@
-"""The critical friction angle: the smallest half-angle of the cones at which a grasp closes.
+"""The critical friction angle: the friction angle above which a grasp is force-closed.
 
-beta* = max over u of min_i phi_i(u) - pi / 2, where phi_i(u) is the angle between contact i's
-normal and the force g_i = u_f + u_tau x p_i that does work in direction u. A grasp is in force
-closure exactly when the friction angle exceeds it.
+beta* = max over u of min_i phi_i(u) - pi / 2, where u is an infinitesimal motion of the object,
+g_i = u_f + u_tau x p_i its velocity at contact i, and phi_i(u) the angle between g_i and the
+normal of contact i. A grasp is force-closed exactly when the friction angle exceeds beta*.
 """
 
 import math
@@ -12,37 +12,30 @@ import numpy as np
 from grasp3d._kernels.coplanar_contacts import critical_of_three, make_plane
 from grasp3d._kernels.frictionless_closure import frictionless_depth, make_cells
 from grasp3d._kernels.wrench_problem import SIGN
-from grasp3d.arrays import Bools, Floats
+from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, angles_between
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
 from grasp3d.quality.certificates import Status
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import span, wrench_axes
 
-RIGHT = math.pi / 2.0
-
-COARSE = 0.1
-"""Width of the first search for a negative angle [rad]."""
+FIRST_CELL_WIDTH = 0.1
+"""Width of the cells of the first search for a negative angle [rad]."""
 
 MAX_CELLS = 1 << 22
-"""Parts of the sphere of directions after which the search for a negative angle gives up."""
-
-
-def angles_between(a: Floats, b: Floats) -> Floats:
-    """Angles between vectors (..., 3) [rad], exact near 0 and pi."""
-    angles: Floats = np.arctan2(np.linalg.norm(np.cross(a, b), axis=-1), (a * b).sum(axis=-1))
-    return angles
+"""Cells of the sphere of directions after which the search for a negative angle ends."""
 
 
 def critical_friction_angle(
     contacts: Contacts, *, tolerance: float = 1e-4, threads: int | None = 1
 ) -> Floats:
-    """Friction angle above which a grasp is in force closure.
+    """Friction angle above which a grasp is force-closed.
 
-    Two contacts have a closed form. For more the angle is bracketed: three can balance in the plane
-    through them only, where six planar wrenches settle closure (Ponce & Faverjon 1995); for more a
-    direction that separates the grasp at some angle proves a lower bound, forces that balance an
-    upper one. Friction and torsion of the contacts play no part.
+    Two contacts have a closed form. For more the angle is bracketed: three can be in equilibrium
+    only in the plane through them, where six planar wrenches decide closure (Ponce & Faverjon
+    1995); for more a direction that separates the grasp at some angle proves a lower bound, forces
+    in equilibrium an upper one. Friction and torsion of the contacts do not matter.
 
     Args:
         contacts: The contacts.
@@ -50,9 +43,10 @@ def critical_friction_angle(
         threads: Threads for a batch; None: one per processor.
 
     Returns:
-        Angles [rad], shape (...). Negative where the grasp closes without friction and withstands
-        tilts of the normals by as much (7 contacts and more). For two contacts up to pi; for more,
-        pi/2 where no friction closes the grasp. inf where no forces can balance: one contact.
+        Angles [rad], shape (...). Negative where the grasp is force-closed without friction, and
+        remains so for tilts of the normals by as much (7 contacts and more). For two contacts up to
+        pi; for more, pi/2 where the grasp is force-closed at no friction. inf for one contact,
+        where no forces are in equilibrium.
 
     Raises:
         SettingError: A tolerance that is not above 0.
@@ -79,75 +73,76 @@ def _of_pairs(points: Floats, normals: Floats) -> Floats:
     line = points[:, 1] - points[:, 0]
     squeeze = np.maximum(angles_between(normals[:, 0], line), angles_between(normals[:, 1], -line))
     expand = np.maximum(angles_between(normals[:, 0], -line), angles_between(normals[:, 1], line))
-    # Contacts at one place push along any line; the best one lies midway.
-    together = angles_between(normals[:, 0], -normals[:, 1]) / 2.0
-    return np.where((line == 0.0).all(axis=1), together, np.minimum(squeeze, expand))
+    # Contacts at the same point push along any line; the best one lies midway.
+    coincident = angles_between(normals[:, 0], -normals[:, 1]) / 2.0
+    return np.where((line == 0.0).all(axis=1), coincident, np.minimum(squeeze, expand))
 
 
 def _of_triples(points: Floats, normals: Floats, tolerance: float, threads: int | None) -> Floats:
-    """Three contacts, in the plane through them; on one line they have none."""
+    """Three contacts, in the plane through them; contacts on one line are bracketed."""
     angles = np.empty(len(points))
-    around, _, _ = centred(points)
-    critical_of_three(around, np.ascontiguousarray(normals), tolerance, make_plane(), angles)
+    scaled, _, _ = centred(points)
+    critical_of_three(scaled, np.ascontiguousarray(normals), tolerance, make_plane(), angles)
     on_line = np.flatnonzero(np.isnan(angles))
     angles[on_line] = _bracketed(points[on_line], normals[on_line], tolerance, threads)
     return angles
 
 
 def _bracketed(points: Floats, normals: Floats, tolerance: float, threads: int | None) -> Floats:
-    """Upper ends of brackets about the critical angles of three contacts or more."""
+    """Upper ends of intervals that contain the critical angles of three contacts or more."""
     points, _, _ = centred(points)
-    low, high = np.zeros(len(points)), np.full(len(points), RIGHT)
-    closes, _, _ = _test(points, normals, low, threads)
-    without = np.flatnonzero(closes)
-    high[without] = low[without] = _depths(points[without], normals[without], tolerance)
-    while (open_ := np.flatnonzero(high - low > tolerance)).size:
-        middle = 0.5 * (low[open_] + high[open_])
-        closes, below, above = _test(points[open_], normals[open_], middle, threads)
-        low[open_] = np.where(closes, low[open_], np.clip(below, middle, high[open_]))
-        high[open_] = np.where(closes, np.clip(above, low[open_], middle), high[open_])
+    low, high = np.zeros(len(points)), np.full(len(points), RIGHT_ANGLE)
+    closed, _, _ = _closure_at(points, normals, low, threads)
+    frictionless = np.flatnonzero(closed)
+    negative = _negative_angles(points[frictionless], normals[frictionless], tolerance)
+    high[frictionless] = low[frictionless] = negative
+    while (active := np.flatnonzero(high - low > tolerance)).size:
+        middle = 0.5 * (low[active] + high[active])
+        closed, lower, upper = _closure_at(points[active], normals[active], middle, threads)
+        low[active] = np.where(closed, low[active], np.clip(lower, middle, high[active]))
+        high[active] = np.where(closed, np.clip(upper, low[active], middle), high[active])
     return high
 
 
-def _depths(points: Floats, normals: Floats, tolerance: float) -> Floats:
-    """Critical angles, 0 or negative, of grasps that close without friction."""
+def _negative_angles(points: Floats, normals: Floats, tolerance: float) -> Floats:
+    """Critical angles, 0 or negative, of grasps that are force-closed without friction."""
     angles = np.zeros(len(points))
     cells = make_cells(points.shape[1])
     for g, axes in enumerate(wrench_axes(points, normals, np.zeros(points.shape[:2]), 1.0)):
         basis = span(axes[:, :3].reshape(-1, 6))
-        inside = np.zeros((len(axes), 3, 6))
-        inside[..., : len(basis)] = axes[:, :3] @ basis.T
-        angles[g] = -math.asin(_depth(inside, len(basis), tolerance, cells))
+        in_span = np.zeros((len(axes), 3, 6))
+        in_span[..., : len(basis)] = axes[:, :3] @ basis.T
+        angles[g] = -math.asin(_depth(in_span, len(basis), tolerance, cells))
     return angles
 
 
 def _depth(axes: Floats, rank: int, tolerance: float, cells: tuple[Floats, Floats]) -> float:
-    """Cosine of work to some contact's normal that every direction reaches.
+    """Certified lower bound of min over u of max over i of cos(phi_i(u)), from 0 to 1.
 
-    Searched ever finer: what a coarse search finds makes the next one quick.
+    The search is repeated with finer cells: the upper bound of a coarse search speeds up the next.
     """
-    found, sure, width = 1.0, 0.0, COARSE
-    while found > 0.0:
+    upper, lower, width = 1.0, 0.0, FIRST_CELL_WIDTH
+    while upper > 0.0:
         width = max(width, tolerance)
-        found, reached = frictionless_depth(axes, rank, found, width, MAX_CELLS, *cells)
-        sure = max(sure, reached)
+        upper, reached = frictionless_depth(axes, rank, upper, width, MAX_CELLS, *cells)
+        lower = max(lower, reached)
         if width == tolerance:
             break
         width *= 0.25
-    return sure
+    return lower
 
 
-def _test(
+def _closure_at(
     points: Floats, normals: Floats, angles: Floats, threads: int | None
 ) -> tuple[Bools, Floats, Floats]:
-    """(closes, below, above): closure at given angles, and the bounds on beta* that it proves."""
+    """(closed, lower, upper): closure at given angles, and the bounds on beta* that follow."""
     batch = Contacts(points, normals, friction=0.0)
-    problem = WrenchProblem.of_contacts(batch, None, "total", torque_scale=1.0)
-    answers = problem.at_angles(angles).solve(SIGN, threads=threads)
-    u = answers.direction[:, None]
-    work = u[..., :3] + np.cross(u[..., 3:], points)  # (b, n, 3)
-    below = angles_between(work, normals).min(axis=1) - RIGHT
-    across = np.hypot(answers.forces[..., 1], answers.forces[..., 2])
-    above = np.arctan2(across, answers.forces[..., 0]).max(axis=1)
-    below = np.where(answers.status == Status.UNDECIDED, angles, below)
-    return answers.closed, below, np.where(np.isnan(above), angles, above)
+    problem = WrenchProblem.of_contacts(batch, EpsilonOptions())
+    results = problem.at_angles(angles).solve(SIGN, threads=threads)
+    u = results.direction[:, None]
+    velocities = u[..., :3] + np.cross(u[..., 3:], points)  # (b, n, 3)
+    lower = angles_between(velocities, normals).min(axis=1) - RIGHT_ANGLE
+    tangential = np.hypot(results.forces[..., 1], results.forces[..., 2])
+    upper = np.arctan2(tangential, results.forces[..., 0]).max(axis=1)
+    lower = np.where(results.status == Status.UNDECIDED, angles, lower)
+    return results.closed, lower, np.where(np.isnan(upper), angles, upper)

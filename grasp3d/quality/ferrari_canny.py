@@ -1,47 +1,46 @@
-"""Grasp quality: epsilon, force closure and the critical friction angle, each with its proof."""
+"""Epsilon, the grasp quality of Ferrari & Canny, with certified bounds."""
 
 import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d._kernels.wrench_problem import Answers
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, shaped
+from grasp3d._kernels.wrench_problem import Results
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import ContactError
 from grasp3d.quality.certificates import Certificate, Status, certificate_of, contact_forces
-from grasp3d.quality.wrench_problem import Goal, WrenchProblem
+from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Bounded
 from grasp3d.settings import Actuation
 
-UNDECIDED_WITHIN = 1e4
-"""Width, in tolerances of 1e-12 of the wrenches, of an interval about 0 that is left undecided."""
-
-
 PLANAR = [0, 1, 5]
-"""Where the force along x and y and the torque of a planar wrench stand among six numbers."""
+"""Indices of the force along x and y and of the torque of a planar wrench among six components."""
 
 
 @dataclass(frozen=True, eq=False)
 class Epsilon:
     """Radius of the largest ball about the origin in the grasp wrench space.
 
-    Ferrari & Canny 1992. Evaluated in the span of the grasp's wrenches: values of different rank do
-    not compare.
+    Ferrari & Canny 1992. Computed in the span of the grasp's wrenches: values of different rank
+    are not comparable.
     """
 
     lower: Floats
-    """Certified lower bound, shape (...); 0 where the grasp is not closed."""
+    """Certified lower bound, shape (...); 0 where the grasp is not force-closed."""
     upper: Floats
     """Certified upper bound, shape (...); for polygonal cones that have converged, `lower`."""
     rank: Ints
-    """Dimensions that the wrenches span, shape (...): 5 for hard fingers on a line, mostly 6."""
+    """Dimension of the span of the wrenches, shape (...): 5 for hard fingers on a line, else mostly
+    6."""
     closed: Bools
-    """Force closure, shape (...)."""
+    """Whether the grasp is force-closed, shape (...)."""
     status: Bytes
     """`Status` codes, shape (...)."""
     certificate: Certificate
+
+    __repr__ = short_repr
 
     @property
     def value(self) -> Floats:
@@ -58,9 +57,11 @@ class SmallestEpsilon:
     upper: Floats
     """Certified upper bound, shape (...)."""
     index: Ints
-    """Which candidate it is, shape (...)."""
+    """Index of that candidate, shape (...)."""
     status: Bytes
     """`Status` codes, shape (...): the worst of those candidates that may be the smallest."""
+
+    __repr__ = short_repr
 
     @property
     def value(self) -> Floats:
@@ -75,7 +76,7 @@ def epsilon(
     actuation: Actuation = "total",
     torque_scale: float = 1.0,
     rtol: float = 1e-3,
-    cone_offset: npt.ArrayLike = 0.0,
+    cone_offset: ArrayLike = 0.0,
     phase: float = 0.0,
     bounded: Bounded = "force",
     threads: int | None = 1,
@@ -89,34 +90,47 @@ def epsilon(
             'per_finger': each finger's force is (the Minkowski sum).
         torque_scale: Length that torques are divided by [mesh unit]; `ObjectMesh.torque_scale`
             makes the value independent of the unit.
-        rtol: Circular cones: how much of the upper bound may lie between the bounds.
-        cone_offset: Angle added to the cones' half-angles [rad], one or shape (..., n). For hard
-            fingers with circular cones, -a gives exactly the smallest epsilon over all tilts of the
-            normals by up to a, and +a a bound on the largest. Where -a exceeds a cone the lower
-            bound is 0; the status is UNDECIDED where the others close, or all without friction. For
-            fewer than 7 contacts whose cones are all exceeded the minimum is 0.
+        rtol: Circular cones: largest difference of the bounds, as a fraction of the upper one.
+        cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n). For
+            hard fingers with circular cones, -a gives exactly the smallest epsilon over all tilts
+            of the normals by up to a, and +a a bound on the largest. Where a exceeds the half-angle
+            of some cone the lower bound is 0; the status is UNDECIDED where the other contacts
+            alone are force-closed, or all are without friction. Where it exceeds those of all
+            contacts, fewer than 7, the minimum is 0.
         phase: Polygons: angle of the first edge about the normal, from the first of
-            `cones.tangents` [rad].
-        bounded: 'force': it is the length of a contact force that is at most 1; 'normal': its
-            normal component, as some packages have it.
+            `friction_cones.tangents` [rad].
+        bounded: 'force': the length of a contact force is at most 1; 'normal': its normal
+            component is, as in some packages.
         threads: Threads for a batch; None: one per processor.
 
     Returns:
-        Bounds, rank and proof, one for each grasp of the batch.
+        Bounds, rank and certificate of each grasp of the batch.
 
     Raises:
         SettingError: A setting outside its range.
     """
+    options = EpsilonOptions(edges, actuation, torque_scale, rtol, threads)
+    return epsilon_with(contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded)
+
+
+def epsilon_with(
+    contacts: Contacts,
+    options: EpsilonOptions,
+    *,
+    cone_offset: ArrayLike = 0.0,
+    phase: float = 0.0,
+    bounded: Bounded = "force",
+) -> Epsilon:
+    """Compute `epsilon` with its options given as `EpsilonOptions`."""
     problem = WrenchProblem.of_contacts(
-        contacts, edges, actuation, torque_scale=torque_scale, cone_offset=cone_offset, phase=phase,
-        bounded=bounded,
-    )  # fmt: skip
-    answers = problem.solve(goal_of(edges, rtol), threads=threads)
-    forces = contact_forces(contacts, answers.forces)
-    return _as_epsilon(answers, contacts.batch, forces, polygonal=edges is not None)
+        contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded
+    )
+    results = problem.solve(options.goal, threads=options.threads)
+    forces = contact_forces(contacts, results.forces)
+    return _as_epsilon(results, contacts.batch, forces, polygonal=options.polygonal)
 
 
-def epsilon_of_wrenches(wrenches: npt.ArrayLike, *, threads: int | None = 1) -> Epsilon:
+def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = 1) -> Epsilon:
     """Epsilon of the convex hull of given wrenches.
 
     Args:
@@ -124,10 +138,11 @@ def epsilon_of_wrenches(wrenches: npt.ArrayLike, *, threads: int | None = 1) -> 
         threads: Threads for a batch; None: one per processor.
 
     Returns:
-        Bounds, rank and proof; directions have 6 numbers, planar ones (u_x, u_y, 0, 0, 0, u_tau).
+        Bounds, rank and certificate; directions have 6 components, planar ones
+        (u_x, u_y, 0, 0, 0, u_tau).
 
     Raises:
-        ContactError: Another shape, or numbers that are not finite.
+        ContactError: Another shape, or values that are not finite.
     """
     try:
         rows = np.asarray(wrenches, dtype=np.float64)
@@ -143,84 +158,71 @@ def epsilon_of_wrenches(wrenches: npt.ArrayLike, *, threads: int | None = 1) -> 
     batch = rows.shape[:-2]
     flat = np.zeros((math.prod(batch), rows.shape[-2], 6))
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])
-    answers = WrenchProblem.of_rows(flat).solve((0.0, 0.0, math.inf, 0.0), threads=threads)
-    return _as_epsilon(answers, batch, answers.forces[..., 0], polygonal=True)
+    results = WrenchProblem.of_rows(flat).solve((0.0, 0.0, math.inf, 0.0), threads=threads)
+    return _as_epsilon(results, batch, results.forces[..., 0], polygonal=True)
 
 
 def smallest_epsilon(
     contacts: Contacts,
+    options: EpsilonOptions | None = None,
     *,
-    edges: int | None = None,
-    actuation: Actuation = "total",
-    torque_scale: float = 1.0,
-    rtol: float = 1e-3,
-    cone_offset: npt.ArrayLike = 0.0,
+    cone_offset: ArrayLike = 0.0,
     phase: float = 0.0,
     bounded: Bounded = "force",
-    threads: int | None = 1,
 ) -> SmallestEpsilon:
-    """Smallest epsilon among candidates; most are rejected early, by bounds.
+    """Smallest epsilon among candidates; bounds exclude most of them early.
 
     Args:
-        contacts: Candidates along the last batch axis, shapes (..., k, n, 3). They should have the
-            same rank: values of different rank do not compare.
-        edges: As in `epsilon`, like all that follow.
-        actuation: As in `epsilon`.
-        torque_scale: As in `epsilon`.
-        rtol: As in `epsilon`.
+        contacts: Candidates along the last batch axis, shape (..., k, n, 3). They should have the
+            same rank: epsilons of different rank are not comparable.
+        options: Cones, actuation, torque scale, accuracy and threads; None: the defaults.
         cone_offset: As in `epsilon`.
         phase: As in `epsilon`.
         bounded: As in `epsilon`.
-        threads: As in `epsilon`.
 
     Returns:
         One value for each group of k candidates, shape (...).
 
     Raises:
-        ContactError: The contacts are those of one grasp.
+        ContactError: The contacts are those of a single grasp.
         SettingError: A setting outside its range.
     """
     if not contacts.batch or contacts.batch[-1] == 0:
-        raise ContactError("minimum needs candidates along a batch axis: points (..., k, n, 3)")
+        raise ContactError(
+            "smallest_epsilon needs candidates along a batch axis: points (..., k, n, 3)"
+        )
+    options = options or EpsilonOptions()
     problem = WrenchProblem.of_contacts(
-        contacts, edges, actuation, torque_scale=torque_scale, cone_offset=cone_offset, phase=phase,
-        bounded=bounded,
-    )  # fmt: skip
-    group = contacts.batch[-1]
-    answers = problem.solve(goal_of(edges, rtol), group=group, prove=False, threads=threads)
-    found = _as_epsilon(answers, contacts.batch, answers.forces, polygonal=edges is not None)
-    least = found.upper.min(axis=-1, keepdims=True)
-    return SmallestEpsilon(
-        lower=locked(found.lower.min(axis=-1))[()],
-        upper=locked(found.upper.min(axis=-1))[()],
-        index=locked(found.upper.argmin(axis=-1))[()],
-        status=locked(np.where(found.lower <= least, found.status, 0).max(axis=-1))[()],
+        contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded
     )
-
-
-def goal_of(edges: int | None, rtol: float) -> Goal:
-    """How close the bounds must be, as `WrenchProblem.solve` takes it; 0 for polygonal cones."""
-    if not 0.0 < rtol < 1.0:
-        raise SettingError(f"rtol must lie between 0 and 1; got {rtol}")
-    tolerances = (0.0, 0.0) if edges else (rtol, UNDECIDED_WITHIN)
-    return (*tolerances, math.inf, 0.0)
+    results = problem.solve(
+        options.goal, group=contacts.batch[-1], with_forces=False, threads=options.threads
+    )
+    candidates = _as_epsilon(results, contacts.batch, results.forces, polygonal=options.polygonal)
+    least = candidates.upper.min(axis=-1, keepdims=True)
+    return SmallestEpsilon(
+        lower=locked(candidates.lower.min(axis=-1))[()],
+        upper=locked(candidates.upper.min(axis=-1))[()],
+        index=locked(candidates.upper.argmin(axis=-1))[()],
+        status=locked(np.where(candidates.lower <= least, candidates.status, 0).max(axis=-1))[()],
+    )
 
 
 def _as_epsilon(
-    answers: Answers, batch: tuple[int, ...], equilibrium: Floats, *, polygonal: bool
+    results: Results, batch: tuple[int, ...], equilibrium: Floats, *, polygonal: bool
 ) -> Epsilon:
-    """Shape the answers like the batch."""
+    """Results of a flat batch as an `Epsilon` of the batch's shape."""
     return Epsilon(
-        lower=shaped(certified(answers, polygonal=polygonal), batch),
-        upper=shaped(answers.upper, batch),
-        rank=shaped(answers.rank, batch),
-        closed=shaped(answers.closed, batch),
-        status=shaped(answers.status, batch),
-        certificate=certificate_of(answers, batch, equilibrium),
+        lower=shaped(certified(results, polygonal=polygonal), batch),
+        upper=shaped(results.upper, batch),
+        rank=shaped(results.rank, batch),
+        closed=shaped(results.closed, batch),
+        status=shaped(results.status, batch),
+        certificate=certificate_of(results, batch, equilibrium),
     )
 
 
-def certified(answers: Answers, *, polygonal: bool) -> Floats:
-    """Lower bounds (b,); those of polygons that have converged meet their upper ones."""
-    meets = polygonal & (answers.status == Status.CONVERGED)
-    return np.where(meets, answers.upper, answers.lower)
+def certified(results: Results, *, polygonal: bool) -> Floats:
+    """Lower bounds (b,); for polygonal cones that have converged they are the upper bounds."""
+    exact = polygonal & (results.status == Status.CONVERGED)
+    return np.where(exact, results.upper, results.lower)

@@ -1,4 +1,4 @@
-"""Epsilon over all the normals that a sensor cannot tell from the perceived ones.
+"""Epsilon over all normals that a sensor cannot distinguish from the perceived ones.
 
 The true normal of each contact lies anywhere within the tilt a = alpha/2 of the perceived one
 (Wan & Howe 2018, Sec. III, who sample extreme normals).
@@ -6,29 +6,28 @@ The true normal of each contact lies anywhere within the tilt a = alpha/2 of the
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d._kernels.support_functions import TOTAL
-from grasp3d.arrays import Bools, Floats, Ints, locked
+from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.contact.friction_cones import tilted_normals
 from grasp3d.errors import SettingError
-from grasp3d.quality.ferrari_canny import UNDECIDED_WITHIN, epsilon, smallest_epsilon
+from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.ferrari_canny import epsilon_with, smallest_epsilon
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import wrench_axes
-from grasp3d.settings import Actuation
 from grasp3d.system.progress import Progress
 
-PART = 32_768
-"""Grasps, or tilted ones, in memory at once."""
+CHUNK = 32_768
+"""Grasps, or grasps with tilted normals, in memory at once."""
 
-MOST_SAMPLED = 5
-"""Soft fingers whose tilts are sampled: 9 normals each, in all combinations."""
+MAX_SAMPLED_FINGERS = 5
+"""Most soft fingers whose tilts are sampled: 9 normals each, in all combinations."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,142 +35,113 @@ class EpsilonRange:
     """Epsilon at the given normals and over all tilts of them."""
 
     nominal: Floats
-    """At the given normals, certified from below, shape (...)."""
+    """At the given normals, a certified lower bound, shape (...)."""
     minimum: Floats
-    """Smallest over all tilts, from below, shape (...); how it is taken: see `epsilon_range`."""
+    """Smallest over all tilts, a lower bound, shape (...); see `epsilon_range`."""
     maximum: Floats
-    """No tilt has more, shape (...): a bound, which need not be reached."""
+    """Upper bound over all tilts, shape (...), which need not be attained."""
 
-
-class _Question(NamedTuple):
-    """What is asked about some grasps; see `epsilon_range`."""
-
-    tilt: Floats
-    """Shape (b, n)."""
-    edges: int | None
-    actuation: Actuation
-    torque_scale: float
-    rtol: float
-    bound_rtol: float
-    threads: int | None
-
-    @property
-    def common(self) -> dict[str, Any]:
-        """The settings that `quality` shares."""
-        return {
-            "actuation": self.actuation,
-            "torque_scale": self.torque_scale,
-            "rtol": self.rtol,
-            "threads": self.threads,
-        }
+    __repr__ = short_repr
 
 
 def epsilon_range(
     contacts: Contacts,
-    tilt: npt.ArrayLike,
+    tilt: ArrayLike,
+    options: EpsilonOptions | None = None,
     *,
-    edges: int | None = None,
-    actuation: Actuation = "total",
-    torque_scale: float = 1.0,
-    rtol: float = 1e-3,
     bound_rtol: float | None = None,
-    threads: int | None = 1,
     progress: Progress | None = None,
 ) -> EpsilonRange:
     """Epsilon at the given normals, its minimum and a bound on its maximum over all tilts.
 
     The minimum is, for
 
-    * hard fingers with circular cones: exact. The worst tilt takes the angle a from a contact's
-      cone whatever the direction of the disturbance, so the minimum is epsilon at beta - a. Where
-      a exceeds beta at some contact it is given as 0, a bound;
+    * hard fingers with circular cones: exact. The worst tilt reduces the half-angle of a contact's
+      cone by a whatever the direction of the disturbance, so the minimum is epsilon at beta - a.
+      Where a exceeds beta at some contact the result is 0, a bound;
     * hard fingers with polygonal cones: epsilon of polygons of the effective friction, half-angle
-      beta - a, as in the paper. A tilted polygon does not hold that polygon exactly, so some tilt
-      may do slightly worse;
+      beta - a, as in the paper. A tilted polygon does not contain that polygon exactly, so epsilon
+      at some tilt may be slightly smaller;
     * soft fingers: the smallest among sampled tilts, the given normal and 8 at the angle a around
-      it, all combinations of the contacts. Torsion turns with the normal, so that no such formula
-      holds, and tilts between the samples may do worse.
+      it, in all combinations of the contacts. Torsion turns with the normal, so that no such
+      formula holds, and epsilon at tilts between the samples may be smaller.
 
     The maximum of hard fingers is at most epsilon of circular cones at beta + a. That of soft
-    fingers is at most epsilon of what the contacts can do with any of their normals: forces in
+    fingers is at most epsilon of the wrenches that are possible at any of their normals: forces in
     circular cones at beta + a, and forces in cones of half-angle a, each with the torsional moment
-    along itself, one way and the other. With actuation 'per_finger' it is at most the number of
-    fingers times that bound for 'total', since a sum of supports is at most so many times their
-    largest.
+    along itself in either sense. With actuation 'per_finger' it is at most the number of fingers
+    times that bound for 'total', since a sum of n support functions is at most n times the largest
+    of them.
 
     Args:
         contacts: The contacts.
-        tilt: How far each normal may turn, a [rad], from 0 to below pi/2: one, or shape (..., n).
-        edges: As in `quality.epsilon`.
-        actuation: As in `quality.epsilon`.
-        torque_scale: As in `quality.epsilon` [mesh unit].
-        rtol: As in `quality.epsilon`.
-        bound_rtol: The same for the maximum, always of circular cones; None: `rtol`.
-        threads: Threads for a batch; None: one per processor.
-        progress: Called with the share of the work done, from 0 to 1.
+        tilt: Largest angle a between true and given normals [rad], from 0 to below pi/2: one value,
+            or shape (..., n).
+        options: Cones, actuation, torque scale, accuracy and threads; None: the defaults.
+        bound_rtol: `rtol` of the maximum, which is always one of circular cones; None:
+            `options.rtol`.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         SettingError: A setting outside its range, friction 0, or too many soft fingers.
     """
-    turns = per_contact("tilt", tilt, contacts).reshape(-1, contacts.count)
-    if not ((turns >= 0.0) & (turns < math.pi / 2.0)).all():
-        raise SettingError(f"tilt must be from 0 to below pi/2; got {turns}")
-    bound_rtol = rtol if bound_rtol is None else bound_rtol
-    question = _Question(turns, edges, actuation, torque_scale, rtol, bound_rtol, threads)
-    if ((turns > 0.0) & (contacts.friction.reshape(turns.shape) == 0.0)).any():
+    tilts = per_contact("tilt", tilt, contacts).reshape(-1, contacts.count)
+    if not ((tilts >= 0.0) & (tilts < math.pi / 2.0)).all():
+        raise SettingError(f"tilt must be from 0 to below pi/2; got {tilts}")
+    options = options or EpsilonOptions()
+    # The bound on the maximum comes from circular cones, which contain the polygons.
+    bound = replace(options, edges=None, rtol=options.rtol if bound_rtol is None else bound_rtol)
+    if ((tilts > 0.0) & (contacts.friction.reshape(tilts.shape) == 0.0)).any():
         raise SettingError("friction must be above 0 where normals may tilt")
     soft = (contacts.torsion_radius > 0.0).any(axis=-1).reshape(-1)
-    tilted = bool(turns.any())
-    if tilted and soft.any() and contacts.count > MOST_SAMPLED:
+    tilted = bool(tilts.any())
+    if tilted and soft.any() and contacts.count > MAX_SAMPLED_FINGERS:
         raise SettingError(
-            f"tilts of soft fingers are sampled, for at most {MOST_SAMPLED} of them; "
+            f"tilts of soft fingers are sampled, for at most {MAX_SAMPLED_FINGERS} of them; "
             f"got {contacts.count}"
         )
     values, done = np.empty((3, len(soft))), 0
     flat = contacts.reshape((-1,))
-    for part in _parts(contacts.count, soft, tilted=tilted):
-        few, asked = flat.take(part), question._replace(tilt=turns[part])
-        nominal = epsilon(few, edges=edges, **question.common).lower
-        most = _most_soft(few, asked) if soft[part[0]] else _most_hard(few, asked)
-        values[:, part] = nominal, np.minimum(_least(few, asked, nominal), nominal), most
-        done += len(part)
+    for rows in _chunks(contacts.count, soft, tilted=tilted):
+        chunk, angles = flat.take(rows), tilts[rows]
+        nominal = epsilon_with(chunk, options).lower
+        minimum = np.minimum(_minimum(chunk, angles, options, nominal), nominal)
+        maximum = (_maximum_soft if soft[rows[0]] else _maximum_hard)(chunk, angles, bound)
+        values[:, rows] = nominal, minimum, maximum
+        done += len(rows)
         if progress is not None:
             progress(done / len(soft))
     return EpsilonRange(*(locked(row.reshape(contacts.batch))[()] for row in values))
 
 
-def _parts(count: int, soft: Bools, *, tilted: bool) -> Iterator[Ints]:
-    """Numbers of hard grasps, then of soft ones, so many that a part and its tilts fit."""
+def _chunks(count: int, soft: Bools, *, tilted: bool) -> Iterator[Ints]:
+    """Indices of hard grasps, then of soft ones, as many at a time as fit with their tilts."""
     for kind in (False, True):
         chosen = np.flatnonzero(soft == kind)
-        step = max(1, PART // len(_tilts(count))) if kind and tilted else PART
+        step = max(1, CHUNK // len(_combinations(count))) if kind and tilted else CHUNK
         for start in range(0, len(chosen), step):
             yield chosen[start : start + step]
 
 
-def _least(contacts: Contacts, question: _Question, nominal: Floats) -> Floats:
-    """The smallest over all tilts, shape (b,); see `epsilon_range`."""
-    if not question.tilt.any():
+def _minimum(contacts: Contacts, tilt: Floats, options: EpsilonOptions, nominal: Floats) -> Floats:
+    """Smallest epsilon over all tilts, shape (b,); see `epsilon_range`."""
+    if not tilt.any():
         return nominal
     if (contacts.torsion_radius > 0.0).any():
-        return smallest_epsilon(
-            _tilted(contacts, question.tilt), edges=question.edges, **question.common
-        ).lower
-    return epsilon(
-        contacts, edges=question.edges, cone_offset=-question.tilt, **question.common
-    ).lower
+        return smallest_epsilon(_tilted(contacts, tilt), options).lower
+    return epsilon_with(contacts, options, cone_offset=-tilt).lower
 
 
-def _tilts(count: int) -> np.ndarray[Any, np.dtype[np.int64]]:
-    """Numbers of the normals in every combination of sampled tilts, shape (k ** n, n)."""
-    around = tilted_normals(np.array([0.0, 0.0, 1.0]), 0.0).shape[0]
-    return np.indices((around,) * count).reshape(count, -1).T
+def _combinations(count: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+    """Indices of the normals in every combination of sampled tilts, shape (k ** n, n)."""
+    sampled = tilted_normals(np.array([0.0, 0.0, 1.0]), 0.0).shape[0]
+    return np.indices((sampled,) * count).reshape(count, -1).T
 
 
 def _tilted(contacts: Contacts, tilt: Floats) -> Contacts:
     """Every grasp (b,) with every combination of sampled tilts, batch (b, k ** n)."""
     sampled = tilted_normals(contacts.normals, tilt)  # (b, n, k, 3)
-    choice = _tilts(contacts.count)
+    choice = _combinations(contacts.count)
     normals = sampled[:, np.arange(contacts.count), choice]  # (b, k ** n, n, 3)
     return Contacts(
         np.broadcast_to(contacts.points[:, None], normals.shape),
@@ -181,45 +151,43 @@ def _tilted(contacts: Contacts, tilt: Floats) -> Contacts:
     )
 
 
-def _most_hard(contacts: Contacts, question: _Question) -> Floats:
-    """What epsilon of hard fingers reaches at most, shape (b,); polygons lie in their cones."""
-    common = {**question.common, "rtol": question.bound_rtol}
-    return epsilon(contacts, cone_offset=question.tilt, **common).upper
+def _maximum_hard(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> Floats:
+    """Upper bound on epsilon of hard fingers over all tilts, shape (b,)."""
+    return epsilon_with(contacts, options, cone_offset=tilt).upper
 
 
-def _most_soft(contacts: Contacts, question: _Question) -> Floats:
-    """What epsilon of soft fingers reaches at most, shape (b,).
+def _maximum_soft(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> Floats:
+    """Upper bound on epsilon of soft fingers over all tilts, shape (b,).
 
-    A contact stands here three times: with its forces, and with its normals n as wrenches of the
-    force n and the moment +e n or -e n. All three are circular cones, and the support of each is
-    exactly the largest that a tilt gives.
+    Each contact is represented three times: by its forces, and by its normals n as wrenches of
+    force n and moment +e n or -e n, e its torsion radius. All three are circular cones, and the
+    support function of each is exactly the largest over all tilts.
     """
     size, count = len(contacts.points), contacts.count
     hard = wrench_axes(
-        contacts.points, contacts.normals, np.zeros((size, count)), question.torque_scale
+        contacts.points, contacts.normals, np.zeros((size, count)), options.torque_scale
     )  # (b, n, 4, 6)
     axes = np.tile(hard, (1, 3, 1, 1))  # (b, 3 n, 4, 6)
-    moments = hard[..., :3] * (contacts.torsion_radius / question.torque_scale)[..., None, None]
+    moments = hard[..., :3] * (contacts.torsion_radius / options.torque_scale)[..., None, None]
     axes[:, count : 2 * count, :, 3:] += moments
     axes[:, 2 * count :, :, 3:] -= moments
-    wide = np.minimum(contacts.friction_angle + question.tilt, math.pi)
-    angles = np.concatenate([wide, np.tile(question.tilt, 2)], axis=1)
+    widest = np.minimum(contacts.friction_angle + tilt, math.pi)
+    angles = np.concatenate([widest, np.tile(tilt, 2)], axis=1)
     problem = WrenchProblem(
         kind=TOTAL,
         spherical=True,
         soft=False,
         size=size,
         count=3 * count,
-        lay_out=partial(_rows_of, axes),
-        reach=np.sin(np.minimum(angles, math.pi / 2.0)),
+        wrenches_of=partial(_rows_of, axes),
+        tangential=np.sin(np.minimum(angles, math.pi / 2.0)),
         cones=np.stack([np.cos(angles), np.sin(angles)], axis=-1),
         rim=np.zeros((0, 2)),
-        beyond=np.zeros(size, dtype=np.bool_),
+        tilts_exceed_friction=np.zeros(size, dtype=np.bool_),
     )
-    goal = (question.bound_rtol, UNDECIDED_WITHIN, math.inf, 0.0)
-    most = problem.solve(goal, prove=False, threads=question.threads).upper
-    return most if question.actuation == "total" else count * most
+    bound = problem.solve(options.goal, with_forces=False, threads=options.threads).upper
+    return bound if options.actuation == "total" else count * bound
 
 
-def _rows_of(axes: Floats, part: slice) -> Floats:
-    return np.ascontiguousarray(axes[part])
+def _rows_of(axes: Floats, chunk: slice) -> Floats:
+    return np.ascontiguousarray(axes[chunk])

@@ -1,27 +1,26 @@
-"""From contacts to the wrenches that they can apply.
+"""Wrenches of contacts, and their span.
 
-A wrench is (f, (p x f) / rho): forces and torques about the centre of mass, torques divided by the
-torque scale rho, so that both count alike and nothing depends on the mesh's unit.
+A wrench is (f, (p x f) / rho): force and torque about the centre of mass, the torque divided by the
+torque scale rho, so that both are weighted alike and nothing depends on the mesh's unit.
 """
 
 import math
-from typing import Literal, get_args
+from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d._kernels.wrench_span import span as span_kernel
-from grasp3d.arrays import Floats
+from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import edge_angles, tangents
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.settings import check_choice
 
 Bounded = Literal["force", "normal"]
-"""What a contact force is measured by: its length, or its normal component."""
+"""Which size of a contact force is limited: its length, or its normal component."""
 
-
-STEEPEST = 1e6
-"""Friction from which unit normal components are lost among the tangential ones."""
+MAX_FRICTION = 1e6
+"""Friction from which unit normal components are lost to rounding among the tangential ones."""
 
 
 def check_torque_scale(torque_scale: float) -> None:
@@ -35,8 +34,9 @@ def wrench_axes(
 ) -> Floats:
     """Wrenches of unit forces along each contact's normal and tangents, and of its torsion.
 
-    Every wrench of a contact is linear in its axes. The tangents are those of `cones.tangents`; the
-    fourth axis is the torsional moment that a unit normal force allows.
+    Every wrench of a contact is a linear combination of its axes. The tangents are those of
+    `friction_cones.tangents`; the fourth axis is the torsional moment that a unit normal force
+    allows.
 
     Args:
         points: Relative to the centre of mass [mesh unit], shape (..., 3).
@@ -57,7 +57,7 @@ def wrench_axes(
 
 
 def cone_parts(friction_angle: Floats, bounded: Bounded = "force") -> Floats:
-    """Normal and tangential part of a force on the rim of a friction cone.
+    """Normal and tangential component of a force on the rim of a friction cone.
 
     Args:
         friction_angle: Half-angles [rad], shape (...).
@@ -67,17 +67,15 @@ def cone_parts(friction_angle: Floats, bounded: Bounded = "force") -> Floats:
         Shape (..., 2).
 
     Raises:
-        SettingError: Another `bounded`, or a cone too wide for a unit normal component.
+        SettingError: An unknown `bounded`, or a cone too wide for a unit normal component.
     """
-    if bounded not in get_args(Bounded):
-        known = ", ".join(get_args(Bounded))
-        raise SettingError(f"no bound is called {bounded!r}; known: {known}")
+    check_choice("bound", bounded, Bounded)
     if bounded == "force":
         return np.stack([np.cos(friction_angle), np.sin(friction_angle)], axis=-1)
     if not (friction_angle < math.pi / 2.0).all():
         raise SettingError("with unit normal components friction cones must stay below 90 degrees")
-    if not (friction_angle < math.atan(STEEPEST)).all():
-        raise SettingError(f"with unit normal components friction must stay below {STEEPEST:g}")
+    if not (friction_angle < math.atan(MAX_FRICTION)).all():
+        raise SettingError(f"with unit normal components friction must stay below {MAX_FRICTION:g}")
     return np.stack([np.ones_like(friction_angle), np.tan(friction_angle)], axis=-1)
 
 
@@ -93,16 +91,17 @@ def wrenches(
 
     Args:
         contacts: The contacts.
-        edges: Edges of each cone, at least 3.
+        edges: Number of edges of each cone, at least 3.
         torque_scale: rho [mesh unit].
-        phase: Angle of the first edge about the normal, from the first of `cones.tangents` [rad].
-        bounded: 'force': edges of length 1; 'normal': of normal component 1, as some packages
-            have them.
+        phase: Angle of the first edge about the normal, from the first of
+            `friction_cones.tangents` [rad].
+        bounded: 'force': edges of length 1; 'normal': of normal component 1, as in some
+            packages.
 
     Returns:
-        Rows (..., n * m, 6), contact by contact: m = `edges`, and two more, the pure normal force
-        with its torsional moment one way and the other, where any finger is soft (twice its
-        first edge for those that are hard).
+        Rows (..., n * m, 6), contact by contact: m = `edges`; where any finger is soft two more,
+        the normal force with its torsional moment in either sense (for hard fingers the first
+        edge, twice).
 
     Raises:
         SettingError: A setting outside its range.
@@ -110,14 +109,14 @@ def wrenches(
     angles = edge_angles(edges, phase)
     parts = cone_parts(contacts.friction_angle, bounded)[..., None, :]  # (..., n, 1, 2)
     normal = np.broadcast_to(parts[..., 0], (*parts.shape[:-2], len(angles)))
-    mixes = np.stack(
+    components = np.stack(
         [normal, parts[..., 1] * np.cos(angles), parts[..., 1] * np.sin(angles)], axis=-1
     )  # (..., n, m, 3)
     check_torque_scale(torque_scale)
     axes = wrench_axes(
         contacts.points, contacts.normals, contacts.torsion_radius, torque_scale
     )  # (..., n, 4, 6)
-    rows = mixes @ axes[..., :3, :]  # (..., n, m, 6)
+    rows = components @ axes[..., :3, :]  # (..., n, m, 6)
     if (contacts.torsion_radius > 0.0).any():
         normal, twist = axes[..., :1, :], axes[..., 3:, :]
         twisted = np.concatenate([normal + twist, normal - twist], axis=-2)
@@ -126,12 +125,12 @@ def wrenches(
     return rows.reshape(*rows.shape[:-3], -1, 6)
 
 
-def span(rows: npt.ArrayLike) -> Floats:
+def span(rows: ArrayLike) -> Floats:
     """Orthonormal basis of the span of wrenches; its length is their rank.
 
     Two hard fingers, or more on one line, cannot resist a torque about that line: their wrenches
-    span five dimensions. A wrench adds a dimension when, forces and torques each measured by the
-    largest among the rows, more than 1e-10 of it lies outside the span of the others.
+    span five dimensions. With forces and torques each divided by the largest among the rows, a
+    wrench adds a dimension if more than 1e-10 of it lies outside the span of the others.
 
     Args:
         rows: Wrenches (k, 6).
@@ -140,7 +139,7 @@ def span(rows: npt.ArrayLike) -> Floats:
         Shape (rank, 6).
 
     Raises:
-        ContactError: Rows of another shape or that are not finite.
+        ContactError: Rows of another shape, or values that are not finite.
     """
     given = np.ascontiguousarray(rows, dtype=np.float64)
     if given.ndim != 2 or given.shape[1] != 6 or not np.isfinite(given).all():

@@ -1,4 +1,4 @@
-"""From a mesh file to plain arrays, without trusting the file."""
+"""Reading of untrusted mesh files into arrays."""
 
 from grasp3d.reading.mesh_files import read_mesh
 from grasp3d.reading.sources import RawMesh, check_finite, mesh_suffixes

@@ -1,7 +1,7 @@
-"""The process that reads files which could take anything.
+"""Main loop of the child process that reads files of formats without a size limit.
 
-It answers each line of JSON on its standard input with the length of a text of JSON, that text,
-and the arrays' bytes, and ends with its input.
+A request is a line of JSON on standard input; an answer is the length of a JSON text, that text,
+and the bytes of the arrays. The process ends when its input ends.
 """
 
 import contextlib
@@ -16,7 +16,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, BinaryIO
 
-with contextlib.suppress(ImportError):  # Windows knows no limits
+with contextlib.suppress(ImportError):  # Windows has no resource limits
     import resource
 
 from grasp3d.errors import MeshError
@@ -24,18 +24,18 @@ from grasp3d.reading.parsing import parse
 from grasp3d.reading.sources import Source
 
 LENGTH = struct.Struct("<Q")
-"""How the length of an answer is written."""
+"""Format of the length that precedes each answer."""
 
 
 def main() -> None:
-    """Answer requests until there are no more."""
-    # Whatever readers print must not get into the answers.
+    """Answer requests until the input ends."""
+    # Text printed by readers must not become part of the answers.
     answers = os.fdopen(os.dup(1), "wb")
-    quiet = os.open(os.devnull, os.O_WRONLY)
-    os.dup2(quiet, 1)
+    null = os.open(os.devnull, os.O_WRONLY)
+    os.dup2(null, 1)
     if hasattr(signal, "SIGALRM"):
-        signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the parent may ignore it
-    gc.freeze()  # what is loaded by now need not be looked through after each file
+        signal.signal(signal.SIGALRM, signal.SIG_DFL)  # the parent may ignore the signal
+    gc.freeze()  # later collections skip the modules loaded so far
     for line in sys.stdin.buffer:
         _answer(json.loads(line), answers)
         gc.collect()
@@ -55,8 +55,8 @@ def _answer(request: Mapping[str, Any], answers: BinaryIO) -> None:
         _write(answers, {"error": str(error)})
         return
     except RecursionError:
-        told = f"{where}: its parts go in circles, or too deep; export the mesh again"
-        _write(answers, {"error": told})
+        message = f"{where}: its parts are nested in a cycle or too deeply; export the mesh again"
+        _write(answers, {"error": message})
         return
     except MemoryError:
         _write(answers, {"memory": True})
@@ -73,15 +73,15 @@ def _write(answers: BinaryIO, head: Mapping[str, object], *arrays: bytes) -> Non
 
 
 def _end_after(seconds: float) -> None:
-    """End this process when the time is up, even if nobody is left to end it; 0: never."""
+    """End this process after a time, even if its parent is gone; 0: never."""
     if hasattr(signal, "alarm"):
         signal.alarm(math.ceil(seconds))
 
 
 def _limit(memory: float) -> None:
-    """Let this process take so much memory more than it has now [GB]."""
+    """Limit the memory of this process to an amount above its current memory [GB]."""
     with contextlib.suppress(NameError, OSError, ValueError):
         pages = int(Path("/proc/self/statm").read_text(encoding="ascii").split()[0])
-        most = pages * os.sysconf("SC_PAGE_SIZE") + int(memory * 1e9)
+        limit = pages * os.sysconf("SC_PAGE_SIZE") + int(memory * 1e9)
         _, hard = resource.getrlimit(resource.RLIMIT_AS)
-        resource.setrlimit(resource.RLIMIT_AS, (most, hard))
+        resource.setrlimit(resource.RLIMIT_AS, (limit, hard))

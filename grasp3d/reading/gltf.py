@@ -1,28 +1,28 @@
-"""What of a glTF or GLB is read: nodes, meshes and their data, and nothing outside its folder."""
+"""Reduction of a glTF or GLB to its nodes, meshes and buffers."""
 
 import json
 import struct
 
 from grasp3d.errors import MeshError
-from grasp3d.reading.gltf_tree import Tree, readable_tree
+from grasp3d.reading.gltf_tree import Tree, stripped_tree
 from grasp3d.reading.side_files import read_address
 from grasp3d.reading.sources import Source
 
 _JSON, _BINARY = 0x4E4F534A, 0x004E4942
 
 
-def readable_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
-    """Strip a glTF of images, materials, animations and cameras, and fetch its side files.
+def stripped_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
+    """Remove images, materials, animations and cameras from a glTF, and read its side files.
 
     Args:
         source: A .gltf or .glb file.
 
     Returns:
-        (the file, stripped, as glTF or GLB as it was; the content of its side files by name).
+        (the reduced file, in its own format; the contents of its side files by name).
 
     Raises:
-        MeshError: It is damaged, its nodes go in circles, it is compressed, its numbers do not fit
-            its data, or it asks for files outside its folder.
+        MeshError: It is damaged, its nodes form a cycle, it is compressed, its numbers do not
+            match its data, or it refers to files outside its folder.
     """
     data, binary = source.path.read_bytes(), b""
     if source.kind == "glb":
@@ -30,40 +30,40 @@ def readable_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
     tree = _tree(source, data)
     buffers = tree.get("buffers", [])
     side_files = {
-        f"buffer{number}": _address(source, buffer)
+        f"buffer{number}": _side_data(source, buffer)
         for number, buffer in enumerate(buffers if isinstance(buffers, list) else [])
         if isinstance(buffer, dict) and "uri" in buffer
     }
     size = len(binary) + sum(map(len, side_files.values()))
-    stripped = readable_tree(source, tree, size)
+    stripped = stripped_tree(source, tree, size)
     for number, buffer in enumerate(stripped.get("buffers", [])):
-        if "uri" in buffer:  # so that no reader looks for it elsewhere
+        if "uri" in buffer:  # trimesh must not open another file
             buffer["uri"] = f"buffer{number}"
     text = json.dumps(stripped).encode()
-    return (_packed(text, binary) if source.kind == "glb" else text), side_files
+    return (_glb(text, binary) if source.kind == "glb" else text), side_files
 
 
 def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
-    """The JSON of a GLB, and its binary data."""
+    """Return the JSON and the binary data of a GLB."""
     magic, version, length = struct.unpack_from("<4sII", data.ljust(12, b"\0"))
     if magic != b"glTF" or version != 2:
         raise MeshError(f"{source.where}: cannot be read as GLB, version 2; {source.hint}")
     found: dict[int, bytes] = {}
-    at, end = 12, min(length, len(data))
-    while at + 8 <= end:
-        size, kind = struct.unpack_from("<II", data, at)
-        if at + 8 + size > len(data):
+    start, end = 12, min(length, len(data))
+    while start + 8 <= end:
+        size, kind = struct.unpack_from("<II", data, start)
+        if start + 8 + size > len(data):
             raise MeshError(
-                f"{source.where}: a part of it promises {size:,} bytes, but "
-                f"{len(data) - at - 8:,} are left; is the file complete?"
+                f"{source.where}: a chunk declares {size:,} bytes, but "
+                f"{len(data) - start - 8:,} are left; is the file complete?"
             )
-        found.setdefault(kind, data[at + 8 : at + 8 + size])
-        at += 8 + size
+        found.setdefault(kind, data[start + 8 : start + 8 + size])
+        start += 8 + size
     return found.get(_JSON, b""), found.get(_BINARY, b"")
 
 
-def _packed(text: bytes, binary: bytes) -> bytes:
-    """Put a GLB together again."""
+def _glb(text: bytes, binary: bytes) -> bytes:
+    """Return a GLB with this JSON and binary data."""
     text += b" " * (-len(text) % 4)
     chunks = struct.pack("<II", len(text), _JSON) + text
     if binary:
@@ -80,11 +80,11 @@ def _tree(source: Source, data: bytes) -> Tree:
             f"{source.where}: its JSON cannot be read ({reason}); {source.hint}"
         ) from error
     if not isinstance(tree, dict):
-        raise MeshError(f"{source.where}: its JSON is no glTF; {source.hint}")
+        raise MeshError(f"{source.where}: its JSON is not a glTF; {source.hint}")
     return tree
 
 
-def _address(source: Source, buffer: Tree) -> bytes:
+def _side_data(source: Source, buffer: Tree) -> bytes:
     if not isinstance(buffer["uri"], str):
-        raise MeshError(f"{source.where}: the address of a buffer is no text; {source.hint}")
+        raise MeshError(f"{source.where}: the uri of a buffer is not a text; {source.hint}")
     return read_address(source, buffer["uri"])

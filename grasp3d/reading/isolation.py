@@ -1,6 +1,6 @@
-"""A process that reads for this one, with limits on memory and time.
+"""Reading of files in a child process, with limits on memory and time.
 
-It is started with the first file that needs it, and again after one that it did not survive.
+The process is started with the first file that needs it, and again after it was ended.
 """
 
 import json
@@ -12,62 +12,65 @@ from typing import Any
 import numpy as np
 
 from grasp3d.errors import MeshError, MeshUnreadError
+from grasp3d.isolation.failures import CallFailedError, CallFailure
 from grasp3d.isolation.limits import Limits
-from grasp3d.isolation.losses import Loss, Lost
-from grasp3d.isolation.process import Child, Pool
-from grasp3d.isolation.watching import ask
+from grasp3d.isolation.monitoring import send_request
+from grasp3d.isolation.process import ChildProcess, ProcessPool
 from grasp3d.reading.sources import RawMesh, Source
 
 SECONDS = 15.0
-"""Time for any file, the start of the process included."""
+"""Time limit of an empty file, including the start of the process [s]."""
 
 BYTES_PER_SECOND = 1e6
-"""How slowly the slowest reader goes through what a file unpacks to, with a margin of five."""
+"""Speed of the slowest reader in unpacked bytes, with a safety factor of five [bytes/s]."""
 
 _LENGTH = struct.Struct("<Q")
 
-_readers = Pool("grasp3d.reading.child")
+_readers = ProcessPool("grasp3d.reading.child")
 _lock = threading.Lock()
-"""One file at a time: each may take all the memory that is allowed."""
+"""One file at a time, since each may take all the memory that is allowed."""
 
 
-def _renew() -> None:
-    """Begin anew after a fork: another thread of the parent may have been reading."""
+def _reset_lock() -> None:
+    """Create a new lock after a fork, since a thread of the parent may have held the old one."""
     global _lock  # noqa: PLW0603
     _lock = threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_renew)
+    os.register_at_fork(after_in_child=_reset_lock)
 
 
-def read_behind_limits(source: Source, unpacked: int) -> RawMesh:
-    """Read a file in a process that may take no more than the limits.
+def read_in_child(source: Source, unpacked: int) -> RawMesh:
+    """Read a file in a child process with limits on memory and time.
 
     Args:
         source: The file.
-        unpacked: Bytes that it unpacks to.
+        unpacked: Its unpacked size [bytes].
 
     Raises:
-        MeshError: It is damaged, or reading it took more than the limits.
+        MeshError: It is damaged, or reading it exceeded a limit.
     """
     seconds = SECONDS + unpacked / BYTES_PER_SECOND
     try:
         with _lock:
             answer, data = _answer(source, seconds)
-    except Lost as lost:
-        if lost.kind is Loss.OUT_OF_TIME:
-            raise MeshUnreadError(_told(source, f"took more than {seconds:.0f} s")) from lost
-        if lost.kind is Loss.KILLED:
-            raise MeshUnreadError(f"{source.where}: its reader {lost}; try again") from lost
-        raise MeshError(_told(source, f"{_memory(source)}, or ended its reader")) from lost
+    except CallFailedError as failure:
+        if failure.kind is CallFailure.OUT_OF_TIME:
+            raise MeshUnreadError(_message(source, f"took more than {seconds:.0f} s")) from failure
+        if failure.kind is CallFailure.KILLED:
+            raise MeshUnreadError(
+                f"{source.where}: the process that reads it {failure}; try again"
+            ) from failure
+        reason = f"{_over_memory(source)}, or crashed the reader"
+        raise MeshError(_message(source, reason)) from failure
     except OSError as error:
         raise MeshUnreadError(
             f"{source.where}: the process that reads it cannot be started ({error.strerror}); "
             "export the mesh as STL or PLY"
         ) from error
     if "memory" in answer:
-        raise MeshError(_told(source, _memory(source)))
+        raise MeshError(_message(source, _over_memory(source)))
     if "error" in answer:
         raise MeshError(answer["error"])
     split = 24 * answer["vertices"]
@@ -77,7 +80,7 @@ def read_behind_limits(source: Source, unpacked: int) -> RawMesh:
 
 
 def _answer(source: Source, seconds: float) -> tuple[dict[str, Any], bytearray]:
-    """Ask a process, started if needed; whatever goes wrong, the next file gets a new one."""
+    """Send a request to the child process; after an error the next file gets a new process."""
     request = {
         "path": str(source.path.absolute()),
         "where": source.where,
@@ -88,7 +91,7 @@ def _answer(source: Source, seconds: float) -> tuple[dict[str, Any], bytearray]:
     }
     reader = _readers.take()
     line = json.dumps(request).encode() + b"\n"
-    answer, data = ask(reader, line, _received, Limits(seconds=seconds))
+    answer, data = send_request(reader, line, _read_answer, Limits(seconds=seconds))
     if "memory" in answer:
         reader.close()
     else:
@@ -96,15 +99,15 @@ def _answer(source: Source, seconds: float) -> tuple[dict[str, Any], bytearray]:
     return answer, data
 
 
-def _received(reader: Child) -> tuple[dict[str, Any], bytearray]:
+def _read_answer(reader: ChildProcess) -> tuple[dict[str, Any], bytearray]:
     (length,) = _LENGTH.unpack(reader.receive(_LENGTH.size))
     answer: dict[str, Any] = json.loads(reader.receive(length))
     return answer, reader.receive(24 * (answer.get("vertices", 0) + answer.get("faces", 0)))
 
 
-def _memory(source: Source) -> str:
+def _over_memory(source: Source) -> str:
     return f"took more memory than max_memory, {source.max_memory:g} GB (--max-memory)"
 
 
-def _told(source: Source, why: str) -> str:
-    return f"{source.where}: reading it {why}; export the mesh again, as STL or PLY"
+def _message(source: Source, reason: str) -> str:
+    return f"{source.where}: reading it {reason}; export the mesh again, as STL or PLY"

@@ -1,4 +1,4 @@
-"""What of an OBJ file is read: the positions and the faces, and nothing that leads elsewhere."""
+"""Reduction of an OBJ file to its positions and faces."""
 
 import re
 
@@ -6,23 +6,23 @@ from grasp3d.errors import MeshError
 from grasp3d.reading.sources import Source
 
 MOST_CORNERS = 1000
-"""Corners of the largest face that is read: round lids have a few hundred."""
+"""Largest number of corners of a face; round lids have a few hundred."""
 
 LEAST_CORNERS = COORDINATES = 3
 
 
-def geometry_of_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
-    """Keep the positions and faces of an OBJ, so that its reader keeps the order of vertices.
+def plain_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
+    """Return an OBJ with positions and faces only, so that trimesh keeps the order of vertices.
 
-    Texture coordinates and normals would make the reader split and reorder vertices; materials
-    and groups would make it part the mesh and open other files.
+    With texture coordinates and normals trimesh would split and reorder vertices; with materials
+    and groups it would split the mesh and open other files.
 
     Returns:
-        (the positions and faces, how many positions, how many faces).
+        (the OBJ, number of positions, number of faces).
 
     Raises:
         MeshError: A vertex has too few coordinates, or a face too few or too many corners.
-        ValueError: A face uses a vertex that cannot be.
+        ValueError: A face has an invalid vertex number.
     """
     data = re.sub(rb"\\\r?\n", b" ", data)
     kept: list[bytes] = []
@@ -40,14 +40,14 @@ def geometry_of_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
             if not LEAST_CORNERS < len(words) <= 1 + MOST_CORNERS:
                 raise MeshError(
                     f"{source.where}: line {number} is a face of {len(words) - 1:,} corners; "
-                    f"{LEAST_CORNERS} to {MOST_CORNERS:,} are read"
+                    f"{LEAST_CORNERS} to {MOST_CORNERS:,} are allowed"
                 )
             kept.append(b" ".join([b"f", *(_absolute(word, count) for word in words[1:])]))
     return b"\n".join(kept), count, len(kept) - count
 
 
 def _absolute(corner: bytes, count: int) -> bytes:
-    """Position index of a face's corner `v/vt/vn`, counted from the file's start."""
+    """Return the vertex number of a face's corner `v/vt/vn`, counted from the start of the file."""
     index = corner.split(b"/", 1)[0]
     if not index.startswith((b"-", b"0")):
         return index
@@ -58,11 +58,11 @@ def _absolute(corner: bytes, count: int) -> bytes:
     return b"%d" % absolute
 
 
-def explain_obj(source: Source, data: bytes) -> None:
-    """Find the first line of an OBJ that makes no sense, after its reader has failed.
+def check_obj_lines(source: Source, data: bytes) -> None:
+    """Find the first invalid line of an OBJ, after trimesh failed to read it.
 
     Raises:
-        MeshError: There is one.
+        MeshError: A line is invalid.
     """
     lines = data.splitlines()
     total, count = sum(line.split()[:1] == [b"v"] for line in lines), 0

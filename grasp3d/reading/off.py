@@ -1,21 +1,21 @@
-"""The text of an OFF, cleared of comments, its faces checked, and many corners cut to few."""
+"""Normalisation of OFF files for trimesh: without comments, faces of at most four corners."""
 
 import re
 from itertools import pairwise
 
 from grasp3d.errors import MeshError
+from grasp3d.reading.declared_sizes import off_counts
 from grasp3d.reading.obj import MOST_CORNERS
-from grasp3d.reading.promises import off_counts
 from grasp3d.reading.sources import Source
 
 
 def plain_off(source: Source, data: bytes) -> bytes:
-    """Strip comments, which trimesh takes for lines of data, and cut polygons into fans.
+    """Return an OFF without comments and with faces of at most four corners.
 
-    It reads triangles and quads, but no larger faces among them.
+    trimesh reads comments as data, and reads no larger faces: they become triangle fans.
 
     Raises:
-        MeshError: A face has fewer corners than it promises.
+        MeshError: A face has fewer corners than it declares.
     """
     vertices, faces = off_counts(source)
     if b"#" in data:
@@ -29,8 +29,8 @@ def plain_off(source: Source, data: bytes) -> bytes:
         if not 3 <= count < min(len(words), MOST_CORNERS + 1):
             text = line.decode("utf-8", "replace")[:40]
             raise MeshError(
-                f"{source.where}: face {number} ({text!r}) has not the corners that it promises, "
-                f"of which 3 to {MOST_CORNERS:,} are read; export the mesh again"
+                f"{source.where}: face {number} ({text!r}) does not have the corners that it "
+                f"declares, of which 3 to {MOST_CORNERS:,} are allowed; export the mesh again"
             )
         if count <= 4:
             kept.append(line)

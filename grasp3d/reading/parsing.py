@@ -1,4 +1,4 @@
-"""From the bytes of a mesh file to arrays: trimesh reads, and what it lets pass is checked."""
+"""Parsing of mesh files with trimesh, and checks of the result."""
 
 import io
 import logging
@@ -12,18 +12,18 @@ import trimesh
 
 from grasp3d.arrays import first_at_position
 from grasp3d.errors import MeshError
-from grasp3d.reading.gltf import readable_gltf
-from grasp3d.reading.obj import explain_obj, geometry_of_obj
+from grasp3d.reading.declared_sizes import STL_FACE, STL_HEADER, binary_stl_faces, off_counts
+from grasp3d.reading.gltf import stripped_gltf
+from grasp3d.reading.obj import check_obj_lines, plain_obj
 from grasp3d.reading.off import plain_off
 from grasp3d.reading.ply import read_ply_header
 from grasp3d.reading.ply_faces import plain_ply
-from grasp3d.reading.promises import STL_FACE, STL_HEADER, binary_stl_faces, off_counts
 from grasp3d.reading.sources import RawMesh, Source, check_finite
 from grasp3d.reading.stl import plain_stl
 from grasp3d.reading.three_mf import count_parts
 from grasp3d.settings import Unit
 
-# What its logger says would reach the terminal of whoever has not set up logging.
+# Without a handler, Python prints the messages of trimesh's logger to the terminal.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
 
 _UNIT_NAMES: dict[str, Unit] = {
@@ -34,35 +34,35 @@ _UNIT_NAMES: dict[str, Unit] = {
 }  # fmt: skip
 
 _lock = threading.Lock()
-"""For one at a time: what is done with warnings is done for all threads."""
+"""One file at a time, since warning filters apply to all threads."""
 
 
-def _renew() -> None:
-    """Begin with a lock of its own in a forked process: nobody is left to open the other."""
+def _reset_lock() -> None:
+    """Create a new lock after a fork, since a thread of the parent may have held the old one."""
     global _lock  # noqa: PLW0603
     _lock = threading.Lock()
 
 
 if hasattr(os, "register_at_fork"):
-    os.register_at_fork(after_in_child=_renew)
+    os.register_at_fork(after_in_child=_reset_lock)
 
 
 def parse(source: Source) -> RawMesh:
-    """Read a file of a known format; a scene becomes one mesh, each part where it is placed.
+    """Read a file of a known format; a scene becomes one mesh, with transforms applied.
 
     Raises:
-        MeshError: It is damaged, or holds no triangles.
+        MeshError: It is damaged, or has no triangles.
     """
     try:
         with _lock, warnings.catch_warnings():
-            # What a reader warns of is damage: numbers that it could not read to the end, or that
-            # are none. Other warnings are about the reader itself.
+            # These warnings mean damaged files: incomplete or invalid numbers. Other warnings are
+            # about trimesh itself.
             warnings.filterwarnings("error", "string or file could not be read", DeprecationWarning)
             warnings.filterwarnings("error", category=RuntimeWarning, module="trimesh")
             return _flattened(source, _READERS.get(source.kind, _parsed)(source))
     except (MeshError, MemoryError, RecursionError):
         raise
-    except Exception as error:  # every reader behind this door raises kinds of its own
+    except Exception as error:  # each reader raises its own classes of errors
         reason = " ".join(str(error).split()) or type(error).__name__
         if isinstance(error, KeyError):
             reason += " is missing"
@@ -76,25 +76,25 @@ def _parsed(source: Source) -> trimesh.Scene:
     return _scene(source, source.path.read_bytes())
 
 
-def _scene(source: Source, data: bytes, **options: Any) -> trimesh.Scene:  # noqa: ANN401
+def _scene(source: Source, data: bytes, **options: Any) -> trimesh.Scene:
     return trimesh.load_scene(io.BytesIO(data), file_type=source.kind, process=False, **options)
 
 
 def _parsed_gltf(source: Source) -> trimesh.Scene:
-    data, side_files = readable_gltf(source)
+    data, side_files = stripped_gltf(source)
     return _scene(source, data, resolver=side_files, skip_materials=True)
 
 
 def _parsed_3mf(source: Source) -> trimesh.Scene:
-    promised = count_parts(source)
-    if not promised:
+    declared = count_parts(source)
+    if not declared:
         return trimesh.Scene()
     scene = _scene(source, source.path.read_bytes(), postprocess=False)
     found = len(scene.graph.nodes_geometry)
-    if found != promised:
+    if found != declared:
         raise MeshError(
-            f"{source.where}: builds {promised:,} copies of its parts, of which {found:,} can be "
-            "read; export it without parts within parts, or as STL"
+            f"{source.where}: contains {declared:,} copies of its parts, of which {found:,} can be "
+            "read; export it without nested parts, or as STL"
         )
     return scene
 
@@ -102,11 +102,11 @@ def _parsed_3mf(source: Source) -> trimesh.Scene:
 def _parsed_obj(source: Source) -> trimesh.Scene:
     data = source.path.read_bytes()
     try:
-        kept, vertices, faces = geometry_of_obj(source, data)
+        kept, vertices, faces = plain_obj(source, data)
         scene = _scene(source, kept, maintain_order=True, skip_materials=True)
         _check_complete(source, scene, vertices, faces)
     except (MeshError, ValueError, IndexError):
-        explain_obj(source, data)
+        check_obj_lines(source, data)
         raise
     return scene
 
@@ -134,21 +134,21 @@ def _parsed_stl(source: Source) -> trimesh.Scene:
         scene = _scene(source, data)
         _check_complete(source, scene, 3 * facets, facets)
         return scene
-    # Some exporters leave a few bytes behind the last face.
+    # Some exporters write a few bytes after the last face.
     data = data[: STL_HEADER + STL_FACE * faces]
     rows = np.frombuffer(data, dtype="V12, (9,)<f4, V2", offset=STL_HEADER)["f1"]
-    check_finite(rows.reshape(-1, 3), source.where)  # the reader would leave out the faces
+    check_finite(rows.reshape(-1, 3), source.where)  # trimesh would leave out such faces
     return _scene(source, data)
 
 
 def _check_complete(source: Source, scene: trimesh.Scene, vertices: int, faces: int) -> None:
-    """Refuse a file of which the reader found less than its header promises."""
+    """Reject a file of which trimesh read fewer vertices or faces than its header declares."""
     parts = list(scene.geometry.values())
     found = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
     if found[0] < vertices or found[1] < faces:
         raise MeshError(
-            f"{source.where}: promises {vertices:,} vertices and {faces:,} faces, but "
-            f"{found[0]:,} and {found[1]:,} are there; is the file complete?"
+            f"{source.where}: declares {vertices:,} vertices and {faces:,} faces, but contains "
+            f"{found[0]:,} and {found[1]:,}; is the file complete?"
         )
 
 
@@ -175,7 +175,7 @@ def _flattened(source: Source, scene: trimesh.Scene) -> RawMesh:
             f"{source.where}: holds no triangles; is it a complete {source.kind.upper()} file "
             "with a surface (not a point cloud, a drawing or another format renamed)?"
         )
-    if source.kind == "stl":  # every face brings its own three vertices: keep the first at a place
+    if source.kind == "stl":  # each face has its own vertices: merge those at equal positions
         first, faces = np.unique(first_at_position(vertices)[faces], return_inverse=True)
         vertices, faces = vertices[first], faces.reshape(-1, 3)
     declared = "m" if source.kind in {"glb", "gltf"} else str(scene.units or "").lower()
@@ -183,7 +183,7 @@ def _flattened(source: Source, scene: trimesh.Scene) -> RawMesh:
 
 
 def _check_part(source: Source, part: trimesh.Trimesh | trimesh.PointCloud) -> None:
-    """Refuse corners that are no numbers or no vertices, before they become another part's."""
+    """Reject invalid positions and vertex numbers, before parts are concatenated."""
     vertices = np.asarray(part.vertices, dtype=np.float64)
     check_finite(vertices, source.where)
     faces = np.asarray(getattr(part, "faces", ()), dtype=np.int64).reshape(-1, 3)

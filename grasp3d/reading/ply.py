@@ -1,10 +1,10 @@
-"""The header of a PLY: what the file promises, and the same header with nothing but the surface."""
+"""Headers of PLY files: reading, checks against the file size, and reduction to the surface."""
 
 import re
 from dataclasses import dataclass, field
 
 from grasp3d.errors import MeshError
-from grasp3d.reading.promises import LONGEST_HEADER, check_room
+from grasp3d.reading.declared_sizes import LONGEST_HEADER, check_count
 from grasp3d.reading.sources import Source
 
 _TYPES = {
@@ -15,8 +15,8 @@ _TYPES = {
 _LENGTHS = ("i1", "u1", "i2", "u2", "i4", "u4")
 _FORMATS = {"": "ascii", "<": "binary_little_endian", ">": "binary_big_endian"}
 _CORNERS = ("vertex_indices", "vertex_index")
-_LEAST_TEXT = 2
-"""Bytes of a number in a text file, with what parts it from the next."""
+_MIN_TEXT_BYTES = 2
+"""Least size of a number and its separator in a text file [bytes]."""
 
 
 @dataclass(frozen=True)
@@ -24,64 +24,64 @@ class Property:
     """A number, or a list of numbers, of each record of an element."""
 
     name: str
-    words: tuple[str, ...]
-    """How the header says its type."""
+    type_words: tuple[str, ...]
+    """The type as the header writes it."""
     type: str
-    """Of one number, as NumPy writes it, without byte order."""
+    """NumPy type of one number, without byte order."""
     length: str | None
-    """Type of a list's length; None: it is no list."""
+    """NumPy type of a list's length; None: a single number."""
 
     @property
-    def least(self) -> int:
-        """Bytes that it takes at least in a binary file."""
+    def min_bytes(self) -> int:
+        """Least size in a binary file [bytes]."""
         return int((self.length or self.type)[1])
 
 
 @dataclass(frozen=True)
 class Element:
-    """A table of the file."""
+    """An element of the file: a table of records."""
 
     name: str
     count: int
     properties: list[Property] = field(default_factory=list)
 
     @property
-    def least(self) -> int:
-        """Bytes that a record takes at least; without lists, exactly."""
-        return sum(entry.least for entry in self.properties)
+    def min_bytes(self) -> int:
+        """Least size of a record in a binary file [bytes]; exact if there are no lists."""
+        return sum(entry.min_bytes for entry in self.properties)
 
     @property
     def lists(self) -> int:
-        """How many of its properties are lists."""
+        """Number of properties that are lists."""
         return sum(entry.length is not None for entry in self.properties)
 
     def lines(self) -> list[str]:
-        """Lines of a header that say the same, with neutral names for what is not read."""
+        """Return the header lines of the element, with neutral names for what is not read."""
         read = {"vertex": ("x", "y", "z"), "face": _CORNERS}.get(self.name, ())
         only = self.name == "face" and len(self.properties) == 1
         found = [f"element {self.name if read else 'other_' + self.name} {self.count}"]
         for number, entry in enumerate(self.properties):
             name = entry.name if entry.name in read or only else f"other_{number}"
-            found.append(" ".join(["property", *entry.words, name]))
+            found.append(" ".join(["property", *entry.type_words, name]))
         return found
 
 
 @dataclass(frozen=True)
 class PlyHeader:
-    """What a PLY file says of itself."""
+    """Header of a PLY file."""
 
     order: str
-    """Byte order as NumPy writes it; empty: the file is text."""
+    """Byte order in NumPy's notation; empty: the file is text."""
     elements: tuple[Element, ...]
     start: int
-    """Where the data begin [bytes]."""
+    """Position of the first byte of data."""
 
     def count(self, name: str) -> int:
-        """How many elements of a name it promises."""
+        """Return the declared number of records of the elements of a name."""
         return sum(element.count for element in self.elements if element.name == name)
 
     def plain(self) -> bytes:
-        """Write it without comments, colours and textures, which trimesh reads as well."""
+        """Return the header without comments, colours and textures, which trimesh would read."""
         lines = ["ply", f"format {_FORMATS[self.order]} 1.0"]
         for element in self.elements:
             lines += element.lines() if element.count else []
@@ -89,10 +89,10 @@ class PlyHeader:
 
 
 def read_ply_header(source: Source) -> PlyHeader:
-    """Read the header of a PLY, and check that the file can hold what it promises.
+    """Read the header of a PLY, and check the declared counts against the file size.
 
     Raises:
-        MeshError: It is no PLY, or promises more than the file can hold.
+        MeshError: It is not a PLY, or declares more than the file can contain.
     """
     found = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", source.head(LONGEST_HEADER), re.DOTALL)
     if found is None:
@@ -110,7 +110,7 @@ def read_ply_header(source: Source) -> PlyHeader:
                 elements[-1].properties.append(_property(words[1:]))
         except (ValueError, KeyError, IndexError) as error:
             raise MeshError(
-                f"{source.where}: a line of its header ({line[:60]!r}) cannot be understood; "
+                f"{source.where}: a line of its header ({line[:60]!r}) is not valid; "
                 "export the mesh again"
             ) from error
     header = PlyHeader(order, tuple(elements), found.end())
@@ -138,10 +138,10 @@ def _check_elements(source: Source, header: PlyHeader) -> None:
         )
         if len(set(names)) < len(names) or broken:
             raise MeshError(
-                f"{source.where}: its header has {element.name[:20]!r} with a property twice, or "
-                "corners that are no whole numbers; export the mesh again"
+                f"{source.where}: element {element.name[:20]!r} has a property twice, or "
+                "corners that are not whole numbers; export the mesh again"
             )
-        least = element.least if header.order else _LEAST_TEXT * len(element.properties)
-        known = {"vertex": "vertices", "face": "faces"}
-        told = known.get(element.name, f"elements {element.name[:20]!r}")
-        check_room(source, told, element.count, max(least, 1), source.size - header.start + 1)
+        least = element.min_bytes if header.order else _MIN_TEXT_BYTES * len(element.properties)
+        plurals = {"vertex": "vertices", "face": "faces"}
+        what = plurals.get(element.name, f"elements {element.name[:20]!r}")
+        check_count(source, what, element.count, max(least, 1), source.size - header.start + 1)

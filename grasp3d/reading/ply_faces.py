@@ -1,4 +1,4 @@
-"""Faces of a PLY with differing numbers of corners, which trimesh reads wrongly or not at all."""
+"""Conversion of PLY files to a form that trimesh reads correctly: faces with equal corners."""
 
 import re
 import struct
@@ -13,99 +13,101 @@ from grasp3d.reading.sources import Source
 
 
 def plain_ply(source: Source, header: PlyHeader, data: bytes) -> bytes:
-    """Write a PLY again so that trimesh reads its positions and faces, and nothing else.
+    """Return a PLY of which trimesh reads positions and faces only.
 
     Raises:
-        MeshError: Its faces make no sense.
+        MeshError: Its faces are not valid.
     """
     if not header.order:
         text = data[header.start :].replace(b"\r\n", b"\n").replace(b"\r", b"\n")
         text = re.sub(rb"\n[ \t]*(?=\n)", b"", b"\n" + text)[1:]
         _check_lines(source, header, text)
         return header.plain() + text
-    if _are_alike(header, data):
+    if _has_equal_records(header, data):
         return header.plain() + data[header.start :]
     return _with_triangles(source, header, data)
 
 
 def _check_lines(source: Source, header: PlyHeader, text: bytes) -> None:
-    """Refuse lines with more or fewer numbers than their element promises."""
-    lines, at = text.split(b"\n"), 0
+    """Reject lines with more or fewer numbers than their element declares."""
+    lines, start = text.split(b"\n"), 0
     for element in header.elements:
-        rows = lines[at : at + element.count]
-        at += element.count
+        rows = lines[start : start + element.count]
+        start += element.count
         if element.name not in {"vertex", "face"}:
             continue
         lists = [i for i, entry in enumerate(element.properties) if entry.length]
         for number, line in enumerate(rows):
-            if not _is_right(line.split(), len(element.properties), lists):
+            if not _is_complete(line.split(), len(element.properties), lists):
                 raise MeshError(
                     f"{source.where}: {element.name} {number} "
-                    f"({line[:40].decode('utf-8', 'replace')!r}) has not the numbers that it "
-                    "promises; export the mesh again"
+                    f"({line[:40].decode('utf-8', 'replace')!r}) has a wrong number of numbers; "
+                    "export the mesh again"
                 )
 
 
-def _is_right(words: list[bytes], properties: int, lists: list[int]) -> bool:
-    """Tell whether a line has as many numbers as its properties, some of which are lists."""
+def _is_complete(words: list[bytes], properties: int, lists: list[int]) -> bool:
+    """Return whether a line has the numbers of its properties, some of which are lists."""
     more = 0
     try:
-        for place in lists:
-            more += int(words[place + more])
+        for index in lists:
+            more += int(words[index + more])
     except (ValueError, IndexError):
         return False
     return properties + more == len(words)
 
 
-def _are_alike(header: PlyHeader, data: bytes) -> bool:
-    """Tell whether the lists of each binary element are all as long as in its first record.
+def _has_equal_records(header: PlyHeader, data: bytes) -> bool:
+    """Return whether all lists of each binary element are as long as in its first record.
 
-    trimesh takes that for granted as long as the size of the file fits.
+    trimesh assumes this if the file size matches.
     """
-    at = header.start
+    start = header.start
     for element in header.elements:
         if not element.count:
             continue
-        dtype = _first_record(header.order, element, data, at)
-        if dtype is None or at + element.count * dtype.itemsize > len(data):
+        dtype = _first_record(header.order, element, data, start)
+        if dtype is None or start + element.count * dtype.itemsize > len(data):
             return False
-        rows = np.frombuffer(data, dtype, element.count, at)
+        rows = np.frombuffer(data, dtype, element.count, start)
         for name in dtype.names or ():
             if name.startswith("length") and (rows[name] != rows[name][0]).any():
                 return False
-        at += element.count * dtype.itemsize
-    return at == len(data)
+        start += element.count * dtype.itemsize
+    return start == len(data)
 
 
-def _first_record(order: str, element: Element, data: bytes, at: int) -> np.dtype[np.void] | None:
-    """Layout of an element's first record; None: the file ends before."""
+def _first_record(
+    order: str, element: Element, data: bytes, start: int
+) -> np.dtype[np.void] | None:
+    """Return the layout of an element's first record; None: the file ends before."""
     fields: list[tuple[str, str, int]] = []
     for number, entry in enumerate(element.properties):
         count = 1
         if entry.length is not None:
             length = np.dtype(order + entry.length)
-            if at + length.itemsize > len(data):
+            if start + length.itemsize > len(data):
                 return None
-            count = int(np.frombuffer(data, length, 1, at)[0])
+            count = int(np.frombuffer(data, length, 1, start)[0])
             fields.append((f"length{number}", length.str, 1))
-            at += length.itemsize
+            start += length.itemsize
         if not 0 <= count <= len(data):
             return None
         fields.append((f"value{number}", order + entry.type, count))
-        at += count * int(entry.type[1])
+        start += count * int(entry.type[1])
     return np.dtype([(name, kind, (count,)) for name, kind, count in fields])
 
 
 def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
-    """Write a binary PLY again with its positions, and its faces as fans of triangles."""
-    at, parts = header.start, list[bytes]()
+    """Return a binary PLY with its positions, and its faces as triangle fans."""
+    start, parts = header.start, list[bytes]()
     lines = [
         b"ply",
         b"format binary_%s_endian 1.0" % (b"little" if header.order == "<" else b"big"),
     ]
     for element in header.elements:
         if element.name == "face":
-            faces = _fans(*_corners(source, header.order, element, data, at))
+            faces = _fans(*_corners(source, header.order, element, data, start))
             break
         if element.lists:
             raise MeshError(
@@ -113,8 +115,8 @@ def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
                 "mesh again, as triangles"
             )
         lines += [line.encode("utf-8", "replace") for line in element.lines()]
-        parts.append(data[at : at + element.count * element.least])
-        at += element.count * element.least
+        parts.append(data[start : start + element.count * element.min_bytes])
+        start += element.count * element.min_bytes
     lines += [
         b"element face %d" % len(faces),
         b"property list uchar int64 vertex_indices",
@@ -126,42 +128,43 @@ def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
 
 
 def _corners(
-    source: Source, order: str, element: Element, data: bytes, at: int
+    source: Source, order: str, element: Element, data: bytes, start: int
 ) -> tuple[Ints, Ints]:
-    """(corners of each face, vertices at all of them), going from face to face."""
+    """Return (number of corners of each face, vertex numbers of all corners)."""
     if element.lists != 1:
         raise MeshError(
             f"{source.where}: its faces have {element.lists} lists of differing lengths, one is "
-            "read; export the mesh again, as triangles"
+            "allowed; export the mesh again, as triangles"
         )
-    place = next(i for i, entry in enumerate(element.properties) if entry.length)
-    entry = element.properties[place]
-    before = sum(other.least for other in element.properties[:place])
-    after = sum(other.least for other in element.properties[place + 1 :])
+    index = next(i for i, entry in enumerate(element.properties) if entry.length)
+    entry = element.properties[index]
+    before = sum(other.min_bytes for other in element.properties[:index])
+    after = sum(other.min_bytes for other in element.properties[index + 1 :])
     length = struct.Struct(order + np.dtype(entry.length).char)
     size = int(entry.type[1])
     counts, rows = [], []
     for face in range(element.count):
-        begin = at + before + length.size
-        count = length.unpack_from(data, begin - length.size)[0] if begin <= len(data) else 0
-        at = begin + count * size + after
-        if at > len(data) or begin > len(data):
+        first = start + before + length.size
+        count = length.unpack_from(data, first - length.size)[0] if first <= len(data) else 0
+        start = first + count * size + after
+        if start > len(data) or first > len(data):
             raise MeshError(
-                f"{source.where}: promises {element.count:,} faces, but {face:,} are there; is "
+                f"{source.where}: declares {element.count:,} faces, but contains {face:,}; is "
                 "the file complete?"
             )
         if not 3 <= count <= MOST_CORNERS:
             raise MeshError(
-                f"{source.where}: face {face} has {count} corners; 3 to {MOST_CORNERS:,} are read"
+                f"{source.where}: face {face} has {count} corners; 3 to {MOST_CORNERS:,} are "
+                "allowed"
             )
         counts.append(count)
-        rows.append(data[begin : begin + count * size])
+        rows.append(data[first : first + count * size])
     found = np.frombuffer(b"".join(rows), dtype=order + entry.type).astype(np.int64)
     return np.array(counts, dtype=np.int64), found
 
 
 def _fans(counts: Ints, corners: Ints) -> Ints:
-    """Cut polygons into triangles that share their first corner, shape (F, 3)."""
+    """Divide polygons into triangles that share the first corner, shape (F, 3)."""
     first = np.repeat(np.cumsum(counts) - counts, counts - 2)
     step = np.arange(len(first)) - np.repeat(np.cumsum(counts - 2) - (counts - 2), counts - 2)
     fans: Ints = corners[np.stack([first, first + step + 1, first + step + 2], axis=1)]

@@ -1,4 +1,4 @@
-"""The data that a glTF keeps elsewhere: embedded in it, or in files of its own folder."""
+"""Buffers of a glTF that are embedded as text, or stored in files of its folder."""
 
 import base64
 import binascii
@@ -11,26 +11,26 @@ from urllib.parse import unquote, urlsplit
 from grasp3d.errors import MeshError
 from grasp3d.reading.sources import Source
 
-PICTURES = (".png", ".jpg", ".jpeg", ".webp", ".ktx", ".ktx2", ".basis", ".dds")
-"""Side files that are not read."""
+IMAGE_SUFFIXES = (".png", ".jpg", ".jpeg", ".webp", ".ktx", ".ktx2", ".basis", ".dds")
+"""Suffixes of side files that are not read."""
 
 _ADDRESS = re.compile(rb'"uri"\s*:\s*("(?:[^"\\]|\\.){1,1000}")')
 _GLB_HEADER = 20
 
 
 def side_names(path: Path) -> list[str]:
-    """Names of the files that a glTF asks for and that would be read.
+    """Return the names of the side files of a glTF that would be read.
 
-    The text is searched and not understood, so that no file can make this take long.
+    The text is searched by pattern, not parsed, so that the time is bounded for any file.
 
     Args:
-        path: Any mesh file; only .gltf and .glb ask for others.
+        path: Any mesh file; only .gltf and .glb have side files.
 
     Returns:
-        Paths below its folder with `/`, each once, whether the files are there or not.
+        Paths relative to its folder with `/`, without duplicates; the files need not exist.
 
     Raises:
-        OSError: It cannot be read.
+        OSError: The file cannot be read.
     """
     if path.suffix.lower() not in {".gltf", ".glb"}:
         return []
@@ -46,22 +46,22 @@ def side_names(path: Path) -> list[str]:
         except ValueError:
             continue
         name = unquote(uri)
-        if _is_plain(uri) and _is_plain(name) and not name.lower().endswith(PICTURES):
+        if _is_plain(uri) and _is_plain(name) and not name.lower().endswith(IMAGE_SUFFIXES):
             names[name] = None
     return list(names)
 
 
 def read_address(source: Source, uri: str) -> bytes:
-    """Content of a buffer that is not part of the file's binary data.
+    """Return the content of a buffer that is not part of the file's binary data.
 
     Args:
         source: The .gltf or .glb file.
-        uri: Where it says that the content lies.
+        uri: Address of the content.
 
     Raises:
-        MeshError: It is damaged, missing, or not in the folder of the glTF or below.
+        MeshError: It is damaged, missing, or outside the folder of the glTF.
     """
-    return _embedded(source, uri) if uri[:5].lower() == "data:" else _beside(source, uri)
+    return _embedded(source, uri) if uri[:5].lower() == "data:" else _side_file(source, uri)
 
 
 def _embedded(source: Source, uri: str) -> bytes:
@@ -76,12 +76,12 @@ def _embedded(source: Source, uri: str) -> bytes:
         ) from error
 
 
-def _beside(source: Source, uri: str) -> bytes:
-    """Read the file that an address names, if it lies in the folder of the glTF or below."""
+def _side_file(source: Source, uri: str) -> bytes:
+    """Return the content of a side file in the folder of the glTF or below."""
     shown, folder = ascii(uri[:80]), source.path.parent.resolve()
     name = unquote(uri)
     if not _is_plain(uri) or not _is_plain(name):
-        raise MeshError(f"{source.where}: asks for {shown}; only files in its own folder are read")
+        raise MeshError(f"{source.where}: refers to {shown}; only files in its own folder are read")
     try:
         path = (folder / name).resolve(strict=True)
         status = path.stat()
@@ -91,16 +91,16 @@ def _beside(source: Source, uri: str) -> bytes:
         ) from error
     if not path.is_relative_to(folder):
         raise MeshError(
-            f"{source.where}: asks for {shown}, which leads out of its folder; only files in its "
+            f"{source.where}: refers to {shown}, which is outside its folder; only files in its "
             "own folder are read"
         )
     if not stat.S_ISREG(status.st_mode):
-        raise MeshError(f"{source.where}: its side file {shown} is no file")
+        raise MeshError(f"{source.where}: its side file {shown} is not a file")
     return path.read_bytes()
 
 
 def _is_plain(name: str) -> bool:
-    """Tell the name of a file in this folder or below from all other addresses."""
+    """Return whether an address is the relative path of a file in the folder or below."""
     try:
         address = urlsplit(name)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What reading starts from and ends with: a file to be read, and the surface it holds."""
+"""Mesh files to read, their formats, and the surfaces read from them."""
 
 import re
 import stat
@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Floats, Ints, short_repr
 from grasp3d.errors import MeshError
 from grasp3d.settings import Unit
 from grasp3d.system.names import printable
 
-TRUSTED = ("stl", "ply", "obj", "off")
-"""Formats whose size can be told from a header or from the file's own size; they are read here."""
+DIRECT_FORMATS = ("stl", "ply", "obj", "off")
+"""Formats whose file size limits the size of the mesh; they are read in this process."""
 
-SUSPECT = ("glb", "gltf", "3mf", "3dxml", "xaml")
-"""Formats that can promise or unpack anything; they are read in a process with limits."""
+ISOLATED_FORMATS = ("glb", "gltf", "3mf", "3dxml", "xaml")
+"""Formats that a small file can expand without limit; they are read in a child process."""
 
-_SIGNS = (
+_SIGNATURES = (
     ("PLY", rb"ply\s"),
     ("GLB", rb"glTF"),
     ("a zip archive, such as 3MF", rb"PK\x03\x04"),
@@ -34,49 +34,52 @@ _SIGNS = (
 
 @dataclass(frozen=True, eq=False)
 class RawMesh:
-    """The surface as the file has it."""
+    """The surface as stored in a mesh file."""
 
     vertices: Floats
-    """Shape (V, 3), in the file's own order and unit; of an STL, each place once."""
+    """Positions, shape (V, 3), in the order and unit of the file; of an STL, each position once."""
     faces: Ints
-    """Shape (F, 3)."""
+    """Vertex numbers of the triangles, shape (F, 3)."""
     format: str
-    """Suffix of the file without its dot, lower case."""
+    """File suffix without its dot, in lower case."""
     unit: Unit | None
-    """The unit that the file itself declares, if it does."""
+    """Unit that the file declares; None: it declares none."""
+
+    __repr__ = short_repr
 
 
 @dataclass(frozen=True)
 class Source:
-    """A mesh file that is there, and what reading it may take."""
+    """An existing mesh file, and the memory limit for reading it."""
 
     path: Path
     kind: str
-    """Its format: the suffix without its dot, in small letters."""
+    """Format: the file suffix without its dot, in lower case."""
     size: int
-    """Bytes of the file."""
+    """Size of the file [bytes]."""
     max_memory: float
-    """What reading it may take [GB]."""
+    """Largest memory for reading it [GB]."""
     where: str
-    """How errors call it, on one line."""
+    """Printable path, for error messages."""
 
     def head(self, count: int = 4096) -> bytes:
-        """Its first bytes."""
+        """Return the first bytes of the file."""
         with self.path.open("rb") as stream:
             return stream.read(count)
 
     @property
     def hint(self) -> str:
-        """What may be wrong with a file that does not hold what its suffix says."""
+        """Question about the likely cause if the content does not match the suffix."""
         head = self.head()
-        seen = next((name for name, sign in _SIGNS if re.match(sign, head)), None)
-        if seen is None or seen.lower() == self.kind:
+        matches = (name for name, pattern in _SIGNATURES if re.match(pattern, head))
+        found = next(matches, None)
+        if found is None or found.lower() == self.kind:
             return "is the file complete, and is its suffix right?"
-        return f"its content looks like {seen}: is its suffix right?"
+        return f"its content looks like {found}: is its suffix right?"
 
 
 def check_finite(vertices: Floats, where: str) -> None:
-    """Refuse positions that are no numbers.
+    """Reject positions that are not finite.
 
     Raises:
         MeshError: A coordinate is nan or infinite.
@@ -91,18 +94,18 @@ def check_finite(vertices: Floats, where: str) -> None:
 
 def mesh_suffixes() -> frozenset[str]:
     """Return the file suffixes that can be read, such as `.stl`."""
-    return frozenset(f".{name}" for name in (*TRUSTED, *SUSPECT))
+    return frozenset(f".{name}" for name in (*DIRECT_FORMATS, *ISOLATED_FORMATS))
 
 
 def find_source(path: Path, max_memory: float) -> Source:
-    """Look whether there is a file, and what its suffix says.
+    """Return the mesh file at a path, after checking that it exists and has a known suffix.
 
     Args:
         path: The file.
-        max_memory: What reading it may take [GB].
+        max_memory: Largest memory for reading it [GB].
 
     Raises:
-        MeshError: There is none, it is no file, it is empty, or its suffix is not known.
+        MeshError: It does not exist, is not a file, is empty, or its suffix is unknown.
     """
     where = printable(str(path))
     try:
@@ -118,7 +121,7 @@ def find_source(path: Path, max_memory: float) -> Source:
         raise MeshError(f"{where}: is not a file")
     suffix = path.suffix.lower()
     if not suffix:
-        raise MeshError(f"{where}: its name has no suffix that tells the format, such as .stl")
+        raise MeshError(f"{where}: its name has no suffix for its format, such as .stl")
     if suffix not in mesh_suffixes():
         known = " ".join(sorted(mesh_suffixes()))
         raise MeshError(f"{where}: files named *{suffix} are not read; known: {known}")

@@ -1,4 +1,4 @@
-"""The text of an STL, checked and cleared of what its reader could mistake for numbers."""
+"""Normalisation of text STL files for trimesh."""
 
 import re
 
@@ -9,12 +9,12 @@ _NAME = re.compile(rb"solid[^\n]*")
 
 
 def plain_stl(source: Source, data: bytes) -> tuple[bytes, int]:
-    """Make one solid without a name out of all the solids of a text STL.
+    """Return a text STL with all its solids as one solid without a name.
 
-    Names may hold any word of the format, and trimesh joins the corners of several solids.
+    Names may contain keywords of the format, and trimesh misreads several solids.
 
     Returns:
-        (the text, how many facets it holds).
+        (the text, its number of facets).
 
     Raises:
         MeshError: It is incomplete.
@@ -25,10 +25,10 @@ def plain_stl(source: Source, data: bytes) -> tuple[bytes, int]:
     ends = data.count(b"endsolid")
     text = _NAME.sub(b"", data).replace(b"normal", b"")  # normals are not read
     facets, corners = text.count(b"endfacet"), text.count(b"vertex")
-    begun = text.count(b"facet") - facets
-    if not facets or not ends or begun != facets or corners != 3 * facets:
-        told = f"{begun:,} facets with {corners:,} corners, and {ends:,} ends"
-        if begun == corners == 0:
-            told = "it holds no triangles"
-        raise MeshError(f"{source.where}: cannot be read as STL: {told}; {source.hint}")
+    started = text.count(b"facet") - facets
+    if not facets or not ends or started != facets or corners != 3 * facets:
+        reason = f"{started:,} facets with {corners:,} corners, and {ends:,} ends"
+        if started == corners == 0:
+            reason = "it holds no triangles"
+        raise MeshError(f"{source.where}: cannot be read as STL: {reason}; {source.hint}")
     return b"solid\n" + text + b"\nendsolid\n", facets

@@ -1,4 +1,4 @@
-"""How the parts of a 3MF lie within each other: trimesh gives up on many, without a word."""
+"""Number of meshes that a 3MF contains: trimesh silently skips some nested parts."""
 
 import re
 import zipfile
@@ -9,7 +9,7 @@ from grasp3d.errors import MeshError
 from grasp3d.reading.sources import Source
 
 MOST_PARTS = 10_000
-"""Copies of all parts together that are read."""
+"""Largest number of copies of all parts together."""
 
 
 @dataclass
@@ -19,34 +19,34 @@ class _Part:
 
 
 def count_parts(source: Source) -> int:
-    """How many copies of its meshes a 3MF builds.
+    """Return the number of copies of its meshes that a 3MF builds.
 
     Raises:
-        MeshError: They are too many, go in circles, or lie where they are not read.
+        MeshError: They are too many, nested in a cycle, or in files that are not read.
     """
     with zipfile.ZipFile(source.path) as archive:
         names = {name.lower(): name for name in reversed(archive.namelist())}
         found = [names[name] for name in names if "3d/3dmodel.model" in name]
         if len(found) != 1:
-            raise MeshError(f"{source.where}: holds {len(found)} models, not one; {source.hint}")
+            raise MeshError(f"{source.where}: contains {len(found)} models, not one; {source.hint}")
         parts, built, paths = _structure(archive.read(found[0]))
         _check_paths(source, archive, parts, paths)
     known: dict[str, int] = {}
     count = sum(_copies(source, parts, name, known, ()) for name in built)
     if count > MOST_PARTS:
         raise MeshError(
-            f"{source.where}: builds {count:,} copies of its parts, {MOST_PARTS:,} are read; "
-            "export fewer"
+            f"{source.where}: contains {count:,} copies of its parts, more than the limit of "
+            f"{MOST_PARTS:,}; export fewer"
         )
     return count
 
 
 def _structure(text: bytes) -> tuple[dict[str, _Part], list[str], list[tuple[str, str]]]:
-    """(objects by id, ids of what is built, files that hold objects with the ids of these)."""
+    """Return (objects by id, ids of built objects, files with the ids of the objects in them)."""
     parts, built, paths = dict[str, _Part](), list[str](), list[tuple[str, str]]()
     current = _Part()
 
-    def begun(name: str, attributes: dict[str, str]) -> None:
+    def start_element(name: str, attributes: dict[str, str]) -> None:
         nonlocal current
         kind = name.rpartition(":")[2]
         path = next((v for k, v in attributes.items() if k.endswith("path")), None)
@@ -62,8 +62,8 @@ def _structure(text: bytes) -> tuple[dict[str, _Part], list[str], list[tuple[str
             built.append(attributes["objectid"])
 
     parser = expat.ParserCreate()
-    parser.StartElementHandler = begun
-    # Vertices and triangles are most of the text and say nothing of this.
+    parser.StartElementHandler = start_element
+    # Vertices and triangles are most of the text and are not needed.
     head, *meshes = text.split(b"<mesh>")
     rest = (b"<mesh/>" + mesh.partition(b"</mesh>")[2] for mesh in meshes)
     parser.Parse(b"".join([head, *rest]), True)  # noqa: FBT003
@@ -76,7 +76,7 @@ def _check_paths(
     parts: dict[str, _Part],
     paths: list[tuple[str, str]],
 ) -> None:
-    """Take an object from another file only if trimesh cannot mistake it for another."""
+    """Add objects of other files; reject those that trimesh would confuse with others."""
     names = [name for name, _ in paths]
     for name, number in paths:
         try:
@@ -86,8 +86,8 @@ def _check_paths(
         once = names.count(name) == 1 and number not in parts
         if not once or len(re.findall(rb"<(?:\w+:)?mesh[\s>]", text)) != 1 or b"component" in text:
             raise MeshError(
-                f"{source.where}: its objects lie in several files, and {ascii(name)[:60]} does "
-                "not hold just one that is used once; export it as one model, or as STL"
+                f"{source.where}: its objects are in several files, and {ascii(name)[:60]} does "
+                "not contain exactly one that is used once; export it as one model, or as STL"
             )
         parts[number] = _Part(meshes=1)
 
@@ -99,11 +99,11 @@ def _copies(
     known: dict[str, int],
     above: tuple[str, ...],
 ) -> int:
-    """How many meshes an object brings, those of its components included."""
+    """Return the number of meshes of an object and its components."""
     part = parts.get(name)
     if part is None or name in above or bool(part.meshes) == bool(part.components):
         raise MeshError(
-            f"{source.where}: object {ascii(name)[:20]} is missing, empty, or lies within itself; "
+            f"{source.where}: object {ascii(name)[:20]} is missing, empty, or contains itself; "
             "export the mesh again"
         )
     if name not in known:

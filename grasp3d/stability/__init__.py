@@ -1,4 +1,4 @@
-"""S, M or U: how reliable a grasp is for a sensor of known resolution."""
+"""Labels S, M and U of grasps, for a tactile sensor of given resolution."""
 
 from lazy_loader import attach_stub
 

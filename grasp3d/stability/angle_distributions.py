@@ -1,10 +1,10 @@
-"""How critical friction angles are spread over a surface: shares of S, M and U at any setting.
+"""Distributions of critical friction angles over a surface, and fractions S, M and U from them.
 
-A place is S where its critical friction angle over the worst normals is below beta - alpha/2, and U
-where the one over the best normals is beta + alpha/2 or more (of three fingers and more, while that
-is below 90 degrees). So two cumulative distributions of
-angles hold the shares for every friction and every sensor resolution, and the resolution that a
-share needs.
+A surface point is S where its critical friction angle over the worst normals is below
+beta - alpha/2, and U where that over the best normals is beta + alpha/2 or more (for three fingers
+and more, while beta + alpha/2 is below 90 degrees). So two cumulative distributions of angles
+determine the fractions for every friction and sensor resolution, and the sensor resolution that a
+fraction S requires.
 """
 
 import math
@@ -13,83 +13,80 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.settings import GraspModel
+from grasp3d.settings import ANGLE_ROUNDING, GraspModel
 from grasp3d.stability.thresholds import unstable_from
 
-ROUNDING = 1e-9
-"""Angle by which a question may exceed what was searched [rad]."""
+FRACTION_ROUNDING = 1e-12
+"""Fraction of a surface that rounding errors may amount to."""
 
-SLACK = 1e-12
-"""Part of a surface that rounding may take from a share."""
-
-HALVINGS = 60
-"""Of an interval of pi, down to rounding."""
+BISECTIONS = 60
+"""Bisections of an interval of 2 pi, which end at rounding errors."""
 
 
 def accuracy_ceiling(fractions: dict[str, float]) -> float:
-    """Best accuracy of any predictor of grasp success that sees through this sensor.
+    """Highest possible accuracy of a predictor of grasp success that uses this sensor.
 
-    Sure places are predicted rightly, of the others half (Wan & Howe 2018, Sec. V): S + U + M / 2.
+    All S and U are predicted correctly, and half of M (Wan & Howe 2018, Sec. V): S + U + M / 2.
 
     Args:
-        fractions: Shares under the keys S, M and U.
+        fractions: Fractions of the surface under the keys S, M and U.
     """
     return fractions["S"] + fractions["U"] + fractions["M"] / 2.0
 
 
-def check_fraction(share: float) -> None:
-    """Raise SettingError unless a share lies between 0 and 1."""
-    if not 0.0 <= share <= 1.0:
-        raise SettingError(f"a share must be from 0 to 1; got {share:g}")
+def check_fraction(fraction: float) -> None:
+    """Raise SettingError unless a fraction lies between 0 and 1."""
+    if not 0.0 <= fraction <= 1.0:
+        raise SettingError(f"a fraction must be from 0 to 1; got {fraction:g}")
 
 
 class AngleDistribution(ABC):
-    """Shares of a surface by its critical friction angles."""
+    """Cumulative distribution of critical friction angles over the area of a surface."""
 
     limit: float = math.inf
-    """Largest friction angle plus tilt for which grasps were searched [rad]."""
+    """Largest beta + alpha/2 for which grasps were searched [rad]."""
 
     fingers: int = 2
     """Contacts of the grasps; three and more are never U from beta + alpha/2 = 90 degrees on."""
 
     @abstractmethod
-    def worst_below(self, angles: npt.ArrayLike) -> Floats:
-        """Share whose critical angle over the worst normals is below angles [rad], any shape."""
+    def worst_below(self, angles: ArrayLike) -> Floats:
+        """Area fractions with critical angles over the worst normals below `angles` [rad]."""
 
     @abstractmethod
-    def best_below(self, angles: npt.ArrayLike) -> Floats:
-        """Share whose critical angle over the best normals is below angles [rad], any shape."""
+    def best_below(self, angles: ArrayLike) -> Floats:
+        """Area fractions with critical angles over the best normals below `angles` [rad]."""
 
-    def worst_quantile(self, share: float) -> float:
-        """Angle just above which every angle holds a share of the surface [rad], worst normals.
+    def worst_quantile(self, fraction: float) -> float:
+        """Quantile of the critical angle over the worst normals [rad].
 
         Args:
-            share: Of the surface, from 0 to 1.
+            fraction: Area fraction, from 0 to 1.
 
         Returns:
-            The smallest such angle; inf where none holds so much.
+            The smallest angle above which every angle exceeds the critical angles of at least that
+            fraction of the surface; inf where there is none.
 
         Raises:
-            SettingError: The share is outside its range.
+            SettingError: The fraction is outside its range.
         """
-        check_fraction(share)
-        low, high = -math.pi, math.pi + ROUNDING
-        if float(self.worst_below(high)) < share - SLACK:
+        check_fraction(fraction)
+        low, high = -math.pi, math.pi + ANGLE_ROUNDING
+        if float(self.worst_below(high)) < fraction - FRACTION_ROUNDING:
             return math.inf
-        for _ in range(HALVINGS):
+        for _ in range(BISECTIONS):
             middle = 0.5 * (low + high)
-            if float(self.worst_below(middle)) >= share - SLACK:
+            if float(self.worst_below(middle)) >= fraction - FRACTION_ROUNDING:
                 high = middle
             else:
                 low = middle
         return high
 
     def fractions(self, *, friction: float, sensor_resolution: float) -> dict[str, float]:
-        """Shares of the surface that are S, M and U.
+        """Area fractions S, M and U.
 
         Args:
             friction: Coulomb coefficient, above 0.
@@ -97,16 +94,16 @@ class AngleDistribution(ABC):
 
         Raises:
             SettingError: A value is outside its range.
-            SearchCoverageError: Grasps that would count were not searched.
+            SearchCoverageError: The search did not cover all grasps that this needs.
         """
         model = GraspModel(friction=friction, sensor_resolution=sensor_resolution)
-        stable, ambiguous, unstable = self.shares(model.friction_angle, model.tilt)
+        stable, ambiguous, unstable = self.fractions_at(model.friction_angle, model.tilt)
         return {"S": float(stable), "M": float(ambiguous), "U": float(unstable)}
 
-    def shares(
-        self, friction_angle: npt.ArrayLike, tilt: npt.ArrayLike
+    def fractions_at(
+        self, friction_angle: ArrayLike, tilt: ArrayLike
     ) -> tuple[Floats, Floats, Floats]:
-        """Shares of the surface that are S, M and U, for many settings at once.
+        """Area fractions S, M and U, for arrays of settings.
 
         Args:
             friction_angle: Half-angles beta of the friction cones [rad].
@@ -116,11 +113,11 @@ class AngleDistribution(ABC):
             Three arrays of their common shape.
 
         Raises:
-            SearchCoverageError: Grasps that would count were not searched.
+            SearchCoverageError: The search did not cover all grasps that this needs.
         """
         beta, a = np.asarray(friction_angle, float), np.asarray(tilt, float)
         widest = float(np.max(beta + a, initial=0.0))
-        if min(widest, math.pi / 2.0) > self.limit + ROUNDING:
+        if min(widest, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
             raise SearchCoverageError(
                 f"atan(friction) + alpha/2 is {math.degrees(widest):.4g} degrees, but grasps "
                 f"were searched only up to {math.degrees(self.limit):.4g}; label the surface again "
@@ -130,11 +127,11 @@ class AngleDistribution(ABC):
         unstable = 1.0 - self.best_below(unstable_from(beta, a, self.fingers))
         return stable, np.maximum(0.0, 1.0 - stable - unstable), unstable
 
-    def required_resolution(self, share: float, *, friction: float) -> float:
-        """Coarsest sensor resolution alpha below which a share of the surface is S [rad].
+    def required_resolution(self, fraction: float, *, friction: float) -> float:
+        """Coarsest sensor resolution alpha below which a fraction of the surface is S [rad].
 
         Args:
-            share: Of the surface, above 0, at most 1.
+            fraction: Area fraction, above 0, at most 1.
             friction: Coulomb coefficient, above 0.
 
         Returns:
@@ -142,12 +139,12 @@ class AngleDistribution(ABC):
 
         Raises:
             SettingError: A value is outside its range.
-            SearchCoverageError: Grasps that would count were not searched.
+            SearchCoverageError: The search did not cover all grasps that this needs.
         """
-        if not 0.0 < share <= 1.0:
-            raise SettingError(f"the share must be above 0 and at most 1; got {share:g}")
-        beta, angle = GraspModel(friction=friction).friction_angle, self.worst_quantile(share)
-        if angle > self.limit and min(beta, math.pi / 2.0) > self.limit + ROUNDING:
+        if not 0.0 < fraction <= 1.0:
+            raise SettingError(f"the fraction must be above 0 and at most 1; got {fraction:g}")
+        beta, angle = GraspModel(friction=friction).friction_angle, self.worst_quantile(fraction)
+        if angle > self.limit and min(beta, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
             raise SearchCoverageError(
                 f"atan(friction) is {math.degrees(beta):.4g} degrees, but grasps were searched "
                 f"only up to {math.degrees(self.limit):.4g}; label the surface again with "
@@ -158,26 +155,28 @@ class AngleDistribution(ABC):
 
 @dataclass(frozen=True, eq=False)
 class SampledAngles(AngleDistribution):
-    """Angles of places that each stand for a part of the surface."""
+    """Critical angles of samples, each with its fraction of the surface."""
 
     worst: Floats
-    """Critical angle over the worst normals [rad], inf: no grasp, shape (k,)."""
+    """Critical angle over the worst normals [rad], shape (k,); inf: no grasp."""
     best: Floats
     """The same over the best normals, shape (k,)."""
     weights: Floats
-    """Shares of the surface, their sum 1, shape (k,)."""
+    """Fraction of the surface of each sample, shape (k,); their sum is 1."""
     limit: float = math.inf
     fingers: int = 2
 
+    __repr__ = short_repr
+
     def __reduce__(self) -> tuple[type["SampledAngles"], tuple[object, ...]]:
-        """Send to other processes what was given, not what was made of it."""
+        """Pickle the arguments alone, without the cached cumulative distributions."""
         return SampledAngles, (self.worst, self.best, self.weights, self.limit, self.fingers)
 
-    def worst_below(self, angles: npt.ArrayLike) -> Floats:
+    def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
         return _below(*self._worst_steps, angles)
 
-    def best_below(self, angles: npt.ArrayLike) -> Floats:
+    def best_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
         return _below(*self._best_steps, angles)
 
@@ -191,33 +190,34 @@ class SampledAngles(AngleDistribution):
 
 
 def _steps(angles: Floats, weights: Floats) -> tuple[Floats, Floats]:
-    """Angles in order, and the share below each, shape (k,) and (k + 1,)."""
+    """Sorted angles (k,), and the fraction below each and below infinity (k + 1,)."""
     order = np.argsort(angles, kind="stable")
-    reached = np.cumsum(weights[order])
-    return angles[order], np.concatenate([[0.0], reached / reached[-1]])
+    cumulative = np.cumsum(weights[order])
+    return angles[order], np.concatenate([[0.0], cumulative / cumulative[-1]])
 
 
-def _below(angles: Floats, shares: Floats, limits: npt.ArrayLike) -> Floats:
-    return np.asarray(shares[np.searchsorted(angles, np.asarray(limits, dtype=np.float64))])
+def _below(angles: Floats, fractions: Floats, limits: ArrayLike) -> Floats:
+    return np.asarray(fractions[np.searchsorted(angles, np.asarray(limits, dtype=np.float64))])
 
 
 @dataclass(frozen=True)
 class SphereAngles(AngleDistribution):
-    """A sphere with one finger fixed anywhere, by area (closed form).
+    """Two fingers on a sphere, one of them fixed anywhere (closed form).
 
-    Fingers an angle t apart about the centre make a line that is (pi - t) / 2 off both normals.
+    The line through contacts that are an angle t apart about the centre makes the angle
+    (pi - t) / 2 with both normals.
     """
 
-    def worst_below(self, angles: npt.ArrayLike) -> Floats:
+    def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`: sin(angle)^2."""
         within = np.clip(np.asarray(angles, dtype=np.float64), 0.0, math.pi / 2.0)
         return np.asarray(np.sin(within) ** 2)
 
-    def best_below(self, angles: npt.ArrayLike) -> Floats:
+    def best_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`: a sphere has no creases."""
         return self.worst_below(angles)
 
-    def worst_quantile(self, share: float) -> float:
-        """See `AngleDistribution`: the inverse."""
-        check_fraction(share)
-        return math.asin(math.sqrt(share))
+    def worst_quantile(self, fraction: float) -> float:
+        """See `AngleDistribution`: the inverse of `worst_below`."""
+        check_fraction(fraction)
+        return math.asin(math.sqrt(fraction))

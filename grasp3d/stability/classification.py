@@ -1,18 +1,17 @@
-"""S, M or U of given grasps: exactly, or by the paper's enumeration of extreme normals."""
+"""Classification of grasps as S, M or U, exactly or by enumeration of extreme normals."""
 
 import math
 from collections.abc import Mapping, Sequence
-from typing import get_args
 
 import numpy as np
-import numpy.typing as npt
 
-from grasp3d.arrays import Floats, shaped
+from grasp3d.arrays import ArrayLike, Floats, shaped
 from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.errors import SettingError
-from grasp3d.quality.ferrari_canny import epsilon
-from grasp3d.settings import MIN_EXTREMES, Actuation, Method, whole
-from grasp3d.stability.exact import Question, settle
+from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.ferrari_canny import epsilon_with
+from grasp3d.settings import MIN_EXTREMES, Method, check_choice, whole_number
+from grasp3d.stability.exact import StabilityProblem, decide
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import face_normals
 from grasp3d.stability.stability import Stability
@@ -22,85 +21,74 @@ NO_GRASPS = Contacts(np.zeros((0, 1, 3)), np.zeros((0, 1, 3)))
 
 def classify(
     contacts: Contacts,
-    sensor_resolution: npt.ArrayLike,
+    sensor_resolution: ArrayLike,
     *,
     method: Method = "exact",
-    friction_interval: tuple[npt.ArrayLike, npt.ArrayLike] | None = None,
-    creases: Mapping[int, npt.ArrayLike] | None = None,
+    friction_interval: tuple[ArrayLike, ArrayLike] | None = None,
+    creases: Mapping[int, ArrayLike] | None = None,
     extreme_normals: int = 8,
     rings: int | None = None,
-    edges: int | None = None,
-    actuation: Actuation = "total",
-    torque_scale: float = 1.0,
-    rtol: float = 1e-3,
-    threads: int | None = 1,
+    options: EpsilonOptions | None = None,
 ) -> Stability:
-    """Tell whether grasps are surely stable, surely unstable, or the sensor cannot tell.
+    """Classify grasps as surely stable (S), ambiguous (M) or surely unstable (U).
 
-    The method 'exact' answers for every normal within the resolution: a grasp is S where cones of
-    half-angle beta - alpha/2 close, and U where those of beta + alpha/2 do not. For two fingers
-    this is a closed form, for more a closure test each. From beta + alpha/2 = 90 degrees on three
-    fingers and more are never called U: such cones are not convex, and nothing is proved.
-    Three fingers and more whose tilts exceed friction are S where, without creases, those that know
-    better close without them; seven and more also where their critical friction angle is below the
-    smallest beta - alpha/2. Where friction or resolution differ among them this is safe, not exact.
+    The method 'exact' considers every normal within the resolution: a grasp is S if it is
+    force-closed with cones of half-angle beta - alpha/2, and U if it is not with cones of
+    beta + alpha/2. For two fingers this is a closed form, for more two closure tests. From
+    beta + alpha/2 = 90 degrees on, grasps of three fingers and more are never U: such cones are not
+    convex, and nothing is proved. Where tilts exceed friction at some of three contacts or more,
+    and no contact is on a crease, the grasp is S if the other contacts alone are force-closed;
+    seven contacts and more also if their critical friction angle is below the smallest
+    beta - alpha/2. Where friction or resolution differ among the contacts this is safe, not exact.
 
     The method 'extremes' is that of Wan & Howe 2018, Sec. III: all combinations of the perceived
-    and of extreme normals, `extreme_normals` on a rim alpha/2 away. It is sampled. It can take an M
-    for an S or a U, because the tilt that tells was not tried; with polygonal cones, which lie
-    inside the circular ones, also an S for M or U, and an M for U.
+    and of extreme normals, `extreme_normals` on a rim alpha/2 away. It is sampled. An M may be
+    labelled S or U, if the decisive tilt is not among the samples; with polygonal cones, which lie
+    inside the circular ones, also an S as M or U, and an M as U.
 
     Args:
         contacts: The contacts, with their perceived normals.
-        sensor_resolution: Resolution alpha [rad], from 0 to below pi: one, or shape (..., n).
+        sensor_resolution: Resolution alpha [rad], from 0 to below pi: one value, or shape
+            (..., n).
         method: 'exact' or 'extremes'.
-        friction_interval: Smallest and largest friction coefficient, above 0, each one number or of
-            shape (..., n), where friction is known only so far, about that of the contacts; None:
-            that alone. An S is one for the smallest, a U for the largest.
-        creases: Contacts on creases and corners, by number: inward normals of the faces that meet
-            there, shape (k, 3) or (..., k, 3). The contact may have any normal between them, tilted
-            by up to alpha/2. They count in labels, and in epsilon of the method extremes. Method
+        friction_interval: Smallest and largest friction coefficient, where friction is uncertain:
+            each above 0, one number or of shape (..., n), with the contacts' friction between them;
+            None: the contacts' friction alone. S is decided by the smallest, U by the largest.
+        creases: For contacts on creases and corners, by number: inward normals of the faces that
+            meet there, shape (k, 3) or (..., k, 3). The contact may have any normal between them,
+            tilted by up to alpha/2. They affect labels, and with method extremes epsilon. Method
             exact: exact for two fingers; for more the sets are sampled in steps of 5 degrees,
-            safely: what is called S or U is.
-        extreme_normals: Method extremes: normals on a rim, at least 3.
-        rings: Method extremes: rims at even steps up to alpha/2; None: one, and more where
-            alpha > 4 beta, at most 2 beta apart.
-        edges: Edges of polygonal friction cones, of epsilon and of the method extremes; None:
-            circular ones. Exact labels come from circular ones.
-        actuation: As in `quality.epsilon`.
-        torque_scale: As in `quality.epsilon` [mesh unit].
-        rtol: As in `quality.epsilon`.
-        threads: Threads for a batch; None: one per processor.
+            safely: every S and U is correct.
+        extreme_normals: Method extremes: number of normals on a rim, at least 3.
+        rings: Method extremes: number of rims, at even steps up to alpha/2; None: one, and more
+            where alpha > 4 beta, so that they are at most 2 beta apart.
+        options: Cones, actuation, torque scale, accuracy and threads of epsilon; edges apply to
+            labels of method extremes too, while exact labels always come from circular cones.
+            None: the defaults.
 
     Raises:
         SettingError: A setting outside its range, friction 0, or too many combinations.
-        ContactError: Creases that do not fit the contacts.
+        ContactError: Creases that do not match the contacts.
     """
-    if method not in get_args(Method):
-        known = ", ".join(get_args(Method))
-        raise SettingError(f"no method is called {method!r}; known: {known}")
+    check_choice("method", method, Method)
     if rings is not None:
-        whole("rings", rings, 1)
-    whole("extreme normals", extreme_normals, MIN_EXTREMES)
+        whole_number("rings", rings, 1)
+    whole_number("extreme normals", extreme_normals, MIN_EXTREMES)
     tilt = _resolutions(contacts, sensor_resolution) / 2.0
     low, high = _friction_range(contacts, friction_interval)
     flat = contacts.reshape((-1,))
-    question = Question(
+    problem = StabilityProblem(
         contacts=flat,
         tilt=tilt.reshape(-1, contacts.count),
         low=flat if low is contacts else low.reshape((-1,)),
         high=flat if high is contacts else high.reshape((-1,)),
         creases=face_normals(creases or {}, contacts),
-        edges=edges,
-        actuation=actuation,
-        around=extreme_normals,
+        extreme_normals=extreme_normals,
         rings=rings,
-        torque_scale=torque_scale,
-        rtol=rtol,
-        threads=threads,
+        options=options or EpsilonOptions(),
     )
-    epsilon(NO_GRASPS, **question.measures)  # refuses settings that are needed only later
-    stable, unstable, hulls = settle(question, method)
+    epsilon_with(NO_GRASPS, problem.options)  # raises errors of settings that are used only later
+    stable, unstable, hulls = decide(problem, method)
     label = np.full(len(stable), Label.M, dtype=np.uint8)
     label[unstable] = Label.U
     label[stable] = Label.S
@@ -109,12 +97,12 @@ def classify(
         method=method,
         hulls=shaped(hulls, contacts.batch),
         batch=contacts.batch,
-        _question=question,
+        _problem=problem,
     )
 
 
-def _resolutions(contacts: Contacts, sensor_resolution: npt.ArrayLike) -> Floats:
-    """Check resolutions and spread them over the contacts, shape (..., n)."""
+def _resolutions(contacts: Contacts, sensor_resolution: ArrayLike) -> Floats:
+    """Check resolutions and broadcast them to the contacts, shape (..., n)."""
     alpha = per_contact("sensor resolution", sensor_resolution, contacts)
     if not ((alpha >= 0.0) & (alpha < math.pi)).all():
         raise SettingError(
@@ -125,7 +113,7 @@ def _resolutions(contacts: Contacts, sensor_resolution: npt.ArrayLike) -> Floats
 
 
 def _friction_range(
-    contacts: Contacts, interval: tuple[npt.ArrayLike, npt.ArrayLike] | None
+    contacts: Contacts, interval: tuple[ArrayLike, ArrayLike] | None
 ) -> tuple[Contacts, Contacts]:
     """The contacts with their smallest and with their largest friction."""
     if not (contacts.friction > 0.0).all():
@@ -140,6 +128,7 @@ def _friction_range(
     )
     if not ((low > 0.0) & (low <= contacts.friction) & (contacts.friction <= high)).all():
         raise SettingError(
-            "friction_interval must be (smallest, largest), above 0, about the contacts' friction"
+            "friction_interval must be (smallest, largest), above 0, with the contacts' friction "
+            "between them"
         )
     return contacts.with_friction(low), contacts.with_friction(high)

@@ -1,18 +1,18 @@
-"""Files on any file system: this machine's, or an object store such as S3, by its address."""
+"""Access to files by path or address, on this machine or an object store such as S3."""
 
 from grasp3d.storage.addresses import local_path
 from grasp3d.storage.copies import local_copy, read_text
 from grasp3d.storage.folder import Folder, Lock
-from grasp3d.storage.listing import Entry, entries, look, named_like
+from grasp3d.storage.listing import Entry, find_entry, list_entries, name_matcher
 
 __all__ = [
     "Entry",
     "Folder",
     "Lock",
-    "entries",
+    "find_entry",
+    "list_entries",
     "local_copy",
     "local_path",
-    "look",
-    "named_like",
+    "name_matcher",
     "read_text",
 ]

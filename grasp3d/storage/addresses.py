@@ -1,6 +1,6 @@
-"""Paths and addresses: which file system they are on, and what its errors mean.
+"""File systems of paths and addresses, and conversion of their errors.
 
-The only room that knows fsspec, which is loaded with the first address.
+fsspec is imported with the first address.
 """
 
 import errno
@@ -19,15 +19,15 @@ _NO_CREDENTIALS = ("NoCredentialsError", "PartialCredentialsError", "ProfileNotF
 
 
 def local_path(source: str) -> Path | None:
-    """Path of an address on this machine's file system; None: it is elsewhere."""
+    """Return the local path of a path or address; None: it is not on this machine."""
     for head in _LOCAL:
         if source.startswith(head):
             return Path(unquote(urlsplit(source).path) if "%" in source else source[len(head) :])
     return None if "://" in source else Path(source)
 
 
-def system_of(url: str) -> tuple[Any, str]:
-    """The file system of an address, and the path in it."""
+def file_system_of(url: str) -> tuple[Any, str]:
+    """Return the fsspec file system of an address, and the path in it."""
     import fsspec
 
     system, path = fsspec.core.url_to_fs(url)
@@ -35,24 +35,33 @@ def system_of(url: str) -> tuple[Any, str]:
 
 
 @contextmanager
-def failures_told(url: str, kind: type[GraspError], what: str) -> Iterator[None]:
-    """Say in one sentence what a file system found wrong; a file that is missing to read passes."""
+def convert_errors(url: str, kind: type[GraspError], action: str) -> Iterator[None]:
+    """Convert the errors of any file system to an error of this package.
+
+    A FileNotFoundError is not converted where a file is read, listed or opened.
+
+    Args:
+        url: Path or address, for the message.
+        kind: Class of the error to raise.
+        action: Past participle of the action, for the message: read, written.
+    """
     try:
         yield
     except GraspError:
         raise
     except FileNotFoundError as error:
-        if what not in {"written", "removed"}:
+        if action not in {"written", "removed"}:
             raise
         raise kind(
-            f"{printable(url)}: cannot be {what} (there is no such bucket or folder); make it first"
+            f"{printable(url)}: cannot be {action} (there is no such bucket or folder); "
+            "create it first"
         ) from error
-    except Exception as error:  # every file system raises kinds of its own
-        raise kind(f"{printable(url)}: {_why(url, error, what)}") from error
+    except Exception as error:  # each file system raises its own classes of errors
+        raise kind(f"{printable(url)}: {_message(url, error, action)}") from error
 
 
-def _why(url: str, error: Exception, what: str) -> str:
-    """Say what a file system's error means, and what to do."""
+def _message(url: str, error: Exception, action: str) -> str:
+    """Describe the cause of a file system's error and its remedy."""
     protocol = url.partition("://")[0] if "://" in url else ""
     if isinstance(error, ImportError):
         package = _PACKAGES.get(protocol)
@@ -61,7 +70,7 @@ def _why(url: str, error: Exception, what: str) -> str:
         return f'needs the package {package}: pip install "grasp3d[s3]"'
     if isinstance(error, ValueError) and "rotocol not known" in str(error):
         return f"no file system is called {protocol}://; s3:// and those of fsspec are known"
-    return f"cannot be {what} ({_reason(protocol, error)})"
+    return f"cannot be {action} ({_reason(protocol, error)})"
 
 
 def _reason(protocol: str, error: Exception) -> str:
@@ -73,7 +82,7 @@ def _reason(protocol: str, error: Exception) -> str:
     if protocol and isinstance(error, PermissionError):
         return f"access is denied: check the credentials and their rights; {_line(error)}"
     if isinstance(error, NotADirectoryError):
-        return "what should be its folder is a file; name another folder"
+        return "its folder is a file; name another folder"
     if isinstance(error, OSError) and error.errno == errno.ENOSPC:
         return "no space left on this machine; TMPDIR names another folder"
     if isinstance(error, OSError) and error.strerror:
@@ -82,5 +91,5 @@ def _reason(protocol: str, error: Exception) -> str:
 
 
 def _line(error: Exception) -> str:
-    """What an error says, on one line."""
+    """Return the message of an error as one line."""
     return " ".join(str(error).split())[:200]

@@ -1,4 +1,4 @@
-"""A folder for results on any file system; each file in it is there whole or not at all."""
+"""An output folder on any file system, with atomic writing of its files."""
 
 import os
 import tempfile
@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grasp3d.errors import MeshError, OutputError
-from grasp3d.storage.addresses import failures_told, local_path, system_of
-from grasp3d.storage.listing import entries
-from grasp3d.system.files import PART, written_whole
+from grasp3d.storage.addresses import convert_errors, file_system_of, local_path
+from grasp3d.storage.listing import list_entries
+from grasp3d.system.files import TEMPORARY_PREFIX, atomic_write
 from grasp3d.system.names import printable
 
 try:
@@ -22,23 +22,23 @@ except ImportError:  # Windows
 
 
 class Lock:
-    """Keeps others out of a folder until it is closed, or dropped."""
+    """Exclusive lock of a folder, held until it is closed or garbage-collected."""
 
     def __init__(self, descriptor: int | None = None) -> None:
-        self._end = None if descriptor is None else weakref.finalize(self, os.close, descriptor)
+        self._release = None if descriptor is None else weakref.finalize(self, os.close, descriptor)
 
     def close(self) -> None:
-        """Let others in."""
-        if self._end is not None:
-            self._end()
+        """Release the lock."""
+        if self._release is not None:
+            self._release()
 
 
 @dataclass(frozen=True)
 class Folder:
-    """A folder on any file system; it need not exist. Names in it are relative, with `/`."""
+    """A folder on any file system, which need not exist; names are relative paths with `/`."""
 
     url: str
-    """As a user would write it: out, /data/out, s3://bucket/out."""
+    """Path or address as the user gives it: out, /data/out, s3://bucket/out."""
 
     @property
     def is_local(self) -> bool:
@@ -46,41 +46,41 @@ class Folder:
         return local_path(self.url) is not None
 
     def path(self, name: str) -> str:
-        """Where a file of it is, as a user would write it."""
+        """Return the path or address of a file in the folder."""
         local = local_path(self.url)
         return f"{self.url.rstrip('/')}/{name}" if local is None else str(local / name)
 
     def write(self, name: str, data: bytes) -> None:
-        """Make or replace a file, whole or not at all; folders are made.
+        """Create or replace a file atomically; missing folders are created.
 
         Raises:
             OutputError: It cannot be written.
         """
         local = local_path(self.path(name))
         if local is not None:
-            with written_whole(local, room=self._room(local)) as part:
-                part.write_bytes(data)
+            with atomic_write(local, temporary_folder=self._temporary_folder(local)) as temporary:
+                temporary.write_bytes(data)
             return
-        with failures_told(self.path(name), OutputError, "written"):
-            system, path = system_of(self.path(name))
+        with convert_errors(self.path(name), OutputError, "written"):
+            system, path = file_system_of(self.path(name))
             system.pipe_file(path, data)
 
     def read(self, name: str) -> bytes:
-        """Content of a file.
+        """Return the content of a file.
 
         Raises:
-            FileNotFoundError: There is none.
+            FileNotFoundError: There is no such file.
             OutputError: It cannot be read.
         """
-        with failures_told(self.path(name), OutputError, "read"):
+        with convert_errors(self.path(name), OutputError, "read"):
             local = local_path(self.path(name))
             if local is not None:
                 return local.read_bytes()
-            system, path = system_of(self.path(name))
+            system, path = file_system_of(self.path(name))
             return bytes(system.cat_file(path))
 
     def read_all(self, names: Iterable[str]) -> dict[str, bytes]:
-        """Content of several files, asked for at once; those that are missing are left out.
+        """Return the contents of several files in one request; missing files are left out.
 
         Raises:
             OutputError: One cannot be read.
@@ -92,8 +92,8 @@ class Folder:
                 with suppress(FileNotFoundError):
                     found[name] = self.read(name)
             return found
-        with failures_told(self.url, OutputError, "read"):
-            system, root = system_of(self.url)
+        with convert_errors(self.url, OutputError, "read"):
+            system, root = file_system_of(self.url)
             paths = {f"{root.rstrip('/')}/{name}": name for name in names}
             for path, data in system.cat(list(paths), on_error="return").items():
                 if isinstance(data, Exception) and not isinstance(data, FileNotFoundError):
@@ -102,23 +102,26 @@ class Folder:
                     found[paths[path]] = bytes(data)
         return found
 
-    def names(self, below: str = "") -> list[str]:
-        """Names of all files below a folder of it, or below itself, in order.
+    def names(self, subfolder: str = "") -> list[str]:
+        """Return the sorted names of all files in the folder, or in a subfolder.
 
         Raises:
             OutputError: It cannot be listed.
         """
-        return sorted(self.stamps(below))
+        return sorted(self.stamps(subfolder))
 
-    def stamps(self, below: str = "") -> dict[str, str]:
-        """What the file system says of the state of all files below, by name: one listing.
+    def stamps(self, subfolder: str = "") -> dict[str, str]:
+        """Return the stamps of all files in the folder, or in a subfolder, from one listing.
+
+        Returns:
+            By name, a text that changes when the file changes.
 
         Raises:
             OutputError: It cannot be listed.
         """
-        head = f"{below.strip('/')}/" if below else ""
+        head = f"{subfolder.strip('/')}/" if subfolder else ""
         try:
-            found = entries(self.path(below.strip("/")) if below else self.url)
+            found = list_entries(self.path(subfolder.strip("/")) if subfolder else self.url)
         except FileNotFoundError:
             return {}
         except MeshError as error:
@@ -126,11 +129,11 @@ class Folder:
         return {
             head + entry.name: entry.stamp
             for entry in found
-            if not entry.name.rpartition("/")[2].startswith(PART)
+            if not entry.name.rpartition("/")[2].startswith(TEMPORARY_PREFIX)
         }
 
     def remove(self, name: str) -> None:
-        """Remove a file; where it is missing, nothing.
+        """Remove a file if it exists.
 
         Raises:
             OutputError: It cannot be removed.
@@ -138,7 +141,7 @@ class Folder:
         self.remove_all([name])
 
     def remove_all(self, names: Iterable[str]) -> None:
-        """Remove several files at once; those that are missing are no matter.
+        """Remove those of several files that exist, in one request.
 
         Raises:
             OutputError: One cannot be removed.
@@ -146,14 +149,14 @@ class Folder:
         names = list(names)
         for name in names if self.is_local else ():
             with (
-                failures_told(self.path(name), OutputError, "removed"),
+                convert_errors(self.path(name), OutputError, "removed"),
                 suppress(FileNotFoundError),
             ):
                 Path(self.path(name)).unlink()
         if self.is_local or not names:
             return
-        with failures_told(self.url, OutputError, "removed"):
-            system, root = system_of(self.url)
+        with convert_errors(self.url, OutputError, "removed"):
+            system, root = file_system_of(self.url)
             paths = [f"{root.rstrip('/')}/{name}" for name in names]
             try:
                 system.rm(paths)
@@ -162,21 +165,21 @@ class Folder:
                     with suppress(FileNotFoundError):
                         system.rm_file(path)
 
-    def locked(self, name: str) -> Lock:
-        """Lock the folder for this process; a lock is gone with its process, whatever ends it.
+    def lock(self, name: str) -> Lock:
+        """Lock the folder for this process; the operating system releases it with the process.
 
-        Of an object store there is no lock.
+        An object store has no locks: there the lock has no effect.
 
         Args:
-            name: File that is locked, made where it is missing.
+            name: File to lock, created if it is missing.
 
         Raises:
-            OutputError: Another one has it.
+            OutputError: Another process holds the lock.
         """
         local = local_path(self.path(name))
         if local is None or fcntl is None:
             return Lock()
-        with failures_told(self.path(name), OutputError, "locked"):
+        with convert_errors(self.path(name), OutputError, "locked"):
             descriptor = os.open(local, os.O_RDWR | os.O_CREAT, 0o666)
         lock = Lock(descriptor)
         try:
@@ -187,13 +190,13 @@ class Folder:
                 f"{printable(self.url)}: another run is writing to it; wait for its end, or name "
                 "another folder"
             ) from error
-        except OSError:  # a file system that knows no locks
+        except OSError:  # a file system without locks
             lock.close()
         return lock
 
     @contextmanager
-    def making(self, name: str) -> Iterator[Path]:
-        """Give a temporary path of this machine to write a file to, which is put there whole.
+    def atomic_write(self, name: str) -> Iterator[Path]:
+        """Yield a temporary local path; the file written to it becomes the file `name`.
 
         Raises:
             OutputError: It cannot be written.
@@ -201,42 +204,48 @@ class Folder:
         target = local_path(self.path(name))
         with ExitStack() as stack:
             if target is not None:
-                part = stack.enter_context(written_whole(target, room=self._room(target)))
+                temporary = stack.enter_context(
+                    atomic_write(target, temporary_folder=self._temporary_folder(target))
+                )
             else:
                 folder = stack.enter_context(tempfile.TemporaryDirectory(prefix="grasp3d-"))
-                part = Path(folder, name.rpartition("/")[2])
+                temporary = Path(folder, name.rpartition("/")[2])
             try:
-                yield part
+                yield temporary
             except OutputError as error:
-                told = str(error).replace(str(part), printable(self.path(name)))
-                raise OutputError(told) from error
+                message = str(error).replace(str(temporary), printable(self.path(name)))
+                raise OutputError(message) from error
             if target is None:
-                with failures_told(self.path(name), OutputError, "written"):
-                    system, path = system_of(self.path(name))
-                    system.put_file(str(part), path)
+                with convert_errors(self.path(name), OutputError, "written"):
+                    system, path = file_system_of(self.path(name))
+                    system.put_file(str(temporary), path)
 
-    def remove_parts(self, older: float) -> None:
-        """Remove what writers that were killed left behind.
+    def remove_temporary_files(self, older: float) -> None:
+        """Remove temporary files that killed processes left behind.
 
         Args:
-            older: Time since it was written to [s]; what is younger may be in work.
+            older: Least age [s]; younger files may still be written to.
         """
         root = local_path(self.url)
         if root is not None:
             now = time.time()
-            for path in list(root.glob(f"{PART}*")):
+            for path in list(root.glob(f"{TEMPORARY_PREFIX}*")):
                 with suppress(OSError):
                     if now - path.stat().st_mtime > older:
                         path.unlink()
 
-    def _room(self, target: Path) -> Path | None:
-        """Make a file's folder; where it is written until it is whole, so that none reads it."""
+    def _temporary_folder(self, target: Path) -> Path | None:
+        """Create the folder of a file, and return the folder for its temporary file.
+
+        That is this folder if it is on the same file system, so that listings of subfolders never
+        contain temporary files.
+        """
         try:
             target.parent.mkdir(parents=True, exist_ok=True)
             root = Path(self.path(""))
             same = root.stat().st_dev == target.parent.stat().st_dev
         except OSError as error:
             raise OutputError(
-                f"{printable(str(target.parent))}: cannot be made ({error.strerror})"
+                f"{printable(str(target.parent))}: cannot be created ({error.strerror})"
             ) from error
         return root if same else None

@@ -1,4 +1,4 @@
-"""What files there are, with what tells whether they changed: one listing for each folder."""
+"""Listings of files, with a stamp of each file that changes when the file changes."""
 
 import os
 import re
@@ -9,12 +9,12 @@ from pathlib import Path
 from typing import Any
 
 from grasp3d.errors import MeshError
-from grasp3d.storage.addresses import failures_told, local_path, system_of
+from grasp3d.storage.addresses import convert_errors, file_system_of, local_path
 from grasp3d.system.names import printable
 
 _STAMPS = ("ETag", "etag", "md5Hash", "content_md5", "LastModified", "last_modified", "mtime",
            "updated", "modified", "created")  # fmt: skip
-"""What file systems call that which changes when a file does, the surest first."""
+"""Names of metadata that change when a file changes, in order of preference."""
 
 
 @dataclass(frozen=True)
@@ -22,30 +22,30 @@ class Entry:
     """A file in a listing."""
 
     name: str
-    """Its path below the folder that was listed, with `/`."""
+    """Path relative to the listed folder, with `/`."""
     size: int
-    """Bytes."""
+    """Size [bytes]."""
     stamp: str
-    """Changes when the file does; empty: the file system does not tell."""
-    place: str
-    """Where it really is: links to one file have one place."""
+    """Text that changes when the file changes; empty: the file system provides none."""
+    real_path: str
+    """Path or address with links resolved: equal for all links to one file."""
 
 
-def look(source: str) -> Entry | None:
-    """Look what there is at a path or address: the entry of a file, or None for a folder.
+def find_entry(source: str) -> Entry | None:
+    """Return the entry of the file at a path or address; None: it is a folder.
 
     Raises:
-        FileNotFoundError: There is nothing.
+        FileNotFoundError: There is no such file or folder.
         MeshError: It cannot be opened.
     """
     local = local_path(source)
-    with failures_told(source, MeshError, "opened"):
+    with convert_errors(source, MeshError, "opened"):
         if local is not None:
             status = local.stat()
             if local.is_dir():
                 return None
             return Entry(local.name, status.st_size, _stamp_of(status), os.path.realpath(local))
-        system, path = system_of(source)
+        system, path = file_system_of(source)
         system.invalidate_cache()
         info = system.info(path)
         if info["type"] == "directory":
@@ -53,22 +53,22 @@ def look(source: str) -> Entry | None:
         return _entry(path.rpartition("/")[2], source, info)
 
 
-def entries(source: str, *, depth: int | None = None) -> list[Entry]:
-    """List the files of a folder and of all below it; links to folders are not followed.
+def list_entries(source: str, *, depth: int | None = None) -> list[Entry]:
+    """List the files of a folder and of its subfolders; links to folders are not followed.
 
     Args:
         source: The folder.
-        depth: Levels to go down; 1: its own files alone; none: all.
+        depth: Levels of folders to list; 1: the folder's own files only; none: all levels.
 
     Raises:
         FileNotFoundError: There is no such folder.
         MeshError: It cannot be opened.
     """
     local = local_path(source)
-    with failures_told(source, MeshError, "opened"):
+    with convert_errors(source, MeshError, "opened"):
         if local is not None:
             return list(_walk(local, "", os.path.realpath(local), depth))
-        system, root = system_of(source)
+        system, root = file_system_of(source)
         system.invalidate_cache()
         found: Mapping[str, Any] = system.find(root, maxdepth=depth, detail=True)
     head = root.rstrip("/") + "/" if root.strip("/") else root
@@ -79,22 +79,30 @@ def entries(source: str, *, depth: int | None = None) -> list[Entry]:
     ]
 
 
-def named_like(pattern: str) -> Callable[[str], object]:
-    """Give what tells whether a name fits a pattern; `**` stands for any folders, or none."""
+def name_matcher(pattern: str) -> Callable[[str], object]:
+    """Return a matcher of names for a glob pattern; `**` matches any number of folders.
+
+    Raises:
+        MeshError: The pattern is not valid.
+    """
     from fsspec.utils import glob_translate
 
     try:
         return re.compile(glob_translate(pattern)).match
     except ValueError as error:
-        raise MeshError(f"{printable(pattern)}: is no pattern of names ({error})") from error
+        raise MeshError(
+            f"{printable(pattern)}: is not a valid file name pattern ({error})"
+        ) from error
 
 
-def _walk(folder: Path | str, below: str, place: str, depth: int | None) -> Iterator[Entry]:
-    """Files of a folder of this machine; folders below it that cannot be opened are left out."""
+def _walk(
+    folder: Path | str, relative: str, real_folder: str, depth: int | None
+) -> Iterator[Entry]:
+    """Yield the files below a local folder; subfolders that cannot be opened are left out."""
     try:
         found = list(os.scandir(folder))
     except PermissionError:
-        if not below:
+        if not relative:
             raise
         return
     for item in found:
@@ -102,26 +110,27 @@ def _walk(folder: Path | str, below: str, place: str, depth: int | None) -> Iter
             if item.is_dir(follow_symlinks=False):
                 if depth is None or depth > 1:
                     deeper = None if depth is None else depth - 1
-                    name = f"{below}{item.name}/"
-                    yield from _walk(item.path, name, f"{place}{os.sep}{item.name}", deeper)
+                    name = f"{relative}{item.name}/"
+                    real = f"{real_folder}{os.sep}{item.name}"
+                    yield from _walk(item.path, name, real, deeper)
             elif item.is_file():
                 link = item.is_symlink()
-                real = os.path.realpath(item.path) if link else f"{place}{os.sep}{item.name}"
+                real = os.path.realpath(item.path) if link else f"{real_folder}{os.sep}{item.name}"
                 status = item.stat()
-                yield Entry(f"{below}{item.name}", status.st_size, _stamp_of(status), real)
-        except OSError:  # a link in a circle, or a file that has just gone
+                yield Entry(f"{relative}{item.name}", status.st_size, _stamp_of(status), real)
+        except OSError:  # a circular link, or a file that was deleted meanwhile
             continue
 
 
 def _stamp_of(status: os.stat_result) -> str:
-    # The time of the last change of any kind tells where a copy has kept the date of its source.
+    # ctime changes even if a replaced file keeps the modification time of its source.
     return f"{status.st_size}-{status.st_mtime_ns}-{status.st_ctime_ns}"
 
 
 def _entry(name: str, source: str, info: Mapping[str, Any]) -> Entry:
-    said = next((info[key] for key in _STAMPS if info.get(key)), None)
-    if isinstance(said, datetime):
-        said = said.isoformat()
+    state = next((info[key] for key in _STAMPS if info.get(key)), None)
+    if isinstance(state, datetime):
+        state = state.isoformat()
     size = int(info.get("size") or 0)
-    stamp = "" if said is None else f"{size}-{str(said).strip(chr(34))}"
+    stamp = "" if state is None else f"{size}-{str(state).strip(chr(34))}"
     return Entry(name, size, stamp, source)

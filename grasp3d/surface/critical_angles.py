@@ -1,8 +1,8 @@
 """Critical friction angles of grasps on a surface: over the worst and the best normals.
 
 On a crease or at a corner a contact may have any normal between those of the faces, so that a grasp
-has two critical friction angles. S is decided by the one over the normals that hurt most, U by that
-over the normals that help most.
+has two critical friction angles. S is decided by the one over the worst normals, U by the one over
+the best normals.
 """
 
 import math
@@ -11,30 +11,36 @@ from collections.abc import Iterator
 import numpy as np
 
 from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
-from grasp3d.arrays import Bools, Floats, Ints, locked
+from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, locked
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
-from grasp3d.quality.critical_angle import RIGHT, critical_friction_angle
+from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.stability.normal_sets import STEP
-from grasp3d.stability.sampled_normals import Both, NormalSamples, angle_bounds, planar_bounds
+from grasp3d.stability.sampled_normals import (
+    NormalSamples,
+    WorstAndBest,
+    angle_bounds,
+    planar_bounds,
+)
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.system.progress import Progress, ignore
 
-SAME = 1e-12
-"""Distance between contacts at one place, in object sizes."""
+SAME_POINT = 1e-12
+"""Distance up to which contacts are at the same point, in object sizes."""
 
 STEPS = tuple(STEP * 2.0**k for k in range(5))
-"""Steps at which sets of normals are sampled [rad]; the first that makes few enough combinations
-is taken, and what it leaves out is allowed for."""
+"""Steps at which sets of normals are sampled [rad]; the first with few enough combinations is used,
+with a margin for the normals between the samples."""
 
-MOST_COMBINATIONS = 2048
-"""Combinations of sampled normals of one grasp beyond which a coarser step is taken."""
+MAX_COMBINATIONS = 2048
+"""Most combinations of sampled normals of one grasp; with more, a coarser step is used."""
 
-PART = 1 << 14
-"""Combinations, or smooth grasps, that are looked at together."""
+CHUNK = 1 << 14
+"""Combinations, or smooth grasps, that are evaluated at once."""
 
-NO_VERDICT = (RIGHT, 0.0)
-"""Worst and best angle of three contacts and more of which nothing can be said."""
+AMBIGUOUS = (RIGHT_ANGLE, 0.0)
+"""Worst and best angle of a grasp of three contacts and more that is not evaluated: neither S nor
+U."""
 
 
 def critical_angles(
@@ -43,24 +49,24 @@ def critical_angles(
     tolerance: float = 1e-4,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> Both:
+) -> WorstAndBest:
     """Critical friction angles of grasps over the worst and over the best normals of the contacts.
 
-    Two contacts have a closed form. Of more, all on smooth places, both are the critical friction
-    angle. Where some are on creases, their sets of normals are sampled, in steps of 5 degrees or
-    of more where combinations are many, and what lies between the samples is allowed for: the worst
-    is never too small and the best never too large by more than the tolerance. A contact whose set
-    spans every direction leaves the grasp neither surely stable nor surely unstable.
+    Two contacts have a closed form. For more, none on a crease, both are the critical friction
+    angle. If some are on creases, their sets of normals are sampled, in steps of 5 degrees, or of
+    more where combinations are many, with a margin for the normals between the samples: the worst
+    is never too small and the best never too large by more than the tolerance. If the set of a
+    contact spans every direction, the grasp is neither surely stable nor surely unstable.
 
     Args:
         contacts: Grasps on a surface.
         tolerance: Three contacts and more: as in `critical_friction_angle` [rad].
         threads: Threads; None: one per processor.
-        progress: Called with the share of the work done, from 0 to 1.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
-        (worst, best) [rad], shape (b,) each. For two contacts up to pi; for more pi/2 where no
-        friction closes the grasp. inf where all contacts are at one place.
+        (worst, best) [rad], shape (b,) each. For two contacts up to pi; for more, pi/2 where the
+        grasp is force-closed at no friction. inf where all contacts are at the same point.
 
     Raises:
         SettingError: A tolerance that is not above 0.
@@ -68,36 +74,37 @@ def critical_angles(
     if not tolerance > 0.0:
         raise SettingError(f"tolerance must be above 0; got {tolerance}")
     found = np.full((2, contacts.size), math.inf)
-    off = np.linalg.norm(contacts.points - contacts.points[:, :1], axis=2)
-    grasping = (off > SAME * contacts.mesh.size).any(axis=1)
-    done = contacts.size - int(grasping.sum())
-    for rows, angles in _parts(contacts, grasping, tolerance, threads):
+    report = progress or ignore
+    distances = np.linalg.norm(contacts.points - contacts.points[:, :1], axis=2)
+    separate = (distances > SAME_POINT * contacts.mesh.size).any(axis=1)
+    done = contacts.size - int(separate.sum())
+    for rows, angles in _evaluated(contacts, separate, tolerance, threads):
         if not len(rows):
             continue
         found[:, rows] = angles
         done += len(rows)
-        (progress or ignore)(done / contacts.size)
+        report(done / contacts.size)
     return locked(found[0]), locked(found[1])
 
 
-def _parts(
-    contacts: SurfaceContacts, grasping: Bools, tolerance: float, threads: int | None
+def _evaluated(
+    contacts: SurfaceContacts, separate: Bools, tolerance: float, threads: int | None
 ) -> Iterator[tuple[Ints, Floats]]:
-    """Some grasps at a time, smooth ones first, and their angles (b,) or (2, b)."""
-    creased = contacts.on_crease.any(axis=1)
-    for rows in _runs(np.flatnonzero(grasping & ~creased)):
-        few = _contacts(contacts, rows, contacts.normals[rows])
-        yield rows, critical_friction_angle(few, tolerance=tolerance, threads=threads)
-    yield from _on_creases(contacts, np.flatnonzero(grasping & creased), tolerance, threads)
+    """Chunks of grasps, smooth ones first, and their angles (b,) or (2, b)."""
+    on_crease = contacts.on_crease.any(axis=1)
+    for rows in _chunks(np.flatnonzero(separate & ~on_crease)):
+        smooth = _contacts(contacts, rows, contacts.normals[rows])
+        yield rows, critical_friction_angle(smooth, tolerance=tolerance, threads=threads)
+    yield from _on_creases(contacts, np.flatnonzero(separate & on_crease), tolerance, threads)
 
 
-def _runs(rows: Ints) -> Iterator[Ints]:
-    for start in range(0, len(rows), PART):
-        yield rows[start : start + PART]
+def _chunks(rows: Ints) -> Iterator[Ints]:
+    for start in range(0, len(rows), CHUNK):
+        yield rows[start : start + CHUNK]
 
 
 def _contacts(contacts: SurfaceContacts, rows: Ints, normals: Floats) -> Contacts:
-    """Some grasps with given normals, without friction and about their own middle."""
+    """Chosen grasps with given normals, scaled, without friction."""
     points, _, _ = centred(contacts.points[rows])
     return Contacts(points, normals, friction=0.0)
 
@@ -105,33 +112,33 @@ def _contacts(contacts: SurfaceContacts, rows: Ints, normals: Floats) -> Contact
 def _on_creases(
     contacts: SurfaceContacts, rows: Ints, tolerance: float, threads: int | None
 ) -> Iterator[tuple[Ints, Floats]]:
-    """Grasps with a contact on a crease, some at a time, and their angles (2, b)."""
+    """Chunks of grasps with a contact on a crease, and their angles (2, b)."""
     if contacts.count <= 2:
-        for some in _runs(rows):
-            yield some, _of_pairs(contacts, some)
+        for chunk in _chunks(rows):
+            yield chunk, _of_pairs(contacts, chunk)
         return
-    anything = contacts.any_normal[rows].any(axis=1)
-    yield rows[anything], np.transpose([NO_VERDICT] * int(anything.sum()))
-    pending = rows[~anything]
+    any_normal = contacts.any_normal[rows].any(axis=1)
+    yield rows[any_normal], np.transpose([AMBIGUOUS] * int(any_normal.sum()))
+    pending = rows[~any_normal]
     if contacts.count == 3:
         on_line = []
-        for some in _runs(pending):
-            triples = _of_triples(contacts.take(some), tolerance)
+        for chunk in _chunks(pending):
+            triples = _of_triples(contacts.take(chunk), tolerance)
             planar = ~np.isnan(triples[0])
-            yield some[planar], triples[:, planar]
-            on_line.append(some[~planar])
+            yield chunk[planar], triples[:, planar]
+            on_line.append(chunk[~planar])
         pending = np.concatenate([pending[:0], *on_line])
     for step in STEPS:
-        few = contacts.take(pending)
-        samples = NormalSamples.of_sets(few.set_start, few.set_normals, few.count, step)
-        many = samples.combinations > MOST_COMBINATIONS
-        for part in _parts_of(samples.combinations, np.flatnonzero(~many)):
-            points, _, _ = centred(few.points[part])
-            tested = samples.take(part)
+        grasps = contacts.take(pending)
+        samples = NormalSamples.of_sets(grasps.set_start, grasps.set_normals, grasps.count, step)
+        too_many = samples.combinations > MAX_COMBINATIONS
+        for chunk in _chunks_of_sizes(samples.combinations, np.flatnonzero(~too_many)):
+            points, _, _ = centred(grasps.points[chunk])
+            tested = samples.take(chunk)
             angles = angle_bounds(points, tested, tolerance=tolerance, threads=threads)
-            yield pending[part], np.stack(angles)
-        pending = pending[many]
-    yield pending, np.transpose([NO_VERDICT] * len(pending))
+            yield pending[chunk], np.stack(angles)
+        pending = pending[too_many]
+    yield pending, np.transpose([AMBIGUOUS] * len(pending))
 
 
 def _of_triples(contacts: SurfaceContacts, tolerance: float) -> Floats:
@@ -142,27 +149,29 @@ def _of_triples(contacts: SurfaceContacts, tolerance: float) -> Floats:
     return np.stack(planar_bounds(points, samples, tolerance=tolerance))
 
 
-def _parts_of(sizes: Floats, rows: Ints) -> Iterator[Ints]:
-    """Some of the rows (b,) at a time, as many as their sizes allow to be looked at together."""
-    part = np.cumsum(sizes[rows]) // PART
-    yield from (some for some in np.split(rows, np.flatnonzero(np.diff(part)) + 1) if len(some))
+def _chunks_of_sizes(sizes: Floats, rows: Ints) -> Iterator[Ints]:
+    """Chunks of the rows (b,), each with about `CHUNK` combinations in all."""
+    number = np.cumsum(sizes[rows]) // CHUNK
+    chunks = np.split(rows, np.flatnonzero(np.diff(number)) + 1)
+    yield from (chunk for chunk in chunks if len(chunk))
 
 
 def _of_pairs(contacts: SurfaceContacts, rows: Ints) -> Floats:
     """Closed form of two contacts with sets of normals: squeezing or expanding, (2, b)."""
     found = np.full((2, len(rows)), math.inf)
-    start, normals, anything = contacts.set_start, contacts.set_normals, contacts.any_normal
+    start, normals, any_normal = contacts.set_start, contacts.set_normals, contacts.any_normal
     lines = contacts.points[rows, 1] - contacts.points[rows, 0]
     for g, (row, line) in enumerate(zip(rows, lines, strict=True)):
         sets = [
-            (start[i], 0 if anything[row, i - 2 * row] else start[i + 1] - start[i])
+            (start[i], 0 if any_normal[row, i - 2 * row] else start[i + 1] - start[i])
             for i in (2 * row, 2 * row + 1)
         ]
         for sign in (1.0, -1.0):
-            ways = (sign * line, -sign * line)
+            directions = (sign * line, -sign * line)
             for k, angle in enumerate((largest_angle, smallest_angle)):
-                both = max(
-                    angle(normals, *set_, *way) for set_, way in zip(sets, ways, strict=True)
+                larger = max(
+                    angle(normals, *set_, *direction)
+                    for set_, direction in zip(sets, directions, strict=True)
                 )
-                found[k, g] = min(found[k, g], both)
+                found[k, g] = min(found[k, g], larger)
     return found

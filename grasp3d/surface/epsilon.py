@@ -1,12 +1,12 @@
 """Epsilon of grasps on a surface: at the nominal normals, and over the tilts."""
 
 import math
-from typing import Any
 
 import numpy as np
 
 from grasp3d.arrays import Ints, locked
-from grasp3d.quality.ferrari_canny import epsilon
+from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
 from grasp3d.settings import GraspModel
 from grasp3d.surface.contacts import SurfaceContacts
@@ -14,10 +14,10 @@ from grasp3d.surface.extreme_normals import hull_epsilons
 from grasp3d.system.progress import Progress
 
 EPSILON_RTOL = 1e-2
-"""How much of epsilon's upper bound may lie between its bounds."""
+"""Fraction of epsilon's upper bound that may lie between its bounds."""
 
 BOUND_RTOL = 3e-2
-"""The same for the largest epsilon, which is a bound in any case; symmetric grasps gain most."""
+"""The same for the largest epsilon, itself only a bound; saves most time for symmetric grasps."""
 
 
 def surface_epsilons(
@@ -34,7 +34,7 @@ def surface_epsilons(
         model: Friction, resolution, edges, actuation and torsion. With method extremes the minimum
             and the maximum are those over the combinations of extreme normals.
         threads: Threads; None: one per processor.
-        progress: Called with the share of the work done, from 0 to 1.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         Shape (b,) each; nan where the normals at a contact cancel out.
@@ -43,31 +43,25 @@ def surface_epsilons(
         SettingError: A grasp has too many combinations of extreme normals.
     """
     values = np.full((3, grasps.size), math.nan)
-    pushing = pushing_grasps(grasps)
-    if not len(pushing):
+    chosen = grasps_with_normals(grasps)
+    if not len(chosen):
         return EpsilonRange(*map(locked, values))
-    held = grasps.take(pushing)
-    contacts = held.contacts(model)
-    common: dict[str, Any] = {
-        "edges": model.edges,
-        "actuation": model.actuation,
-        "torque_scale": grasps.mesh.torque_scale,
-        "rtol": EPSILON_RTOL,
-        "threads": threads,
-    }
+    chosen_grasps = grasps.take(chosen)
+    contacts = chosen_grasps.contacts(model)
+    options = EpsilonOptions.of_model(
+        model, torque_scale=grasps.mesh.torque_scale, rtol=EPSILON_RTOL, threads=threads
+    )
     if model.method == "extremes":
-        values[0, pushing] = epsilon(contacts, **common).lower
-        values[1:, pushing] = hull_epsilons(
-            held, model, rtol=EPSILON_RTOL, threads=threads, progress=progress
-        )
+        values[0, chosen] = epsilon_with(contacts, options).lower
+        values[1:, chosen] = hull_epsilons(chosen_grasps, model, options, progress=progress)
     else:
         found = epsilon_range(
-            contacts, model.tilt, bound_rtol=BOUND_RTOL, progress=progress, **common
+            contacts, model.tilt, options, bound_rtol=BOUND_RTOL, progress=progress
         )
-        values[:, pushing] = found.nominal, found.minimum, found.maximum
+        values[:, chosen] = found.nominal, found.minimum, found.maximum
     return EpsilonRange(*map(locked, values))
 
 
-def pushing_grasps(grasps: SurfaceContacts) -> Ints:
-    """Numbers of the grasps of which no contact's normals cancel out."""
+def grasps_with_normals(grasps: SurfaceContacts) -> Ints:
+    """Indices of the grasps where no contact's normals cancel out."""
     return np.flatnonzero((grasps.normals != 0.0).any(axis=2).all(axis=1))

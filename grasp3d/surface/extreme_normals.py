@@ -1,4 +1,4 @@
-"""The paper's enumeration of extreme normals for the grasps on a surface."""
+"""Enumeration of extreme normals for grasps on a surface (Wan & Howe 2018)."""
 
 from collections.abc import Iterator
 from itertools import pairwise
@@ -7,8 +7,9 @@ import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.contact.contacts import Contacts
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.settings import GraspModel
-from grasp3d.stability.enumeration import extremes, see
+from grasp3d.stability.enumeration import closure_at, extremes
 from grasp3d.stability.extreme_normals import (
     Tested,
     check_combinations,
@@ -22,15 +23,15 @@ from grasp3d.system.progress import Progress
 SEARCH_FRACTION = 0.3
 """Fraction of the work with method extremes that the search for grasps is expected to take."""
 
-PART = 4096
+CHUNK = 4096
 """Grasps enumerated at once."""
 
-MOST_FACES = 12
-"""Faces at one place whose normals are tried; of more, so many spread evenly around it."""
+MAX_FACE_NORMALS = 12
+"""Face normals tested at one contact; of more, so many are chosen evenly."""
 
 
 def check_combinations_of(model: GraspModel) -> None:
-    """Refuse before the work what no smooth grasp could be labelled with.
+    """Check the number of combinations of smooth contacts, before grasps are searched for.
 
     Raises:
         SettingError: A grasp of smooth contacts has too many combinations.
@@ -46,13 +47,13 @@ def hull_labels(
     threads: int | None = 1,
     progress: Progress | None = None,
 ) -> Bytes:
-    """Label grasps by their wrench hulls alone (Wan & Howe 2018, Sec. III).
+    """Label grasps by their wrench hulls at extreme normals (Wan & Howe 2018, Sec. III).
 
     Args:
         grasps: The grasps.
-        model: Friction, resolution, edges and the number of extreme normals.
+        model: Friction, sensor resolution, edges and number of extreme normals.
         threads: Threads; None: one per processor.
-        progress: Called with the share of the work done, from 0 to 1.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         Label codes, shape (b,).
@@ -61,11 +62,12 @@ def hull_labels(
         SettingError: A grasp has too many combinations.
     """
     labels = np.full(grasps.size, Label.M, dtype=np.uint8)
+    options = EpsilonOptions(edges=model.edges, threads=threads)
     done = 0
     for rows, contacts, tested in _groups(grasps, model):
-        seen = see(contacts, tested, edges=model.edges, threads=threads)
-        labels[rows[~seen.closing]] = Label.U
-        labels[rows[~seen.failing]] = Label.S
+        found = closure_at(contacts, tested, options)
+        labels[rows[~found.closing]] = Label.U
+        labels[rows[~found.failing]] = Label.S
         done += len(rows)
         if progress is not None:
             progress(done / len(labels))
@@ -75,30 +77,25 @@ def hull_labels(
 def hull_epsilons(
     grasps: SurfaceContacts,
     model: GraspModel,
+    options: EpsilonOptions,
     *,
-    rtol: float,
-    threads: int | None = 1,
     progress: Progress | None = None,
 ) -> tuple[Floats, Floats]:
     """Smallest and largest epsilon over the combinations of extreme normals, shape (b,) each.
 
     Args:
         grasps: The grasps.
-        model: As for `hull_labels`, and actuation and torsion.
-        rtol: As in `quality.epsilon`.
-        threads: Threads; None: one per processor.
-        progress: Called with the share of the work done, from 0 to 1.
+        model: Friction, sensor resolution, torsion and number of extreme normals.
+        options: Cones, actuation, torque scale, accuracy and threads.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
         SettingError: A grasp has too many combinations.
     """
     found, done = np.zeros((2, grasps.size)), 0
     for rows, contacts, tested in _groups(grasps, model):
-        range_ = extremes(
-            contacts, tested, edges=model.edges, actuation=model.actuation,
-            torque_scale=grasps.mesh.torque_scale, rtol=rtol, threads=threads,
-        )  # fmt: skip
-        found[:, rows] = range_.minimum, range_.maximum
+        epsilons = extremes(contacts, tested, options)
+        found[:, rows] = epsilons.minimum, epsilons.maximum
         done += len(rows)
         if progress is not None:
             progress(done / grasps.size)
@@ -106,32 +103,32 @@ def hull_epsilons(
 
 
 def _groups(grasps: SurfaceContacts, model: GraspModel) -> Iterator[tuple[Ints, Contacts, Tested]]:
-    """Grasps with as many normals at every contact, some at a time: (rows, contacts, tested)."""
+    """Chunks (rows, contacts, tested) of grasps with equal numbers of normals at each contact."""
     normals = _normals(grasps)
     points = grasps.points - grasps.mesh.center_mass
-    sizes = np.array([len(some) for some in normals], dtype=np.int64)
+    sizes = np.array([len(faces) for faces in normals], dtype=np.int64)
     kinds, kind = np.unique(sizes.reshape(-1, grasps.count), axis=0, return_inverse=True)
     for number in range(len(kinds)):
         members = np.flatnonzero(kind == number)
-        for start in range(0, len(members), PART):
-            rows = members[start : start + PART]
+        for start in range(0, len(members), CHUNK):
+            rows = members[start : start + CHUNK]
             sets = [
                 np.stack([normals[row * grasps.count + i] for row in rows])
                 for i in range(grasps.count)
             ]
-            nominal = np.stack([some[:, 0] for some in sets], axis=1)
+            nominal = np.stack([faces[:, 0] for faces in sets], axis=1)
             contacts = Contacts(points[rows], nominal, model.friction, model.torsion_radius)
-            creases = {i: some for i, some in enumerate(sets) if some.shape[1] > 1}
+            creases = {i: faces for i, faces in enumerate(sets) if faces.shape[1] > 1}
             tilt = np.full((len(rows), grasps.count), model.tilt)
             count = model.extreme_normals
             yield rows, contacts, extreme_normals(contacts, tilt, count=count, creases=creases)
 
 
 def _normals(grasps: SurfaceContacts) -> list[Floats]:
-    """Normals of the faces at every contact, (k, 3) each; of many only some, spread evenly."""
+    """Normals of the faces at every contact, (k, 3) each, at most `MAX_FACE_NORMALS`."""
     found = []
     for first, end in pairwise(grasps.set_start.tolist()):
-        count = min(end - first, MOST_FACES)
+        count = min(end - first, MAX_FACE_NORMALS)
         rows = np.linspace(0, end - first, count, endpoint=False).astype(np.int64)
         found.append(grasps.set_normals[first + rows])
     return found

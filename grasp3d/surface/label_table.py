@@ -1,4 +1,4 @@
-"""Labels of a surface as a small table of HTML, for notebooks."""
+"""Summary of a labelled surface as an HTML table, for notebooks."""
 
 import math
 from collections.abc import Iterator, Mapping, Sequence
@@ -9,7 +9,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 
 LEVELS = (0.1, 0.5, 0.9)
-"""Shares of the area at which quantiles are told."""
+"""Area fractions at which quantiles are shown."""
 
 _BAR = "display:flex;width:24em;max-width:100%;height:0.8em;margin:0.3em 0"
 _CHIP = "display:inline-block;width:0.8em;height:0.8em;margin-right:0.4em"
@@ -22,34 +22,37 @@ def label_table(
     model: GraspModel,
     mode: Mode,
     count: int,
-    shares: Mapping[str, float],
+    fractions: Mapping[str, float],
     angles: Floats,
     epsilons: Floats | None,
     warnings: Sequence[str],
 ) -> str:
-    """Tell what was asked, how much of a surface is S, M and U, and what its angles are.
+    """Table of the settings, area fractions and quantiles of a labelled surface.
 
     Args:
         source: Name of the mesh.
-        model: What was asked.
-        mode: Whether grasps were searched, or given.
-        count: Vertices.
-        shares: Of the area, by the letter of the label; empty: not known.
+        model: Friction, sensor resolution and number of fingers.
+        mode: Whether grasps were searched for, or given.
+        count: Number of vertices.
+        fractions: Area fractions by the letter of the label; empty: not computed.
         angles: Quantiles of the critical angle at `LEVELS` [rad].
-        epsilons: Of epsilon; None: not measured.
-        warnings: What else to know, a sentence each.
+        epsilons: Quantiles of epsilon at `LEVELS`; None: not computed.
+        warnings: Warnings about the mesh, a sentence each.
+
+    Returns:
+        An HTML element.
     """
     alpha = math.degrees(model.sensor_resolution)
-    how = "scan" if mode == "scan" else f"{model.fingers} fingers"
-    asked = f"μ {model.friction:.3g}, α {alpha:.3g}°, {how}, {count:,} vertices"
+    grasps = "scan" if mode == "scan" else f"{model.fingers} fingers"
+    summary = f"μ {model.friction:.3g}, α {alpha:.3g}°, {grasps}, {count:,} vertices"
     rows = "".join(
         f'<tr><th scope="row" style="{_CELL}">{name}</th><td style="{_CELL}">{value}</td></tr>'
-        for name, value in (*_labels(shares, mode), *_numbers(angles, epsilons))
+        for name, value in (*_labels(fractions, mode), *_numbers(angles, epsilons))
     )
-    told = "".join(f"<li>{escape(text)}</li>" for text in warnings)
+    notes = "".join(f"<li>{escape(text)}</li>" for text in warnings)
     return (
-        f"<div><strong>{escape(source)}</strong> {asked}{_bar(shares)}"
-        f"<table>{rows}</table>{f'<ul>{told}</ul>' if told else ''}</div>"
+        f"<div><strong>{escape(source)}</strong> {summary}{_bar(fractions)}"
+        f"<table>{rows}</table>{f'<ul>{notes}</ul>' if notes else ''}</div>"
     )
 
 
@@ -57,22 +60,22 @@ def _color(letter: str) -> str:
     return "#{:02X}{:02X}{:02X}".format(*COLORS[Label[letter]])
 
 
-def _bar(shares: Mapping[str, float]) -> str:
-    """The shares side by side, in the colours of the labels."""
-    if not shares:
+def _bar(fractions: Mapping[str, float]) -> str:
+    """The area fractions as a bar in the colours of the labels."""
+    if not fractions:
         return ""
-    told = ", ".join(f"{letter} {share:.1%}" for letter, share in shares.items())
+    text = ", ".join(f"{letter} {fraction:.1%}" for letter, fraction in fractions.items())
     parts = "".join(
-        f'<span style="width:{100.0 * share:.2f}%;background:{_color(letter)}"></span>'
-        for letter, share in shares.items()
+        f'<span style="width:{100.0 * fraction:.2f}%;background:{_color(letter)}"></span>'
+        for letter, fraction in fractions.items()
     )
-    return f'<div role="img" aria-label="{told}" style="{_BAR}">{parts}</div>'
+    return f'<div role="img" aria-label="{text}" style="{_BAR}">{parts}</div>'
 
 
-def _labels(shares: Mapping[str, float], mode: Mode) -> Iterator[tuple[str, str]]:
-    for letter, share in shares.items():
+def _labels(fractions: Mapping[str, float], mode: Mode) -> Iterator[tuple[str, str]]:
+    for letter, fraction in fractions.items():
         chip = f'<span style="{_CHIP};background:{_color(letter)}"></span>'
-        yield f"{chip}{letter}", f"{share:.1%} {escape(MEANING[mode][Label[letter]])}"
+        yield f"{chip}{letter}", f"{fraction:.1%} {escape(MEANING[mode][Label[letter]])}"
 
 
 def _numbers(angles: Floats, epsilons: Floats | None) -> Iterator[tuple[str, str]]:

@@ -1,76 +1,120 @@
-"""What the wrench hulls say of every vertex's best grasp.
+"""The best grasp of every vertex: one contact at the vertex, the others anywhere on the surface."""
 
-They make the labels of the paper's method, and epsilon.
-"""
-
-import math
 from dataclasses import dataclass
+from enum import IntEnum
 
 import numpy as np
+import numpy.typing as npt
 
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked
+from grasp3d._kernels import antipodal_candidates
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.quality.tilting import EpsilonRange
-from grasp3d.settings import GraspModel
-from grasp3d.stability.label import Label
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
-from grasp3d.surface.epsilon import surface_epsilons
-from grasp3d.surface.extreme_normals import hull_labels
-from grasp3d.system.progress import Progress
+
+
+class Reason(IntEnum):
+    """Why a vertex has no grasp."""
+
+    FOUND = antipodal_candidates.FOUND
+    """It has a grasp."""
+    NO_PARTNER = antipodal_candidates.NO_PARTNER
+    """No opposing contact was found within the search cone."""
+    OPENING = antipodal_candidates.OPENING
+    """All opposing contacts were outside the limits of opening or distances."""
+    OFF_SURFACE = 3
+    """The vertex belongs to no face."""
+    SAME_POINT = 4
+    """A fixed finger is at the vertex."""
 
 
 @dataclass(frozen=True, eq=False)
 class VertexGrasps:
-    """The grasps of the vertices of a surface: one finger at the vertex, the others elsewhere."""
+    """The best grasp of every vertex of a surface, as plain arrays; see `SurfaceLabels`."""
 
     mesh: ObjectMesh
+    critical_angle: Floats
+    """Critical friction angle over the worst normals of the contacts [rad]; inf: no grasp. (V,)"""
+    critical_angle_best: Floats
+    """The same over the best normals; different at creases only. (V,)"""
+    partners: Floats
+    """Opposing contacts of the vertex's best grasp; nan where there is none. (V, n - 1, 3)"""
+    partner_normals: Floats
+    """Inward unit normals there, the middle of the set on creases. (V, n - 1, 3)"""
     partner_points: SurfacePoints
-    """The other contacts of the best grasp over the worst normals, and of the best over the best,
-    shape (V, 2, n - 1)."""
-    found: Bools
-    """Where there is a grasp, shape (V,)."""
-    threads: int | None
+    """Opposing contacts as surface points, shape (V, 2, n - 1): of the best grasp over the worst
+    normals, which are `partners`, and of the best grasp over the best normals."""
+    opening: Floats
+    """Largest distance between any two contacts. (V,)"""
+    grip: npt.NDArray[np.int8]
+    """Two fingers: +1 for an external grasp, -1 for an internal one. 0: no grasp, and grasps of
+    three fingers and more. (V,)"""
+    reason: Bytes
+    """`Reason` codes. (V,)"""
 
-    def hull_labels(self, model: GraspModel, progress: Progress | None) -> Bytes:
-        """Labels of method extremes, shape (V,): the better of two grasps, where they differ."""
-        held = np.unique(self.mesh.canonical[self.found])
-        codes = np.full(len(self.mesh.vertices), Label.U, dtype=np.uint8)
-        differ = held[grasps_differ(self.partner_points, held)]  # a few, at creases
-        for number, (vertices, told) in enumerate(((held, progress), (differ, None))):
-            labels = hull_labels(
-                grasps_at(self.mesh, self.partner_points, vertices, number),
-                model,
-                threads=self.threads,
-                progress=told,
-            )
-            codes[vertices] = np.maximum(codes[vertices], labels)
-        return locked(codes[self.mesh.canonical])
+    __repr__ = short_repr
 
-    def epsilon_range(self, model: GraspModel, progress: Progress | None) -> EpsilonRange:
-        """Epsilons of every vertex's best grasp over the worst normals, shape (V,) each."""
-        canonical = self.mesh.canonical
-        held = np.unique(canonical[self.found])
-        grasps = grasps_at(self.mesh, self.partner_points, held, 0)
-        values = np.full((3, len(canonical)), math.nan)
-        found = surface_epsilons(grasps, model, threads=self.threads, progress=progress)
-        values[:, held] = found.nominal, found.minimum, found.maximum
-        return EpsilonRange(*(locked(row[canonical]) for row in values))
+    @classmethod
+    def of(
+        cls,
+        mesh: ObjectMesh,
+        *,
+        angles: tuple[Floats, Floats],
+        partners: Floats,
+        partner_normals: Floats,
+        partner_points: SurfacePoints,
+        grip: ArrayLike,
+        reason: ArrayLike,
+        opening: Floats | None = None,
+    ) -> "VertexGrasps":
+        """Copy the arrays; vertices off the surface get `Reason.OFF_SURFACE`.
+
+        Args:
+            mesh: The surface.
+            angles: `critical_angle` and `critical_angle_best`.
+            partners: As the field.
+            partner_normals: As the field.
+            partner_points: As the field.
+            grip: As the field; one number for all vertices or shape (V,).
+            reason: `Reason` codes of the vertices on the surface, shape (V,).
+            opening: As the field; None: computed from the partners.
+        """
+        count = len(mesh.vertices)
+        if opening is None:
+            opening = largest_distance(mesh.vertices, partners)
+        return cls(
+            mesh=mesh,
+            critical_angle=locked(angles[0]),
+            critical_angle_best=locked(angles[1]),
+            partners=locked(partners),
+            partner_normals=locked(partner_normals),
+            partner_points=SurfacePoints(
+                locked(partner_points.faces), locked(partner_points.weights)
+            ),
+            opening=locked(opening),
+            grip=locked(np.broadcast_to(grip, count), np.int8),
+            reason=locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8),
+        )
+
+    @property
+    def vertices(self) -> Ints:
+        """Canonical vertices, one for each position, that have a grasp."""
+        return np.unique(self.mesh.canonical[self.reason == Reason.FOUND])
 
 
 def grasps_at(
     mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints, number: int
 ) -> SurfaceContacts:
-    """Take the grasps of some vertices.
+    """The grasps of chosen vertices as contacts on the surface.
 
     Args:
         mesh: The surface.
-        partner_points: The other contacts of every vertex's two grasps, shape (V, 2, n - 1).
-        vertices: Which, shape (b,); each has both grasps.
-        number: 0: the best grasp over the worst normals; 1: over the best.
+        partner_points: Opposing contacts of every vertex's two grasps, shape (V, 2, n - 1).
+        vertices: Chosen vertices, shape (b,), which have both grasps.
+        number: 0: the best grasp over the worst normals; 1: over the best normals.
 
     Returns:
-        The grasps (b, n), the vertices' own contacts first.
+        The grasps (b, n), the contacts at the vertices first.
     """
     first = vertex_surface_points(mesh, vertices)
     faces, weights = (
@@ -87,7 +131,7 @@ def grasps_at(
 
 
 def grasps_differ(partner_points: SurfacePoints, vertices: Ints) -> Bools:
-    """Where the grasp of the best normals is not that of the worst, shape (b,)."""
+    """Whether the best grasps over the best and over the worst normals differ, shape (b,)."""
     faces, weights = partner_points.faces[vertices], partner_points.weights[vertices]
     same = (faces[:, 0] == faces[:, 1]) & (weights[:, 0] == weights[:, 1]).all(axis=-1)
     return np.asarray(~same.all(axis=-1))
@@ -104,5 +148,5 @@ def largest_distance(vertices: Floats, partners: Floats) -> Floats:
         Shape (V,), in the unit of the positions.
     """
     points = np.concatenate([vertices[:, None], partners], axis=1)
-    one, two = np.triu_indices(points.shape[1], 1)
-    return np.asarray(np.linalg.norm(points[:, two] - points[:, one], axis=2).max(axis=1))
+    first, second = np.triu_indices(points.shape[1], 1)
+    return np.asarray(np.linalg.norm(points[:, second] - points[:, first], axis=2).max(axis=1))

@@ -1,1 +1,1 @@
-"""What any program needs: files, their names, processors, progress, versions."""
+"""Small tools around the operating system: files, file names, processors, progress, version."""

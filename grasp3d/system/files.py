@@ -1,4 +1,4 @@
-"""Writing files whole or not at all."""
+"""Atomic writing of files, and checks of output paths."""
 
 import os
 import tempfile
@@ -8,18 +8,21 @@ from pathlib import Path
 
 from grasp3d.errors import OutputError
 
-PART = ".grasp3d-"
-"""How names of files begin that are not written to their end."""
+TEMPORARY_PREFIX = ".grasp3d-"
+"""Start of the names of temporary files, which hold incomplete output."""
 
 
 @contextmanager
-def written_whole(path: Path, *, keep: bool = True, room: Path | None = None) -> Iterator[Path]:
-    """Give a temporary path beside `path` to write to; it takes the name only when all went well.
+def atomic_write(
+    path: Path, *, keep: bool = True, temporary_folder: Path | None = None
+) -> Iterator[Path]:
+    """Yield a temporary path to write to; it replaces `path` if no error occurred.
 
     Args:
-        path: The file to make or replace.
-        keep: Whether it takes the name at all.
-        room: Folder of the same file system for the temporary path, where it may not lie beside.
+        path: File to create or replace.
+        keep: Whether the temporary file replaces `path` at the end; otherwise it is deleted.
+        temporary_folder: Folder of the temporary file, on the same file system; none: that of
+            `path`.
 
     Raises:
         OutputError: The folder is missing or cannot be written to.
@@ -28,48 +31,50 @@ def written_whole(path: Path, *, keep: bool = True, room: Path | None = None) ->
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")
         handle, name = tempfile.mkstemp(
-            dir=room or path.parent, prefix=PART, suffix=f".part{path.suffix}"
+            dir=temporary_folder or path.parent,
+            prefix=TEMPORARY_PREFIX,
+            suffix=f".part{path.suffix}",
         )
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
     os.close(handle)
-    part = Path(name)
+    temporary = Path(name)
     try:
-        yield part
+        yield temporary
         if keep:
-            part.chmod(0o666 & ~_umask())
-            part.replace(path)
+            temporary.chmod(0o666 & ~_umask())
+            temporary.replace(path)
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
     finally:
-        part.unlink(missing_ok=True)
+        temporary.unlink(missing_ok=True)
 
 
 def check_writable(path: Path, *, source: Path | None = None) -> None:
-    """Tell before the work whether a file could be written after it.
+    """Check before a long computation that its output file can be written.
 
     Args:
-        path: The file to make or replace.
+        path: File to create or replace.
         source: A file that it must not replace.
 
     Raises:
-        OutputError: It could not, or it is the source.
+        OutputError: It cannot be written, or it is the source.
     """
-    with written_whole(path, keep=False):
+    with atomic_write(path, keep=False):
         if source is not None and path.exists() and path.samefile(source):
             raise OutputError(f"{path}: is the mesh itself; name another file")
 
 
 def check_suffix(path: Path, known: Iterable[str], what: str) -> None:
-    """Tell before the work whether a file's suffix names a format.
+    """Check before a long computation that the suffix of its output file is a known format.
 
     Args:
-        path: The file to make.
-        known: Suffixes, in small letters.
-        what: What the file would be: a table, a figure.
+        path: File to create.
+        known: Suffixes, in lower case.
+        what: What the file contains, for the error: a table, a figure.
 
     Raises:
-        OutputError: It names none.
+        OutputError: The suffix is not known.
     """
     suffixes = tuple(known)
     if path.suffix.lower() not in suffixes:
@@ -79,7 +84,7 @@ def check_suffix(path: Path, known: Iterable[str], what: str) -> None:
 
 
 def _umask() -> int:
-    """The process's file mode mask, which can only be read by setting it."""
+    """Return the file mode mask of the process, which can only be read by setting it."""
     mask = os.umask(0)
     os.umask(mask)
     return mask

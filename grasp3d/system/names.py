@@ -1,11 +1,11 @@
-"""Names of files: of results, so that every file system takes them, and as they are shown."""
+"""File names: safe names for results, and names and text in printable form."""
 
 import hashlib
 import re
 import unicodedata
 
 LONGEST = 150
-"""Bytes of a name in UTF-8; what is added behind it still fits in the 255 of most file systems."""
+"""Longest name [bytes of UTF-8]; suffixes still fit in the 255 bytes of most file systems."""
 
 DIGITS = 8
 """Hexadecimal digits of a name's hash."""
@@ -13,26 +13,27 @@ DIGITS = 8
 UNNAMED = "unnamed"
 
 _FORBIDDEN = frozenset('<>:"/\\|?*')
-_NO_CHARACTERS = frozenset({"Cc", "Cs", "Zl", "Zp"})
-"""Categories of control characters, bytes that are no Unicode, and ends of lines."""
-_TURNING = frozenset({"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"})
-"""Marks that turn the direction of writing, so that a name shows as another one."""
+_UNPRINTABLE = frozenset({"Cc", "Cs", "Zl", "Zp"})
+"""Unicode categories of control characters, undecodable bytes and line ends."""
+_DIRECTION_MARKS = frozenset({"LRE", "RLE", "LRO", "RLO", "PDF", "LRI", "RLI", "FSI", "PDI"})
+"""Bidirectional classes of marks that change the writing direction, so that a name looks like
+another one."""
 _RESERVED = re.compile(
     r"(con|prn|aux|nul|conin\$|conout\$|(com|lpt)[0-9¹²³]) *(\.|$)", re.IGNORECASE
 )
 
 
 def safe_stem(name: str) -> str:
-    """Say what a result may be called after an input.
+    """Return a name for a result that is valid on every file system.
 
-    Letters of all languages, spaces and signs are kept, in composed form. What some file system
-    forbids or reads as something else becomes `_`: separators, control characters, signs that
-    Windows forbids, its reserved names, bytes that are no Unicode; dots and spaces at the ends are
-    left out, and long names are cut. A name that was changed ends in a hash of the whole, so that
-    different names stay different; one that is safe stays as it is.
+    Letters of all languages, spaces and symbols are kept, in composed form. Characters that some
+    file system forbids or interprets become `_`: separators, control characters, characters that
+    Windows forbids, undecodable bytes. Names that Windows reserves start with `_`. Dots and spaces
+    at both ends are removed, and long names are shortened. A changed name ends in a hash of the
+    original, so that different names stay different; a safe name is returned unchanged.
 
     Args:
-        name: Of the input, without folder and suffix.
+        name: Name of the input, without folder and suffix.
     """
     stem = "".join(map(_safe, unicodedata.normalize("NFC", name))).strip(". ")
     if _RESERVED.match(stem):
@@ -45,33 +46,33 @@ def safe_stem(name: str) -> str:
 
 
 def short_hash(text: str, digits: int = DIGITS) -> str:
-    """First hexadecimal digits of the SHA-256 of any text."""
+    """Return the first hexadecimal digits of the SHA-256 of a text."""
     return hashlib.sha256(text.encode(errors="surrogatepass")).hexdigest()[:digits]
 
 
 def name_key(name: str) -> str:
-    """What a file system that ignores case and composition takes for the same name."""
+    """Return a key that is equal for names that differ only in case and Unicode composition."""
     folded = unicodedata.normalize("NFC", name).casefold()
     return unicodedata.normalize("NFC", folded)
 
 
 def printable(text: str) -> str:
-    """Write out the characters that a terminal would act on, so that the text is one line."""
+    """Replace control characters by escape sequences, so that the text is one line."""
     return "".join(c if c.isprintable() else repr(c)[1:-1] for c in text)
 
 
 def as_unicode(text: str) -> str:
-    """Write out in hexadecimal the bytes of a file name that are no Unicode, as tables need it."""
+    """Replace undecodable bytes of a file name by hexadecimal escapes, since tables are Unicode."""
     if text.isascii():
         return text
     return text.encode("utf-8", "surrogateescape").decode("utf-8", "backslashreplace")
 
 
 def _safe(character: str) -> str:
-    """The character, or `_` where it may not stand in a name."""
+    """Return the character, or `_` if a name may not contain it."""
     unsafe = (
         character in _FORBIDDEN
-        or unicodedata.category(character) in _NO_CHARACTERS
-        or unicodedata.bidirectional(character) in _TURNING
+        or unicodedata.category(character) in _UNPRINTABLE
+        or unicodedata.bidirectional(character) in _DIRECTION_MARKS
     )
     return "_" if unsafe else character

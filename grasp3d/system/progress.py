@@ -1,15 +1,21 @@
-"""Telling whoever waits how far a long piece of work has come."""
+"""Progress callbacks of long computations."""
 
 from collections.abc import Callable
 
 Progress = Callable[[float], None]
-"""Takes the share of the work that is done, from 0 to 1."""
+"""Called with the fraction of the work that is done, from 0 to 1."""
 
 
-def ignore(share: float) -> None:
-    """Report progress to nobody."""
+def ignore(fraction: float) -> None:
+    """Do nothing: the callback where progress is not reported."""
 
 
 def within(progress: Progress, start: float, end: float) -> Progress:
-    """Give a part of the work, from one share of the whole to another, a progress of its own."""
-    return lambda share: progress(start + (end - start) * share)
+    """Return the callback of one part of the work.
+
+    Args:
+        progress: Callback of the whole work.
+        start: Fraction of the whole at which the part starts.
+        end: Fraction of the whole at which it ends.
+    """
+    return lambda fraction: progress(start + (end - start) * fraction)

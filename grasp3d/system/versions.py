@@ -1,4 +1,4 @@
-"""Which grasp3d this is."""
+"""The version of the installed package."""
 
 from functools import cache
 from importlib.metadata import version
@@ -6,5 +6,5 @@ from importlib.metadata import version
 
 @cache
 def package_version() -> str:
-    """Version of the package as it was installed; looked up once, since it takes milliseconds."""
+    """Return the version of the installed package; cached, since a look-up takes milliseconds."""
     return version("grasp3d")

@@ -1,4 +1,4 @@
-"""Tables as files: CSV or Parquet, of columns or of records."""
+"""Tables of columns or of records as CSV and Parquet files."""
 
 from grasp3d.tables.columns import (
     SUFFIXES,

@@ -1,4 +1,4 @@
-"""Tables as files: CSV or Parquet, by the file's suffix."""
+"""CSV and Parquet tables of columns."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -10,7 +10,7 @@ import pyarrow as pa
 import pyarrow.csv as pc
 import pyarrow.parquet as pq
 
-from grasp3d.system.files import check_suffix, written_whole
+from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import as_unicode
 
 SUFFIXES = (".csv", ".parquet")
@@ -25,34 +25,34 @@ def write_table(
     *,
     settings: Mapping[str, Any],
 ) -> None:
-    """Write a table; in Parquet the settings are in the schema's metadata, as JSON.
+    """Write a table of rows; Parquet stores the settings as JSON in the schema's metadata.
 
     Args:
-        path: File to make or replace.
-        rows: Values by column; one that is missing or None is left empty.
+        path: File to create or replace, with a suffix of `SUFFIXES`.
+        rows: Values by column name; a missing value or None leaves the cell empty.
         columns: Type of each column: str, int, float or bool; in the order of the file.
-        settings: What the rows were made with, kept under `grasp3d`.
+        settings: Settings that the rows were computed with, stored under `grasp3d`.
 
     Raises:
-        OutputError: No table has that suffix, or the file cannot be written.
+        OutputError: The suffix is unknown, or the file cannot be written.
     """
     check_suffix(path, SUFFIXES, "table")
     schema = pa.schema([(name, _TYPES[kind]) for name, kind in columns.items()])
-    _write(path, pa.Table.from_pylist([_printable(row) for row in rows], schema=schema), settings)
+    _write(path, pa.Table.from_pylist([_unicode(row) for row in rows], schema=schema), settings)
 
 
 def write_columns(
     path: Path, columns: Mapping[str, npt.NDArray[Any]], *, settings: Mapping[str, Any]
 ) -> None:
-    """Write a table of many rows, column by column; nan is left empty.
+    """Write a table of columns; nan leaves the cell empty.
 
     Args:
-        path: File to make or replace.
-        columns: Values of each, shape (rows,), in the order of the file.
+        path: File to create or replace, with a suffix of `SUFFIXES`.
+        columns: Values of each column, shape (rows,), in the order of the file.
         settings: As in `write_table`.
 
     Raises:
-        OutputError: No table has that suffix, or the file cannot be written.
+        OutputError: The suffix is unknown, or the file cannot be written.
     """
     check_suffix(path, SUFFIXES, "table")
     arrays = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
@@ -62,34 +62,34 @@ def write_columns(
 def write_arrays(
     path: Path,
     columns: Mapping[str, npt.NDArray[Any]],
-    words: Mapping[str, Sequence[str]],
+    categories: Mapping[str, Sequence[str]],
     *,
     settings: Mapping[str, Any],
 ) -> None:
-    """Write arrays to Parquet as they are, nan and inf included; packed tightly.
+    """Write columns to compressed Parquet; nan and inf are kept.
 
     Args:
-        path: File to make or replace.
-        columns: Values of each, shape (rows,), in the order of the file.
-        words: Of columns that hold codes the text that 0, 1, ... stand for; written as text.
+        path: File to create or replace.
+        columns: Values of each column, shape (rows,), in the order of the file.
+        categories: For columns of codes 0, 1, ...: the text of each code, which is written.
         settings: As in `write_table`.
 
     Raises:
         OutputError: The file cannot be written.
     """
     arrays = {
-        name: pa.DictionaryArray.from_arrays(pa.array(values.astype("i1")), list(words[name]))
-        if name in words
+        name: pa.DictionaryArray.from_arrays(pa.array(values.astype("i1")), list(categories[name]))
+        if name in categories
         else pa.array(values)
         for name, values in columns.items()
     }
     metadata = {"grasp3d": json.dumps(settings)}
-    with written_whole(path) as part:
+    with atomic_write(path) as temporary:
         pq.write_table(
             pa.table(arrays, metadata=metadata),
-            part,
+            temporary,
             compression="zstd",
-            use_dictionary=list(words),  # numbers seldom come twice
+            use_dictionary=list(categories),  # numbers seldom repeat
         )
 
 
@@ -97,22 +97,22 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
     """Read a CSV or Parquet table.
 
     Args:
-        path: File with that suffix.
+        path: File whose suffix is .csv or .parquet.
 
     Returns:
-        The columns in order; numbers that are missing are nan, columns that are not all numbers
-        hold whatever stands there.
+        The columns in the order of the file. Missing numbers are nan; a column with text has the
+        type that pyarrow infers.
 
     Raises:
-        ValueError: The file is no such table; the message says why.
-        OSError: It cannot be read.
+        ValueError: The content is not a valid table; the message gives the reason.
+        OSError: The file cannot be read.
     """
     try:
         table = pc.read_csv(path) if path.suffix.lower() == ".csv" else pq.read_table(path)
         names = [name.strip() for name in table.column_names]
-        twice = [name for number, name in enumerate(names) if name in names[:number]]
-        if twice:
-            raise ValueError(f"two columns are called {twice[0]!r}")
+        duplicates = [name for number, name in enumerate(names) if name in names[:number]]
+        if duplicates:
+            raise ValueError(f"two columns are called {duplicates[0]!r}")
         return {
             name: column.to_numpy(zero_copy_only=False)
             for name, column in zip(names, table.columns, strict=True)
@@ -122,16 +122,16 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
 
 
 def _write(path: Path, table: pa.Table, settings: Mapping[str, Any]) -> None:
-    with written_whole(path) as part:
+    with atomic_write(path) as temporary:
         if path.suffix.lower() == ".csv":
-            pc.write_csv(table, part)
+            pc.write_csv(table, temporary)
         else:
             metadata = {"grasp3d": json.dumps(settings)}
-            pq.write_table(table.replace_schema_metadata(metadata), part)
+            pq.write_table(table.replace_schema_metadata(metadata), temporary)
 
 
-def _printable(row: Mapping[str, Any]) -> dict[str, Any]:
-    """Write out the bytes of file names that are no Unicode."""
+def _unicode(row: Mapping[str, Any]) -> dict[str, Any]:
+    """Replace undecodable bytes of file names in a row by escapes."""
     return {
         key: as_unicode(value) if isinstance(value, str) else value for key, value in row.items()
     }

@@ -1,7 +1,7 @@
-"""Records as the bytes of a Parquet file, and back: one row each, records within them nested.
+"""Conversion of dataclass records to and from the bytes of a Parquet file, one row per record.
 
-The type hints of a dataclass say what the columns are: text, numbers, truth values, enumerations of
-text, other dataclasses, `tuple[X, ...]` as lists, and `tuple[X, X, X]` as lists of fixed length.
+The type hints of the dataclass define the columns: text, numbers, booleans, enumerations of text,
+nested dataclasses, `tuple[X, ...]` as lists, and `tuple[X, X, X]` as lists of fixed length.
 """
 
 import json
@@ -23,15 +23,15 @@ _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_
 def pack_records(
     records: Sequence[RecordT], kind: type[RecordT], settings: Mapping[str, Any]
 ) -> bytes:
-    """Write records as a Parquet file, with the same schema whatever they hold.
+    """Return records as the bytes of a Parquet file; the schema depends on the dataclass only.
 
     Args:
-        records: Of that kind; text must be Unicode.
-        kind: Their dataclass; only columns of plain values may be None.
-        settings: Kept as JSON in the schema's metadata under `grasp3d`.
+        records: Instances of `kind`; text must be valid Unicode.
+        kind: The dataclass; only fields of plain values may be None.
+        settings: Stored as JSON in the schema's metadata under `grasp3d`.
     """
     hints = get_type_hints(kind)
-    arrays = [_array([getattr(one, name) for one in records], hints[name]) for name in hints]
+    arrays = [_array([getattr(record, name) for record in records], hints[name]) for name in hints]
     schema = pa.schema(
         [(name, _type(hint)) for name, hint in hints.items()],
         metadata={"grasp3d": json.dumps(settings)},
@@ -43,56 +43,59 @@ def pack_records(
 
 
 def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], bool]:
-    """Read what `pack_records` wrote, also of a version that knew fewer columns.
+    """Read records from the bytes of `pack_records`; missing columns get the fields' defaults.
 
     Args:
-        data: Content of the file.
-        kind: The records' dataclass.
+        data: Content of the Parquet file.
+        kind: The dataclass of the records.
 
     Returns:
-        The records, and whether the file has exactly the columns that `pack_records` writes now.
+        The records, and whether the columns are exactly the fields of `kind`.
 
     Raises:
-        ValueError: The file is damaged, or another one; the message says why.
+        ValueError: The file is damaged or was not written by `pack_records`; the message gives the
+            reason.
     """
     hints = get_type_hints(kind)
     try:
         table = pq.read_table(pa.BufferReader(data), page_checksum_verification=True)
-        _check_ours(table)
-        _check_whole(table, hints)
-        there = [name for name in hints if name in table.column_names]
+        _check_origin(table)
+        _check_complete(table, hints)
+        present = [name for name in hints if name in table.column_names]
         columns = [
             _values(table.column(name).cast(_type(hints[name])).combine_chunks(), hints[name])
-            for name in there
+            for name in present
         ]
-        records = [kind(**dict(zip(there, row, strict=True))) for row in zip(*columns, strict=True)]
+        records = [
+            kind(**dict(zip(present, row, strict=True))) for row in zip(*columns, strict=True)
+        ]
     except (pa.ArrowException, OSError, TypeError, ValueError) as error:
         raise ValueError(" ".join(str(error).split())[:200] or type(error).__name__) from error
     return records, table.column_names == list(hints)
 
 
-def _check_ours(table: pa.Table) -> None:
+def _check_origin(table: pa.Table) -> None:
     if b"grasp3d" not in (table.schema.metadata or {}):
-        raise ValueError("it is not written by grasp3d")
+        raise ValueError("it was not written by grasp3d")
 
 
-def _check_whole(table: pa.Table, hints: Mapping[str, Any]) -> None:
+def _check_complete(table: pa.Table, hints: Mapping[str, Any]) -> None:
     for name in set(hints) & set(table.column_names):
         if NoneType not in get_args(hints[name]) and table.column(name).null_count:
-            raise ValueError(f"its column {name} has gaps")
+            raise ValueError(f"its column {name} has missing values")
 
 
-def _plain(hint: Any) -> Any:  # noqa: ANN401
-    """Type of a field that may be None."""
+def _plain(hint: Any) -> Any:
+    """Return the type of a field without its None."""
     kinds = [kind for kind in get_args(hint) if kind is not NoneType]
     return hint if get_origin(hint) is tuple or not kinds else kinds[0]
 
 
-def _is_list(kind: Any) -> bool:  # noqa: ANN401
+def _is_list(kind: Any) -> bool:
     return get_args(kind)[-1] is Ellipsis
 
 
-def _type(hint: Any) -> pa.DataType:  # noqa: ANN401
+def _type(hint: Any) -> pa.DataType:
     kind = _plain(hint)
     if get_origin(kind) is tuple:
         item = _type(get_args(kind)[0])
@@ -102,12 +105,12 @@ def _type(hint: Any) -> pa.DataType:  # noqa: ANN401
     return pa.string() if issubclass(kind, StrEnum) else _TYPES[kind]
 
 
-def _hints(kind: Any) -> dict[str, Any]:  # noqa: ANN401
+def _hints(kind: Any) -> dict[str, Any]:
     return get_type_hints(kind)
 
 
-def _array(values: list[Any], hint: Any) -> pa.Array:  # noqa: ANN401
-    """A column from its values; nested ones part by part, since that is far faster."""
+def _array(values: list[Any], hint: Any) -> pa.Array:
+    """Return a column of values; nested types are converted by component, for speed."""
     kind = _plain(hint)
     if is_dataclass(kind):
         parts = [
@@ -122,8 +125,8 @@ def _array(values: list[Any], hint: Any) -> pa.Array:  # noqa: ANN401
     return pa.array(values, type=_type(kind))
 
 
-def _values(array: pa.Array, hint: Any) -> Iterable[Any]:  # noqa: ANN401
-    """Values of a column, as a record has them."""
+def _values(array: pa.Array, hint: Any) -> Iterable[Any]:
+    """Return the values of a column in the types of the record's field."""
     kind = _plain(hint)
     if is_dataclass(kind):
         parts = [_values(array.field(n), each) for n, each in enumerate(_hints(kind).values())]
@@ -131,7 +134,7 @@ def _values(array: pa.Array, hint: Any) -> Iterable[Any]:  # noqa: ANN401
     if get_origin(kind) is tuple and _is_list(kind):
         items = list(_values(array.flatten(), get_args(kind)[0]))
         ends = np.cumsum(array.value_lengths().fill_null(0).to_numpy())
-        return [tuple(items[begin:end]) for begin, end in zip([0, *ends[:-1]], ends, strict=False)]
+        return [tuple(items[start:end]) for start, end in zip([0, *ends[:-1]], ends, strict=False)]
     if get_origin(kind) is tuple:
         return [None if value is None else tuple(value) for value in _rows(array)]
     if issubclass(kind, StrEnum):
@@ -140,7 +143,7 @@ def _values(array: pa.Array, hint: Any) -> Iterable[Any]:  # noqa: ANN401
 
 
 def _rows(array: pa.Array) -> list[Any]:
-    """Plain values and lists of fixed length; the quick way where none is missing."""
+    """Return plain values or lists of fixed length; through NumPy if none is null, for speed."""
     fixed = pa.types.is_fixed_size_list(array.type)
     if array.null_count or not (fixed or pa.types.is_floating(array.type)):
         return list(array.to_pylist())

@@ -1,4 +1,4 @@
-"""`labels.show()`: a page in a notebook, elsewhere a window."""
+"""`labels.show()`: the viewer in a notebook or in a window."""
 
 import asyncio
 import base64
@@ -16,25 +16,33 @@ from PIL import Image
 
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.progress import ignore
-from grasp3d.viewer.session.album import Album, album_of
+from grasp3d.viewer.session.collection import Collection, collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings
-from grasp3d.viewer.web.page import HOST, PORT, address_of, can_serve, front_door, listening, opened
+from grasp3d.viewer.web.page import (
+    HOST,
+    PORT,
+    address_of,
+    can_serve,
+    create_server,
+    listen,
+    serving,
+)
 
 HUB = "JUPYTERHUB_SERVICE_PREFIX"
-"""What JupyterHub puts before the addresses of one user's server."""
-PATIENCE = 60.0
-"""Longest wait for the server [s]."""
+"""Environment variable of JupyterHub with the path of a user's server."""
+START_TIMEOUT = 60.0
+"""Longest wait for the server to start [s]."""
 
-MORE = (
-    "A picture; to turn it and to move friction and resolution: "
+INSTALL_NOTE = (
+    "This is a picture. For an interactive view: "
     "<code>pip install 'grasp3d[web]'</code> and restart the kernel."
 )
 
 
 @dataclass(frozen=True)
-class Shown:
-    """What a notebook shows below a cell."""
+class NotebookView:
+    """HTML that a notebook displays below a cell."""
 
     content: str
 
@@ -48,80 +56,80 @@ def show(
     *,
     height: int = 640,
     proxy: str | None = None,
-) -> Shown | None:
-    """Look at labelled surface: in a notebook below the cell, elsewhere in a window.
+) -> NotebookView | None:
+    """View a labelled surface, in a notebook below the cell, otherwise in a window.
 
-    A notebook's page is served by the kernel, at a port that only its machine reaches. Where the
-    browser runs on another machine, forward that port, or have jupyter-server-proxy do it.
+    In a notebook the kernel serves a page at a port of its machine. If the browser runs on another
+    machine, forward that port, or use jupyter-server-proxy.
 
     Args:
-        labels: What is looked at.
-        settings: How it is first shown; None: as usual.
-        height: Of the page in a notebook [pixels].
-        proxy: Where a proxy shows the ports of the kernel's machine, such as '/proxy/' or
-            '/user/name/proxy/' of jupyter-server-proxy; None: as JupyterHub tells, where it does,
-            else the browser runs on the same machine.
+        labels: The labels.
+        settings: Initial view; None: the defaults.
+        height: Height of the page in a notebook [pixels].
+        proxy: Path at which a proxy serves the ports of the kernel's machine, such as '/proxy/' or
+            '/user/name/proxy/' for jupyter-server-proxy; None: the path that JupyterHub gives, if
+            any, otherwise the browser runs on the same machine.
 
     Returns:
-        What the notebook shows; None after a window was closed.
+        The view that a notebook displays; None after a window was closed.
 
     Raises:
-        OutputError: Nothing can be drawn here.
+        OutputError: Nothing can be rendered here.
     """
     settings = settings or ViewSettings()
-    album = album_of(labels)
+    collection = collection_of(labels)
     if not in_notebook():
-        import_module("grasp3d.viewer.window.desktop").show_window(Session(album, settings))
+        import_module("grasp3d.viewer.window.desktop").show_window(Session(collection, settings))
         return None
     if not can_serve():
-        return _still(album, settings)
-    source = html.escape(_base(proxy) + server().offer(album, settings))
-    name = html.escape(album.exhibits[0].name)
-    return Shown(
+        return _picture(collection, settings)
+    source = html.escape(_base(proxy) + server().add(collection, settings))
+    name = html.escape(collection.items[0].name)
+    return NotebookView(
         f'<iframe src="{source}" title="grasp3d: {name}" width="100%" height="{height}" '
         'style="border: 1px solid #d9dee2; border-radius: 6px" allowfullscreen></iframe>'
     )
 
 
 def in_notebook() -> bool:
-    """Tell whether a notebook's kernel runs this, and no terminal."""
-    ipython = sys.modules.get("IPython")  # if nobody has imported it, this is no notebook
+    """Whether a notebook's kernel is running, and not a terminal."""
+    ipython = sys.modules.get("IPython")  # a notebook has always imported it
     shell = ipython and ipython.get_ipython()
     return getattr(shell, "kernel", None) is not None
 
 
-class Server:
-    """Serves the pages of one process, in a thread of its own, as long as the process lives."""
+class BackgroundServer:
+    """Serves pages in a thread, for the lifetime of the process."""
 
     def __init__(self) -> None:
-        self._door = front_door()
-        self._listener = listening(HOST, PORT)
+        self._server = create_server()
+        self._listener = listen(HOST, PORT)
         started: Future[None] = Future()
         thread = threading.Thread(target=self._run, args=(started,), daemon=True, name="grasp3d")
         thread.start()
-        started.result(PATIENCE)
+        started.result(START_TIMEOUT)
 
     @property
     def address(self) -> str:
-        """Where it is reached from the same machine."""
+        """Its address on the same machine."""
         return address_of(HOST, self._listener)
 
     @property
     def port(self) -> int:
-        """At which port."""
+        """Its port."""
         return int(self._listener.getsockname()[1])
 
-    def offer(self, album: Album, settings: ViewSettings) -> str:
-        """Offer something to look at; returns its path."""
-        return self._door.offer(album, settings)
+    def add(self, collection: Collection, settings: ViewSettings) -> str:
+        """Add a collection; returns its path."""
+        return self._server.add(collection, settings)
 
-    def let_in_by_name(self) -> None:
-        """Serve visitors who come through a proxy, under whatever name it has."""
-        self._door.guarded = False
+    def allow_other_hosts(self) -> None:
+        """Accept requests through a proxy, with any host name."""
+        self._server.local_only = False
 
     def _run(self, started: "Future[None]") -> None:
         async def forever() -> None:
-            async with opened(self._door, self._listener):
+            async with serving(self._server, self._listener):
                 started.set_result(None)
                 await asyncio.Event().wait()
 
@@ -133,33 +141,34 @@ class Server:
 
 
 @cache
-def server() -> Server:
-    """The one server of this process; started when it is first asked for."""
-    return Server()
+def server() -> BackgroundServer:
+    """The server of this process; started at the first call."""
+    return BackgroundServer()
 
 
 def _base(proxy: str | None) -> str:
-    """What stands before the path of a page."""
+    """Beginning of the addresses of pages."""
     if proxy is None and HUB in os.environ:
         proxy = os.environ[HUB].rstrip("/") + "/proxy/"
     if proxy is None:
         return server().address
-    server().let_in_by_name()
+    server().allow_other_hosts()
     return f"{proxy.rstrip('/')}/{server().port}/"
 
 
-def _still(album: Album, settings: ViewSettings) -> Shown:
-    """A picture of how it would first be shown.
+def _picture(collection: Collection, settings: ViewSettings) -> NotebookView:
+    """A picture of the initial view.
 
     Raises:
         OutputError: There is no OpenGL.
     """
     data = io.BytesIO()
-    with import_module("grasp3d.viewer.scene.pictures").opened(album, settings, ignore) as studio:
-        Image.fromarray(studio.shot()).save(data, "PNG")
-    coded = base64.b64encode(data.getvalue()).decode()
-    name = html.escape(album.exhibits[0].name)
-    return Shown(
-        f'<img src="data:image/png;base64,{coded}" alt="Surface of {name}" '
-        f'style="max-width: 100%"><p>{MORE}</p>'
+    pictures = import_module("grasp3d.viewer.scene.pictures")
+    with pictures.open_renderer(collection, settings, ignore) as renderer:
+        Image.fromarray(renderer.picture()).save(data, "PNG")
+    encoded = base64.b64encode(data.getvalue()).decode()
+    name = html.escape(collection.items[0].name)
+    return NotebookView(
+        f'<img src="data:image/png;base64,{encoded}" alt="Surface of {name}" '
+        f'style="max-width: 100%"><p>{INSTALL_NOTE}</p>'
     )

@@ -1,43 +1,40 @@
-"""What a viewer begins with, and what else can be set while it is open."""
+"""Settings of the viewer's initial view."""
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.settings import DEGREE, Radians
+from grasp3d.settings import DEGREE, Radians, check_choice
 
 Paint = Literal["label", "critical_angle", "max_resolution", "epsilon", "epsilon_min"]
-LEAST_WIDTH, LEAST_HEIGHT, MOST_PIXELS = 320, 240, 7680
+MIN_WIDTH, MIN_HEIGHT, MAX_PIXELS = 320, 240, 7680
 
 
 @dataclass(frozen=True)
 class ViewSettings:
-    """How an object is first shown."""
+    """Initial view of an object.
+
+    Attributes:
+        paint: Quantity that colours show. label: S, M, U; critical_angle: beta* of the best grasp;
+            max_resolution: alpha*, the coarsest resolution at which it is S; epsilon and
+            epsilon_min: Ferrari-Canny epsilon, and its smallest value over the tilts.
+        compare: A second sensor resolution, shown beside the first; none: no second one.
+        azimuth: Azimuth of the camera about the z-axis, from the x-axis.
+        elevation: Elevation of the camera above the xy-plane, from -90 to 90 degrees.
+        width: Width of the window or picture [pixels].
+        height: Height of the window or picture [pixels].
+    """
 
     paint: Paint = "label"
-    """What colours show. label: S, M, U; critical_angle: beta*, of the best grasp; max_resolution:
-    alpha*, the coarsest sensor that keeps it S; epsilon and epsilon_min: how firmly it holds."""
-
     compare: Radians | None = None
-    """A second sensor resolution, shown beside the first; none: one alone."""
-
     azimuth: Radians = 75.0 * DEGREE
-    """Direction of the eye about the z-axis, from the x-axis."""
-
     elevation: Radians = 35.0 * DEGREE
-    """Its angle above the xy-plane, from -90 to 90 degrees."""
-
     width: int = 1280
-    """Width of the window or picture [pixels]."""
-
     height: int = 800
-    """Its height [pixels]."""
 
     def __post_init__(self) -> None:
-        if self.paint not in get_args(Paint):
-            known = ", ".join(get_args(Paint))
-            raise SettingError(f"nothing is painted by {self.paint!r}; known: {known}")
+        check_choice("paint", self.paint, Paint)
         if self.compare is not None and not 0.0 <= self.compare < math.pi:
             degrees = math.degrees(self.compare)
             raise SettingError(
@@ -48,10 +45,8 @@ class ViewSettings:
                 "azimuth must be finite and elevation from -90 to 90 degrees; got "
                 f"{math.degrees(self.azimuth):g} and {math.degrees(self.elevation):g}"
             )
-        if not (
-            LEAST_WIDTH <= self.width <= MOST_PIXELS and LEAST_HEIGHT <= self.height <= MOST_PIXELS
-        ):
+        if not (MIN_WIDTH <= self.width <= MAX_PIXELS and MIN_HEIGHT <= self.height <= MAX_PIXELS):
             raise SettingError(
-                f"width must be from {LEAST_WIDTH} to {MOST_PIXELS} pixels and height from "
-                f"{LEAST_HEIGHT}; got {self.width} x {self.height}"
+                f"width must be from {MIN_WIDTH} to {MAX_PIXELS} pixels and height from "
+                f"{MIN_HEIGHT}; got {self.width} x {self.height}"
             )

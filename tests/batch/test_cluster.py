@@ -15,7 +15,7 @@ import pytest
 import trimesh
 
 from grasp3d import GraspError
-from grasp3d.batch import attempts, cluster, crew
+from grasp3d.batch import attempts, cluster, cluster_client
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.run import run
 from grasp3d.errors import SettingError
@@ -25,7 +25,7 @@ from tests.helpers.jobs import Done, Work, lost, work
 pytestmark = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 
 STRICT = {**PATHS, "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "0"}
-"""A cluster of somebody else, who blames every task of a worker that dies."""
+"""Environment of a cluster that gives up every task whose worker dies."""
 
 
 def rows_of(jobs: list[Work], running: DaskCluster, pause: float = 0.0) -> Iterator[Done]:
@@ -36,15 +36,13 @@ def children(nanny: "subprocess.Popen[bytes]", word: str) -> list[psutil.Process
     return [process for process in descendants(nanny.pid) if runs(process, word)]
 
 
-def test_workers_that_are_killed_cost_no_row(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_killed_workers_do_not_lose_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jobs = [Work(f"well-{number}") for number in range(30)]
-    jobs[4:4] = [Work("crash"), Work("killed once", tmp_path), Work("strange")]
+    jobs[4:4] = [Work("crash"), Work("killed once", tmp_path), Work("raises")]
     with DaskCluster(tmp_path, STRICT) as running:
         nannies = [running.worker(), running.worker()]
-        undisturbed = {row.name: row.told for row in rows_of(jobs, running)}
-        assert sum(map(bool, undisturbed.values())) == 2
+        expected = {row.name: row.reason for row in rows_of(jobs, running)}
+        assert sum(map(bool, expected.values())) == 2
         (tmp_path / "killed once.begun").unlink()
         rows = []
         for row in rows_of(jobs, running, 0.1):
@@ -56,10 +54,11 @@ def test_workers_that_are_killed_cost_no_row(
             if len(rows) == 12:
                 nannies[1].kill()
         assert len(rows) == len(jobs)
-        assert {row.name: row.told for row in rows} == undisturbed
-        monkeypatch.setattr(attempts, "DEATHS", 1)
-        deadly, *_ = sorted(rows_of([Work("deadly"), Work("well")], running), key=lambda r: r.name)
-        assert deadly.told == "2 Dask workers died while they worked on this mesh"
+        assert {row.name: row.reason for row in rows} == expected
+        monkeypatch.setattr(attempts, "MAX_WORKER_DEATHS", 1)
+        jobs = [Work("kills its worker"), Work("well")]
+        deadly, *_ = sorted(rows_of(jobs, running), key=lambda row: row.name)
+        assert deadly.reason == "2 Dask workers died while they ran this mesh"
 
 
 CLIENT = """
@@ -73,7 +72,7 @@ for row in run(work, jobs, 0.0, lost=lost, cluster=ClusterSettings(scheduler=sys
 """
 
 
-def test_work_ends_with_the_client_that_wants_it(tmp_path: Path) -> None:
+def test_running_jobs_end_with_their_client(tmp_path: Path) -> None:
     with DaskCluster(tmp_path) as running:
         nanny = running.worker()
         for signum in (signal.SIGKILL, signal.SIGINT):
@@ -92,28 +91,28 @@ def test_work_ends_with_the_client_that_wants_it(tmp_path: Path) -> None:
                 begun = time.monotonic()
                 wait_for(lambda child=child: not child.is_running() or child.status() == "zombie")
                 assert time.monotonic() - begun < 3.0
-        (row,) = rows_of([Work("well")], running)  # the worker itself is well
+        (row,) = rows_of([Work("well")], running)  # the worker itself still works
         assert row.memory == pytest.approx(0.9 * 2.0)
 
 
-def test_a_cluster_without_workers_is_waited_for_and_one_that_dies_is_not(
+def test_a_cluster_without_workers_is_waited_for_but_a_dead_scheduler_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
-    monkeypatch.setattr(crew, "SILENCE", 0.2)
-    monkeypatch.setattr(crew, "REFRESH", 0.1)
+    monkeypatch.setattr(cluster_client, "NO_WORKER_WARNING", 0.2)
+    monkeypatch.setattr(cluster_client, "REFRESH", 0.1)
     jobs = [Work(f"well-{number}") for number in range(5)] + [Work("hang")] * 9
     rows: list[Done] = []
-    ends: list[GraspError] = []
+    errors: list[GraspError] = []
 
-    def go() -> None:
+    def collect() -> None:
         try:
             rows.extend(rows_of(jobs[:5], running))
             rows.extend(rows_of(jobs, running))
         except GraspError as error:
-            ends.append(error)
+            errors.append(error)
 
     with caplog.at_level(logging.WARNING), DaskCluster(tmp_path) as running:
-        thread = threading.Thread(target=go)
+        thread = threading.Thread(target=collect)
         thread.start()
         wait_for(lambda: "waiting for one" in caplog.text)
         assert not rows
@@ -122,36 +121,36 @@ def test_a_cluster_without_workers_is_waited_for_and_one_that_dies_is_not(
         running.scheduler.kill()
         thread.join(5.0)
         assert not thread.is_alive()
-    assert "the Dask scheduler is gone" in str(ends[0])
-    assert "\n" not in str(ends[0])
+    assert "the Dask scheduler is gone" in str(errors[0])
+    assert "\n" not in str(errors[0])
 
 
-def test_a_wrong_address_is_told_within_seconds(
+def test_a_wrong_address_is_an_error_within_seconds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(cluster, "CONNECTING", 0.5)
+    monkeypatch.setattr(cluster, "CONNECT_TIMEOUT", 0.5)
     (tmp_path / "other.json").write_text("[]", encoding="ascii")
     with socket.socket() as silent:
         silent.bind(("127.0.0.1", 0))
         silent.listen()
         cases = {
-            f"tcp://127.0.0.1:{silent.getsockname()[1]}": "nothing for 0.5 s",
+            f"tcp://127.0.0.1:{silent.getsockname()[1]}": "no response for 0.5 s",
             "http://127.0.0.1:8786": "unknown address scheme",
             "nonsense": "missing port",
-            "tcp://no.such.host.invalid:1": "no Dask scheduler answers there",
+            "tcp://no.such.host.invalid:1": "no Dask scheduler responds at this address",
             str(tmp_path / "missing.json"): "No such file.*dask scheduler --scheduler-file",
-            str(tmp_path / "other.json"): "is no scheduler file",
+            str(tmp_path / "other.json"): "is not a scheduler file",
         }
-        for scheduler, told in cases.items():
+        for scheduler, message in cases.items():
             settings = ClusterSettings(scheduler=scheduler)
-            with pytest.raises(SettingError, match=told) as info:
+            with pytest.raises(SettingError, match=message) as info:
                 next(run(work, [Work("well")], 0.0, lost=lost, cluster=settings))
             assert scheduler in str(info.value)
             assert "\n" not in str(info.value)
 
 
-def test_other_environments_are_told_in_a_sentence(tmp_path: Path) -> None:
-    """What the workers run, and the scheduler, must be what this process runs."""
+def test_other_environments_are_an_error_of_one_line(tmp_path: Path) -> None:
+    """Workers and scheduler must run the versions of this process."""
     info = tmp_path / "old" / "grasp3d-0.0.1.dist-info"
     info.mkdir(parents=True)
     (info / "METADATA").write_text("Metadata-Version: 2.1\nName: grasp3d\nVersion: 0.0.1\n")
@@ -178,8 +177,8 @@ def test_other_environments_are_told_in_a_sentence(tmp_path: Path) -> None:
             next(run(work, [Work("")], 0.0, lost=lost, cluster=ClusterSettings(scheduler=address)))
 
 
-def stand_in(folder: Path, name: str, text: str) -> None:
-    """A command of a cluster, as far as one machine can play it."""
+def fake_command(folder: Path, name: str, text: str) -> None:
+    """Write a command that imitates one of a SLURM cluster."""
     path = folder / "bin" / name
     path.parent.mkdir(exist_ok=True)
     path.write_text(text, encoding="ascii")
@@ -203,7 +202,7 @@ trap 'kill $one $two' TERM
 wait
 """
 CHECK = """#!/bin/sh
-# Labels need more time than a test has; the workers are found in the same way.
+# Labelling takes too long for a test; `check` uses the workers in the same way.
 while [ "$1" != --scheduler ]; do shift; done
 exec {python} -P -c 'import sys; from grasp3d.cli import main; sys.exit(main())' \
 check meshes --quiet -o checked.csv "$@"
@@ -211,50 +210,51 @@ check meshes --quiet -o checked.csv "$@"
 
 
 @pytest.fixture
-def site(tmp_path: Path) -> Path:
-    """A folder with meshes, and the commands of a SLURM cluster."""
+def slurm(tmp_path: Path) -> Path:
+    """A folder with meshes and the commands of a SLURM cluster."""
     (tmp_path / "meshes").mkdir()
     for number in range(2):
         trimesh.creation.box().export(tmp_path / "meshes" / f"{number}.stl")
     for name, text in {"sbatch": SBATCH, "scancel": SCANCEL, "squeue": "#!/bin/sh\n"}.items():
-        stand_in(tmp_path, name, text)
-    stand_in(tmp_path, "srun", SRUN)
-    stand_in(tmp_path, "grasp3d", CHECK.format(python=sys.executable))
-    stand_in(tmp_path, "dask", f'#!/bin/sh\nexec {sys.executable} -m dask "$@"\n')
+        fake_command(tmp_path, name, text)
+    fake_command(tmp_path, "srun", SRUN)
+    fake_command(tmp_path, "grasp3d", CHECK.format(python=sys.executable))
+    fake_command(tmp_path, "dask", f'#!/bin/sh\nexec {sys.executable} -m dask "$@"\n')
     return tmp_path
 
 
-def ran(words: list[str], site: Path) -> None:
-    path = os.pathsep.join([str(site / "bin"), os.environ["PATH"]])
-    with (site / "log").open("wb") as log:  # no pipe, which processes left behind would hold
+def check_run(command: list[str], folder: Path) -> None:
+    path = os.pathsep.join([str(folder / "bin"), os.environ["PATH"]])
+    with (folder / "log").open("wb") as log:  # no pipe: processes left behind would keep it open
         done = subprocess.run(
-            words,
-            cwd=site,
+            command,
+            cwd=folder,
             env={**os.environ, **PATHS, "PATH": path, "SLURM_JOB_ID": "7", "SLURM_NTASKS": "2"},
             stdout=log,
             stderr=log,
             timeout=180.0,
             check=False,
         )
-    assert done.returncode == 0, (site / "log").read_text()
-    table = (site / "checked.csv").read_text(encoding="utf-8").splitlines()
+    assert done.returncode == 0, (folder / "log").read_text()
+    table = (folder / "checked.csv").read_text(encoding="utf-8").splitlines()
     assert [line.split(",")[0] for line in table[1:]] == ['"0.stl"', '"1.stl"']
     assert "yes" in table[1]
 
 
 @pytest.mark.slow
-def test_the_script_of_the_guide_runs_in_one_job(site: Path) -> None:
+def test_the_script_of_the_guide_runs_in_one_job(slurm: Path) -> None:
     guide = (ROOT / "docs" / "clusters.md").read_text(encoding="utf-8")
     (block,) = re.findall(r"```bash\n(#!/bin/bash\n.*?)```", guide, flags=re.DOTALL)
-    (site / "job.sh").write_text(block.replace(".venv/bin/activate", "/dev/null"))
-    ran(["bash", "job.sh"], site)
+    (slurm / "job.sh").write_text(block.replace(".venv/bin/activate", "/dev/null"))
+    check_run(["bash", "job.sh"], slurm)
 
 
 @pytest.mark.slow
-def test_the_example_makes_a_cluster_of_slurm_jobs(site: Path) -> None:
+def test_the_example_script_starts_a_cluster_of_slurm_jobs(slurm: Path) -> None:
     pytest.importorskip("dask_jobqueue")
     options = ["--jobs", "2", "--memory", "1GB", "--interface", "lo"]
     command = ["check", "meshes", "--quiet", "-o", "checked.csv"]
-    ran([sys.executable, str(ROOT / "scripts" / "example_slurm.py"), *options, *command], site)
-    for pid in map(int, (site / "jobs").read_text(encoding="ascii").split()):
+    script = str(ROOT / "scripts" / "example_slurm.py")
+    check_run([sys.executable, script, *options, *command], slurm)
+    for pid in map(int, (slurm / "jobs").read_text(encoding="ascii").split()):
         wait_for(lambda pid=pid: not psutil.pid_exists(pid))

@@ -9,7 +9,7 @@ import pytest
 from grasp3d import GraspModel, MeshOptions, Sampling, label_surface, mesh_from_arrays
 from grasp3d.batch import identity
 from grasp3d.batch.batch_settings import BatchSettings, FractionGrid
-from grasp3d.batch.identity import content_of, mesh_key, settings_key, settings_text
+from grasp3d.batch.identity import content_hash, mesh_key, settings_key, settings_text
 from grasp3d.errors import MeshError
 from tests.helpers import shapes
 
@@ -17,7 +17,7 @@ GOLDEN = "a08a31adde91340d"
 
 
 def test_labels_are_those_of_this_version_of_the_method() -> None:
-    told = [f"method {identity.METHOD}"]
+    lines = [f"method {identity.METHOD}"]
     surfaces = {
         "box": (shapes.box((1.0, 0.6, 0.8)), GraspModel(), Sampling(rays=16)),
         "cone": (
@@ -31,14 +31,14 @@ def test_labels_are_those_of_this_version_of_the_method() -> None:
         labels = label_surface(mesh_from_arrays(*surface, max_edge=0.5), model, sampling=sampling)
         angles = np.where(np.isinf(labels.critical_angle), 9.0, labels.critical_angle)
         rounded = (np.round(angles, 3) + 0.0).tolist()
-        told.append(f"{name} {labels.label.tolist()} {rounded}")
-    assert hashlib.sha256("\n".join(told).encode()).hexdigest()[:16] == GOLDEN, (
-        "labels of the same mesh have changed: raise METHOD in grasp3d/batch/identity.py, so that "
-        "stores label their meshes again, and put the new value here"
+        lines.append(f"{name} {labels.label.tolist()} {rounded}")
+    assert hashlib.sha256("\n".join(lines).encode()).hexdigest()[:16] == GOLDEN, (
+        "labels of the same mesh have changed: increase METHOD in grasp3d/batch/identity.py, so "
+        "that stores label their meshes again, and put the new value here"
     )
 
 
-def test_a_key_is_that_of_the_content_and_all_settings(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_key_depends_on_the_content_and_all_settings(monkeypatch: pytest.MonkeyPatch) -> None:
     settings = BatchSettings()
     key = mesh_key("c", settings)
     assert key == mesh_key("c", BatchSettings(GraspModel(), Sampling(), MeshOptions()))
@@ -54,32 +54,32 @@ def test_a_key_is_that_of_the_content_and_all_settings(monkeypatch: pytest.Monke
     assert mesh_key("c", settings) != key
 
 
-def test_settings_are_written_in_one_way() -> None:
+def test_equal_settings_have_equal_text() -> None:
     whole = BatchSettings(GraspModel(friction=1), Sampling(max_opening=math.inf))
     point = BatchSettings(GraspModel(friction=1.0), Sampling(max_opening=math.inf))
     assert settings_key(whole) == settings_key(point)
     assert '"max_opening":null' in settings_text(whole)
 
 
-def test_content_is_that_of_the_file_and_of_what_it_refers_to(tmp_path: Path) -> None:
+def test_the_content_hash_covers_the_file_and_its_side_files(tmp_path: Path) -> None:
     one, two = tmp_path / "one.stl", tmp_path / "two.stl"
     for path in (one, two):
         path.write_bytes(b"mesh")
-    assert content_of(one) == content_of(two) == hashlib.sha256(b"mesh").hexdigest()
+    assert content_hash(one) == content_hash(two) == hashlib.sha256(b"mesh").hexdigest()
     gltf = tmp_path / "a.gltf"
     gltf.write_text('{"buffers": [{"uri": "a%20b.bin"}, {"uri": "data:;base64,AA"}], '
                     '"images": [{"uri": "c.png"}]}', encoding="ascii")  # fmt: skip
-    told = [content_of(gltf)]
+    hashes = [content_hash(gltf)]
     for name, data in (("a b.bin", b"1"), ("a b.bin", b"2"), ("c.png", b"3"), ("a.bin", b"4")):
         (tmp_path / name).write_bytes(data)
-        told.append(content_of(gltf))
-    assert told[0] != told[1] != told[2] == told[3] == told[4]
+        hashes.append(content_hash(gltf))
+    assert hashes[0] != hashes[1] != hashes[2] == hashes[3] == hashes[4]
     glb = tmp_path / "a.glb"
     text = gltf.read_bytes()
     glb.write_bytes(b"glTF" + bytes(8) + len(text).to_bytes(4, "little") + b"JSON" + text)
-    first = content_of(glb)
+    first = content_hash(glb)
     (tmp_path / "a b.bin").write_bytes(b"5")
-    assert content_of(glb) != first
+    assert content_hash(glb) != first
     for path, reason in ((tmp_path / "no.stl", "no such file"), (tmp_path, "cannot be opened")):
         with pytest.raises(MeshError, match=reason):
-            content_of(path)
+            content_hash(path)

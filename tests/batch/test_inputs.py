@@ -5,7 +5,7 @@ import pytest
 
 from grasp3d.batch.inputs import find_meshes
 from grasp3d.errors import MeshError
-from tests.test_cli_evaluate import grasp3d
+from tests.cli.test_evaluate import grasp3d
 
 
 def touch(folder: Path, *names: str) -> None:
@@ -16,8 +16,8 @@ def touch(folder: Path, *names: str) -> None:
 
 
 def names_of(*inputs: Path | str, results: Path | None = None) -> list[str]:
-    told = None if results is None else str(results)
-    return [mesh.name for mesh in find_meshes(map(str, inputs), results=told)]
+    folder = None if results is None else str(results)
+    return [mesh.name for mesh in find_meshes(map(str, inputs), results=folder)]
 
 
 def test_a_folder_is_searched_and_each_real_file_counts_once(tmp_path: Path) -> None:
@@ -36,7 +36,7 @@ def test_a_folder_is_searched_and_each_real_file_counts_once(tmp_path: Path) -> 
     assert names_of(tmp_path / "lib" / "old_labeled.ply") == ["old_labeled.ply"]
 
 
-def test_results_are_no_inputs(tmp_path: Path) -> None:
+def test_results_are_not_inputs(tmp_path: Path) -> None:
     touch(tmp_path, "lib/a.stl", "lib/out/labels/a.ply", "lib/out/more.ply", "lib/labels/b.ply")
     assert names_of(tmp_path / "lib", results=tmp_path / "lib" / "out") == ["a.stl", "labels/b.ply"]
     assert names_of(tmp_path / "lib" / "**" / "*.ply", results=tmp_path / "lib" / "out") == [
@@ -49,7 +49,7 @@ def test_results_are_no_inputs(tmp_path: Path) -> None:
     assert names_of(tmp_path / "lib") == ["a.stl", "out/more.ply"]
 
 
-def test_patterns_name_files_and_real_names_come_first(tmp_path: Path) -> None:
+def test_patterns_name_files_but_existing_files_take_precedence(tmp_path: Path) -> None:
     touch(tmp_path, "lib/a.stl", "lib/a.txt", "lib/x/b.stl", "lib/x/y/c.stl", "lib/x/[ab].stl",
           "lib/x/.d.stl")  # fmt: skip
     assert names_of(tmp_path / "lib/*.stl") == ["a.stl"]
@@ -66,7 +66,7 @@ def test_patterns_name_files_and_real_names_come_first(tmp_path: Path) -> None:
         names_of(tmp_path / "gone" / "*.off")
 
 
-def test_patterns_are_relative_to_where_one_is(
+def test_patterns_are_relative_to_the_current_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     touch(tmp_path, "a.stl", "lib/b.stl")
@@ -75,7 +75,7 @@ def test_patterns_are_relative_to_where_one_is(
     assert names_of("**/*.stl") == names_of(".") == ["a.stl", "lib/b.stl"]
 
 
-def test_a_list_names_inputs_below_its_own_folder(
+def test_a_list_names_inputs_relative_to_its_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     touch(tmp_path, "lists/m#1.stl", "lists/deep/m.stl", "other/m.stl", "lists/deep/er/n.ply")
@@ -85,7 +85,7 @@ def test_a_list_names_inputs_below_its_own_folder(
     assert names_of(tmp_path / "lists" / "all.txt") == expected
     monkeypatch.chdir(tmp_path / "lists")
     assert names_of("all.txt") == expected
-    for line, told in (
+    for line, message in (
         ("gone.stl", "gone.stl: there is no such file or folder"),
         ("deep/*.off", "a pattern names mesh files"),
         ("all.txt", "is a list within a list"),
@@ -93,16 +93,16 @@ def test_a_list_names_inputs_below_its_own_folder(
         Path("bad.txt").write_text(f"# line 1\n\n{line}\n", encoding="utf-8")
         with pytest.raises(MeshError, match=r"^bad\.txt, line 3: .*") as caught:
             names_of("bad.txt")
-        assert told in str(caught.value)
+        assert message in str(caught.value)
 
 
-def test_meshes_of_one_name_are_called_by_their_source(tmp_path: Path) -> None:
+def test_meshes_with_equal_names_are_named_by_their_source(tmp_path: Path) -> None:
     touch(tmp_path, "a/mug.stl", "b/mug.stl", "b/cup.stl")
     one, two = tmp_path / "a", tmp_path / "b"
     assert names_of(one, two) == [f"{one}/mug.stl", f"{two}/mug.stl", "cup.stl"]
 
 
-def test_names_of_odd_bytes_can_be_told_and_kept_apart(tmp_path: Path) -> None:
+def test_names_of_undecodable_bytes_are_unicode_and_unique(tmp_path: Path) -> None:
     odd = [os.fsdecode(b"mug\xff.stl"), "mug\\xff.stl", "two\nlines.stl", "caf\u00e9.stl"]
     touch(tmp_path, *odd)
     found = find_meshes([str(tmp_path)])
@@ -110,7 +110,7 @@ def test_names_of_odd_bytes_can_be_told_and_kept_apart(tmp_path: Path) -> None:
     assert len({mesh.name.encode() for mesh in found}) == 4
 
 
-def test_stamps_tell_when_a_file_changes(tmp_path: Path) -> None:
+def test_stamps_change_when_a_file_changes(tmp_path: Path) -> None:
     touch(tmp_path, "a.stl", "b.gltf")
     stl, gltf = find_meshes([str(tmp_path)])
     assert (stl.size, gltf.stamp) == (4, "")
@@ -119,7 +119,7 @@ def test_stamps_tell_when_a_file_changes(tmp_path: Path) -> None:
     assert find_meshes([str(tmp_path)])[0].stamp not in {stl.stamp, ""}
 
 
-def test_nothing_to_do_is_an_error_and_not_an_empty_result(tmp_path: Path) -> None:
+def test_no_mesh_is_an_error_and_not_an_empty_result(tmp_path: Path) -> None:
     (tmp_path / "void").mkdir()
     (tmp_path / "void.txt").write_text("# nothing\n", encoding="ascii")
     for name in ("void", "void.txt"):

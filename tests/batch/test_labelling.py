@@ -1,4 +1,4 @@
-"""What is done for one mesh of a batch, and what its row says."""
+"""Labelling one mesh of a batch: its row and its files."""
 
 import math
 from dataclasses import replace
@@ -26,9 +26,9 @@ SETTINGS = BatchSettings(
 )
 
 
-def job_of(source: Path, output: Path, *, known: str = "") -> Job:
+def job_of(source: Path, output: Path, *, known_content: str = "") -> Job:
     mesh = MeshFile(source.name, str(source), source.stat().st_size, "stamp")
-    return Job(mesh, source.stem, Folder(str(output)), known)
+    return Job(mesh, source.stem, Folder(str(output)), known_content)
 
 
 def egg(folder: Path) -> Path:
@@ -49,7 +49,7 @@ def labels_of(source: Path, settings: BatchSettings = SETTINGS) -> SurfaceLabels
     return label_surface(mesh, settings.model, sampling=settings.search)
 
 
-def test_a_row_says_what_labelling_the_file_gives(tmp_path: Path) -> None:
+def test_a_row_has_the_values_of_labelling_the_file(tmp_path: Path) -> None:
     source = egg(tmp_path)
     row, labels = row_of(job_of(source, tmp_path / "out")), labels_of(source)
     assert (row.outcome, row.error, row.unit, row.closed) == ("labelled", "", "cm", True)
@@ -68,7 +68,7 @@ def test_a_row_says_what_labelling_the_file_gives(tmp_path: Path) -> None:
     assert 0.0 < row.seconds_labelling < row.seconds
 
 
-def test_its_files_hold_the_labels(tmp_path: Path) -> None:
+def test_the_files_contain_the_labels(tmp_path: Path) -> None:
     source = egg(tmp_path)
     row, labels = row_of(job_of(source, tmp_path / "out")), labels_of(source)
     made = {str(path.relative_to(tmp_path / "out")) for path in (tmp_path / "out").rglob("*.*")}
@@ -83,32 +83,32 @@ def test_its_files_hold_the_labels(tmp_path: Path) -> None:
     assert np.allclose(angles, labels.critical_angle, rtol=1e-6, equal_nan=True)
 
 
-def test_shares_over_the_grid_are_those_of_relabelling(tmp_path: Path) -> None:
+def test_fractions_over_the_grid_are_those_of_relabelling(tmp_path: Path) -> None:
     source = egg(tmp_path)
     grid = FractionGrid((0.2, 0.6), (0.0, math.radians(10.0), math.radians(50.0)))
     settings = replace(SETTINGS, grid=grid)
     row, labels = row_of(job_of(source, tmp_path / "out"), settings), labels_of(source, settings)
-    assert [(one.friction, one.sensor_resolution) for one in row.shares] == [
+    assert [(one.friction, one.sensor_resolution) for one in row.fractions] == [
         (friction, resolution)
         for friction in grid.friction
         for resolution in grid.sensor_resolution
     ]
-    for one in row.shares:
+    for one in row.fractions:
         again = labels.relabel(friction=one.friction, sensor_resolution=one.sensor_resolution)
-        told = (one.stable, one.ambiguous, one.no_grasp_found)
-        assert told == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
+        found = (one.stable, one.ambiguous, one.no_grasp_found)
+        assert found == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
 
 
-def test_a_grid_that_was_not_asked_for_widens_no_search(tmp_path: Path) -> None:
-    """So labels are those of `grasp3d label`; what was not searched is left empty."""
+def test_the_default_grid_does_not_enlarge_the_search(tmp_path: Path) -> None:
+    """So labels equal those of `grasp3d label`; M and U beyond the searched cone are empty."""
     row = row_of(job_of(egg(tmp_path), tmp_path / "out"))
     assert SETTINGS.search == SETTINGS.sampling
     assert row.search_angle == pytest.approx(math.atan(0.4) + math.radians(11.3))
-    told = {round(math.degrees(one.sensor_resolution)): one for one in row.shares}
-    assert sorted(told) == sorted([*range(0, 61, 5), 23])  # that of the model besides
-    assert told[20].ambiguous is not None
-    assert told[25].ambiguous is told[25].no_grasp_found is None
-    assert told[60].stable <= told[20].stable <= told[0].stable
+    found = {round(math.degrees(one.sensor_resolution)): one for one in row.fractions}
+    assert sorted(found) == sorted([*range(0, 61, 5), 23])  # 23: the model's
+    assert found[20].ambiguous is not None
+    assert found[25].ambiguous is found[25].no_grasp_found is None
+    assert found[60].stable <= found[20].stable <= found[0].stable
 
 
 def test_the_best_grasps_are_those_of_the_surface(tmp_path: Path) -> None:
@@ -140,7 +140,7 @@ def test_a_mesh_that_cannot_be_read_is_refused_and_nothing_is_written(tmp_path: 
     assert row.outcome == Outcome.REFUSED
     assert row.error.startswith(f"{bad}: ")
     assert (row.stable, row.labels) == (None, "")
-    assert row.content  # so that it is not tried again before it changes
+    assert row.content  # so that it is tried again only when it changes
     assert not (tmp_path / "out").exists()
 
 
@@ -155,16 +155,16 @@ def test_a_result_that_cannot_be_written_is_lost_and_tried_again(tmp_path: Path)
 def test_the_same_content_is_not_labelled_again(tmp_path: Path) -> None:
     source = egg(tmp_path)
     first = row_of(job_of(source, tmp_path / "out"))
-    again = label_job(job_of(source, tmp_path / "out2", known=first.content), SETTINGS)
+    again = label_job(job_of(source, tmp_path / "out2", known_content=first.content), SETTINGS)
     assert again == Unchanged(job_of(source, tmp_path / "out2").mesh)
     assert not (tmp_path / "out2").exists()
     source.write_bytes(source.read_bytes() + b"\n")
-    other = row_of(job_of(source, tmp_path / "out", known=first.content))
+    other = row_of(job_of(source, tmp_path / "out", known_content=first.content))
     assert other.content != first.content
     assert other.key != first.key
 
 
-def test_a_mesh_that_needs_more_memory_than_there_is_says_so(
+def test_a_mesh_that_needs_too_much_memory_raises(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(labelling, "allowed_memory", lambda: 0.1)
@@ -173,14 +173,14 @@ def test_a_mesh_that_needs_more_memory_than_there_is_says_so(
     assert not (tmp_path / "out").exists()
 
 
-def test_a_lost_mesh_is_called_by_its_source(tmp_path: Path) -> None:
+def test_a_lost_mesh_has_its_source_in_the_error(tmp_path: Path) -> None:
     row = lost_row(job_of(egg(tmp_path), tmp_path), "took longer than 60 s")
     assert row.outcome == Outcome.LOST
     assert row.error == f"{tmp_path / 'egg.ply'}: took longer than 60 s"
     assert row.mesh == "egg.ply"
 
 
-def test_lengths_in_another_unit_are_told_in_the_row(tmp_path: Path) -> None:
+def test_lengths_in_another_unit_are_warnings_of_the_row(tmp_path: Path) -> None:
     trimesh.creation.box((0.04, 0.06, 0.08)).export(tmp_path / "box.stl")
     settings = BatchSettings(sampling=Sampling(rays=8, max_opening=80.0))
     row = row_of(job_of(tmp_path / "box.stl", tmp_path / "out"), settings)

@@ -1,4 +1,4 @@
-"""A library of meshes from Python: what is done, what is not done again, what is kept."""
+"""A library of meshes from Python: labelled, resumed, and robust to failures."""
 
 import ctypes
 import os
@@ -16,21 +16,21 @@ import trimesh
 
 from grasp3d import GraspModel, MeshOptions, Sampling
 from grasp3d._kernels import compiling
-from grasp3d.batch import labelling, library, read_summary, working
+from grasp3d.batch import labelling, library, read_summary, worker_task
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.labelling import Unchanged, label_job
 from grasp3d.batch.library import LibraryLabels, label_library
 from grasp3d.batch.plan import Job
+from grasp3d.batch.progress import BatchProgress
 from grasp3d.batch.row import TIMINGS, Outcome, Row
-from grasp3d.batch.state import BatchState
 from grasp3d.errors import MeshError, MeshUnreadError, OutputError
 from grasp3d.storage import Folder
 from tests.helpers import shapes
 
 QUICK = BatchSettings(GraspModel(), Sampling(rays=8), MeshOptions(max_edge=10.0), best=1)
 HERE = ClusterSettings(workers=0)
-PLACES = frozenset({"source", "stamp", "error"})
-"""What says where a file is."""
+LOCATIONS = frozenset({"source", "stamp", "error"})
+"""Columns that depend on the location of a file."""
 
 
 def mesh(path: Path, size: float = 1.0, subdivisions: int = 1) -> Path:
@@ -50,19 +50,19 @@ def small_library(folder: Path) -> Path:
 def label(
     inputs: Path | str, output: Path | str, settings: BatchSettings = QUICK, **options: object
 ) -> tuple[LibraryLabels, list[str]]:
-    """Label in this process; what came of it, and the meshes that were worked on, in order."""
-    worked: list[str] = []
+    """Label in this process; returns the result, and the meshes that were labelled, in order."""
+    labelled: list[str] = []
 
-    def watch(state: BatchState) -> None:
-        if state.row is not None:
-            worked.append(state.row.mesh)
+    def record(progress: BatchProgress) -> None:
+        if progress.row is not None:
+            labelled.append(progress.row.mesh)
 
-    options = {"cluster": HERE, "watch": watch} | options
-    return label_library([inputs], output, settings, **options), worked  # type: ignore[arg-type]
+    options = {"cluster": HERE, "progress": record} | options
+    return label_library([inputs], output, settings, **options), labelled  # type: ignore[arg-type]
 
 
-def told(rows: Iterable[Row], besides: frozenset[str] = frozenset()) -> list[dict[str, str]]:
-    """What rows say, without what differs from run to run."""
+def values(rows: Iterable[Row], besides: frozenset[str] = frozenset()) -> list[dict[str, str]]:
+    """Values of rows, except those that differ between runs."""
     return [
         {key: str(value) for key, value in asdict(row).items() if key not in TIMINGS | besides}
         for row in sorted(rows, key=lambda row: row.mesh)
@@ -70,73 +70,73 @@ def told(rows: Iterable[Row], besides: frozenset[str] = frozenset()) -> list[dic
 
 
 def test_every_mesh_has_a_row_and_its_files(tmp_path: Path) -> None:
-    done, worked = label(small_library(tmp_path / "in"), tmp_path / "out")
+    done, labelled = label(small_library(tmp_path / "in"), tmp_path / "out")
     assert list(done.rows) == ["a.ply", "b.stl", "bad.stl", "d.ply", "deep/c.obj"]
     assert [row.mesh for row in done.failed] == ["bad.stl"]
-    sizes = [(tmp_path / "in" / name).stat().st_size for name in worked]
+    sizes = [(tmp_path / "in" / name).stat().st_size for name in labelled]
     assert sizes == sorted(sizes, reverse=True)  # the largest first
     for row in done.rows.values():
         for name in (row.labels, row.fields, row.view, row.thumbnail):
             assert bool(name) == (row.outcome == Outcome.LABELLED)
             assert not name or (tmp_path / "out" / name).stat().st_size > 0
-    assert told(read_summary(tmp_path / "out")) == told(done.rows.values())
+    assert values(read_summary(tmp_path / "out")) == values(done.rows.values())
     assert (tmp_path / "out" / "report" / "index.html").is_file()
     assert not list((tmp_path / "out" / "journal").glob("*"))
 
 
-def test_what_is_finished_is_not_done_again_and_what_has_changed_is(tmp_path: Path) -> None:
+def test_finished_meshes_are_not_labelled_again_but_changed_ones_are(tmp_path: Path) -> None:
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     first, _ = label(source, out)
-    again, worked = label(source, out)
-    assert (worked, again.finished) == ([], 5)  # a refusal is settled as well
-    assert told(again.rows.values()) == told(first.rows.values())
+    again, labelled = label(source, out)
+    assert (labelled, again.finished) == ([], 5)  # refused meshes are finished as well
+    assert values(again.rows.values()) == values(first.rows.values())
     mesh(source / "a.ply", 1.2)
     mesh(source / "new.ply", 1.3)
-    more, worked = label(source, out)
-    assert sorted(worked) == ["a.ply", "new.ply"]
+    more, labelled = label(source, out)
+    assert sorted(labelled) == ["a.ply", "new.ply"]
     assert len(more.rows) == 6
     before, after = first.rows["a.ply"], more.rows["a.ply"]
     assert before.size != after.size
     rest = [row for row in more.rows.values() if row.mesh not in {"a.ply", "new.ply"}]
-    assert told(rest) == told([row for row in first.rows.values() if row.mesh != "a.ply"])
+    assert values(rest) == values([row for row in first.rows.values() if row.mesh != "a.ply"])
 
 
-def test_a_mesh_is_known_by_its_content_not_by_its_date_or_folder(
+def test_a_mesh_is_identified_by_its_content_not_by_its_date_or_folder(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    came: list[object] = []
+    results: list[object] = []
 
-    def noted(job: Job, settings: BatchSettings) -> Row | Unchanged:
-        came.append(label_job(job, settings))
-        return came[-1]  # type: ignore[return-value]
+    def recorded(job: Job, settings: BatchSettings) -> Row | Unchanged:
+        results.append(label_job(job, settings))
+        return results[-1]  # type: ignore[return-value]
 
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     first, _ = label(source, out)
     moved = source.rename(tmp_path / "moved")
     for path in moved.rglob("*.*"):
         os.utime(path, (1, 1))
-    monkeypatch.setattr(library, "label_job", noted)
+    monkeypatch.setattr(library, "label_job", recorded)
     again, _ = label(moved, out)
-    assert [type(one) for one in came] == [Unchanged] * 5
-    assert told(again.rows.values(), PLACES) == told(first.rows.values(), PLACES)
-    came.clear()
+    assert [type(one) for one in results] == [Unchanged] * 5
+    assert values(again.rows.values(), LOCATIONS) == values(first.rows.values(), LOCATIONS)
+    results.clear()
     label(moved, out)
-    assert came == []  # the new dates are known by now
+    assert results == []  # the new dates are stored
 
 
-def test_other_settings_and_force_label_anew(tmp_path: Path) -> None:
+def test_other_settings_and_force_label_again(tmp_path: Path) -> None:
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     label(source, out)
     assert len(label(source, out, force=True)[1]) == 5
     other = replace(QUICK, model=GraspModel(friction=0.8))
-    done, worked = label(source, out, other)
-    assert len(worked) == 5
+    done, labelled = label(source, out, other)
+    assert len(labelled) == 5
     fresh, _ = label(source, tmp_path / "fresh", other)
-    assert told(done.rows.values()) == told(fresh.rows.values())
-    assert told(read_summary(out)) == told(fresh.rows.values())
+    assert values(done.rows.values()) == values(fresh.rows.values())
+    assert values(read_summary(out)) == values(fresh.rows.values())
 
 
-def test_a_result_that_is_gone_is_made_again(tmp_path: Path) -> None:
+def test_a_missing_result_is_made_again(tmp_path: Path) -> None:
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     label(source, out)
     (out / "labels" / "a.ply").unlink()
@@ -174,7 +174,7 @@ def test_a_file_has_one_row_however_it_is_named(
     assert len(read_summary(out)) == 5
 
 
-def test_another_file_of_the_same_name_takes_no_ones_place(tmp_path: Path) -> None:
+def test_another_file_of_the_same_name_has_its_own_row(tmp_path: Path) -> None:
     one, two, out = tmp_path / "one", tmp_path / "two", tmp_path / "out"
     mesh(one / "mug.ply")
     other = mesh(two / "mug.ply", 2.0)
@@ -188,17 +188,17 @@ def test_another_file_of_the_same_name_takes_no_ones_place(tmp_path: Path) -> No
     assert (len(both.rows), both.finished) == (2, 2)
 
 
-def test_a_copy_that_kept_the_date_is_not_taken_for_the_mesh(tmp_path: Path) -> None:
+def test_a_replaced_file_with_the_same_date_is_labelled_again(tmp_path: Path) -> None:
     source, out = tmp_path / "in", tmp_path / "out"
     for size in (1.0, 2.0):
         path = mesh(source / "a.stl", size)
         os.utime(path, ns=(10**18, 10**18))
-        done, worked = label(source, out)
-        assert worked == ["a.stl"]
+        done, labelled = label(source, out)
+        assert labelled == ["a.stl"]
     assert path.stat().st_size == done.rows["a.stl"].bytes
 
 
-def test_a_file_beside_a_gltf_is_part_of_it(tmp_path: Path) -> None:
+def test_a_changed_side_file_of_a_gltf_is_labelled_again(tmp_path: Path) -> None:
     source, out = tmp_path / "in", tmp_path / "out"
     source.mkdir()
     for size in (1.0, 2.0):
@@ -207,76 +207,76 @@ def test_a_file_beside_a_gltf_is_part_of_it(tmp_path: Path) -> None:
         for name, data in trimesh.exchange.gltf.export_gltf(scene).items():
             if size == 1.0 or name != "model.gltf":
                 (source / name).write_bytes(data)
-        done, worked = label(source, out)
-        assert worked == ["model.gltf"]
+        done, labelled = label(source, out)
+        assert labelled == ["model.gltf"]
     assert done.rows["model.gltf"].volume == pytest.approx(2.0)
     assert label(source, out)[0].rows == done.rows
 
 
-def test_what_passes_by_itself_is_tried_again(
+def test_temporary_failures_are_tried_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def away(path: Path) -> str:
+    def unread(path: Path) -> str:
         raise MeshUnreadError(f"{path}: its reader was killed")
 
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
-    monkeypatch.setattr(labelling, "content_of", away)
+    monkeypatch.setattr(labelling, "content_hash", unread)
     done, _ = label(source, out)
     assert {row.outcome for row in done.failed} == {Outcome.LOST}
     monkeypatch.undo()
     assert len(label(source, out)[1]) == 5
 
 
-def test_nothing_to_do_is_an_error_and_leaves_nothing(tmp_path: Path) -> None:
+def test_no_mesh_is_an_error_and_writes_nothing(tmp_path: Path) -> None:
     (tmp_path / "void").mkdir()
     with pytest.raises(MeshError, match="no mesh in it"):
         label(tmp_path / "void", tmp_path / "out")
     assert not (tmp_path / "out").exists()
 
 
-def test_results_of_another_run_are_no_inputs(tmp_path: Path) -> None:
+def test_results_of_another_run_are_not_inputs(tmp_path: Path) -> None:
     mesh(tmp_path / "mug.ply")
     label(tmp_path, tmp_path / "first")
     done, _ = label(tmp_path, tmp_path / "second")
     assert list(done.rows) == ["mug.ply"]
 
 
-def test_a_library_may_be_anywhere(tmp_path: Path) -> None:
-    """On a file system that is only in this process, in and out."""
-    source, there = small_library(tmp_path / "in"), Folder("memory://library")
+def test_a_library_can_be_on_any_file_system(tmp_path: Path) -> None:
+    """With inputs and results on a file system in memory."""
+    source, copy = small_library(tmp_path / "in"), Folder("memory://library")
     for path in source.rglob("*.*"):
         if path.is_file():
-            there.write(str(path.relative_to(source)), path.read_bytes())
-    here, _ = label(source, tmp_path / "out")
-    far, _ = label("memory://library", "memory://results")
-    assert told(far.rows.values(), PLACES) == told(here.rows.values(), PLACES)
+            copy.write(str(path.relative_to(source)), path.read_bytes())
+    local, _ = label(source, tmp_path / "out")
+    remote, _ = label("memory://library", "memory://results")
+    assert values(remote.rows.values(), LOCATIONS) == values(local.rows.values(), LOCATIONS)
     results = Folder("memory://results")
-    for row in here.rows.values():
+    for row in local.rows.values():
         if row.labels:
-            plain = (tmp_path / "out" / row.labels).read_bytes()
-            assert results.read(row.labels) == plain
+            expected = (tmp_path / "out" / row.labels).read_bytes()
+            assert results.read(row.labels) == expected
     assert label("memory://library/**/*.obj", "memory://results")[1] == []
     assert b"<html" in results.read("report/index.html")
 
 
-def test_the_state_counts_everything(tmp_path: Path) -> None:
-    states: list[BatchState] = []
+def test_the_progress_counts_all_meshes(tmp_path: Path) -> None:
+    states: list[BatchProgress] = []
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
-    label(source, out, watch=states.append)
-    assert (states[0].left, states[0].share, states[0].row) == (5, 0.0, None)
+    label(source, out, progress=states.append)
+    assert (states[0].left, states[0].fraction, states[0].row) == (5, 0.0, None)
     assert (states[-1].left, states[-1].labelled, states[-1].failed) == (0, 4, 1)
-    assert states[-1].share == pytest.approx(1.0)
-    assert all(a.share <= b.share for a, b in pairwise(states))
+    assert states[-1].fraction == pytest.approx(1.0)
+    assert all(a.fraction <= b.fraction for a, b in pairwise(states))
     assert Counter(state.row.mesh for state in states if state.row).most_common(1)[0][1] == 1
     running = [state.largest for state in states if state.largest is not None]
     assert max(one.size for one in running) == running[0].size
 
 
-# Faults: each of these runs in a process of its own, which is what it harms.
+# Faults: each of these runs in a process of its own.
 
 
 def faulty_job(job: Job, settings: BatchSettings) -> Row | Unchanged:
-    """A mesh that does to its process what its name says."""
+    """Fail as the name of the mesh says."""
     if "segfault" in job.mesh.name:
         ctypes.string_at(0)
     if "killed" in job.mesh.name:
@@ -287,18 +287,18 @@ def faulty_job(job: Job, settings: BatchSettings) -> Row | Unchanged:
         hoard = []
         while True:
             hoard.append(np.ones(4_000_000))
-    if "strange" in job.mesh.name:
-        raise ValueError("no one thought of this")
+    if "raises" in job.mesh.name:
+        raise ValueError("an unknown error")
     return label_job(job, settings)
 
 
 @pytest.mark.slow
-def test_meshes_that_harm_their_process_are_rows_and_harm_no_other(
+def test_meshes_that_end_their_process_have_rows_and_affect_no_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(library, "label_job", faulty_job)
-    monkeypatch.setattr(working, "MEMORY_LIMIT", 1.6e9)  # a machine that is soon full
-    faults = ("segfault", "killed", "sleeps", "endless", "strange")
+    monkeypatch.setattr(worker_task, "MEMORY_LIMIT", 1.6e9)  # a machine with little memory
+    faults = ("segfault", "killed", "sleeps", "endless", "raises")
     for name in faults:
         mesh(tmp_path / "in" / f"{name}.ply")
     for number in range(8):
@@ -308,24 +308,24 @@ def test_meshes_that_harm_their_process_are_rows_and_harm_no_other(
     failed = {row.mesh.removesuffix(".ply"): row for row in done.failed}
     assert set(failed) == set(faults)
     assert all(row.outcome == Outcome.LOST for row in failed.values())
-    said = {
+    messages = {
         "segfault": "segmentation fault",
         "killed": "killed",
         "sleeps": "longer than 10 s",
-        "endless": "took more than 1.44 GB of memory",  # alone, with all there is
-        "strange": "unexpected ValueError: no one thought of this",
+        "endless": "took more than 1.44 GB of memory",  # alone, with all memory
+        "raises": "unexpected ValueError: an unknown error",
     }
-    for name, words in said.items():
-        assert words in failed[name].error
-    # The cause is gone: the next run tries those again, and those alone.
+    for name, message in messages.items():
+        assert message in failed[name].error
+    # Without the faults, the next run labels those meshes, and only those.
     monkeypatch.setattr(library, "label_job", label_job)
-    again, worked = label(tmp_path / "in", tmp_path / "out", cluster=cluster)
-    assert sorted(worked) == sorted(f"{name}.ply" for name in faults)
+    again, labelled = label(tmp_path / "in", tmp_path / "out", cluster=cluster)
+    assert sorted(labelled) == sorted(f"{name}.ply" for name in faults)
     assert not again.failed
 
 
 @pytest.mark.slow
-def test_the_number_of_processes_changes_nothing(tmp_path: Path) -> None:
+def test_the_number_of_processes_does_not_change_the_results(tmp_path: Path) -> None:
     source = small_library(tmp_path / "in")
     for vertices, faces in (shapes.box(), shapes.lopsided()):
         trimesh.Trimesh(vertices, faces).export(source / f"{len(vertices)}.ply")
@@ -334,7 +334,7 @@ def test_the_number_of_processes_changes_nothing(tmp_path: Path) -> None:
     for workers in (0, 1, 2):
         out, cluster = tmp_path / f"out{workers}", ClusterSettings(workers=workers)
         done, _ = label(source, out, settings, cluster=cluster)
-        rows[workers] = told(done.rows.values())
+        rows[workers] = values(done.rows.values())
         files = sorted(path for path in out.rglob("*.*") if path.parent.name != "summary")
         rows[f"files {workers}"] = {  # type: ignore[index]
             str(path.relative_to(out)): path.read_bytes()
@@ -346,10 +346,10 @@ def test_the_number_of_processes_changes_nothing(tmp_path: Path) -> None:
     assert len(rows["files 0"]) == 4 * 5  # type: ignore[index]
 
 
-def test_results_that_a_worker_puts_elsewhere_are_not_taken_for_done(
+def test_results_that_a_worker_writes_elsewhere_are_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def run_at(place: str) -> Callable[..., Iterator[Row | Unchanged]]:
+    def run_at(folder: str) -> Callable[..., Iterator[Row | Unchanged]]:
         def run(
             task: Callable[[Job, BatchSettings], Row | Unchanged],
             jobs: Iterable[Job],
@@ -360,36 +360,36 @@ def test_results_that_a_worker_puts_elsewhere_are_not_taken_for_done(
         ) -> Iterator[Row | Unchanged]:
             for job in jobs:
                 started(job)
-                yield task(replace(job, output=Folder(place)), settings)
+                yield task(replace(job, output=Folder(folder)), settings)
 
         return run
 
     source, cluster = mesh(tmp_path / "a.ply"), ClusterSettings(scheduler="tcp://far:8786")
-    monkeypatch.setattr(library, "LOOKING", 0.2)
+    monkeypatch.setattr(library, "SHARED_FOLDER_TIMEOUT", 0.2)
     monkeypatch.setattr(library, "run", run_at(str(tmp_path / "far")))
-    with pytest.raises(OutputError, match="name a folder that all machines share"):
+    with pytest.raises(OutputError, match="name a folder that all machines access"):
         label(source, tmp_path / "out", cluster=cluster)
     assert read_summary(tmp_path / "out") == []
     monkeypatch.setattr(library, "run", run_at(str(tmp_path / "out")))
     assert not label(source, tmp_path / "out", cluster=cluster)[0].failed
 
 
-def test_what_must_be_compiled_is_compiled_before_the_first_mesh(
+def test_kernels_are_compiled_before_the_first_mesh(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
     done: list[object] = []
-    monkeypatch.setattr(labelling, "call", lambda task, given: done.append(task(given)))
+    monkeypatch.setattr(labelling, "call", lambda task, settings: done.append(task(settings)))
     caplog.set_level("INFO", logger="grasp3d")
     for compiled in (True, False):
         monkeypatch.setattr(compiling, "compiled_before", lambda known=compiled: known)
         labelling.warm_up(QUICK)
-    assert len(done) == 1  # it came to its end
+    assert len(done) == 1  # and the call succeeded
     assert [record.getMessage()[:9] for record in caplog.records] == ["compiling"]
 
 
 def test_labels_of_other_settings_are_counted(tmp_path: Path) -> None:
-    states: list[BatchState] = []
+    states: list[BatchProgress] = []
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     label(source, out)
-    label(source, out, replace(QUICK, model=GraspModel(friction=0.8)), watch=states.append)
+    label(source, out, replace(QUICK, model=GraspModel(friction=0.8)), progress=states.append)
     assert states[0].stale == 4  # the fifth was refused

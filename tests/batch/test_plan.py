@@ -6,14 +6,14 @@ from grasp3d.batch.inputs import MeshFile, find_meshes
 from grasp3d.batch.plan import plan
 from grasp3d.storage import Folder
 from grasp3d.system.names import name_key, safe_stem, short_hash
-from tests.test_inputs import touch
+from tests.batch.test_inputs import touch
 
 OUT = Folder("out")
 
 
 def stems(meshes: list[MeshFile], out: Folder = OUT, taken: Mapping[str, str] | None = None
           ) -> dict[str, str]:  # fmt: skip
-    """What the results of meshes are called, whatever their order."""
+    """Stems of the results of meshes; they do not depend on the order of the meshes."""
     names = {job.mesh.name: job.stem for job in plan(meshes, out, taken)}
     assert {job.mesh.name: job.stem for job in plan(meshes[::-1], out, taken)} == names
     assert len({name_key(stem) for stem in names.values()}) == len(meshes)
@@ -27,14 +27,14 @@ def meshes_of(*names: str) -> list[MeshFile]:
     return [MeshFile(name, f"in/{name}") for name in names]
 
 
-def test_results_lie_in_folders_of_their_kind() -> None:
+def test_results_are_in_folders_by_kind() -> None:
     (job,) = plan(meshes_of("deep/mug.stl"), OUT)
     assert (job.labels, job.fields) == ("labels/deep/mug.ply", "fields/deep/mug.parquet")
     assert job.view == "report/objects/deep/mug.js"
     assert job.thumbnail == "report/thumbnails/deep/mug.webp"
 
 
-def test_names_that_meet_say_more_of_their_source() -> None:
+def test_colliding_names_are_extended_by_their_source() -> None:
     assert stems(meshes_of("mug.stl", "mug.ply", "MUG.off", "deep/mug.stl", "a b.PLY")) == {
         "mug.stl": "mug_stl",
         "mug.ply": "mug_ply",
@@ -50,7 +50,7 @@ def test_names_that_meet_say_more_of_their_source() -> None:
     assert stems(away) == {"s3://a/mug.stl": "mug_stl", "../mug.obj": "mug_obj"}
 
 
-def test_every_file_system_takes_the_names(tmp_path: Path) -> None:
+def test_the_names_are_valid_on_every_file_system(tmp_path: Path) -> None:
     names = ["mug.stl", "mug.obj", "MUG.STL", "mug_stl.ply", "cafe\u0301.ply", "caf\u00e9.ply"]
     names += ["CON.stl", "con.stl", "a:b.stl", "a*b.stl", "a\nb.stl", "x" * 250 + ".stl"]
     names += ["x" * 249 + "y.stl", "..stl", "...stl", os.fsdecode(b"mug\xff.stl"), " .stl"]
@@ -64,7 +64,7 @@ def test_every_file_system_takes_the_names(tmp_path: Path) -> None:
     assert made["mug.obj"] == "mug_obj"
 
 
-def test_a_folder_has_the_plain_name() -> None:
+def test_a_folder_takes_precedence_over_a_file() -> None:
     made = stems(meshes_of("mug.ply/cup.stl", "mug.stl"))
     assert made == {"mug.ply/cup.stl": "mug.ply/cup", "mug.stl": "mug_stl"}
 
@@ -88,13 +88,13 @@ def test_finished_results_keep_their_names() -> None:
     made = stems(meshes, taken=taken)
     assert made["mug.stl"] == "mug"  # one new file renames none
     assert made["mug.ply"] == "mug_ply"
-    assert made["cup.obj"] == "cup_obj"  # of a mesh that is not among these
+    assert made["cup.obj"] == "cup_obj"  # the stem cup is taken by a mesh that is not among these
     assert made["x.stl"] == "box.ply"
     file = plan(meshes_of("box.ply/a.stl"), OUT, {"x.stl": "box"})[0].stem
-    assert file == short_hash("in/box.ply/a.stl", digits=64)  # the folder would be a file
+    assert file == short_hash("in/box.ply/a.stl", digits=64)  # where a folder is needed
 
 
-def test_names_of_a_summary_that_lead_elsewhere_are_not_kept() -> None:
+def test_unsafe_stems_of_a_summary_are_not_kept() -> None:
     for stem in ("../../mug", "/mug", "a//b", "", "con", "a:b", "x" * 200, "mug-" + "0" * 65):
         kept = plan(meshes_of("mug.stl"), OUT, {"mug.stl": stem})[0].stem
         assert kept == ("mug" if stem != "mug-" + "0" * 65 else stem)

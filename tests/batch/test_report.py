@@ -30,20 +30,20 @@ from grasp3d import (
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, thumbnail, write_report
 from grasp3d.batch.report.library import COLUMNS, library_data
+from grasp3d.batch.report.settings_text import describe_settings
 from grasp3d.batch.report.thumbnails import HEIGHT, WIDTH
 from grasp3d.batch.report.views import ELEVATIONS
-from grasp3d.batch.report.words import settings_in_words
-from grasp3d.batch.row import Outcome, Row, Share
+from grasp3d.batch.row import AreaFractions, Outcome, Row
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
 from grasp3d.stability.thresholds import label_angles
-from tests.helpers.reports import Local, best_of, row_of
+from tests.helpers.reports import LocalFolder, best_of, row_of, with_critical_angles
 from tests.helpers.shapes import LIBRARY
 
 WEB = Path(__file__).parents[2] / "web"
 STATIC = Path(__file__).parents[2] / "grasp3d" / "batch" / "report" / "static"
-KINDS = {"u1": "<u1", "u2": "<u2", "u4": "<u4", "f4": "<f4"}
+TYPES = {"u1": "<u1", "u2": "<u2", "u4": "<u4", "f4": "<f4"}
 EVIL = (
     "a/</script><script>alert(1)</script><img src=x onerror=alert(2)>"
     "<!--SCRIPT-->\u202e&amp;'\".ply"
@@ -65,30 +65,30 @@ def box() -> SurfaceLabels:
 
 
 def decoded(script: bytes) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """What the page reads from a script."""
+    """Header and arrays of a script, as the page reads them."""
     found = re.fullmatch(
         r'grasp3dObject\((\{.*\}),"([A-Za-z0-9+/=]*)"\);\n', script.decode("ascii")
     )
     assert found
-    told = json.loads(found[1])
+    header = json.loads(found[1])
     data = gzip.decompress(base64.b64decode(found[2]))
     arrays, start = {}, 0
-    for name, kind, count in told["arrays"]:
-        arrays[name] = np.frombuffer(data, KINDS[kind], count, start)
+    for name, kind, count in header["arrays"]:
+        arrays[name] = np.frombuffer(data, TYPES[kind], count, start)
         start += arrays[name].nbytes
     assert start == len(data)
-    return told, arrays
+    return header, arrays
 
 
 def painted(mesh: ObjectMesh, stable: NDArray[np.bool_]) -> SurfaceLabels:
-    """Labels S and U wherever they are wanted."""
+    """Labels with the given vertices S and the others U."""
     labels = label_surface(mesh, MODEL, sampling=Sampling(rays=8), threads=1)
     angles = np.where(stable, 0.0, np.inf)
-    return replace(labels, critical_angle=angles, critical_angle_best=angles)
+    return with_critical_angles(labels, angles)
 
 
 def pixels(picture: bytes) -> dict[Label | None, NDArray[np.bool_]]:
-    """Where each colour shows, by hue; None: anything at all."""
+    """Pixels of each label's colour, by hue; None: all pixels of the surface."""
     image = np.asarray(Image.open(io.BytesIO(picture)).convert("RGBA"), dtype=float)
     shown = image[..., 3] > 128.0
     hues = image[..., :3] / np.maximum(np.linalg.norm(image[..., :3], axis=2, keepdims=True), 1.0)
@@ -99,39 +99,39 @@ def pixels(picture: bytes) -> dict[Label | None, NDArray[np.bool_]]:
 
 
 @pytest.mark.parametrize("name", ["spray", "box"])
-def test_script_holds_the_surface_and_its_numbers(
+def test_script_contains_the_surface_and_its_values(
     name: str, request: pytest.FixtureRequest
 ) -> None:
     labels: SurfaceLabels = request.getfixturevalue(name)
     mesh = labels.mesh
-    told, arrays = decoded(object_script(labels, "a mesh", best_of(labels)))
+    header, arrays = decoded(object_script(labels, "a mesh", best_of(labels)))
     used = np.unique(mesh.faces)
     numbers = arrays.get("numbers", np.arange(len(mesh.vertices)))
     assert np.array_equal(numbers, used)
-    places = told["low"] + np.array(told["step"]) * arrays["positions"].reshape(-1, 3)
-    assert np.abs(places - mesh.vertices[used]).max() < 1e-4 * mesh.size
+    positions = header["low"] + np.array(header["step"]) * arrays["positions"].reshape(-1, 3)
+    assert np.abs(positions - mesh.vertices[used]).max() < 1e-4 * mesh.size
     assert np.array_equal(numbers[arrays["faces"].reshape(-1, 3)], mesh.faces)
     assert np.array_equal(arrays["worst"], labels.critical_angle[used].astype(np.float32))
     best = arrays.get("best", arrays["worst"])
     assert np.array_equal(best, labels.critical_angle_best[used].astype(np.float32))
     assert np.array_equal(arrays["epsilon"], labels.epsilon[used].astype("<f4"), equal_nan=True)
     assert np.array_equal(arrays["opening"], labels.opening[used].astype("<f4"), equal_nan=True)
-    held = np.isfinite(labels.partners[used]).all(axis=(1, 2))
-    assert np.array_equal(np.isfinite(arrays["opening"]), held)
-    partners = told["low"] + np.array(told["step"]) * arrays["partners"].reshape(-1, 1, 3)
-    assert np.abs(partners - labels.partners[used])[held].max() < 1e-4 * mesh.size
+    has_grasp = np.isfinite(labels.partners[used]).all(axis=(1, 2))
+    assert np.array_equal(np.isfinite(arrays["opening"]), has_grasp)
+    partners = header["low"] + np.array(header["step"]) * arrays["partners"].reshape(-1, 1, 3)
+    assert np.abs(partners - labels.partners[used])[has_grasp].max() < 1e-4 * mesh.size
     assert np.array_equal(arrays["reason"], labels.reason[used])
     areas = mesh.vertex_areas / mesh.vertex_areas.sum()
     assert np.allclose(arrays["weights"], areas[used], rtol=1e-6, atol=0.0)
-    assert told["name"] == "a mesh"
-    assert told["unit"] == mesh.unit
-    assert told["size"] == mesh.size
-    assert (told["friction"], told["resolution"]) == (0.3, 20.0 * DEGREE)
-    assert told["cone"] == labels.search.cone
-    assert told["grasps"][0]["points"] == [list(point) for point in best_of(labels)[0].points]
+    assert header["name"] == "a mesh"
+    assert header["unit"] == mesh.unit
+    assert header["size"] == mesh.size
+    assert (header["friction"], header["resolution"]) == (0.3, 20.0 * DEGREE)
+    assert header["cone"] == labels.search.cone
+    assert header["grasps"][0]["points"] == [list(point) for point in best_of(labels)[0].points]
 
 
-def test_creases_have_two_angles_and_smooth_surfaces_one(box: SurfaceLabels) -> None:
+def test_sharp_edges_have_two_angles_and_smooth_surfaces_one(box: SurfaceLabels) -> None:
     assert "best" in decoded(object_script(box, "box", ()))[1]
     ball = label_surface(sphere_mesh(subdivisions=2), MODEL, sampling=COARSE, threads=1)
     assert "best" not in decoded(object_script(ball, "ball", ()))[1]
@@ -142,49 +142,49 @@ def test_labels_in_the_page_are_those_of_relabel(
     spray: SurfaceLabels, friction: float, degrees: float
 ) -> None:
     """Angles in the page may differ by rounding only, far below 0.01 degree."""
-    asked = spray.relabel(friction=friction, sensor_resolution=degrees * DEGREE)
+    relabelled = spray.relabel(friction=friction, sensor_resolution=degrees * DEGREE)
     _, arrays = decoded(object_script(spray, "spray", ()))
     worst = arrays["worst"].astype(float)
     best = arrays.get("best", arrays["worst"]).astype(float)
-    there = label_angles(worst, best, asked.model)
-    beta, tilt = asked.model.friction_angle, asked.model.tilt
+    labels = label_angles(worst, best, relabelled.model)
+    beta, tilt = relabelled.model.friction_angle, relabelled.model.tilt
     near = np.minimum(np.abs(worst - (beta - tilt)), np.abs(best - (beta + tilt)))
     assert (near < 0.01 * DEGREE).mean() < 0.05
-    differs = there != asked.label[np.unique(spray.mesh.faces)]
+    differs = labels != relabelled.label[np.unique(spray.mesh.faces)]
     assert not differs[near > 1e-6].any()
 
 
-def test_vertices_of_no_face_are_left_out_and_the_others_keep_their_numbers() -> None:
+def test_vertices_without_faces_are_left_out_and_the_others_keep_their_numbers() -> None:
     ball = sphere_mesh(subdivisions=2)
     vertices = np.concatenate([[[9.0, 9.0, 9.0]], ball.vertices])
     mesh = mesh_from_arrays(vertices, ball.faces + 1, max_edge=10.0)
     labels = label_surface(mesh, MODEL, sampling=COARSE, threads=1)
-    told, arrays = decoded(object_script(labels, "ball", ()))
+    header, arrays = decoded(object_script(labels, "ball", ()))
     assert arrays["numbers"].tolist() == list(range(1, len(vertices)))
-    assert np.allclose(told["low"], ball.vertices.min(axis=0))
+    assert np.allclose(header["low"], ball.vertices.min(axis=0))
 
 
-def test_narrow_cone_counts_as_far_as_the_model_asks(box: SurfaceLabels) -> None:
-    """A search that was limited on purpose answers for its own model, as in relabel."""
+def test_a_narrow_cone_is_extended_to_the_model(box: SurfaceLabels) -> None:
+    """A search that was limited on purpose is valid for its own model, as in relabel."""
     limited = replace(box, search=replace(box.search, cone=0.1))
     limited.relabel()
-    told, _ = decoded(object_script(limited, "box", ()))
-    assert told["cone"] == pytest.approx(math.atan(0.3) + 10.0 * DEGREE)
+    header, _ = decoded(object_script(limited, "box", ()))
+    assert header["cone"] == pytest.approx(math.atan(0.3) + 10.0 * DEGREE)
 
 
-def test_script_holds_no_markup_whatever_the_name_is(box: SurfaceLabels) -> None:
+def test_script_contains_no_markup_for_any_name(box: SurfaceLabels) -> None:
     script = object_script(box, EVIL, ())
     assert not set(b"<>&") & set(script)
     assert b"\\u202e" in script
     assert decoded(script)[0]["name"].startswith("a/</script><script>")
 
 
-def test_same_labels_make_the_same_bytes(box: SurfaceLabels) -> None:
+def test_equal_labels_give_equal_bytes(box: SurfaceLabels) -> None:
     assert object_script(box, "box", ()) == object_script(box, "box", ())
     assert thumbnail(box) == thumbnail(box)
 
 
-def test_thumbnail_is_a_small_picture_on_transparent_ground(spray: SurfaceLabels) -> None:
+def test_thumbnail_is_a_small_picture_with_transparent_background(spray: SurfaceLabels) -> None:
     picture = thumbnail(spray)
     image = Image.open(io.BytesIO(picture))
     assert (image.format, image.size) == ("WEBP", (WIDTH, HEIGHT))
@@ -198,19 +198,19 @@ def test_thumbnail_is_a_small_picture_on_transparent_ground(spray: SurfaceLabels
         assert shown[label].sum() > 0.01 * shown[None].sum(), label.name
 
 
-def test_thumbnail_shows_each_label_in_its_visible_share() -> None:
-    """Of a ball whose upper half is S an eye at elevation e sees (1 + sin e) / 2 as S."""
+def test_thumbnail_shows_the_visible_fraction_of_each_label() -> None:
+    """For a ball whose upper half is S, (1 + sin e) / 2 is S in the view of elevation e."""
     ball = sphere_mesh(subdivisions=4)
     shown = pixels(thumbnail(painted(ball, ball.vertices[:, 2] > 0.0)))
-    share = shown[Label.S].sum() / shown[None].sum()
+    fraction = shown[Label.S].sum() / shown[None].sum()
     expected = [(1.0 + math.sin(elevation)) / 2.0 for elevation, _ in ELEVATIONS]
-    assert min(abs(share - one) for one in expected) < 0.025
+    assert min(abs(fraction - one) for one in expected) < 0.025
     assert shown[Label.M].sum() < 0.025 * shown[None].sum()  # where S and U are mixed
     upper, lower = (np.nonzero(shown[label])[0].mean() for label in (Label.S, Label.U))
     assert upper < lower  # rows are counted from above
 
 
-def test_thumbnail_turns_to_where_the_labels_differ() -> None:
+def test_thumbnail_shows_the_side_on_which_the_labels_differ() -> None:
     ball = sphere_mesh(subdivisions=3)
     axis = ball.vertices @ [math.cos(0.3), math.sin(0.3), 0.0]
     shown = pixels(thumbnail(painted(ball, axis > 0.8)))
@@ -235,7 +235,7 @@ def test_thumbnail_shows_open_surfaces_from_behind() -> None:
     assert pixels(thumbnail(painted(mesh, np.ones(len(mesh.vertices), bool))))[None].sum() > 2000
 
 
-def test_rows_and_numbers_of_the_page(box: SurfaceLabels) -> None:
+def test_rows_and_values_of_the_page(box: SurfaceLabels) -> None:
     row = row_of(box, "tools/box.ply", "tools/box")
     lost = Row("lost.ply", outcome=Outcome.LOST, error="lost.ply: too slow")
     without = replace(row, critical_angle_p50=math.inf, view="", thumbnail="")
@@ -253,14 +253,14 @@ def test_rows_and_numbers_of_the_page(box: SurfaceLabels) -> None:
     assert third["stem"] == ""
 
 
-def test_curves_are_quartiles_over_the_meshes_that_tell() -> None:
+def test_curves_are_quartiles_over_the_meshes_with_values() -> None:
     rows = [
         Row(
             f"{k}.ply",
-            shares=(
-                Share(0.5, 0.0, 0.1 * k, 1.0 - 0.1 * k, 0.0),
-                Share(0.5, 0.5, 0.05 * k, None if k else 0.4, None if k else 0.6),
-                Share(0.5, 1.0, 0.0, None, None),
+            fractions=(
+                AreaFractions(0.5, 0.0, 0.1 * k, 1.0 - 0.1 * k, 0.0),
+                AreaFractions(0.5, 0.5, 0.05 * k, None if k else 0.4, None if k else 0.6),
+                AreaFractions(0.5, 1.0, 0.0, None, None),
             ),
         )
         for k in range(5)
@@ -268,40 +268,40 @@ def test_curves_are_quartiles_over_the_meshes_that_tell() -> None:
     [curve] = library_data(rows, BatchSettings())["curves"]
     assert curve["friction"] == 0.5
     assert curve["meshes"] == [5, 5, 5]
-    assert curve["told"] == [5, 1, 0]
+    assert curve["searched"] == [5, 1, 0]
     assert np.allclose(curve["S"], [[0.1, 0.2, 0.3], [0.05, 0.1, 0.15], [0.0, 0.0, 0.0]])
     assert np.allclose(curve["U"][1], 0.6)
     assert curve["M"][2] is curve["U"][2] is None
 
 
-def test_settings_in_words() -> None:
-    said = dict(settings_in_words(BatchSettings()))
-    assert said["Friction"] == "μ 0.5 (cone of β 26.57°)"
-    assert said["Sensor resolution"] == "α 22.6°"
-    assert said["Grip"] == "squeeze"
-    assert said["Labels"].endswith("exact")
-    assert "Opening" not in said
+def test_describe_settings() -> None:
+    text = dict(describe_settings(BatchSettings()))
+    assert text["Friction"] == "μ 0.5 (cone of β 26.57°)"
+    assert text["Sensor resolution"] == "α 22.6°"
+    assert text["Grip"] == "squeeze"
+    assert text["Labels"].endswith("exact")
+    assert "Opening" not in text
     limited = BatchSettings(
         GraspModel(method="extremes", edges=8, actuation="per_finger", torsion_radius=0.01),
         Sampling(min_opening=0.01, max_opening=0.08, grip="both", search_angle=1.0),
         MeshOptions(patch_radius=0.002, max_edge=0.01, unit="m"),
     )
-    said = dict(settings_in_words(limited))
-    assert said["Opening"] == "at least 0.01 and at most 0.08 (in each mesh's unit)"
-    assert said["Grip"] == "squeeze or expand"
-    assert said["Labels"] == "from wrench hulls at 8 extreme normals, sampled"
-    assert said["Epsilon"] == "cones of 8 edges, each finger's force at most 1"
-    assert said["Fingers"] == "2, soft"
-    assert {"Torsion radius", "Patch radius", "Longest edge", "Unit of the files"} <= set(said)
-    assert said["Searched"] == "grasps with β* up to 57.3°"
-    hand = BatchSettings(GraspModel(fingers=3), Sampling(max_spread=0.12))
-    said = dict(settings_in_words(hand))
-    assert said["Distances of contacts"] == "at most 0.12 (in each mesh's unit)"
-    assert "Grip" not in said
+    text = dict(describe_settings(limited))
+    assert text["Opening"] == "at least 0.01 and at most 0.08 (in each mesh's unit)"
+    assert text["Grip"] == "squeeze or expand"
+    assert text["Labels"] == "from wrench hulls at 8 extreme normals, sampled"
+    assert text["Epsilon"] == "cones of 8 edges, each finger's force at most 1"
+    assert text["Fingers"] == "2, soft"
+    assert {"Torsion radius", "Patch radius", "Longest edge", "Unit of the files"} <= set(text)
+    assert text["Search"] == "grasps with β* up to 57.3°"
+    three_fingers = BatchSettings(GraspModel(fingers=3), Sampling(max_spread=0.12))
+    text = dict(describe_settings(three_fingers))
+    assert text["Distances between contacts"] == "at most 0.12 (in each mesh's unit)"
+    assert "Grip" not in text
 
 
 def test_report_is_a_folder_of_four_files(tmp_path: Path, box: SurfaceLabels) -> None:
-    write_report(Local(tmp_path), [row_of(box, "box.ply", "box")], BatchSettings(MODEL))
+    write_report(LocalFolder(tmp_path), [row_of(box, "box.ply", "box")], BatchSettings(MODEL))
     names = {path.name for path in (tmp_path / "report").iterdir()}
     assert names == {"index.html", "object.html", "viewer.js", "viewer.css"}
     page = (tmp_path / "report" / "index.html").read_text(encoding="utf-8")
@@ -309,17 +309,17 @@ def test_report_is_a_folder_of_four_files(tmp_path: Path, box: SurfaceLabels) ->
     assert not re.search(r'(src|href)="(https?:)?//', page)
 
 
-def test_names_and_errors_of_meshes_are_no_markup(tmp_path: Path, box: SurfaceLabels) -> None:
+def test_names_and_errors_of_meshes_are_not_markup(tmp_path: Path, box: SurfaceLabels) -> None:
     row = row_of(box, EVIL, "box")
     rows = [
         row,
         Row(EVIL, outcome=Outcome.REFUSED, error=EVIL),
         Row("a\udcff.ply", error="\x1b[0m"),
     ]
-    write_report(Local(tmp_path), rows, BatchSettings(MODEL))
-    for name, place in (("index.html", "data"), ("object.html", "library")):
+    write_report(LocalFolder(tmp_path), rows, BatchSettings(MODEL))
+    for name, element in (("index.html", "data"), ("object.html", "library")):
         page = (tmp_path / "report" / name).read_text(encoding="utf-8")
-        start = page.index(f'<script type="application/json" id="{place}">')
+        start = page.index(f'<script type="application/json" id="{element}">')
         text = page[page.index(">", start) + 1 : page.index("</script>", start)]
         assert "alert(1)" in text
         assert not set("<>&") & set(text)
@@ -329,14 +329,14 @@ def test_names_and_errors_of_meshes_are_no_markup(tmp_path: Path, box: SurfaceLa
     assert data == [["box", EVIL.replace("\u202e", "\\u202e")]]
 
 
-@pytest.mark.parametrize("rows", [[], [Row("a.ply", outcome=Outcome.LOST, error="gone")]])
-def test_report_of_nothing_labelled_is_written(tmp_path: Path, rows: list[Row]) -> None:
-    write_report(Local(tmp_path), rows, BatchSettings())
-    assert "gone" in (tmp_path / "report" / "index.html").read_text("utf-8") or not rows
+@pytest.mark.parametrize("rows", [[], [Row("a.ply", outcome=Outcome.LOST, error="missing")]])
+def test_a_report_without_labelled_meshes_is_written(tmp_path: Path, rows: list[Row]) -> None:
+    write_report(LocalFolder(tmp_path), rows, BatchSettings())
+    assert "missing" in (tmp_path / "report" / "index.html").read_text("utf-8") or not rows
 
 
-def test_bundles_are_made_of_these_sources() -> None:
-    """A stale bundle fails here: build it anew in web/ with npm ci && npm run build."""
+def test_bundles_are_made_from_these_sources() -> None:
+    """Fails for an outdated bundle: build it again in web/ with npm ci && npm run build."""
     names = [
         path.relative_to(WEB).as_posix() for path in (WEB / "src").rglob("*") if path.is_file()
     ]
@@ -348,7 +348,7 @@ def test_bundles_are_made_of_these_sources() -> None:
         assert digest.hexdigest() in path.read_text(encoding="utf-8")[:400], path.name
 
 
-def test_bundles_hold_the_licences_of_what_they_are_made_of() -> None:
+def test_bundles_contain_the_licences_of_their_packages() -> None:
     for name, packages in (("viewer.js", ["three"]), ("library.js", ["tabulator-tables", "uplot"])):
         text = (STATIC / name).read_text(encoding="utf-8")
         versions = json.loads((WEB / "package.json").read_text(encoding="utf-8"))["devDependencies"]
@@ -362,7 +362,7 @@ def test_lock_file_names_no_registry() -> None:
 
 
 @pytest.mark.slow
-def test_building_anew_gives_the_same_bundles(tmp_path: Path) -> None:
+def test_building_again_gives_the_same_bundles(tmp_path: Path) -> None:
     node = shutil.which("node")
     if node is None or not (WEB / "node_modules").is_dir():
         pytest.skip("needs node, and web/node_modules from npm ci")

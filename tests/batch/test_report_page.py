@@ -21,7 +21,7 @@ from grasp3d.batch.row import Outcome, Row
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
-from tests.helpers.reports import Local, put_object, ray_at, row_of
+from tests.helpers.reports import LocalFolder, put_object, ray_at, row_of, with_critical_angles
 from tests.helpers.shapes import LIBRARY
 
 playwright = pytest.importorskip("playwright.sync_api", reason="needs playwright")
@@ -40,26 +40,28 @@ OPTIONS = [
 ]
 MODEL = GraspModel(friction=0.3, sensor_resolution=20.0 * DEGREE)
 HIT = "document.title='hit'"
-EVIL = f'evil </script><script>{HIT}</script><img src=x onerror="{HIT}">'
-STEMS = {"spray": "kitchen 100%/#spray?", "box": "box", "cone": "ä/cone", "hand": "hand"}
+HOSTILE = f'evil </script><script>{HIT}</script><img src=x onerror="{HIT}">'
+STEMS = {"spray": "kitchen 100%/#spray?", "box": "box", "cone": "ä/cone", "cylinder": "cylinder"}
 
 
 @dataclass
-class Site:
-    """A report in a folder, and the labels that it shows."""
+class Report:
+    """A report in a folder, and its labels."""
 
-    home: Path
+    folder: Path
     labels: dict[str, SurfaceLabels] = field(default_factory=dict)
     rows: list[Row] = field(default_factory=list)
 
     def address(self, page: str = "index.html") -> str:
-        return f"{(self.home / 'report' / 'index.html').as_uri().removesuffix('index.html')}{page}"
+        return (
+            f"{(self.folder / 'report' / 'index.html').as_uri().removesuffix('index.html')}{page}"
+        )
 
 
 @pytest.fixture(scope="module")
-def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
-    made = Site(tmp_path_factory.mktemp("library"))
-    output = Local(made.home)
+def report(tmp_path_factory: pytest.TempPathFactory) -> Report:
+    made = Report(tmp_path_factory.mktemp("library"))
+    output = LocalFolder(made.folder)
     coarse = Sampling(rays=8)
     meshes = {
         "spray": load_mesh(LIBRARY / "spray.glb"),
@@ -72,12 +74,14 @@ def site(tmp_path_factory: pytest.TempPathFactory) -> Site:
     mesh = cylinder_mesh(0.5, 1.0, max_edge=0.5)
     three = replace(MODEL, fingers=3)
     search = Sampling(candidates=8, search_angle=90.0 * DEGREE)
-    made.labels["hand"] = label_surface(mesh, three, sampling=search, threads=1)
+    made.labels["cylinder"] = label_surface(mesh, three, sampling=search, threads=1)
     for name, labels in made.labels.items():
-        row = row_of(labels, EVIL if name == "cone" else f"{STEMS[name]}.ply", STEMS[name])
+        row = row_of(labels, HOSTILE if name == "cone" else f"{STEMS[name]}.ply", STEMS[name])
         made.rows.append(put_object(output, labels, row))
     made.rows += [
-        Row(f"bad {EVIL}", outcome=Outcome.REFUSED, error=f"{EVIL}: has no faces", seconds=0.5),
+        Row(
+            f"bad {HOSTILE}", outcome=Outcome.REFUSED, error=f"{HOSTILE}: has no faces", seconds=0.5
+        ),
         Row("late.stl", outcome=Outcome.LOST, error="late.stl: took more than 1 h"),
     ]
     write_report(output, made.rows, BatchSettings(MODEL))
@@ -99,11 +103,11 @@ def browser(driver: Any) -> Iterator[Any]:
 
 @pytest.fixture
 def page(browser: Any) -> Iterator[Any]:
-    """A page that must not complain, nor ask for anything but files."""
+    """A page that must report no errors, and load only files."""
     context = browser.new_context(viewport={"width": 980, "height": 560})
     opened = context.new_page()
     faults: list[str] = []
-    opened.on("console", lambda told: faults.append(told.text) if told.type == "error" else None)
+    opened.on("console", lambda entry: faults.append(entry.text) if entry.type == "error" else None)
     opened.on("pageerror", lambda error: faults.append(str(error)))
     opened.on("requestfailed", lambda request: faults.append(f"failed: {request.url}"))
     opened.on(
@@ -125,8 +129,8 @@ def opened(page: Any, address: str) -> Any:
     return page
 
 
-def opened_object(page: Any, site: Site, name: str) -> Any:
-    opened(page, site.address(f"object.html#{quote(STEMS[name])}"))
+def opened_object(page: Any, report: Report, name: str) -> Any:
+    opened(page, report.address(f"object.html#{quote(STEMS[name])}"))
     page.locator("canvas").wait_for()
     return page
 
@@ -135,26 +139,26 @@ def names(page: Any) -> list[str]:
     return list(page.locator(".tabulator-row .name").all_inner_texts())
 
 
-def shares(page: Any) -> dict[str, float]:
-    items = page.locator("#shares li")
-    told = items.evaluate_all("all => all.map(one => [one.dataset.label, +one.dataset.share])")
+def fractions(page: Any) -> dict[str, float]:
+    items = page.locator("#fractions li")
+    found = items.evaluate_all("all => all.map(one => [one.dataset.label, +one.dataset.fraction])")
     shown = items.locator("output").all_inner_texts()
-    assert [f"{100.0 * share:.1f} %" for _, share in told] == shown
-    return dict(told)
+    assert [f"{100.0 * fraction:.1f} %" for _, fraction in found] == shown
+    return dict(found)
 
 
 def picture(page: Any) -> NDArray[np.float64]:
-    """What the stage shows, red, green, blue."""
+    """The 3-D view as red, green and blue."""
     shot = page.locator("canvas").screenshot()
     return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), dtype=float)
 
 
-def test_table_sorts_by_numbers_and_keeps_what_has_none_last(page: Any, site: Site) -> None:
-    opened(page, site.address())
-    assert names(page) == [row.mesh for row in site.rows]
+def test_table_sorts_by_numbers_with_rows_without_one_last(page: Any, report: Report) -> None:
+    opened(page, report.address())
+    assert names(page) == [row.mesh for row in report.rows]
     header = page.get_by_role("button", name="Vertices")
     header.click()
-    labelled = [row for row in site.rows if row.vertices is not None]
+    labelled = [row for row in report.rows if row.vertices is not None]
     falling = sorted(labelled, key=lambda row: -(row.vertices or 0))
     assert names(page)[:4] == [row.mesh for row in falling]
     header.focus()
@@ -164,13 +168,15 @@ def test_table_sorts_by_numbers_and_keeps_what_has_none_last(page: Any, site: Si
     assert page.get_by_role("grid", name="Meshes").count() == 1
 
 
-def test_table_tells_the_numbers_of_the_rows(page: Any, site: Site) -> None:
-    opened(page, site.address())
-    row, cells = site.rows[0], page.locator(".tabulator-row").first.locator(".tabulator-cell")
-    told = dict(zip(["", "name", "shares", "angle"], cells.all_inner_texts(), strict=False))
+def test_table_shows_the_values_of_the_rows(page: Any, report: Report) -> None:
+    opened(page, report.address())
+    row, cells = report.rows[0], page.locator(".tabulator-row").first.locator(".tabulator-cell")
+    shown = dict(zip(["", "name", "fractions", "angle"], cells.all_inner_texts(), strict=False))
     stable, ambiguous, none = (row.stable or 0.0, row.ambiguous or 0.0, row.no_grasp_found or 0.0)
-    assert told["shares"] == f"S {stable:.0%} · M {ambiguous:.0%} · U {none:.0%}".replace("%", " %")
-    assert told["angle"] == f"{math.degrees(row.critical_angle_p50 or 0.0):.1f}°"
+    assert shown["fractions"] == f"S {stable:.0%} · M {ambiguous:.0%} · U {none:.0%}".replace(
+        "%", " %"
+    )
+    assert shown["angle"] == f"{math.degrees(row.critical_angle_p50 or 0.0):.1f}°"
     assert page.locator(".counts").inner_text().split() == [
         "4", "labelled", "1", "refused", "1", "lost",
     ]  # fmt: skip
@@ -178,76 +184,76 @@ def test_table_tells_the_numbers_of_the_rows(page: Any, site: Site) -> None:
     assert sizes == [128] * 4
 
 
-def test_filters_by_name_outcome_and_limits(page: Any, site: Site) -> None:
-    opened(page, site.address())
+def test_filters_by_name_outcome_and_limits(page: Any, report: Report) -> None:
+    opened(page, report.address())
     page.locator("#search").fill("KITCHEN")
     playwright.expect(page.locator("#shown")).to_have_text("1 of 6 meshes")
-    assert names(page) == [site.rows[0].mesh]
+    assert names(page) == [report.rows[0].mesh]
     page.get_by_role("button", name="Clear").click()
     playwright.expect(page.locator("#shown")).to_have_text("6 meshes")
     page.locator("#outcome").select_option("refused or lost")
     playwright.expect(page.locator("#shown")).to_have_text("2 of 6 meshes")
-    assert names(page) == [row.mesh for row in site.rows[4:]]
+    assert names(page) == [row.mesh for row in report.rows[4:]]
     page.locator("#outcome").select_option("all")
     playwright.expect(page.locator("#shown")).to_have_text("6 meshes")
     page.get_by_text("Limits").click()
-    page.get_by_label("S, least [%]").fill("50")
-    high = [row.mesh for row in site.rows if row.stable is not None and row.stable >= 0.5]
+    page.get_by_label("S, min [%]").fill("50")
+    high = [row.mesh for row in report.rows if row.stable is not None and row.stable >= 0.5]
     assert 0 < len(high) < 4
     playwright.expect(page.locator("#shown")).to_have_text(f"{len(high)} of 6 meshes")
     assert names(page) == high
 
 
-def test_meshes_without_labels_have_a_reason_and_no_link(page: Any, site: Site) -> None:
-    opened(page, site.address())
+def test_meshes_without_labels_have_a_reason_and_no_link(page: Any, report: Report) -> None:
+    opened(page, report.address())
     failed = page.locator("#lists section").last
-    assert f"{EVIL}: has no faces" in failed.inner_text()
+    assert f"{HOSTILE}: has no faces" in failed.inner_text()
     assert failed.locator("a").count() == 0
     assert page.locator(".tabulator-row").nth(5).locator("a").count() == 0
     assert page.locator("img[src=x]").count() == 0
 
 
-def test_print_holds_all_rows_as_text(page: Any, site: Site) -> None:
-    opened(page, site.address())
+def test_print_contains_all_rows_as_text(page: Any, report: Report) -> None:
+    opened(page, report.address())
     page.emulate_media(media="print")
     page.evaluate("dispatchEvent(new Event('beforeprint'))")
     printed = page.locator(".tabulator-print-table tbody tr")
-    assert [told.split("\t")[0] for told in printed.all_inner_texts()] == [
-        row.mesh for row in site.rows
+    assert [line.split("\t")[0] for line in printed.all_inner_texts()] == [
+        row.mesh for row in report.rows
     ]
-    assert f"{EVIL}: has no faces" in printed.nth(4).inner_text()
+    assert f"{HOSTILE}: has no faces" in printed.nth(4).inner_text()
     assert page.locator("img[src=x]").count() == 0
 
 
-def test_curves_are_read_at_the_friction_that_is_chosen(page: Any, site: Site) -> None:
-    opened(page, site.address())
+def test_curves_are_shown_at_the_selected_friction(page: Any, report: Report) -> None:
+    opened(page, report.address())
     assert page.locator("#friction option").all_inner_texts() == ["0.3", "0.5"]
-    assert "not told of every mesh" in page.locator("#untold").inner_text()
+    assert "no values of M and U" in page.locator("#unsearched").inner_text()
     page.locator("#friction").select_option(label="0.5")
-    page.get_by_text("The curves as numbers").click()
-    cells = page.locator("#numbers tbody tr").nth(1).locator("td").all_inner_texts()
-    every = [share for row in site.rows for share in row.shares if share.friction == 0.5]
+    page.get_by_text("Values of the curves").click()
+    cells = page.locator("#values tbody tr").nth(1).locator("td").all_inner_texts()
+    every = [one for row in report.rows for one in row.fractions if one.friction == 0.5]
     at = [one for one in every if one.sensor_resolution == pytest.approx(10.0 * DEGREE)]
-    median = float(np.median([share.stable for share in at]))
+    median = float(np.median([one.stable for one in at]))
     assert cells[2] == f"{100.0 * median:.1f} %"
 
 
-def test_page_without_any_label_opens(page: Any, site: Site, tmp_path: Path) -> None:
-    write_report(Local(tmp_path), site.rows[4:], BatchSettings(MODEL))
-    opened(page, Site(tmp_path).address())
+def test_page_without_any_label_opens(page: Any, report: Report, tmp_path: Path) -> None:
+    write_report(LocalFolder(tmp_path), report.rows[4:], BatchSettings(MODEL))
+    opened(page, Report(tmp_path).address())
     assert "No mesh was labelled" in page.locator("#curves").inner_text()
-    page.goto(Site(tmp_path).address("object.html"))
+    page.goto(Report(tmp_path).address("object.html"))
     page.wait_for_selector("html[data-ready=failed]")
     assert "no such object" in page.locator("#name").inner_text()
 
 
-def test_ten_thousand_rows_sort_and_scroll(page: Any, site: Site, tmp_path: Path) -> None:
+def test_ten_thousand_rows_sort_and_scroll(page: Any, report: Report, tmp_path: Path) -> None:
     rows = [
-        replace(site.rows[0], mesh=f"{k}.ply", thumbnail="", vertices=(k * 7919) % 10_007)
+        replace(report.rows[0], mesh=f"{k}.ply", thumbnail="", vertices=(k * 7919) % 10_007)
         for k in range(10_000)
     ]
-    write_report(Local(tmp_path), rows, BatchSettings(MODEL))
-    opened(page, Site(tmp_path).address())
+    write_report(LocalFolder(tmp_path), rows, BatchSettings(MODEL))
+    opened(page, Report(tmp_path).address())
     page.get_by_role("button", name="Vertices").click()
     most = max(rows, key=lambda row: row.vertices or 0)
     assert names(page)[0] == most.mesh
@@ -257,57 +263,56 @@ def test_ten_thousand_rows_sort_and_scroll(page: Any, site: Site, tmp_path: Path
     page.locator("#table").get_by_text(least.mesh, exact=True).wait_for()
 
 
-@pytest.mark.parametrize("name", ["spray", "box", "cone", "hand"])
-def test_shares_follow_the_sliders(page: Any, site: Site, name: str) -> None:
-    opened_object(page, site, name)
-    labels = site.labels[name]
+@pytest.mark.parametrize("name", ["spray", "box", "cone", "cylinder"])
+def test_fractions_follow_the_sliders(page: Any, report: Report, name: str) -> None:
+    opened_object(page, report, name)
+    labels = report.labels[name]
     expected = labels.fractions()
-    assert shares(page) == pytest.approx(expected, abs=1e-3)
+    assert fractions(page) == pytest.approx(expected, abs=1e-3)
     for friction, degrees in ((0.25, 10.0), (0.1, 30.0), (0.31, 0.0)):
         page.locator("#friction").fill(str(friction))
         page.locator("#resolution").fill(str(degrees))
-        asked = labels.relabel(friction=friction, sensor_resolution=degrees * DEGREE)
-        assert shares(page) == pytest.approx(asked.fractions(), abs=1e-3)
+        relabelled = labels.relabel(friction=friction, sensor_resolution=degrees * DEGREE)
+        assert fractions(page) == pytest.approx(relabelled.fractions(), abs=1e-3)
         assert page.locator("#friction-number").input_value() == str(friction)
     page.get_by_role("button", name="As labelled").click()
-    assert shares(page) == pytest.approx(expected, abs=1e-3)
+    assert fractions(page) == pytest.approx(expected, abs=1e-3)
 
 
 def test_three_fingers_are_never_surely_unstable_from_90_degrees_on(
-    page: Any, site: Site, tmp_path: Path
+    page: Any, report: Report, tmp_path: Path
 ) -> None:
-    labels, output = site.labels["hand"], Local(tmp_path)
+    labels, output = report.labels["cylinder"], LocalFolder(tmp_path)
     wide = np.full_like(labels.critical_angle, 100.0 * DEGREE)
-    hand = replace(labels, critical_angle=wide, critical_angle_best=wide)
-    vars(hand)["epsilon_range"] = labels.epsilon_range
-    output.write("report/objects/hand.js", object_script(hand, "hand", ()))
-    write_report(output, site.rows[3:4], BatchSettings(hand.model))
-    opened(page, Site(tmp_path).address("object.html#hand"))
+    unstable = with_critical_angles(labels, wide)
+    output.write("report/objects/cylinder.js", object_script(unstable, "cylinder", ()))
+    write_report(output, report.rows[3:4], BatchSettings(unstable.model))
+    opened(page, Report(tmp_path).address("object.html#cylinder"))
     for friction, degrees, letter in ((0.02, 150.0, "U"), (0.1, 179.0, "M")):
         page.locator("#friction-number").fill(str(friction))
         page.locator("#resolution-number").fill(str(degrees))
-        asked = hand.relabel(friction=friction, sensor_resolution=degrees * DEGREE)
-        assert asked.fractions()[letter] == pytest.approx(1.0)
-        assert shares(page) == pytest.approx(asked.fractions(), abs=1e-3)
+        relabelled = unstable.relabel(friction=friction, sensor_resolution=degrees * DEGREE)
+        assert relabelled.fractions()[letter] == pytest.approx(1.0)
+        assert fractions(page) == pytest.approx(relabelled.fractions(), abs=1e-3)
 
 
-def test_beyond_the_cone_that_was_searched_the_page_says_so(page: Any, site: Site) -> None:
-    opened_object(page, site, "spray")
-    labels = site.labels["spray"]
+def test_labels_beyond_the_searched_cone_are_marked(page: Any, report: Report) -> None:
+    opened_object(page, report, "spray")
+    labels = report.labels["spray"]
     beyond = math.atan(0.3) + 20.0 * DEGREE
     assert beyond > labels.search.cone
     lost = labels.mesh.vertex_areas[labels.critical_angle_best >= beyond].sum()
-    assert "–" not in shares(page)
+    assert "–" not in fractions(page)
     page.locator("#resolution").fill("40")
-    told = shares(page)
-    assert told["–"] == pytest.approx(lost / labels.mesh.vertex_areas.sum(), abs=1e-3)
-    assert told["–"] > 0.005
-    assert told["U"] == 0.0
-    assert "cannot be told apart" in page.locator("#unsearched").inner_text()
+    found = fractions(page)
+    assert found["–"] == pytest.approx(lost / labels.mesh.vertex_areas.sum(), abs=1e-3)
+    assert found["–"] > 0.005
+    assert found["U"] == 0.0
+    assert "cannot be distinguished" in page.locator("#unsearched").inner_text()
 
 
-def test_picture_has_the_colours_of_the_labels(page: Any, site: Site) -> None:
-    opened_object(page, site, "spray")
+def test_picture_has_the_colours_of_the_labels(page: Any, report: Report) -> None:
+    opened_object(page, report, "spray")
     drawn = picture(page)
     hues = drawn / np.maximum(np.linalg.norm(drawn, axis=2, keepdims=True), 1.0)
     for label in Label:
@@ -324,52 +329,52 @@ def test_picture_has_the_colours_of_the_labels(page: Any, site: Site) -> None:
 def first_hit(
     labels: SurfaceLabels, camera: dict[str, list[float]], x: float, y: float
 ) -> int | None:
-    """Vertex nearest to where a ray first meets the surface, by every face in turn."""
-    start, way = map(np.array, ray_at(camera, x, y))
+    """Vertex nearest to the first intersection of a ray, found by testing every face."""
+    start, direction = map(np.array, ray_at(camera, x, y))
     corners = labels.mesh.vertices[labels.mesh.faces]
     a, u, v = corners[:, 0], corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
-    across = np.cross(way, v)
+    across = np.cross(direction, v)
     scale = np.einsum("ij,ij->i", u, across)
     with np.errstate(divide="ignore", invalid="ignore"):
         from_a = start - a
         p = np.einsum("ij,ij->i", from_a, across) / scale
         turned = np.cross(from_a, u)
-        q = turned @ way / scale
+        q = turned @ direction / scale
         depth = np.einsum("ij,ij->i", v, turned) / scale
-        met = (p >= 0.0) & (q >= 0.0) & (p + q <= 1.0) & (depth > 0.0)
-    if not met.any():
+        hit = (p >= 0.0) & (q >= 0.0) & (p + q <= 1.0) & (depth > 0.0)
+    if not hit.any():
         return None
-    face = np.flatnonzero(met)[depth[met].argmin()]
-    place = start + depth[face] * way
-    away = np.linalg.norm(corners[face] - place, axis=1)
-    return int(labels.mesh.faces[face, away.argmin()])
+    face = np.flatnonzero(hit)[depth[hit].argmin()]
+    point = start + depth[face] * direction
+    distances = np.linalg.norm(corners[face] - point, axis=1)
+    return int(labels.mesh.faces[face, distances.argmin()])
 
 
-def test_click_picks_the_vertex_nearest_to_the_ray(page: Any, site: Site) -> None:
-    opened_object(page, site, "spray")
-    labels = site.labels["spray"]
+def test_click_picks_the_vertex_nearest_to_the_ray(page: Any, report: Report) -> None:
+    opened_object(page, report, "spray")
+    labels = report.labels["spray"]
     frame = page.locator("canvas").bounding_box()
     picked = set()
     for x, y in ((0.5, 0.5), (0.48, 0.7), (0.45, 0.3), (0.53, 0.6), (0.02, 0.9)):
-        before = page.locator("#place").get_attribute("data-vertex")
+        before = page.locator("#vertex").get_attribute("data-vertex")
         camera = page.evaluate("grasp3dCamera()")
         pixel = round(frame["width"] * x), round(frame["height"] * y)
         page.mouse.click(frame["x"] + pixel[0], frame["y"] + pixel[1])
         at = 2.0 * pixel[0] / frame["width"] - 1.0, 1.0 - 2.0 * pixel[1] / frame["height"]
         expected = first_hit(labels, camera, *at)
-        shown = page.locator("#place").get_attribute("data-vertex")
+        shown = page.locator("#vertex").get_attribute("data-vertex")
         assert shown == (before if expected is None else str(expected))
         picked.add(expected)
         if expected is not None:
-            told = page.locator("#place").inner_text()
-            assert told.startswith(Label(labels.label[expected]).name)
-            assert f"{math.degrees(labels.critical_angle[expected]):.1f}°" in told or "none" in told
-    assert None in picked  # beside the surface nothing is picked
+            text = page.locator("#vertex").inner_text()
+            assert text.startswith(Label(labels.label[expected]).name)
+            assert f"{math.degrees(labels.critical_angle[expected]):.1f}°" in text or "none" in text
+    assert None in picked  # a click beside the surface picks nothing
     assert len(picked) > 3
 
 
-def test_drag_turns_and_does_not_pick(page: Any, site: Site) -> None:
-    opened_object(page, site, "spray")
+def test_drag_rotates_and_does_not_pick(page: Any, report: Report) -> None:
+    opened_object(page, report, "spray")
     before = picture(page)
     frame = page.locator("canvas").bounding_box()
     x, y = frame["x"] + frame["width"] / 2.0, frame["y"] + frame["height"] / 2.0
@@ -378,15 +383,15 @@ def test_drag_turns_and_does_not_pick(page: Any, site: Site) -> None:
     page.mouse.move(x + 90.0, y, steps=3)
     page.mouse.move(x + 8.0, y + 30.0, steps=3)  # still on the surface
     page.mouse.up()
-    assert page.locator("#place").get_attribute("data-vertex") is None
+    assert page.locator("#vertex").get_attribute("data-vertex") is None
     turned = picture(page)
     assert np.abs(turned - before).mean() > 2.0
     page.get_by_role("button", name="Reset view").click()
     assert np.abs(picture(page) - before).mean() < 0.5
 
 
-def test_keys_turn_the_picture(page: Any, site: Site) -> None:
-    opened_object(page, site, "box")
+def test_keys_rotate_the_view(page: Any, report: Report) -> None:
+    opened_object(page, report, "box")
     before = picture(page)
     page.locator("canvas").focus()
     page.keyboard.press("ArrowRight")
@@ -396,10 +401,10 @@ def test_keys_turn_the_picture(page: Any, site: Site) -> None:
     assert np.abs(picture(page) - turned).mean() > 1.0
 
 
-def test_best_grasps_are_listed_and_drawn(page: Any, site: Site) -> None:
-    opened_object(page, site, "box")
+def test_best_grasps_are_listed_and_drawn(page: Any, report: Report) -> None:
+    opened_object(page, report, "box")
     buttons = page.locator("#grasps button")
-    grasps = site.rows[1].grasps
+    grasps = report.rows[1].grasps
     assert buttons.count() == len(grasps) > 0
     assert f"β* {math.degrees(grasps[0].critical_angle):.1f}°" in buttons.first.inner_text()
     before = picture(page)
@@ -408,18 +413,18 @@ def test_best_grasps_are_listed_and_drawn(page: Any, site: Site) -> None:
     assert np.abs(picture(page) - before).max() > 50.0
 
 
-def test_previous_and_next_walk_through_the_library(page: Any, site: Site) -> None:
-    opened(page, site.address())
-    page.locator("#table").get_by_role("link", name=site.rows[0].mesh, exact=True).click()
+def test_previous_and_next_step_through_the_library(page: Any, report: Report) -> None:
+    opened(page, report.address())
+    page.locator("#table").get_by_role("link", name=report.rows[0].mesh, exact=True).click()
     page.wait_for_selector(f"html[data-ready='{STEMS['spray']}']")
     assert page.get_by_role("button", name="Previous").is_disabled()
-    for row in site.rows[1:4]:
+    for row in report.rows[1:4]:
         page.get_by_role("button", name="Next").click()
         page.wait_for_function(
             "name => document.querySelector('#name').textContent === name", arg=row.mesh
         )
         page.wait_for_selector("html[data-ready]")
-        assert shares(page)["S"] == pytest.approx(row.stable, abs=1e-3)
+        assert fractions(page)["S"] == pytest.approx(row.stable, abs=1e-3)
     assert page.get_by_role("button", name="Next").is_disabled()
     page.get_by_role("button", name="Previous").click()
     page.wait_for_selector(f"html[data-ready='{STEMS['cone']}']")
@@ -427,34 +432,39 @@ def test_previous_and_next_walk_through_the_library(page: Any, site: Site) -> No
     page.wait_for_selector("html[data-ready=yes]")
 
 
-def test_sampled_labels_are_told_from_exact_ones(page: Any, site: Site, tmp_path: Path) -> None:
-    labels, output = site.labels["box"], Local(tmp_path)
-    sampled = replace(labels, model=replace(MODEL, method="extremes"))
-    vars(sampled)["epsilon_range"] = labels.epsilon_range  # sampled tilts would take long
+def test_a_note_distinguishes_sampled_labels_from_exact_ones(
+    page: Any, report: Report, tmp_path: Path
+) -> None:
+    labels, output = report.labels["box"], LocalFolder(tmp_path)
+    sampled = replace(labels, model=replace(MODEL, method="extremes"))  # with the same epsilon
     output.write("report/objects/box.js", object_script(sampled, "box", ()))
-    write_report(output, site.rows[1:2], BatchSettings(sampled.model))
-    opened(page, Site(tmp_path).address("object.html#box"))
-    assert "threshold on the exact critical angle" in page.locator("#method").inner_text()
-    assert "None were kept" in page.locator("#grasps").inner_text()
-    assert shares(page) == pytest.approx(labels.fractions(), abs=1e-3)
+    write_report(output, report.rows[1:2], BatchSettings(sampled.model))
+    opened(page, Report(tmp_path).address("object.html#box"))
+    assert "thresholds on the exact critical angle" in page.locator("#method").inner_text()
+    assert "None stored" in page.locator("#grasps").inner_text()
+    assert fractions(page) == pytest.approx(labels.fractions(), abs=1e-3)
 
 
-def test_missing_file_of_an_object_is_said(browser: Any, site: Site, tmp_path: Path) -> None:
-    write_report(Local(tmp_path), site.rows[:1], BatchSettings(MODEL))
+def test_a_missing_file_of_an_object_is_reported(
+    browser: Any, report: Report, tmp_path: Path
+) -> None:
+    write_report(LocalFolder(tmp_path), report.rows[:1], BatchSettings(MODEL))
     with browser.new_page() as seen:
-        opened(seen, Site(tmp_path).address("object.html"))
+        opened(seen, Report(tmp_path).address("object.html"))
         assert "missing" in seen.locator("#name").inner_text()
 
 
-def test_addresses_outside_the_library_load_nothing(page: Any, site: Site) -> None:
-    page.goto(site.address("object.html#../../evil"))
+def test_addresses_outside_the_library_load_nothing(page: Any, report: Report) -> None:
+    page.goto(report.address("object.html#../../evil"))
     page.wait_for_selector("html[data-ready=failed]")
     assert page.locator("script[src*=evil]").count() == 0
 
 
-def test_without_webgl_the_numbers_work(driver: Any, site: Site) -> None:
-    blind = driver.launch(executable_path=BROWSER, args=["--no-sandbox", "--disable-3d-apis"])
-    seen = opened(blind.new_page(), site.address("object.html#box"))
-    assert "needs WebGL" in seen.locator("#told").inner_text()
-    assert shares(seen) == pytest.approx(site.labels["box"].fractions(), abs=1e-3)
-    blind.close()
+def test_without_webgl_the_values_are_shown(driver: Any, report: Report) -> None:
+    without_webgl = driver.launch(
+        executable_path=BROWSER, args=["--no-sandbox", "--disable-3d-apis"]
+    )
+    seen = opened(without_webgl.new_page(), report.address("object.html#box"))
+    assert "needs WebGL" in seen.locator("#message").inner_text()
+    assert fractions(seen) == pytest.approx(report.labels["box"].fractions(), abs=1e-3)
+    without_webgl.close()

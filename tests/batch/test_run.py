@@ -19,16 +19,16 @@ from grasp3d.batch.checking import check_file, lost_check
 from grasp3d.batch.cluster import local_workers
 from grasp3d.batch.plan import MeshFile
 from grasp3d.batch.run import run
-from grasp3d.batch.working import KEPT
+from grasp3d.batch.worker_task import USABLE_MEMORY
 from tests.helpers import shapes
-from tests.helpers.jobs import Done, Work, lost, needy, where, work
+from tests.helpers.jobs import Done, Work, lost, needs_2_gb, process_id, work
 
 posix = pytest.mark.skipif(os.name != "posix", reason="signals of POSIX")
 TWO = ClusterSettings(workers=2, worker_memory=0.5, timeout=3.0)
 
 
 def spans(log: Path) -> dict[str, tuple[float, float]]:
-    """When the attempts that came to an end were at work."""
+    """Start and end of the attempts that succeeded."""
     found = {}
     for path in log.iterdir():
         if path.suffix != ".begun":
@@ -39,23 +39,23 @@ def spans(log: Path) -> dict[str, tuple[float, float]]:
 
 FAULTS = {
     "crash": "crashed (segmentation fault)",
-    "killed": "was killed from outside, most likely for want of memory",
+    "killed": "was killed from outside, most likely for lack of memory",
     "hang": "took longer than 3 s and was ended",
-    "strange": "unexpected ValueError: no one thought of this; please report this mesh",
-    "monstrous": "needs about 1e+06 GB of memory, more than it may take",
+    "raises": "unexpected ValueError: an error of two lines; please report this mesh",
+    "1e6 GB": "needs about 1e+06 GB of memory, more than its limit",
     "crash once": "",
     "killed once": "",
-    "eats": "",
-    "large": "",
-    "modest": "",
+    "exceeds its limit": "",
+    "0.7 GB": "",
+    "0.4 GB": "",
 }
 
 
 @posix
-def test_each_fault_costs_its_own_row_only_and_what_is_put_off_runs_alone(tmp_path: Path) -> None:
+def test_failing_jobs_affect_no_others_and_postponed_jobs_run_alone(tmp_path: Path) -> None:
     names = [f"well-{number}" for number in range(20)]
-    for place, fault in enumerate(FAULTS):
-        names.insert(2 * place, fault)
+    for number, fault in enumerate(FAULTS):
+        names.insert(2 * number, fault)
     begun: list[str] = []
     jobs = [Work(name, tmp_path) for name in names]
     rows = list(
@@ -63,26 +63,26 @@ def test_each_fault_costs_its_own_row_only_and_what_is_put_off_runs_alone(tmp_pa
     )
     assert begun == names
     assert sorted(row.name for row in rows) == sorted(names)
-    told = {row.name: row.told for row in rows}
-    assert told == {name: FAULTS.get(name, "") for name in names}
-    memory = {row.name: row.memory for row in rows if not row.told}
-    alone = {"killed once", "eats", "large"}
+    reasons = {row.name: row.reason for row in rows}
+    assert reasons == {name: FAULTS.get(name, "") for name in names}
+    memory = {row.name: row.memory for row in rows if not row.reason}
+    alone = {"killed once", "exceeds its limit", "0.7 GB"}
     assert {name for name, allowed in memory.items() if allowed != 0.5} == alone
-    at_work = spans(tmp_path)
+    spans_of = spans(tmp_path)
     for name in alone:
-        begin, end = at_work[name]
-        others = [span for other, span in at_work.items() if other != name]
+        begin, end = spans_of[name]
+        others = [span for other, span in spans_of.items() if other != name]
         assert all(ended < begin or started > end for started, ended in others)
-        assert all(at_work[other][1] < begin for other in names if other.startswith("well"))
+        assert all(spans_of[other][1] < begin for other in names if other.startswith("well"))
 
 
 @posix
-def test_what_is_insatiable_is_given_up_at_once_where_it_had_all_there_is() -> None:
+def test_a_job_that_had_all_memory_is_given_up_at_once() -> None:
     one = ClusterSettings(workers=1, worker_memory=1e3, timeout=None)
-    (row,) = run(work, [Work("large")], 0.0, lost=lost, cluster=one)
+    (row,) = run(work, [Work("0.7 GB")], 0.0, lost=lost, cluster=one)
     assert row.memory == 1e3
-    (row,) = run(work, [Work("monstrous")], 0.0, lost=lost, cluster=one)
-    assert row.told.startswith("needs about")
+    (row,) = run(work, [Work("1e6 GB")], 0.0, lost=lost, cluster=one)
+    assert row.reason.startswith("needs about")
 
 
 def test_jobs_are_taken_as_they_are_needed() -> None:
@@ -98,38 +98,38 @@ def test_jobs_are_taken_as_they_are_needed() -> None:
     assert len(set(some)) == 50
     assert len(begun) == next(taken) <= 50 + 4 + 1
     left = [process.cmdline() for process in psutil.Process().children() if process.is_running()]
-    assert not any("grasp3d.isolation.child" in words for words in left)
+    assert not any("grasp3d.isolation.child" in command for command in left)
 
 
 def test_no_jobs_are_no_rows() -> None:
     assert list(run(work, [], 0.0, lost=lost, cluster=TWO)) == []
 
 
-def test_without_processes_the_work_is_done_here() -> None:
+def test_without_child_processes_jobs_run_in_this_process() -> None:
     here = ClusterSettings(workers=0)
     begun: list[Work] = []
-    jobs = [Work("well"), Work("strange"), Work("large")]
+    jobs = [Work("well"), Work("raises"), Work("0.7 GB")]
     rows = list(run(work, iter(jobs), 0.0, lost=lost, cluster=here, started=begun.append))
-    assert rows == [Done("well"), Done("strange", FAULTS["strange"]), Done("large")]
+    assert rows == [Done("well"), Done("raises", FAULTS["raises"]), Done("0.7 GB")]
     assert begun == jobs
-    assert list(run(where, jobs[:1], 0.0, lost=lost, cluster=here)) == [Done(str(os.getpid()))]
-    (row,) = run(needy, jobs[:1], 0.0, lost=lost, cluster=here)
-    assert row.told == "needs about 2 GB of memory, more than it may take"
+    assert list(run(process_id, jobs[:1], 0.0, lost=lost, cluster=here)) == [Done(str(os.getpid()))]
+    (row,) = run(needs_2_gb, jobs[:1], 0.0, lost=lost, cluster=here)
+    assert row.reason == "needs about 2 GB of memory, more than its limit"
 
 
-def test_jobs_that_cannot_be_taken_end_the_run_with_their_error() -> None:
+def test_an_error_of_the_job_iterator_ends_the_run() -> None:
     def jobs() -> Iterator[Work]:
         yield Work("well")
-        raise OSError("the list of meshes broke off")
+        raise OSError("the list of meshes is incomplete")
 
-    with pytest.raises(OSError, match="broke off"):
+    with pytest.raises(OSError, match="is incomplete"):
         list(run(work, jobs(), 0.0, lost=lost, cluster=TWO))
 
 
-def test_as_many_jobs_at_once_as_there_is_memory_for(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_number_of_workers_is_limited_by_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("grasp3d.batch.cluster.MEMORY_LIMIT", 8e9)
     monkeypatch.setattr("grasp3d.batch.cluster.available_processors", lambda: 64)
-    assert local_workers(ClusterSettings()) == int(KEPT * 8.0 / 0.5)
+    assert local_workers(ClusterSettings()) == int(USABLE_MEMORY * 8.0 / 0.5)
     assert local_workers(ClusterSettings(worker_memory=3.0)) == 2
     assert local_workers(ClusterSettings(worker_memory=30.0)) == 1
     assert local_workers(ClusterSettings(workers=5, worker_memory=3.0)) == 5
@@ -145,32 +145,32 @@ from grasp3d.batch.batch_settings import ClusterSettings
 def twice(number, by):
     return number * by
 
-def go():
+def main():
     rows = run(twice, range(5), 2, lost=print, cluster=ClusterSettings(workers=1))
     print(sorted(rows), flush=True)
 
 if sys.argv[1:] == ["thread"]:
-    thread = threading.Thread(target=go)
+    thread = threading.Thread(target=main)
     thread.start()
     thread.join()
 else:
-    go()
+    main()
 """
 
 
 @pytest.mark.parametrize("how", ["file", "command", "thread"])
-def test_a_script_needs_no_guard(tmp_path: Path, how: str) -> None:
+def test_a_script_needs_no_main_guard(tmp_path: Path, how: str) -> None:
     (tmp_path / "script.py").write_text(SCRIPT, encoding="ascii")
-    words = ["-c", SCRIPT] if how == "command" else ["script.py"]
-    words += ["thread"] if how == "thread" else []
-    done = started(*words, cwd=tmp_path)
+    arguments = ["-c", SCRIPT] if how == "command" else ["script.py"]
+    arguments += ["thread"] if how == "thread" else []
+    done = started(*arguments, cwd=tmp_path)
     assert done.communicate(timeout=20.0) == ("[0, 2, 4, 6, 8]\n", "")
     assert done.returncode == 0
 
 
-def started(*words: str, cwd: Path) -> "subprocess.Popen[str]":
+def started(*arguments: str, cwd: Path) -> "subprocess.Popen[str]":
     return subprocess.Popen(
-        [sys.executable, "-W", "error", *words],
+        [sys.executable, "-W", "error", *arguments],
         cwd=cwd,
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
@@ -195,7 +195,7 @@ except KeyboardInterrupt:
 
 
 @posix
-def test_an_interrupt_ends_all_at_once_and_silently(tmp_path: Path) -> None:
+def test_an_interrupt_ends_all_processes_at_once_and_silently(tmp_path: Path) -> None:
     with started("-c", INTERRUPTED, cwd=tmp_path) as script:
         assert script.stdout is not None
         children = [int(word) for word in script.stdout.readline().split()]
@@ -207,15 +207,15 @@ def test_an_interrupt_ends_all_at_once_and_silently(tmp_path: Path) -> None:
     assert not any(psutil.pid_exists(child) for child in children)
 
 
-def test_a_run_in_a_thread_beside_another() -> None:
+def test_two_runs_in_threads() -> None:
     found: list[list[str]] = []
 
-    def go() -> None:
+    def collect() -> None:
         jobs = [Work(f"well-{number}") for number in range(4)]
         rows = run(work, jobs, 0.02, lost=lost, cluster=ClusterSettings(workers=1))
         found.append(sorted(row.name for row in rows))
 
-    threads = [threading.Thread(target=go) for _ in range(2)]
+    threads = [threading.Thread(target=collect) for _ in range(2)]
     for thread in threads:
         thread.start()
     for thread in threads:
@@ -224,10 +224,10 @@ def test_a_run_in_a_thread_beside_another() -> None:
 
 
 @pytest.mark.slow
-def test_meshes_are_checked_in_little_memory_as_here(tmp_path: Path) -> None:
-    """The compiled loops, Embree and Manifold live with what a small worker may take."""
+def test_checks_in_little_memory_equal_those_in_this_process(tmp_path: Path) -> None:
+    """The compiled loops, Embree and Manifold run within the memory limit of a small worker."""
     trimesh.Trimesh(*shapes.sphere(3), process=False).export(tmp_path / "ball.ply")
-    (tmp_path / "bad.stl").write_text("no mesh", encoding="ascii")
+    (tmp_path / "bad.stl").write_text("not a mesh", encoding="ascii")
     files = [MeshFile(name, str(tmp_path / name)) for name in ("ball.ply", "bad.stl")]
     settings = BatchSettings(GraspModel(edges=8), Sampling(rays=16))
     rows = run(check_file, files, settings, lost=lost_check, cluster=ClusterSettings(1, None, 0.6))

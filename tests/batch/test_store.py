@@ -24,7 +24,7 @@ from grasp3d.batch import shards, store
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import mesh_key
 from grasp3d.batch.inputs import MeshFile
-from grasp3d.batch.row import BestGrasp, Outcome, Row, Share
+from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.batch.store import Store, read_summary
 from grasp3d.errors import OutputError
 from grasp3d.storage import Folder
@@ -44,14 +44,16 @@ def memory() -> Iterator[Folder]:
 
 def row_of(name: str, *, settings: BatchSettings = SETTINGS, content: str = "c") -> Row:
     number = sum(map(ord, name)) % 97 / 97.0
-    shares = tuple(Share(0.4, k / 10, number, None if k else 0.1, None) for k in range(3))
-    place = ((number, 0.5, -1e-30), (1.0, 2.0, 3.0))
+    fractions = tuple(
+        AreaFractions(0.4, k / 10, number, None if k else 0.1, None) for k in range(3)
+    )
+    pair = ((number, 0.5, -1e-30), (1.0, 2.0, 3.0))
     return Row(
         name, f"in/{name}", Outcome.LABELLED, bytes=7, stamp="7-1", content=content,
         key=mesh_key(content, settings), labels=f"labels/{name}.ply", vertices=12,
         center_mass=None if "open" in name else (0.1, 0.2, 0.3), stable=number, closed=True,
-        critical_angle_p90=math.inf, shares=shares,
-        grasps=(BestGrasp(0.1, 0.2, number, 4.0, place, place),) * int(10 * number), method=1,
+        critical_angle_p90=math.inf, fractions=fractions,
+        grasps=(BestGrasp(0.1, 0.2, number, 4.0, pair, pair),) * int(10 * number), method=1,
     )  # fmt: skip
 
 
@@ -59,25 +61,25 @@ def mesh_of(row: Row) -> MeshFile:
     return MeshFile(row.mesh, row.source, 7, row.stamp)
 
 
-def keep(output: Folder, rows: list[Row], settings: BatchSettings = SETTINGS) -> Store:
-    """A run that labels these meshes and ends."""
-    kept = Store.open(output, settings)
-    kept.begin([row.mesh for row in rows])
+def store_rows(output: Folder, rows: list[Row], settings: BatchSettings = SETTINGS) -> Store:
+    """Run a batch that labels these meshes and ends."""
+    store = Store.open(output, settings)
+    store.begin([row.mesh for row in rows])
     for row in rows:
         if row.labels:
             output.write(row.labels, b"ply")
-        kept.add(row)
-    kept.close()
-    return kept
+        store.add(row)
+    store.close()
+    return store
 
 
 def kill(store: Store) -> None:
-    """Let go of its lock, as the system does when a process dies."""
-    vars(store)["_locked"].close()
+    """Release the lock of a store, as the system does when a process dies."""
+    vars(store)["_lock"].close()
 
 
 def summary_rows(output: Folder) -> list[str]:
-    """Every mesh that stands in the summary, as often as it does."""
+    """All meshes in the summary, repeated if they have several rows."""
     return [
         row.mesh
         for name in output.names("summary")
@@ -85,78 +87,84 @@ def summary_rows(output: Folder) -> list[str]:
     ]
 
 
-def test_rows_come_back_as_they_were(tmp_path: Path) -> None:
+def test_rows_are_read_as_written(tmp_path: Path) -> None:
     output = Folder(str(tmp_path / "deep" / "out"))
     rows = [row_of(name) for name in ("b.stl", "a/open.obj", "c.ply")]
     rows.append(Row("lost.ply", outcome=Outcome.LOST, error="died"))
-    keep(output, rows)
+    store_rows(output, rows)
     assert read_summary(output.url) == sorted(rows, key=lambda row: row.mesh)
     assert Store.open(output, SETTINGS).rows == {row.mesh: row for row in rows}
     assert output.names("journal") == []
-    told = json.loads(output.read("grasp3d.json"))
-    assert (told["format"], told["settings"]["model"]["friction"]) == (1, 0.4)
+    marker = json.loads(output.read("grasp3d.json"))
+    assert (marker["format"], marker["settings"]["model"]["friction"]) == (1, 0.4)
     metadata = json.loads(pq.read_schema(tmp_path / "deep/out" / output.names("summary")[0])
                           .metadata[b"grasp3d"])  # fmt: skip
     assert metadata["model"]["friction"] == 0.4
     assert (metadata["epsilon_min"], metadata["epsilon_rank"]) == ("exact", 5)
 
 
-def test_finished_meshes_are_those_of_which_nothing_changed(memory: Folder) -> None:
+def test_meshes_are_finished_where_nothing_has_changed(memory: Folder) -> None:
     names = ("same", "stamp", "source", "file", "empty", "lost", "settings", "none")
     rows = {name: row_of(name) for name in names}
     rows["lost"] = replace(rows["lost"], outcome=Outcome.LOST)
     rows["none"] = replace(rows["none"], stamp="")
-    kept = keep(memory, list(rows.values()))
+    kept = store_rows(memory, list(rows.values()))
     memory.remove("labels/file.ply")
     memory.write("labels/empty.ply", b"")
     kept = Store.open(memory, SETTINGS)
     assert kept.finished(mesh_of(rows["same"])) == rows["same"]
-    assert kept.known(mesh_of(rows["same"])) == "c"
+    assert kept.known_content(mesh_of(rows["same"])) == "c"
     touched = replace(mesh_of(rows["stamp"]), stamp="7-2")
     moved = replace(mesh_of(rows["source"]), source="elsewhere")
     for mesh in (touched, moved, mesh_of(rows["none"])):
-        assert (kept.finished(mesh), kept.known(mesh)) == (None, "c")
+        assert (kept.finished(mesh), kept.known_content(mesh)) == (None, "c")
     for name in ("file", "empty", "lost"):
-        assert (kept.finished(mesh_of(rows[name])), kept.known(mesh_of(rows[name]))) == (None, "")
+        assert (kept.finished(mesh_of(rows[name])), kept.known_content(mesh_of(rows[name]))) == (
+            None,
+            "",
+        )
     assert kept.finished(MeshFile("new", "in/new", 7, "7-1")) is None
     other = Store.open(memory, OTHER)
-    assert (other.finished(mesh_of(rows["same"])), other.known(mesh_of(rows["same"]))) == (None, "")
+    assert (other.finished(mesh_of(rows["same"])), other.known_content(mesh_of(rows["same"]))) == (
+        None,
+        "",
+    )
 
 
 def test_a_new_version_of_the_method_makes_all_rows_stale(
     memory: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    keep(memory, [row_of("a")])
+    store_rows(memory, [row_of("a")])
     monkeypatch.setattr("grasp3d.batch.identity.METHOD", 2)
-    assert Store.open(memory, SETTINGS).known(mesh_of(row_of("a"))) == ""
+    assert Store.open(memory, SETTINGS).known_content(mesh_of(row_of("a"))) == ""
 
 
-def test_rows_of_other_settings_are_run_anew_or_refused(memory: Folder) -> None:
-    keep(memory, [row_of("a"), row_of("b"), Row("lost", outcome=Outcome.LOST)])
+def test_rows_of_other_settings_are_labelled_again_or_refused(memory: Folder) -> None:
+    store_rows(memory, [row_of("a"), row_of("b"), Row("lost", outcome=Outcome.LOST)])
     kept = Store.open(memory, OTHER)
     with pytest.raises(OutputError, match=r"made with other settings.*\(1, such as b\)"):
         kept.begin(["a", "new"])
     assert json.loads(memory.read("grasp3d.json"))["settings"]["model"]["friction"] == 0.4
     assert sorted(summary_rows(memory)) == ["a", "b", "lost"]
     kept.begin(["a", "b"])
-    assert sorted(summary_rows(memory)) == ["a", "b", "lost"]  # until their successors are there
+    assert sorted(summary_rows(memory)) == ["a", "b", "lost"]  # until they are replaced
     assert kept.is_stale("a")
     assert json.loads(memory.read("grasp3d.json"))["settings"]["model"]["friction"] == 0.5
     kept.close()
-    keep(memory, [row_of("a", settings=OTHER), row_of("b", settings=OTHER)], OTHER)
+    store_rows(memory, [row_of("a", settings=OTHER), row_of("b", settings=OTHER)], OTHER)
     forced = Store.open(memory, SETTINGS, force=True)
     forced.begin(["a"])
     assert set(forced.rows) == {"a", "lost"}
     same = Store.open(memory, OTHER)
-    same.begin(["c"])  # other inputs, no other settings: all stay
+    same.begin(["c"])  # other inputs with the same settings: all rows stay
     assert set(same.rows) == {"a", "lost"}
 
 
 def test_rows_of_the_same_content_stay_until_they_are_replaced(memory: Folder) -> None:
     first, second = row_of("a"), row_of("b")
-    keep(memory, [first, second])
+    store_rows(memory, [first, second])
     kept = Store.open(memory, SETTINGS)
-    kept.begin(["a", "b"])  # touched, so that a worker has to look
+    kept.begin(["a", "b"])  # touched, so that a worker reads them
     assert sorted(summary_rows(memory)) == ["a", "b"]
     kept.add(replace(first, stamp="7-2"))
     memory.write(second.labels, b"another content, but its row was never added")
@@ -171,35 +179,35 @@ class DeathError(Exception):
 
 
 class Mortal(Folder):
-    """A folder whose writer dies after so many changes, and that watches the summary."""
+    """A folder whose writer dies after some changes, and that checks the summary."""
 
-    left: list[int]
+    changes_left: list[int]
 
-    def _live(self) -> None:
-        self.left[0] -= 1
-        if self.left[0] < 0:
+    def _count_change(self) -> None:
+        self.changes_left[0] -= 1
+        if self.changes_left[0] < 0:
             raise DeathError
 
     def write(self, name: str, data: bytes) -> None:
-        self._live()
+        self._count_change()
         super().write(name, data)
-        seen = summary_rows(self)
-        assert len(set(seen)) == len(seen)
+        meshes = summary_rows(self)
+        assert len(set(meshes)) == len(meshes)
 
     def remove_all(self, names: Iterable[str]) -> None:
         for name in list(names):
-            self._live()
+            self._count_change()
             super().remove_all([name])
 
 
 def mortal(output: Folder, changes: int) -> Mortal:
     made = Mortal(output.url)
-    object.__setattr__(made, "left", [changes])
+    object.__setattr__(made, "changes_left", [changes])
     return made
 
 
-def run_anew(output: Folder, added: list[Row]) -> None:
-    """A second run: a row of the same content, one to be labelled anew, and three new ones."""
+def run_again(output: Folder, added: list[Row]) -> None:
+    """A second run: a row of the same content, one to be labelled again, and three new ones."""
     kept = Store.open(output, SETTINGS)
     kept.begin(["a0", "b0", "c0", "c1", "c2"])
     for name in ("c0", "a0", "b0", "c1", "c2"):
@@ -209,25 +217,25 @@ def run_anew(output: Folder, added: list[Row]) -> None:
     kept.close()
 
 
-def test_whatever_dies_no_row_is_lost_and_none_stands_twice(
+def test_a_death_at_any_change_neither_loses_nor_duplicates_rows(
     memory: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(store, "ROWS", 2)
-    monkeypatch.setattr(shards, "MOST", 2)
+    monkeypatch.setattr(store, "MERGE_ROWS", 2)
+    monkeypatch.setattr(shards, "MAX_ROWS", 2)
     names = ("a0", "a1", "b0", "b1", "lost")
     before = {name: replace(row_of(name), labels="") for name in names}
     before["b0"] = replace(before["b0"], outcome=Outcome.LOST)
     dead, changes = True, 0
     while dead:
         fsspec.filesystem("memory").store.clear()
-        keep(memory, list(before.values()))
+        store_rows(memory, list(before.values()))
         added: list[Row] = []
         try:
-            run_anew(mortal(memory, changes), added)
+            run_again(mortal(memory, changes), added)
             dead = False
         except DeathError:
             pass
-        for more in range(changes % 5):  # those who mend die as well
+        for more in range(changes % 5):  # recovery dies as well
             with suppress(DeathError):
                 Store.open(mortal(memory, more), SETTINGS)
         kept = Store.open(memory, SETTINGS)
@@ -240,22 +248,22 @@ def test_whatever_dies_no_row_is_lost_and_none_stands_twice(
             assert kept.rows.get(name) in {row, before.get(name)}
         assert kept.rows.get("b0") in {None, before["b0"], sure.get("b0"), unsure.get("b0")}
         assert sorted(summary_rows(memory)) == sorted(kept.rows)
-        assert (kept.told, memory.names("journal")) == ([], [])
+        assert (kept.warnings, memory.names("journal")) == ([], [])
         changes += 1
     assert changes > 15
 
 
-def test_small_shards_are_put_together(memory: Folder) -> None:
-    names = [f"m{k:02d}" for k in range(shards.FEW + 1)]
+def test_small_shards_are_merged(memory: Folder) -> None:
+    names = [f"m{k:02d}" for k in range(shards.MAX_SMALL + 1)]
     for name in names:
-        keep(memory, [replace(row_of(name), labels="")])
+        store_rows(memory, [replace(row_of(name), labels="")])
     assert len(memory.names("summary")) == len(names)
     assert sorted(Store.open(memory, SETTINGS).rows) == names
     assert len(memory.names("summary")) == 1
     assert sorted(summary_rows(memory)) == names
 
 
-def test_rows_that_two_runs_labelled_stand_once_after_the_next(memory: Folder) -> None:
+def test_rows_of_two_runs_at_once_are_unique_after_the_next_run(memory: Folder) -> None:
     one, two = (Store.open(memory, SETTINGS) for _ in "ab")
     for kept, stamp in ((one, "7-1"), (two, "7-2")):
         kept.begin(["a", "b"])
@@ -269,79 +277,79 @@ def test_rows_that_two_runs_labelled_stand_once_after_the_next(memory: Folder) -
 
 
 @pytest.mark.parametrize("damage", ["cut", "zeros", "text", "other", "empty", "bit"])
-def test_damaged_files_are_set_aside_and_told(tmp_path: Path, damage: str) -> None:
+def test_damaged_files_are_moved_with_a_warning(tmp_path: Path, damage: str) -> None:
     output = Folder(str(tmp_path))
-    keep(output, [row_of("a")])
+    store_rows(output, [row_of("a")])
     running = Store.open(output, SETTINGS)
     running.begin(["b", "c"])
     running.add(row_of("b"))
     running.add(row_of("c"))
-    note, summary = output.names("journal")[0], output.names("summary")[0]
-    for name in (note, summary, "grasp3d.json"):
+    entry, summary = output.names("journal")[0], output.names("summary")[0]
+    for name in (entry, summary, "grasp3d.json"):
         data = output.read(name)
-        middle = len(data) // 2
+        middle, value = len(data) // 2, data.find(b"labels/")
         bad = {
             "cut": data[:middle], "zeros": bytes(len(data)), "text": b"prose", "other": b"[]",
-            "empty": b"", "bit": data[: middle] + bytes([data[middle] ^ 255]) + data[middle + 1 :],
+            "empty": b"", "bit": data[:value] + bytes([data[value] ^ 255]) + data[value + 1 :],
         }[damage]  # fmt: skip
         (tmp_path / name).write_bytes(bad)
         if name == "grasp3d.json" and damage == "bit":
             (tmp_path / name).write_bytes(data)
     kill(running)
     kept = Store.open(output, SETTINGS)
-    assert len(kept.told) == 3 - (damage == "bit")
-    assert all("is damaged, set aside as damaged/" in told for told in kept.told)
-    assert len(output.names("damaged")) == len(kept.told)
+    assert len(kept.warnings) == 3 - (damage == "bit")
+    assert all("is damaged, moved to damaged/" in warning for warning in kept.warnings)
+    assert len(output.names("damaged")) == len(kept.warnings)
     assert set(kept.rows) == {"c"}
     assert kept.finished(mesh_of(row_of("a"))) is None
     kill(kept)
-    assert Store.open(output, SETTINGS).told == []
+    assert Store.open(output, SETTINGS).warnings == []
 
 
-def test_a_journal_of_other_kinds_of_values_is_damaged(memory: Folder) -> None:
-    keep(memory, [row_of("a")])
+def test_a_journal_with_values_of_wrong_types_is_damaged(memory: Folder) -> None:
+    store_rows(memory, [row_of("a")])
     for number, row in enumerate(({"mesh": 3}, {"mesh": "b", "stable": "x"}, {}, 3,
                                   {"mesh": "b", "outcome": "odd"})):  # fmt: skip
-        note = json.dumps({"rows": [row], "doubted": {}}).encode()
-        memory.write(f"journal/{number:08x}-00000000.json", note)
+        entry = json.dumps({"rows": [row], "to_replace": {}}).encode()
+        memory.write(f"journal/{number:08x}-00000000.json", entry)
     with pytest.raises(OutputError, match=r"is damaged .*run grasp3d batch again"):
         read_summary(memory.url)
     kept = Store.open(memory, SETTINGS)
-    assert (len(kept.told), set(kept.rows)) == (5, {"a"})
+    assert (len(kept.warnings), set(kept.rows)) == (5, {"a"})
 
 
-def test_a_summary_of_fewer_columns_gets_those_of_today(memory: Folder) -> None:
-    keep(memory, [row_of("a"), row_of("b")])
+def test_a_summary_with_fewer_columns_is_extended(memory: Folder) -> None:
+    store_rows(memory, [row_of("a"), row_of("b")])
     (name,) = memory.names("summary")
-    table = pq.read_table(pa.BufferReader(memory.read(name))).drop_columns(["shares", "volume"])
+    table = pq.read_table(pa.BufferReader(memory.read(name))).drop_columns(["fractions", "volume"])
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink)
     memory.write(name, bytes(sink.getvalue()))
-    assert Store.open(memory, SETTINGS).rows["a"] == replace(row_of("a"), shares=())
+    assert Store.open(memory, SETTINGS).rows["a"] == replace(row_of("a"), fractions=())
     schema = pq.read_schema(pa.BufferReader(memory.read(name)))
     assert schema.names == list(Row.__dataclass_fields__)
 
 
-def test_what_is_no_store_of_ours_is_refused(tmp_path: Path) -> None:
+def test_folders_that_are_not_stores_are_refused(tmp_path: Path) -> None:
     output = Folder(str(tmp_path))
-    with pytest.raises(OutputError, match="no folder that grasp3d batch has written"):
+    with pytest.raises(OutputError, match="is not a folder that grasp3d batch wrote"):
         read_summary(output.url)
     (tmp_path / "mug.stl").write_bytes(b"mesh")
-    keep(output, [row_of("a")])
+    store_rows(output, [row_of("a")])
     (tmp_path / "grasp3d.json").unlink()
-    assert set(Store.open(output, SETTINGS).rows) == {"a"}  # the summary is ours
+    assert set(Store.open(output, SETTINGS).rows) == {"a"}  # the summary was written by grasp3d
     (tmp_path / "grasp3d.json").write_text('{"format": 2, "version": "9.9"}', encoding="ascii")
     with pytest.raises(OutputError, match=r"a store of a newer version of grasp3d \(9.9\)"):
         Store.open(output, SETTINGS)
     (tmp_path / "grasp3d.json").unlink()
     pl.DataFrame({"a": [1]}).write_parquet(tmp_path / "summary" / "part-00009.parquet")
     shutil.rmtree(tmp_path / "labels")
-    with pytest.raises(OutputError, match="holds a folder called summary that is not of grasp3d"):
+    with pytest.raises(OutputError, match="contains a folder summary that grasp3d has not written"):
         Store.open(output, SETTINGS)
     assert (tmp_path / "mug.stl").read_bytes() == b"mesh"
 
 
-def test_a_place_that_cannot_be_written_to_is_told_before_the_work(tmp_path: Path) -> None:
+def test_a_folder_that_cannot_be_written_to_is_an_error_before_labelling(tmp_path: Path) -> None:
     (tmp_path / "file").touch()
     with pytest.raises(OutputError, match="cannot be"):
         Store.open(Folder(str(tmp_path / "file" / "out")), SETTINGS)
@@ -364,7 +372,7 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run([str(shutil.which("umount")), disk], check=True)
 
 
-def test_a_full_disk_ends_the_run_and_harms_no_row(small_disk: Path) -> None:
+def test_a_full_disk_ends_the_run_without_losing_rows(small_disk: Path) -> None:
     output = Folder(str(small_disk / "out"))
     kept = Store.open(output, SETTINGS)
     kept.begin([])
@@ -389,26 +397,26 @@ def test_a_full_disk_ends_the_run_and_harms_no_row(small_disk: Path) -> None:
 LIMITED = """
 import resource, sys
 from dataclasses import replace
-from tests.test_store import *
+from tests.batch.test_store import *
 kept = Store.open(Folder(sys.argv[1]), SETTINGS)
 resource.setrlimit(resource.RLIMIT_FSIZE, (9000, 9000))
 kept.begin([])
 for number in range(40):
     kept.add(replace(row_of(f"m{number}"), labels=""))
 try: kept.close()
-except OutputError as error: print("told:", error)
+except OutputError as error: print("error:", error)
 """
 
 
-def test_a_file_that_grows_too_large_is_told_and_no_row_is_lost(tmp_path: Path) -> None:
+def test_a_file_that_grows_too_large_is_an_error_without_losing_rows(tmp_path: Path) -> None:
     run = subprocess.run([sys.executable, "-c", LIMITED, tmp_path], check=False, text=True,
                          capture_output=True, cwd=Path(__file__).parents[2])  # fmt: skip
-    assert "told: " in run.stdout, run.stderr
+    assert "error: " in run.stdout, run.stderr
     assert "cannot be written (File too large)" in run.stdout
     assert len(Store.open(Folder(str(tmp_path)), SETTINGS).rows) == 40
 
 
-def test_what_killed_writers_left_is_cleared_away_when_it_is_old(tmp_path: Path) -> None:
+def test_old_unfinished_files_are_removed(tmp_path: Path) -> None:
     old, young = tmp_path / ".grasp3d-old.part", tmp_path / ".grasp3d-young.part"
     for path in (old, young):
         path.write_bytes(b"half")
@@ -418,10 +426,10 @@ def test_what_killed_writers_left_is_cleared_away_when_it_is_old(tmp_path: Path)
     assert (old.exists(), young.exists()) == (False, True)
 
 
-def test_tables_are_read_by_others_in_a_line_each(tmp_path: Path) -> None:
+def test_other_libraries_read_the_tables_in_one_line(tmp_path: Path) -> None:
     rows = {name: row_of(name) for name in ("a", "open", "z\udcff.stl", "\u00fc")}
     for row in rows.values():
-        keep(Folder(str(tmp_path)), [row])
+        store_rows(Folder(str(tmp_path)), [row])
     rows["z\\xff.stl"] = replace(rows.pop("z\udcff.stl"), mesh="z\\xff.stl")
     assert len(list((tmp_path / "summary").iterdir())) == 4
     schemas = [pq.read_schema(path) for path in (tmp_path / "summary").iterdir()]
@@ -433,14 +441,16 @@ def test_tables_are_read_by_others_in_a_line_each(tmp_path: Path) -> None:
     duck = {row[0]: dict(zip(found.columns, row, strict=True)) for row in found.fetchall()}
     assert set(pandas.index) == set(polars) == set(duck) == set(rows)
     for name, row in rows.items():
-        for told in (pandas.loc[name], polars[name], duck[name]):
-            assert (told["stable"], told["vertices"]) == (row.stable, 12)
-            assert told["critical_angle_p90"] == math.inf
-            assert [share["stable"] for share in told["shares"]] == [s.stable for s in row.shares]
-            assert len(told["grasps"]) == len(row.grasps)
-            for grasp, known in zip(told["grasps"], row.grasps, strict=True):
+        for found_row in (pandas.loc[name], polars[name], duck[name]):
+            assert (found_row["stable"], found_row["vertices"]) == (row.stable, 12)
+            assert found_row["critical_angle_p90"] == math.inf
+            assert [one["stable"] for one in found_row["fractions"]] == [
+                one.stable for one in row.fractions
+            ]
+            assert len(found_row["grasps"]) == len(row.grasps)
+            for grasp, known in zip(found_row["grasps"], row.grasps, strict=True):
                 assert np.array_equal(np.vstack(grasp["points"]), known.points)
-            center = told["center_mass"]
+            center = found_row["center_mass"]
             assert center is None if row.center_mass is None else (
                 tuple(center) == row.center_mass)  # fmt: skip
 
@@ -469,28 +479,28 @@ def test_a_folder_has_one_run_at_a_time(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("name", ["labels/b.ply", "report/index.html", "journal/diary.txt"])
-def test_files_of_others_are_not_taken_over(tmp_path: Path, name: str) -> None:
+def test_files_of_other_programs_are_refused(tmp_path: Path, name: str) -> None:
     (tmp_path / name).parent.mkdir()
     (tmp_path / name).write_bytes(b"mine")
-    with pytest.raises(OutputError, match=f"not of grasp3d .{name}.; name another folder"):
+    with pytest.raises(OutputError, match=f"has not written .{name}.; name another folder"):
         Store.open(Folder(str(tmp_path)), SETTINGS)
     assert [path.name for path in tmp_path.rglob("*.*")] == [Path(name).name]
 
 
-def test_a_run_that_is_interrupted_amid_overwriting_takes_the_old_row_out(tmp_path: Path) -> None:
+def test_an_interruption_while_overwriting_removes_the_old_row(tmp_path: Path) -> None:
     output = Folder(str(tmp_path))
-    keep(output, [row_of("a"), row_of("b")])
+    store_rows(output, [row_of("a"), row_of("b")])
     kept = Store.open(output, SETTINGS)
-    kept.begin(["a", "b"])  # their files were touched, their content may be the same
+    kept.begin(["a", "b"])  # touched, their content may be the same
     output.write(row_of("a").labels, b"labels of another a")
     kept.close()  # without a row for either
     assert set(Store.open(output, SETTINGS).rows) == {"b"}
     assert output.names("labels") == ["labels/b.ply"]
 
 
-def test_results_go_with_their_rows(tmp_path: Path) -> None:
+def test_results_are_removed_with_their_rows(tmp_path: Path) -> None:
     output = Folder(str(tmp_path))
-    keep(output, [row_of("a"), row_of("b")]).close()
+    store_rows(output, [row_of("a"), row_of("b")]).close()
     kept = Store.open(output, SETTINGS)
     kept.begin(["a"])
     kept.add(Row("a", outcome=Outcome.REFUSED, content="x", key=mesh_key("x", SETTINGS)))
@@ -501,29 +511,29 @@ def test_results_go_with_their_rows(tmp_path: Path) -> None:
     assert output.names("labels") == []
 
 
-def test_a_new_row_survives_two_deaths_while_small_shards_are_put_together(
+def test_a_new_row_survives_two_deaths_while_small_shards_are_merged(
     memory: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for run in range(17):
-        keep(memory, [row_of(f"m{run}")])
+        store_rows(memory, [row_of(f"m{run}")])
     kept = Store.open(memory, SETTINGS)
     kept.begin(["m0"])
     kept.add(replace(row_of("m0"), stable=0.123))
-    for _ in range(2):  # dies when it has written its note
+    for _ in range(2):  # dies after writing its journal entry
         with monkeypatch.context() as patched:
-            patched.setattr(Store, "_fold", lambda _: 1 / 0)
+            patched.setattr(Store, "_merge_journal", lambda _: 1 / 0)
             with pytest.raises(ZeroDivisionError):
                 Store.open(memory, SETTINGS)
         assert {row.mesh: row.stable for row in read_summary(memory.url)}["m0"] == 0.123
     assert Store.open(memory, SETTINGS).rows["m0"].stable == 0.123
 
 
-def test_a_shard_with_a_row_of_no_mesh_is_damaged(tmp_path: Path) -> None:
+def test_a_shard_with_a_row_without_mesh_is_damaged(tmp_path: Path) -> None:
     output = Folder(str(tmp_path))
-    keep(output, [row_of("a"), row_of("b")])
+    store_rows(output, [row_of("a"), row_of("b")])
     (name,) = output.names("summary")
     table = pq.read_table(tmp_path / name)
     meshes = pa.array(["a", None])
     broken = table.set_column(table.schema.get_field_index("mesh"), "mesh", meshes)
     pq.write_table(broken, tmp_path / name)
-    assert "is damaged" in Store.open(output, SETTINGS).told[0]
+    assert "is damaged" in Store.open(output, SETTINGS).warnings[0]

@@ -1,4 +1,4 @@
-"""`grasp3d batch` as a user has it: in processes of its own, ended at any moment, resumed."""
+"""`grasp3d batch` run as a command: with child processes, interrupted and resumed."""
 
 import os
 import re
@@ -34,7 +34,7 @@ def grasp3d(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
 
 @contextmanager
 def started(*command: str, cwd: Path) -> Iterator[subprocess.Popen[str]]:
-    """A process in a group of its own, all of it ended at the end."""
+    """A process in a group of its own, which is killed at the end."""
     process = subprocess.Popen(
         command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, cwd=cwd,
         start_new_session=True,
@@ -55,7 +55,7 @@ def wait_for(condition: Callable[[], object], seconds: float = 120.0) -> None:
 
 
 def make_library(folder: Path, count: int = 10) -> Path:
-    """Eggs, each another one."""
+    """Write eggs of different lengths."""
     folder.mkdir()
     vertices, faces = shapes.sphere(2)
     for number in range(count):
@@ -69,7 +69,7 @@ def labelled(output: Path) -> int:
 
 
 def summary(output: Path) -> list[dict[str, Any]]:
-    """The rows without what differs from run to run."""
+    """Rows without the columns that differ between runs."""
     rows = pd.read_parquet(output / "summary").sort_values("mesh")
     assert rows["mesh"].is_unique
     return [
@@ -78,26 +78,26 @@ def summary(output: Path) -> list[dict[str, Any]]:
     ]
 
 
-def no_half_files(output: Path) -> None:
+def check_no_unfinished_files(output: Path) -> None:
     assert not [path for path in output.rglob("*") if ".part" in path.name]
 
 
 @pytest.fixture(scope="module")
 def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A library and what comes of it where nothing goes wrong."""
-    place = tmp_path_factory.mktemp("undisturbed")
-    make_library(place / "in")
-    run = grasp3d("in", "-o", "out", "--log", "log.txt", *OPTIONS, cwd=place)
-    (place / "stderr").write_text(run.stderr, encoding="utf-8")
+    """A library and its results without interruptions."""
+    folder = tmp_path_factory.mktemp("undisturbed")
+    make_library(folder / "in")
+    run = grasp3d("in", "-o", "out", "--log", "log.txt", *OPTIONS, cwd=folder)
+    (folder / "stderr").write_text(run.stderr, encoding="utf-8")
     assert (run.returncode, run.stderr.count("Traceback")) == (0, 0)
     assert "10 labelled, 0 failed" in run.stdout
-    return place
+    return folder
 
 
 def test_without_a_terminal_progress_is_plain_lines(undisturbed: Path) -> None:
-    told = (undisturbed / "stderr").read_text(encoding="utf-8")
-    assert re.fullmatch(r"10 labelled, 0 failed, 0 left, [\d.]+/s", told.splitlines()[-1])
-    assert "\x1b" not in told
+    stderr = (undisturbed / "stderr").read_text(encoding="utf-8")
+    assert re.fullmatch(r"10 labelled, 0 failed, 0 left, [\d.]+/s", stderr.splitlines()[-1])
+    assert "\x1b" not in stderr
     lines = (undisturbed / "log.txt").read_text(encoding="utf-8").splitlines()
     assert "10 meshes to label, 0 finished before" in lines[0]
     assert sum(" INFO labelled egg_" in line for line in lines) == 10
@@ -106,7 +106,7 @@ def test_without_a_terminal_progress_is_plain_lines(undisturbed: Path) -> None:
 
 
 @pytest.mark.slow
-def test_it_goes_on_past_failures(tmp_path: Path) -> None:
+def test_failures_do_not_end_the_batch(tmp_path: Path) -> None:
     make_library(tmp_path / "in", 1)
     (tmp_path / "in" / "deep").mkdir()
     trimesh.Trimesh(*shapes.box()).export(tmp_path / "in" / "deep" / "box.stl")
@@ -129,7 +129,7 @@ def test_it_goes_on_past_failures(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
-def test_the_same_command_again_has_nothing_to_do(undisturbed: Path) -> None:
+def test_the_same_command_again_labels_nothing(undisturbed: Path) -> None:
     before = summary(undisturbed / "out")
     run = grasp3d("in", "-o", "out", *OPTIONS, cwd=undisturbed)
     assert run.returncode == 0
@@ -139,7 +139,7 @@ def test_the_same_command_again_has_nothing_to_do(undisturbed: Path) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("how", [signal.SIGINT, signal.SIGTERM])
-def test_an_interrupted_batch_says_how_to_go_on_and_does(
+def test_an_interrupted_batch_prints_how_to_resume_and_resumes(
     undisturbed: Path, tmp_path: Path, how: signal.Signals
 ) -> None:
     (tmp_path / "in").symlink_to(undisturbed / "in")
@@ -152,18 +152,18 @@ def test_an_interrupted_batch_says_how_to_go_on_and_does(
             os.killpg(run.pid, how)
         output, errors = run.communicate(timeout=30)
     assert (run.returncode, output) == (130, "")
-    assert re.search(r"interrupted: \d of 10 meshes are done; what is labelled is kept", errors)
+    assert re.search(r"interrupted: \d of 10 meshes are done; labelled meshes are stored", errors)
     assert "Traceback" not in errors
     rows = summary(tmp_path / "out")
     assert 2 <= len(rows) < 10
-    no_half_files(tmp_path / "out")
+    check_no_unfinished_files(tmp_path / "out")
     again = grasp3d("in", "-o", "out", *OPTIONS, cwd=tmp_path)
     assert f"; {len(rows)} of them were finished before" in again.stdout
     assert summary(tmp_path / "out") == summary(undisturbed / "out")
 
 
 @pytest.mark.slow
-def test_killed_again_and_again_it_loses_no_more_than_what_was_in_work(
+def test_repeatedly_killed_it_loses_only_the_running_meshes(
     undisturbed: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "in").symlink_to(undisturbed / "in")
@@ -180,7 +180,7 @@ def test_killed_again_and_again_it_loses_no_more_than_what_was_in_work(
         done = labelled(out)
     assert grasp3d("in", "-o", "out", *OPTIONS, cwd=tmp_path).returncode == 0
     assert summary(out) == summary(undisturbed / "out")
-    no_half_files(out)
+    check_no_unfinished_files(out)
 
 
 def free_port() -> int:
@@ -190,7 +190,7 @@ def free_port() -> int:
 
 
 @pytest.mark.slow
-def test_a_cluster_that_loses_a_worker_and_its_client_gives_the_same_rows(
+def test_the_death_of_a_worker_and_the_client_does_not_change_the_rows(
     undisturbed: Path, tmp_path: Path
 ) -> None:
     """A scheduler and two workers as processes; a worker is killed, then the client."""
@@ -218,13 +218,13 @@ def test_a_cluster_that_loses_a_worker_and_its_client_gives_the_same_rows(
     assert "10 labelled, 0 failed" in again.stdout
     assert int(re.search(r"; (\d+) of them were finished before", again.stdout)[1]) >= 2  # type: ignore[index]
     assert summary(out) == summary(undisturbed / "out")
-    no_half_files(out)
+    check_no_unfinished_files(out)
 
 
-def test_the_documented_one_liners_read_the_results(
+def test_the_documented_lines_read_the_results(
     undisturbed: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Those of docs/library.md, word for word."""
+    """The lines of docs/library.md, unchanged."""
     docs = Path(__file__).parents[2] / "docs" / "library.md"
     lines = re.findall(
         r"^(?:pandas|polars|duckdb)\..*$", docs.read_text(encoding="utf-8"), re.MULTILINE
@@ -252,11 +252,11 @@ def test_the_documented_one_liners_read_the_results(
         (["nothing://lib", "-o", "out"], "nothing"),
         (["in", "-o", "in/egg_0.ply"], "egg_0.ply"),
         (["in", "-o", "out", "--best", "-1"], "best grasps must be"),
-        (["in/**x/[a", "-o", "out"], "is no pattern of names"),
+        (["in/**x/[a", "-o", "out"], "is not a valid file name pattern"),
         (["in", "-o", ""], "no folder for the results"),
     ],
 )
-def test_bad_input_is_one_line_and_exit_code_2(
+def test_bad_input_is_an_error_of_one_line_and_exit_code_2(
     tmp_path: Path, arguments: list[str], message: str
 ) -> None:
     make_library(tmp_path / "in", 2)

@@ -1,4 +1,4 @@
-"""`grasp3d check`, through the command's own door."""
+"""`grasp3d check`, mostly in this process."""
 
 import json
 import re
@@ -9,10 +9,10 @@ import pyarrow.csv as pc
 import pyarrow.parquet as pq
 import pytest
 
+from tests.cli.test_evaluate import grasp3d
+from tests.cli.test_label import export
+from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
-from tests.test_cli import export
-from tests.test_cli import grasp3d as real_grasp3d
-from tests.test_cli_evaluate import grasp3d
 
 
 @pytest.fixture
@@ -23,33 +23,33 @@ def folder(tmp_path: Path) -> Path:
 
 def library(folder: Path) -> Path:
     """A folder with a sound mesh, an open one and a broken one."""
-    made = folder / "library"
-    (made / "below").mkdir(parents=True)
-    export(made / "box.stl", shapes.box((0.04, 0.06, 0.08)))
+    library_folder = folder / "library"
+    (library_folder / "below").mkdir(parents=True)
+    export(library_folder / "box.stl", shapes.box((0.04, 0.06, 0.08)))
     vertices, faces = shapes.sphere(2, 0.05)
-    export(made / "below" / "open [red].ply", (vertices, faces[4:]))
-    (made / "broken.stl").write_bytes(b"no mesh at all")
-    return made
+    export(library_folder / "below" / "open [red].ply", (vertices, faces[4:]))
+    (library_folder / "broken.stl").write_bytes(b"no mesh at all")
+    return library_folder
 
 
-def test_a_page_tells_what_there_is_and_what_it_will_take(folder: Path) -> None:
-    """Once as a user has it, in a process of its own."""
+def test_a_page_reports_the_diagnosis_and_the_cost_of_labelling(folder: Path) -> None:
+    """In a process of its own."""
     run = real_grasp3d("check", "box.stl", "--unit", "m", cwd=folder)
     assert run.returncode == 0, run.stderr
-    for told in (
+    for text in (
         "STL, 684 bytes",
         "unit: m\n",
         "0.04 x 0.06 x 0.08",
         "0.000192",
-        "Manifold takes it: yes",
+        "manifold: yes",
         "labels can be trusted: yes",
     ):
-        assert told in run.stdout
+        assert text in run.stdout
     assert "•" not in run.stdout
     assert run.stderr == ""
 
 
-def test_doubts_and_repairs_are_told(folder: Path) -> None:
+def test_warnings_and_repairs_are_printed(folder: Path) -> None:
     vertices, faces = shapes.sphere(2, 50.0)
     export(folder / "ball.ply", (vertices, faces[20:, ::-1]))
     run = grasp3d("check", "ball.ply", "--max-opening", "0.08", cwd=folder)
@@ -62,7 +62,7 @@ def test_doubts_and_repairs_are_told(folder: Path) -> None:
     assert run.stderr == ""
 
 
-def test_a_folder_has_a_line_for_each_mesh_and_a_refusal_stops_nothing(folder: Path) -> None:
+def test_a_folder_has_a_line_for_each_mesh_after_an_error_too(folder: Path) -> None:
     library(folder)
     run = real_grasp3d("check", "library", "-o", "report.json", cwd=folder)
     assert run.returncode == 1
@@ -103,7 +103,7 @@ def test_a_table_has_a_row_for_each_mesh(folder: Path, suffix: str) -> None:
     assert broken["faces_after"] is None
 
 
-def test_meshes_of_one_name_are_told_apart(folder: Path) -> None:
+def test_meshes_of_one_file_name_have_different_names(folder: Path) -> None:
     for below in ("a", "b"):
         (folder / below).mkdir()
         export(folder / below / "box.stl", shapes.box((0.04, 0.06, 0.08)))
@@ -112,14 +112,14 @@ def test_meshes_of_one_name_are_told_apart(folder: Path) -> None:
     assert names == ["a/box.stl", "b/box.stl"]
 
 
-def test_a_surface_wound_both_ways_is_not_called_watertight(folder: Path) -> None:
+def test_a_surface_of_inconsistent_orientation_is_not_watertight(folder: Path) -> None:
     vertices, faces = shapes.box((0.04, 0.06, 0.08))
     faces[0] = faces[0, ::-1]
     export(folder / "turned.ply", (vertices, faces))
-    assert "no, wound both ways" in grasp3d("check", "turned.ply", cwd=folder).stdout
+    assert "no, inconsistent orientation" in grasp3d("check", "turned.ply", cwd=folder).stdout
 
 
-def test_json_goes_to_standard_output_and_nothing_else(folder: Path) -> None:
+def test_only_json_is_printed_to_standard_output(folder: Path) -> None:
     run = grasp3d("check", "box.stl", "--json", cwd=folder)
     assert run.returncode == 0
     (mesh,) = json.loads(run.stdout)["meshes"]
@@ -127,7 +127,7 @@ def test_json_goes_to_standard_output_and_nothing_else(folder: Path) -> None:
     assert mesh["guess"]["unit"] == "m"
 
 
-def test_strict_takes_no_doubt(folder: Path) -> None:
+def test_strict_accepts_no_warnings(folder: Path) -> None:
     vertices, faces = shapes.sphere(2, 0.05)
     export(folder / "open.ply", (vertices, faces[1:]))
     export(folder / "pierced.ply", (vertices, faces[5:]))
@@ -142,7 +142,7 @@ def test_quiet_prints_nothing(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (["nothing.stl"], "there is no such file or folder"),
         (["."], ""),
@@ -155,15 +155,15 @@ def test_quiet_prints_nothing(folder: Path) -> None:
         ([], "no input"),
     ],
 )
-def test_wrong_use_is_one_line_and_exit_code_2(
-    folder: Path, arguments: list[str], said: str
+def test_bad_input_prints_one_line_with_exit_code_2(
+    folder: Path, arguments: list[str], message: str
 ) -> None:
     if arguments == ["."]:
         (folder / "box.stl").unlink()
-        said = "no mesh in it"
+        message = "no mesh in it"
     run = grasp3d("check", *arguments, cwd=folder)
     assert run.returncode == 2
-    assert said in run.stderr
+    assert message in run.stderr
     assert run.stdout == ""
 
 
@@ -176,7 +176,7 @@ def test_a_report_never_replaces_a_mesh(folder: Path) -> None:
     assert (folder / "box.stl").read_bytes() == before
 
 
-def test_label_tells_lengths_in_another_unit(folder: Path) -> None:
+def test_label_warns_about_lengths_in_another_unit(folder: Path) -> None:
     run = grasp3d("label", "box.stl", "--max-opening", "80", "--max-edge", "0.04", cwd=folder)
     assert run.returncode == 0
     assert re.search(r"warning: max_opening 80 is [\d.,]+ times the object's size", run.stdout)

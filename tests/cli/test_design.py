@@ -1,4 +1,4 @@
-"""`grasp3d design`: once in a process of its own, else through the command's own door."""
+"""`grasp3d design`: mostly in this process, once in a process of its own."""
 
 import io
 import math
@@ -41,24 +41,24 @@ def real_design(*arguments: object, columns: int = 80) -> subprocess.CompletedPr
     )
 
 
-def told(*arguments: object, columns: int = 80) -> str:
+def printed(*arguments: object, columns: int = 80) -> str:
     run = design(*arguments, columns=columns)
     assert (run.returncode, run.stderr) == (0, "")
     return run.stdout
 
 
 def rows(text: str) -> list[list[str]]:
-    """The lines that begin with a number: those of the tables, in their order."""
+    """Words of the lines that start with a number: the rows of the tables."""
     return [line.split() for line in text.splitlines() if re.match(r" *\d\S*  ", line)]
 
 
 def facts(text: str) -> dict[str, str]:
-    """What the table of a sensor says, by its left column."""
+    """Values of the table of a sensor, by the words in its left column."""
     pairs = (re.split(r"  +", line.strip(), maxsplit=1) for line in text.splitlines())
     return {pair[0]: pair[1].strip() for pair in pairs if len(pair) == 2}
 
 
-def test_the_real_command_says_the_same() -> None:
+def test_the_command_prints_the_same_in_its_own_process() -> None:
     for words in ((), ("--friction", "0")):
         real, here = real_design(*words), design(*words)
         assert (real.returncode, real.stdout) == (here.returncode, here.stdout)
@@ -66,8 +66,8 @@ def test_the_real_command_says_the_same() -> None:
     assert "--receptive-field" in real_design("--help").stdout
 
 
-def test_with_nothing_given_it_tells_the_numbers_of_the_paper() -> None:
-    text = told()
+def test_without_options_it_prints_the_numbers_of_the_paper() -> None:
+    text = printed()
     assert "fingertip: radius 10 mm, curvature 0.1 per mm" in text
     table = rows(text)
     assert [float(row[0]) for row in table] == [step / 10.0 for step in range(1, 11)]
@@ -79,11 +79,11 @@ def test_with_nothing_given_it_tells_the_numbers_of_the_paper() -> None:
         assert row[3:] == [str(sensor.sensors_by_discs), str(sensor.sensors_by_caps)]
     assert "their 50 comes from rounding 3.95 mm" in " ".join(text.split())
     assert "lower bounds" in text
-    assert "give --object-size to count them" in text
+    assert "give --object-size to include it" in " ".join(text.split())
 
 
-def test_which_sensor_is_enough_for_some_frictions_on_an_object() -> None:
-    text = told("--fingertip-radius", 6, "--friction", 0.3, 0.7, "--object-size", 25)
+def test_required_sensors_for_some_frictions_on_an_object() -> None:
+    text = printed("--fingertip-radius", 6, "--friction", 0.3, 0.7, "--object-size", 25)
     expected = [
         Sensor.limiting(friction, 6.0, opening=opening)
         for opening in (math.inf, 25.0)
@@ -94,12 +94,12 @@ def test_which_sensor_is_enough_for_some_frictions_on_an_object() -> None:
         assert row[2] == f"{math.degrees(sensor.resolution):.2f}°"
         assert row[3:] == [str(sensor.sensors_by_discs), str(sensor.sensors_by_caps)]
     assert "two fingers 25 mm apart" in text
-    assert "Wan & Howe give" not in text
+    assert "Wan & Howe report" not in text
     assert "--object-size" not in text
 
 
-def test_which_friction_is_enough_for_a_sensor() -> None:
-    text = told("--fingertip-radius", 10, "--receptive-field", 4, "--object-size", 30)
+def test_required_friction_for_a_sensor() -> None:
+    text = printed("--fingertip-radius", 10, "--receptive-field", 4, "--object-size", 30)
     sensor = Sensor(4.0, 10.0)
     assert facts(text) | {
         "fingertip": "radius 10 mm, curvature 0.1 per mm",
@@ -107,43 +107,43 @@ def test_which_friction_is_enough_for_a_sensor() -> None:
         "sensor resolution": f"{math.degrees(0.4):.2f}°",
         "location uncertainty": "± 2 mm",
         "sensors on the hemisphere": "at least 50 (discs), 51 (caps)",
-        "friction needed": f"above {math.tan(0.2):.4g}",
-        "their line turns by up to": f"{math.degrees(sensor.line_error(30.0)):.2f}°",
-        "friction needed with that": f"above {sensor.required_friction_at(30.0):.4g}",
+        "required friction": f"above {math.tan(0.2):.4g}",
+        "their line tilts by up to": f"{math.degrees(sensor.line_error(30.0)):.2f}°",
+        "required friction with this": f"above {sensor.required_friction_at(30.0):.4g}",
     } == facts(text)
     assert "warning: the location uncertainty, 6.67 % of" in text
-    assert "warning" not in told("--receptive-field", 4, "--object-size", 50)
+    assert "warning" not in printed("--receptive-field", 4, "--object-size", 50)
     assert rows(text) == []
 
 
-def test_the_resolution_may_be_given_in_degrees_instead() -> None:
-    given = facts(told("--sensor-resolution", 22.6, "--fingertip-radius", 10))
+def test_the_resolution_can_be_given_in_degrees_instead() -> None:
+    given = facts(printed("--sensor-resolution", 22.6, "--fingertip-radius", 10))
     assert given["sensor resolution"] == "22.60°"
     assert given["receptive field"] == f"{10.0 * math.radians(22.6):.4g} mm"
-    assert given["friction needed"] == f"above {math.tan(math.radians(11.3)):.4g}"
-    by_field = told("--receptive-field", 10.0 * math.radians(22.6), "--curvature", 0.1)
+    assert given["required friction"] == f"above {math.tan(math.radians(11.3)):.4g}"
+    by_field = printed("--receptive-field", 10.0 * math.radians(22.6), "--curvature", 0.1)
     assert facts(by_field) == given
 
 
-def test_whether_a_sensor_is_enough_for_a_friction_and_what_it_leaves() -> None:
-    text = told("--receptive-field", 4, "--friction", 0.2, 0.5, "--object-size", 18)
-    sensor, verdicts = Sensor(4.0, 10.0), iter(rows(text))
+def test_a_sensor_is_compared_with_frictions() -> None:
+    text = printed("--receptive-field", 4, "--friction", 0.2, 0.5, "--object-size", 18)
+    sensor, found = Sensor(4.0, 10.0), iter(rows(text))
     for opening in (math.inf, 18.0):
         for friction in (0.2, 0.5):
-            row, worst = next(verdicts), sensor.misalignment(opening)
-            margin = math.atan(friction) - worst
+            row, tilt = next(found), sensor.misalignment(opening)
+            margin = math.atan(friction) - tilt
             assert float(row[0]) == friction
             assert row[1] == ("yes" if margin > 0.0 else "no")
             assert row[2] == f"{math.degrees(margin):.2f}°"
             assert float(row[3]) == pytest.approx(
-                float(effective_friction(friction, 2.0 * worst)), rel=1e-3
+                float(effective_friction(friction, 2.0 * tilt)), rel=1e-3
             )
-    assert next(verdicts, None) is None
+    assert next(found, None) is None
 
 
-def test_at_the_bound_itself_a_sensor_is_not_fine_enough() -> None:
+def test_a_sensor_with_the_limiting_resolution_is_not_fine_enough() -> None:
     resolution = math.degrees(2.0 * math.atan(0.5))
-    text = told("--sensor-resolution", repr(resolution), "--friction", 0.5, 0.51, 0.499999)
+    text = printed("--sensor-resolution", repr(resolution), "--friction", 0.5, 0.51, 0.499999)
     assert [row[1] for row in rows(text)] == ["no", "yes", "no"]
     assert rows(text)[0][2] == rows(text)[2][2] == "0.00°"  # rounded from -0.00005
 
@@ -151,37 +151,37 @@ def test_at_the_bound_itself_a_sensor_is_not_fine_enough() -> None:
 @pytest.mark.parametrize(
     "tip", [("--flat",), ("--curvature", 0), ("--fingertip-radius", "inf")], ids=str
 )
-def test_a_flat_fingertip_pays_by_its_location_alone(tip: tuple[object, ...]) -> None:
-    sensor = told(*tip, "--receptive-field", 4, "--object-size", 30)
-    said = facts(sensor)
-    assert (said["fingertip"], said["sensor resolution"]) == ("flat", "0.00°")
-    assert (said["friction needed"], said["friction needed with that"]) == (
+def test_a_flat_fingertip_has_uncertain_locations_only(tip: tuple[object, ...]) -> None:
+    sensor = printed(*tip, "--receptive-field", 4, "--object-size", 30)
+    values = facts(sensor)
+    assert (values["fingertip"], values["sensor resolution"]) == ("flat", "0.00°")
+    assert (values["required friction"], values["required friction with this"]) == (
         "above 0",
         "above 0.1333",
     )
     assert "hemisphere" not in sensor
-    limits = told(*tip, "--friction", 0.3, "--object-size", 30)
+    limits = printed(*tip, "--friction", 0.3, "--object-size", 30)
     assert rows(limits) == [["0.3", "9.000"]]
-    assert "normals alone" not in limits
+    assert "normals only" not in limits
 
 
-def test_where_no_friction_is_enough_it_says_so() -> None:
-    text = told("--receptive-field", 31, "--object-size", 20, "--friction", 5)
-    assert facts(text)["friction needed with that"] == "none is enough"
-    assert "no friction can bear" in " ".join(text.split())
+def test_no_friction_can_be_sufficient() -> None:
+    text = printed("--receptive-field", 31, "--object-size", 20, "--friction", 5)
+    assert facts(text)["required friction with this"] == "none is sufficient"
+    assert "no friction compensates" in " ".join(text.split())
     assert rows(text)[1][1] == "no"
 
 
 @pytest.mark.parametrize(("unit", "radius"), [("cm", "1 cm"), ("m", "0.01 m"), ("in", "0.3937 in")])
-def test_the_usual_fingertip_is_the_same_in_every_unit(unit: str, radius: str) -> None:
-    text = told("--unit", unit, "--friction", 0.2)
+def test_the_default_fingertip_is_the_same_in_every_unit(unit: str, radius: str) -> None:
+    text = printed("--unit", unit, "--friction", 0.2)
     assert f"fingertip: radius {radius}" in text
     assert f"below, {unit} " in text
     assert rows(text)[0][2:] == ["22.62°", "52", "52"]
 
 
-def test_fields_beyond_all_counting_are_still_told() -> None:
-    text = told("--receptive-field", 1e-200)
+def test_receptive_fields_too_small_to_count_are_printed_as_infinite() -> None:
+    text = printed("--receptive-field", 1e-200)
     assert facts(text)["sensors on the hemisphere"] == "at least inf (discs), inf (caps)"
 
 
@@ -195,21 +195,29 @@ CASES: list[tuple[object, ...]] = [
 
 @pytest.mark.parametrize("columns", [80, 60, 40])
 @pytest.mark.parametrize("arguments", CASES, ids=str)
-def test_nothing_is_cut_off_in_a_narrow_window(arguments: tuple[object, ...], columns: int) -> None:
-    narrow, wide = told(*arguments, columns=columns), told(*arguments, columns=200)
+def test_nothing_is_truncated_in_a_narrow_terminal(
+    arguments: tuple[object, ...], columns: int
+) -> None:
+    narrow, wide = printed(*arguments, columns=columns), printed(*arguments, columns=200)
     assert max(map(len, narrow.splitlines())) <= columns
     assert "…" not in narrow
     assert sorted("".join(narrow.split())) == sorted("".join(wide.split()))
 
 
 BAD: dict[str, tuple[list[str], str]] = {
-    "two tips": (["--fingertip-radius", "10", "--flat"], "--fingertip-radius and --flat each say"),
+    "two tips": (
+        ["--fingertip-radius", "10", "--flat"],
+        "--fingertip-radius and --flat each define",
+    ),
     "tip and curvature": (["--fingertip-radius", "10", "--curvature", "0.1"], "give one"),
     "three tips": (
         ["--fingertip-radius", "10", "--curvature", "0.1", "--flat"],
         "--fingertip-radius and --curvature and --flat",
     ),
-    "two sensors": (["--receptive-field", "4", "--sensor-resolution", "20"], "each say what the"),
+    "two sensors": (
+        ["--receptive-field", "4", "--sensor-resolution", "20"],
+        "each define the sensor",
+    ),
     "flat resolution": (["--flat", "--sensor-resolution", "20"], "a flat fingertip has the same"),
     "flat limit": (["--flat", "--friction", "0.5"], "--object-size"),
     "only flat": (["--flat"], "--object-size"),
@@ -228,7 +236,7 @@ BAD: dict[str, tuple[list[str], str]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_settings_are_one_line_and_exit_code_2(name: str) -> None:
+def test_bad_settings_print_one_line_with_exit_code_2(name: str) -> None:
     arguments, message = BAD[name]
     run = design(*arguments)
     assert (run.returncode, run.stdout) == (2, "")
@@ -238,7 +246,7 @@ def test_bad_settings_are_one_line_and_exit_code_2(name: str) -> None:
 
 
 @pytest.mark.parametrize("arguments", [("--friction", "high"), ("--unit", "km"), ("mug.stl",)])
-def test_bad_usage_exits_with_2_and_points_to_the_help(arguments: tuple[str, ...]) -> None:
+def test_bad_usage_has_exit_code_2_and_refers_to_the_help(arguments: tuple[str, ...]) -> None:
     run = design(*arguments)
     assert run.returncode == 2
     assert "--help" in run.stderr

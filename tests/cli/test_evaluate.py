@@ -1,4 +1,4 @@
-"""`grasp3d evaluate` and `grasp3d label --best`, through the command's own door."""
+"""`grasp3d evaluate` and `grasp3d label --best`, mostly in this process."""
 
 import io
 import json
@@ -18,9 +18,9 @@ from PIL import Image
 
 from grasp3d import rendering
 from grasp3d.cli import main
+from tests.cli.test_label import export
+from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
-from tests.test_cli import export
-from tests.test_cli import grasp3d as real_grasp3d
 from tests.test_rendering import needs_opengl
 
 BOX = (1.0, 0.7, 0.5)
@@ -53,8 +53,8 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-def test_contacts_come_in_and_how_reliable_they_are_goes_out(folder: Path) -> None:
-    """Once as a user has it, in a process of its own."""
+def test_labels_and_numbers_of_given_grasps(folder: Path) -> None:
+    """In a process of its own."""
     run = real_grasp3d(
         "evaluate", "my box.stl", "three.json", "--unit", "m", "--friction", "1", cwd=folder
     )
@@ -66,7 +66,7 @@ def test_contacts_come_in_and_how_reliable_they_are_goes_out(folder: Path) -> No
         assert re.search(rf"■ {name} +{count} +{100.0 * count / 3.0:.1f} %", run.stdout)
     assert rows[0]["x1"] == 0.5
     assert rows[0]["distance1"] == pytest.approx(0.005)
-    assert "off the surface: half of the contacts at most 0, all at most 0.005 m" in run.stdout
+    assert "distance of the contacts from the surface: median 0, at most 0.005 m" in run.stdout
     first = next(line for line in run.stdout.splitlines() if re.match(r" +1 +■ S", line))
     assert first.split()[3] == f"{math.degrees(rows[0]['critical_angle']):.1f}°"
     assert first.split()[-1] == "0.005"
@@ -76,7 +76,7 @@ def test_contacts_come_in_and_how_reliable_they_are_goes_out(folder: Path) -> No
 
 
 @pytest.mark.parametrize("name", ["out.csv", "out.parquet", "out.json"])
-def test_results_are_written_in_every_format_and_quietly(folder: Path, name: str) -> None:
+def test_results_are_written_in_every_format_without_output(folder: Path, name: str) -> None:
     arguments = ("my box.stl", "pair.json", "-o", name, "--sensor-resolution", "30", "-q")
     run = grasp3d("evaluate", *arguments, cwd=folder)
     assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
@@ -91,7 +91,7 @@ def test_results_are_written_in_every_format_and_quietly(folder: Path, name: str
     assert row["max_resolution"] == pytest.approx(2.0 * math.atan(0.5))
 
 
-def test_many_grasps_are_told_in_few_lines(folder: Path) -> None:
+def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
     (folder / "many.json").write_text(json.dumps([PAIR] * 200), encoding="utf-8")
     run = grasp3d("evaluate", "my box.stl", "many.json", "-o", "many.csv", cwd=folder)
     assert run.returncode == 0
@@ -109,7 +109,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "output": (["evaluate", "my box.stl", "pair.json", "-o", "no/x.csv"], "cannot be written"),
     "onto the contacts": (
         ["evaluate", "my box.stl", "pair.json", "-o", "pair.json"],
-        "pair.json: holds the contacts; name another file",
+        "pair.json: is the file of contacts; name another file",
     ),
     "far off": (["evaluate", "my box.stl", "far.json"], "grasp 1, contact 2 at (-500, 0, 0)"),
     "fingers": (["evaluate", "my box.stl", "three.json", "--fingers", "4"], "have 3 fingers"),
@@ -120,27 +120,27 @@ BAD: dict[str, tuple[list[str], str]] = {
     "friction": (["evaluate", "my box.stl", "pair.json", "--friction", "0"], "friction must be"),
     "none of the best": (["label", "my box.stl", "--best", "0"], "best must be at least 1"),
     "negative": (["label", "my box.stl", "--best", "-2"], "best must be at least 1"),
-    "no word for a number": (["label", "my box.stl", "--best", "all"], "invalid"),
+    "word for a number": (["label", "my box.stl", "--best", "all"], "invalid"),
 }
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(folder: Path, name: str) -> None:
+def test_bad_input_prints_one_line_and_writes_nothing(folder: Path, name: str) -> None:
     (folder / "bad.csv").write_text("a,b,c\n1,2,3\n", encoding="utf-8")
     (folder / "far.json").write_text(json.dumps([[PAIR[0], [-500, 0, 0]]]), encoding="utf-8")
     before = {path: path.read_bytes() for path in folder.iterdir()}
-    arguments, said = BAD[name]
+    arguments, message = BAD[name]
     run = grasp3d(*arguments, cwd=folder)
     assert run.returncode == 2
     assert run.stdout == ""
-    assert said in run.stderr
-    if name != "no word for a number":  # the parser frames what it says
+    assert message in run.stderr
+    if name != "word for a number":  # the parser prints its errors in a frame
         assert re.fullmatch(r"grasp3d: [^\n]+\n", run.stderr)
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
-def rows_told(text: str) -> list[list[str]]:
-    """The lines of the table of grasps."""
+def printed_rows(text: str) -> list[list[str]]:
+    """Words of the rows of the table of grasps."""
     return [line.split() for line in text.splitlines() if re.match(r" +\d+ +■ [SMU] ", line)]
 
 
@@ -156,7 +156,7 @@ def test_the_best_grasps_evaluated_again_are_the_same(
     output = ("-o", "out/labels.npz")
     run = grasp3d("label", "my box.stl", *options, *output, "--best", "5", cwd=folder)
     assert (run.returncode, run.stderr) == (0, "")
-    assert "the 5 best grasps that are distinct" in run.stdout
+    assert "the 5 best distinct grasps" in run.stdout
     assert "no pictures: they need OpenGL" in run.stdout
     assert f"written: {Path('out/labels_grasps.json')}" in run.stdout
     assert {path.name for path in (folder / "out").iterdir()} == {
@@ -176,24 +176,24 @@ def test_the_best_grasps_evaluated_again_are_the_same(
         for name in ("critical_angle", "critical_angle_best", "max_resolution", "opening"):
             assert other[name] == pytest.approx(one[name], abs=1e-6), name
         assert other["epsilon"] == pytest.approx(one["epsilon"], rel=0.02)
-    assert [row[:7] for row in rows_told(run.stdout)] == [
-        row[:7] for row in rows_told(run_again.stdout)
+    assert [row[:7] for row in printed_rows(run.stdout)] == [
+        row[:7] for row in printed_rows(run_again.stdout)
     ]
 
 
-def test_fewer_grasps_than_were_asked_for_are_said(
+def test_fewer_grasps_than_requested_are_reported(
     folder: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rendering, "can_render", lambda: False)
     run = grasp3d("label", "my box.stl", *TWO_FINGERS, "--best", "5000", cwd=folder)
     assert run.returncode == 0
     count = len(json.loads((folder / "my box_grasps.json").read_text())["grasps"])
-    assert f"the {count} best grasps" in run.stdout
-    assert "5000 were asked for; all others are near one of these" in run.stdout
+    assert f"the {count} best distinct grasps" in run.stdout
+    assert "5000 were requested; all others are similar to one of these" in run.stdout
     few = ("--max-opening", "0.01", "--best", "3")
     run = grasp3d("label", "my box.stl", *TWO_FINGERS, *few, cwd=folder)
     assert run.returncode == 0
-    assert "best grasps: none was found" in run.stdout
+    assert "best grasps: none found" in run.stdout
     assert "OpenGL" not in run.stdout
     assert json.loads((folder / "my box_grasps.json").read_text())["grasps"] == []
 

@@ -1,4 +1,4 @@
-"""The real command in a process of its own."""
+"""`grasp3d label`, and errors of all commands, in a process of its own."""
 
 import math
 import os
@@ -79,23 +79,24 @@ OPTIONS: dict[str, tuple[list[str], str, dict[str, str]]] = {
 
 
 @pytest.mark.parametrize("name", OPTIONS)
-def test_epsilon_is_written_and_told_as_the_options_say(tmp_path: Path, name: str) -> None:
+def test_epsilon_is_written_and_printed_as_the_options_define(tmp_path: Path, name: str) -> None:
     source = export(tmp_path / "ball.ply", shapes.sphere(2))
-    options, over, settings = OPTIONS[name]
+    options, minimum, settings = OPTIONS[name]
     run = grasp3d("label", source, "-o", "out.npz", "--max-edge", "9", *options, cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")
     numbers = r"(\d\.\d{3}), (\d\.\d{3}), (\d\.\d{3})"
-    told = re.search(f"epsilon, 10/50/90 % of the area: {numbers}; {over}: {numbers}", run.stdout)
-    assert told
+    pattern = f"epsilon, 10/50/90 % of the area: {numbers}; {minimum}: {numbers}"
+    printed = re.search(pattern, run.stdout)
+    assert printed
     with np.load(tmp_path / "out.npz") as data:
         for key, value in settings.items():
             assert str(data[f"setting_{key}"]) == value
         assert (data["epsilon_min"] > 0.0).all()
-        assert data["epsilon"].min() - 1e-3 <= float(told[2]) <= data["epsilon"].max() + 1e-3
-        assert float(told[5]) < float(told[2])
+        assert data["epsilon"].min() - 1e-3 <= float(printed[2]) <= data["epsilon"].max() + 1e-3
+        assert float(printed[5]) < float(printed[2])
 
 
-def test_every_output_format_can_be_asked_for(tmp_path: Path) -> None:
+def test_every_output_format_is_written(tmp_path: Path) -> None:
     source = export(tmp_path / "ball.ply", shapes.sphere(2))
     for suffix in ("ply", "glb", "npz", "vtp"):
         run = grasp3d("label", source, "-o", f"out.{suffix}", "--edges", "8", "-q", cwd=tmp_path)
@@ -129,9 +130,7 @@ BAD: dict[str, tuple[list[str], str]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(
-    tmp_path: Path, name: str
-) -> None:
+def test_bad_input_prints_one_line_and_writes_nothing(tmp_path: Path, name: str) -> None:
     export(tmp_path / "ball.ply", shapes.sphere(2))
     (tmp_path / "void").mkdir()
     (tmp_path / "empty.stl").touch()
@@ -169,7 +168,7 @@ def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(
         ["label", "x", "--actuation", "both"],
     ],
 )
-def test_bad_usage_exits_with_2_and_points_to_the_help(
+def test_bad_usage_has_exit_code_2_and_refers_to_the_help(
     tmp_path: Path, arguments: list[str]
 ) -> None:
     run = grasp3d(*arguments, cwd=tmp_path)
@@ -178,7 +177,7 @@ def test_bad_usage_exits_with_2_and_points_to_the_help(
     assert "Traceback" not in run.stderr
 
 
-def test_a_reader_that_has_seen_enough_is_no_error(tmp_path: Path) -> None:
+def test_a_closed_output_pipe_is_not_an_error(tmp_path: Path) -> None:
     run = subprocess.run(  # noqa: S602
         f"'{COMMAND}' batch --help | head -n 1",
         check=False, capture_output=True, text=True, shell=True, cwd=tmp_path,
@@ -187,10 +186,10 @@ def test_a_reader_that_has_seen_enough_is_no_error(tmp_path: Path) -> None:
     assert run.stderr == ""
 
 
-def test_help_answers_quickly_and_names_the_settings(tmp_path: Path) -> None:
-    begun = time.perf_counter()
+def test_help_is_printed_quickly_and_names_the_settings(tmp_path: Path) -> None:
+    started = time.perf_counter()
     run = grasp3d("label", "--help", cwd=tmp_path)
-    assert time.perf_counter() - begun < 5.0  # what is loaded is tested in test_layers
+    assert time.perf_counter() - started < 5.0  # test_layers checks the loaded modules
     assert "INT|none" in run.stdout
     for option in (
         "--edges",

@@ -1,4 +1,4 @@
-"""Files with names that shells, terminals and file systems mind, through the command's own door."""
+"""Commands on files whose names are difficult for shells, terminals and file systems."""
 
 import json
 import os
@@ -10,10 +10,10 @@ import pytest
 
 from grasp3d import rendering
 from grasp3d.system.names import as_unicode, printable, safe_stem, short_hash
+from tests.cli.test_evaluate import grasp3d
+from tests.cli.test_label import export
+from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
-from tests.test_cli import export
-from tests.test_cli import grasp3d as real_grasp3d
-from tests.test_cli_evaluate import grasp3d
 
 QUICK = ("--rays", "8", "--max-edge", "9")
 LONG = "é" * 123  # with its suffix 250 bytes
@@ -29,17 +29,19 @@ STEMS = {
     UNDECODABLE: "mug_",
     ":apple: \\[b]": "_apple_ _[b]",
 }
-pytestmark = pytest.mark.skipif(sys.platform != "linux", reason="others take no such names")
+pytestmark = pytest.mark.skipif(
+    sys.platform != "linux", reason="other systems do not allow such names"
+)
 
 
 def result(stem: str) -> str:
-    """What a result is called after an input."""
+    """Stem of the result of an input."""
     safe = STEMS[stem]
     return safe if safe == stem else f"{safe}-{short_hash(stem)}"
 
 
 @pytest.mark.parametrize("stem", STEMS)
-def test_a_result_has_a_safe_name_after_its_input(tmp_path: Path, stem: str) -> None:
+def test_a_result_has_a_safe_name(tmp_path: Path, stem: str) -> None:
     source = export(tmp_path / "in" / f"{stem}.stl", shapes.sphere(1))
     (tmp_path / "out").mkdir()
     run = grasp3d("label", source, "--unit", "m", *QUICK, cwd=tmp_path / "out")
@@ -49,20 +51,20 @@ def test_a_result_has_a_safe_name_after_its_input(tmp_path: Path, stem: str) -> 
     assert run.stdout.replace("\n", "").startswith(f"{printable(stem)}.stl: ")
 
 
-def test_a_name_of_dots_has_a_result_that_is_not_hidden(tmp_path: Path) -> None:
+def test_the_result_of_a_name_of_dots_is_not_hidden(tmp_path: Path) -> None:
     export(tmp_path / "x.stl", shapes.sphere(1)).rename(tmp_path / "..stl")
     run = grasp3d("label", "./..stl", "-q", *QUICK, cwd=tmp_path)
-    if Path("..stl").suffix:  # to some versions of Python it has none
+    if Path("..stl").suffix:  # some versions of Python find no suffix
         assert (run.returncode, run.stderr) == (0, "")
         assert (tmp_path / f"{safe_stem('.')}_labeled.ply").exists()
     else:
         assert (run.returncode, run.stderr.count("\n")) == (2, 1)
 
 
-def test_all_that_is_named_after_an_input_has_a_safe_name(
+def test_all_files_named_after_an_input_have_safe_names(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """And what is in these files is named in full."""
+    """The contents of these files have the full name."""
     monkeypatch.setattr(rendering, "can_render", lambda: False)  # pictures are tested elsewhere
     source = export(tmp_path / "in" / "a\n$b$:c.stl", shapes.sphere(1))
     (tmp_path / "pair.json").write_text("[[[1, 0, 0], [-1, 0, 0]]]", encoding="utf-8")
@@ -78,11 +80,11 @@ def test_all_that_is_named_after_an_input_has_a_safe_name(
         f"{stem}_{end}"
         for end in ("labeled.ply", "grasps.json", "grasps.csv", "sweep.csv", "sweep.svg")
     }
-    told = json.loads((tmp_path / f"{stem}_grasps.json").read_text(encoding="utf-8"))
-    assert "a\n$b$:c.stl" in json.dumps(told, ensure_ascii=False).replace("\\n", "\n")
+    data = json.loads((tmp_path / f"{stem}_grasps.json").read_text(encoding="utf-8"))
+    assert "a\n$b$:c.stl" in json.dumps(data, ensure_ascii=False).replace("\\n", "\n")
 
 
-def test_a_mesh_that_cannot_be_read_is_one_line_whatever_its_name(tmp_path: Path) -> None:
+def test_the_error_of_an_unreadable_mesh_is_one_line_for_every_name(tmp_path: Path) -> None:
     for stem in STEMS:
         (tmp_path / f"{stem}.stl").touch()
         run = grasp3d("label", tmp_path / f"{stem}.stl", cwd=tmp_path)
@@ -91,8 +93,8 @@ def test_a_mesh_that_cannot_be_read_is_one_line_whatever_its_name(tmp_path: Path
 
 
 @pytest.mark.slow
-def test_a_batch_keeps_every_mesh_and_every_result(tmp_path: Path) -> None:
-    """Once as a user has it, in processes of its own."""
+def test_a_batch_overwrites_no_mesh_and_no_result(tmp_path: Path) -> None:
+    """Run as a command, with child processes."""
     meshes = [f"in/{stem}.stl" for stem in STEMS] + ["in/a/mug.stl", "in/b/mug.stl"]
     meshes += ["in/mug.stl", "in/mug.obj", "in/MUG.STL", "in/co:lon/x.ply", "far/mug.stl"]
     before = {}

@@ -1,4 +1,4 @@
-"""The real command in a process of its own, and how it reads what it is given."""
+"""`grasp3d sweep` in a process of its own, its targets and its resolutions."""
 
 import json
 import math
@@ -28,12 +28,12 @@ from grasp3d.batch.sweeping import (
     meshes_of,
     sweep_mesh,
 )
-from grasp3d.cli.ranges import resolutions
+from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.sweeps import sweep
+from tests.cli.test_label import export, grasp3d
 from tests.helpers import shapes
-from tests.test_cli import export, grasp3d
 
 QUICK = ("--rays", "16", "--max-edge", "9")
 SETTINGS = SweepSettings((0.2, 1.0), tuple(np.radians([0.0, 30.0])), Sampling(rays=16))
@@ -66,19 +66,21 @@ def test_a_file_is_swept_into_a_table_and_a_figure(tmp_path: Path) -> None:
         again = labels.relabel(
             friction=row["friction"], sensor_resolution=row["sensor_resolution"]
         ).fractions()
-        shares = (row["stable"], row["ambiguous"], row["unstable"])
-        assert shares == pytest.approx(tuple(again.values()), abs=1e-9)
+        fractions = (row["stable"], row["ambiguous"], row["unstable"])
+        assert fractions == pytest.approx(tuple(again.values()), abs=1e-9)
         assert row["accuracy_ceiling"] == pytest.approx(1.0 - again["M"] / 2.0)
-    needed = rows[62]["required_resolution_50"]
+    required = rows[62]["required_resolution_50"]
     assert rows[62]["friction"] == 0.5
-    assert f"{math.degrees(needed):.1f}°" in done.stdout
-    assert labels.relabel(friction=0.5, sensor_resolution=needed - 1e-6).fractions()["S"] >= 0.5
+    assert f"{math.degrees(required):.1f}°" in done.stdout
+    assert labels.relabel(friction=0.5, sensor_resolution=required - 1e-6).fractions()["S"] >= 0.5
     root = ET.parse(tmp_path / "my blob_sweep.svg").getroot()  # noqa: S314, our own file
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
 
 
 @pytest.mark.slow
-def test_a_folder_is_swept_past_a_broken_mesh_with_the_mean_of_the_others(tmp_path: Path) -> None:
+def test_a_folder_with_a_broken_mesh_has_the_mean_of_the_others(
+    tmp_path: Path,
+) -> None:
     export(tmp_path / "in" / "ball.ply", shapes.sphere(2))
     export(tmp_path / "in" / "deep" / "box.stl", shapes.box())
     (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
@@ -109,16 +111,16 @@ def test_a_folder_is_swept_past_a_broken_mesh_with_the_mean_of_the_others(tmp_pa
 
 
 @pytest.mark.slow
-def test_creases_that_decide_the_required_resolution_are_told(tmp_path: Path) -> None:
+def test_a_note_about_creases_that_decide_the_required_resolution(tmp_path: Path) -> None:
     export(tmp_path / "box.stl", shapes.box())
     once = ("--friction", "0.5", "--sensor-resolution", "20", "--rays", "8")
-    for edge, told in (("0.1", True), ("0.02", False)):
+    for edge, noted in (("0.1", True), ("0.02", False)):
         done = grasp3d("sweep", "box.stl", *once, "--max-edge", edge, cwd=tmp_path)
         assert (done.returncode, done.stderr) == (0, "")
-        assert ("strips along creases count as area, on box.stl" in done.stdout) == told
+        assert ("area includes strips along creases, on box.stl" in done.stdout) == noted
 
 
-def test_a_folder_of_which_nothing_can_be_swept_has_a_table_of_reasons(tmp_path: Path) -> None:
+def test_a_folder_without_valid_meshes_has_a_table_of_errors(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
     done = grasp3d("sweep", "in", cwd=tmp_path)
@@ -129,8 +131,8 @@ def test_a_folder_of_which_nothing_can_be_swept_has_a_table_of_reasons(tmp_path:
     assert "holds no triangles" in row["error"]
 
 
-def test_the_shapes_have_their_closed_forms(tmp_path: Path) -> None:
-    done = grasp3d("sweep", "circle", "square", "sphere", "--share", "0.1", cwd=tmp_path)
+def test_shapes_have_fractions_in_closed_form(tmp_path: Path) -> None:
+    done = grasp3d("sweep", "circle", "square", "sphere", "--fraction", "0.1", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     assert "U surely unstable" in done.stdout
     assert "no grasp found" not in done.stdout
@@ -149,7 +151,7 @@ def test_the_shapes_have_their_closed_forms(tmp_path: Path) -> None:
     assert (tmp_path / "sweep.svg").stat().st_size > 10_000
 
 
-def test_a_shape_and_a_folder_of_its_name_are_told_apart(tmp_path: Path) -> None:
+def test_a_shape_and_a_folder_of_the_same_name(tmp_path: Path) -> None:
     export(tmp_path / "circle" / "ball.ply", shapes.sphere(2))
     done = grasp3d("sweep", "circle", "-o", "shape.csv", cwd=tmp_path)
     assert done.returncode == 0
@@ -160,7 +162,7 @@ def test_a_shape_and_a_folder_of_its_name_are_told_apart(tmp_path: Path) -> None
     assert {row["mode"] for row in rows_of(tmp_path / "ball_sweep.csv")} == {"label"}
 
 
-def test_mesh_and_shape_together_say_what_u_means_for_each(tmp_path: Path) -> None:
+def test_for_mesh_and_shape_together_the_meaning_of_u_is_printed_for_each(tmp_path: Path) -> None:
     export(tmp_path / "ball.ply", shapes.sphere(2))
     done = grasp3d("sweep", "ball.ply", "sphere", *QUICK, cwd=tmp_path)
     assert done.returncode == 0
@@ -182,19 +184,17 @@ BAD: dict[str, tuple[list[str], str]] = {
     "resolution": (["circle", "--sensor-resolution", "180"], "below 180 degrees"),
     "word": (["circle", "--sensor-resolution", "fine"], "a number of degrees, or FROM:TO:STEP"),
     "step": (["circle", "--sensor-resolution", "0:60:0"], "STEP above 0"),
-    "share": (["circle", "--share", "50"], "each share must be"),
+    "fraction": (["circle", "--fraction", "50"], "each fraction must be"),
     "search": (["ball.ply", "--search-angle", "30"], "75 degrees; got 30"),
     "workers": (["circle", "--workers", "-1"], "workers must be"),
     "fingers": (["circle", "--fingers", "3"], "closed form for two fingers only; got 3"),
     "too many fingers": (["ball.ply", "--fingers", "6"], "fingers must be from 2 to 5; got 6"),
-    "another's": (["ball.ply", "--fingers", "3", "--rays", "16"], "rays says nothing about 3"),
+    "another's": (["ball.ply", "--fingers", "3", "--rays", "16"], "rays does not apply to 3"),
 }
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(
-    tmp_path: Path, name: str
-) -> None:
+def test_bad_input_prints_one_line_and_writes_nothing(tmp_path: Path, name: str) -> None:
     ball = export(tmp_path / "ball.ply", shapes.sphere(1))
     (tmp_path / "link.csv").symlink_to(ball)
     (tmp_path / "void").mkdir()
@@ -209,26 +209,28 @@ def test_bad_input_is_one_line_and_exit_code_2_and_nothing_written(
     assert sorted(tmp_path.rglob("*")) == before
 
 
-def test_help_tells_the_shapes_and_how_ranges_are_written(tmp_path: Path) -> None:
+def test_help_names_the_shapes_and_the_format_of_ranges(tmp_path: Path) -> None:
     done = grasp3d("sweep", "--help", cwd=tmp_path)
-    for told in ("circle|square|sphere", "DEGREES|FROM:TO:STEP", "0:60:1 22.6", "--share"):
-        assert told in done.stdout
+    for text in ("circle|square|sphere", "DEGREES|FROM:TO:STEP", "0:60:1 22.6", "--fraction"):
+        assert text in done.stdout
 
 
 def test_resolutions_are_numbers_and_ranges_with_both_ends() -> None:
-    degrees = [math.degrees(value) for value in resolutions(("22.6", "0:60:2.5", "5", "0:1:0.1"))]
+    degrees = [
+        math.degrees(value) for value in parse_resolutions(("22.6", "0:60:2.5", "5", "0:1:0.1"))
+    ]
     expected = sorted({22.6, *(2.5 * k for k in range(25)), *(0.1 * k for k in range(11))})
     assert degrees == pytest.approx(expected, abs=1e-9)
-    assert resolutions(("7:7:1",)) == (math.radians(7.0),)
-    assert resolutions(("0:10:4",)) == pytest.approx(np.radians([0.0, 4.0, 8.0]))
+    assert parse_resolutions(("7:7:1",)) == (math.radians(7.0),)
+    assert parse_resolutions(("0:10:4",)) == pytest.approx(np.radians([0.0, 4.0, 8.0]))
     for word in ("", "a", "1:2", "0:1:2:3", "3:1:1", "0:1:-1", "0:inf:1", "nan:1:1"):
         with pytest.raises(SettingError, match="FROM:TO:STEP"):
-            resolutions((word,))
+            parse_resolutions((word,))
     with pytest.raises(SettingError, match="more than 10000"):
-        resolutions(("0:60:1e-6",))
+        parse_resolutions(("0:60:1e-6",))
 
 
-def test_targets_are_told_apart_by_names_that_do_not_meet(tmp_path: Path) -> None:
+def test_targets_have_different_names(tmp_path: Path) -> None:
     one = export(tmp_path / "one" / "mug.stl", shapes.sphere(0))
     two = export(tmp_path / "two" / "mug.stl", shapes.sphere(0))
     export(tmp_path / "two" / "cup.stl", shapes.sphere(0))
@@ -243,7 +245,7 @@ def test_targets_are_told_apart_by_names_that_do_not_meet(tmp_path: Path) -> Non
         find_targets([str(tmp_path / "square")])
 
 
-def test_the_search_covers_what_is_swept_and_no_more_is_claimed(tmp_path: Path) -> None:
+def test_the_search_cone_covers_the_sweep(tmp_path: Path) -> None:
     ball = export(tmp_path / "ball.ply", shapes.sphere(2))
     narrow = SweepSettings((0.2,), (0.0, 0.1), Sampling(rays=16))
     swept = sweep_mesh(MeshFile("ball", str(ball)), narrow).sweep
@@ -256,14 +258,14 @@ def test_the_search_covers_what_is_swept_and_no_more_is_claimed(tmp_path: Path) 
 
 
 def killed(mesh: MeshFile, settings: SweepSettings) -> SweptMesh:
-    """A sweep whose process dies on one mesh."""
+    """A sweep whose process is killed on one mesh."""
     if "deadly" in mesh.name:
         os.kill(os.getpid(), signal.SIGKILL)
     return sweep_mesh(mesh, settings)
 
 
 @pytest.mark.slow
-def test_a_mesh_that_kills_its_process_costs_its_own_row_only(tmp_path: Path) -> None:
+def test_a_mesh_whose_process_is_killed_does_not_affect_other_meshes(tmp_path: Path) -> None:
     files = [
         MeshFile(name, str(export(tmp_path / name, shapes.sphere(1))))
         for name in ("1.ply", "2_deadly.ply", "3.ply")
@@ -283,7 +285,7 @@ def test_a_mesh_that_kills_its_process_costs_its_own_row_only(tmp_path: Path) ->
         assert swept.required_resolution(0.5) == pytest.approx(alone.sweep.required_resolution(0.5))
 
 
-def test_the_printed_shares_are_those_of_the_shape(tmp_path: Path) -> None:
+def test_the_printed_fractions_are_those_of_the_shape(tmp_path: Path) -> None:
     done = grasp3d("sweep", "sphere", "--friction", "1", cwd=tmp_path)
     (line,) = re.findall(r"^sphere +1 +(.*)$", done.stdout.split("required")[0], re.MULTILINE)
     swept = sweep(

@@ -1,4 +1,4 @@
-"""`grasp3d view` as a command of its own; the window and the page have tests of theirs."""
+"""The command `grasp3d view`; the window and the page are tested in `tests/viewer`."""
 
 import os
 import re
@@ -45,7 +45,7 @@ def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
     options = ("--width", "401", "--height", "301", "--friction", "0.9", "--paint", "label")
     run = view("box.stl", "--screenshot", "a.png", "--turntable", "a.gif", *options, cwd=box)
     assert run.returncode == 0
-    assert re.fullmatch(r"(compiling, .*\n)?", run.stderr)  # where nothing was compiled before
+    assert re.fullmatch(r"(compiling .*\n)?", run.stderr)  # if nothing was compiled before
     assert run.stdout == "written: a.png\nwritten: a.gif\n"
     with Image.open(box / "a.png") as image:
         colors = np.array(image.convert("RGB"))
@@ -57,17 +57,17 @@ def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
     assert sorted(p.name for p in box.iterdir()) == ["a.gif", "a.png", "box.stl"]
 
 
-def test_without_a_display_it_says_what_to_do(box: Path) -> None:
+def test_the_error_without_a_display_names_the_alternatives(box: Path) -> None:
     run = view("box.stl", cwd=box)
     assert run.returncode == 2
     assert re.fullmatch(r"grasp3d: no display here: .* --web .* --screenshot .*\n", run.stderr)
 
 
 @pytest.mark.parametrize(
-    ("arguments", "told"),
+    ("arguments", "message"),
     [
         (["none.stl", "--screenshot", "a.png"], "none.stl: no such file or folder"),
-        ([".", "--screenshot", "a.png"], "none that grasp3d batch has written"),
+        ([".", "--screenshot", "a.png"], "was not written by grasp3d batch"),
         (["bad.ply", "--screenshot", "a.png"], "bad.ply: .*label"),
         (["text.stl", "--screenshot", "a.png"], "text.stl: "),
         (["box.stl", "--screenshot", "a.jpg"], r"a\.jpg: .*\.png"),
@@ -84,7 +84,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     monkeypatch: pytest.MonkeyPatch,
     capsys: pytest.CaptureFixture[str],
     arguments: list[str],
-    told: str,
+    message: str,
 ) -> None:
     (box / "text.stl").write_text("no mesh at all\n")
     header = "ply\nformat ascii 1.0\nelement vertex 3\nproperty float x\nproperty float y\n"
@@ -95,20 +95,20 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     monkeypatch.chdir(box)
     assert main(["view", *arguments]) == 2
     error = capsys.readouterr().err
-    assert re.fullmatch(rf"grasp3d: .*{told}.*\n", error), error
+    assert re.fullmatch(rf"grasp3d: .*{message}.*\n", error), error
     assert (box / "box.stl").read_bytes() == before
     assert not list(box.glob("a.*"))
 
 
 @needs_opengl
-def test_the_page_is_served_at_a_free_port_until_it_is_ended(box: Path) -> None:
+def test_the_page_is_served_at_a_free_port_until_interrupted(box: Path) -> None:
     with socket.socket() as taken:
         taken.bind(("127.0.0.1", 0))
         taken.listen()
         port = taken.getsockname()[1]
-        words = [str(COMMAND), "view", "box.stl", "--web", "--port", str(port)]
+        command = [str(COMMAND), "view", "box.stl", "--web", "--port", str(port)]
         with subprocess.Popen(
-            words, cwd=box, env=KEPT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
+            command, cwd=box, env=KEPT, text=True, stdout=subprocess.PIPE, stderr=subprocess.PIPE
         ) as run:
             try:
                 assert run.stdout is not None
@@ -123,14 +123,16 @@ def test_the_page_is_served_at_a_free_port_until_it_is_ended(box: Path) -> None:
             finally:
                 run.kill()
     assert (run.returncode, out) == (130, "")
-    assert re.fullmatch(r"(compiling, .*\n)?grasp3d: interrupted\n", error)
+    assert re.fullmatch(r"(compiling .*\n)?grasp3d: interrupted\n", error)
 
 
 @needs_opengl
-def test_the_first_run_says_what_takes_so_long(box: Path, tmp_path: Path) -> None:
-    words = [str(COMMAND), "view", "box.stl", "--web", "--port", "0"]
+def test_the_first_run_prints_a_note_on_compiling(box: Path, tmp_path: Path) -> None:
+    command = [str(COMMAND), "view", "box.stl", "--web", "--port", "0"]
     empty = {**KEPT, "NUMBA_CACHE_DIR": str(tmp_path / "none")}
-    with subprocess.Popen(words, cwd=box, env=empty, text=True, stderr=subprocess.PIPE) as run:
-        assert run.stderr is not None
-        assert run.stderr.readline().startswith("compiling, which the first run has to do")
-        run.kill()
+    with subprocess.Popen(command, cwd=box, env=empty, text=True, stderr=subprocess.PIPE) as run:
+        try:
+            assert run.stderr is not None
+            assert run.stderr.readline().startswith("compiling for the first run")
+        finally:
+            run.kill()

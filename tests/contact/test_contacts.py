@@ -19,7 +19,7 @@ vectors = hnp.arrays(np.float64, (4, 3), elements=st.floats(-1e3, 1e3)).filter(
 
 
 @given(vectors, st.floats(1e-3, 1e3))
-def test_only_the_direction_of_a_normal_counts(normals: np.ndarray, factor: float) -> None:
+def test_only_the_direction_of_a_normal_matters(normals: np.ndarray, factor: float) -> None:
     points = np.zeros_like(normals)
     once, again = Contacts(points, normals), Contacts(points, factor * normals)
     np.testing.assert_allclose(np.linalg.norm(once.normals, axis=1), 1.0, rtol=1e-14)
@@ -28,12 +28,12 @@ def test_only_the_direction_of_a_normal_counts(normals: np.ndarray, factor: floa
 
 
 @pytest.mark.parametrize("length", [5e-324, 1e-300, 1e-170, 1e170, 1e300])
-def test_normals_of_any_length_become_units(length: float) -> None:
+def test_normals_of_any_length_are_normalised(length: float) -> None:
     normals = Contacts(POINTS, [[length, 0.0, 0.0], [0.0, -length, 0.0]]).normals
     assert normals.tolist() == [[1.0, 0.0, 0.0], [0.0, -1.0, 0.0]]
 
 
-def test_what_is_given_is_copied_and_locked() -> None:
+def test_arrays_are_copied_and_read_only() -> None:
     points, normals, friction = np.array(POINTS), np.array(NORMALS), np.array([0.1, 0.2])
     contacts = Contacts(points, normals, friction, 0.01)
     points += 5.0
@@ -49,7 +49,7 @@ def test_what_is_given_is_copied_and_locked() -> None:
         contacts.points = points  # type: ignore[misc]
 
 
-def test_one_number_stands_for_all_contacts() -> None:
+def test_one_number_applies_to_all_contacts() -> None:
     contacts = Contacts(POINTS, NORMALS)
     assert contacts.friction.tolist() == [0.5, 0.5]
     assert contacts.torsion_radius.tolist() == [0.0, 0.0]
@@ -91,12 +91,12 @@ def test_leading_axes_are_a_batch() -> None:
         ((POINTS, NORMALS, {}), "friction must be an array of numbers"),
     ],
 )
-def test_what_does_not_fit_is_named(arguments: tuple[Any, ...], message: str) -> None:
+def test_errors_name_the_invalid_argument(arguments: tuple[Any, ...], message: str) -> None:
     with pytest.raises(ContactError, match=message):
         Contacts(*arguments)
 
 
-def test_a_batch_is_reshaped_and_taken_from_without_losing_a_bit() -> None:
+def test_reshape_and_take_keep_all_values_exactly() -> None:
     rng = np.random.default_rng(0)
     normals = rng.normal(size=(6, 3, 3))
     contacts = Contacts(rng.normal(size=(6, 3, 3)), normals, rng.random((6, 3)), rng.random((6, 3)))

@@ -8,7 +8,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp3d.contact.friction_cones import (
-    STEEP,
+    NEAR_X_AXIS,
     cone_edges,
     edge_angles,
     effective_friction,
@@ -26,13 +26,13 @@ normals = (
     .filter(lambda v: bool(np.linalg.norm(v) > 1e-3))
     .map(lambda v: v / np.linalg.norm(v))
 )
-# Where the tangents change over from one axis to the other.
+# Where the reference axis of the tangents changes.
 steep_normals = st.tuples(st.sampled_from([-1.0, 1.0]), st.floats(0.0, 2.0 * math.pi)).map(
     lambda t: np.array(
         [
-            t[0] * STEEP,
-            math.sqrt(1.0 - STEEP**2) * math.cos(t[1]),
-            math.sqrt(1.0 - STEEP**2) * math.sin(t[1]),
+            t[0] * NEAR_X_AXIS,
+            math.sqrt(1.0 - NEAR_X_AXIS**2) * math.cos(t[1]),
+            math.sqrt(1.0 - NEAR_X_AXIS**2) * math.sin(t[1]),
         ]
     )
 )
@@ -55,7 +55,9 @@ def test_every_edge_is_a_unit_force_at_the_friction_angle(
 
 
 @given(any_normals, st.floats(0.01, 1.5), st.integers(3, 40))
-def test_edges_stand_evenly_about_the_normal(normal: np.ndarray, beta: float, edges: int) -> None:
+def test_edges_are_evenly_spaced_about_the_normal(
+    normal: np.ndarray, beta: float, edges: int
+) -> None:
     forces = cone_edges(normal, beta, edges=edges)
     steps = np.linalg.norm(forces - np.roll(forces, 1, axis=0), axis=1)
     np.testing.assert_allclose(steps, 2.0 * math.sin(beta) * math.sin(math.pi / edges), rtol=1e-12)
@@ -71,13 +73,13 @@ def test_tangents_make_a_right_handed_frame(normal: np.ndarray) -> None:
 
 
 @given(st.floats(0.0, 2.0 * math.pi))
-def test_contacts_in_the_xy_plane_have_their_first_tangent_along_z(turn: float) -> None:
-    first, _ = tangents([math.cos(turn), math.sin(turn), 0.0])
+def test_contacts_in_the_xy_plane_have_their_first_tangent_along_z(angle: float) -> None:
+    first, _ = tangents([math.cos(angle), math.sin(angle), 0.0])
     assert abs(first[2]) == pytest.approx(1.0, abs=1e-15)
 
 
 @given(any_normals, st.floats(0.1, 1.4), st.integers(3, 20))
-def test_phase_counts_from_the_first_tangent(normal: np.ndarray, beta: float, edges: int) -> None:
+def test_the_phase_starts_at_the_first_tangent(normal: np.ndarray, beta: float, edges: int) -> None:
     forces = cone_edges(normal, beta, edges=edges)
     first, second = tangents(normal)
     np.testing.assert_allclose(forces[0], math.cos(beta) * normal + math.sin(beta) * first)
@@ -113,7 +115,7 @@ def test_extreme_normals_lie_on_the_rim_and_the_given_one_comes_first(
 
 
 @given(any_normals, st.floats(0.0, 1.5), st.integers(3, 9), st.integers(1, 4))
-def test_rings_of_extreme_normals_stand_at_even_steps(
+def test_rings_of_extreme_normals_are_at_even_steps(
     normal: np.ndarray, tilt: float, count: int, rings: int
 ) -> None:
     tilted = tilted_normals(normal, tilt, count=count, rings=rings)
@@ -138,7 +140,7 @@ def test_each_normal_has_its_own_tilt() -> None:
 
 
 @given(any_normals, any_normals, st.floats(0.0, 3.2), st.floats(1e-3, 1e3))
-def test_turning_goes_toward_the_goal_and_not_past_it(
+def test_normals_turn_toward_the_goal_and_not_past_it(
     normal: np.ndarray, goal: np.ndarray, tilt: float, length: float
 ) -> None:
     result = turned(normal[None], length * goal[None], np.array([tilt]))[0]
@@ -148,7 +150,7 @@ def test_turning_goes_toward_the_goal_and_not_past_it(
     assert angles_to(goal, result) == pytest.approx(max(gap - tilt, 0.0), abs=1e-9)
 
 
-def test_turning_where_there_is_no_way_or_any() -> None:
+def test_turning_toward_zero_opposite_equal_and_nan_goals() -> None:
     normals = np.tile([0.0, 0.0, 1.0], (4, 1))
     goals = np.array([[0.0, 0, 0], [0, 0, -2], [0, 0, 3], [math.nan, 0, 0]])
     result = turned(normals, goals, np.full(4, 0.5))
@@ -159,7 +161,9 @@ def test_turning_where_there_is_no_way_or_any() -> None:
 
 
 @given(any_normals, any_normals, st.integers(1, 9))
-def test_arcs_are_walked_at_even_steps(first: np.ndarray, second: np.ndarray, steps: int) -> None:
+def test_points_on_arcs_are_at_even_steps(
+    first: np.ndarray, second: np.ndarray, steps: int
+) -> None:
     arc = on_arcs(first, second, np.linspace(0.0, 1.0, steps + 1))
     width = angles_to(first, second)
     np.testing.assert_allclose(angles_to(first, arc[0]), 0.0, atol=1e-9)
@@ -171,11 +175,13 @@ def test_arcs_are_walked_at_even_steps(first: np.ndarray, second: np.ndarray, st
 
 
 @given(st.floats(0.0, 10.0), st.floats(0.0, 3.0))
-def test_effective_friction_is_what_no_tilt_takes_away(friction: float, resolution: float) -> None:
+def test_effective_friction_is_the_friction_angle_minus_the_tilt(
+    friction: float, resolution: float
+) -> None:
     effective = effective_friction(friction, resolution)
     assert 0.0 <= effective <= friction * (1.0 + 1e-14)
-    left = math.atan(friction) - resolution / 2.0
-    assert math.atan(effective) == pytest.approx(max(left, 0.0), abs=1e-14)
+    expected = max(math.atan(friction) - resolution / 2.0, 0.0)
+    assert math.atan(effective) == pytest.approx(expected, abs=1e-14)
 
 
 def test_known_effective_friction() -> None:
@@ -209,7 +215,7 @@ def test_effective_friction_of_many_contacts_at_once() -> None:
         (0.5, [0.1, math.inf], "sensor resolution must be finite"),
     ],
 )
-def test_effective_friction_of_numbers_that_are_none(
+def test_effective_friction_refuses_invalid_values(
     friction: Any, resolution: Any, message: str
 ) -> None:
     with pytest.raises(SettingError, match=message):
@@ -217,7 +223,7 @@ def test_effective_friction_of_numbers_that_are_none(
 
 
 @pytest.mark.parametrize("edges", [-1, 0, 1, 2, 2.9, 8.5, math.nan, math.inf])
-def test_fewer_than_three_edges_or_part_of_one_are_refused(edges: Any) -> None:
+def test_fewer_than_three_or_fractional_edges_are_refused(edges: Any) -> None:
     with pytest.raises(SettingError, match="at least 3 edges, a whole number; got"):
         edge_angles(edges)
     with pytest.raises(SettingError, match="at least 3 edges"):
@@ -225,7 +231,7 @@ def test_fewer_than_three_edges_or_part_of_one_are_refused(edges: Any) -> None:
 
 
 @pytest.mark.parametrize("phase", [math.nan, math.inf])
-def test_a_phase_is_a_number(phase: float) -> None:
+def test_a_phase_must_be_finite(phase: float) -> None:
     with pytest.raises(SettingError, match="phase of the edges must be finite; got"):
         edge_angles(8, phase)
 

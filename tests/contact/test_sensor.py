@@ -9,7 +9,7 @@ from scipy.integrate import quad
 
 import grasp3d
 from grasp3d.contact.friction_cones import effective_friction
-from grasp3d.contact.sensor import SMALL, Sensor, radius_of, resolution_limit
+from grasp3d.contact.sensor import SMALL_UNCERTAINTY, Sensor, radius_of, resolution_limit
 from grasp3d.errors import SettingError
 
 radii = st.floats(1e-3, 1e3)
@@ -21,7 +21,7 @@ tips = st.one_of(radii, st.just(math.inf))
 
 @st.composite
 def sensors(draw: st.DrawFn) -> Sensor:
-    """Round ones and flat ones."""
+    """Round and flat fingertips."""
     radius = draw(tips)
     if math.isinf(radius):
         return Sensor(draw(st.floats(1e-3, 1e3)), radius)
@@ -40,7 +40,7 @@ def test_a_sensor_made_for_a_resolution_has_it(resolution: float, radius: float)
 
 
 @given(frictions, radii)
-def test_just_too_coarse_without_locations_is_the_bound_of_the_paper(
+def test_the_limiting_sensor_without_locations_is_the_bound_of_the_paper(
     friction: float, radius: float
 ) -> None:
     sensor = Sensor.limiting(friction, radius)
@@ -49,7 +49,7 @@ def test_just_too_coarse_without_locations_is_the_bound_of_the_paper(
 
 
 @given(frictions, tips, openings)
-def test_just_too_coarse_needs_just_the_friction_that_it_was_made_for(
+def test_the_limiting_sensor_requires_exactly_its_friction(
     friction: float, radius: float, opening: float
 ) -> None:
     sensor = Sensor.limiting(friction, radius, opening=opening)
@@ -61,7 +61,7 @@ def test_just_too_coarse_needs_just_the_friction_that_it_was_made_for(
 
 
 @given(sensors(), openings)
-def test_no_friction_is_left_at_the_required_one_and_some_just_above(
+def test_effective_friction_is_zero_at_the_required_friction_and_positive_above(
     sensor: Sensor, opening: float
 ) -> None:
     for needed, angle in (
@@ -97,11 +97,11 @@ def test_the_unit_of_length_does_not_matter(sensor: Sensor, opening: float, unit
 
 
 @given(sensors().filter(lambda sensor: not sensor.flat), openings, st.data())
-def test_round_fingertips_come_to_flat_ones_as_they_grow(
+def test_round_fingertips_approach_flat_ones_as_they_grow(
     sensor: Sensor, opening: float, data: st.DataObject
 ) -> None:
     flat = Sensor(sensor.receptive_field, math.inf)
-    # Bent by far less than its receptive field and the opening can show.
+    # The radius is much larger than the receptive field and the opening.
     factor = data.draw(st.floats(1e9, 1e30))
     near = Sensor(sensor.receptive_field, factor * max(sensor.receptive_field, opening))
     assert near.misalignment(opening) == pytest.approx(flat.misalignment(opening), rel=1e-6)
@@ -117,17 +117,18 @@ def contacts_within(
 ) -> tuple[np.ndarray, np.ndarray]:
     """Contacts of two opposing fingers, tilted by (k, 2) angles in (k, 2) directions about x.
 
-    The tips stand where they stand; a contact at an angle on a tip lies along its arc from where
-    it is perceived, (k, 2, 3) each.
+    The fingertips do not move; a contact at an angle on a tip is displaced along its arc from the
+    perceived contact. Returns (points, normals), (k, 2, 3) each.
     """
     inward = np.array([1.0, -1.0])
-    aside = np.stack([np.zeros_like(turns), np.cos(turns), np.sin(turns)], axis=-1)
+    tangential = np.stack([np.zeros_like(turns), np.cos(turns), np.sin(turns)], axis=-1)
     along = np.array([1.0, 0.0, 0.0])
     if sensor.flat:
-        normals = np.broadcast_to(inward[:, None] * along, aside.shape)
-        return -0.5 * opening * normals + tilts[..., None] * aside, normals
+        normals = np.broadcast_to(inward[:, None] * along, tangential.shape)
+        return -0.5 * opening * normals + tilts[..., None] * tangential, normals
     radius = sensor.fingertip_radius
-    normals = inward[:, None] * np.cos(tilts)[..., None] * along + np.sin(tilts)[..., None] * aside
+    cosines, sines = np.cos(tilts)[..., None], np.sin(tilts)[..., None]
+    normals = inward[:, None] * cosines * along + sines * tangential
     centers = -inward[:, None] * (opening / 2.0 + radius) * along
     return centers + radius * normals, normals
 
@@ -144,14 +145,14 @@ def contacts_within(
         (Sensor(1.0, 1.0), 10.0),
     ],
 )
-def test_misalignment_is_the_largest_critical_angle_of_grasps_that_feel_alike(
+def test_misalignment_is_the_largest_critical_angle_of_indistinguishable_grasps(
     sensor: Sensor, opening: float
 ) -> None:
     rng = np.random.default_rng(7)
-    reach = sensor.location_uncertainty if sensor.flat else sensor.tilt
-    tilts = reach * np.sqrt(rng.uniform(size=(4000, 2)))
+    largest = sensor.location_uncertainty if sensor.flat else sensor.tilt
+    tilts = largest * np.sqrt(rng.uniform(size=(4000, 2)))
     turns = rng.uniform(0.0, 2.0 * math.pi, size=(4000, 2))
-    tilts[0], turns[0] = reach, (0.0, math.pi)  # the ends of both fields, on opposite sides
+    tilts[0], turns[0] = largest, (0.0, math.pi)  # the ends of both fields, on opposite sides
     points, normals = contacts_within(sensor, opening, tilts, turns)
     angles = grasp3d.critical_friction_angle(grasp3d.Contacts(points, normals, friction=0.5))
     assert angles[0] == pytest.approx(sensor.misalignment(opening), abs=1e-12)
@@ -162,7 +163,7 @@ def test_misalignment_is_the_largest_critical_angle_of_grasps_that_feel_alike(
     assert turned.max() <= sensor.line_error(opening) + 1e-12
 
 
-def test_no_line_turns_past_the_one_that_touches_both_tips() -> None:
+def test_no_line_turns_past_the_common_tangent_of_both_tips() -> None:
     sensor, opening = Sensor(28.0, 10.0), 4.0  # a tilt of 80 degrees on a thin plate
     tilts = np.stack(np.meshgrid(*2 * [np.linspace(0.0, sensor.tilt, 801)]), -1).reshape(-1, 2)
     points, _ = contacts_within(sensor, opening, tilts, np.full_like(tilts, [0.0, math.pi]))
@@ -190,7 +191,7 @@ def test_numbers_of_sensors_are_areas_rounded_up(resolution: float) -> None:
 
 
 @pytest.mark.parametrize("count", range(2, 400))
-def test_what_covers_exactly_is_not_rounded_up(count: int) -> None:
+def test_exact_coverage_is_not_rounded_up(count: int) -> None:
     discs = Sensor.for_resolution(math.sqrt(8.0 / count), 7.0)
     assert discs.sensors_by_discs == count
     caps = Sensor.for_resolution(2.0 * math.acos(1.0 - 1.0 / count), 7.0)
@@ -210,7 +211,7 @@ def test_the_numbers_of_the_paper() -> None:
     assert Sensor(4.0, 10.0).sensors_by_discs == 50  # 3.95 mm rounded to 4, as in the paper
 
 
-def test_a_flat_fingertip_has_one_normal_and_an_uncertain_place() -> None:
+def test_a_flat_fingertip_has_one_normal_and_an_uncertain_location() -> None:
     for sensor in (Sensor(4.0, math.inf), Sensor.of_curvature(4.0, 0.0)):
         assert (sensor.flat, sensor.curvature, sensor.resolution, sensor.tilt) == (True, 0, 0, 0)
         assert sensor.location_uncertainty == 2.0
@@ -220,7 +221,7 @@ def test_a_flat_fingertip_has_one_normal_and_an_uncertain_place() -> None:
         assert (sensor.sensors_by_discs, sensor.sensors_by_caps) == (None, None)
 
 
-def test_the_tiniest_and_the_longest_fields() -> None:
+def test_extreme_receptive_fields() -> None:
     for field, radius in ((1e-300, 1.0), (1e-300, 1e300), (5e-324, 1e308), (1.0, 1e308)):
         tiny = Sensor(field, radius)
         assert (tiny.sensors_by_discs, tiny.sensors_by_caps) == (None, None)
@@ -235,29 +236,29 @@ def test_the_tiniest_and_the_longest_fields() -> None:
 
 
 @pytest.mark.parametrize("friction", [1e-9, 1e-6, 10.0, 1e6])
-def test_the_least_and_the_largest_friction(friction: float) -> None:
+def test_extreme_friction(friction: float) -> None:
     sensor = Sensor.limiting(friction, 10.0)
     assert 0.0 < sensor.resolution < math.pi
     assert sensor.required_friction == pytest.approx(friction, rel=1e-9)
     for opening in (1e-300, 1e-6, 1.0, 1e300):
-        counted = Sensor.limiting(friction, 10.0, opening=opening)
-        assert 0.0 < counted.resolution <= sensor.resolution
-        assert counted.misalignment(opening) == pytest.approx(math.atan(friction), rel=1e-9)
+        with_locations = Sensor.limiting(friction, 10.0, opening=opening)
+        assert 0.0 < with_locations.resolution <= sensor.resolution
+        assert with_locations.misalignment(opening) == pytest.approx(math.atan(friction), rel=1e-9)
 
 
 @pytest.mark.parametrize("radius", [10.0, math.inf])
-def test_a_warning_stands_where_the_location_is_not_small_against_the_object(radius: float) -> None:
+def test_a_location_uncertainty_that_is_not_small_gives_a_warning(radius: float) -> None:
     sensor = Sensor(4.0, radius)
-    limit = sensor.location_uncertainty / SMALL
+    limit = sensor.location_uncertainty / SMALL_UNCERTAINTY
     assert sensor.warnings(1.001 * limit) == ()
     (warning,) = sensor.warnings(0.999 * limit)
     needed = f"above {sensor.required_friction_at(0.999 * limit):.4g} instead of "
     assert needed + f"{sensor.required_friction:.4g}" in warning
     assert warning.startswith("the location uncertainty, 5.01 % of the object's size, is not small")
-    # What the limit means: the line takes a friction of 0.1 for itself.
-    assert sensor.line_error(limit) == pytest.approx(math.atan(2.0 * SMALL), rel=0.03)
+    # At the limit the turn of the line requires a friction of 0.1.
+    assert sensor.line_error(limit) == pytest.approx(math.atan(2.0 * SMALL_UNCERTAINTY), rel=0.03)
     (worst,) = Sensor(31.0, 10.0).warnings(20.0)
-    assert worst.endswith("which no friction can bear")
+    assert worst.endswith("which no friction compensates")
 
 
 @pytest.mark.parametrize(
@@ -275,29 +276,27 @@ def test_a_warning_stands_where_the_location_is_not_small_against_the_object(rad
         (40.0, 10.0, "must be shorter than half"),
     ],
 )
-def test_no_sensor_is_made_of_lengths_that_are_none(
-    field: float, radius: float, message: str
-) -> None:
+def test_invalid_lengths_of_a_sensor_are_refused(field: float, radius: float, message: str) -> None:
     with pytest.raises(SettingError, match=message):
         Sensor(field, radius)
 
 
 @pytest.mark.parametrize("curvature", [-0.1, math.nan, math.inf])
-def test_curvature_is_a_finite_number_from_0(curvature: float) -> None:
+def test_curvature_must_be_finite_and_at_least_0(curvature: float) -> None:
     with pytest.raises(SettingError, match="curvature must be a finite number of at least 0"):
         Sensor.of_curvature(1.0, curvature)
     assert math.isinf(radius_of(1e-320))
 
 
 @pytest.mark.parametrize("resolution", [0.0, -0.1, math.pi, math.nan, 22.6])
-def test_a_round_tip_resolves_more_than_nothing_and_less_than_180_degrees(
+def test_the_resolution_of_a_round_tip_is_between_0_and_180_degrees(
     resolution: float,
 ) -> None:
     with pytest.raises(SettingError, match="above 0 and below 180 degrees"):
         Sensor.for_resolution(resolution, 10.0)
 
 
-def test_a_flat_tip_is_not_made_for_a_resolution_and_has_no_limit_by_its_normals() -> None:
+def test_a_flat_tip_has_neither_a_given_resolution_nor_a_limit_without_opening() -> None:
     with pytest.raises(SettingError, match="its resolution is 0; give its receptive field"):
         Sensor.for_resolution(0.3, math.inf)
     with pytest.raises(SettingError, match="give the opening"):
@@ -309,18 +308,18 @@ def test_a_flat_tip_is_not_made_for_a_resolution_and_has_no_limit_by_its_normals
 
 
 @pytest.mark.parametrize("opening", [0.0, -1.0, math.nan])
-def test_an_opening_is_above_0(opening: float) -> None:
+def test_an_opening_must_be_above_0(opening: float) -> None:
     sensor = Sensor(4.0, 10.0)
-    for ask in (
+    for function in (
         sensor.line_error, sensor.misalignment, sensor.required_friction_at, sensor.warnings,
         lambda size: Sensor.limiting(0.5, 10.0, opening=size),
     ):  # fmt: skip
         with pytest.raises(SettingError, match="distance between two fingers must be above 0"):
-            ask(opening)
+            function(opening)
 
 
 @pytest.mark.parametrize("friction", [0.0, -0.5, math.nan, math.inf])
-def test_friction_is_a_finite_number_above_0(friction: float) -> None:
+def test_friction_must_be_a_finite_number_above_0(friction: float) -> None:
     with pytest.raises(SettingError, match="friction must be a finite number above 0"):
         resolution_limit(friction)
     with pytest.raises(SettingError, match="friction must be a finite number above 0"):

@@ -1,4 +1,4 @@
-"""What a diagnosis says of meshes whose faults are known."""
+"""Diagnoses of meshes with known defects."""
 
 import math
 from pathlib import Path
@@ -21,7 +21,7 @@ def written(folder: Path, surface: Surface, name: str = "part.ply") -> Path:
     return folder / name
 
 
-def test_of_a_sound_mesh_nothing_is_doubted(tmp_path: Path) -> None:
+def test_a_sound_mesh_has_no_warnings(tmp_path: Path) -> None:
     found = check_mesh(written(tmp_path, shapes.box((0.04, 0.06, 0.08))), unit="m")
     assert found.trust is Trust.YES
     assert found.warnings == found.repairs == ()
@@ -53,7 +53,7 @@ def test_an_inside_out_mesh_has_a_negative_volume_before_repair_and_not_after(
     assert found.trust is Trust.YES
 
 
-def test_repair_none_leaves_it_and_says_so(tmp_path: Path) -> None:
+def test_repair_none_keeps_the_orientation_and_warns(tmp_path: Path) -> None:
     vertices, faces = shapes.sphere(2)
     found = check_mesh(written(tmp_path, (vertices, faces[:, ::-1])), repair="none")
     assert found.after.volume == found.before.volume
@@ -61,7 +61,7 @@ def test_repair_none_leaves_it_and_says_so(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(("left_out", "trust"), [(8, Trust.CARE), (200, Trust.NO)])
-def test_how_much_is_missing_decides_the_trust(tmp_path: Path, left_out: int, trust: Trust) -> None:
+def test_the_area_of_holes_decides_the_trust(tmp_path: Path, left_out: int, trust: Trust) -> None:
     vertices, faces = shapes.sphere(3)
     height = vertices[faces].mean(axis=1)[:, 2]
     kept = faces[np.argsort(height)[: len(faces) - left_out]]
@@ -72,80 +72,84 @@ def test_how_much_is_missing_decides_the_trust(tmp_path: Path, left_out: int, tr
     assert found.after.boundary_edges > 0
     assert any("--repair full" in warning.message for warning in found.warnings)
     assert found.manifold == "NotManifold"
-    mended = check_mesh(path, repair="full")
-    assert mended.after.closed
-    assert mended.manifold == "NoError"
-    assert mended.trust is trust  # what closes them is a guess
-    assert any("closed by a guess" in warning.message for warning in mended.warnings)
+    repaired = check_mesh(path, repair="full")
+    assert repaired.after.closed
+    assert repaired.manifold == "NoError"
+    assert repaired.trust is trust  # the filling is a guess
+    assert any("closed by repair with a guess" in warning.message for warning in repaired.warnings)
 
 
-def test_a_sheet_without_inside_is_not_trusted(tmp_path: Path) -> None:
+def test_a_sheet_without_interior_is_not_trusted(tmp_path: Path) -> None:
     vertices = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0]])
     found = check_mesh(written(tmp_path, (vertices, np.array([[0, 1, 2], [0, 2, 1]])), "a.off"))
     assert found.trust is Trust.NO
 
 
-def test_a_surface_that_crosses_itself_is_told(tmp_path: Path) -> None:
+def test_a_self_intersecting_surface_has_a_warning(tmp_path: Path) -> None:
     vertices, faces = shapes.torus(1.0, 0.3)
     folded = vertices.copy()
     folded[:, 0] = np.abs(folded[:, 0] + 0.2) - 0.2  # one half folded into the other
     found = check_mesh(written(tmp_path, (folded, faces)), repair="none")
     assert found.crossing_faces > 0
     assert 0.0 < found.self_intersecting_fraction < 1.0
-    assert any("cross others" in warning.message for warning in found.warnings)
+    assert any("intersect others" in warning.message for warning in found.warnings)
 
 
 @pytest.mark.parametrize(
-    ("count", "share", "trust"), [(0, 0.0, []), (5, 0.05, [Trust.CARE]), (5, 0.2, [Trust.NO])]
+    ("count", "fraction", "trust"), [(0, 0.0, []), (5, 0.05, [Trust.CARE]), (5, 0.2, [Trust.NO])]
 )
-def test_how_much_crosses_decides_the_trust(count: int, share: float, trust: list[Trust]) -> None:
-    assert [warning.trust for warning in self_intersection_warnings(count, share)] == trust
+def test_the_self_intersecting_area_decides_the_trust(
+    count: int, fraction: float, trust: list[Trust]
+) -> None:
+    assert [warning.trust for warning in self_intersection_warnings(count, fraction)] == trust
 
 
-def test_faces_that_have_collapsed_open_no_surface(tmp_path: Path) -> None:
+def test_degenerate_faces_do_not_open_a_surface(tmp_path: Path) -> None:
     vertices, faces = shapes.box()
     found = check_mesh(written(tmp_path, (vertices, np.append(faces, [[0, 0, 1]], axis=0))))
     assert found.before.closed
     assert (found.before.faces, found.after.faces) == (13, 12)
 
 
-def noisy(surface: Surface, share: float) -> Surface:
+def noisy(surface: Surface, deviation: float) -> Surface:
     vertices, faces = surface
-    noise = np.random.default_rng(5).normal(0.0, share, len(vertices))
+    noise = np.random.default_rng(5).normal(0.0, deviation, len(vertices))
     return vertices * (1.0 + noise)[:, None], faces
 
 
-def told_of_noise(found: MeshDiagnosis) -> list[str]:
-    return [warning.message for warning in found.warnings if "normals are off" in warning.message]
+def noise_messages(found: MeshDiagnosis) -> list[str]:
+    messages = [warning.message for warning in found.warnings]
+    return [message for message in messages if "the surface is rough" in message]
 
 
-def test_a_rough_surface_is_told_with_a_patch_that_calms_it(tmp_path: Path) -> None:
+def test_a_rough_surface_has_a_warning_with_a_sufficient_patch_radius(tmp_path: Path) -> None:
     path = written(tmp_path, noisy(shapes.sphere(4), 0.007))
     found = check_mesh(path)
     assert found.trust is Trust.CARE
-    (told,) = told_of_noise(found)
-    radius = float(told.split(" patch of ")[1].split()[0])
+    (message,) = noise_messages(found)
+    radius = float(message.split(" patch radius of ")[1].split()[0])
     assert 0.02 < radius / found.size < 0.1
     assert check_mesh(path, patch_radius=radius).trust is Trust.YES
-    (small,) = told_of_noise(check_mesh(path, patch_radius=0.5 * radius))
-    assert f"is small for it, {radius:g} may do" in small
+    (small,) = noise_messages(check_mesh(path, patch_radius=0.5 * radius))
+    assert f"try a patch radius of {radius:g}" in small
+    assert "is too small" in small
 
 
-def test_of_a_surface_too_rough_for_a_patch_that_is_told(tmp_path: Path) -> None:
-    (told,) = told_of_noise(check_mesh(written(tmp_path, noisy(shapes.sphere(4), 0.03))))
-    assert "smooth or remesh it" in told
+def test_a_surface_too_rough_for_a_patch_has_another_warning(tmp_path: Path) -> None:
+    (rough,) = noise_messages(check_mesh(written(tmp_path, noisy(shapes.sphere(4), 0.03))))
+    assert "smooth or remesh it" in rough
     vertices, faces = shapes.torus(1.0, 0.03)  # a ring of wire, thinner than any patch
     noise = np.random.default_rng(2).normal(0.0, 0.001, vertices.shape)
-    (thin,) = told_of_noise(check_mesh(written(tmp_path, (vertices + noise, faces))))
+    (thin,) = noise_messages(check_mesh(written(tmp_path, (vertices + noise, faces))))
     assert "smooth or remesh it" in thin
 
 
-def test_separate_bodies_are_told_and_cavities_are_none(tmp_path: Path) -> None:
+def test_separate_bodies_have_a_warning_and_cavities_have_none(tmp_path: Path) -> None:
     vertices, faces = shapes.sphere(2, 0.05)
     two = np.concatenate([vertices, vertices + 0.2]), np.concatenate([faces, faces + len(vertices)])
     found = check_mesh(written(tmp_path, two))
     assert (found.bodies, found.cavities, found.trust) == (2, 0, Trust.CARE)
-    assert any("separate bodies, 2," in warning.message for warning in found.warnings)
+    assert any("separate bodies: 2," in warning.message for warning in found.warnings)
     hollow = (
         np.concatenate([vertices, 0.5 * vertices]),
         np.concatenate([faces, faces[:, ::-1] + len(vertices)]),
@@ -154,20 +158,20 @@ def test_separate_bodies_are_told_and_cavities_are_none(tmp_path: Path) -> None:
     assert (found.bodies, found.cavities, found.trust) == (1, 1, Trust.YES)
 
 
-@pytest.mark.parametrize(("far", "trust"), [(0.2, Trust.CARE), (10.0, Trust.NO)])
-def test_strays_that_make_the_object_large_are_told(
-    tmp_path: Path, far: float, trust: Trust
+@pytest.mark.parametrize(("distance", "trust"), [(0.2, Trust.CARE), (10.0, Trust.NO)])
+def test_stray_parts_that_enlarge_the_object_have_a_warning(
+    tmp_path: Path, distance: float, trust: Trust
 ) -> None:
     vertices, faces = shapes.sphere(3, 0.05)
-    small = 0.01 * vertices + far
+    small = 0.01 * vertices + distance
     both = np.concatenate([vertices, small]), np.concatenate([faces, faces + len(vertices)])
     found = check_mesh(written(tmp_path, both))
     assert found.trust is trust
-    assert any("stray pieces, 1," in warning.message for warning in found.warnings)
+    assert any("stray parts: 1," in warning.message for warning in found.warnings)
 
 
 @pytest.mark.parametrize(
-    ("given", "told"),
+    ("lengths", "expected"),
     [
         ({"max_opening": 80.0}, "max_opening 80 is 1,000 times the object's size"),
         ({"max_opening": 0.0004}, "max_opening 0.0004 is 1/200 of"),
@@ -177,18 +181,24 @@ def test_strays_that_make_the_object_large_are_told(
         ({}, ""),
     ],
 )
-def test_lengths_in_another_unit_are_told(given: dict[str, float], told: str) -> None:
-    said = length_warnings(0.08, "m", GraspModel(), Sampling(**given), MeshOptions())  # type: ignore[arg-type]
-    assert ([told in line and "in m;" in line for line in said] == [True]) if told else not said
+def test_lengths_in_another_unit_have_a_warning(lengths: dict[str, float], expected: str) -> None:
+    sampling = Sampling(**lengths)  # type: ignore[arg-type]
+    messages = length_warnings(0.08, "m", GraspModel(), sampling, MeshOptions())
+    if not expected:
+        assert not messages
+        return
+    (message,) = messages
+    assert expected in message
+    assert "in m;" in message
 
 
-def test_lengths_of_an_unstated_unit_say_so() -> None:
+def test_warnings_about_lengths_mention_an_unstated_unit() -> None:
     model = GraspModel(torsion_radius=5.0)
-    (said,) = length_warnings(0.08, None, model, Sampling(), MeshOptions())
-    assert "which nobody stated" in said
+    (message,) = length_warnings(0.08, None, model, Sampling(), MeshOptions())
+    assert "which is not stated" in message
 
 
-def test_what_cannot_be_loaded_cannot_be_checked(tmp_path: Path) -> None:
+def test_a_mesh_that_cannot_be_loaded_cannot_be_checked(tmp_path: Path) -> None:
     (tmp_path / "empty.stl").write_bytes(b"")
     with pytest.raises(MeshError, match="is empty"):
         check_mesh(tmp_path / "empty.stl")
@@ -201,7 +211,7 @@ def test_more_fingers_cost_more(tmp_path: Path) -> None:
     assert three.memory > two.memory
 
 
-def test_moving_and_scaling_change_no_verdict(tmp_path: Path) -> None:
+def test_the_diagnosis_does_not_depend_on_position_and_scale(tmp_path: Path) -> None:
     vertices, faces = shapes.torus(1.0, 0.3)
     kept = faces[5:]
     found = check_mesh(written(tmp_path, (vertices, kept)))

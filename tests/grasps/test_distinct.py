@@ -15,9 +15,9 @@ from grasp3d import (
     scan_surface,
 )
 from grasp3d.errors import SettingError
-from grasp3d.grasps.distinct import ALIKE, APART, best_grasps, matched_distance
+from grasp3d.grasps.distinct import ANGLE_STEP, DISTINCT, best_grasps, matched_distance
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.surface.labels import Reason
+from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 
 Floats = NDArray[np.float64]
@@ -27,7 +27,7 @@ ALL = 10_000
 
 @cache
 def labels(fingers: int) -> SurfaceLabels:
-    """A blob without symmetry, or a box, where many grasps are equally good and creases are."""
+    """Labels of a blob without symmetry."""
     vertices, faces = shapes.sphere(2)
     x, y, z = vertices.T
     blob = vertices * (1.0 + 0.25 * x * y + 0.15 * z**3)[:, None] * (1.0, 0.8, 1.3)
@@ -38,12 +38,13 @@ def labels(fingers: int) -> SurfaceLabels:
 
 @cache
 def box_labels() -> SurfaceLabels:
+    """Labels of a box, with creases and many equally good grasps."""
     mesh = mesh_from_arrays(*shapes.box((1.0, 0.7, 0.5)), max_edge=0.2)
     return label_surface(mesh, GraspModel(), sampling=Sampling(rays=16))
 
 
 def farthest_pair(one: Floats, other: Floats) -> float:
-    """Straight from the definition."""
+    """`matched_distance` by its definition."""
     return min(
         max(math.dist(a, b) for a, b in zip(one, order, strict=True))
         for order in itertools.permutations(other)
@@ -51,68 +52,68 @@ def farthest_pair(one: Floats, other: Floats) -> float:
 
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5])
-def test_matching_tries_every_order(count: int) -> None:
+def test_contacts_are_matched_in_every_order(count: int) -> None:
     points = np.random.default_rng(count).normal(size=(20, count, 3))
     other = points[4][::-1]
     found = matched_distance(points, other)
     assert found[4] == 0.0
-    assert found == pytest.approx([farthest_pair(some, other) for some in points])
+    assert found == pytest.approx([farthest_pair(grasp, other) for grasp in points])
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_the_best_grasps_are_apart_and_every_other_is_near_a_better_one(fingers: int) -> None:
-    of = labels(fingers)
-    apart = APART * of.mesh.size
-    found = best_grasps(of, ALL)
+def test_best_grasps_are_distinct_and_every_other_is_near_a_better_one(fingers: int) -> None:
+    labelled = labels(fingers)
+    limit = DISTINCT * labelled.mesh.size
+    found = best_grasps(labelled, ALL)
     points = found.contacts.points
     assert 1 < found.size < 100
-    for one, two in itertools.combinations(points, 2):
-        assert farthest_pair(one, two) >= apart
-    held = np.flatnonzero(of.reason == Reason.FOUND)
+    for first, second in itertools.combinations(points, 2):
+        assert farthest_pair(first, second) >= limit
+    vertices = np.flatnonzero(labelled.reason == Reason.FOUND)
     worst = found.critical_angle
-    for vertex in held[::7]:
-        grasp = np.concatenate([of.mesh.vertices[vertex, None], of.partners[vertex]])
-        near = np.array([farthest_pair(grasp, some) for some in points]) < apart + 1e-9
-        assert (worst[near] < of.critical_angle[vertex] + ALIKE + 3e-4).any()
+    for vertex in vertices[::7]:
+        grasp = np.concatenate([labelled.mesh.vertices[vertex, None], labelled.partners[vertex]])
+        near = np.array([farthest_pair(grasp, kept) for kept in points]) < limit + 1e-9
+        assert (worst[near] < labelled.critical_angle[vertex] + ANGLE_STEP + 3e-4).any()
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_the_best_come_first_and_larger_epsilons_among_equals(fingers: int) -> None:
+def test_best_grasps_are_sorted_by_angle_and_then_by_epsilon(fingers: int) -> None:
     found = best_grasps(labels(fingers), ALL, distance=0.0)
-    step = np.floor(found.critical_angle / ALIKE)
+    step = np.floor(found.critical_angle / ANGLE_STEP)
     assert found.critical_angle.min() == found.critical_angle[step == step[0]].min()
-    # The angles were computed anew, within their own tolerance.
+    # The angles were computed again, within a tolerance.
     assert (np.diff(step) >= -1.0).all()
     assert len(set(step)) > 2
     first = best_grasps(labels(fingers), 5, distance=0.0)
     assert first.size == 5
     assert np.array_equal(first.contacts.points, found.contacts.points[:5])
     on_box = best_grasps(box_labels(), 20, distance=0.0)
-    assert on_box.critical_angle == pytest.approx(np.zeros(20), abs=ALIKE)
+    assert on_box.critical_angle == pytest.approx(np.zeros(20), abs=ANGLE_STEP)
     assert (np.diff(on_box.epsilon) <= 0.01 * on_box.epsilon[:-1]).all()
     assert on_box.epsilon[0] >= 0.99 * np.nanmax(box_labels().epsilon)
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_they_are_the_vertices_own_grasps(fingers: int) -> None:
-    of = labels(fingers)
-    found = best_grasps(of, 6)
-    assert found.model == of.model
+def test_best_grasps_are_the_grasps_of_vertices(fingers: int) -> None:
+    labelled = labels(fingers)
+    found = best_grasps(labelled, 6)
+    assert found.model == labelled.model
     assert (found.distance == 0.0).all()
     assert (found.separation > 0.0).all()
     for row in range(6):
-        gaps = np.linalg.norm(of.mesh.vertices - found.contacts.points[row, 0], axis=1)
-        vertex = int(gaps.argmin())
-        assert gaps[vertex] < 1e-12
-        assert found.contacts.points[row, 1:] == pytest.approx(of.partners[vertex])
-        assert found.critical_angle[row] == pytest.approx(of.critical_angle[vertex], abs=2e-4)
-        assert found.label[row] == of.label[vertex]
-        assert found.epsilon[row] == pytest.approx(of.epsilon[vertex], rel=0.02)
-        assert found.opening[row] == pytest.approx(of.opening[vertex])
+        distances = np.linalg.norm(labelled.mesh.vertices - found.contacts.points[row, 0], axis=1)
+        vertex = int(distances.argmin())
+        assert distances[vertex] < 1e-12
+        assert found.contacts.points[row, 1:] == pytest.approx(labelled.partners[vertex])
+        assert found.critical_angle[row] == pytest.approx(labelled.critical_angle[vertex], abs=2e-4)
+        assert found.label[row] == labelled.label[vertex]
+        assert found.epsilon[row] == pytest.approx(labelled.epsilon[vertex], rel=0.02)
+        assert found.opening[row] == pytest.approx(labelled.opening[vertex])
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_evaluated_again_they_are_the_same(fingers: int) -> None:
+def test_evaluated_again_best_grasps_are_the_same(fingers: int) -> None:
     found = best_grasps(labels(fingers), 20)
     again = evaluate_grasps(found.mesh, found.contacts.points, found.model)
     assert again.critical_angle == pytest.approx(found.critical_angle, abs=1e-6)
@@ -122,14 +123,14 @@ def test_evaluated_again_they_are_the_same(fingers: int) -> None:
     assert again.epsilon == pytest.approx(found.epsilon, rel=0.02)
 
 
-def test_two_fingers_on_a_box_are_no_grasp_twice() -> None:
-    """Whether a vertex is the first contact or the second."""
+def test_no_grasp_of_two_fingers_on_a_box_occurs_twice() -> None:
+    """Neither with its contacts swapped."""
     found = best_grasps(box_labels(), ALL, distance=1e-6)
     pairs = np.sort(np.round(found.contacts.points, 5).view("f8,f8,f8")[..., 0], axis=1)
     assert len(np.unique(pairs, axis=0)) == found.size
 
 
-def test_in_a_scan_the_fixed_finger_is_one_of_each_grasp() -> None:
+def test_best_grasps_of_a_scan_include_the_fixed_finger() -> None:
     fixed = np.array([0.0, 0.0, 0.25])
     scan = scan_surface(box_labels().mesh, GraspModel(), fixed=fixed)
     found = best_grasps(scan, 4)
@@ -138,7 +139,7 @@ def test_in_a_scan_the_fixed_finger_is_one_of_each_grasp() -> None:
     assert found.contacts.points[0, 0] == pytest.approx([0.0, 0.0, -0.25])
 
 
-def test_where_no_grasp_was_found_there_is_none() -> None:
+def test_a_surface_without_grasps_has_no_best_grasps() -> None:
     mesh = box_labels().mesh
     none = label_surface(mesh, sampling=Sampling(rays=8, max_opening=0.01))
     found = best_grasps(none, 3)
@@ -147,7 +148,7 @@ def test_where_no_grasp_was_found_there_is_none() -> None:
         assert getattr(found, name).shape == (0,)
 
 
-def test_what_is_no_number_of_grasps_or_no_distance_is_refused() -> None:
+def test_invalid_counts_and_distances_are_refused() -> None:
     for count in (0, -3):
         with pytest.raises(SettingError, match="at least 1"):
             best_grasps(box_labels(), count)

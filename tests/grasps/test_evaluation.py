@@ -12,6 +12,7 @@ from grasp3d.grasps.evaluation import OFF_SURFACE, evaluate_grasps
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.critical_angle import critical_friction_angle
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from tests.helpers import shapes
 
 Floats = NDArray[np.float64]
@@ -38,8 +39,8 @@ def block() -> ObjectMesh:
     return mesh_from_arrays(*shapes.box((2.0, 1.0, 0.5)), max_edge=0.25)
 
 
-def drawn(mesh: ObjectMesh, grasps: int, fingers: int, seed: int) -> Floats:
-    """Contacts anywhere on a surface, and some at its vertices."""
+def random_contacts(mesh: ObjectMesh, grasps: int, fingers: int, seed: int) -> Floats:
+    """Random contacts on a surface, some of them at its vertices."""
     rng = np.random.default_rng(seed)
     corners = mesh.vertices[mesh.faces[rng.integers(len(mesh.faces), size=(grasps, fingers))]]
     weights = rng.dirichlet([0.5, 0.5, 0.5], (grasps, fingers))
@@ -47,7 +48,7 @@ def drawn(mesh: ObjectMesh, grasps: int, fingers: int, seed: int) -> Floats:
     return np.asarray((weights[..., None, :] @ corners)[..., 0, :])
 
 
-def same(one: SurfaceGrasps, other: SurfaceGrasps, rows: object = slice(None)) -> None:
+def assert_equal(one: SurfaceGrasps, other: SurfaceGrasps, rows: object = slice(None)) -> None:
     for name in FIELDS:
         assert np.array_equal(getattr(one, name)[rows], getattr(other, name), equal_nan=True), name
 
@@ -68,9 +69,9 @@ def test_three_fingers_about_a_ball_are_surely_stable_at_any_friction() -> None:
 
 
 def test_the_fields_are_those_of_a_single_grasp_at_the_same_contacts() -> None:
-    """Anywhere on a smooth surface, against the functions for plain contacts."""
+    """On a smooth surface, compared with the functions for plain contacts."""
     model = GraspModel(0.8, math.radians(20.0), fingers=3)
-    grasps = evaluate_grasps(blob(), drawn(blob(), 40, 3, 1), model)
+    grasps = evaluate_grasps(blob(), random_contacts(blob(), 40, 3, 1), model)
     smooth = np.flatnonzero(~grasps.contacts.on_crease.any(axis=1))
     assert len(smooth) > 30
     for row in smooth:
@@ -78,24 +79,25 @@ def test_the_fields_are_those_of_a_single_grasp_at_the_same_contacts() -> None:
         contacts = Contacts(points, grasps.contacts.normals[row], model.friction)
         angle = critical_friction_angle(contacts)
         assert grasps.critical_angle[row] == pytest.approx(float(angle), abs=2e-4)
-        told = classify(
-            contacts, model.sensor_resolution, torque_scale=blob().torque_scale, rtol=0.01
-        )
+        options = EpsilonOptions(torque_scale=blob().torque_scale, rtol=0.01)
+        expected = classify(contacts, model.sensor_resolution, options=options)
         if min(abs(angle - model.friction_angle + s * model.tilt) for s in (-1.0, 1.0)) > 1e-3:
-            assert grasps.label[row] == told.label
-        assert grasps.epsilon[row] == pytest.approx(float(told.epsilon), rel=0.03, abs=1e-6)
-        assert grasps.epsilon_min[row] == pytest.approx(float(told.epsilon_min), rel=0.03, abs=1e-6)
+            assert grasps.label[row] == expected.label
+        assert grasps.epsilon[row] == pytest.approx(float(expected.epsilon), rel=0.03, abs=1e-6)
+        assert grasps.epsilon_min[row] == pytest.approx(
+            float(expected.epsilon_min), rel=0.03, abs=1e-6
+        )
         assert grasps.opening[row] >= grasps.separation[row] > 0.0
 
 
 @pytest.mark.parametrize("fingers", [2, 3, 4])
 def test_neither_the_order_of_grasps_nor_that_of_contacts_matters(fingers: int) -> None:
-    points = drawn(block(), 24, fingers, fingers)
+    points = random_contacts(block(), 24, fingers, fingers)
     grasps = evaluate_grasps(block(), points, threads=1)
-    turned = np.random.default_rng(7).permutation(len(points))
-    same(grasps, evaluate_grasps(block(), points[turned], threads=2), turned)
+    order = np.random.default_rng(7).permutation(len(points))
+    assert_equal(grasps, evaluate_grasps(block(), points[order], threads=2), order)
     alone = evaluate_grasps(block(), points[3])
-    same(grasps, alone, slice(3, 4))
+    assert_equal(grasps, alone, slice(3, 4))
     swapped = evaluate_grasps(block(), points[:, ::-1])
     assert swapped.critical_angle == pytest.approx(grasps.critical_angle, abs=3e-4)
     assert swapped.critical_angle_best == pytest.approx(grasps.critical_angle_best, abs=3e-4)
@@ -104,13 +106,13 @@ def test_neither_the_order_of_grasps_nor_that_of_contacts_matters(fingers: int) 
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_moving_object_and_contacts_together_changes_nothing(fingers: int) -> None:
+def test_moving_object_and_contacts_together_does_not_change_results(fingers: int) -> None:
     vertices, faces = shapes.lopsided()
-    points = drawn(blob(), 30, fingers, 11)
-    turn, shift, scale = shapes.rotation(4), np.array([3.0, -20.0, 7.0]), 40.0
-    moved = mesh_from_arrays(scale * vertices @ turn.T + shift, faces, max_edge=999.0)
+    points = random_contacts(blob(), 30, fingers, 11)
+    rotation, shift, scale = shapes.rotation(4), np.array([3.0, -20.0, 7.0]), 40.0
+    moved = mesh_from_arrays(scale * vertices @ rotation.T + shift, faces, max_edge=999.0)
     grasps = evaluate_grasps(blob(), points)
-    other = evaluate_grasps(moved, scale * points @ turn.T + shift)
+    other = evaluate_grasps(moved, scale * points @ rotation.T + shift)
     smooth = ~grasps.contacts.on_crease.any(axis=1)
     assert smooth.sum() > 20
     for name in ("critical_angle", "critical_angle_best", "max_resolution"):
@@ -134,43 +136,43 @@ def test_contacts_on_creases_may_have_any_normal_between_the_faces() -> None:
     assert grasps.rank.tolist() == [5, 5]
 
 
-def test_all_contacts_at_one_place_are_a_grasp_that_is_none() -> None:
+def test_contacts_at_one_point_are_no_grasp() -> None:
     grasps = evaluate_grasps(ball(), np.tile(TRIANGLE[0], (1, 3, 1)))
     assert np.isinf(grasps.critical_angle).all()
     assert (grasps.label == 0).all()
     assert grasps.max_resolution[0] == grasps.epsilon[0] == grasps.opening[0] == 0.0
 
 
-def test_labels_of_method_extremes_hold_what_exact_ones_prove() -> None:
-    """No tilt that is tried contradicts an exact S or U."""
-    points = drawn(ball(), 12, 3, 2)
+def test_labels_of_method_extremes_do_not_contradict_exact_ones() -> None:
+    """No tested tilt contradicts an exact S or U."""
+    points = random_contacts(ball(), 12, 3, 2)
     exact = evaluate_grasps(ball(), points, GraspModel(0.9))
-    told: list[float] = []
+    fractions: list[float] = []
     model = GraspModel(0.9, method="extremes", extreme_normals=3)
-    tried = evaluate_grasps(ball(), points, model, progress=told.append)
-    assert (tried.label[exact.label == 2] == 2).all()
-    assert (tried.label[exact.label == 0] == 0).all()
-    assert told == sorted(told)
-    assert told[-1] == 1.0
-    closed = tried.epsilon > 0.0
+    extremes = evaluate_grasps(ball(), points, model, progress=fractions.append)
+    assert (extremes.label[exact.label == 2] == 2).all()
+    assert (extremes.label[exact.label == 0] == 0).all()
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    closed = extremes.epsilon > 0.0
     assert closed.any()
-    assert (tried.epsilon_min <= tried.epsilon).all()
-    assert (tried.epsilon <= tried.epsilon_max).all()
+    assert (extremes.epsilon_min <= extremes.epsilon).all()
+    assert (extremes.epsilon <= extremes.epsilon_max).all()
 
 
-def test_what_takes_long_tells_how_far_it_is() -> None:
-    shares: list[float] = []
-    grasps = evaluate_grasps(block(), drawn(block(), 50, 3, 3), progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-    measured: list[float] = []
-    grasps.measure(measured.append)
-    assert measured[-1] == 1.0
+def test_progress_is_reported_in_increasing_fractions_up_to_1() -> None:
+    fractions: list[float] = []
+    grasps = evaluate_grasps(block(), random_contacts(block(), 50, 3, 3), progress=fractions.append)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    of_epsilon: list[float] = []
+    grasps.compute_epsilon(of_epsilon.append)
+    assert of_epsilon[-1] == 1.0
     assert np.isfinite(grasps.epsilon).all()
 
 
-def test_ten_thousand_grasps_are_as_good_as_one_by_one() -> None:
-    points = drawn(ball(), 10_000, 3, 9)
+def test_ten_thousand_grasps_equal_their_evaluation_one_by_one() -> None:
+    points = random_contacts(ball(), 10_000, 3, 9)
     grasps = evaluate_grasps(ball(), points)
     assert set(grasps.label) == {0, 1, 2}
     for row in range(0, 10_000, 2_500):
@@ -179,13 +181,15 @@ def test_ten_thousand_grasps_are_as_good_as_one_by_one() -> None:
 
 
 def test_contacts_on_the_surface_need_no_distance() -> None:
-    points = drawn(blob(), 30, 3, 5)
+    points = random_contacts(blob(), 30, 3, 5)
     grasps = evaluate_grasps(blob(), points, max_distance=0.0)
-    assert grasps.distance.max() < 1e-9 * blob().size  # what counts as on an edge is moved there
+    assert (
+        grasps.distance.max() < 1e-9 * blob().size
+    )  # contacts very near an edge are moved onto it
     assert np.linalg.norm(grasps.contacts.points - points, axis=2) == pytest.approx(grasps.distance)
 
 
-def test_contacts_far_off_the_surface_are_named() -> None:
+def test_contacts_far_from_the_surface_are_refused() -> None:
     limit = OFF_SURFACE * ball().size
     points = np.tile(TRIANGLE, (5, 1, 1))
     points[:, 0] *= 1.0 + 0.9 * limit
@@ -194,11 +198,11 @@ def test_contacts_far_off_the_surface_are_named() -> None:
     points[4, 2] *= 1000.0
     with pytest.raises(ContactError) as caught:
         evaluate_grasps(ball(), points)
-    said = str(caught.value)
-    assert said.startswith("grasp 4, contact 2 at (-0.52")
+    message = str(caught.value)
+    assert message.startswith("grasp 4, contact 2 at (-0.52")
     for part in ("0.04", "0.02", "2 of 15 contacts", "arrays", "2 m in size", "max_distance"):
-        assert part in said
-    assert "\n" not in said
+        assert part in message
+    assert "\n" not in message
     assert evaluate_grasps(ball(), points, max_distance=1e4).distance[4, 2] == pytest.approx(
         999.0, rel=0.01
     )
@@ -219,16 +223,16 @@ BAD: dict[str, tuple[object, str]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_contacts_that_are_none_are_refused_in_one_line(name: str) -> None:
-    points, said = BAD[name]
+def test_invalid_contacts_are_refused_in_one_line(name: str) -> None:
+    points, expected = BAD[name]
     with pytest.raises(ContactError) as caught:
         evaluate_grasps(ball(), points)
-    assert said in str(caught.value)
+    assert expected in str(caught.value)
     assert "\n" not in str(caught.value)
 
 
 @pytest.mark.parametrize("options", [{"max_distance": -1.0}, {"max_distance": math.nan}])
-def test_distances_that_are_none_are_refused(options: dict[str, float]) -> None:
+def test_invalid_distances_and_threads_are_refused(options: dict[str, float]) -> None:
     with pytest.raises(SettingError, match="max_distance must be"):
         evaluate_grasps(ball(), TRIANGLE, **options)
     with pytest.raises(SettingError, match="threads"):

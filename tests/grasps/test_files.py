@@ -15,7 +15,7 @@ from grasp3d import GraspModel, mesh_from_arrays
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.reading import read_contacts
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.grasps.surface_grasps import SurfaceGrasps, labelled_grasps
 from grasp3d.grasps.writing import SUFFIXES, write_grasps
 from tests.helpers import shapes
 
@@ -25,16 +25,16 @@ GRASPS = [
     [[0.25, 0.1, 0.5], [-0.25, 0.1, 0.5], [0.0, 0.1, -0.5]],
     [[0.5, 0.5, 0.125], [0.5, 0.5, 0.125], [0.5, 0.5, 0.125]],
 ]
-EACH = [
+GRASP_COLUMNS = [
     "grasp", "label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon",
     "epsilon_min", "epsilon_max", "rank", "opening", "separation",
 ]  # fmt: skip
-EACH_CONTACT = ["x", "y", "z", "nx", "ny", "nz", "distance", "on_crease"]
+CONTACT_COLUMNS = ["x", "y", "z", "nx", "ny", "nz", "distance", "on_crease"]
 
 
 @cache
 def grasps() -> SurfaceGrasps:
-    """On faces, on a crease, and a grasp that is none: all its contacts at one place."""
+    """Grasps on faces and on a crease, and one with all its contacts at one point."""
     mesh = mesh_from_arrays(*shapes.box(), unit="cm", max_edge=0.5)
     found = evaluate_grasps(mesh, GRASPS, GraspModel(0.9, edges=8), max_distance=0.1)
     assert np.isinf(found.critical_angle).tolist() == [False, False, True]
@@ -43,15 +43,13 @@ def grasps() -> SurfaceGrasps:
 
 
 @pytest.mark.parametrize("suffix", SUFFIXES)
-def test_what_is_written_can_be_read_back_and_is_the_same_grasps(
-    tmp_path: Path, suffix: str
-) -> None:
+def test_written_grasps_are_the_same_when_read_back(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"out{suffix}"
     write_grasps(path, grasps())
     points = read_contacts(path)
     assert np.array_equal(points, grasps().contacts.points)
     again = evaluate_grasps(grasps().mesh, points, grasps().model)
-    for name in EACH[1:]:
+    for name in GRASP_COLUMNS[1:]:
         assert np.array_equal(getattr(again, name), getattr(grasps(), name)), name
     assert [p.name for p in tmp_path.iterdir()] == [path.name]
 
@@ -60,7 +58,7 @@ def test_tables_have_a_row_for_each_grasp(tmp_path: Path) -> None:
     write_grasps(tmp_path / "out.csv", grasps())
     with (tmp_path / "out.csv").open(newline="") as stream:
         header, *rows = csv.reader(stream)
-    assert header == EACH + [f"{name}{i}" for i in (1, 2, 3) for name in EACH_CONTACT]
+    assert header == GRASP_COLUMNS + [f"{name}{i}" for i in (1, 2, 3) for name in CONTACT_COLUMNS]
     table = [dict(zip(header, row, strict=True)) for row in rows]
     assert [row["grasp"] for row in table] == ["1", "2", "3"]
     assert [row["label"] for row in table] == ["UMS"[code] for code in grasps().label]
@@ -75,15 +73,15 @@ def test_tables_have_a_row_for_each_grasp(tmp_path: Path) -> None:
     assert table[0]["ny3"] == "1"
     assert (table[0]["on_crease1"], table[2]["on_crease1"]) == ("false", "true")
     write_grasps(tmp_path / "out.parquet", grasps())
-    kept = pq.read_table(tmp_path / "out.parquet")
-    assert kept.column_names == header
-    settings = json.loads(kept.schema.metadata[b"grasp3d"])
+    stored = pq.read_table(tmp_path / "out.parquet")
+    assert stored.column_names == header
+    settings = json.loads(stored.schema.metadata[b"grasp3d"])
     assert settings["friction"] == 0.9
     assert settings["fingers"] == 3
     assert settings["epsilon_min"] == "effective_friction"
 
 
-def test_json_is_json_and_tells_what_is_meant(tmp_path: Path) -> None:
+def test_json_is_valid_and_contains_the_settings(tmp_path: Path) -> None:
     def refuse(word: str) -> None:
         raise AssertionError(f"{word} is no JSON")
 
@@ -93,7 +91,7 @@ def test_json_is_json_and_tells_what_is_meant(tmp_path: Path) -> None:
     assert found["grasp3d"]["unit"] == "cm"
     assert found["grasp3d"]["labels"]["U"] == "surely unstable"
     assert found["grasp3d"]["sensor_resolution"] == pytest.approx(math.radians(22.6))
-    assert [list(grasp) for grasp in found["grasps"]] == [[*EACH, "contacts"]] * 3
+    assert [list(grasp) for grasp in found["grasps"]] == [[*GRASP_COLUMNS, "contacts"]] * 3
     assert found["grasps"][2]["critical_angle"] is None
     first = found["grasps"][0]
     assert first["epsilon_max"] == grasps().epsilon_max[0]
@@ -104,17 +102,17 @@ def test_json_is_json_and_tells_what_is_meant(tmp_path: Path) -> None:
     assert "-0.0" not in json.dumps(last["normal"])
 
 
-def test_without_a_grasp_there_is_an_empty_list(tmp_path: Path) -> None:
+def test_files_without_grasps(tmp_path: Path) -> None:
     none = grasps().contacts.take(np.empty(0, dtype=np.int64))
     empty = np.empty(0)
-    nothing = SurfaceGrasps(none, grasps().model, np.empty((0, 3)), empty, empty)
+    nothing = labelled_grasps(none, grasps().model, (empty, empty))
     for suffix in SUFFIXES:
         write_grasps(tmp_path / f"out{suffix}", nothing)
         with pytest.raises(ContactError, match="no grasps in it"):
             read_contacts(tmp_path / f"out{suffix}")
 
 
-def test_grasps_are_written_where_asked_or_not_at_all(tmp_path: Path) -> None:
+def test_paths_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match=r"known: \.csv \.parquet \.json"):
         write_grasps(tmp_path / "out.xlsx", grasps())
     for suffix in SUFFIXES:
@@ -129,7 +127,7 @@ def table(path: Path, names: list[str] | None = None, rows: Any = None, end: str
     return path
 
 
-def test_other_columns_any_order_and_other_habits_do_not_matter(tmp_path: Path) -> None:
+def test_other_columns_order_spaces_and_line_ends_do_not_matter(tmp_path: Path) -> None:
     rows = np.reshape(GRASPS, (3, 9))
     order = np.random.default_rng(1).permutation(9)
     mixed = [[f"grasp {k}", *row[order].tolist(), ""] for k, row in enumerate(rows)]
@@ -149,18 +147,18 @@ def test_other_columns_any_order_and_other_habits_do_not_matter(tmp_path: Path) 
     assert np.array_equal(read_contacts(plain), GRASPS)
 
 
-def test_numbers_that_were_read_are_the_numbers_that_stand_there(tmp_path: Path) -> None:
+def test_numbers_are_read_exactly(tmp_path: Path) -> None:
     values = np.random.default_rng(2).normal(size=(50, 4, 3)) * 1e3
     names = [f"{axis}{k}" for k in (1, 2, 3, 4) for axis in "xyz"]
     path = table(tmp_path / "many.csv", names, values.reshape(50, 12).tolist())
     assert np.array_equal(read_contacts(path), values)
 
 
-COMMA = ";".join(NAMES)
+SEMICOLONS = ";".join(NAMES)
 BAD_TABLES: dict[str, tuple[str, str]] = {
     "no such columns": ("a,b,c\n1,2,3\n", "expected columns x1 y1 z1 x2 y2 z2 ...; found a b c"),
     "no header": ("0.5,1,2,3,4,5\n1,2,3,4,5,6\n", "expected columns"),
-    "semicolons": (f"{COMMA}\n1;2;3;4;5;6;7;8;9\n", "expected columns"),
+    "semicolons": (f"{SEMICOLONS}\n1;2;3;4;5;6;7;8;9\n", "expected columns"),
     "gap": ("x1,y1,z1,x2,y2\n1,2,3,4,5\n", "column z2 is missing of x1 y1 z1 x2 y2 z2 ...; found"),
     "hole": ("x1,y1,z1,x3,y3,z3\n1,2,3,4,5,6\n", "column x2 is missing"),
     "far": ("x1,y1,z1,x99999999999,y2,z2\n1,2,3,4,5,6\n", "column x2 is missing"),
@@ -178,7 +176,7 @@ BAD_TABLES: dict[str, tuple[str, str]] = {
 BAD_JSON: dict[str, tuple[str, str]] = {
     "no json": ("[[[1, 2", "is no JSON"),
     "number": ("3", "expected a list of grasps, each a list of two or more contacts [x, y, z]"),
-    "object": ('{"contacts": []}', "or under 'grasps'"),
+    "object": ('{"contacts": []}', "or a file that write_grasps wrote"),
     "none": ("[]", "there are no grasps in it"),
     "one grasp": ("[[0, 0, 1], [0, 0, 2]]", "grasp 1, contact 1: expected [x, y, z]; found 0"),
     "plane": ("[[[0, 1], [0, 2]]]", "grasp 1, contact 1: expected [x, y, z]; found a list of 2"),
@@ -199,28 +197,28 @@ BAD_JSON: dict[str, tuple[str, str]] = {
 
 
 @pytest.mark.parametrize("name", [*BAD_TABLES, *(f"json: {name}" for name in BAD_JSON)])
-def test_files_that_are_no_contacts_are_refused_in_one_line(tmp_path: Path, name: str) -> None:
+def test_invalid_files_are_refused_in_one_line(tmp_path: Path, name: str) -> None:
     kind, _, rest = name.partition("json: ")
-    text, said = BAD_JSON[rest] if not kind else BAD_TABLES[name]
+    text, expected = BAD_JSON[rest] if not kind else BAD_TABLES[name]
     path = tmp_path / ("contacts.csv" if kind else "contacts.json")
     path.write_text(text, encoding="utf-8")
     with pytest.raises(ContactError) as caught:
         read_contacts(path)
     message = str(caught.value)
     assert message.startswith(f"{path}: ")
-    assert any(part in message for part in said.split("|")), message
+    assert any(part in message for part in expected.split("|")), message
     assert "\n" not in message
     assert len(message) < len(str(path)) + 250
 
 
-def test_files_that_cannot_be_read_are_told_in_one_line(tmp_path: Path) -> None:
-    for name, said in (
+def test_files_that_cannot_be_read_are_refused_in_one_line(tmp_path: Path) -> None:
+    for name, expected in (
         ("nothing.csv", "there is no such file"),
         ("nothing.parquet", "there is no such file"),
         ("nothing.json", "there is no such file"),
         ("contacts.txt", "contacts are read from .csv, .parquet, .json; got '.txt'"),
     ):
-        with pytest.raises(ContactError, match=re.escape(said)) as caught:
+        with pytest.raises(ContactError, match=re.escape(expected)) as caught:
             read_contacts(tmp_path / name)
         assert "\n" not in str(caught.value)
     for suffix in SUFFIXES:
@@ -234,14 +232,14 @@ def test_files_that_cannot_be_read_are_told_in_one_line(tmp_path: Path) -> None:
         assert "\n" not in str(caught.value)
 
 
-def test_columns_of_parquet_that_are_no_numbers_are_named(tmp_path: Path) -> None:
+def test_parquet_columns_without_numbers_are_refused(tmp_path: Path) -> None:
     columns: dict[str, Any] = {name: [1.0, 2.0] for name in NAMES[:6]}
-    for values, said in (
+    for values, expected in (
         ([1.0, None], "grasp 2: z2 is empty"),
         ([[1.0], [2.0]], "grasp 1: z2 is no finite number"),
         (["far", "away"], "grasp 1: z2 is no finite number: 'far'"),
         ([None, None], "grasp 1: z2 is empty"),
     ):
         pq.write_table(pa.table({**columns, "z2": values}), tmp_path / "some.parquet")
-        with pytest.raises(ContactError, match=said):
+        with pytest.raises(ContactError, match=expected):
             read_contacts(tmp_path / "some.parquet")

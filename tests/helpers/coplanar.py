@@ -1,14 +1,14 @@
-"""Three hard contacts solved in the plane through them, by no more than NumPy.
+"""Oracle of three hard contacts: force closure in the plane through them, in plain NumPy.
 
-About the line through two of the contacts only the third could exert a torque, so forces of three
-contacts that balance lie in the plane through them. There each friction cone is a planar one, of
-half-angle acos(cos(beta) / cos(elevation)) about the normal's projection, and none at all where the
-normal rises over the plane by beta or more. Closure is that the six edges of the planar cones span
-all planar wrenches (Nguyen 1988). Nothing here knows of hulls in six dimensions.
+About the line through two of the contacts only the third could exert a torque, so balanced forces
+of three contacts lie in the plane through them. There each friction cone is a planar one, of
+half-angle acos(cos(beta) / cos(elevation)) about the normal's projection, and empty where the
+normal's elevation over the plane is beta or more. The grasp is force-closed if the six edges of the
+planar cones positively span all planar wrenches (Nguyen 1988). No hull in six dimensions is needed.
 
-Contacts with several normals are met in the worst of them: what holds for every combination of
-normals holds for the planar cones that all normals of a contact share. Where a contact's normals
-share none, each outermost edge alone must do.
+Contacts with several normals are evaluated over the worst of them: a grasp is force-closed with
+every combination of normals if it is with the intersection of each contact's planar cones. Where
+that is empty, it must be with each of the two outermost edges alone.
 """
 
 import itertools
@@ -32,29 +32,29 @@ STEP = math.radians(2.0)
 COLLINEAR = 1e-9
 SAME = 1e-12
 PAIRS = np.array(list(itertools.combinations(range(6), 2)))
-MOST = 4096
-"""Grasps looked at together."""
+BATCH = 4096
+"""Grasps evaluated together."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlanarGrasps:
-    """A batch of three contacts each, in the plane through them."""
+    """A batch of grasps of three contacts, projected to the planes through them."""
 
     points: Floats
-    """About their middle, the farthest at 1, shape (b, 3, 2)."""
+    """Contacts about their centroid, the farthest at distance 1, shape (b, 3, 2)."""
     groups: list[tuple[Ints, Floats, Floats]]
-    """Contacts with equally many normals: numbers in the batch's 3 b contacts (r,), and azimuth and
-    cosine of the elevation of each normal (r, s)."""
+    """Contacts with equally many normals: their indices among the 3 b contacts (r,), azimuth
+    and the cosine of the elevation of each normal (r, s)."""
     collinear: Bools
-    """Grasps in no single plane, shape (b,)."""
+    """Grasps with collinear contacts, which determine no plane, shape (b,)."""
 
-    def closes(self, beta: Floats) -> Bools:
-        """Whether all combinations of the normals close at friction angles (b,)."""
+    def force_closed(self, beta: Floats) -> Bools:
+        """Whether all combinations of the normals are force-closed at friction angles (b,)."""
         left, right, flat = self._cones(beta)
         closed = flat & ~self.collinear
         inverted = left > right
         for ends in itertools.product((False, True), repeat=3):
-            # A contact whose cones share nothing: once its one, once its other outermost edge.
+            # Contacts whose cones have an empty intersection: each outermost edge alone.
             rows = np.flatnonzero(closed & (inverted | ~np.array(ends)).all(axis=1))
             edges = np.stack([left[rows], right[rows]], axis=-1)  # (r, 3, 2)
             alone = np.where(np.array(ends), left[rows], right[rows])
@@ -63,21 +63,21 @@ class PlanarGrasps:
         return closed
 
     def critical_angles(self, high: Floats, tolerance: float) -> Floats:
-        """Bracket the angles from which on all combinations close, below `high` (b,).
+        """Bracket the angles from which on all combinations are force-closed, below `high` (b,).
 
         Returns:
             Upper ends [rad], shape (b,); inf where none below `high`, nan where collinear.
         """
-        found = np.where(self.closes(high), high, math.inf)
+        found = np.where(self.force_closed(high), high, math.inf)
         low, upper = np.zeros(len(high)), high.copy()
         while (upper - low).max(initial=0.0) > tolerance:
             middle = 0.5 * (low + upper)
-            closed = self.closes(middle)
+            closed = self.force_closed(middle)
             low, upper = np.where(closed, low, middle), np.where(closed, middle, upper)
         return np.where(self.collinear, math.nan, np.where(np.isfinite(found), upper, math.inf))
 
     def _cones(self, beta: Floats) -> tuple[Floats, Floats, Bools]:
-        """(left, right) edges of the shared cones (b, 3), and whether the plane meets them (b,)."""
+        """(left, right) edges of the common planar cones (b, 3), whether all exist (b,)."""
         count = len(self.points)
         left, right = np.zeros(3 * count), np.zeros(3 * count)
         flat = np.zeros(3 * count, dtype=bool)
@@ -90,26 +90,26 @@ class PlanarGrasps:
 
 
 def _spans(points: Floats, edges: Floats) -> Bools:
-    """Whether the wrenches of planar forces along `edges` (b, 3, 2) span all wrenches, (b,).
+    """Whether planar forces along `edges` (b, 3, 2) positively span all planar wrenches, (b,).
 
-    They do not if some plane has all of them on one side; it can be turned until two lie in it.
+    They do not if all lie on one side of a plane, which can be turned until two lie in it.
     """
     x, y = np.cos(edges), np.sin(edges)
     torque = points[..., :1] * y - points[..., 1:] * x
     wrenches = np.stack([x, y, torque], axis=-1).reshape(-1, 6, 3)
     planes = np.cross(wrenches[:, PAIRS[:, 0]], wrenches[:, PAIRS[:, 1]])  # (b, 15, 3)
     sides = planes @ wrenches.transpose(0, 2, 1)  # (b, 15, 6)
-    parted = (sides.max(axis=2) > SAME) & (sides.min(axis=2) < -SAME)
-    return np.asarray((parted | (np.abs(planes).max(axis=2) < SAME)).all(axis=1))
+    on_both_sides = (sides.max(axis=2) > SAME) & (sides.min(axis=2) < -SAME)
+    return np.asarray((on_both_sides | (np.abs(planes).max(axis=2) < SAME)).all(axis=1))
 
 
 def planar_grasps(points: Floats, normals: Sequence[Floats], which: Ints) -> PlanarGrasps:
-    """Lay grasps into their planes.
+    """Project grasps to their planes.
 
     Args:
         points: Contacts, shape (b, 3, 3).
         normals: Sets of unit normals, (s, 3) each, of any sizes.
-        which: The set of each contact, shape (b, 3).
+        which: Index of the set of normals of each contact, shape (b, 3).
     """
     middle = points - points.mean(axis=1, keepdims=True)
     middle = middle / np.linalg.norm(middle, axis=2).max(axis=1)[:, None, None]
@@ -125,14 +125,14 @@ def planar_grasps(points: Floats, normals: Sequence[Floats], which: Ints) -> Pla
     groups = []
     for size in np.unique(sizes[of_contact]):
         rows = np.flatnonzero(sizes[of_contact] == size)
-        numbers, place = np.unique(of_contact[rows], return_inverse=True)
+        numbers, row = np.unique(of_contact[rows], return_inverse=True)
         table = np.stack([normals[number] for number in numbers])  # (k, s, 3)
-        local = table[place.ravel()] @ frames[rows // 3].transpose(0, 2, 1)  # (r, s, 3)
+        local = table[row.ravel()] @ frames[rows // 3].transpose(0, 2, 1)  # (r, s, 3)
         azimuth = np.arctan2(local[..., 1], local[..., 0])
-        # Sets that leave out the plane's normal span at most half a turn about it.
-        away = np.mod(azimuth - azimuth[:, :1] + math.pi, 2.0 * math.pi) - math.pi
+        # Sets without the plane's normal span at most half a turn about it.
+        turned = np.mod(azimuth - azimuth[:, :1] + math.pi, 2.0 * math.pi) - math.pi
         cosine = np.hypot(local[..., 0], local[..., 1])
-        groups.append((rows, azimuth[:, :1] + away, np.maximum(cosine, SAME)))
+        groups.append((rows, azimuth[:, :1] + turned, np.maximum(cosine, SAME)))
     return PlanarGrasps((middle @ frames.transpose(0, 2, 1))[..., :2], groups, collinear)
 
 
@@ -151,10 +151,10 @@ def critical_angles(
 
 
 def sampled_normals(corners: Floats) -> Floats:
-    """Normals of a convex set (k, 3) given by its corners in order: the middle, then its border.
+    """Sample a convex set of normals, given by its corners in order (k, 3): centre, then border.
 
-    The border is enough to find the worst unless the set holds the normal of the plane through the
-    contacts; so that this is seen too, the inside is sampled every 20 degrees or less.
+    The worst normal is on the border unless the set contains the normal of the plane through the
+    contacts; for that case the interior is sampled every 20 degrees or less.
     """
     if len(corners) == 1:
         return corners
@@ -163,14 +163,16 @@ def sampled_normals(corners: Floats) -> Floats:
     border = np.concatenate([_arc(*side) for side in sides[: 1 if len(corners) == 2 else None]])
     if len(corners) == 2:
         return np.vstack([middle, border])
-    inside = [_unit(share * border + (1.0 - share) * middle) for share in (0.4, 0.75)]
+    inside = [_unit(fraction * border + (1.0 - fraction) * middle) for fraction in (0.4, 0.75)]
     return np.vstack([middle, border, *inside])
 
 
 def _arc(start: Floats, end: Floats) -> Floats:
     angle = math.atan2(float(np.linalg.norm(np.cross(start, end))), float(start @ end))
-    shares = np.linspace(0.0, 1.0, max(1, math.ceil(angle / STEP)) + 1)[:, None] * angle
-    return np.asarray((np.sin(angle - shares) * start + np.sin(shares) * end) / math.sin(angle))
+    fractions = np.linspace(0.0, 1.0, max(1, math.ceil(angle / STEP)) + 1)[:, None] * angle
+    return np.asarray(
+        (np.sin(angle - fractions) * start + np.sin(fractions) * end) / math.sin(angle)
+    )
 
 
 def _unit(rows: Floats) -> Floats:
@@ -179,7 +181,7 @@ def _unit(rows: Floats) -> Floats:
 
 @dataclass(eq=False)
 class Exhaustive:
-    """The best of all grasps with three fingers at a mesh's vertices, through each of them."""
+    """The best grasp of three fingers through each vertex, from all triples of vertices."""
 
     mesh: ObjectMesh
     limit: float
@@ -187,74 +189,77 @@ class Exhaustive:
 
     def __post_init__(self) -> None:
         sets = self.mesh.normal_sets
-        self.places = np.unique(self.mesh.faces)
-        if (sets.counts[self.places] == 0).any():
-            raise ValueError("a vertex may have any normal at all: its worst has no angle")
-        self.points = self.mesh.vertices[self.places]
-        corners = [sets.normals[sets.start[v] : sets.start[v + 1]] for v in self.places]
+        self.vertices = np.unique(self.mesh.faces)
+        if (sets.counts[self.vertices] == 0).any():
+            raise ValueError(
+                "the normals of a vertex span all directions: its critical angle is undefined"
+            )
+        self.points = self.mesh.vertices[self.vertices]
+        corners = [sets.normals[sets.start[v] : sets.start[v + 1]] for v in self.vertices]
         self.normals = [sampled_normals(rows) for rows in corners]
-        self.middles = [rows[:1] for rows in self.normals]
-        self.best = np.full(len(self.places), self.limit)
+        self.central_normals = [rows[:1] for rows in self.normals]
+        self.best = np.full(len(self.vertices), self.limit)
         self.tested = 0
 
     def run(self) -> Floats:
-        """Critical angles of the worst normals, in the order of `places`; inf above the limit."""
-        count = len(self.places)
+        """Critical angles over the worst normals, as `vertices`; inf above the limit."""
+        count = len(self.vertices)
         rng = np.random.default_rng(0)
         some = np.array([rng.choice(count, 3, replace=False) for _ in range(count)])
         for part in np.array_split(some, -(-len(some) // 64)):
-            self.try_all(part)
+            self.evaluate(part)
         for first in range(count - 2):
             one, two = np.triu_indices(count - first - 1, 1)
             one, two = one + first + 1, two + first + 1
             which = np.stack([np.full(len(one), first), one, two], axis=1)
-            for start in range(0, len(which), MOST):
-                self.try_all(which[start : start + MOST])
+            for start in range(0, len(which), BATCH):
+                self.evaluate(which[start : start + BATCH])
         return np.where(self.best < self.limit, self.best, math.inf)
 
-    def try_all(self, which: Ints) -> None:
-        """Settle those grasps (b, 3) that may be better than the best of one of their places.
+    def evaluate(self, which: Ints) -> None:
+        """Evaluate those grasps (b, 3) that may be better than the best of one of their vertices.
 
-        What rises too far over the plane, then what does not close with the middles of the sets of
-        normals, is out.
+        Grasps whose central normals have too large elevations, and then those that are not
+        force-closed with the central normals, are rejected without their angles.
         """
-        which = which[self._low(which)]
-        for normals in (self.middles, self.normals):
+        which = which[self._below_threshold(which)]
+        for normals in (self.central_normals, self.normals):
             grasps = planar_grasps(self.points[which], normals, which)
-            which = which[grasps.closes(self._goal(which))]
+            which = which[grasps.force_closed(self._thresholds(which))]
         self.tested += len(which)
         grasps = planar_grasps(self.points[which], self.normals, which)
-        found = grasps.critical_angles(self._goal(which), 0.25 * self.tolerance)
+        found = grasps.critical_angles(self._thresholds(which), 0.25 * self.tolerance)
         np.minimum.at(self.best, which, found[:, None])
 
-    def _goal(self, which: Ints) -> Floats:
-        """Angle below which a grasp would be news to one of its places (b,)."""
+    def _thresholds(self, which: Ints) -> Floats:
+        """Angle below which a grasp improves the best one of some of its vertices (b,)."""
         return np.asarray(self.best[which].max(axis=1) - 0.5 * self.tolerance)
 
-    def _low(self, which: Ints) -> Bools:
-        """Whether the middle normals rise over the plane by less than the goal (b,)."""
+    def _below_threshold(self, which: Ints) -> Bools:
+        """Whether the elevations of the central normals are below the thresholds (b,)."""
         points = self.points[which]
         up = np.cross(points[:, 1] - points[:, 0], points[:, 2] - points[:, 0])
-        middles = np.concatenate(self.middles)[which]
-        rise = np.abs((middles @ up[..., None])[..., 0]).max(axis=1)
-        return np.asarray(rise < np.sin(self._goal(which)) * np.linalg.norm(up, axis=1))
+        middles = np.concatenate(self.central_normals)[which]
+        elevation = np.abs((middles @ up[..., None])[..., 0]).max(axis=1)
+        return np.asarray(elevation < np.sin(self._thresholds(which)) * np.linalg.norm(up, axis=1))
 
 
 def exhaustive(
     mesh: ObjectMesh, *, limit: float = math.radians(80.0), tolerance: float = 2e-4
 ) -> tuple[Ints, Floats]:
-    """Best grasp with three fingers on all vertices of a mesh, each in its worst normals.
+    """Best grasp of three fingers through each vertex, over all triples of vertices.
 
-    Three different vertices on no common line. An angle is exact for smooth places, up to
-    `tolerance`; on creases it may be too small by tan(angle) (1 / cos(STEP / 2) - 1).
+    The contacts are three different, not collinear vertices. The critical angle over their worst
+    normals is exact up to `tolerance` where the surface is smooth; on creases it may be too small
+    by tan(angle) (1 / cos(STEP / 2) - 1).
 
     Args:
         mesh: The surface, of a few hundred vertices at most.
-        limit: Largest angle sought [rad].
-        tolerance: By how much the angles may be too large [rad].
+        limit: Largest critical angle of interest [rad].
+        tolerance: Largest amount by which the angles may be too large [rad].
 
     Returns:
-        The places (P,) and their critical angles (P,), inf where all exceed the limit.
+        The vertices (P,) and their critical angles (P,), inf where all exceed the limit.
     """
     search = Exhaustive(mesh, limit, tolerance)
-    return search.places, search.run()
+    return search.vertices, search.run()

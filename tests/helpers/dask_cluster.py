@@ -1,4 +1,4 @@
-"""A real Dask cluster on this machine: a scheduler and workers, each a process of its own."""
+"""A real Dask cluster on this machine: a scheduler and workers as separate processes."""
 
 import os
 import subprocess
@@ -19,28 +19,28 @@ PATHS = {"PYTHONPATH": str(ROOT)}
 
 
 class DaskCluster:
-    """A scheduler, and workers as they are asked for; all of them end with the context."""
+    """A scheduler, and workers started on demand; all of them end with the context."""
 
     def __init__(self, folder: Path, environment: Mapping[str, str] = PATHS) -> None:
         self.file = folder / "scheduler.json"
         self._folder, self._started = folder, list[subprocess.Popen[bytes]]()
-        words = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
-        self.scheduler = self._start("scheduler", *words, environment=environment)
+        options = ["--host", "127.0.0.1", "--port", "0", "--no-dashboard"]
+        self.scheduler = self._start("scheduler", *options, environment=environment)
 
     def worker(
-        self, *words: str, environment: Mapping[str, str] = PATHS
+        self, *options: str, environment: Mapping[str, str] = PATHS
     ) -> "subprocess.Popen[bytes]":
-        """Start a worker with a nanny; the process that is given is the nanny."""
+        """Start a worker with a nanny; returns the process of the nanny."""
         limits = ("--nworkers", "1", "--nthreads", "1", "--memory-limit", "2GB")
-        words = ("--host", "127.0.0.1", "--no-dashboard", *limits, *words)
-        return self._start("worker", *words, environment=environment)
+        options = ("--host", "127.0.0.1", "--no-dashboard", *limits, *options)
+        return self._start("worker", *options, environment=environment)
 
     def _start(
-        self, kind: str, *words: str, environment: Mapping[str, str]
+        self, kind: str, *options: str, environment: Mapping[str, str]
     ) -> subprocess.Popen[bytes]:
         with (self._folder / f"{kind}-{len(self._started)}.log").open("wb") as log:
             process = subprocess.Popen(
-                [sys.executable, "-m", "dask", kind, "--scheduler-file", str(self.file), *words],
+                [sys.executable, "-m", "dask", kind, "--scheduler-file", str(self.file), *options],
                 cwd=self._folder,
                 stdout=log,
                 stderr=log,
@@ -59,15 +59,15 @@ class DaskCluster:
         traceback: TracebackType | None,
     ) -> None:
         for process in self._started:
-            below = descendants(process.pid)
+            others = descendants(process.pid)
             process.kill()
             process.wait()
-            for other in below:
+            for other in others:
                 other.kill()
 
 
 def descendants(pid: int) -> list[psutil.Process]:
-    """All processes below one."""
+    """All descendants of a process."""
     try:
         return psutil.Process(pid).children(recursive=True)
     except psutil.NoSuchProcess:
@@ -75,7 +75,7 @@ def descendants(pid: int) -> list[psutil.Process]:
 
 
 def runs(process: psutil.Process, word: str) -> bool:
-    """Whether a process was started with a word in its command."""
+    """Whether the command of a process contains a word."""
     try:
         return any(word in part for part in process.cmdline())
     except psutil.Error:
@@ -83,9 +83,9 @@ def runs(process: psutil.Process, word: str) -> bool:
 
 
 def wait_for(found: Callable[[], T], seconds: float = 15.0) -> T:
-    """Wait until something is found."""
+    """Wait until a function returns a true value; returns it."""
     end = time.monotonic() + seconds
-    while not (answer := found()):
+    while not (result := found()):
         assert time.monotonic() < end
         time.sleep(0.02)
-    return answer
+    return result

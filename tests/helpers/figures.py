@@ -1,4 +1,4 @@
-"""What every figure must satisfy, whatever it shows."""
+"""Checks that every figure must pass: no text is cut off or overlaps another."""
 
 from itertools import combinations
 from typing import Any
@@ -14,37 +14,38 @@ from grasp3d.plots.formats import DPI, SAVING
 from grasp3d.plots.style import STYLE
 
 SLACK = 1.0
-"""Pixels by which boxes of words may touch from above or below, or leave the figure."""
+"""Pixels by which texts may overlap vertically, or leave the figure."""
 GAP = 8.0
-"""Pixels that part words in one line."""
+"""Least pixels between texts in one line."""
 
 
-def drawn_words(figure: Figure) -> list[tuple[str, Bbox]]:
-    """Every text that is drawn when the figure is saved, and the pixels that it takes."""
-    seen: list[tuple[str, Bbox]] = []
+def drawn_texts(figure: Figure) -> list[tuple[str, Bbox]]:
+    """Every text that is drawn when the figure is saved, and its bounding box in pixels."""
+    texts: list[tuple[str, Bbox]] = []
     draw = Text.draw
 
-    def noted(text: Text, renderer: Any) -> None:
+    def record(text: Text, renderer: Any) -> None:
         if text.get_visible() and text.get_text().strip():
-            seen.append((text.get_text(), text.get_window_extent(renderer)))
+            texts.append((text.get_text(), text.get_window_extent(renderer)))
         draw(text, renderer)
 
     with style.context(["default", STYLE, SAVING]):
         figure.set_dpi(DPI)
         figure.draw_without_rendering()
-        with patch.object(Text, "draw", noted):
+        with patch.object(Text, "draw", record):
             figure.canvas.draw()
-    return seen
+    return texts
 
 
-def check_words(figure: Figure) -> None:
-    """No word is cut off at the edge of the figure, and no two lie upon each other."""
-    words = drawn_words(figure)
+def check_texts(figure: Figure) -> None:
+    """Check that no text is cut off at the edge of the figure, and that no two overlap."""
+    texts = drawn_texts(figure)
     width, height = np.asarray(figure.get_size_inches()) * DPI
-    assert words
-    for said, box in words:
-        assert min(box.x0, box.y0) > -SLACK, f"cut off: {said!r}"
-        assert max(box.x1 - width, box.y1 - height) < SLACK, f"cut off: {said!r}"
-    for (first, a), (second, b) in combinations(words, 2):
+    assert texts
+    for text, box in texts:
+        assert min(box.x0, box.y0) > -SLACK, f"cut off: {text!r}"
+        assert max(box.x1 - width, box.y1 - height) < SLACK, f"cut off: {text!r}"
+    for (first, a), (second, b) in combinations(texts, 2):
         beside = a.x1 + GAP < b.x0 or b.x1 + GAP < a.x0
-        assert beside or a.y1 < b.y0 + SLACK or b.y1 < a.y0 + SLACK, f"{first!r} lies on {second!r}"
+        above = a.y1 < b.y0 + SLACK or b.y1 < a.y0 + SLACK
+        assert beside or above, f"{first!r} overlaps {second!r}"

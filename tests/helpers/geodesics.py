@@ -1,4 +1,4 @@
-"""Distances along a surface and patches about a vertex, slow and obvious."""
+"""Oracle of geodesic distances and of patches about a vertex, slow and simple; test surfaces."""
 
 from functools import cache
 from typing import NamedTuple
@@ -13,21 +13,22 @@ from tests.helpers.shapes import Surface
 
 Floats = NDArray[np.float64]
 
-ON_EDGE, ACROSS = 8, 12
-"""Points put on every edge, and parts that every side of a face is cut in."""
+EDGE_POINTS, DIVISIONS = 8, 12
+"""Points added on every edge, and segments that every side of a face is divided into."""
 
 
-class Ways(NamedTuple):
-    """Ways along a surface through points on its edges, straight within a face."""
+class EdgeGraph(NamedTuple):
+    """Graph of points on the edges of a surface; paths are straight within a face."""
 
     surface: Surface
     points: Floats
     nodes: NDArray[np.int64]
-    """Those on each face."""
+    """Indices of the points on each face."""
     lengths: csr_array
+    """Lengths of the straight lines between points of a face."""
 
     @classmethod
-    def along(cls, surface: Surface) -> "Ways":
+    def of(cls, surface: Surface) -> "EdgeGraph":
         points, nodes = graph_nodes(*surface)
         pairs = np.indices((nodes.shape[1],) * 2).reshape(2, -1)
         ends = np.sort(nodes[:, pairs].transpose(1, 0, 2).reshape(2, -1), axis=0)
@@ -39,7 +40,7 @@ class Ways(NamedTuple):
     def patch(self, source: int, radius: float) -> tuple[Floats, float]:
         """Inward area vector and area of the surface within a distance of a vertex.
 
-        The faces are cut in small triangles, each of which is within the radius or not.
+        Faces are divided into small triangles; each is inside or outside by its centre.
         """
         vertices, faces = self.surface
         distances = dijkstra(self.lengths, directed=False, indices=source, limit=radius)
@@ -47,63 +48,66 @@ class Ways(NamedTuple):
         for face in np.flatnonzero((distances[self.nodes] < radius).any(axis=1)):
             a, b, c = vertices[faces[face]]
             normal = 0.5 * np.cross(c - a, b - a)
-            own = self.nodes[face]
+            face_nodes = self.nodes[face]
             samples = small_triangles() @ vertices[faces[face]]
-            ways = np.linalg.norm(samples[:, None] - self.points[own], axis=2) + distances[own]
-            share = float((ways.min(axis=1) < radius).mean())
-            vector += share * normal
-            area += share * float(np.linalg.norm(normal))
+            reached = (
+                np.linalg.norm(samples[:, None] - self.points[face_nodes], axis=2)
+                + distances[face_nodes]
+            )
+            fraction = float((reached.min(axis=1) < radius).mean())
+            vector += fraction * normal
+            area += fraction * float(np.linalg.norm(normal))
         return vector, area
 
 
 def graph_nodes(vertices: Floats, faces: NDArray[np.int64]) -> tuple[Floats, NDArray[np.int64]]:
-    """The vertices and the points on the edges, and which of them lie on each face."""
+    """(points, nodes): the vertices and the points on the edges, and the indices on each face."""
     sides = np.stack([faces[:, [1, 2]], faces[:, [2, 0]], faces[:, [0, 1]]], axis=1)  # (F, 3, 2)
     edges, number = np.unique(np.sort(sides, axis=2).reshape(-1, 2), axis=0, return_inverse=True)
-    shares = np.arange(1, ON_EDGE + 1)[:, None] / (ON_EDGE + 1)
-    between = vertices[edges[:, :1]] * (1.0 - shares) + vertices[edges[:, 1:]] * shares
-    inner = len(vertices) + number.reshape(-1, 3, 1) * ON_EDGE + np.arange(ON_EDGE)
+    fractions = np.arange(1, EDGE_POINTS + 1)[:, None] / (EDGE_POINTS + 1)
+    between = vertices[edges[:, :1]] * (1.0 - fractions) + vertices[edges[:, 1:]] * fractions
+    inner = len(vertices) + number.reshape(-1, 3, 1) * EDGE_POINTS + np.arange(EDGE_POINTS)
     points = np.concatenate([vertices, between.reshape(-1, 3)])
     return points, np.hstack([faces, inner.reshape(len(faces), -1)])
 
 
 @cache
 def small_triangles() -> Floats:
-    """Barycentric coordinates of the middles of equal parts of a triangle."""
+    """Barycentric coordinates of the centres of equal parts of a triangle."""
     rows = []
-    for i in range(ACROSS):
-        for j in range(ACROSS - i):
+    for i in range(DIVISIONS):
+        for j in range(DIVISIONS - i):
             rows.append((i + 1 / 3, j + 1 / 3))
-            if i + j < ACROSS - 1:
+            if i + j < DIVISIONS - 1:
                 rows.append((i + 2 / 3, j + 2 / 3))
-    first = np.array(rows) / ACROSS
+    first = np.array(rows) / DIVISIONS
     return np.column_stack([first, 1.0 - first.sum(axis=1)])
 
 
 def sheet(count: int, seed: int, stretch: float = 1.0) -> Surface:
-    """A square from 0 to 1 in the xy-plane, facing up, with vertices at random."""
+    """A square from 0 to 1 in the xy-plane, facing up, with random vertices."""
     border = np.array(np.meshgrid(*[np.linspace(0.0, 1.0, 9)] * 2)).reshape(2, -1).T
     inner = np.random.default_rng(seed).random((count, 2))
     return triangulated(np.concatenate([inner, border]), stretch)
 
 
 def bent_sheet(seed: int, angle: float) -> Surface:
-    """The same, its half beyond y = 0.5 folded up."""
+    """The same with its half beyond y = 0.5 folded upward by an angle."""
     steps = np.linspace(0.0, 1.0, 21)
     lines = [np.column_stack([steps, np.full(21, y)]) for y in (0.0, 0.5, 1.0)]
     lines += [line[:, ::-1] for line in lines[::2]]
     inner = np.random.default_rng(seed).random((400, 2))
-    apart = np.abs(inner[:, 1] - 0.5) > 0.03  # so that the fold consists of edges
+    apart = np.abs(inner[:, 1] - 0.5) > 0.03  # the fold then consists of edges
     flat, faces = triangulated(np.unique(np.concatenate([inner[apart], *lines]), axis=0))
     beyond = np.maximum(flat[:, 1] - 0.5, 0.0)
-    along = np.minimum(flat[:, 1], 0.5) + beyond * np.cos(angle)
-    return np.column_stack([flat[:, 0], along, beyond * np.sin(angle)]), faces
+    of = np.minimum(flat[:, 1], 0.5) + beyond * np.cos(angle)
+    return np.column_stack([flat[:, 0], of, beyond * np.sin(angle)]), faces
 
 
 def triangulated(flat: Floats, stretch: float = 1.0) -> Surface:
-    """Triangles of points (n, 2) of the xy-plane, facing up.
+    """Delaunay triangles of points (n, 2) in the xy-plane, facing up.
 
-    Stretched, they are needles: Delaunay's of the points drawn out along y.
+    With `stretch` they are needles: the triangulation of the points stretched along y.
     """
     faces = Delaunay(flat * (1.0, stretch)).simplices.astype(np.int64)
     a, b, c = flat[faces].swapaxes(0, 1)
@@ -113,7 +117,7 @@ def triangulated(flat: Floats, stretch: float = 1.0) -> Surface:
 
 
 def random_ball(count: int, seed: int) -> Surface:
-    """A ball of radius 1 with vertices at random."""
+    """A ball of radius 1 with random vertices."""
     points = np.random.default_rng(seed).normal(size=(count, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
     faces = ConvexHull(points).simplices.astype(np.int64)

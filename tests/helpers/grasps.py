@@ -1,7 +1,8 @@
-"""Grasps of known kinds."""
+"""Grasps for tests: regular, degenerate and random ones."""
 
 import json
 import math
+from dataclasses import fields
 from typing import Any
 
 import numpy as np
@@ -9,6 +10,7 @@ from numpy.typing import NDArray
 from random_grasps import REGULAR, Shape, random_contacts
 
 from grasp3d import Contacts
+from grasp3d.quality import EpsilonOptions
 from tests.helpers import shapes
 
 Floats = NDArray[np.float64]
@@ -32,7 +34,7 @@ def just_off_a_line(gap: float) -> Contacts:
 
 
 def reference(name: str) -> list[dict[str, Any]]:
-    """Cases of a reference file, solved elsewhere; skips where it is absent."""
+    """Cases of a reference file with independent results; skips the test if it is absent."""
     cases: list[dict[str, Any]] = json.loads(shapes.shared("reference", name).read_text())
     return cases
 
@@ -41,19 +43,19 @@ def of_case(case: dict[str, Any]) -> Contacts:
     return Contacts(case["points"], case["inward_normals"], case["mu"], case["torsion_radius"])
 
 
-def around_a_ball(name: str, friction: float = 0.5, torsion_radius: float = 0.0) -> Contacts:
+def regular_on_ball(name: str, friction: float = 0.5, torsion_radius: float = 0.0) -> Contacts:
     """A regular grasp of the unit ball."""
     points = REGULAR_SHAPES[name]
     return Contacts(points, -points, friction, torsion_radius)
 
 
-def drawn(fingers: int, seed: int, *, soft: bool = False) -> Contacts:
+def random_grasp(fingers: int, seed: int, *, soft: bool = False) -> Contacts:
     """One random grasp."""
     return one(random_contacts(Shape(fingers, 8, soft=soft), 1, seed), 0)
 
 
-def form_closing(seed: int, fingers: int = 16) -> Contacts:
-    """Contacts on a ball with tilted normals, so many that they close without friction."""
+def frictionless_grasp(seed: int, fingers: int = 16) -> Contacts:
+    """Contacts on a ball with tilted normals, mostly enough of them for frictionless closure."""
     rng = np.random.default_rng(seed)
     points = rng.normal(size=(fingers, 3))
     points /= np.linalg.norm(points, axis=1, keepdims=True)
@@ -72,7 +74,7 @@ def one(contacts: Contacts, *index: int) -> Contacts:
 
 
 def changed(contacts: Contacts, **fields: Any) -> Contacts:
-    """The same contacts but for some of their fields."""
+    """The same contacts with some fields replaced."""
     names = ("points", "normals", "friction", "torsion_radius")
     return Contacts(*(fields.get(name, getattr(contacts, name)) for name in names))
 
@@ -82,11 +84,18 @@ def at_angle(contacts: Contacts, beta: float) -> Contacts:
     return changed(contacts, friction=math.tan(beta))
 
 
-def stacked(many: list[Contacts]) -> Contacts:
+def stacked(single: list[Contacts]) -> Contacts:
     """A batch of single grasps."""
     return Contacts(
-        np.stack([c.points for c in many]),
-        np.stack([c.normals for c in many]),
-        np.stack([c.friction for c in many]),
-        np.stack([c.torsion_radius for c in many]),
+        np.stack([c.points for c in single]),
+        np.stack([c.normals for c in single]),
+        np.stack([c.friction for c in single]),
+        np.stack([c.torsion_radius for c in single]),
     )
+
+
+def with_options(**arguments: Any) -> dict[str, Any]:
+    """Keyword arguments, those of `EpsilonOptions` collected in `options`."""
+    names = {field.name for field in fields(EpsilonOptions)}
+    options = EpsilonOptions(**{name: arguments.pop(name) for name in names & set(arguments)})
+    return {**arguments, "options": options}

@@ -1,4 +1,4 @@
-"""Cheap jobs that behave in all the ways meshes can; their child loads nothing heavy."""
+"""Cheap jobs that fail in all the ways in which meshes can; the child imports nothing heavy."""
 
 import ctypes
 import os
@@ -14,7 +14,7 @@ from grasp3d.isolation import NeedsMemory, allowed_memory
 
 @dataclass(frozen=True)
 class Work:
-    """A cheap job: how it behaves, and where it writes down when it was at work."""
+    """A cheap job whose name says how it behaves; it records its times in a folder."""
 
     name: str
     log: Path | None = None
@@ -27,7 +27,7 @@ class Work:
 @dataclass(frozen=True)
 class Done:
     name: str
-    told: str = ""
+    reason: str = ""
     memory: float | None = None
 
 
@@ -36,7 +36,7 @@ def lost(job: Work, reason: str) -> Done:
 
 
 def work(job: Work, pause: float) -> Done:
-    """Behave as the job is called, and write down the times of every attempt."""
+    """Behave according to the job's name, and record the times of every attempt."""
     begun = time.monotonic()
     first = True
     if job.log is not None:
@@ -55,27 +55,25 @@ def misbehave(kind: str, *, first: bool) -> None:
         ctypes.string_at(0)
     if kind == "killed" or (kind == "killed once" and first):
         os.kill(os.getpid(), signal.SIGKILL)
-    if kind == "deadly":
+    if kind == "kills its worker":
         os.kill(os.getppid(), signal.SIGKILL)
         time.sleep(60.0)
     if kind == "hang":
         time.sleep(60.0)
-    if kind == "strange":
-        raise ValueError("no one thought\nof this")
-    if kind == "eats":
+    if kind == "raises":
+        raise ValueError("an error of\ntwo lines")
+    if kind == "exceeds its limit":
         _ = [np.ones(1_250_000) for _ in range(52)]
         time.sleep(0.3)
-    if kind == "insatiable":
-        _ = [np.ones(1_250_000) for _ in range(10**6)]
-    needed = {"modest": 0.4, "large": 0.7, "monstrous": 1e6}.get(kind, 0.0)
+    needed = {"0.4 GB": 0.4, "0.7 GB": 0.7, "1e6 GB": 1e6}.get(kind, 0.0)
     allowed = allowed_memory()
     if allowed is not None and needed > allowed:
         raise NeedsMemory(needed)
 
 
-def where(job: Work, pause: float) -> Done:  # noqa: ARG001
+def process_id(job: Work, pause: float) -> Done:  # noqa: ARG001
     return Done(str(os.getpid()))
 
 
-def needy(job: Work, pause: float) -> Done:  # noqa: ARG001
+def needs_2_gb(job: Work, pause: float) -> Done:  # noqa: ARG001
     raise NeedsMemory(2.0)

@@ -1,4 +1,4 @@
-"""Mesh files of known content, written without the libraries that read them."""
+"""Mesh files of known content, written without the libraries that read them in the package."""
 
 import base64
 import copy
@@ -84,7 +84,7 @@ def xml_model(objects: str, build: str, unit: str = "inch") -> str:
     )
 
 
-def packed(files: dict[str, str | bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
+def zipped(files: dict[str, str | bytes], method: int = zipfile.ZIP_DEFLATED) -> bytes:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", method) as archive:
         for name, content in files.items():
@@ -93,9 +93,9 @@ def packed(files: dict[str, str | bytes], method: int = zipfile.ZIP_DEFLATED) ->
 
 
 def three_mf(objects: str, build: str, unit: str = "inch", **more: str) -> bytes:
-    """A 3MF; further files are named without their suffix."""
+    """A 3MF; `more` are further model files by name without suffix."""
     further = {f"3D/{name}.model": content for name, content in more.items()}
-    return packed({"3D/3dmodel.model": xml_model(objects, build, unit), **_PACKAGE, **further})
+    return zipped({"3D/3dmodel.model": xml_model(objects, build, unit), **_PACKAGE, **further})
 
 
 _SPACE = "http://schemas.openxmlformats.org/package/2006"
@@ -143,10 +143,10 @@ def ply_text() -> str:
 
 
 def ply_binary(polygons: list[list[int]], order: str = "<", number: str = "float") -> bytes:
-    """A PLY of six vertices, with a normal, a colour and elements that are not read."""
+    """A PLY of six vertices, with colours and with elements and properties that are not read."""
     kind = {"<": "little", ">": "big"}[order]
     head = [
-        "ply", f"format binary_{kind}_endian 1.0", "comment made of nothing", "element material 2",
+        "ply", f"format binary_{kind}_endian 1.0", "comment no generator", "element material 2",
         "property uchar shine", "element vertex 6", *(f"property {number} {x}" for x in "xyz"),
         "property uchar red", "property uchar green", "property uchar blue",
         f"element face {len(polygons)}", "property uchar kind",
@@ -154,8 +154,8 @@ def ply_binary(polygons: list[list[int]], order: str = "<", number: str = "float
         "property int vertex1", "property int vertex2", "end_header", "",
     ]  # fmt: skip
     data = b"\1\2"
-    for place in SIX.tolist():
-        data += struct.pack(f"{order}3{number[0]}3B", *place, 9, 8, 7)
+    for position in SIX.tolist():
+        data += struct.pack(f"{order}3{number[0]}3B", *position, 9, 8, 7)
     for corners in polygons:
         data += struct.pack(f"{order}BB{len(corners)}ih", 5, len(corners), *corners, 6)
     return "\n".join(head).encode() + data + struct.pack(f"{order}2i", 0, 1)

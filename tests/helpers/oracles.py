@@ -1,4 +1,4 @@
-"""Slow and obvious versions of what the package computes quickly."""
+"""Slow, simple reference implementations of what the package computes."""
 
 import itertools
 import math
@@ -18,16 +18,16 @@ def angle(a: Floats, b: Floats) -> float:
 
 
 def critical_angle(p1: Floats, n1: Floats, p2: Floats, n2: Floats, *signs: int) -> float:
-    """Two fingers, straight from the definition; `signs` +1 squeeze, -1 expand."""
+    """Two fingers, by the definition; `signs` +1: external, -1: internal grasps."""
     d = (p2 - p1) / np.linalg.norm(p2 - p1)
     return min(max(angle(n1, s * d), angle(n2, -s * d)) for s in signs or (1, -1))
 
 
-def closes(p1: Floats, n1: Floats, p2: Floats, n2: Floats, beta: float) -> bool:
+def force_closed(p1: Floats, n1: Floats, p2: Floats, n2: Floats, beta: float) -> bool:
     """Force closure of two hard fingers by a linear program over 64-sided friction cones.
 
-    Closed iff non-trivial forces, each strictly inside its cone, balance; strictly inside is asked
-    for by a margin: every edge of the cone carries at least a little.
+    Force-closed iff nonzero forces, each strictly inside its cone, are in equilibrium; strictly
+    inside means here that the weight of every edge of the cone is at least 1e-6.
     """
     wrenches = []
     for p, n in ((p1, n1), (p2, n2)):
@@ -35,8 +35,8 @@ def closes(p1: Floats, n1: Floats, p2: Floats, n2: Floats, beta: float) -> bool:
         wrenches.append(np.hstack([edges, np.cross(p, edges)]))
     columns = np.vstack(wrenches).T
     count = columns.shape[1]
-    answer = linprog(np.zeros(count), A_eq=columns, b_eq=np.zeros(6), bounds=[(1e-6, None)] * count)
-    return bool(answer.status == 0)
+    result = linprog(np.zeros(count), A_eq=columns, b_eq=np.zeros(6), bounds=[(1e-6, None)] * count)
+    return bool(result.status == 0)
 
 
 def cone_edges(normal: Floats, beta: float, count: int) -> Floats:
@@ -44,21 +44,21 @@ def cone_edges(normal: Floats, beta: float, count: int) -> Floats:
     e1 = np.cross(axis, normal)
     e1 /= np.linalg.norm(e1)
     e2 = np.cross(normal, e1)
-    turn = np.arange(count) * 2.0 * math.pi / count
-    around = np.outer(np.cos(turn), e1) + np.outer(np.sin(turn), e2)
-    return np.asarray(math.cos(beta) * normal + math.sin(beta) * around)
+    angles = np.arange(count) * 2.0 * math.pi / count
+    tangents = np.outer(np.cos(angles), e1) + np.outer(np.sin(angles), e2)
+    return np.asarray(math.cos(beta) * normal + math.sin(beta) * tangents)
 
 
-def tilted(normal: Floats, most: float, rng: np.random.Generator) -> Floats:
-    """A unit vector at most `most` away from `normal`, half of the time on the rim."""
-    tilt = most if rng.random() < 0.5 else most * math.sqrt(rng.random())
+def tilted(normal: Floats, largest: float, rng: np.random.Generator) -> Floats:
+    """Random unit vector within the angle `largest` of `normal`, half of the time on the rim."""
+    tilt = largest if rng.random() < 0.5 else largest * math.sqrt(rng.random())
     return cone_edges(normal, tilt, 360)[rng.integers(360)]
 
 
 def crossings(
     origin: Floats, direction: Floats, vertices: Floats, faces: NDArray[np.int64]
 ) -> list[tuple[int, float]]:
-    """Every (face, distance) that a ray meets, each triangle tested in 64 bits."""
+    """Every (face, distance) at which a ray crosses a triangle, in 64 bits."""
     a, b, c = (vertices[faces[:, k]] for k in range(3))
     matrix = np.stack([b - a, c - a, np.broadcast_to(-direction, a.shape)], axis=2)
     regular = np.abs(np.linalg.det(matrix)) > 1e-14
@@ -69,11 +69,11 @@ def crossings(
 
 
 def smallest_angle(normals: Floats, direction: Floats) -> float:
-    """Angle to the convex cone of the normals: to its corners, edges and inside, all tried."""
+    """Angle to the convex cone of the normals, by sampling its corners, edges and interior."""
     best = min(angle(n, direction) for n in normals)
     for a, b in itertools.combinations(normals, 2):
-        for share in np.linspace(0.0, 1.0, 2001):
-            best = min(best, angle((1.0 - share) * a + share * b, direction))
+        for fraction in np.linspace(0.0, 1.0, 2001):
+            best = min(best, angle((1.0 - fraction) * a + fraction * b, direction))
     for triple in itertools.combinations(normals, 3):
         matrix = np.stack(triple, axis=1)
         if abs(np.linalg.det(matrix)) > 1e-9 and (np.linalg.solve(matrix, direction) >= 0.0).all():
@@ -81,19 +81,19 @@ def smallest_angle(normals: Floats, direction: Floats) -> float:
     return best
 
 
-def turned(normal: Floats, goal: Floats, most: float) -> Floats:
-    """Turn a unit vector by `most` toward a goal, but not past it; away from it if negative."""
+def turned(normal: Floats, goal: Floats, tilt: float) -> Floats:
+    """Turn a unit vector by `tilt` toward a goal, but not past it; away from it if negative."""
     gap = angle(normal, goal)
     across = goal - np.dot(goal, normal) * normal
     if np.linalg.norm(across) < 1e-12 * np.linalg.norm(goal):
         across = cone_edges(normal, math.pi / 2.0, 3)[0]
     across = across / np.linalg.norm(across)
-    turn = max(min(most, gap), gap - math.pi)
+    turn = max(min(tilt, gap), gap - math.pi)
     return np.asarray(math.cos(turn) * normal + math.sin(turn) * across)
 
 
-def works(contacts: Contacts, u: Floats, torque_scale: float = 1.0) -> Floats:
-    """The forces that do work in a direction, one for each contact: u_f + (u_tau x p) / rho."""
+def velocities(contacts: Contacts, u: Floats, torque_scale: float = 1.0) -> Floats:
+    """Velocities of the contact points in a motion u of the object: u_f + (u_tau x p) / rho."""
     return np.asarray(u[:3] + np.cross(u[3:], contacts.points) / torque_scale)
 
 
@@ -105,23 +105,23 @@ def support(
     actuation: str = "total",
     torque_scale: float = 1.0,
 ) -> float:
-    """Farthest wrench of circular cones in a direction, straight from the angles."""
-    heights = []
-    for i, g in enumerate(works(contacts, u, torque_scale)):
+    """Support function of the grasp wrench space of circular cones, from the angles to normals."""
+    supports = []
+    for i, g in enumerate(velocities(contacts, u, torque_scale)):
         beta = max(float(contacts.friction_angle[i]) + cone_offset, 0.0)
-        off = max(0.0, angle(g, contacts.normals[i]) - beta)
-        height = float(np.linalg.norm(g)) * math.cos(off)
+        outside = max(0.0, angle(g, contacts.normals[i]) - beta)
+        value = float(np.linalg.norm(g)) * math.cos(outside)
         twist = abs(np.dot(u[3:], contacts.normals[i])) * contacts.torsion_radius[i] / torque_scale
         if twist > 0.0:
-            height = max(height, float(np.dot(g, contacts.normals[i]) + twist))
-        heights.append(max(height, 0.0))
-    return max(heights) if actuation == "total" else sum(heights)
+            value = max(value, float(np.dot(g, contacts.normals[i]) + twist))
+        supports.append(max(value, 0.0))
+    return max(supports) if actuation == "total" else sum(supports)
 
 
 def epsilon_of_hull(rows: Floats) -> float:
-    """Distance from the origin to the nearest facet of the whole convex hull, by Qhull.
+    """Distance from the origin to the nearest facet of the convex hull, by Qhull.
 
-    Negative where the origin is outside. Raises scipy.spatial.QhullError where Qhull gives up.
+    Negative if the origin is outside. Raises scipy.spatial.QhullError if Qhull fails.
     """
     _, sizes, basis = np.linalg.svd(rows)
     rank = int((sizes > 1e-7 * sizes[0]).sum())
@@ -129,32 +129,32 @@ def epsilon_of_hull(rows: Floats) -> float:
 
 
 def minkowski_sum(bodies: Floats) -> Floats:
-    """Every sum of one row, or of nothing, from each of the bodies (n, m, 6)."""
+    """Every sum of one row or zero from each of the bodies (n, m, 6)."""
     sums = np.zeros((1, bodies.shape[-1]))
     for rows in bodies:
-        some = np.vstack([np.zeros((1, rows.shape[-1])), rows])
-        sums = (sums[:, None] + some).reshape(-1, rows.shape[-1])
+        terms = np.vstack([np.zeros((1, rows.shape[-1])), rows])
+        sums = (sums[:, None] + terms).reshape(-1, rows.shape[-1])
     return sums
 
 
-def hull_holds_origin(rows: Floats) -> bool:
-    """Whether the origin is inside the hull, by a linear program: all rows weigh something."""
+def hull_contains_origin(rows: Floats) -> bool:
+    """Whether the origin is inside the hull, by a linear program: weights of all rows are >= 1."""
     count = len(rows)
-    answer = linprog(
+    result = linprog(
         np.zeros(count), A_eq=rows.T, b_eq=np.zeros(rows.shape[1]), bounds=[(1.0, None)] * count
     )
-    return bool(answer.status == 0)
+    return bool(result.status == 0)
 
 
-def smallest_angles_of_work(points: Floats, normals: Floats, directions: Floats) -> Floats:
-    """For each direction the smallest angle between a contact's work and its normal."""
-    work = directions[:, None, :3] + np.cross(directions[:, None, 3:], points)  # (k, n, 3)
-    across = np.linalg.norm(np.cross(work, normals), axis=-1)
-    return np.asarray(np.arctan2(across, (work * normals).sum(axis=-1)).min(axis=-1))
+def smallest_angles_to_normals(points: Floats, normals: Floats, directions: Floats) -> Floats:
+    """For each direction the smallest angle between a contact's velocity and its normal."""
+    velocity = directions[:, None, :3] + np.cross(directions[:, None, 3:], points)  # (k, n, 3)
+    across = np.linalg.norm(np.cross(velocity, normals), axis=-1)
+    return np.asarray(np.arctan2(across, (velocity * normals).sum(axis=-1)).min(axis=-1))
 
 
 def distance_to_triangles(point: Floats, triangles: Floats) -> Floats:
-    """To each of (F, 3, 3): to the foot of the perpendicular where inside, else to the edges."""
+    """Distances of a point to triangles (F, 3, 3): to feet of perpendiculars, or to edges."""
     ends = [(triangles[:, i], triangles[:, (i + 1) % 3]) for i in range(3)]
     distances = []
     for p, q in ends:

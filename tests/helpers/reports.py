@@ -1,28 +1,39 @@
-"""A small report in a folder, as a batch would write it."""
+"""Files of a small report, as a batch writes them."""
 
 import math
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 from grasp3d import SurfaceLabels, best_grasps
+from grasp3d.arrays import Floats
 from grasp3d.batch.report import object_script, thumbnail
-from grasp3d.batch.row import BestGrasp, Row, Share
+from grasp3d.batch.row import AreaFractions, BestGrasp, Row
 from grasp3d.settings import DEGREE, GraspModel
+from grasp3d.surface.labels import label_grasps
 
 FRICTIONS = (0.3, 0.5)
 RESOLUTIONS = tuple(10.0 * step * DEGREE for step in range(8))
 
 
 @dataclass(frozen=True)
-class Local:
-    """A folder of this machine."""
+class LocalFolder:
+    """A folder on this machine."""
 
-    home: Path
+    path: Path
 
     def write(self, name: str, data: bytes) -> None:
-        path = self.home / name
+        path = self.path / name
         path.parent.mkdir(parents=True, exist_ok=True)
         path.write_bytes(data)
+
+
+def with_critical_angles(labels: SurfaceLabels, angles: Floats) -> SurfaceLabels:
+    """The same surface with other critical angles, shape (V,), and the same epsilon."""
+    grasps = replace(labels.grasps, critical_angle=angles, critical_angle_best=angles)
+    changed = label_grasps(
+        grasps, labels.model, sampling=labels.sampling, mode=labels.mode, search=labels.search
+    )
+    return replace(changed, deferred_epsilon=labels.deferred_epsilon)
 
 
 def best_of(labels: SurfaceLabels, count: int = 4) -> tuple[BestGrasp, ...]:
@@ -41,7 +52,7 @@ def best_of(labels: SurfaceLabels, count: int = 4) -> tuple[BestGrasp, ...]:
 
 
 def row_of(labels: SurfaceLabels, name: str, stem: str) -> Row:
-    shares = labels.fractions()
+    fractions = labels.fractions()
     median, upper = labels.angle_quantiles((0.5, 0.9))
     angles = labels.angle_distribution()
     needed = {
@@ -58,31 +69,31 @@ def row_of(labels: SurfaceLabels, name: str, stem: str) -> Row:
         faces=len(labels.mesh.faces),
         size=labels.mesh.size,
         unit=labels.mesh.unit,
-        stable=shares["S"],
-        ambiguous=shares["M"],
-        no_grasp_found=shares["U"],
+        stable=fractions["S"],
+        ambiguous=fractions["M"],
+        no_grasp_found=fractions["U"],
         critical_angle_p50=float(median),
         critical_angle_p90=float(upper),
         epsilon_p50=float(labels.epsilon_quantiles([0.5])[0]),
-        shares=tuple(_share(labels, mu, alpha) for mu in FRICTIONS for alpha in RESOLUTIONS),
+        fractions=tuple(_fractions(labels, mu, alpha) for mu in FRICTIONS for alpha in RESOLUTIONS),
         warnings="; ".join(labels.mesh.report.warnings),
         seconds=1.25,
         **needed,
     )
 
 
-def _share(labels: SurfaceLabels, friction: float, resolution: float) -> Share:
+def _fractions(labels: SurfaceLabels, friction: float, resolution: float) -> AreaFractions:
     model = GraspModel(friction=friction, sensor_resolution=resolution)
     angles = labels.angle_distribution()
     stable = float(angles.worst_below(model.friction_angle - model.tilt))
     if model.friction_angle + model.tilt > labels.search.cone + 1e-9:
-        return Share(friction, resolution, stable, None, None)
-    told = angles.fractions(friction=friction, sensor_resolution=resolution)
-    return Share(friction, resolution, stable, told["M"], told["U"])
+        return AreaFractions(friction, resolution, stable, None, None)
+    found = angles.fractions(friction=friction, sensor_resolution=resolution)
+    return AreaFractions(friction, resolution, stable, found["M"], found["U"])
 
 
-def put_object(output: Local, labels: SurfaceLabels, row: Row) -> Row:
-    """Write what the report shows of one mesh; the row, with its best grasps."""
+def put_object(output: LocalFolder, labels: SurfaceLabels, row: Row) -> Row:
+    """Write the script and thumbnail of one mesh; returns its row with the best grasps."""
     grasps = best_of(labels)
     output.write(row.view, object_script(labels, row.mesh, grasps))
     output.write(row.thumbnail, thumbnail(labels))
@@ -90,13 +101,13 @@ def put_object(output: Local, labels: SurfaceLabels, row: Row) -> Row:
 
 
 def ray_at(camera: dict[str, list[float]], x: float, y: float) -> tuple[list[float], list[float]]:
-    """Where the ray of a click begins and where it goes; x to the right, y up, from -1 to 1."""
+    """Origin and direction of the ray of a click; x to the right, y up, from -1 to 1."""
 
     def unprojected(depth: float) -> list[float]:
-        into = camera["unproject"]
-        at = [sum(into[4 * k + i] * (x, y, depth, 1.0)[k] for k in range(4)) for i in range(4)]
+        matrix = camera["unproject"]
+        at = [sum(matrix[4 * k + i] * (x, y, depth, 1.0)[k] for k in range(4)) for i in range(4)]
         return [at[i] / at[3] + camera["centre"][i] for i in range(3)]
 
     start, end = unprojected(-1.0), unprojected(1.0)
-    way = [b - a for a, b in zip(start, end, strict=True)]
-    return start, [part / math.hypot(*way) for part in way]
+    along = [b - a for a, b in zip(start, end, strict=True)]
+    return start, [part / math.hypot(*along) for part in along]

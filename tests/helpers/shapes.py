@@ -41,7 +41,7 @@ def torus(major: float = 1.0, minor: float = 0.25) -> Surface:
 
 
 def lopsided() -> Surface:
-    """A smooth blob without any symmetry, so that nothing is decided by a tie."""
+    """A smooth blob without any symmetry, so that there are no ties."""
     vertices, faces = sphere(4)
     x, y, z = vertices.T
     radius = 1.0 + 0.25 * x * y + 0.15 * z**3 + 0.1 * np.sin(3.0 * x + y) + 0.2 * y**2
@@ -56,7 +56,7 @@ def rotation(seed: int) -> NDArray[np.float64]:
 
 
 def shared(*parts: str) -> Path:
-    """A file that lies beside the project on some machines only; skips the test elsewhere."""
+    """A file beside the project; skips the test if it is missing."""
     path = SHARED.joinpath(*parts)
     if not path.exists():
         pytest.skip(f"needs {'/'.join(parts)}, which is not part of the project")
@@ -64,7 +64,7 @@ def shared(*parts: str) -> Path:
 
 
 def reader(name: str) -> Any:
-    """Import another tool's package; where it is missing the test skips, in CI it fails."""
+    """Import another tool's package; if it is missing the test skips, in CI it fails."""
     if os.environ.get("CI"):
         return __import__(name)
     return pytest.importorskip(name, exc_type=ImportError)

@@ -1,6 +1,7 @@
-"""Small labelled surfaces, and sessions that have come to rest."""
+"""Small labelled surfaces, and sessions that have finished their jobs."""
 
 import time
+from dataclasses import replace
 from functools import cache
 from pathlib import Path
 
@@ -14,16 +15,18 @@ from grasp3d import (
     mesh_from_arrays,
     scan_surface,
 )
-from grasp3d.viewer.session.album import Album, album_of
+from grasp3d.mesh.object_mesh import MeshReport
+from grasp3d.surface.labels import label_grasps
+from grasp3d.viewer.session.collection import Collection, collection_of
 from grasp3d.viewer.session.session import Session
 from tests.helpers import shapes
 
-PATIENCE = 120.0
+TIMEOUT = 120.0
 
 
 @cache
 def labels() -> SurfaceLabels:
-    """A cone: S, M and U, creases, a tip, and vertices without any grasp."""
+    """A cone with all labels, sharp edges, a tip, and vertices without a grasp."""
     mesh = mesh_from_arrays(*shapes.cone(0.35, sections=24), unit="cm", max_edge=0.2)
     found = label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening=0.3))
     assert set(found.label) == {0, 1, 2}
@@ -37,28 +40,38 @@ def box() -> SurfaceLabels:
 
 
 @cache
-def hands() -> SurfaceLabels:
-    """Grasps of three fingers."""
+def three_fingers() -> SurfaceLabels:
+    """Labels of a sphere for three fingers."""
     mesh = mesh_from_arrays(*shapes.sphere(1), max_edge=9.0)
     return label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8))
 
 
 @cache
 def scan(fingers: int = 2) -> SurfaceLabels:
-    """The cone with fingers fixed at its side."""
+    """A scan of the cone, with fingers fixed at its side."""
     mesh = labels().mesh
     return scan_surface(mesh, fixed=mesh.vertices[[30, 60, 90][: fingers - 1]])
 
 
-def settled(album: Album | SurfaceLabels) -> Session:
-    """A session that has nothing more to do."""
-    session = Session(album if isinstance(album, Album) else album_of(album))
-    rest(session)
+def with_report(labels: SurfaceLabels, report: MeshReport) -> SurfaceLabels:
+    """The same labels with another report of their mesh."""
+    grasps = replace(labels.grasps, mesh=replace(labels.mesh, report=report))
+    return label_grasps(
+        grasps, labels.model, sampling=labels.sampling, mode=labels.mode, search=labels.search
+    )
+
+
+def ready_session(collection: Collection | SurfaceLabels) -> Session:
+    """A session that has finished all jobs."""
+    session = Session(
+        collection if isinstance(collection, Collection) else collection_of(collection)
+    )
+    wait_until_idle(session)
     return session
 
 
-def rest(session: Session) -> None:
-    end = time.monotonic() + PATIENCE
+def wait_until_idle(session: Session) -> None:
+    end = time.monotonic() + TIMEOUT
     while session.working is not None:
         session.poll()
         assert time.monotonic() < end, session.working

@@ -1,4 +1,4 @@
-"""A window on a screen that nobody sees, and real events for it."""
+"""A window on a virtual screen, and real events for it."""
 
 import ctypes
 import json
@@ -21,32 +21,32 @@ from PIL import ImageGrab
 
 from grasp3d.rendering import WINDOW
 
-PATIENCE = 90.0
-"""Longest wait for anything [s]; machines are slow at times."""
+TIMEOUT = 90.0
+"""Longest wait for any condition [s]."""
 SCREEN = (1280, 1024)
 
 MISSING = [name for name in ("Xvfb", "xdotool") if shutil.which(name) is None]
 needs_screen = pytest.mark.skipif(
     bool(MISSING) and os.environ.get("CI") != "true", reason=f"needs {', '.join(MISSING)}"
 )
-"""Where the project itself is tested, missing tools are a failure."""
+"""In continuous integration missing programs are a failure."""
 
 Image8 = NDArray[np.uint8]
 
 
 def wait_for(condition: Callable[[], Any], what: str) -> Any:
-    end = time.monotonic() + PATIENCE
+    end = time.monotonic() + TIMEOUT
     while time.monotonic() < end:
         found = condition()
         if found:
             return found
         time.sleep(0.02)
-    raise AssertionError(f"waited in vain: {what}")
+    raise AssertionError(f"timeout while waiting for {what}")
 
 
 @contextmanager
 def screen() -> Iterator[str]:
-    """A display of its own, whatever other displays there are."""
+    """A new virtual display."""
     reading, writing = os.pipe()
     size = f"{SCREEN[0]}x{SCREEN[1]}x24"
     server = subprocess.Popen(
@@ -56,8 +56,8 @@ def screen() -> Iterator[str]:
     )
     os.close(writing)
     try:
-        with os.fdopen(reading) as told:
-            yield f":{told.readline().strip()}"
+        with os.fdopen(reading) as stream:
+            yield f":{stream.readline().strip()}"
     finally:
         server.terminate()
         server.wait()
@@ -65,7 +65,7 @@ def screen() -> Iterator[str]:
 
 @dataclass
 class Window:
-    """A viewer's window in a process of its own, which writes a line for each drawing."""
+    """A viewer's window in a child process, which writes a line for each rendering."""
 
     process: subprocess.Popen[str]
     display: str
@@ -78,7 +78,7 @@ class Window:
         lines.touch()
         folder = folder / "work"
         folder.mkdir()
-        # Pictures drawn before, in this process, have chosen a window without a screen.
+        # Pictures rendered earlier in this process have selected an off-screen window.
         kept = {name: value for name, value in os.environ.items() if name != WINDOW}
         process = subprocess.Popen(
             [sys.executable, "-c", script, str(lines)],
@@ -86,7 +86,7 @@ class Window:
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
         made = cls(process, display, lines, folder)
-        made.until(lambda told: told["shares"], "labels")
+        made.until(lambda state: state["fractions"], "labels")
         made.do("windowfocus", made.number)
         return made
 
@@ -95,21 +95,21 @@ class Window:
         return self.do("search", "--name", "^a window to test$").split()[0]
 
     @property
-    def told(self) -> dict[str, Any]:
-        """The last that was drawn."""
+    def state(self) -> dict[str, Any]:
+        """The state at the last rendering."""
         whole = self.lines.read_text(encoding="utf-8").rpartition("\n")[0]
-        return json.loads(whole.rpartition("\n")[2]) if whole else {"shares": {}}
+        return json.loads(whole.rpartition("\n")[2]) if whole else {"fractions": {}}
 
     def until(self, condition: Callable[[dict[str, Any]], Any], what: str) -> dict[str, Any]:
-        """Wait until what is drawn is as it should be."""
+        """Wait until the rendered state meets a condition."""
 
         def found() -> dict[str, Any] | None:
-            told = self.told
+            state = self.state
             if self.process.poll() is not None:
-                raise AssertionError(f"the window is gone: {self.process.communicate()}")
-            return told if condition(told) else None
+                raise AssertionError(f"the window has been closed: {self.process.communicate()}")
+            return state if condition(state) else None
 
-        return wait_for(found, f"{what}; {self.told}")
+        return wait_for(found, f"{what}; {self.state}")
 
     def do(self, *words: object) -> str:
         return subprocess.run(
@@ -127,28 +127,28 @@ class Window:
 
     def press(self, name: str) -> None:
         """Click a button of the panel."""
-        left, top, right, bottom = self.told["spots"][name][0]
+        left, top, right, bottom = self.state["areas"][name][0]
         self.click(0.5 * (left + right), 0.5 * (top + bottom))
 
-    def drag(self, *places: tuple[float, float]) -> None:
-        """Press at the first place, go through the others, release at the last."""
+    def drag(self, *positions: tuple[float, float]) -> None:
+        """Press at the first position, move through the others, release at the last."""
         words: list[object] = []
-        for number, (start, end) in enumerate(pairwise(places)):
+        for number, (start, end) in enumerate(pairwise(positions)):
             words += ["mousemove", *map(round, start), *([] if number else ["mousedown", 1])]
             for step in range(1, 9):
                 at = [round(a + (b - a) * step / 8.0) for a, b in zip(start, end, strict=True)]
                 words += ["sleep", 0.01, "mousemove", *at]
         self.do(*words, "mouseup", 1)
 
-    def slide(self, name: str, share: float) -> None:
-        """Drag the thumb of a slider to a place on its track."""
-        (_, top, _, bottom), (start, end) = self.told["spots"][name]
+    def slide(self, name: str, position: float) -> None:
+        """Drag the thumb of a slider to a position on its track."""
+        (_, top, _, bottom), (start, end) = self.state["areas"][name]
         y = 0.3 * top + 0.7 * bottom
-        now = start + self.told["thumbs"][name] * (end - start)
-        self.drag((now, y), (start + share * (end - start), y))
+        now = start + self.state["positions"][name] * (end - start)
+        self.drag((now, y), (start + position * (end - start), y))
 
     def picture(self) -> Image8:
-        """What is on the screen, shape (height, width, 3)."""
+        """Picture of the window on the screen, shape (height, width, 3)."""
         window = dict(
             line.split("=") for line in self.do("getwindowgeometry", "--shell", self.number).split()
         )
@@ -156,8 +156,8 @@ class Window:
         image = ImageGrab.grab(xdisplay=self.display).convert("RGB")
         return np.array(image.crop((left, top, left + width, top + height)))
 
-    def ask_to_close(self) -> None:
-        """What the button of a window's frame does: WM_DELETE_WINDOW."""
+    def close(self) -> None:
+        """Send WM_DELETE_WINDOW, as the close button of the window does."""
         x = ctypes.CDLL("libX11.so.6")
         x.XOpenDisplay.restype = ctypes.c_void_p
         display = ctypes.c_void_p(x.XOpenDisplay(self.display.encode()))
@@ -172,6 +172,6 @@ class Window:
         x.XCloseDisplay(display)
 
     def ended(self) -> tuple[int, str, str]:
-        """Wait for the end: the code, and what was printed."""
-        out, err = self.process.communicate(timeout=PATIENCE)
+        """Wait for the end of the process: exit code, and the texts that it printed."""
+        out, err = self.process.communicate(timeout=TIMEOUT)
         return self.process.returncode, out, err

@@ -55,7 +55,7 @@ from scipy.spatial import ConvexHull
 from grasp3d._kernels import growing_hull
 from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
 
-assert not hasattr(growing_hull.grow, "py_func"), "this was to run uncompiled"
+assert not hasattr(growing_hull.grow, "py_func"), "expected to run uncompiled"
 cross = epsilon_of_wrenches(np.vstack([np.eye(6), -np.eye(6)]))
 assert abs(cross.lower - 6.0**-0.5) < 1e-12 and cross.closed
 assert not epsilon_of_wrenches(np.eye(6)).closed
@@ -73,7 +73,7 @@ assert closed > 2
 
 @dataclass
 class Package:
-    """Two small kernels, one calling the other, with our decorators, in a folder of their own."""
+    """Two small kernels, one calling the other, with the decorators, in their own folder."""
 
     home: Path
 
@@ -85,29 +85,29 @@ class Package:
         (self.folder / "callee.py").write_text(CALLEE.format(step=step), encoding="utf-8")
 
     def run(self, **variables: str) -> dict[str, Any]:
-        """Call the kernels in a fresh interpreter that knows no home but the package's."""
-        kept = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "XDG_"))}
+        """Call the kernels in a fresh interpreter whose home folder is the package's."""
+        inherited = {k: v for k, v in os.environ.items() if not k.startswith(("NUMBA_", "XDG_"))}
         env = {
-            **kept,
+            **inherited,
             "PYTHONPATH": str(self.home),
-            # Python would overlook a change within the same second: that is not what we test.
+            # Python's own byte code would miss a change within the same second.
             "PYTHONDONTWRITEBYTECODE": "1",
             "XDG_CACHE_HOME": str(self.home / "cache"),
             **variables,
         }
-        answer = subprocess.run(
+        process = subprocess.run(
             [sys.executable, "-W", "error", "-c", REPORT],
             capture_output=True,
             text=True,
             env=env,
             check=False,
         )
-        assert answer.returncode == 0, answer.stderr
-        report: dict[str, Any] = json.loads(answer.stdout)
+        assert process.returncode == 0, process.stderr
+        report: dict[str, Any] = json.loads(process.stdout)
         return report
 
     def block(self) -> None:
-        """Leave no polytope beside the sources, for an administrator neither."""
+        """Prevent a cache folder beside the sources, even for an administrator."""
         (self.folder / "__pycache__").write_text("not a folder")
 
 
@@ -123,28 +123,28 @@ def package(tmp_path: Path) -> Package:
 
 
 def machine_code(folder: Path) -> dict[Path, int]:
-    """When each file of compiled kernels was written."""
+    """Modification time of each file of compiled kernels."""
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*.nb[ic]")}
 
 
-def test_a_change_in_one_file_reaches_its_callers_in_others(package: Package) -> None:
+def test_a_change_in_one_file_recompiles_its_callers_in_others(package: Package) -> None:
     assert package.run()["value"] == 111
     package.write(step=2)
     changed = package.run()
     assert (changed["value"], changed["hits"]) == (222, 0)
 
 
-def test_machine_code_is_kept_while_no_file_changes(package: Package) -> None:
+def test_machine_code_is_cached_while_no_file_changes(package: Package) -> None:
     first = package.run()
-    kept = machine_code(package.folder)
-    assert kept
+    stored = machine_code(package.folder)
+    assert stored
     assert first["hits"] == 0
     second = package.run()
     assert (second["value"], second["hits"]) == (111, 1)
-    assert machine_code(package.folder) == kept
+    assert machine_code(package.folder) == stored
 
 
-def test_a_package_that_cannot_be_written_leaves_it_to_the_users_cache(package: Package) -> None:
+def test_the_users_cache_is_used_where_the_package_cannot_be_written(package: Package) -> None:
     package.block()
     assert package.run()["hits"] == 0
     second = package.run()
@@ -153,14 +153,14 @@ def test_a_package_that_cannot_be_written_leaves_it_to_the_users_cache(package: 
 
 
 @pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "NUMBA_CACHE_DIR"])
-def test_kernels_run_where_no_machine_code_can_be_kept(package: Package, variable: str) -> None:
+def test_kernels_run_where_no_machine_code_can_be_cached(package: Package, variable: str) -> None:
     package.block()
     report = package.run(**{variable: str(package.folder / "caller.py" / "below")})
     assert (report["value"], report["folder"]) == (111, "None")
     assert not machine_code(package.home)
 
 
-def test_the_folder_set_for_numba_comes_first(package: Package) -> None:
+def test_the_folder_set_for_numba_is_preferred(package: Package) -> None:
     chosen = package.home / "chosen"
     report = package.run(NUMBA_CACHE_DIR=str(chosen))
     assert Path(report["folder"]).parent == chosen
@@ -174,16 +174,16 @@ def test_other_packages_keep_their_own_folder(package: Package) -> None:
     assert package.run(NUMBA_CACHE_DIR=chosen)["setting"] == chosen
 
 
-def test_epsilon_means_the_same_uncompiled() -> None:
+def test_epsilon_is_the_same_without_compilation() -> None:
     env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     subprocess.run([sys.executable, "-W", "error", "-c", PURE], check=True, env=env)
 
 
-def test_a_user_without_a_home(package: Package) -> None:
-    assert package.run(XDG_CACHE_HOME="", HOME="~")["value"] == 111  # "~": no home known
+def test_a_user_without_a_home_folder(package: Package) -> None:
+    assert package.run(XDG_CACHE_HOME="", HOME="~")["value"] == 111  # "~": no home folder
 
 
-def test_what_old_sources_left_is_removed(package: Package) -> None:
+def test_old_machine_code_is_removed(package: Package) -> None:
     package.run()
     (old,) = package.folder.rglob("grasp3d-kernels-*")
     os.utime(old, (0.0, 0.0))

@@ -1,4 +1,4 @@
-"""The oracle of three contacts in their plane, against hulls, linear programs and brute force."""
+"""The planar oracle of three contacts, against hulls, linear programs and brute force."""
 
 import itertools
 import math
@@ -17,8 +17,8 @@ Floats = NDArray[np.float64]
 LIMIT = math.pi / 2.0 - 1e-6
 
 
-def wild(count: int, seed: int) -> tuple[Floats, Floats]:
-    """Three contacts anywhere with any normals: many close at no friction below 90 degrees."""
+def random_triples(count: int, seed: int) -> tuple[Floats, Floats]:
+    """Three random contacts with random normals: many are never force-closed below 90 degrees."""
     rng = np.random.default_rng(seed)
     points, normals = rng.normal(size=(2, count, 3, 3))
     return points, normals / np.linalg.norm(normals, axis=2, keepdims=True)
@@ -26,7 +26,7 @@ def wild(count: int, seed: int) -> tuple[Floats, Floats]:
 
 def families() -> list[tuple[str, Floats, Floats]]:
     around = random_contacts(Shape(3, 8, soft=False), 3000, 1)
-    found = [("around a ball", around.points, around.normals), ("wild", *wild(3000, 2))]
+    found = [("around a ball", around.points, around.normals), ("random", *random_triples(3000, 2))]
     for noise in (1e-1, 1e-3, 1e-6):
         some = regular_contacts("three at 120 deg", 200, noise, 3)
         found.append((f"regular, noise {noise:g}", some.points, some.normals))
@@ -34,7 +34,7 @@ def families() -> list[tuple[str, Floats, Floats]]:
 
 
 @pytest.mark.parametrize(("name", "points", "normals"), families())
-def test_hulls_close_just_above_the_angle_and_not_just_below(
+def test_hulls_are_force_closed_just_above_the_angle_and_not_just_below(
     name: str, points: Floats, normals: Floats
 ) -> None:
     found = coplanar.critical_angles(points, normals)
@@ -53,10 +53,10 @@ def test_hulls_close_just_above_the_angle_and_not_just_below(
 
 
 @pytest.mark.parametrize(("name", "points", "normals"), families())
-def test_the_package_has_the_same_angle(name: str, points: Floats, normals: Floats) -> None:
-    here = coplanar.critical_angles(points, normals)
-    there = critical_friction_angle(Contacts(points, normals, 0.5), tolerance=1e-6)
-    assert np.minimum(here, LIMIT) == pytest.approx(np.minimum(there, LIMIT), abs=3e-6), name
+def test_the_package_computes_the_same_angle(name: str, points: Floats, normals: Floats) -> None:
+    expected = coplanar.critical_angles(points, normals)
+    found = critical_friction_angle(Contacts(points, normals, 0.5), tolerance=1e-6)
+    assert np.minimum(expected, LIMIT) == pytest.approx(np.minimum(found, LIMIT), abs=3e-6), name
 
 
 def test_linear_programs_over_polygonal_cones_agree() -> None:
@@ -70,13 +70,13 @@ def test_linear_programs_over_polygonal_cones_agree() -> None:
             wrenches = [
                 np.hstack([f, np.cross(p, f)]) for p, f in zip(points[row], edges, strict=True)
             ]
-            assert oracles.hull_holds_origin(np.vstack(wrenches)) == closed
+            assert oracles.hull_contains_origin(np.vstack(wrenches)) == closed
 
 
 def test_known_angles() -> None:
-    """Three at 120 degrees need no friction to speak of; on one face nothing helps; on a line nan.
+    """Three at 120 degrees: 0; on one face: infinite; collinear: nan.
 
-    Two that face each other and a third square to them: it joins in from 0 on.
+    Two opposing contacts and a third orthogonal to them: 0.
     """
     ring = grasps.TRIANGLE
     down = np.tile([0.0, 0.0, -1.0], (3, 1))
@@ -89,21 +89,21 @@ def test_known_angles() -> None:
     assert math.isnan(found[2])
 
 
-def worst_of(points: Floats, sets: list[Floats]) -> float:
-    """The worst of all combinations of normals of one grasp, from the cones that they share."""
+def worst_angle(points: Floats, sets: list[Floats]) -> float:
+    """Worst angle over all combinations of normals of one grasp, from their common cones."""
     grasp = coplanar.planar_grasps(points[None], sets, np.arange(3)[None])
     return float(grasp.critical_angles(np.array([LIMIT]), 1e-6)[0])
 
 
-def each_of(points: Floats, sets: list[Floats]) -> tuple[Floats, Floats]:
-    """Every combination by itself: its normals and its angle."""
+def angles_of_combinations(points: Floats, sets: list[Floats]) -> tuple[Floats, Floats]:
+    """(normals, angles) of every combination by itself."""
     normals = np.array(list(itertools.product(*sets)))
     every = np.broadcast_to(points, normals.shape)
     return normals, coplanar.critical_angles(every, normals, tolerance=2e-4)
 
 
 def corners_of_sets(points: Floats, rng: np.random.Generator) -> list[Floats]:
-    """Of each contact the only normal, the two of a crease, or the three of a box's corner."""
+    """For each contact one normal, the two of a crease, or the three of a box's corner."""
     found = []
     for point in points:
         middle = -point / np.linalg.norm(point) + 0.3 * rng.normal(size=3)
@@ -117,27 +117,29 @@ def corners_of_sets(points: Floats, rng: np.random.Generator) -> list[Floats]:
 
 
 def test_the_worst_of_all_combinations_on_creases() -> None:
-    """Combinations tried alone, from few to the worst near them, come up to it and not beyond."""
+    """Single combinations, varied contact by contact, reach the worst angle but never exceed it."""
     rng = np.random.default_rng(5)
-    behind = []
+    shortfalls = []
     for _ in range(50):
         points = grasps.TRIANGLE + 0.2 * rng.normal(size=(3, 3))
         sets = [coplanar.sampled_normals(some) for some in corners_of_sets(points, rng)]
-        worst = worst_of(points, sets)
-        normals, each = each_of(points, [some[:: max(1, len(some) // 5)] for some in sets])
-        for start in np.argsort(-each)[:2]:
-            fixed, best = normals[start], each[start]
+        worst = worst_angle(points, sets)
+        normals, reached = angles_of_combinations(
+            points, [some[:: max(1, len(some) // 5)] for some in sets]
+        )
+        for start in np.argsort(-reached)[:2]:
+            chosen, best = normals[start], reached[start]
             for contact in (0, 1, 2) * 2:
-                tried = [some[None] for some in fixed]
-                tried[contact] = sets[contact]
-                near, angles = each_of(points, tried)
-                fixed, best = near[np.argmax(angles)], angles.max()
+                varied = [some[None] for some in chosen]
+                varied[contact] = sets[contact]
+                near, angles = angles_of_combinations(points, varied)
+                chosen, best = near[np.argmax(angles)], angles.max()
             assert worst >= best - 2.5e-4
-            each[start] = best
+            reached[start] = best
         if np.isfinite(worst):
-            behind.append(worst - each.max())
-    assert len(behind) > 15
-    assert np.mean(np.array(behind) < 2e-3) > 0.8
+            shortfalls.append(worst - reached.max())
+    assert len(shortfalls) > 15
+    assert np.mean(np.array(shortfalls) < 2e-3) > 0.8
 
 
 def test_all_combinations_on_two_creases() -> None:
@@ -150,17 +152,17 @@ def test_all_combinations_on_two_creases() -> None:
         corners = [middles[:1], *(np.stack([m + spread, m - spread]) for m in middles[1:])]
         corners = [rows / np.linalg.norm(rows, axis=1, keepdims=True) for rows in corners]
         sets = [coplanar.sampled_normals(rows) for rows in corners]
-        worst, each = worst_of(points, sets), each_of(points, sets)[1].max()
-        assert np.isfinite(worst) == np.isfinite(each)
+        worst, largest = worst_angle(points, sets), angles_of_combinations(points, sets)[1].max()
+        assert np.isfinite(worst) == np.isfinite(largest)
         if np.isfinite(worst):
-            assert worst == pytest.approx(each, abs=2e-3)
+            assert worst == pytest.approx(largest, abs=2e-3)
             compared += 1
     assert compared > 15
 
 
 @pytest.mark.parametrize("shape", ["ball", "box"])
-def test_exhaustive_leaves_out_nothing_that_matters(shape: str) -> None:
-    """All triples of a very coarse mesh, each bracketed by itself."""
+def test_the_exhaustive_search_misses_no_grasp(shape: str) -> None:
+    """Compared with the angles of all triples of a very coarse mesh."""
     if shape == "ball":
         vertices, faces = shapes.sphere(1)
         mesh = mesh_from_arrays(vertices * (1.0, 0.8, 1.3), faces, max_edge=10.0)
@@ -169,11 +171,11 @@ def test_exhaustive_leaves_out_nothing_that_matters(shape: str) -> None:
     limit = math.radians(80.0)
     search = coplanar.Exhaustive(mesh, limit, 2e-4)
     found = search.run()
-    which = np.array(list(itertools.combinations(range(len(search.places)), 3)))
+    which = np.array(list(itertools.combinations(range(len(search.vertices)), 3)))
     all_grasps = coplanar.planar_grasps(search.points[which], search.normals, which)
-    each = all_grasps.critical_angles(np.full(len(which), limit), 1e-5)
-    best = np.full(len(search.places), limit)
-    np.fmin.at(best, which, each[:, None])
+    angles = all_grasps.critical_angles(np.full(len(which), limit), 1e-5)
+    best = np.full(len(search.vertices), limit)
+    np.fmin.at(best, which, angles[:, None])
     assert search.tested < len(which) / 2
     assert np.minimum(found, limit) == pytest.approx(best, abs=2e-4)
     assert (best < limit).mean() > 0.9

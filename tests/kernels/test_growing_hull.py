@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from grasp3d import epsilon_of_wrenches
 from grasp3d._kernels import growing_hull
 from grasp3d._kernels.polytope import Polytope, make_polytope
-from grasp3d._kernels.support_functions import ROWS, Body
+from grasp3d._kernels.support_functions import ROWS, WrenchSpace
 from grasp3d.quality.wrenches import wrenches
 from tests.helpers import grasps, oracles
 
@@ -21,7 +21,7 @@ few = settings(max_examples=40, deadline=None)
 
 EXACT = (0.0, 0.0, math.inf, 0.0)
 SIGN = (0.0, 1e4, 0.0, 1.0)
-UNSET = int(growing_hull.UNSET)
+UNKNOWN = int(growing_hull.UNKNOWN)
 
 
 class Grown:
@@ -30,7 +30,7 @@ class Grown:
     def __init__(self, rows: np.ndarray, goal: Any = EXACT, facets: int = 1 << 14) -> None:
         self.dim = rows.shape[1]
         padded = np.pad(rows, ((0, 0), (0, 6 - self.dim)))
-        body = Body(
+        space = WrenchSpace(
             kind=ROWS, spherical=True, soft=False, axes=np.ascontiguousarray(padded.T[None]),
             cones=np.ones((1, 2)), rim=np.zeros((0, 2)),
         )  # fmt: skip
@@ -39,7 +39,7 @@ class Grown:
         self.polytope: Polytope = make_polytope(facets)
         dims: Any = (0,) * 6 if self.dim == 6 else np.zeros(self.dim, dtype=np.int64)
         self.status, self.lower, self.upper, vertices, used = growing_hull.grow(
-            body, dims, self.metric, goal, self.polytope
+            space, dims, self.metric, goal, self.polytope
         )
         self.direction = self.polytope.vectors[16, :6].copy()
         self.points = self.polytope.points[:vertices]
@@ -54,11 +54,11 @@ def random_rows(dimension: int, seed: int) -> np.ndarray:
 
 
 def regular_rows(name: str, edges: int) -> np.ndarray:
-    return wrenches(grasps.around_a_ball(name, torsion_radius=0.3), edges=edges)
+    return wrenches(grasps.regular_on_ball(name, torsion_radius=0.3), edges=edges)
 
 
 def check_boundary(grown: Grown) -> None:
-    """The facets close a polytope: every ridge joins two, and nothing lies above any."""
+    """The facets bound a polytope: every ridge joins two, and no vertex lies above a facet."""
     ridges = Counter(
         frozenset(ridge)
         for corners in grown.corners
@@ -77,23 +77,23 @@ def check_boundary(grown: Grown) -> None:
 
 
 def check_neighbours(grown: Grown) -> None:
-    """Neighbours look back at one another across the ridge that they share."""
-    across, corners = grown.polytope.across, grown.polytope.corners
+    """Neighbours refer to each other across the ridge that they share."""
+    neighbours, corners = grown.polytope.neighbours, grown.polytope.corners
     live = set(grown.facets.tolist())
-    known = 0
+    linked = 0
     for f in live:
         for c in range(grown.dim):
-            link = int(across[f, c])
-            if link == UNSET:  # among the facets made last
+            link = int(neighbours[f, c])
+            if link == UNKNOWN:  # among the facets added last
                 continue
-            other, place = link >> 3, link & 7
+            other, position = link >> 3, link & 7
             assert other in live
-            assert int(across[other, place]) == 8 * f + c
-            mine = np.delete(corners[f, : grown.dim], c)
-            theirs = np.delete(corners[other, : grown.dim], place)
-            assert set(mine.tolist()) == set(theirs.tolist())
-            known += 1
-    assert known >= grown.dim or grown.dim == 1
+            assert int(neighbours[other, position]) == 8 * f + c
+            own_ridge = np.delete(corners[f, : grown.dim], c)
+            neighbours_ridge = np.delete(corners[other, : grown.dim], position)
+            assert set(own_ridge.tolist()) == set(neighbours_ridge.tolist())
+            linked += 1
+    assert linked >= grown.dim or grown.dim == 1
 
 
 @given(dimensions, seeds)
@@ -115,7 +115,7 @@ def test_coplanar_wrenches_make_a_closed_polytope_too(name: str, edges: int) -> 
 
 @given(dimensions, seeds)
 @few
-def test_its_vertices_are_wrenches(dimension: int, seed: int) -> None:
+def test_vertices_of_the_polytope_are_wrenches(dimension: int, seed: int) -> None:
     grown = Grown(random_rows(dimension, seed))
     owners = grown.polytope.owners[: len(grown.points)]
     np.testing.assert_array_equal(grown.points, grown.rows[owners])
@@ -124,7 +124,7 @@ def test_its_vertices_are_wrenches(dimension: int, seed: int) -> None:
 
 @given(dimensions, seeds)
 @few
-def test_its_nearest_facet_is_one_of_the_whole_hull(dimension: int, seed: int) -> None:
+def test_the_nearest_facet_is_one_of_the_whole_hull(dimension: int, seed: int) -> None:
     rows = random_rows(dimension, seed)
     grown = Grown(rows)
     expected = distance(rows)
@@ -143,7 +143,7 @@ def test_its_nearest_facet_is_one_of_the_whole_hull(dimension: int, seed: int) -
 
 @given(dimensions, seeds)
 @few
-def test_the_sign_alone_agrees(dimension: int, seed: int) -> None:
+def test_the_sign_of_a_closure_test_agrees_with_the_distance(dimension: int, seed: int) -> None:
     rows = random_rows(dimension, seed)
     expected = distance(rows)
     grown = Grown(rows, SIGN)
@@ -152,15 +152,15 @@ def test_the_sign_alone_agrees(dimension: int, seed: int) -> None:
 
 @given(seeds, st.integers(1, 3))
 @few
-def test_a_lower_dimension_in_six_is_found_by_its_span(seed: int, times: int) -> None:
+def test_wrenches_of_lower_rank_are_evaluated_in_their_span(seed: int, times: int) -> None:
     for dimension in range(1, 7):
         rng = np.random.default_rng(seed + dimension)
         rows = random_rows(dimension, seed)
         turn = np.linalg.qr(rng.normal(size=(6, 6)))[0]
         embedded = np.tile(rows, (times, 1)) @ turn[:dimension]
-        answer = epsilon_of_wrenches(embedded)
-        assert answer.rank == dimension
-        assert answer.value == pytest.approx(max(distance(rows), 0.0), abs=1e-10)
+        found = epsilon_of_wrenches(embedded)
+        assert found.rank == dimension
+        assert found.value == pytest.approx(max(distance(rows), 0.0), abs=1e-10)
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3, 4, 5, 6])
@@ -173,7 +173,7 @@ def test_a_cross_polytope(dimension: int) -> None:
 
 @pytest.mark.parametrize("dimension", [1, 2, 3, 4, 5, 6])
 def test_a_cube(dimension: int) -> None:
-    """Its facets are no simplices."""
+    """The facets of a cube are not simplices."""
     grown = Grown(np.array(list(itertools.product([-1.0, 1.0], repeat=dimension))))
     assert grown.upper == pytest.approx(1.0, abs=1e-12)
     assert grown.lower == pytest.approx(1.0, abs=1e-12)
@@ -181,7 +181,7 @@ def test_a_cube(dimension: int) -> None:
 
 
 @pytest.mark.parametrize("facets", [16, 64, 256])
-def test_a_full_room_ends_the_growth_with_bounds_that_hold(facets: int) -> None:
+def test_a_full_polytope_ends_the_growth_with_valid_bounds(facets: int) -> None:
     rows = np.random.default_rng(0).normal(size=(400, 6))
     expected = oracles.epsilon_of_hull(rows)
     grown = Grown(rows, facets=facets)
@@ -189,7 +189,7 @@ def test_a_full_room_ends_the_growth_with_bounds_that_hold(facets: int) -> None:
     assert grown.lower <= expected <= grown.upper
 
 
-def test_bounds_need_not_come_nearer_than_asked() -> None:
+def test_growth_stops_at_the_requested_tolerance() -> None:
     rows = np.random.default_rng(1).normal(size=(300, 6))
     expected = oracles.epsilon_of_hull(rows)
     loose, exact = Grown(rows, (0.3, 0.0, math.inf, 0.0)), Grown(rows)
@@ -198,7 +198,7 @@ def test_bounds_need_not_come_nearer_than_asked() -> None:
     assert len(loose.points) < len(exact.points)
 
 
-def test_growth_stops_at_what_does_not_matter() -> None:
+def test_growth_stops_at_the_cutoff() -> None:
     rows = np.random.default_rng(1).normal(size=(300, 6))
     expected = oracles.epsilon_of_hull(rows)
     cut = Grown(rows, (0.0, 0.0, 0.5 * expected, 0.0))

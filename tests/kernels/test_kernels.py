@@ -9,10 +9,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d._kernels.antipodal_candidates import NO_PARTNER, Grasps
+from grasp3d._kernels.antipodal_candidates import NO_PARTNER, BestPairs
 from grasp3d._kernels.antipodal_directions import Frames, seed_rays
 from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
-from grasp3d._kernels.normal_sets import Sets, order_normal_sets
+from grasp3d._kernels.normal_sets import ContactNormals, order_normal_sets
 from grasp3d._kernels.scanning import scan
 from tests.helpers import oracles, shapes
 
@@ -48,7 +48,7 @@ def test_smallest_and_largest_angle_to_a_set_of_normals(
     assert most == pytest.approx(math.pi - oracles.smallest_angle(normals, -direction), abs=2e-3)
 
 
-def test_angles_are_exact_where_the_cosine_is_flat() -> None:
+def test_angles_near_zero_are_accurate() -> None:
     for tiny in (0.0, 1e-12, 1e-9):
         normal = np.array([[1.0, 0.0, 0.0]])
         turned = (math.cos(tiny), math.sin(tiny), 0.0)
@@ -80,7 +80,7 @@ def test_opposite_normals_allow_every_direction() -> None:
 
 
 def critical_angle(p1: np.ndarray, n1: np.ndarray, p2: np.ndarray, n2: np.ndarray) -> float:
-    sets = Sets(np.array([0, 1]), np.array([1]), n2[None].copy())
+    sets = ContactNormals(np.array([0, 1]), np.array([1]), n2[None].copy())
     worst, best, signs = np.empty(1), np.empty(1), np.empty(1, dtype=np.int8)
     scan(p1, n1[None].copy(), p2[None].copy(), sets, worst, best, signs)
     assert worst == best
@@ -108,14 +108,14 @@ def test_two_fingers_against_reference_grasps() -> None:
     assert compared > 10
 
 
-def test_contacts_at_one_place_have_no_angle() -> None:
+def test_coincident_contacts_have_no_angle() -> None:
     p, n = np.zeros(3), np.array([0.0, 0.0, 1.0])
     assert critical_angle(p, n, p, n) == math.inf
 
 
-def no_grasps() -> Grasps:
-    """Nothing found yet at one vertex."""
-    return Grasps(
+def no_grasps() -> BestPairs:
+    """Arrays of one vertex without a grasp."""
+    return BestPairs(
         np.full(1, np.inf),
         np.full(1, np.inf),
         np.zeros((1, 3)),
@@ -134,9 +134,9 @@ def no_grasps() -> Grasps:
     )
 
 
-def test_seed_directions_fill_their_cone_and_begin_with_the_normal() -> None:
+def test_initial_directions_fill_their_cone_and_begin_with_the_normal() -> None:
     normal = np.array([[0.0, 0.0, 1.0]])
-    sets = Sets(np.array([0, 1]), np.array([1]), normal)
+    sets = ContactNormals(np.array([0, 1]), np.array([1]), normal)
     frames = Frames(normal, np.array([[1.0, 0.0, 0.0]]), np.zeros(1))
     cone = 0.7
     rays = seed_rays(np.array([0]), 500, (0, 500), cone, 1, frames, sets, no_grasps())
@@ -153,9 +153,9 @@ def test_seed_directions_fill_their_cone_and_begin_with_the_normal() -> None:
     assert np.abs(closing[:, :2].mean(axis=0)).max() < 0.02
 
 
-def test_seed_directions_at_a_crease_cover_both_cones() -> None:
+def test_initial_directions_at_a_crease_cover_both_cones() -> None:
     rows, corners, centre, radius = polygon(np.array([[0.0, 0.0, 1.0], [1.0, 0.0, 0.0]]))
-    sets = Sets(np.array([0, 2]), np.array([corners]), rows)
+    sets = ContactNormals(np.array([0, 2]), np.array([corners]), rows)
     frames = Frames(centre[None], np.array([[0.0, 1.0, 0.0]]), np.array([radius]))
     cone = 0.5
     closing = seed_rays(np.array([0]), 400, (0, 400), cone, 1, frames, sets, no_grasps()).closing
@@ -167,7 +167,7 @@ def test_seed_directions_at_a_crease_cover_both_cones() -> None:
 
 
 @pytest.mark.slow
-def test_the_kernels_mean_the_same_uncompiled() -> None:
+def test_the_kernels_compute_the_same_without_compilation() -> None:
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         return
     subprocess.run(

@@ -1,4 +1,4 @@
-"""Walking straight over a surface."""
+"""Straight walks over a surface."""
 
 import math
 
@@ -12,7 +12,7 @@ from grasp3d.mesh.primitives import sphere_mesh
 from tests.helpers import shapes
 
 
-def across(mesh: ObjectMesh) -> np.ndarray:
+def adjacent_faces(mesh: ObjectMesh) -> np.ndarray:
     one, two = paired_edges(mesh.faces)
     found = np.full(3 * len(mesh.faces), -1, dtype=np.int64)
     found[one], found[two] = two // 3, one // 3
@@ -20,9 +20,9 @@ def across(mesh: ObjectMesh) -> np.ndarray:
 
 
 def walked(mesh: ObjectMesh, face: int, angle: float, length: float) -> tuple[np.ndarray, int]:
-    """End of a walk from the middle of a face, and its face."""
+    """(position, face) of the end of a walk from the centre of a face."""
     weights = np.full(3, 1.0 / 3.0)
-    end = walk(face, weights, angle, length, mesh.vertices, mesh.faces, across(mesh))
+    end = walk(face, weights, angle, length, mesh.vertices, mesh.faces, adjacent_faces(mesh))
     assert (weights > 0.0).all()
     assert weights.sum() == pytest.approx(1.0)
     return weights @ mesh.vertices[mesh.faces[end]], end
@@ -40,27 +40,27 @@ def test_on_a_ball_a_walk_follows_a_great_circle(length: float) -> None:
             assert turned == pytest.approx(length, abs=0.02)
 
 
-def test_over_an_edge_of_a_box_the_way_is_as_long_as_unfolded() -> None:
+def test_a_walk_over_an_edge_of_a_box_is_straight_on_the_unfolded_faces() -> None:
     mesh = mesh_from_arrays(*shapes.box((2.0, 2.0, 2.0)), max_edge=0.3)
     rng = np.random.default_rng(0)
     for face in rng.integers(0, len(mesh.faces), 40):
         start = mesh.vertices[mesh.faces[face]].mean(axis=0)
         end, other = walked(mesh, int(face), rng.uniform(0.0, 2.0 * math.pi), 0.8)
-        sides = [np.flatnonzero(np.abs(np.abs(place) - 1.0) < 1e-9) for place in (start, end)]
-        if set(sides[0]) == set(sides[1]):
+        box_faces = [np.flatnonzero(np.abs(np.abs(point) - 1.0) < 1e-9) for point in (start, end)]
+        if set(box_faces[0]) == set(box_faces[1]):
             assert np.linalg.norm(end - start) == pytest.approx(0.8, abs=1e-3)
-        elif len(sides[1]) == 1:  # unfold the second side about their edge
-            one, two = int(sides[0][0]), int(sides[1][0])
-            flat = end.copy()
-            flat[two] = np.sign(end[two]) * (1.0 + abs(np.sign(start[one]) - end[one]))
-            flat[one] = start[one]
-            if np.linalg.norm(flat - start) < 0.8 - 2e-3:
+        elif len(box_faces[1]) == 1:  # unfold the second side about their edge
+            one, two = int(box_faces[0][0]), int(box_faces[1][0])
+            unfolded = end.copy()
+            unfolded[two] = np.sign(end[two]) * (1.0 + abs(np.sign(start[one]) - end[one]))
+            unfolded[one] = start[one]
+            if np.linalg.norm(unfolded - start) < 0.8 - 2e-3:
                 continue  # around a corner
-            assert np.linalg.norm(flat - start) == pytest.approx(0.8, abs=1e-3)
+            assert np.linalg.norm(unfolded - start) == pytest.approx(0.8, abs=1e-3)
         assert other >= 0
 
 
-def test_a_walk_ends_where_the_surface_does() -> None:
+def test_a_walk_ends_at_the_border_of_the_surface() -> None:
     vertices, faces = shapes.box((2.0, 2.0, 2.0))
     top = np.flatnonzero((vertices[faces][:, :, 2] > 0.9).all(axis=1))
     mesh = mesh_from_arrays(vertices, faces[top], max_edge=0.5)

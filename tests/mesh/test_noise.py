@@ -30,7 +30,7 @@ def uneven_sphere(count: int) -> Surface:
 
 
 def cylinder_side(stretch: float) -> Surface:
-    """An open cylinder of 96 by 30 quadrangles, so many times longer than wide."""
+    """An open cylinder of 96 by 30 quadrangles of an aspect ratio."""
     angle = np.linspace(0.0, 2.0 * np.pi, 96, endpoint=False)
     height = np.arange(30)[:, None] * stretch * 2.0 * np.pi / 96.0
     grid = np.broadcast_arrays(np.cos(angle)[None], np.sin(angle)[None], height)
@@ -51,7 +51,7 @@ def true_normals(name: str, points: np.ndarray) -> np.ndarray:
 
 
 def noisy(shape: Surface, sigma: float) -> np.ndarray:
-    """Move each vertex by a normal error, in usual lengths of an edge."""
+    """Move each vertex by a Gaussian error, in units of the usual edge length."""
     points, faces = shape
     edge = np.median(np.linalg.norm(points[faces[:, 0]] - points[faces[:, 1]], axis=1))
     moved: np.ndarray = points + sigma * edge * np.random.default_rng(1).normal(size=points.shape)
@@ -75,7 +75,7 @@ ROUND = {
 
 @pytest.mark.parametrize("sigma", [0.03, 0.1, 0.2, 0.5])
 @pytest.mark.parametrize("name", ROUND)
-def test_noise_that_was_added_is_measured(name: str, sigma: float) -> None:
+def test_added_noise_is_measured(name: str, sigma: float) -> None:
     points, faces = noisy(ROUND[name], sigma), ROUND[name][1]
     found = corner_normals(points, faces, math.pi)
     cosine = -(found.normals * true_normals(name, ROUND[name][0])[found.vertices]).sum(axis=1)
@@ -100,7 +100,7 @@ FLAT = {
 
 
 @pytest.mark.parametrize("name", FLAT)
-def test_sharp_solids_have_no_noise_divided_or_not(name: str) -> None:
+def test_sharp_solids_have_no_noise_coarse_or_refined(name: str) -> None:
     assert normal_noise(*FLAT[name]) < HALF_DEGREE
     mesh = mesh_from_arrays(*FLAT[name])
     assert normal_noise(mesh.vertices, mesh.faces) < HALF_DEGREE
@@ -110,11 +110,11 @@ def test_sharp_solids_have_no_noise_divided_or_not(name: str) -> None:
     "shape",
     [shapes.sphere(3), shapes.sphere(4), shapes.torus(), shapes.lopsided(), cylinder_side(4.0)],
 )
-def test_smooth_shapes_have_hardly_any(shape: Surface) -> None:
+def test_smooth_shapes_have_hardly_any_noise(shape: Surface) -> None:
     assert normal_noise(*shape) < HALF_DEGREE
 
 
-def test_normals_that_a_coarse_mesh_has_wrong_are_noise_of_that_size() -> None:
+def test_errors_of_normals_of_a_coarse_mesh_count_as_noise() -> None:
     points, faces = uneven_sphere(500)
     found = corner_normals(points, faces, math.pi)
     cosine = -(found.normals * points[found.vertices]).sum(axis=1)
@@ -133,14 +133,14 @@ def test_creases_do_not_hide_noise_nor_add_to_it() -> None:
         assert normal_noise(points, box.faces) == pytest.approx(truth, rel=0.15)
 
 
-def test_where_no_face_keeps_its_place_the_noise_is_wild() -> None:
+def test_very_strong_noise_is_reported_as_large() -> None:
     for sigma in (2.0, 10.0):
         assert normal_noise(noisy(ROUND["sphere"], sigma), ROUND["sphere"][1]) > math.radians(60.0)
 
 
 @settings(max_examples=20, deadline=None)
 @given(seed=st.integers(0, 2**32), exponent=st.integers(-6, 6))
-def test_noise_is_the_same_at_any_size_turn_and_order(seed: int, exponent: int) -> None:
+def test_noise_is_independent_of_size_rotation_and_order(seed: int, exponent: int) -> None:
     rng = np.random.default_rng(seed)
     points, faces = noisy((shapes.sphere(2)), 0.05), shapes.sphere(2)[1]
     order = rng.permutation(len(points))

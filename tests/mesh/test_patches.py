@@ -10,7 +10,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import GraspModel, ObjectMesh, Sampling, SurfaceLabels, label_surface, mesh_from_arrays
-from grasp3d._kernels.patches import clear, make_front, spread
+from grasp3d._kernels.patches import make_front, measure_distances, reset_front
 from grasp3d.arrays import unit_rows
 from grasp3d.errors import SettingError
 from grasp3d.mesh import patches
@@ -21,16 +21,16 @@ from tests.helpers.shapes import Surface
 
 seeds = st.integers(0, 100_000)
 COARSE = 1e9
-"""A longest edge that divides nothing."""
+"""A longest edge with which no edge is divided."""
 
 
 def distances(surface: Surface, source: int, radius: float) -> np.ndarray:
-    """Those of all vertices along the surface, inf where none was needed."""
+    """Distances of all vertices along the surface, inf where not computed."""
     vertices, faces = surface
     front = make_front(len(vertices), len(faces))
-    spread(source, radius, surface_net(vertices, faces), front)
+    measure_distances(source, radius, surface_net(vertices, faces), front)
     found = front.distances.copy()
-    clear(front)
+    reset_front(front)
     assert np.isinf(front.distances).all()
     assert (front.rows == -1).all()
     assert not front.marks.any()
@@ -48,7 +48,7 @@ def own_normals(surface: Surface, crease_angle: float = math.radians(30.0)) -> C
 
 
 def normals(surface: Surface, radius: float) -> np.ndarray:
-    """The patch's normal at each vertex, all of which must have one."""
+    """The patch's normal at each vertex; every vertex must have one."""
     found = patch_normals(surface_net(*surface), own_normals(surface), radius)
     assert (found.vertices == np.arange(len(surface[0]))).all()
     return found.normals
@@ -59,15 +59,15 @@ def turns(a: np.ndarray, b: np.ndarray) -> np.ndarray:
     return np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), (a * b).sum(axis=1))
 
 
-def noisy(surface: Surface, share: float, seed: int = 1) -> Surface:
-    """Every vertex of a surface about the origin moved in or out by a random share."""
+def noisy(surface: Surface, fraction: float, seed: int = 1) -> Surface:
+    """Every vertex of a surface about the origin moved in or out by a random fraction."""
     vertices, faces = surface
     noise = np.random.default_rng(seed).standard_normal(len(vertices))
-    return vertices * (1.0 + share * noise)[:, None], faces
+    return vertices * (1.0 + fraction * noise)[:, None], faces
 
 
-def nearest(vertices: np.ndarray, place: list[float]) -> int:
-    return int(np.linalg.norm(vertices - place, axis=1).argmin())
+def nearest(vertices: np.ndarray, point: list[float]) -> int:
+    return int(np.linalg.norm(vertices - point, axis=1).argmin())
 
 
 @pytest.mark.parametrize("seed", range(4))
@@ -84,7 +84,7 @@ def test_on_a_plane_distances_and_areas_are_exact(seed: int) -> None:
 
 @given(seeds, st.floats(1.0, 6.0), st.floats(0.02, 0.4))
 @settings(max_examples=40, deadline=None)
-def test_needles_on_a_plane_hardly_matter(seed: int, stretch: float, radius: float) -> None:
+def test_needles_on_a_plane_have_little_effect(seed: int, stretch: float, radius: float) -> None:
     surface = vertices, _ = geodesics.sheet(150, seed, stretch)
     source = nearest(vertices, [0.5, 0.5, 0.0])
     found = distances(surface, source, radius)
@@ -93,12 +93,12 @@ def test_needles_on_a_plane_hardly_matter(seed: int, stretch: float, radius: flo
     assert (found[reached] >= true[reached] - 1e-12).all()
     assert found[true < radius] == pytest.approx(true[true < radius], abs=0.01 * radius)
     _, area = vectors(surface, radius, source)
-    room = np.minimum(vertices[source, :2], 1.0 - vertices[source, :2]).min()
-    if radius < room:
+    margin = np.minimum(vertices[source, :2], 1.0 - vertices[source, :2]).min()
+    if radius < margin:
         assert area[0] == pytest.approx(math.pi * radius**2, rel=0.01)
 
 
-def test_what_is_not_near_is_not_visited() -> None:
+def test_only_near_vertices_are_visited() -> None:
     surface = vertices, _ = shapes.sphere(5)
     found = distances(surface, 0, 0.1)
     gap = np.linalg.norm(vertices - vertices[0], axis=1)
@@ -119,7 +119,7 @@ def test_on_a_ball_distances_follow_great_circles(surface: Surface) -> None:
 
 
 def divided(surface: Surface, edge: float) -> Surface:
-    """The same surface with no edge longer than so much."""
+    """The same surface with a longest edge."""
     mesh = mesh_from_arrays(*surface, max_edge=edge)
     return mesh.vertices, mesh.faces
 
@@ -140,12 +140,12 @@ TRUTHS = {
 
 
 @pytest.mark.parametrize("name", TRUTHS)
-def test_patches_are_those_of_the_slow_and_obvious_way(name: str) -> None:
+def test_patches_agree_with_a_slow_computation(name: str) -> None:
     surface, radius = TRUTHS[name]()
-    ways = geodesics.Ways.along(surface)
+    graph = geodesics.EdgeGraph.of(surface)
     for source in np.random.default_rng(0).choice(len(surface[0]), 4, replace=False):
         for part in (radius, 0.4 * radius):
-            vector, area = ways.patch(int(source), part)
+            vector, area = graph.patch(int(source), part)
             found, total = vectors(surface, part, int(source))
             assert total[0] == pytest.approx(area, rel=0.04)
             assert np.linalg.norm(found[0] - vector) < 0.025 * area
@@ -153,8 +153,8 @@ def test_patches_are_those_of_the_slow_and_obvious_way(name: str) -> None:
 
 @given(st.floats(-0.6, 0.6), st.floats(0.1, 0.25))
 @settings(max_examples=25, deadline=None)
-def test_an_edge_is_rounded_as_far_as_the_patch_reaches(offset: float, radius: float) -> None:
-    """Unfolded at the edge the patch is a disc that the edge cuts in two, off the border."""
+def test_an_edge_is_rounded_within_the_patch_radius(offset: float, radius: float) -> None:
+    """Unfolded at the edge the patch is a disc that the edge cuts in two, away from borders."""
     surface = vertices, _ = geodesics.bent_sheet(4, math.pi / 2.0)
     flat_part, steep_part = min(offset, 0.0) * radius, max(offset, 0.0) * radius
     source = nearest(vertices, [0.5, 0.5 + flat_part, steep_part])
@@ -195,7 +195,7 @@ def test_no_patch_changes_nothing() -> None:
 
 @given(seeds)
 @settings(max_examples=10, deadline=None)
-def test_a_tiny_patch_weighs_faces_by_their_angle(seed: int) -> None:
+def test_a_tiny_patch_weights_faces_by_their_angle(seed: int) -> None:
     surface = noisy(shapes.sphere(2), 0.03, seed)
     expected = own_normals(surface, math.pi)
     assert turns(normals(surface, 1e-3)[expected.vertices], expected.normals).max() < 1e-7
@@ -203,10 +203,8 @@ def test_a_tiny_patch_weighs_faces_by_their_angle(seed: int) -> None:
 
 @given(seeds, st.floats(0.03, 0.6), st.floats(1e-6, 0.02))
 @settings(max_examples=20, deadline=None)
-def test_the_normal_runs_on_smoothly_with_the_radius(
-    seed: int, radius: float, growth: float
-) -> None:
-    """What a larger disc adds is about twice its growth of the area, at any angle to the mean."""
+def test_the_normal_is_continuous_in_the_radius(seed: int, radius: float, growth: float) -> None:
+    """A larger disc adds about twice its relative growth, at any angle to the mean."""
     surface = noisy(shapes.sphere(3), 0.02, seed)
     gap = turns(normals(surface, radius), normals(surface, radius * (1.0 + growth)))
     assert gap.max() < 4.0 * growth
@@ -214,7 +212,9 @@ def test_the_normal_runs_on_smoothly_with_the_radius(
 
 @given(seeds, st.floats(0.1, 0.5), st.floats(-3.0, 3.0))
 @settings(max_examples=5, deadline=None)
-def test_another_guise_changes_no_patch(seed: int, radius: float, power: float) -> None:
+def test_patches_are_independent_of_pose_size_and_order(
+    seed: int, radius: float, power: float
+) -> None:
     vertices, faces = surface = noisy(shapes.lopsided(), 0.01, seed)
     turn, scale = shapes.rotation(seed), 10.0**power
     order = np.random.default_rng(seed).permutation(len(vertices))
@@ -247,14 +247,14 @@ def test_threads_change_nothing() -> None:
 
 @pytest.mark.parametrize("radius", [0.1, 0.4, 0.9])
 def test_on_a_ball_a_patch_changes_no_normal(radius: float) -> None:
-    """The icosahedron's triangles lie alike only about: the rest goes with their size squared."""
+    """The icosahedron's triangles are only about equal: the error falls with their size squared."""
     surface = vertices, faces = shapes.sphere(4)
     edge = np.linalg.norm(vertices[faces[:, 0]] - vertices[faces[:, 1]], axis=1).max()
     assert turns(normals(surface, radius), -vertices).max() < 0.25 * edge**2
 
 
 @pytest.mark.parametrize("radius", [0.08, 0.15])
-def test_on_a_ring_a_patch_turns_the_normal_as_the_curvature_says(radius: float) -> None:
+def test_on_a_ring_a_patch_tilts_the_normal_according_to_the_curvature(radius: float) -> None:
     """The mean of a field over a disc differs by r^2 / 8 of its Laplacian.
 
     Of the normals that is, along the surface, the slope of the sum of the curvatures:
@@ -296,7 +296,7 @@ def test_the_inside_and_the_outside_of_a_wall_are_not_mixed() -> None:
     assert turns(mesh.normals[wall], expected).max() < math.radians(1.5)
 
 
-def test_where_normals_cancel_a_vertex_keeps_its_own() -> None:
+def test_where_normals_cancel_a_vertex_keeps_its_normals() -> None:
     """The rim of a plate and the tip of a needle; a blunter tip is rounded."""
     plate = shapes.box((2.0, 2.0, 0.01))
     kept = mesh_from_arrays(*plate, max_edge=0.2, patch_radius=0.3)
@@ -341,7 +341,7 @@ def three_leaves() -> Surface:
     return vertices, row[np.concatenate(corners)]
 
 
-def test_a_patch_goes_on_to_all_faces_at_an_edge_whose_vertices_keep_their_normals() -> None:
+def test_a_patch_includes_all_faces_at_an_edge_whose_vertices_keep_their_normals() -> None:
     vertices, faces = surface = three_leaves()
     line = nearest(vertices, [0.0, 0.5, 0.0])
     _, areas = vectors(surface, 0.25, line)
@@ -396,7 +396,7 @@ def test_patches_that_would_take_hours_are_refused(monkeypatch: pytest.MonkeyPat
         mesh_from_arrays(*shapes.sphere(3), patch_radius=0.9)
 
 
-def test_a_patch_smaller_than_a_facet_is_told() -> None:
+def test_a_patch_smaller_than_a_facet_gives_a_warning() -> None:
     prism = trimesh.creation.cylinder(0.5, 0.6, sections=16)
     width = 2.0 * 0.5 * math.sin(math.pi / 16.0)
     assert facet_width(prism.vertices, prism.faces, 0.5) == pytest.approx(width, rel=1e-6)
@@ -408,7 +408,7 @@ def test_a_patch_smaller_than_a_facet_is_told() -> None:
     assert enough.report.warnings == ()
 
 
-def test_a_patch_smaller_than_the_edges_is_told_and_a_box_has_no_facets() -> None:
+def test_a_patch_smaller_than_the_edges_gives_a_warning_and_a_box_has_no_facets() -> None:
     vertices, faces = shapes.box()
     assert facet_width(vertices, faces, math.radians(30.0)) == 0.0
     (warning,) = mesh_from_arrays(vertices, faces, max_edge=0.2, patch_radius=0.05).report.warnings
@@ -417,7 +417,7 @@ def test_a_patch_smaller_than_the_edges_is_told_and_a_box_has_no_facets() -> Non
 
 
 def agreement(one: SurfaceLabels, two: SurfaceLabels) -> float:
-    """Share of the area with the same label."""
+    """Area fraction with the same label."""
     areas = two.mesh.vertex_areas
     return float(areas[one.label == two.label].sum() / areas.sum())
 
@@ -434,34 +434,34 @@ def mean_edge(mesh: ObjectMesh) -> float:
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
 
-def test_noise_of_a_scan_takes_labels_away_and_a_patch_gives_them_back() -> None:
+def test_noise_of_a_scan_changes_labels_and_a_patch_restores_them() -> None:
     ball = shapes.sphere(4)
     scan = noisy(ball, 0.012)
     clean, spoilt = labels_of(ball), labels_of(scan)
-    mended = labels_of(scan, 6.0 * mean_edge(clean.mesh))
+    smoothed = labels_of(scan, 6.0 * mean_edge(clean.mesh))
     assert clean.fractions()["S"] == 1.0
     assert agreement(clean, spoilt) < 0.85
-    assert agreement(clean, mended) >= 0.99
+    assert agreement(clean, smoothed) >= 0.99
     for level, before, after in ((0.5, 2.0, 0.5), (0.9, 10.0, 1.0)):
         assert np.degrees(spoilt.angle_quantiles(level)) > before
-        assert np.degrees(mended.angle_quantiles(level)) < after
+        assert np.degrees(smoothed.angle_quantiles(level)) < after
 
 
-def test_a_patch_gives_back_labels_of_every_kind() -> None:
-    """An egg that the gripper cannot take end to end."""
+def test_a_patch_restores_labels_of_every_kind() -> None:
+    """An ellipsoid that is longer than the gripper's largest opening."""
     vertices, faces = shapes.sphere(4)
     egg = vertices * (1.4, 0.9, 0.8), faces
     short = Sampling(max_opening=1.75)
     clean, scan = labels_of(egg, sampling=short), noisy(egg, 0.012)
     assert min(clean.fractions().values()) > 0.05
     spoilt = labels_of(scan, sampling=short)
-    mended = labels_of(scan, 4.0 * mean_edge(clean.mesh), sampling=short)
+    smoothed = labels_of(scan, 4.0 * mean_edge(clean.mesh), sampling=short)
     assert agreement(clean, spoilt) < 0.85
-    assert agreement(clean, mended) > 0.97
+    assert agreement(clean, smoothed) > 0.97
 
 
 @pytest.mark.slow
-def test_the_kernels_mean_the_same_uncompiled() -> None:
+def test_the_kernels_give_the_same_results_uncompiled() -> None:
     if os.environ.get("NUMBA_DISABLE_JIT") == "1":
         return
     chosen = "exact or angle or leaves or ends_where"

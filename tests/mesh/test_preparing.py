@@ -12,7 +12,7 @@ from tests.helpers import oracles, shapes
 from tests.helpers.shapes import Surface
 
 
-def test_a_box_is_closed_weighed_and_refined() -> None:
+def test_a_box_is_closed_with_a_volume_and_refined() -> None:
     vertices, faces = shapes.box((1.0, 2.0, 3.0))
     mesh = mesh_from_arrays(vertices + 10.0, faces, unit="cm")
     assert mesh.report.closed
@@ -39,7 +39,7 @@ def test_the_volume_and_centre_of_mass_of_a_cone() -> None:
     assert mesh.center_mass == pytest.approx([0.0, 0.0, 0.5], abs=1e-9)
 
 
-def test_far_from_the_origin_nothing_is_lost() -> None:
+def test_far_from_the_origin_precision_is_kept() -> None:
     vertices, faces = shapes.sphere(3)
     near, far = mesh_from_arrays(vertices, faces), mesh_from_arrays(vertices + 1e6, faces)
     assert far.volume == pytest.approx(near.volume, rel=1e-8)
@@ -60,7 +60,7 @@ def test_smooth_normals_are_interpolated_and_creases_have_sets() -> None:
 
 
 def test_a_coarse_round_surface_stays_round_when_refined() -> None:
-    """Normals inside the long facets of a cylinder run on from facet to facet."""
+    """Normals inside the long facets of a cylinder are continuous from facet to facet."""
     cylinder = trimesh.creation.cylinder(0.5, 2.0, sections=32)
     mesh = mesh_from_arrays(cylinder.vertices, cylinder.faces)
     side = np.abs(mesh.vertices[:, 2]) < 0.9
@@ -70,7 +70,7 @@ def test_a_coarse_round_surface_stays_round_when_refined() -> None:
     assert (mesh.normal_sets.counts[side] == 1).all()
 
 
-def test_the_tip_of_a_cone_is_a_place_with_many_normals() -> None:
+def test_the_tip_of_a_cone_has_many_normals() -> None:
     mesh = mesh_from_arrays(*shapes.cone(0.3))
     tip = int(np.argmax(mesh.vertices[:, 2]))
     assert mesh.normal_sets.counts[tip] > 10
@@ -87,7 +87,7 @@ def test_the_crease_angle_decides_what_is_smooth() -> None:
         assert set(mesh.normal_sets.counts[side]) == counts
 
 
-def test_twins_stand_across_each_crease() -> None:
+def test_twins_are_across_each_crease() -> None:
     mesh = mesh_from_arrays(*shapes.box(), max_edge=0.3)
     corners = mesh.corner_normals
     twins = crease_twins(mesh.faces, corners.corners)
@@ -113,7 +113,7 @@ def duplicated() -> Surface:
     return np.vstack([vertices, vertices]), np.vstack([faces[:6], faces[6:] + 8])
 
 
-def test_vertices_at_one_position_are_one_place_and_keep_their_rows() -> None:
+def test_vertices_at_one_position_are_joined_and_keep_their_rows() -> None:
     vertices, faces = duplicated()
     mesh = mesh_from_arrays(vertices, faces)
     assert mesh.report.closed
@@ -133,7 +133,7 @@ def test_unused_vertices_stay_where_they_are() -> None:
     assert mesh.size == pytest.approx(math.sqrt(3.0))
 
 
-def test_faces_that_are_nothing_or_come_twice_are_left_out_and_counted() -> None:
+def test_degenerate_and_repeated_faces_are_left_out_and_counted() -> None:
     vertices, faces = shapes.box()
     middle = vertices[faces[0][:2]].mean(axis=0)
     vertices = np.vstack([vertices, middle])
@@ -144,7 +144,7 @@ def test_faces_that_are_nothing_or_come_twice_are_left_out_and_counted() -> None
     assert mesh.vertex_areas.sum() == pytest.approx(6.0)
 
 
-def test_area_is_judged_by_the_rounding_of_the_coordinates() -> None:
+def test_faces_without_area_are_found_by_the_rounding_of_the_coordinates() -> None:
     flat = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1e-18, 0.0]])
     thin = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 1e-9, 0.0]])
     face = np.array([[0, 1, 2]])
@@ -183,9 +183,9 @@ def test_one_inside_out_body_beside_another_is_turned() -> None:
     assert mesh.volume == pytest.approx(2.0 * mesh_from_arrays(vertices, faces).volume)
 
 
-def ball_at(place: list[float], radius: float) -> Surface:
+def ball_at(center: list[float], radius: float) -> Surface:
     vertices, faces = shapes.sphere(3)
-    return vertices * radius + place, faces
+    return vertices * radius + center, faces
 
 
 def joined(*surfaces: Surface) -> Surface:
@@ -196,7 +196,7 @@ def joined(*surfaces: Surface) -> Surface:
     )
 
 
-def outward_share(mesh: ObjectMesh, first: int, middle: list[float]) -> float:
+def outward_fraction(mesh: ObjectMesh, first: int, middle: list[float]) -> float:
     own = slice(first, mesh.file_vertices)
     outward = -mesh.normals[own] * (mesh.vertices[own] - middle)
     return float((outward.sum(axis=1) > 0.0).mean())
@@ -206,21 +206,21 @@ def test_an_inside_out_ball_in_the_hole_of_a_ring_is_no_cavity() -> None:
     ring = shapes.torus(1.0, 0.3)
     vertices, faces = ball_at([0.0, 0.0, 0.0], 0.2)
     mesh = mesh_from_arrays(*joined(ring, (vertices, faces[:, ::-1])))
-    assert outward_share(mesh, len(ring[0]), [0.0, 0.0, 0.0]) == 1.0
+    assert outward_fraction(mesh, len(ring[0]), [0.0, 0.0, 0.0]) == 1.0
     good = mesh_from_arrays(*joined(ring, (vertices, faces)))
     assert mesh.volume == pytest.approx(good.volume)
 
 
-def test_a_closed_body_beside_an_open_one_is_judged_by_itself() -> None:
+def test_a_closed_body_beside_an_open_one_is_oriented_by_itself() -> None:
     bowl, rim = shapes.sphere(3)
     rim = rim[bowl[rim].mean(axis=1)[:, 2] < 0.0]
     vertices, faces = ball_at([5.0, 0.0, 0.0], 1.0)
     mesh = mesh_from_arrays(*joined((bowl, rim), (vertices, faces[:, ::-1])))
     assert not mesh.report.closed
-    assert outward_share(mesh, len(bowl), [5.0, 0.0, 0.0]) == 1.0
+    assert outward_fraction(mesh, len(bowl), [5.0, 0.0, 0.0]) == 1.0
 
 
-def test_a_body_within_another_and_wound_alike_is_warned_of() -> None:
+def test_a_body_within_another_and_wound_alike_gives_a_warning() -> None:
     mesh = mesh_from_arrays(*joined(shapes.sphere(3), ball_at([0.1, 0.0, 0.0], 0.5)))
     assert "1 body within others" in mesh.report.warnings[0]
     assert mesh.volume == pytest.approx(mesh_from_arrays(*shapes.sphere(3)).volume)
@@ -263,7 +263,7 @@ def test_a_sheet_with_two_sides_has_normals_whatever_the_crease_angle() -> None:
 
 
 @pytest.mark.parametrize("scale", [1e100, 1e-100])
-def test_sizes_beyond_all_reason_are_refused(scale: float) -> None:
+def test_sizes_out_of_range_are_refused(scale: float) -> None:
     vertices, faces = shapes.box()
     with pytest.raises(MeshError, match="scale the mesh"):
         mesh_from_arrays(vertices * scale, faces)
@@ -285,9 +285,9 @@ def test_a_cavity_stays_a_cavity() -> None:
 
 def test_a_missing_triangle_is_filled_and_a_large_hole_is_reported() -> None:
     vertices, faces = shapes.sphere(2)
-    mended = mesh_from_arrays(vertices, faces[1:])
-    assert mended.report.closed
-    assert "1 face added to close holes" in " ".join(map(str, mended.report.repairs))
+    repaired = mesh_from_arrays(vertices, faces[1:])
+    assert repaired.report.closed
+    assert "1 face added to close holes" in " ".join(map(str, repaired.report.repairs))
     opened = mesh_from_arrays(vertices, faces[vertices[faces].mean(axis=1)[:, 2] < 0.5])
     assert not opened.report.closed
     assert opened.report.center_mass_from == "surface"
@@ -325,13 +325,13 @@ def test_signed_volumes_do_not_depend_on_the_origin() -> None:
     assert moved == pytest.approx(signed_volumes(vertices, faces).sum())
 
 
-def test_edges_with_more_than_two_faces_are_no_pair() -> None:
+def test_edges_with_more_than_two_faces_are_not_paired() -> None:
     faces = np.array([[0, 1, 2], [1, 0, 3], [0, 1, 4]])
     assert len(paired_edges(faces)[0]) == 0
 
 
-def test_normals_average_by_angle_whatever_the_tessellation() -> None:
-    """One face of a bend cut in ten does not weigh ten times."""
+def test_normals_are_averaged_by_angle_for_any_tessellation() -> None:
+    """A face at an edge that is cut in ten does not count ten times."""
     fan = [[math.cos(t), math.sin(t), 0.0] for t in np.linspace(0.0, math.pi, 11)]
     slope = [0.0, -math.cos(0.3), -math.sin(0.3)]
     vertices = np.array([[0.0, 0.0, 0.0], *fan, slope])
@@ -349,7 +349,7 @@ def test_normals_average_by_angle_whatever_the_tessellation() -> None:
         ([[0, 0, 0], [1, 0, 0], [0, 1, math.nan]], [[0, 1, 2]], "vertex 2 has a coordinate"),
         ([[0, 0, 0], [1, 0, 0], [0, math.inf, 0]], [[0, 1, 2]], "not a finite number"),
         ([[0, 0, 0], [1, 0, 0], [2, 0, 0]], [[0, 1, 2]], "no face is left .*no area"),
-        ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [[0, 1, 2]], "two corners at one place"),
+        ([[0, 0, 0], [1, 0, 0], [0, 0, 0]], [[0, 1, 2]], "two corners at one position"),
         ([[0, 0, 0], [1, 0, 0]], np.empty((0, 3)), "holds no faces"),
         ([[0, 0], [1, 0]], [[0, 1, 1]], "vertices must have shape"),
         ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, -1]], "uses vertex -1"),
@@ -369,11 +369,11 @@ def test_a_max_edge_that_would_fill_the_memory_is_refused() -> None:
         mesh_from_arrays(*shapes.box(), max_edge=1e-5)
 
 
-@pytest.mark.parametrize(("unit", "doubtful"), [("m", True), ("mm", False), ("cm", False)])
-def test_an_implausible_size_for_its_unit_is_told(unit: str, doubtful: bool) -> None:
+@pytest.mark.parametrize(("unit", "implausible"), [("m", True), ("mm", False), ("cm", False)])
+def test_an_implausible_size_for_its_unit_gives_a_warning(unit: str, implausible: bool) -> None:
     vertices, faces = shapes.box((80.0, 60.0, 90.0))
     mesh = mesh_from_arrays(vertices, faces, unit=unit)  # type: ignore[arg-type]
-    assert bool(mesh.report.warnings) == doubtful
+    assert bool(mesh.report.warnings) == implausible
     assert mesh.size == pytest.approx(math.sqrt(80.0**2 + 60.0**2 + 90.0**2))
 
 

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from grasp3d import mesh_from_arrays
-from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, Grasps
+from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
 from grasp3d._kernels.ray_tracing import STEP, Rays
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from tests.helpers import oracles, shapes
@@ -12,8 +12,8 @@ from tests.helpers.shapes import Surface
 def exits_found(shape: Surface, seed: int, count: int) -> tuple[int, int]:
     """Trace rays one by one; returns how many exits there are and how many were found.
 
-    Each ray is allowed one opening only, that of one exit after the other, so that what is found
-    tells which crossing was seen.
+    Each ray is limited to the opening of one exit after another, so that the grasp found
+    identifies the crossing.
     """
     mesh = mesh_from_arrays(*shape)
     surface, sets = mesh.contact_surface, mesh.contact_normals
@@ -39,17 +39,17 @@ def exits_found(shape: Surface, seed: int, count: int) -> tuple[int, int]:
                 np.full(1, STEP),
                 np.full(1, -1, dtype=np.int32),
             )
-            tracer.settle_all(rays, (t - 1e-5, t + 1e-5), grasps)
+            tracer.evaluate_all(rays, (t - 1e-5, t + 1e-5), grasps)
             expected += 1
             found += grasps.reason[v] == FOUND
             if grasps.reason[v] == FOUND:
-                place = surface.points[v] + t * direction
-                assert np.abs(grasps.partner[v] - place).max() < 1e-6
+                point = surface.points[v] + t * direction
+                assert np.abs(grasps.partner[v] - point).max() < 1e-6
     return expected, found
 
 
-def empty_grasps(count: int) -> Grasps:
-    return Grasps(
+def empty_grasps(count: int) -> BestPairs:
+    return BestPairs(
         np.full(count, np.inf),
         np.full(count, np.inf),
         np.zeros((count, 3)),

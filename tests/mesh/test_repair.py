@@ -22,7 +22,7 @@ from grasp3d.mesh.repair.holes import LONG, close_hole, holes_of
 from grasp3d.mesh.repair.seams import put_on_surface, without_slivers
 from grasp3d.mesh.repair.winding import disagreeing
 from grasp3d.settings import Repair
-from grasp3d.surface.labels import Reason
+from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
 
@@ -76,14 +76,14 @@ def volume_of(surface: RepairedSurface) -> float:
 
 
 def used_by(surface: RepairedSurface) -> np.ndarray:
-    """Tell the vertices that lie on the surface, themselves or by the one that stands for them."""
+    """Mask of the vertices whose canonical vertex is on the surface."""
     used = np.zeros(len(surface.vertices), dtype=bool)
     used[surface.faces] = True
     return used[surface.canonical]
 
 
 def assert_whole(surface: RepairedSurface) -> None:
-    """Check what holds of every united surface, and that another tool takes it for a solid."""
+    """Check the properties of every united surface, and that Manifold accepts it as a solid."""
     assert surface.closed
     assert is_closed(surface.faces)
     assert np.array_equal(surface.canonical[surface.faces], surface.faces)
@@ -106,7 +106,7 @@ def assert_whole(surface: RepairedSurface) -> None:
 def test_overlapping_boxes_have_the_volume_of_their_union(
     seed: int, shift: tuple[float, float, float]
 ) -> None:
-    """Some of their faces are flush, and vertices of the one lie in those of the other."""
+    """Some of their faces are coplanar, and vertices of the one lie in those of the other."""
     box = grid_box()
     surface = rotated(joined(box, moved(box, shift)), seed)
     mesh = prepared(surface)
@@ -126,7 +126,7 @@ def test_overlapping_boxes_have_the_volume_of_their_union(
 
 
 def area_of_overlap(shift: tuple[float, float, float]) -> float:
-    """Area of two unit boxes that is not that of their union: the surface of what both hold."""
+    """Surface area of the intersection of two unit boxes."""
     x, y, z = 1.0 - np.abs(shift)
     return float(2.0 * (x * y + y * z + z * x))
 
@@ -144,10 +144,10 @@ def test_boxes_that_touch_lose_the_faces_between_them(
     assert volume_of(surface) == pytest.approx(2.0, rel=1e-8)
     assert surface.bodies == 1
     assert counts(surface)["united"] == 2
-    assert used_by(surface).sum() == len(surface.vertices) - swallowed_by_touch(shift)
+    assert used_by(surface).sum() == len(surface.vertices) - enclosed_by_touch(shift)
 
 
-def swallowed_by_touch(shift: tuple[float, float, float]) -> int:
+def enclosed_by_touch(shift: tuple[float, float, float]) -> int:
     """Vertices of two grid boxes that lie within the wall between them."""
     wall = grid_box()[0]
     wall = wall[wall[:, 0] == 0.5][:, 1:]
@@ -163,19 +163,19 @@ def swallowed_by_touch(shift: tuple[float, float, float]) -> int:
 def test_boxes_that_share_the_vertices_of_a_wall_lose_it(box: Surface, turn: int) -> None:
     """Its two sides may be divided by other diagonals."""
     other = box[0] * [turn, 1.0, 1.0], box[1][:, ::turn]
-    surface = repaired(as_places(joined(box, moved(other, (1.0, 0.0, 0.0)))))
+    surface = repaired(over_positions(joined(box, moved(other, (1.0, 0.0, 0.0)))))
     wall = (box[0][box[1]][:, :, 0] == 0.5).all(axis=1).sum()
     assert counts(surface)["walls"] == 2 * wall
     assert_whole(surface)
     assert area_of(surface) == pytest.approx(10.0)
 
 
-def as_places(surface: Surface) -> Surface:
-    """As a file that knows positions only has it."""
+def over_positions(surface: Surface) -> Surface:
+    """The surface over its positions, as in a file without indices."""
     return surface[0], first_at_position(surface[0])[surface[1]]
 
 
-def test_a_fin_with_two_sides_stays() -> None:
+def test_a_fin_with_two_sides_is_kept() -> None:
     vertices, faces = shapes.box()
     edge = faces[0][:2]
     tip = 2.0 * vertices[edge].sum(axis=0)
@@ -185,7 +185,7 @@ def test_a_fin_with_two_sides_stays() -> None:
     assert surface.steps == ()
 
 
-def test_boxes_with_one_edge_in_common_stay_as_they_are() -> None:
+def test_boxes_with_one_edge_in_common_are_not_united() -> None:
     box = shapes.box()
     faces = joined(box, moved(box, (1.0, 1.0, 0.0)))[1]
     surface = repaired(joined(box, moved(box, (1.0, 1.0, 0.0))))
@@ -193,14 +193,16 @@ def test_boxes_with_one_edge_in_common_stay_as_they_are() -> None:
     assert len(surface.faces) == len(faces)
     turned = repaired(joined(box, inward(moved(box, (1.0, 1.0, 0.0)))))
     assert (
-        counts(repaired(as_places(joined(box, inward(moved(box, (1.0, 1.0, 0.0)))))))["inverted"]
+        counts(repaired(over_positions(joined(box, inward(moved(box, (1.0, 1.0, 0.0)))))))[
+            "inverted"
+        ]
         == 12
     )
     assert counts(turned)["inverted"] == 12
     assert volume_of(turned) == pytest.approx(2.0)
 
 
-def test_rings_through_each_other_stay_as_they_are() -> None:
+def test_linked_rings_are_not_united() -> None:
     ring = shapes.arrays(trimesh.creation.torus(1.0, 0.2, major_sections=24, minor_sections=12))
     turn = np.array([[1.0, 0.0, 0.0], [0.0, 0.0, -1.0], [0.0, 1.0, 0.0]])
     both = joined(ring, (ring[0] @ turn.T + [1.0, 0.0, 0.0], ring[1]))
@@ -209,12 +211,12 @@ def test_rings_through_each_other_stay_as_they_are() -> None:
     assert np.array_equal(surface.faces, both[1])
 
 
-def test_three_balls_in_each_other_have_the_volume_of_their_union() -> None:
-    """Against points counted in the hulls."""
+def test_three_overlapping_balls_have_the_volume_of_their_union() -> None:
+    """Compared with random points counted in the hulls."""
     ball = shapes.sphere(2)
-    places = [(0.0, 0.0, 0.0), (0.9, 0.1, 0.2), (0.3, 0.8, -0.3)]
+    centers = [(0.0, 0.0, 0.0), (0.9, 0.1, 0.2), (0.3, 0.8, -0.3)]
     balls = [rotated(ball, seed) for seed in range(3)]
-    balls = [moved(ball, place) for ball, place in zip(balls, places, strict=True)]
+    balls = [moved(ball, center) for ball, center in zip(balls, centers, strict=True)]
     surface = repaired(joined(*balls))
     assert_whole(surface)
     points = np.random.default_rng(0).uniform(-1.5, 2.5, (50_000, 3))
@@ -233,7 +235,7 @@ def test_three_balls_in_each_other_have_the_volume_of_their_union() -> None:
     assert np.array_equal(used_by(surface)[: len(file_own)], ~swallowed)
 
 
-def test_a_chain_of_boxes_is_one_bar_and_labelled_like_one() -> None:
+def test_a_chain_of_boxes_is_one_bar_with_its_labels() -> None:
     boxes = [moved(shapes.box((1.2, 1.0, 1.0)), (float(k), 0.0, 0.0)) for k in range(5)]
     surface = joined(*boxes)
     mesh = mesh_from_arrays(*surface)
@@ -247,7 +249,7 @@ def test_a_chain_of_boxes_is_one_bar_and_labelled_like_one() -> None:
     assert labels.fractions() == pytest.approx(expected, abs=0.05)
 
 
-def test_a_swallowed_vertex_belongs_to_no_face() -> None:
+def test_an_enclosed_vertex_belongs_to_no_face() -> None:
     mesh = mesh_from_arrays(*joined(shapes.box(), moved(shapes.box(), (0.4, 0.3, 0.2))))
     labels = label_surface(mesh, sampling=Sampling(rays=16))
     swallowed = labels.reason[:16] == Reason.OFF_SURFACE
@@ -263,7 +265,7 @@ def test_a_box_within_a_box_is_taken_as_part_of_it() -> None:
     assert "1 body within others" in surface.warnings[0]
 
 
-def test_a_cavity_is_kept_and_by_full_repair_filled() -> None:
+def test_a_cavity_is_kept_and_filled_by_full_repair() -> None:
     ball = shapes.sphere(2)
     full = volume_of(repaired(ball))
     hollow = joined(ball, inward(moved(ball, (0.0, 0.0, 0.0), 0.5)))
@@ -275,7 +277,7 @@ def test_a_cavity_is_kept_and_by_full_repair_filled() -> None:
     assert [str(step) for step in filled.steps] == ["1 sealed cavity filled"]
 
 
-def test_a_body_that_reaches_into_a_cavity_takes_part_of_it() -> None:
+def test_a_body_that_reaches_into_a_cavity_fills_part_of_it() -> None:
     """A bar through the wall of a hollow box, and a ball that lies loose in the cavity."""
     hollow = joined(shapes.box(), inward(shapes.box((0.6, 0.6, 0.6))))
     bar = moved(shapes.box((0.5, 0.1, 0.1)), (0.5, 0.0, 0.0))  # from 0.25 to 0.75
@@ -288,7 +290,7 @@ def test_a_body_that_reaches_into_a_cavity_takes_part_of_it() -> None:
     assert surface.warnings == ()
 
 
-def test_a_union_that_makes_no_sense_is_not_taken(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_union_that_is_not_sound_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(union, "_is_sound", lambda *_: False)
     surface = repaired(joined(shapes.box(), moved(shapes.box(), (0.4, 0.3, 0.2))))
     assert len(surface.faces) == 24
@@ -299,7 +301,7 @@ def test_a_union_that_makes_no_sense_is_not_taken(monkeypatch: pytest.MonkeyPatc
 
 
 @pytest.mark.parametrize("turn", [1, -1])
-def test_a_body_that_comes_twice_comes_once(turn: int) -> None:
+def test_a_repeated_body_is_kept_once(turn: int) -> None:
     box = shapes.box()
     other = box[0] + np.spacing(1.0), box[1][::-1, ::turn]
     surface = repaired(joined(box, moved(box, (3.0, 0.0, 0.0)), other))
@@ -308,7 +310,7 @@ def test_a_body_that_comes_twice_comes_once(turn: int) -> None:
     assert surface.canonical[16:].tolist() == list(range(8))
 
 
-def test_bodies_alike_elsewhere_are_no_copies() -> None:
+def test_equal_bodies_at_other_positions_are_not_copies() -> None:
     box = shapes.box()
     cut = trimesh.creation.box()
     diagonal = cut.faces.copy()
@@ -321,7 +323,7 @@ def test_bodies_alike_elsewhere_are_no_copies() -> None:
     assert other_diagonals.copies(1e-12) == {}
 
 
-def test_a_turned_repeat_is_a_repeat_and_a_mirrored_one_is_not() -> None:
+def test_a_rotated_face_is_a_repetition_and_a_mirrored_one_is_not() -> None:
     _, faces = shapes.box()
     assert is_first(np.vstack([faces, faces[:2, [2, 0, 1]]])).sum() == 12
     assert is_first(np.vstack([faces, faces[:2, ::-1]])).all()
@@ -338,7 +340,7 @@ def test_a_sheet_keeps_its_two_sides_and_a_body_does_not() -> None:
 # Welding
 
 
-def test_the_wall_of_a_thin_plate_does_not_close_on_itself() -> None:
+def test_the_two_sides_of_a_thin_plate_are_not_joined() -> None:
     """Open at one side, and thinner than the largest distance of welding."""
     vertices, faces = shapes.box((1.0, 1.0, 5e-7))
     side = (vertices[faces][:, :, 0] == 0.5).all(axis=1)
@@ -347,7 +349,7 @@ def test_the_wall_of_a_thin_plate_does_not_close_on_itself() -> None:
     assert volume_of(surface) == pytest.approx(5e-7)
 
 
-def test_a_sliver_between_two_rounded_places_goes_when_they_are_joined() -> None:
+def test_a_sliver_between_two_rounded_vertices_vanishes_when_they_are_joined() -> None:
     vertices, faces = shapes.box()
     soup = vertices[faces].reshape(-1, 3)
     soup[np.random.default_rng(0).random(len(soup)) < 0.5] += np.spacing(0.5)
@@ -361,7 +363,7 @@ def test_a_sliver_between_two_rounded_places_goes_when_they_are_joined() -> None
     assert used_by(surface).all()
 
 
-def test_a_gap_wider_than_rounding_stays() -> None:
+def test_a_gap_wider_than_rounding_is_kept() -> None:
     vertices, faces = shapes.sphere(2)
     corners = vertices[faces]
     apart = (corners * (1.0 + 1e-4 * np.arange(len(faces))[:, None, None] % 3)).reshape(-1, 3)
@@ -373,7 +375,7 @@ def test_a_gap_wider_than_rounding_stays() -> None:
 # Winding
 
 
-def test_a_strip_with_one_side_is_told() -> None:
+def test_a_strip_with_one_side_gives_a_warning() -> None:
     turn = np.linspace(0.0, 2.0 * math.pi, 24, endpoint=False)
     across = np.array([-0.2, 0.2])[:, None]
     radius = 1.0 + across * np.cos(turn / 2.0)
@@ -390,7 +392,7 @@ def test_a_strip_with_one_side_is_told() -> None:
     assert "a surface with one side only, 48 faces, has no inside" in surface.warnings[0]
 
 
-def test_the_fewest_faces_are_turned() -> None:
+def test_the_fewest_faces_are_flipped() -> None:
     _, faces = shapes.sphere(3)
     wrong = np.random.default_rng(1).random(len(faces)) < 0.4
     mixed = np.where(wrong[:, None], faces[:, ::-1], faces)
@@ -418,7 +420,7 @@ def test_holes_that_meet_at_a_vertex_are_two() -> None:
 
 
 @pytest.mark.parametrize("count", [3, 4, 5, 12, LONG + 44])
-def test_a_hole_is_closed_by_faces_that_go_round_it(count: int) -> None:
+def test_a_hole_is_closed_by_faces_in_its_winding(count: int) -> None:
     angle = np.linspace(0.0, 2.0 * math.pi, count, endpoint=False)
     rng = np.random.default_rng(count)
     radius = 1.0 + 0.5 * rng.random(count)
@@ -450,7 +452,7 @@ def test_no_triangulation_of_a_hole_has_less_area() -> None:
 
 
 @pytest.mark.parametrize("sections", [24, LONG + 44])
-def test_full_repair_closes_every_hole_and_says_so(sections: int) -> None:
+def test_full_repair_closes_every_hole_and_reports_it(sections: int) -> None:
     pipe = trimesh.creation.cylinder(0.5, 2.0, sections=sections)
     side = np.abs(pipe.vertices[pipe.faces][:, :, 2].sum(axis=1)) < 2.9
     opened = np.array(pipe.vertices), np.array(pipe.faces)[side]
@@ -474,7 +476,7 @@ def test_open_shells_that_penetrate_are_closed_and_united() -> None:
 # Levels
 
 
-def test_without_repair_the_surface_stays_and_warnings_tell() -> None:
+def test_without_repair_the_surface_is_unchanged_and_warnings_are_given() -> None:
     vertices, faces = shapes.sphere(2)
     broken = joined(
         (vertices, np.vstack([faces[1:, ::-1], faces[5:6, ::-1]])),
@@ -483,14 +485,14 @@ def test_without_repair_the_surface_stays_and_warnings_tell() -> None:
     surface = repaired(broken, "none")
     assert np.array_equal(surface.faces, broken[1])
     assert surface.steps == ()
-    told = " ".join(surface.warnings)
-    assert "not repaired, as asked; repair 'safe' would do this: 1 face left out: came" in told
-    assert f"{len(faces)} faces turned: they were inside out" in told
-    assert "2 bodies united" not in told
-    assert "1 face added to close holes" in told
+    warnings = " ".join(surface.warnings)
+    assert "not repaired, as requested; repair 'safe' would do this: 1 face left out" in warnings
+    assert f"{len(faces)} faces turned: they were inside out" in warnings
+    assert "2 bodies united" not in warnings
+    assert "1 face added to close holes" in warnings
 
 
-def test_without_repair_places_are_still_one_and_nothing_has_no_area() -> None:
+def test_without_repair_positions_are_joined_and_faces_without_area_left_out() -> None:
     vertices, faces = shapes.box()
     split = vertices[faces].reshape(-1, 3), np.arange(36).reshape(-1, 3)
     with_point = split[0], np.vstack([split[1], [[0, 0, 1]]])
@@ -525,16 +527,16 @@ def test_a_loose_vertex_becomes_a_corner() -> None:
     assert face_areas(points, divided).sum() == pytest.approx(6.0)
 
 
-def test_a_sliver_gives_its_edge_to_its_neighbour() -> None:
+def test_the_longest_edge_of_a_sliver_is_flipped() -> None:
     vertices, faces = shapes.box()
     a, b, c = faces[0]
     points = np.vstack([vertices, vertices[[a, b]].mean(axis=0)])
     cut = np.vstack([faces[1:], [[a, 8, c], [8, b, c], [a, b, 8]]])
-    mended = without_slivers(points, cut, 1e-12)
-    assert is_closed(mended)
-    assert face_areas(points, mended).min() > 0.1
-    assert face_areas(points, mended).sum() == pytest.approx(6.0)
-    assert edge_counts(mended) == (0, 0)
+    cleaned = without_slivers(points, cut, 1e-12)
+    assert is_closed(cleaned)
+    assert face_areas(points, cleaned).min() > 0.1
+    assert face_areas(points, cleaned).sum() == pytest.approx(6.0)
+    assert edge_counts(cleaned) == (0, 0)
 
 
 def test_edges_are_counted_by_their_faces() -> None:
@@ -544,7 +546,7 @@ def test_edges_are_counted_by_their_faces() -> None:
     assert edge_counts(np.vstack([faces, [[*faces[0][:2], 8]]])) == (2, 1)
 
 
-def test_a_lone_face_is_not_closed_by_its_own_back() -> None:
+def test_a_lone_face_is_not_closed_by_its_reverse() -> None:
     vertices, faces = shapes.box()
     stray = np.array([[9.0, 9.0, 9.0], [9.1, 9.0, 9.0], [9.0, 9.1, 9.0]])
     found = repaired((np.concatenate([vertices, stray]), np.append(faces, [[8, 9, 10]], axis=0)))

@@ -1,4 +1,4 @@
-"""A damaged surface, mended, has the volume, centre of mass and labels of the sound one."""
+"""A damaged and repaired surface has the volume, centre of mass and labels of the sound one."""
 
 import math
 from collections.abc import Callable
@@ -18,75 +18,79 @@ from tests.helpers.shapes import Surface
 MODEL = GraspModel(friction=0.35)
 COARSE = 1e9
 JITTER = 1e-8
-"""Of the size: less than what welding takes for rounding."""
+"""Errors of positions as a fraction of the size: less than what welding assumes as rounding."""
 
 
 @dataclass(frozen=True)
-class Guise:
+class Damaged:
     vertices: np.ndarray
     faces: np.ndarray
     origin: np.ndarray
-    """Vertex of the sound surface that each one stands for."""
+    """Corresponding vertex of the sound surface."""
 
 
-def shuffled(guise: Guise, rng: np.random.Generator) -> Guise:
-    return replace(guise, faces=guise.faces[rng.permutation(len(guise.faces))])
+def shuffled(damaged: Damaged, rng: np.random.Generator) -> Damaged:
+    return replace(damaged, faces=damaged.faces[rng.permutation(len(damaged.faces))])
 
 
-def soup(guise: Guise, rng: np.random.Generator) -> Guise:
-    """Every face with vertices of its own."""
+def soup(damaged: Damaged, rng: np.random.Generator) -> Damaged:
+    """Separate vertices for every face."""
     del rng
-    corners = guise.faces.ravel()
+    corners = damaged.faces.ravel()
     own = np.arange(len(corners)).reshape(-1, 3)
-    return Guise(guise.vertices[corners], own, guise.origin[corners])
+    return Damaged(damaged.vertices[corners], own, damaged.origin[corners])
 
 
-def jittered_soup(guise: Guise, rng: np.random.Generator) -> Guise:
-    split = soup(guise, rng)
+def jittered_soup(damaged: Damaged, rng: np.random.Generator) -> Damaged:
+    split = soup(damaged, rng)
     far = JITTER * np.linalg.norm(np.ptp(split.vertices, axis=0)) / math.sqrt(3.0)
     return replace(split, vertices=split.vertices + rng.uniform(-far, far, split.vertices.shape))
 
 
-def turned(guise: Guise, rng: np.random.Generator) -> Guise:
+def turned(damaged: Damaged, rng: np.random.Generator) -> Damaged:
     del rng
-    return replace(guise, faces=guise.faces[:, ::-1])
+    return replace(damaged, faces=damaged.faces[:, ::-1])
 
 
-def partly_turned(guise: Guise, rng: np.random.Generator) -> Guise:
-    turn = rng.random(len(guise.faces)) < 0.3
-    return replace(guise, faces=np.where(turn[:, None], guise.faces[:, ::-1], guise.faces))
+def partly_turned(damaged: Damaged, rng: np.random.Generator) -> Damaged:
+    turn = rng.random(len(damaged.faces)) < 0.3
+    return replace(damaged, faces=np.where(turn[:, None], damaged.faces[:, ::-1], damaged.faces))
 
 
-def with_repeated_faces(guise: Guise, rng: np.random.Generator) -> Guise:
-    again = rng.integers(0, len(guise.faces), len(guise.faces) // 4)
-    return replace(guise, faces=np.concatenate([guise.faces, guise.faces[again][:, [1, 2, 0]]]))
-
-
-def twice(guise: Guise, rng: np.random.Generator) -> Guise:
-    """Over the same vertices; one of the two may be inside out."""
-    other = guise.faces[:, :: int(rng.choice([1, -1]))]
-    return replace(guise, faces=np.concatenate([guise.faces, other]))
-
-
-def twice_apart(guise: Guise, rng: np.random.Generator) -> Guise:
-    """The second with vertices of its own that are off by rounding."""
-    count = len(guise.vertices)
-    step = np.spacing(np.abs(guise.vertices).max()) * rng.integers(-1, 2, guise.vertices.shape)
-    other = guise.faces[:, :: int(rng.choice([1, -1]))] + count
-    return Guise(
-        np.concatenate([guise.vertices, guise.vertices + step]),
-        np.concatenate([guise.faces, other[rng.permutation(len(other))]]),
-        np.concatenate([guise.origin, guise.origin]),
+def with_repeated_faces(damaged: Damaged, rng: np.random.Generator) -> Damaged:
+    again = rng.integers(0, len(damaged.faces), len(damaged.faces) // 4)
+    return replace(
+        damaged, faces=np.concatenate([damaged.faces, damaged.faces[again][:, [1, 2, 0]]])
     )
 
 
-def with_a_hole(guise: Guise, rng: np.random.Generator) -> Guise:
-    return replace(guise, faces=np.delete(guise.faces, rng.integers(len(guise.faces)), axis=0))
+def twice(damaged: Damaged, rng: np.random.Generator) -> Damaged:
+    """Two copies over the same vertices; one of the two may be inside out."""
+    other = damaged.faces[:, :: int(rng.choice([1, -1]))]
+    return replace(damaged, faces=np.concatenate([damaged.faces, other]))
 
 
-HARMS: dict[str, Callable[[Guise, np.random.Generator], Guise]] = {
-    harm.__name__: harm
-    for harm in (
+def twice_apart(damaged: Damaged, rng: np.random.Generator) -> Damaged:
+    """Two copies, the second over separate vertices that are off by rounding."""
+    count = len(damaged.vertices)
+    step = np.spacing(np.abs(damaged.vertices).max()) * rng.integers(-1, 2, damaged.vertices.shape)
+    other = damaged.faces[:, :: int(rng.choice([1, -1]))] + count
+    return Damaged(
+        np.concatenate([damaged.vertices, damaged.vertices + step]),
+        np.concatenate([damaged.faces, other[rng.permutation(len(other))]]),
+        np.concatenate([damaged.origin, damaged.origin]),
+    )
+
+
+def with_a_hole(damaged: Damaged, rng: np.random.Generator) -> Damaged:
+    return replace(
+        damaged, faces=np.delete(damaged.faces, rng.integers(len(damaged.faces)), axis=0)
+    )
+
+
+DAMAGE: dict[str, Callable[[Damaged, np.random.Generator], Damaged]] = {
+    kind.__name__: kind
+    for kind in (
         with_a_hole,
         twice,
         with_repeated_faces,
@@ -98,7 +102,7 @@ HARMS: dict[str, Callable[[Guise, np.random.Generator], Guise]] = {
         shuffled,
     )
 }
-"""In the order in which they are done."""
+"""Kinds of damage in the order in which they are applied."""
 
 
 def blob() -> Surface:
@@ -134,71 +138,73 @@ def sound(name: str) -> SurfaceLabels:
     return labelled(*SOUND[name]())
 
 
-def harmed(name: str, harms: set[str], seed: int) -> Guise:
+def damage(name: str, kinds: set[str], seed: int) -> Damaged:
     vertices, faces = SOUND[name]()
     rng = np.random.default_rng(seed)
-    guise = Guise(vertices, faces, np.arange(len(vertices)))
-    for harm, inflict in HARMS.items():
-        if harm in harms:
-            guise = inflict(guise, rng)
-    return guise
+    damaged = Damaged(vertices, faces, np.arange(len(vertices)))
+    for kind, apply in DAMAGE.items():
+        if kind in kinds:
+            damaged = apply(damaged, rng)
+    return damaged
 
 
-def assert_mended(name: str, guise: Guise, motion: tuple[np.ndarray, float, np.ndarray]) -> None:
+def assert_repaired(
+    name: str, damaged: Damaged, motion: tuple[np.ndarray, float, np.ndarray]
+) -> None:
     """Check volume, centre of mass, and the label of every vertex of the file."""
     turn, scale, shift = motion
     expected = sound(name)
-    found = labelled(guise.vertices @ turn.T * scale + shift, guise.faces)
+    found = labelled(damaged.vertices @ turn.T * scale + shift, damaged.faces)
     assert found.mesh.report.closed
     assert found.mesh.volume == pytest.approx(expected.mesh.volume * scale**3, rel=1e-6)
     middle = turn @ expected.mesh.center_mass * scale + shift
     assert found.mesh.center_mass == pytest.approx(middle, abs=1e-6 * found.mesh.size)
-    own = slice(0, len(guise.vertices))
-    same = found.label[own] == expected.label[guise.origin]
+    own = slice(0, len(damaged.vertices))
+    same = found.label[own] == expected.label[damaged.origin]
     near = np.zeros(len(same), dtype=bool)
     for threshold in (MODEL.friction_angle - MODEL.tilt, MODEL.friction_angle + MODEL.tilt):
-        near |= np.abs(expected.critical_angle[guise.origin] - threshold) < 1e-4
-        near |= np.abs(expected.critical_angle_best[guise.origin] - threshold) < 1e-4
+        near |= np.abs(expected.critical_angle[damaged.origin] - threshold) < 1e-4
+        near |= np.abs(expected.critical_angle_best[damaged.origin] - threshold) < 1e-4
     assert (same | near).all()
     assert near.mean() < 0.01
 
 
-STILL = (np.eye(3), 1.0, np.zeros(3))
+IDENTITY = (np.eye(3), 1.0, np.zeros(3))
 
 
 @pytest.mark.parametrize("name", ["blob", "ring"])
-@pytest.mark.parametrize("harm", HARMS)
-def test_one_harm_is_mended(name: str, harm: str) -> None:
-    guise = harmed(name, {harm}, 1)
-    assert not np.array_equal(guise.faces, sound(name).mesh.faces)
-    assert_mended(name, guise, STILL)
+@pytest.mark.parametrize("kind", DAMAGE)
+def test_one_kind_of_damage_is_repaired(name: str, kind: str) -> None:
+    damaged = damage(name, {kind}, 1)
+    assert not np.array_equal(damaged.faces, sound(name).mesh.faces)
+    assert_repaired(name, damaged, IDENTITY)
 
 
 @given(
     st.sampled_from(["blob", "ring"]),
-    st.sets(st.sampled_from(sorted(HARMS))),
+    st.sets(st.sampled_from(sorted(DAMAGE))),
     st.integers(0, 1000),
     st.floats(-6.0, 6.0),
     st.floats(0.0, 1e4),
 )
 @settings(max_examples=30, deadline=None)
 @example("blob", {"twice_apart", "soup", "partly_turned", "twice", "shuffled"}, 0, 0.0, 0.0)
-def test_harms_together_are_mended_wherever_it_is(
-    name: str, harms: set[str], seed: int, power: float, far: float
+def test_combined_damage_is_repaired_in_any_pose(
+    name: str, kinds: set[str], seed: int, power: float, far: float
 ) -> None:
     scale = 10.0**power
     shift = far * scale * np.array([1.0, -0.5, 0.3])
-    assert_mended(name, harmed(name, harms, seed), (shapes.rotation(seed), scale, shift))
+    assert_repaired(name, damage(name, kinds, seed), (shapes.rotation(seed), scale, shift))
 
 
-def test_a_mug_is_mended() -> None:
-    guise = harmed("mug", {"with_a_hole", "partly_turned", "jittered_soup", "shuffled"}, 2)
-    assert_mended("mug", guise, (shapes.rotation(3), 1e-3, np.array([1.0, 2.0, 3.0])))
+def test_a_mug_is_repaired() -> None:
+    damaged = damage("mug", {"with_a_hole", "partly_turned", "jittered_soup", "shuffled"}, 2)
+    assert_repaired("mug", damaged, (shapes.rotation(3), 1e-3, np.array([1.0, 2.0, 3.0])))
 
 
 @pytest.mark.parametrize("name", SOUND)
 @pytest.mark.parametrize("level", ["none", "safe", "full"])
-def test_nothing_is_done_to_a_sound_surface(name: str, level: str) -> None:
+def test_a_sound_surface_is_not_changed(name: str, level: str) -> None:
     vertices, faces = SOUND[name]()
     mesh = mesh_from_arrays(vertices, faces, max_edge=COARSE, repair=level)  # type: ignore[arg-type]
     assert mesh.report.repairs == mesh.report.warnings == ()

@@ -1,4 +1,4 @@
-"""Which body lies in which, and many bodies at once; whatever the order of the faces."""
+"""Nesting of bodies, and repair of many bodies at once, independent of the order of faces."""
 
 import manifold3d
 import numpy as np
@@ -48,7 +48,7 @@ def surface_of(solid: manifold3d.Manifold) -> Surface:
 
 
 def in_order(surface: Surface, seed: int) -> Surface:
-    """The same faces in another order, each from another corner."""
+    """The same faces in another order, each beginning at another corner."""
     vertices, faces = surface
     rng = np.random.default_rng(seed)
     start = rng.integers(0, 3, len(faces))[:, None]
@@ -78,11 +78,11 @@ def test_a_bar_through_a_hollow_ball_does_not_take_its_cavity(width: float, seed
     ball, hollow = manifold3d.Manifold.sphere(1.0, 24), manifold3d.Manifold.sphere(0.6, 16)
     bar = manifold3d.Manifold.cube([width, width, 3.0], center=True).rotate([30.0, 40.0, 0.0])
     surface = joined(surface_of(ball), inward(surface_of(hollow)), surface_of(bar))
-    mended = repaired(in_order(surface, seed))
-    assert volume_of(mended) == pytest.approx(((ball - hollow) + bar).volume(), rel=1e-8)
-    assert mended.closed
-    assert mended.warnings == ()
-    assert steps_of(mended) == {"united": 2}
+    repaired_surface = repaired(in_order(surface, seed))
+    assert volume_of(repaired_surface) == pytest.approx(((ball - hollow) + bar).volume(), rel=1e-8)
+    assert repaired_surface.closed
+    assert repaired_surface.warnings == ()
+    assert steps_of(repaired_surface) == {"united": 2}
 
 
 @pytest.mark.parametrize("seed", ORDERS)
@@ -92,16 +92,18 @@ def test_an_inward_ball_half_out_of_a_body_is_no_cavity(seed: int) -> None:
     vertices, faces = surface_of(cube)
     middle = vertices[faces[0]].mean(axis=0)
     ball = manifold3d.Manifold.sphere(0.15, 24).translate(middle.tolist())
-    mended = repaired(in_order(joined((vertices, faces), inward(surface_of(ball))), seed))
-    assert volume_of(mended) == pytest.approx((cube + ball).volume(), rel=1e-8)
-    assert steps_of(mended) == {"inverted": ball.num_tri(), "united": 2}
-    assert mended.warnings == ()
+    repaired_surface = repaired(in_order(joined((vertices, faces), inward(surface_of(ball))), seed))
+    assert volume_of(repaired_surface) == pytest.approx((cube + ball).volume(), rel=1e-8)
+    assert steps_of(repaired_surface) == {"inverted": ball.num_tri(), "united": 2}
+    assert repaired_surface.warnings == ()
 
 
 @pytest.mark.parametrize("seed", ORDERS)
 @pytest.mark.parametrize("depth", [-0.1, 0.0])
-def test_what_touches_a_slanted_wall_from_inside_is_not_within(depth: float, seed: int) -> None:
-    """A box wound inward whose face lies flush in the wall, and one with a gap to it."""
+def test_a_body_that_touches_a_slanted_wall_from_inside_is_not_within(
+    depth: float, seed: int
+) -> None:
+    """A box wound inward with a face in the wall, and one with a gap to the wall."""
     small = moved(shapes.box((0.5, 0.5, 0.5)), (0.25 + depth, 0.0, 0.0))
     vertices, faces = joined(shapes.box(), inward(small))
     turned = vertices @ shapes.rotation(seed).T, faces
@@ -110,17 +112,17 @@ def test_what_touches_a_slanted_wall_from_inside_is_not_within(depth: float, see
 
 
 @pytest.mark.parametrize("seed", ORDERS)
-def test_each_cavity_belongs_to_the_smallest_body_that_holds_it(seed: int) -> None:
-    """Shells in shells, each a little off the middle; a bar through all walls."""
+def test_each_cavity_belongs_to_the_smallest_body_around_it(seed: int) -> None:
+    """Nested shells, each slightly off the middle, and a bar through all walls."""
     radii = (1.0, 0.85, 0.7, 0.5)
     balls = [moved(shapes.sphere(2), (0.02 * k, 0.0, 0.0), r) for k, r in enumerate(radii)]
     shells = [inward(ball) if k % 2 else ball for k, ball in enumerate(balls)]
     bodies = Bodies(*in_order(joined(*shells), seed))
     order = np.argsort(-np.abs(bodies.volumes))  # the outermost first
-    place = np.argsort(order)
-    owners = place[bodies.owners()[order]]
+    rank = np.argsort(order)
+    owners = rank[bodies.owners()[order]]
     assert owners.tolist() == [0, 0, 2, 2]
-    assert {(place[i], place[j]) for i, j in zip(*bodies.within, strict=True)} == {
+    assert {(rank[i], rank[j]) for i, j in zip(*bodies.within, strict=True)} == {
         (i, j) for i in range(4) for j in range(i)
     }
     assert bodies.doubled() == 0
@@ -128,9 +130,9 @@ def test_each_cavity_belongs_to_the_smallest_body_that_holds_it(seed: int) -> No
     bar = shapes.box((0.1, 0.1, 3.0))
     whole = (solids[0] - solids[1]) + (solids[2] - solids[3])
     whole += manifold3d.Manifold(manifold3d.Mesh64(bar[0], bar[1].astype(np.uint64)))
-    mended = repaired(in_order(joined(*shells, bar), seed))
-    assert volume_of(mended) == pytest.approx(whole.volume(), rel=1e-8)
-    assert steps_of(mended) == {"united": 3}
+    repaired_surface = repaired(in_order(joined(*shells, bar), seed))
+    assert volume_of(repaired_surface) == pytest.approx(whole.volume(), rel=1e-8)
+    assert steps_of(repaired_surface) == {"united": 3}
 
 
 @settings(max_examples=25, deadline=None)
@@ -139,10 +141,10 @@ def test_each_cavity_belongs_to_the_smallest_body_that_holds_it(seed: int) -> No
     st.tuples(*[st.floats(-0.4, 0.4)] * 3),
     st.floats(0.05, 0.5),
 )
-def test_within_is_what_an_intersection_says(
+def test_within_agrees_with_an_intersection(
     seed: int, shift: tuple[float, float, float], size: float
 ) -> None:
-    """Against Manifold's intersection, which is all of a body that lies within."""
+    """Compared with Manifold's intersection, which equals a body that lies within."""
     outer = shapes.sphere(1)
     inner = moved((shapes.box()[0] @ shapes.rotation(seed).T, shapes.box()[1]), shift, size)
     one, two = (
@@ -164,37 +166,41 @@ def test_a_solid_without_a_volume_is_not_united() -> None:
     )
     hollow = joined(box, two)
     row = [moved(shapes.box(), (0.9 * k, 0.0, 0.0)) for k in range(1, 6)]
-    mended = repaired(joined(hollow, *row))
-    assert mended.steps == ()
-    assert len(mended.warnings) == 1
-    assert "6 bodies seem to overlap but could not be united soundly" in mended.warnings[0]
+    repaired_surface = repaired(joined(hollow, *row))
+    assert repaired_surface.steps == ()
+    assert len(repaired_surface.warnings) == 1
+    assert (
+        "6 bodies seem to overlap but could not be united soundly" in repaired_surface.warnings[0]
+    )
 
 
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_long_chain_of_cubes_is_one_bar(seed: int) -> None:
     cubes = [moved(shapes.box(), (0.5 * k, 0.0, 0.0)) for k in range(300)]
     chain = moved(joined(*cubes), (0.0, 0.0, 0.0), FINE)
-    mended = repaired(in_order(chain, seed))
-    assert volume_of(mended) == pytest.approx(150.5 * FINE**3, rel=1e-7)
-    assert mended.closed
-    assert mended.bodies == 1
-    assert steps_of(mended)["united"] == 300
-    assert mended.warnings == ()
+    repaired_surface = repaired(in_order(chain, seed))
+    assert volume_of(repaired_surface) == pytest.approx(150.5 * FINE**3, rel=1e-7)
+    assert repaired_surface.closed
+    assert repaired_surface.bodies == 1
+    assert steps_of(repaired_surface)["united"] == 300
+    assert repaired_surface.warnings == ()
 
 
 def test_many_pairs_are_each_united() -> None:
-    """Groups far from each other do not mix up their vertices."""
+    """Vertices of distant groups are not confused."""
     pair = joined(shapes.box(), moved(shapes.box(), (0.5, 0.2, 0.1)))
     pairs = [moved(pair, (3.0 * k, 0.0, 0.0)) for k in range(100)]
-    mended = repaired(moved(joined(*pairs), (0.0, 0.0, 0.0), FINE))
-    assert volume_of(mended) == pytest.approx(164.0 * FINE**3, rel=1e-7)
-    assert mended.bodies == 100
-    assert steps_of(mended) == {"united": 200}
-    step = np.abs(mended.vertices - mended.vertices[mended.canonical]).max()
+    repaired_surface = repaired(moved(joined(*pairs), (0.0, 0.0, 0.0), FINE))
+    assert volume_of(repaired_surface) == pytest.approx(164.0 * FINE**3, rel=1e-7)
+    assert repaired_surface.bodies == 100
+    assert steps_of(repaired_surface) == {"united": 200}
+    step = np.abs(
+        repaired_surface.vertices - repaired_surface.vertices[repaired_surface.canonical]
+    ).max()
     assert step < 1e-6
 
 
-def test_faces_against_each_other_cancel_one_by_one() -> None:
+def test_opposite_faces_cancel_in_pairs() -> None:
     faces = np.array([[0, 1, 2], [3, 4, 5], [2, 1, 0], [1, 2, 0], [5, 4, 3], [6, 7, 8], [6, 6, 8]])
     assert without_slits(faces).tolist() == [[1, 2, 0], [6, 7, 8]]
 
@@ -204,7 +210,7 @@ def test_faces_against_each_other_cancel_one_by_one() -> None:
 
 @given(st.integers(0, 1000), st.integers(1, 30), st.floats(0.01, 2.0), st.integers(1, 200))
 @settings(max_examples=40, deadline=None)
-def test_boxes_overlap_as_each_against_each_says(
+def test_overlapping_boxes_agree_with_pairwise_comparison(
     seed: int, count: int, size: float, at_once: int
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -225,17 +231,17 @@ def test_boxes_overlap_as_each_against_each_says(
     assert {tuple(sorted(group)) for group in groups} == expected
 
 
-def test_no_boxes_overlap_nothing() -> None:
+def test_no_boxes_have_no_overlaps() -> None:
     none = np.empty((0, 3))
     assert overlap_groups(none, none) == []
     assert all(len(part) == 0 for part in enclosed(none, none))
 
 
-# Words
+# Texts
 
 
 @pytest.mark.parametrize(
-    ("count", "things", "told"),
+    ("count", "things", "text"),
     [
         (1, "faces", "1 face"),
         (2, "faces", "2 faces"),
@@ -245,5 +251,5 @@ def test_no_boxes_overlap_nothing() -> None:
         (0, "bodies", "0 bodies"),
     ],
 )
-def test_one_thing_is_told_as_one(count: int, things: str, told: str) -> None:
-    assert counted(count, things) == told
+def test_nouns_are_singular_for_one(count: int, things: str, text: str) -> None:
+    assert counted(count, things) == text

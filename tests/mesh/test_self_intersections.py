@@ -12,7 +12,7 @@ from tests.helpers.shapes import Surface
 
 ROUNDED = 1e-6
 SURE = 1e-4
-"""Reach beyond a face from which 32 bits must see an edge."""
+"""Distance of an edge's ends from a face from which the crossing must be found in 32 bits."""
 
 
 def normalised(shape: Surface) -> Surface:
@@ -22,7 +22,7 @@ def normalised(shape: Surface) -> Surface:
     return (vertices - middle) / (2.0 * np.linalg.norm(used - middle, axis=1).max()), faces
 
 
-def slowly(shape: Surface) -> dict[tuple[int, int], float]:
+def slow_crossings(shape: Surface) -> dict[tuple[int, int], float]:
     """Pairs of faces without a common vertex of which an edge passes through the other.
 
     With how far it reaches beyond the face on both sides, or passes from its border, if less.
@@ -40,9 +40,9 @@ def slowly(shape: Surface) -> dict[tuple[int, int], float]:
         for a, b in zip(corners, np.roll(corners, -1), strict=True):
             above, below = heights[a], heights[b]
             (others,) = np.nonzero(above * below < 0.0)
-            share = above[others] / (above[others] - below[others])
-            place = points[a] + share[:, None] * (points[b] - points[a])
-            depths = ((place[:, None] - triangles[others]) * inward[others]).sum(axis=2)
+            fraction = above[others] / (above[others] - below[others])
+            crossing = points[a] + fraction[:, None] * (points[b] - points[a])
+            depths = ((crossing[:, None] - triangles[others]) * inward[others]).sum(axis=2)
             reach = np.minimum(np.abs(above[others]), np.abs(below[others]))
             least = np.minimum(depths.min(axis=1), reach)
             for other, depth in zip(others[least > 0.0], least[least > 0.0], strict=True):
@@ -53,10 +53,10 @@ def slowly(shape: Surface) -> dict[tuple[int, int], float]:
 
 
 def check(found: Crossings, shape: Surface) -> set[tuple[int, int]]:
-    """All that is sure is found, and nothing that is not so; returns what was found."""
+    """Check that all sure crossings are found and no false ones; return the pairs found."""
     pairs = {(int(a), int(b)) for a, b in found.pairs}
     assert len(pairs) == found.count
-    known = slowly(shape)
+    known = slow_crossings(shape)
     assert min((known.get(pair, 0.0) for pair in pairs), default=1.0) > 0.9 * ROUNDED
     assert {pair for pair, depth in known.items() if depth > SURE} <= pairs
     assert np.array_equal(np.flatnonzero(found.faces), np.unique(found.pairs))
@@ -65,7 +65,7 @@ def check(found: Crossings, shape: Surface) -> set[tuple[int, int]]:
 
 @settings(max_examples=60, deadline=None)
 @given(seed=st.integers(0, 2**32), count=st.integers(2, 40), size=st.floats(0.1, 1.0))
-def test_what_is_found_among_random_triangles_is_so_and_nothing_sure_is_missed(
+def test_crossings_of_random_triangles_are_true_and_no_sure_one_is_missed(
     seed: int, count: int, size: float
 ) -> None:
     rng = np.random.default_rng(seed)
@@ -137,12 +137,12 @@ def folded_sheet() -> Surface:
 def test_crossings_of_known_shapes_are_found_nearly_all(shape: Surface) -> None:
     found = crossings(*shape)
     pairs = check(found, shape)
-    known = [depth for depth in slowly(shape).values() if depth > ROUNDED]
+    known = [depth for depth in slow_crossings(shape).values() if depth > ROUNDED]
     assert len(known) > 50
     assert len(pairs) >= 0.99 * len(known)
 
 
-def test_the_faces_that_meshlab_selects_are_those_found() -> None:
+def test_the_faces_found_are_those_that_meshlab_selects() -> None:
     pymeshlab = shapes.reader("pymeshlab")
     points, faces = two_spheres()
     meshes = pymeshlab.MeshSet()
@@ -186,8 +186,8 @@ def test_shipped_meshes_cross_nowhere() -> None:
             assert crossings(*normalised((surface.vertices, surface.faces))).count == 0
 
 
-def test_vertices_are_told_apart_by_their_place() -> None:
-    """A soup of triangles is not one that crosses at its own corners."""
+def test_vertices_are_identified_by_position() -> None:
+    """Triangles with separate vertices do not cross at their common corners."""
     points, faces = normalised(shapes.sphere(3))
     soup = points[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3)
     assert crossings(*soup).count == 0
@@ -206,7 +206,7 @@ def test_faces_with_a_common_vertex_do_not_count() -> None:
     assert crossings(points, np.array([[0, 1, 2], [5, 3, 4]])).count == 1
 
 
-def test_faces_smaller_than_32_bits_resolve_are_left_alone() -> None:
+def test_faces_too_small_for_32_bits_are_ignored() -> None:
     points = np.concatenate([1e-8 * np.eye(3), 1e-8 * (1.0 - np.eye(3))])
     assert crossings(points, np.array([[0, 1, 2], [3, 4, 5]])).count == 0
 

@@ -30,7 +30,7 @@ MESHES = {
 }
 
 
-def around(mesh: ObjectMesh, count: int, rng: np.random.Generator) -> Floats:
+def sample_points(mesh: ObjectMesh, count: int, rng: np.random.Generator) -> Floats:
     """Points on the surface, at its vertices and edges, near it, inside and far away."""
     corners = mesh.vertices[mesh.faces[rng.integers(len(mesh.faces), size=count)]]
     weights = rng.dirichlet([1.0, 1.0, 1.0], count)
@@ -42,35 +42,35 @@ def around(mesh: ObjectMesh, count: int, rng: np.random.Generator) -> Floats:
 @pytest.mark.parametrize("name", MESHES)
 def test_the_nearest_of_all_faces_is_found(name: str) -> None:
     mesh = MESHES[name]()
-    points = around(mesh, 25, np.random.default_rng(3))
+    points = sample_points(mesh, 25, np.random.default_rng(3))
     found, positions, distances = nearest_surface_points(mesh, points)
     triangles = mesh.vertices[mesh.faces]
-    for point, place, distance in zip(points, positions, distances, strict=True):
+    for point, position, distance in zip(points, positions, distances, strict=True):
         nearest = distance_to_triangles(point, triangles).min()
         rounding = 1e-9 * mesh.size + 1e-12 * float(np.linalg.norm(point))
         assert distance == pytest.approx(nearest, abs=rounding)
-        assert np.linalg.norm(place - point) == pytest.approx(distance, abs=rounding)
+        assert np.linalg.norm(position - point) == pytest.approx(distance, abs=rounding)
     assert positions == pytest.approx(found.positions(mesh), abs=1e-12 * mesh.size)
     assert found.weights.min() >= 0.0
     assert found.weights.sum(axis=1) == pytest.approx(1.0)
 
 
-def test_places_on_borders_are_exactly_there() -> None:
-    """So that a contact on a crease is known to be on it, on slivers as well."""
+def test_points_on_borders_have_exact_coordinates() -> None:
+    """A contact on a crease is recognised as being on it, on slivers as well."""
     mesh = sliver_and_specks()
     corners = mesh.vertices[mesh.faces]
     found, _, distances = nearest_surface_points(mesh, corners.reshape(-1, 3))
     assert (np.sort(found.weights, axis=1) == (0.0, 0.0, 1.0)).all()
     assert distances == pytest.approx(0.0, abs=1e-12)
-    share = 0.377
+    fraction = 0.377
     for i in range(3):
         a, b = corners[:, i], corners[:, (i + 1) % 3]
-        found, _, _ = nearest_surface_points(mesh, a + share * (b - a))
+        found, _, _ = nearest_surface_points(mesh, a + fraction * (b - a))
         assert (found.weights.min(axis=1) == 0.0).all()
-        assert np.sort(found.weights, axis=1)[:, 1] == pytest.approx(share, abs=1e-6)
+        assert np.sort(found.weights, axis=1)[:, 1] == pytest.approx(fraction, abs=1e-6)
 
 
-def test_what_is_beyond_the_limit_is_said_to_be() -> None:
+def test_points_beyond_the_limit_have_no_surface_point() -> None:
     mesh = mesh_from_arrays(*shapes.sphere(3), max_edge=9.0)
     away = np.array([1.0, 1.009, 1.011, 1.1, 50.0, 0.9, 0.0])
     points = away[:, None] * mesh.vertices[7]
@@ -81,15 +81,15 @@ def test_what_is_beyond_the_limit_is_said_to_be() -> None:
     assert distances == pytest.approx([0.0, 0.009, *[math.inf] * 5])
 
 
-def test_one_by_one_all_together_and_in_parts_are_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_single_points_all_points_and_parts_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = MESHES["lopsided"]()
-    points = around(mesh, 40, np.random.default_rng(5))
+    points = sample_points(mesh, 40, np.random.default_rng(5))
     found, positions, _ = nearest_surface_points(mesh, points)
     for number, point in enumerate(points):
-        place, face, weights = nearest_surface_point(mesh, (point - mesh.center) / mesh.size)
+        position, face, weights = nearest_surface_point(mesh, (point - mesh.center) / mesh.size)
         assert face == found.faces[number]
         assert np.array_equal(weights, found.weights[number])
-        assert mesh.from_normalized(place) == pytest.approx(positions[number])
+        assert mesh.from_normalized(position) == pytest.approx(positions[number])
     monkeypatch.setattr(surface_points, "PAIRS", 64)
     monkeypatch.setattr(surface_points, "POINTS", 17)
     again, _, _ = nearest_surface_points(mesh, points, threads=2)
@@ -97,7 +97,7 @@ def test_one_by_one_all_together_and_in_parts_are_the_same(monkeypatch: pytest.M
     assert np.array_equal(again.weights, found.weights)
 
 
-def test_no_points_have_no_places() -> None:
+def test_no_points_have_no_surface_points() -> None:
     found, positions, distances = nearest_surface_points(MESHES["box"](), np.empty((0, 3)))
     assert found.faces.shape == distances.shape == (0,)
     assert found.weights.shape == positions.shape == (0, 3)

@@ -35,13 +35,13 @@ SIZES = st.floats(-7.0, 7.0).map(lambda exponent: 10.0**exponent)
         ),
     ],
 )
-def test_the_unit_is_guessed_and_said_why(size: float, unit: str | None, reason: str) -> None:
+def test_the_unit_is_guessed_with_a_reason(size: float, unit: str | None, reason: str) -> None:
     guess = guess_unit(size)
     assert (guess.unit, guess.reason) == (unit, reason)
 
 
 @given(SIZES)
-def test_what_is_guessed_may_be_held_and_none_only_where_that_is_due(size: float) -> None:
+def test_guessed_units_are_plausible_and_none_is_returned_only_if_necessary(size: float) -> None:
     guess = guess_unit(size)
     held = {unit for unit in get_args(Unit) if within(size * METRES[unit], PLAUSIBLE)}
     usual = {unit for unit in ("m", "mm") if within(size * METRES[unit], USUAL)}
@@ -58,13 +58,11 @@ def within(metres: float, limits: tuple[float, float]) -> bool:
 
 
 @given(SIZES, st.sampled_from(get_args(Unit)))
-def test_a_stated_unit_is_doubted_just_where_it_makes_the_object_implausible(
-    size: float, unit: Unit
-) -> None:
+def test_a_stated_unit_gives_a_warning_only_if_it_is_implausible(size: float, unit: Unit) -> None:
     assert (unit_warning(size, unit) == "") == within(size * METRES[unit], PLAUSIBLE)
 
 
-def test_a_doubt_says_what_would_be_plausible() -> None:
+def test_the_warning_lists_plausible_units() -> None:
     assert unit_warning(120.0, "m") == (
         "the object is 120 m large if its unit is m: is the unit right? "
         "If its unit were mm it would be 12 cm"
@@ -73,7 +71,7 @@ def test_a_doubt_says_what_would_be_plausible() -> None:
     assert "no unit (m, cm, mm, in) makes it one that a hand may hold" in unit_warning(1e6, "cm")
 
 
-def test_a_mesh_warns_of_its_unit() -> None:
+def test_a_mesh_has_a_warning_about_its_unit() -> None:
     vertices, faces = shapes.sphere(1)
     mesh = mesh_from_arrays(60.0 * vertices, faces, unit="m")
     assert mesh.report.warnings == (unit_warning(mesh.size, "m"),)
@@ -90,8 +88,8 @@ def test_lengths_are_written_in_their_own_unit(metres: float, text: str) -> None
     assert length_text(metres) == text
 
 
-def test_units_of_real_meshes_are_guessed_or_left_open() -> None:
-    """Where somebody knows the unit it is guessed, or told to be one of several."""
+def test_units_of_real_meshes_are_guessed_or_undecided() -> None:
+    """A known unit is guessed, or listed as one of several."""
     with shapes.shared("meshes", "manifest.csv").open(encoding="utf-8") as stream:
         rows = list(csv.DictReader(stream))
     hits = 0

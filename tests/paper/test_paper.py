@@ -22,7 +22,7 @@ from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.markdown import percent
 from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page
 from grasp3d.paper.objects import (
-    best_place,
+    best_contact_point,
     object_figure,
     real_object,
     solids,
@@ -34,7 +34,7 @@ from grasp3d.paper.surfaces import surface_table
 from grasp3d.plots.surfaces import surface_figure
 from grasp3d.rendering import WINDOW, can_render
 from tests.helpers import shapes
-from tests.helpers.figures import check_words
+from tests.helpers.figures import check_texts
 
 COMMAND = Path(sys.executable).with_name("grasp3d")
 PAPER = PaperSettings()
@@ -68,17 +68,19 @@ def page() -> str:
 
 
 @pytest.mark.parametrize(
-    ("settings", "said"),
+    ("settings", "message"),
     [
         ({"friction": 0.0}, "friction"),
         ({"sensor_resolutions": ()}, "one or two"),
         ({"sensor_resolutions": (0.1, 0.2, 0.3)}, "one or two .* got 3"),
-        ({"sensor_resolutions": (0.1, 0.1)}, "named once"),
+        ({"sensor_resolutions": (0.1, 0.1)}, "must be different"),
         ({"sensor_resolutions": (4.0,)}, "below 180"),
     ],
 )
-def test_settings_that_cannot_be_drawn_say_so(settings: dict[str, object], said: str) -> None:
-    with pytest.raises(SettingError, match=said):
+def test_settings_that_cannot_be_drawn_are_refused(
+    settings: dict[str, object], message: str
+) -> None:
+    with pytest.raises(SettingError, match=message):
         PaperSettings(**settings)  # type: ignore[arg-type]
 
 
@@ -89,15 +91,15 @@ def test_the_settings_of_the_paper_are_the_defaults() -> None:
 
 @pytest.mark.parametrize("name", FIGURES)
 @pytest.mark.parametrize("friction", [1.0, 0.2])
-def test_no_word_of_a_figure_is_hidden(name: str, friction: float) -> None:
-    check_words(FIGURES[name](PaperSettings(friction=friction)))
+def test_no_text_of_a_figure_is_hidden(name: str, friction: float) -> None:
+    check_texts(FIGURES[name](PaperSettings(friction=friction)))
 
 
 def test_the_figures_are_those_of_the_paper() -> None:
     assert list(FIGURES) == NAMES[:7]
 
 
-def test_shares_of_the_circle_in_its_figure_are_the_closed_form() -> None:
+def test_fractions_of_the_circle_in_its_figure_are_the_closed_form() -> None:
     stable, ambiguous, unstable = FIGURES["figure_08"](PAPER).axes[0].collections
     degrees = np.linspace(1.0, 89.0, 40)
     beta, alpha = 45.0, degrees
@@ -109,9 +111,9 @@ def test_shares_of_the_circle_in_its_figure_are_the_closed_form() -> None:
         x, y = np.asarray(area.get_paths()[0].vertices).T
         inner = (x > 0.0) & (x < 90.0)
         top, low = np.full(len(degrees), -1.0), np.full(len(degrees), 101.0)
-        for place in np.unique(x[inner]):
-            at = np.isclose(x, place)
-            nearest = np.isclose(degrees, place, atol=0.13)
+        for resolution in np.unique(x[inner]):
+            at = np.isclose(x, resolution)
+            nearest = np.isclose(degrees, resolution, atol=0.13)
             top[nearest], low[nearest] = y[at].max(), y[at].min()
         known = top >= 0.0
         assert known.sum() > 30
@@ -135,8 +137,8 @@ def test_numbers_of_the_text_agree_with_their_closed_forms() -> None:
     for friction, radius in ((0.5, 10.0), (0.2, 10.0)):
         alpha = 2.0 * math.atan(friction)
         tip = f"fingertip of 2 cm diameter, μ = {friction:g}"
-        said = f"μ = {friction:g} (Sec. III)"
-        bound = next(row for first, row in by_start.items() if first.endswith(said))
+        end = f"μ = {friction:g} (Sec. III)"
+        bound = next(row for first, row in by_start.items() if first.endswith(end))
         assert number(bound[2]) == pytest.approx(math.degrees(alpha), abs=0.005)
         assert number(by_start[f"arc, {tip}"][2]) == pytest.approx(radius * alpha, abs=0.005)
         counted = by_start[f"sensors, {tip}"][2]
@@ -150,11 +152,11 @@ def test_numbers_of_the_text_agree_with_their_closed_forms() -> None:
     assert differing[4].endswith(f"gives {math.ceil(8.0 / 0.4**2)}")
 
 
-def test_the_share_read_off_the_paper_is_told_as_it_is() -> None:
+def test_the_fraction_read_from_the_paper_is_quoted_and_compared() -> None:
     text = quoted_numbers()
     rows = rows_of(f"## quoted\n{text}", "quoted")
-    shares = {key[0]: row for key, row in rows.items() if "ambiguous" in key[0]}
-    circle, square, sphere = shares.values()
+    ambiguous = {key[0]: row for key, row in rows.items() if "ambiguous" in key[0]}
+    circle, square, sphere = ambiguous.values()
     alpha = math.radians(22.6)
     assert circle[1] == "almost 20 %"
     assert number(circle[2]) == pytest.approx(100.0 * 2.0 * alpha / math.pi, abs=0.05)
@@ -167,7 +169,7 @@ def test_the_share_read_off_the_paper_is_told_as_it_is() -> None:
     assert [number(part) for part in sphere[2].split(" to ")] == pytest.approx(expected, abs=0.05)
 
 
-def test_shares_of_the_circle_agree_with_their_closed_form(page: str) -> None:
+def test_fractions_of_the_circle_agree_with_their_closed_form(page: str) -> None:
     for friction in (1.0, SLIPPERY):
         beta = math.degrees(math.atan(friction))
         rows = rows_of(page, f"The circle over the resolution, μ = {friction:g}")
@@ -176,17 +178,17 @@ def test_shares_of_the_circle_agree_with_their_closed_form(page: str) -> None:
             alpha = number(row[0])
             stable = max(0.0, (beta - alpha / 2.0) / 90.0)
             unstable = max(0.0, 1.0 - (beta + alpha / 2.0) / 90.0)
-            shares = [stable, 1.0 - stable - unstable, unstable]
+            fractions = [stable, 1.0 - stable - unstable, unstable]
             assert [number(cell) for cell in row[1:4]] == pytest.approx(
-                [100.0 * share for share in shares], abs=0.051
+                [100.0 * fraction for fraction in fractions], abs=0.051
             )
-            ceiling = stable + unstable + shares[1] / 2.0
+            ceiling = stable + unstable + fractions[1] / 2.0
             assert number(row[4]) == pytest.approx(100.0 * ceiling, abs=0.051)
 
 
 @pytest.mark.parametrize("name", ["circle", "square"])
 @pytest.mark.parametrize("friction", [1.0, SLIPPERY])
-def test_the_four_combinations_fall_short_beyond_twice_the_friction_angle(
+def test_the_four_combinations_fail_beyond_twice_the_friction_angle(
     page: str, name: str, friction: float
 ) -> None:
     bound = 2.0 * math.degrees(math.atan(friction))
@@ -203,7 +205,7 @@ def test_the_four_combinations_fall_short_beyond_twice_the_friction_angle(
             assert number(row[7]) - number(row[3]) == pytest.approx(differ, abs=0.5)  # U for M
 
 
-def test_round_cones_reach_their_least_epsilon_at_the_effective_friction(page: str) -> None:
+def test_the_least_epsilon_of_round_cones_is_that_at_the_effective_friction(page: str) -> None:
     rows = list(rows_of(page, "ε at the effective friction").values())
     for cut, full in zip(rows[::2], rows[1::2], strict=True):
         assert number(cut[4]) > number(cut[3]) + 0.01
@@ -222,7 +224,7 @@ def test_the_sphere_agrees_with_its_closed_form(page: str) -> None:
         assert [number(cell) for cell in row[2:5]] == pytest.approx(expected, abs=0.5)
 
 
-def test_the_box_agrees_with_places_drawn_at_random() -> None:
+def test_the_box_agrees_with_random_points() -> None:
     rng = np.random.default_rng(7)
     axis, sign = rng.integers(3, size=40_000), rng.choice([-1.0, 1.0], size=40_000)
     points = rng.uniform(-1.0, 1.0, size=(40_000, 3))
@@ -242,67 +244,69 @@ def test_the_box_agrees_with_places_drawn_at_random() -> None:
         assert found["U"] == pytest.approx((critical >= 45.0 + alpha / 2.0).mean(), abs=0.01)
 
 
-def test_further_sections_stand_at_the_end_of_the_page() -> None:
+def test_further_sections_are_at_the_end_of_the_page() -> None:
     page = numbers_page(PAPER, SOLIDS[:1], {"One": "| a table |", "Another": "| b |"})
     assert page.endswith("## One\n\n| a table |\n\n## Another\n\n| b |\n")
 
 
-def test_hulls_on_solids_contradict_exact_labels_only_as_sampling_may() -> None:
+def test_labels_from_hulls_on_solids_differ_only_as_allowed() -> None:
     rows = [line.strip("| ").split(" | ") for line in surface_table(PAPER).splitlines()]
     rows = [row for row in rows if row[0] in {"sphere", "box", "cylinder"}]
     assert len(rows) == 12
     assert {row[-1] for row in rows} == {"0"}
-    apart = [float(row[-2].rstrip(" %")) for row in rows]
-    assert 0.0 < max(apart[::2]) < 4.0  # circular cones
-    assert max(apart[::2]) < max(apart[1::2]) < 12.0  # polygons lie inside them
+    differing = [float(row[-2].rstrip(" %")) for row in rows]
+    assert 0.0 < max(differing[::2]) < 4.0  # circular cones
+    assert max(differing[::2]) < max(differing[1::2]) < 12.0  # polygons are inside them
 
 
-def test_shares_are_percent_with_one_decimal() -> None:
-    assert [percent(share) for share in (0.0, -0.0, 0.3333, 1.0)] == [
+def test_fractions_are_written_in_percent_with_one_decimal() -> None:
+    assert [percent(fraction) for fraction in (0.0, -0.0, 0.3333, 1.0)] == [
         "0.0 %", "0.0 %", "33.3 %", "100.0 %",
     ]  # fmt: skip
 
 
-def test_the_finger_takes_a_best_place_with_room_for_the_other() -> None:
+def test_the_fixed_finger_is_at_a_best_contact_point() -> None:
     vertices, faces = shapes.lopsided()
     mesh = mesh_from_arrays(vertices[:, ::-1], faces[:, ::-1])
     model = GraspModel(friction=0.6, sensor_resolution=math.radians(20.0))
-    place = best_place(mesh, model)
+    point = best_contact_point(mesh, model)
     scanned = real_object(mesh, "blob", PaperSettings(0.6, (model.sensor_resolution,)))
-    assert scanned.scans[0].partners[0, 0] == pytest.approx(place)
+    assert scanned.scans[0].partners[0, 0] == pytest.approx(point)
     critical = scanned.scans[0].critical_angle
     best = int(critical.argmin())
     pair = Contacts(
-        [place, mesh.vertices[best]], [scanned.scans[0].partner_normals[0, 0], mesh.normals[best]]
+        [point, mesh.vertices[best]], [scanned.scans[0].partner_normals[0, 0], mesh.normals[best]]
     )
     assert critical_friction_angle(pair) == pytest.approx(critical[best], abs=1e-9)
     assert critical[best] < math.radians(3.0)
     assert scanned.scans[0].fractions()["S"] > 0.01
 
 
-def test_an_object_without_a_grasp_asks_for_a_place() -> None:
+def test_an_object_without_a_grasp_needs_a_contact_point() -> None:
     sheet = mesh_from_arrays([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]], [[0, 1, 2]])
     with pytest.raises(SettingError, match="--fixed"):
-        best_place(sheet, GraspModel())
+        best_contact_point(sheet, GraspModel())
     scanned = real_object(sheet, "sheet", PAPER, fixed=(0.1, 0.1, 0.0))
     assert scanned.scans[0].fractions()["S"] == 0.0
 
 
-@pytest.mark.parametrize("push", [(1, 0, 0), (0, -1, 0), (0.6, 0.64, 0.48), (0, 0, 1), (0, 0, -1)])
-def test_a_finger_is_seen_from_the_side_and_its_partner_from_the_front(
-    push: tuple[float, float, float],
+@pytest.mark.parametrize(
+    "normal", [(1, 0, 0), (0, -1, 0), (0.6, 0.64, 0.48), (0, 0, 1), (0, 0, -1)]
+)
+def test_the_view_has_the_finger_at_the_side_and_the_opposing_contact_in_front(
+    normal: tuple[float, float, float],
 ) -> None:
-    inward = np.array(push)
+    inward = np.array(normal)
     across, up, toward = view_of(inward).axes @ -inward
-    assert -0.5 < toward < 0.0  # the finger stands a little behind the object, the partner before
+    assert -0.5 < toward < 0.0  # the finger is a little behind the object, the opposing one before
     assert math.hypot(across, up) > 0.85
 
 
-def test_without_pictures_the_shares_alone_are_drawn() -> None:
+def test_without_pictures_only_the_fractions_are_drawn() -> None:
     sphere = SOLIDS[0]
     figure = object_figure(sphere, PAPER, pictures=False)
     assert len(figure.axes) == 1
-    check_words(figure)
+    check_texts(figure)
     dashed = [np.asarray(line.get_ydata()) for line in figure.axes[0].lines]
     alpha = PAPER.swept
     within = alpha <= math.pi / 2.0
@@ -311,25 +315,25 @@ def test_without_pictures_the_shares_alone_are_drawn() -> None:
     assert dashed[1][within] == pytest.approx(100.0 - stable)
 
 
-def test_pictures_stand_beside_the_shares() -> None:
+def test_pictures_are_drawn_beside_the_fractions() -> None:
     pictures = [np.full((20, 20, 3), shade, np.uint8) for shade in (90, 200)]
     box = SOLIDS[1]
     figure = surface_figure(box.scans, pictures, box.sweep(PAPER))
-    check_words(figure)
+    check_texts(figure)
     images = [axes.findobj(AxesImage)[0] for axes in figure.axes[:2]]
     for image, picture in zip(images, pictures, strict=True):
         assert (np.asarray(image.get_array()) == picture).all()
     assert [axes.get_title() for axes in figure.axes[:2]] == [
         r"$\alpha$ = 30°", r"$\alpha$ = 15°",
     ]  # fmt: skip
-    shares = box.scans[0].fractions()
-    assert f"S {100.0 * shares['S']:.1f} %" in figure.axes[0].get_xlabel()
+    fractions = box.scans[0].fractions()
+    assert f"S {100.0 * fractions['S']:.1f} %" in figure.axes[0].get_xlabel()
     marks = figure.axes[2].lines[0]
     assert np.asarray(marks.get_xdata()) == pytest.approx([30.0, 15.0])
 
 
 @pytest.mark.parametrize(
-    ("arguments", "said"),
+    ("arguments", "message"),
     [
         (("--fixed", "1", "2", "3"), "needs an object"),
         (("--sensor-resolution", "10", "20", "30"), "one or two"),
@@ -337,20 +341,20 @@ def test_pictures_stand_beside_the_shares() -> None:
         (("--object", "missing.stl"), "missing.stl: there is no such file"),
     ],
 )
-def test_mistakes_are_one_line_and_leave_nothing(
+def test_errors_are_one_line_and_leave_no_files(
     arguments: tuple[str, ...],
-    said: str,
+    message: str,
     tmp_path: Path,
     capsys: pytest.CaptureFixture[str],
 ) -> None:
     assert main(["paper", "-o", str(tmp_path / "out"), *arguments]) == 2
     error = capsys.readouterr().err
-    assert said in error
+    assert message in error
     assert error.count("\n") == 1
     assert not (tmp_path / "out").exists()
 
 
-def test_a_file_in_the_folders_place_is_kept(
+def test_a_file_with_the_folders_name_is_kept(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "out").write_text("mine")
@@ -365,7 +369,7 @@ def test_a_file_in_the_folders_place_is_kept(
 
 @pytest.fixture(scope="module")
 def runs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Path, str]]:
-    """The real command twice at once, each in an empty folder: with OpenGL, if any, and without."""
+    """Two parallel runs of the command in separate folders: with OpenGL, if any, and without."""
     folder = tmp_path_factory.mktemp("paper")
     box = box_mesh((2.0, 3.0, 4.0), max_edge=1.0)
     lines = ["OFF", f"{len(box.vertices)} {len(box.faces)} 0"]
@@ -391,17 +395,17 @@ def runs(tmp_path_factory: pytest.TempPathFactory) -> list[tuple[Path, str]]:
             ("second/deeper", (), without),
         )
     ]
-    told = []
+    finished = []
     for output, process in zip(("first", "second/deeper"), started, strict=True):
         out, error = process.communicate(timeout=300)
         assert (process.returncode, error) == (0, "")
-        told.append((folder / output, out))
-    return told
+        finished.append((folder / output, out))
+    return finished
 
 
 @pytest.mark.slow
 def test_the_command_writes_all_of_the_paper(runs: list[tuple[Path, str]]) -> None:
-    (first, told), (second, _) = runs
+    (first, printed), (second, _) = runs
     expected = sorted([f"{name}{end}" for name in NAMES for end in (".png", ".svg")])
     objects = ["surface_object.png", "surface_object.svg"]
     assert sorted(path.name for path in second.iterdir()) == sorted([*expected, "numbers.md"])
@@ -412,14 +416,14 @@ def test_the_command_writes_all_of_the_paper(runs: list[tuple[Path, str]]) -> No
     for name in [*expected, *objects]:
         path = first / name
         assert 8_000 < path.stat().st_size < 900_000
-        assert name.partition(".")[0] in told
+        assert name.partition(".")[0] in printed
         if path.suffix == ".svg":
             assert ET.parse(path).getroot().tag.endswith("svg")  # noqa: S314, our own file
         else:
             with Image.open(path) as image:
                 assert min(image.size) > 700
                 assert len(np.unique(np.asarray(image.convert("L")))) > 30
-    assert "--object" not in told
+    assert "--object" not in printed
 
 
 @pytest.mark.slow
@@ -432,20 +436,20 @@ def test_two_runs_write_the_same_bytes(runs: list[tuple[Path, str]]) -> None:
     one, other = ((folder / "numbers.md").read_text() for folder in (first, second))
     lines = [line for line in one.splitlines() if not line.startswith("| box | ")]
     assert lines == [line for line in other.splitlines() if not line.startswith("| box | ")]
-    assert one.count("\n| 2 | 2,000 |") == 8  # convergence: four rims, circular and polygonal cones
+    assert one.count("\n| 2 | 2,000 |") == 8  # four numbers of normals, circular and polygonal
 
 
 @pytest.mark.slow
 @pytest.mark.skipif(find_library("OSMesa") is not None, reason="OSMesa draws")
 def test_without_opengl_everything_else_is_drawn(runs: list[tuple[Path, str]]) -> None:
-    (first, told), (second, without) = runs
-    assert "no OpenGL here, so surface_sphere, surface_box, surface_cylinder show" in without
+    (first, printed), (second, without) = runs
+    assert "not available, so surface_sphere, surface_box, surface_cylinder show" in without
     assert "--object FILE" in without
     for solid in ("sphere", "box", "cylinder"):
         svg = (second / f"surface_{solid}.svg").read_text()
         assert "<image" not in svg
         assert f"<!-- {solid}" in svg
     if can_render():
-        assert "OpenGL" not in told
+        assert "OpenGL" not in printed
         for solid in ("sphere", "box", "cylinder", "object"):
             assert (first / f"surface_{solid}.svg").read_text().count("<image") == 2

@@ -1,4 +1,4 @@
-"""Laws first; then the definition, sampled, and whole hulls as oracles; then known shapes."""
+"""Planar outlines and scans: laws, comparison with sampled definitions and hulls, known shapes."""
 
 import itertools
 import json
@@ -31,13 +31,13 @@ Floats = NDArray[np.float64]
 
 DEGREE = math.pi / 180.0
 NEAR = 1e-6
-"""Critical angles so near a threshold may fall to either side in a hull."""
+"""Distance to a threshold within which labels from hulls may differ from the exact ones [rad]."""
 SQUARE = [(-1.0, -1.0), (1.0, -1.0), (1.0, 1.0), (-1.0, 1.0)]
 HOOK = [
     (-2.0, -1.0), (2.0, -1.0), (2.0, -0.8), (-1.8, -0.8), (-1.8, 2.0), (-0.1, 2.0), (0.0, 0.0),
     (0.1, 2.0), (2.0, 2.0), (2.0, 2.2), (-2.0, 2.2),
 ]  # fmt: skip
-"""A bar, with a needle that hangs over it from another."""
+"""A bar, and a needle that points at it from a second bar."""
 
 seeds = st.integers(0, 100_000)
 frictions = st.floats(0.05, 4.0)
@@ -46,7 +46,7 @@ few = settings(max_examples=30, deadline=None)
 
 
 def star(seed: int, count: int = 7) -> Floats:
-    """A polygon, mostly with dents, that goes round the origin once."""
+    """A star-shaped polygon about the origin, in most cases not convex."""
     rng = np.random.default_rng(seed)
     gaps = rng.uniform(0.5, 1.0, count)
     turn = np.cumsum(gaps) * 2.0 * math.pi / gaps.sum()
@@ -55,13 +55,13 @@ def star(seed: int, count: int = 7) -> Floats:
     )
 
 
-def drawn(seed: int, **options: Any) -> Polyline:
-    """A star with the finger at a corner in one of three cases."""
+def random_outline(seed: int, **options: Any) -> Polyline:
+    """A star with the fixed finger at a corner for every third seed."""
     corners = star(seed)
     rng = np.random.default_rng(seed + 1)
     outline = Polyline(corners)
-    places = [*rng.uniform(0.0, outline.perimeter, 2), float(rng.choice(outline.corner_positions))]
-    return Polyline(corners, fixed=places[seed % 3], **options)
+    fixed = [*rng.uniform(0.0, outline.perimeter, 2), float(rng.choice(outline.corner_positions))]
+    return Polyline(corners, fixed=fixed[seed % 3], **options)
 
 
 def model(friction: float, degrees: float, **options: Any) -> GraspModel:
@@ -78,19 +78,19 @@ def between(first: Floats, last: Floats, steps: int) -> Floats:
     whole = off(first, last)
     if whole < 1e-7:
         return first[None]
-    share = np.linspace(0.0, 1.0, steps)[:, None]
+    fraction = np.linspace(0.0, 1.0, steps)[:, None]
     return np.asarray(
-        (np.sin((1.0 - share) * whole) * first + np.sin(share * whole) * last) / np.sin(whole)
+        (np.sin((1.0 - fraction) * whole) * first + np.sin(fraction * whole) * last) / np.sin(whole)
     )
 
 
-def defined_angles(outline: Polyline, places: int, steps: int) -> tuple[Floats, Floats]:
-    """Worst and best critical angle at the middles of even cells, straight from the definition."""
-    contacts = outline.contacts_at((np.arange(places) + 0.5) * outline.perimeter / places)
+def defined_angles(outline: Polyline, points: int, steps: int) -> tuple[Floats, Floats]:
+    """Worst and best critical angle at the middles of even cells, from the definition."""
+    contacts = outline.contacts_at((np.arange(points) + 0.5) * outline.perimeter / points)
     fixed = outline.contacts_at([outline.fixed])
     d = contacts.points - fixed.points
     d /= np.linalg.norm(d, axis=1, keepdims=True)
-    worst, best = np.zeros(places), np.full(places, math.inf)
+    worst, best = np.zeros(points), np.full(points, math.inf)
     for normal in between(fixed.first[0], fixed.last[0], steps):
         squeeze = np.maximum(off(normal, d), off(contacts.first, -d))
         expand = np.maximum(off(normal, -d), off(contacts.first, d))
@@ -100,7 +100,7 @@ def defined_angles(outline: Polyline, places: int, steps: int) -> tuple[Floats, 
 
 
 def expected_circle(friction: float, degrees: float) -> dict[str, float]:
-    """Places by their angle off both normals, which is spread evenly from 0 to 90 degrees."""
+    """From the angle off both normals, which is uniform from 0 to 90 degrees."""
     beta, tilt = math.atan(friction), 0.5 * degrees * DEGREE
     stable = max(0.0, 2.0 * (beta - tilt) / math.pi)
     unstable = max(0.0, 1.0 - 2.0 * (beta + tilt) / math.pi)
@@ -122,7 +122,7 @@ def expected_square(friction: float, degrees: float) -> dict[str, float]:
         return (top + sides) / 8.0
 
     beta, tilt = math.atan(friction), 0.5 * degrees * DEGREE
-    # The finger's own side is at 90 degrees exactly, which is no closure at 90 degrees.
+    # The finger's own side is at 90 degrees exactly, which is not closed at 90 degrees.
     stable, possible = below(beta - tilt), below(beta + tilt - 1e-12)
     return {"S": stable, "U": 1.0 - possible, "M": possible - stable}
 
@@ -138,16 +138,16 @@ def smooth(found: PlanarScan) -> NDArray[np.bool_]:
     return found.weights > 0.0
 
 
-# Laws of the shares
+# Laws of the fractions
 
 
 @given(seeds, frictions, resolutions, st.floats(0.0, 7.0), st.floats(1e-6, 1e6))
 @few
-def test_shares_do_not_depend_on_how_the_outline_is_laid_out(
+def test_fractions_do_not_depend_on_pose_unit_or_order_of_corners(
     seed: int, friction: float, resolution: float, turn: float, unit: float
 ) -> None:
-    one = drawn(seed)
-    asked = {"friction": friction, "sensor_resolution": resolution}
+    one = random_outline(seed)
+    parameters = {"friction": friction, "sensor_resolution": resolution}
     cos, sin = math.cos(turn), math.sin(turn)
     moved = unit * one.corners @ np.array([[cos, sin], [-sin, cos]]) + [3.0 * unit, -unit]
     start = np.hypot(*(one.corners[1] - one.corners[0]))
@@ -158,7 +158,7 @@ def test_shares_do_not_depend_on_how_the_outline_is_laid_out(
         Polyline(np.roll(one.corners[::-1], 1, axis=0), fixed=one.fixed + one.perimeter),
     ]
     for other in others:
-        assert other.fractions(**asked) == pytest.approx(one.fractions(**asked), abs=1e-9)
+        assert other.fractions(**parameters) == pytest.approx(one.fractions(**parameters), abs=1e-9)
         assert other.torque_scale / other.perimeter == pytest.approx(
             one.torque_scale / one.perimeter
         )
@@ -166,10 +166,10 @@ def test_shares_do_not_depend_on_how_the_outline_is_laid_out(
 
 @given(seeds, frictions, frictions, resolutions, resolutions)
 @few
-def test_more_friction_and_a_finer_sensor_never_hurt(
+def test_more_friction_and_a_finer_sensor_never_reduce_stability(
     seed: int, friction: float, other: float, resolution: float, finer: float
 ) -> None:
-    outline = drawn(seed)
+    outline = random_outline(seed)
     low, high = sorted((friction, other))
     fine, coarse = sorted((resolution, finer))
     worse = outline.fractions(friction=low, sensor_resolution=coarse)
@@ -185,28 +185,28 @@ def test_more_friction_and_a_finer_sensor_never_hurt(
 
 @given(seeds)
 @few
-def test_shares_rise_from_none_to_all_and_the_best_normals_lead(seed: int) -> None:
-    outline = drawn(seed)
+def test_distributions_rise_from_0_to_1_and_best_is_at_least_worst(seed: int) -> None:
+    outline = random_outline(seed)
     angles = np.linspace(-math.pi, math.pi + 1e-9, 300).reshape(3, 100)
     worst, best = outline.worst_below(angles), outline.best_below(angles)
     assert worst.shape == best.shape == angles.shape
     assert worst.max() == pytest.approx(1.0, abs=1e-12)
     assert (best >= worst - 1e-12).all()
-    for shares in (worst.ravel(), best.ravel()):
-        assert (np.diff(shares) >= -1e-12).all()
-        assert (shares[angles.ravel() <= 0.0] == 0.0).all()
+    for fractions in (worst.ravel(), best.ravel()):
+        assert (np.diff(fractions) >= -1e-12).all()
+        assert (fractions[angles.ravel() <= 0.0] == 0.0).all()
 
 
 @given(seeds, st.floats(0.05, 0.95))
 @few
-def test_quantiles_invert_the_shares(seed: int, share: float) -> None:
-    for outline in (drawn(seed), Circle(2.0)):
-        angle = outline.worst_quantile(share)
-        assert float(outline.worst_below(angle + 1e-6)) >= share - 1e-9
-        assert float(outline.worst_below(angle - 1e-6)) <= share + 1e-9
+def test_quantiles_invert_the_distribution(seed: int, fraction: float) -> None:
+    for outline in (random_outline(seed), Circle(2.0)):
+        angle = outline.worst_quantile(fraction)
+        assert float(outline.worst_below(angle + 1e-6)) >= fraction - 1e-9
+        assert float(outline.worst_below(angle - 1e-6)) <= fraction + 1e-9
 
 
-def test_required_resolution_makes_that_share_stable() -> None:
+def test_required_resolution_makes_that_fraction_stable() -> None:
     for outline in (Circle(), square()):
         alpha = outline.required_resolution(0.2, friction=1.0)
         assert 0.0 < alpha < math.pi / 2.0
@@ -218,24 +218,24 @@ def test_required_resolution_makes_that_share_stable() -> None:
 
 
 @pytest.mark.parametrize("seed", range(9))
-def test_shares_are_those_of_the_definition(seed: int) -> None:
-    outline = drawn(seed)
+def test_fractions_agree_with_the_definition(seed: int) -> None:
+    outline = random_outline(seed)
     worst, best = defined_angles(outline, 4000, 181)
     angles = np.radians(np.arange(3.0, 180.0, 4.0))  # 90 degrees itself decides whole edges
     counted = (best[:, None] < angles).mean(axis=0)
     np.testing.assert_allclose(outline.best_below(angles), counted, atol=4e-3)
-    asked = angles[angles < math.pi / 2.0]  # beyond, the worst is a bound: no label asks for it
-    counted = (worst[:, None] < asked).mean(axis=0)
-    np.testing.assert_allclose(outline.worst_below(asked), counted, atol=4e-3)
+    exact = angles[angles < math.pi / 2.0]  # beyond, the worst is a bound that no label needs
+    counted = (worst[:, None] < exact).mean(axis=0)
+    np.testing.assert_allclose(outline.worst_below(exact), counted, atol=4e-3)
     beyond = angles[angles >= math.pi / 2.0]
     counted = (worst[:, None] < beyond).mean(axis=0)
     assert (outline.worst_below(beyond) <= counted + 4e-3).all()
 
 
 @pytest.mark.parametrize("seed", range(6))
-def test_critical_angles_of_a_scan_are_those_of_the_definition(seed: int) -> None:
-    outline = drawn(seed)
-    found = scan(outline, places=60)
+def test_critical_angles_of_a_scan_agree_with_the_definition(seed: int) -> None:
+    outline = random_outline(seed)
+    found = scan(outline, points=60)
     rows = np.flatnonzero(smooth(found))
     fixed = outline.contacts_at([outline.fixed])
     deep = [np.append(v, 0.0) for v in (fixed.points[0], fixed.first[0], fixed.last[0])]
@@ -252,34 +252,34 @@ def test_critical_angles_of_a_scan_are_those_of_the_definition(seed: int) -> Non
 # Reference and formulas
 
 
-def test_shares_meet_the_reference() -> None:
+def test_fractions_agree_with_the_reference() -> None:
     reference = json.loads(shapes.shared("reference", "planar.json").read_text(encoding="utf-8"))
-    asked = {"circle": circle_fractions, "square": square_fractions}
-    cases = [(kind, case) for kind in asked for case in reference[kind]]
+    functions = {"circle": circle_fractions, "square": square_fractions}
+    cases = [(kind, case) for kind in functions for case in reference[kind]]
     assert len(cases) == 60
     for kind, case in cases:
-        found = asked[kind](friction=case["mu"], sensor_resolution=case["alpha_deg"] * DEGREE)
-        # Two of the squares stand there with an error of 1.1e-6: see `expected_square`.
+        found = functions[kind](friction=case["mu"], sensor_resolution=case["alpha_deg"] * DEGREE)
+        # Two of the reference's squares have an error of 1.1e-6: see `expected_square`.
         assert found == pytest.approx({k: case[k] for k in "SMU"}, abs=1.2e-6)
 
 
 @pytest.mark.parametrize("friction", [1e-6, 0.2, 0.5, 1.0, 10.0])
 @pytest.mark.parametrize("degrees", [0.0, 5.0, 22.6, 53.13, 60.0, 90.0, 120.0, 170.0])
-def test_shares_meet_trigonometry(friction: float, degrees: float) -> None:
-    asked = {"friction": friction, "sensor_resolution": degrees * DEGREE}
+def test_fractions_agree_with_trigonometry(friction: float, degrees: float) -> None:
+    parameters = {"friction": friction, "sensor_resolution": degrees * DEGREE}
     circle, sides = expected_circle(friction, degrees), expected_square(friction, degrees)
-    assert circle_fractions(**asked) == pytest.approx(circle, abs=1e-12)
-    assert Circle(3.0, fixed=-7.0).fractions(**asked) == pytest.approx(circle, abs=1e-12)
-    assert square_fractions(**asked) == pytest.approx(sides, abs=1e-9)
-    assert square(0.01).fractions(**asked) == pytest.approx(sides, abs=1e-9)
+    assert circle_fractions(**parameters) == pytest.approx(circle, abs=1e-12)
+    assert Circle(3.0, fixed=-7.0).fractions(**parameters) == pytest.approx(circle, abs=1e-12)
+    assert square_fractions(**parameters) == pytest.approx(sides, abs=1e-9)
+    assert square(0.01).fractions(**parameters) == pytest.approx(sides, abs=1e-9)
 
 
-def test_at_alpha_of_twice_beta_nothing_is_sure_to_hold() -> None:
-    asked = GraspModel(friction=0.5, sensor_resolution=2.0 * math.atan(0.5))
+def test_at_alpha_of_twice_beta_nothing_is_surely_stable() -> None:
+    grasp_model = GraspModel(friction=0.5, sensor_resolution=2.0 * math.atan(0.5))
     for outline in (Circle(), square(), regular_polygon(5)):
-        shares = outline.fractions(friction=0.5, sensor_resolution=asked.sensor_resolution)
-        assert shares["S"] == 0.0
-        found = scan(outline, asked, places=100)
+        fractions = outline.fractions(friction=0.5, sensor_resolution=grasp_model.sensor_resolution)
+        assert fractions["S"] == 0.0
+        found = scan(outline, grasp_model, points=100)
         assert not (found.label == Label.S).any()
         assert not (found.label_extremes == Label.S).any()
         assert not found.epsilon_effective.any()
@@ -288,28 +288,30 @@ def test_at_alpha_of_twice_beta_nothing_is_sure_to_hold() -> None:
 @given(st.floats(0.02, 1.5), st.floats(0.0, 3.1))
 @few
 def test_polygons_of_many_sides_approach_the_circle(friction: float, resolution: float) -> None:
-    asked = {"friction": friction, "sensor_resolution": resolution}
-    found = regular_polygon(400, radius=2.0).fractions(**asked)
-    assert found == pytest.approx(circle_fractions(**asked), abs=6e-3)
+    parameters = {"friction": friction, "sensor_resolution": resolution}
+    found = regular_polygon(400, radius=2.0).fractions(**parameters)
+    assert found == pytest.approx(circle_fractions(**parameters), abs=6e-3)
 
 
 @given(frictions, resolutions, st.floats(-20.0, 20.0))
 @few
-def test_squares_are_squares(friction: float, resolution: float, fixed: float) -> None:
-    asked = {"friction": friction, "sensor_resolution": resolution}
-    own = square_fractions(**asked)
-    assert Polyline(SQUARE, fixed=1.0).fractions(**asked) == pytest.approx(own, abs=1e-9)
-    assert regular_polygon(4).fractions(**asked) == pytest.approx(own, abs=1e-9)
+def test_all_forms_of_a_square_have_the_same_fractions(
+    friction: float, resolution: float, fixed: float
+) -> None:
+    parameters = {"friction": friction, "sensor_resolution": resolution}
+    own = square_fractions(**parameters)
+    assert Polyline(SQUARE, fixed=1.0).fractions(**parameters) == pytest.approx(own, abs=1e-9)
+    assert regular_polygon(4).fractions(**parameters) == pytest.approx(own, abs=1e-9)
     fine = [*SQUARE[:2], (1.0, 0.3), (1.0, 0.3), *SQUARE[2:], SQUARE[0]]
-    assert Polyline(fine, fixed=fixed).fractions(**asked) == pytest.approx(
-        Polyline(SQUARE, fixed=fixed).fractions(**asked), abs=1e-9
+    assert Polyline(fine, fixed=fixed).fractions(**parameters) == pytest.approx(
+        Polyline(SQUARE, fixed=fixed).fractions(**parameters), abs=1e-9
     )
 
 
 # Outlines
 
 
-def test_outlines_know_their_middle_and_size() -> None:
+def test_outlines_have_their_centroid_and_size() -> None:
     half = Polyline([(0.0, 0.0), (3.0, 0.0), (0.0, 4.0)])
     np.testing.assert_allclose(half.center_mass, [1.0, 4.0 / 3.0])
     assert half.perimeter == pytest.approx(12.0)
@@ -340,7 +342,7 @@ def test_contacts_go_round_counter_clockwise_with_normals_inward() -> None:
 @given(seeds)
 @few
 def test_normals_are_inward_unit_vectors_and_contacts_on_the_outline(seed: int) -> None:
-    outline = drawn(seed)
+    outline = random_outline(seed)
     contacts = outline.contacts_at(np.random.default_rng(seed).uniform(-30.0, 30.0, 50))
     np.testing.assert_allclose(np.linalg.norm(contacts.first, axis=1), 1.0, rtol=1e-12)
     inside = contacts.points + 1e-6 * contacts.first
@@ -350,7 +352,7 @@ def test_normals_are_inward_unit_vectors_and_contacts_on_the_outline(seed: int) 
     assert (crossed.sum(axis=1) % 2 == 1).all()
 
 
-def test_a_dent_has_normals_between_its_faces_too() -> None:
+def test_a_concave_corner_has_normals_between_its_edges_too() -> None:
     arrow = Polyline([(-1.0, -1.0), (0.0, -0.5), (1.0, -1.0), (0.0, 1.0)])
     dent = arrow.contacts_at([math.hypot(1.0, 0.5)])
     assert dent.middle[0] == pytest.approx(math.pi / 2.0)
@@ -372,12 +374,12 @@ def rows_of(
 
 
 def slow_epsilon(found: PlanarScan, row: int, tilts: tuple[float, float], beta: float) -> float:
-    """By Qhull, wrenches written out one by one; normals turned from the middle ones."""
+    """Epsilon by Qhull of explicit wrenches, with normals tilted from the middle ones."""
     center, scale = found.outline.center_mass, found.outline.torque_scale
     bodies = []
-    for place, tilt in zip((0, row), tilts, strict=True):
-        normal = found.contacts.first[place] + found.contacts.last[place]
-        point = found.points[place] - center
+    for contact, tilt in zip((0, row), tilts, strict=True):
+        normal = found.contacts.first[contact] + found.contacts.last[contact]
+        point = found.points[contact] - center
         bodies.append(rows_of(point, normal, tilt, beta, found.edges, scale))
     if found.model.actuation == "per_finger":
         bodies.append([np.add(a, b).tolist() for a, b in itertools.product(*bodies)])
@@ -390,11 +392,11 @@ def slow_epsilon(found: PlanarScan, row: int, tilts: tuple[float, float], beta: 
 @pytest.mark.parametrize("edges", [2, 5])
 @pytest.mark.parametrize("actuation", ["total", "per_finger"])
 @pytest.mark.parametrize("seed", range(3))
-def test_epsilon_is_that_of_whole_hulls(seed: int, actuation: Any, edges: int) -> None:
-    outlines = [Circle(3.0, fixed=1.0), square(), drawn(3 * seed)]
-    asked = model(0.8, 20.0, actuation=actuation)
-    found = scan(outlines[seed], asked, places=24, edges=edges)
-    beta, tilt = asked.friction_angle, asked.tilt
+def test_epsilon_agrees_with_full_hulls(seed: int, actuation: Any, edges: int) -> None:
+    outlines = [Circle(3.0, fixed=1.0), square(), random_outline(3 * seed)]
+    grasp_model = model(0.8, 20.0, actuation=actuation)
+    found = scan(outlines[seed], grasp_model, points=24, edges=edges)
+    beta, tilt = grasp_model.friction_angle, grasp_model.tilt
     assert found.epsilon.max() > 0.04
     for row in np.flatnonzero(smooth(found)).tolist():
         nominal = slow_epsilon(found, row, (0.0, 0.0), beta)
@@ -405,24 +407,24 @@ def test_epsilon_is_that_of_whole_hulls(seed: int, actuation: Any, edges: int) -
         effective = slow_epsilon(found, row, (0.0, 0.0), beta - tilt)
         assert found.epsilon_effective[row] == pytest.approx(effective, abs=1e-9)
         turns = (-tilt, 0.0, tilt)
-        tried = itertools.product(turns, turns)
-        values = [slow_epsilon(found, row, pair, beta) for pair in tried]
+        pairs = itertools.product(turns, turns)
+        values = [slow_epsilon(found, row, pair, beta) for pair in pairs]
         assert found.epsilon_min[row] == pytest.approx(min(values), abs=1e-9)
         assert found.epsilon_max[row] == pytest.approx(max(values), abs=1e-9)
 
 
 def test_opposite_fingers_make_a_regular_tetrahedron_of_wrenches() -> None:
-    found = scan(Circle(5.0), model(1.0, 30.0), places=8)
+    found = scan(Circle(5.0), model(1.0, 30.0), points=8)
     assert found.position[4] == pytest.approx(5.0 * math.pi)
     assert found.angle[4] == pytest.approx(math.pi)
     assert found.epsilon[4] == pytest.approx(math.sqrt(1.5) / 3.0, rel=1e-12)
 
 
-@pytest.mark.parametrize("outline", [Circle(), square(), drawn(1)], ids=str)
-def test_full_cones_lose_most_to_their_extremes_what_effective_friction_tells(
+@pytest.mark.parametrize("outline", [Circle(), square(), random_outline(1)], ids=str)
+def test_for_round_cones_the_least_epsilon_is_that_at_the_effective_friction(
     outline: Outline,
 ) -> None:
-    found = scan(outline, model(0.7, 25.0), places=60, edges=129)
+    found = scan(outline, model(0.7, 25.0), points=60, edges=129)
     rows = smooth(found)
     lowest = found.epsilon_extremes.min(axis=0)
     np.testing.assert_allclose(lowest[rows], found.epsilon_effective[rows], atol=1e-4)
@@ -432,8 +434,8 @@ def test_full_cones_lose_most_to_their_extremes_what_effective_friction_tells(
 
 
 def test_curves_of_a_circle_depend_on_the_angle_alone() -> None:
-    one = scan(Circle(), model(0.6, 30.0), places=36)
-    other = scan(Circle(40.0, fixed=33.0), model(0.6, 30.0), places=36)
+    one = scan(Circle(), model(0.6, 30.0), points=36)
+    other = scan(Circle(40.0, fixed=33.0), model(0.6, 30.0), points=36)
     np.testing.assert_allclose(one.angle, other.angle, atol=1e-12)
     np.testing.assert_allclose(one.epsilon_extremes, other.epsilon_extremes, atol=1e-12)
     np.testing.assert_allclose(one.epsilon_min, one.epsilon_min[-np.arange(36)], atol=1e-12)
@@ -441,9 +443,9 @@ def test_curves_of_a_circle_depend_on_the_angle_alone() -> None:
 
 
 def test_curves_of_a_square_do_not_depend_on_unit_or_frame() -> None:
-    one = scan(square(), model(0.6, 30.0), places=37)
+    one = scan(square(), model(0.6, 30.0), points=37)
     moved = Polyline([(1e3 * x + 7e3, 1e3 * y) for x, y in SQUARE], fixed=1e3)
-    other = scan(moved, model(0.6, 30.0), places=37)
+    other = scan(moved, model(0.6, 30.0), points=37)
     np.testing.assert_allclose(other.position - 1e3, 1e3 * one.position, atol=1e-8)
     np.testing.assert_allclose(one.epsilon_max, other.epsilon_max, atol=1e-11)
     np.testing.assert_array_equal(one.label_extremes, other.label_extremes)
@@ -456,11 +458,16 @@ CASES = [(1.0, 0.0), (1.0, 30.0), (0.5, 22.6), (0.2, 22.6), (0.2, 30.0), (0.2, 1
 
 
 @pytest.mark.parametrize(("friction", "degrees"), CASES)
-def test_hulls_with_rings_tell_the_exact_labels(friction: float, degrees: float) -> None:
+def test_hulls_with_rings_give_the_exact_labels(friction: float, degrees: float) -> None:
     seen = set()
-    outlines = [Circle(), square(), Polyline(HOOK, fixed=2.0), *(drawn(seed) for seed in range(6))]
+    outlines = [
+        Circle(),
+        square(),
+        Polyline(HOOK, fixed=2.0),
+        *(random_outline(seed) for seed in range(6)),
+    ]
     for outline in outlines:
-        found = scan(outline, model(friction, degrees), places=90)
+        found = scan(outline, model(friction, degrees), points=90)
         differ = found.label_extremes != found.label
         assert not (differ & ~near_threshold(found)).any()
         seen |= set(found.label.tolist())
@@ -470,17 +477,19 @@ def test_hulls_with_rings_tell_the_exact_labels(friction: float, degrees: float)
 @pytest.mark.slow
 @pytest.mark.parametrize(("friction", "degrees"), [(1.0, 22.6), (0.5, 53.0), (0.2, 30.0)])
 def test_curves_add_up_to_the_closed_form(friction: float, degrees: float) -> None:
-    outlines = [Circle(), square(), Polyline(SQUARE, fixed=0.0), drawn(2)]
-    asked = model(friction, degrees)
+    outlines = [Circle(), square(), Polyline(SQUARE, fixed=0.0), random_outline(2)]
+    grasp_model = model(friction, degrees)
     for outline in outlines:
-        found = scan(outline, asked, places=4000)
-        exact = outline.fractions(friction=friction, sensor_resolution=asked.sensor_resolution)
+        found = scan(outline, grasp_model, points=4000)
+        exact = outline.fractions(
+            friction=friction, sensor_resolution=grasp_model.sensor_resolution
+        )
         assert found.fractions(of="extremes") == pytest.approx(exact, abs=1e-3)
         assert found.fractions() == pytest.approx(exact, abs=1e-3)
 
 
-def test_weights_are_those_of_the_places_that_are_no_corners() -> None:
-    found = scan(square(), places=10)
+def test_weights_are_those_of_the_points_that_are_not_corners() -> None:
+    found = scan(square(), points=10)
     corners = found.at_corner
     assert corners.sum() == 4
     assert found.weights.sum() == pytest.approx(1.0, abs=1e-14)
@@ -490,12 +499,14 @@ def test_weights_are_those_of_the_places_that_are_no_corners() -> None:
     assert (np.diff(found.position) > 0.0).all()
 
 
-@pytest.mark.parametrize("outline", [Circle(), square(), drawn(0), drawn(1)], ids=str)
+@pytest.mark.parametrize(
+    "outline", [Circle(), square(), random_outline(0), random_outline(1)], ids=str
+)
 @pytest.mark.parametrize(("friction", "degrees"), CASES)
 def test_four_combinations_differ_where_a_line_passes_between_the_extreme_cones(
     outline: Outline, friction: float, degrees: float
 ) -> None:
-    found = scan(outline, model(friction, degrees), places=360)
+    found = scan(outline, model(friction, degrees), points=360)
     beta, tilt = found.model.friction_angle, found.model.tilt
     differ = (found.label_four != found.label) & smooth(found)
     d = found.contacts.points - found.contacts.points[0]
@@ -506,8 +517,8 @@ def test_four_combinations_differ_where_a_line_passes_between_the_extreme_cones(
         offs = np.stack(
             [off(found.contacts.first[:1], sign * d), off(found.contacts.first, -sign * d)]
         )
-        held = (offs < beta + tilt).all(axis=0) & (offs > tilt - beta).all(axis=0)
-        missed &= ~held
+        closed = (offs < beta + tilt).all(axis=0) & (offs > tilt - beta).all(axis=0)
+        missed &= ~closed
         sure &= (np.abs(offs - (tilt - beta)) > NEAR).all(axis=0)
     expected = (found.label == Label.M) & missed & smooth(found)
     np.testing.assert_array_equal(differ[sure], expected[sure])
@@ -517,47 +528,47 @@ def test_four_combinations_differ_where_a_line_passes_between_the_extreme_cones(
 
 
 def test_four_combinations_miss_the_middle_of_the_opposite_side() -> None:
-    asked = model(0.2, 30.0)
-    found = scan(square(), asked, places=4000)
-    gap = asked.tilt - asked.friction_angle
+    grasp_model = model(0.2, 30.0)
+    found = scan(square(), grasp_model, points=4000)
+    gap = grasp_model.tilt - grasp_model.friction_angle
     wrong = found.label_four != found.label
     opposite = np.abs(found.points[:, 0]) < 2.0 * math.tan(gap)
     opposite &= found.points[:, 1] > 1.0 - 1e-9
     np.testing.assert_array_equal(wrong & smooth(found), opposite)
     lost = found.fractions()["M"] - found.fractions(of="four")["M"]
     assert lost == pytest.approx(0.5 * math.tan(gap), abs=1e-3)
-    perceived = scan(square(), asked, places=400, rings=False)  # the gap is below 2 beta
+    perceived = scan(square(), grasp_model, points=400, rings=False)  # the gap is below 2 beta
     np.testing.assert_array_equal(perceived.label_extremes, perceived.label)
 
 
 def test_on_a_circle_four_combinations_stop_growing_at_alpha_of_twice_beta() -> None:
     beta = math.atan(0.2)
     for degrees in (25.0, 60.0, 120.0):
-        found = scan(Circle(), model(0.2, degrees), places=4000)
+        found = scan(Circle(), model(0.2, degrees), points=4000)
         assert found.fractions(of="four")["M"] == pytest.approx(4.0 * beta / math.pi, abs=1e-3)
         assert found.fractions()["M"] > 4.0 * beta / math.pi + 5e-3
 
 
 def test_without_rings_normals_between_rim_and_center_are_missed() -> None:
-    asked = model(0.1, 40.0)
-    scans = [scan(Circle(), asked, places=400, rings=rings) for rings in (True, False)]
+    grasp_model = model(0.1, 40.0)
+    scans = [scan(Circle(), grasp_model, points=400, rings=rings) for rings in (True, False)]
     true, coarse = (found.label_extremes for found in scans)
     missed = coarse != true
     off_normal = np.abs(math.pi - scans[0].angle) / 2.0
-    beta, tilt = asked.friction_angle, asked.tilt
+    beta, tilt = grasp_model.friction_angle, grasp_model.tilt
     np.testing.assert_array_equal(missed, (off_normal > beta) & (off_normal < tilt - beta))
     assert missed.any()
 
 
-def test_extreme_normals_of_a_needle_turn_round_its_back() -> None:
-    found = scan(Polyline(HOOK, fixed=2.0), model(4.0, 60.0), places=720)
+def test_extreme_normals_of_a_needle_may_point_to_the_opposite_side() -> None:
+    found = scan(Polyline(HOOK, fixed=2.0), model(4.0, 60.0), points=720)
     tip = int(np.hypot(*found.points.T).argmin())
     assert 2.0 * found.contacts.half_range[tip] + 60.0 * DEGREE > math.pi
     assert found.label[tip] == found.label_extremes[tip] == Label.M
     assert found.label_four[tip] == Label.S
     assert found.critical_angle[tip] == math.pi
     keel = Polyline([HOOK[0], (0.0, -1.2), *HOOK[1:]], fixed=math.hypot(2.0, 0.2))
-    turned = scan(keel, places=720)
+    turned = scan(keel, points=720)
     assert turned.contacts.half_range[0] > 0.0
     tip = int(np.hypot(*turned.points.T).argmin())
     assert turned.critical_angle[tip] == math.pi
@@ -565,8 +576,8 @@ def test_extreme_normals_of_a_needle_turn_round_its_back() -> None:
     assert from_tip.worst_below(math.pi + 1e-9) == pytest.approx(1.0, abs=1e-12)
 
 
-def test_bisecting_normals_hold_a_square_by_its_corners() -> None:
-    found = scan(Polyline(SQUARE), model(0.2, 10.0), places=16, rings=False)
+def test_bisecting_normals_grasp_a_square_at_its_corners() -> None:
+    found = scan(Polyline(SQUARE), model(0.2, 10.0), points=16, rings=False)
     opposite = 8
     np.testing.assert_allclose(found.points[opposite], (1.0, 1.0))
     assert found.label[opposite] == found.label_extremes[opposite] == Label.M
@@ -577,9 +588,9 @@ def test_bisecting_normals_hold_a_square_by_its_corners() -> None:
     assert found.epsilon_min[opposite] == found.epsilon_effective[opposite] == 0.0
 
 
-def test_corners_have_a_row_with_the_whole_range_of_normals() -> None:
-    asked = model(1.0, 15.0)
-    found = scan(square(), asked, places=90)
+def test_rows_of_corners_have_the_whole_range_of_normals() -> None:
+    grasp_model = model(1.0, 15.0)
+    found = scan(square(), grasp_model, points=90)
     for position, corner in zip((3.0, 5.0), ((1.0, 1.0), (-1.0, 1.0)), strict=True):
         (row,) = np.flatnonzero(np.isclose(found.position, position)).tolist()
         np.testing.assert_allclose(found.points[row], corner, atol=1e-12)
@@ -589,17 +600,18 @@ def test_corners_have_a_row_with_the_whole_range_of_normals() -> None:
         assert found.critical_angle_best[row] == pytest.approx(math.atan(0.5))
         assert found.critical_angle[row] == pytest.approx(line)
         assert found.label[row] == found.label_extremes[row] == Label.M
-        both = [slow_epsilon(found, row, pair, asked.friction_angle) for pair in (
-            (asked.tilt, math.pi / 4.0 + asked.tilt), (asked.tilt, -math.pi / 4.0 - asked.tilt)
+        both = [slow_epsilon(found, row, pair, grasp_model.friction_angle) for pair in (
+            (grasp_model.tilt, math.pi / 4.0 + grasp_model.tilt),
+            (grasp_model.tilt, -math.pi / 4.0 - grasp_model.tilt),
         )]  # fmt: skip
         np.testing.assert_allclose(found.epsilon_extremes[:2, row], both, atol=1e-9)
-        nominal = slow_epsilon(found, row, (0.0, 0.0), asked.friction_angle)
+        nominal = slow_epsilon(found, row, (0.0, 0.0), grasp_model.friction_angle)
         assert found.epsilon[row] == pytest.approx(nominal, abs=1e-9)
 
 
 @pytest.mark.parametrize("fixed", [0.0, 0.3])
-def test_the_fixed_place_makes_no_grasp(fixed: float) -> None:
-    found = scan(Polyline(SQUARE, fixed=fixed), model(10.0, 90.0), places=16)
+def test_the_fixed_point_makes_no_grasp(fixed: float) -> None:
+    found = scan(Polyline(SQUARE, fixed=fixed), model(10.0, 90.0), points=16)
     assert found.label[0] == found.label_extremes[0] == found.label_four[0] == Label.U
     assert found.critical_angle[0] == found.critical_angle_best[0] == math.inf
     assert found.epsilon[0] == found.epsilon_max[0] == found.epsilon_effective[0] == 0.0
@@ -608,20 +620,20 @@ def test_the_fixed_place_makes_no_grasp(fixed: float) -> None:
     assert np.isfinite(found.critical_angle[1:]).all()
 
 
-def test_a_side_closes_with_itself_only_beyond_ninety_degrees() -> None:
+def test_a_grasp_within_one_side_is_possible_only_beyond_ninety_degrees() -> None:
     own = 2.0 / 8.0
-    for degrees, held in ((89.0, False), (90.0, False), (91.0, True)):
+    for degrees, possible in ((89.0, False), (90.0, False), (91.0, True)):
         fractions = square_fractions(friction=1.0, sensor_resolution=degrees * DEGREE)
-        assert (fractions["U"] < own - 1e-9) == held
-        found = scan(square(), model(1.0, degrees), places=80)
+        assert (fractions["U"] < own - 1e-9) == possible
+        found = scan(square(), model(1.0, degrees), points=80)
         side = (found.points[:, 1] < -1.0 + 1e-9) & smooth(found)
-        expected = Label.M if held else Label.U
+        expected = Label.M if possible else Label.U
         assert (found.label[side] == expected).all()
         assert (found.label_extremes[side] == expected).all()
 
 
 def test_without_tilt_only_corners_are_ambiguous() -> None:
-    found = scan(square(), model(0.6, 0.0), places=360)
+    found = scan(square(), model(0.6, 0.0), points=360)
     assert not (found.label == Label.M)[smooth(found)].any()
     assert (found.label == Label.M)[found.contacts.half_range > 0.0].any()
     np.testing.assert_array_equal(found.epsilon_min[smooth(found)], found.epsilon[smooth(found)])
@@ -630,10 +642,10 @@ def test_without_tilt_only_corners_are_ambiguous() -> None:
 @pytest.mark.parametrize("friction", [1e-6, 10.0])
 @pytest.mark.parametrize("degrees", [0.0, 22.6, 179.0])
 def test_extreme_friction(friction: float, degrees: float) -> None:
-    for outline in (Circle(), square(), drawn(4)):
-        found = scan(outline, model(friction, degrees), places=90, rings=friction > 1.0)
-        shares = outline.fractions(friction=friction, sensor_resolution=degrees * DEGREE)
-        assert found.fractions() == pytest.approx(shares, abs=0.06)
+    for outline in (Circle(), square(), random_outline(4)):
+        found = scan(outline, model(friction, degrees), points=90, rings=friction > 1.0)
+        fractions = outline.fractions(friction=friction, sensor_resolution=degrees * DEGREE)
+        assert found.fractions() == pytest.approx(fractions, abs=0.06)
         assert np.isfinite(found.epsilon_extremes).all()
         assert ((found.epsilon >= 0.0) & (found.epsilon <= 1.0)).all()
         if friction > 1.0:
@@ -641,20 +653,20 @@ def test_extreme_friction(friction: float, degrees: float) -> None:
             assert not (differ & ~near_threshold(found)).any()
 
 
-def test_too_many_rings_are_refused_and_the_rest_stays() -> None:
-    found = scan(Circle(), model(1e-6, 22.6), places=16)
-    for ask in ("label_extremes", "epsilon_min", "epsilon_max"):
+def test_too_many_rings_are_refused_and_other_results_are_available() -> None:
+    found = scan(Circle(), model(1e-6, 22.6), points=16)
+    for name in ("label_extremes", "epsilon_min", "epsilon_max"):
         with pytest.raises(
             SettingError, match=r"1972\d\d normals .* rings=False, or use the exact"
         ):
-            getattr(found, ask)
+            getattr(found, name)
     assert (found.label == Label.M).any()
     assert found.epsilon[8] > 0.0
     assert found.label_four.shape == found.label.shape
 
 
 def test_results_are_locked() -> None:
-    found = scan(square(), places=16)
+    found = scan(square(), points=16)
     for name in (
         "position", "angle", "points", "at_corner", "label", "critical_angle",
         "critical_angle_best", "weights", "epsilon", "epsilon_extremes",
@@ -665,7 +677,7 @@ def test_results_are_locked() -> None:
         assert values.shape[{"epsilon_extremes": 1}.get(name, 0)] == len(found.position)
 
 
-# What is refused
+# Refused settings
 
 
 @pytest.mark.parametrize(
@@ -685,7 +697,7 @@ def test_results_are_locked() -> None:
         ([(0, 0), (4, 0), (2, 0), (2, 3)], "touch itself; corner 2 lies on the edge"),
     ],
 )
-def test_outlines_that_are_none(corners: Any, message: str) -> None:
+def test_corners_that_are_no_simple_polygon(corners: Any, message: str) -> None:
     with pytest.raises(SettingError, match=message):
         Polyline(corners)
 
@@ -699,28 +711,28 @@ def test_other_settings_out_of_range() -> None:
         with pytest.raises(SettingError, match="half side of the square must be above 0"):
             square(radius)
     for fixed in (math.nan, math.inf):
-        with pytest.raises(SettingError, match="fixed finger's place must be a finite"):
+        with pytest.raises(SettingError, match="fixed finger's position must be a finite"):
             Circle(fixed=fixed)
-        with pytest.raises(SettingError, match="fixed finger's place must be a finite"):
+        with pytest.raises(SettingError, match="fixed finger's position must be a finite"):
             Polyline(SQUARE, fixed=fixed)
     wrong: Any
     for wrong in (2, 4.5, "5"):
         with pytest.raises(SettingError, match="sides must be a whole number of at least 3"):
             regular_polygon(wrong)
     for wrong in (7, 100.5, None):
-        with pytest.raises(SettingError, match="places must be a whole number of at least 8"):
-            scan(Circle(), places=wrong)
+        with pytest.raises(SettingError, match="points must be a whole number of at least 8"):
+            scan(Circle(), points=wrong)
     for wrong in (1, 2.5):
         with pytest.raises(SettingError, match="edges of a planar cone must be a whole number"):
             scan(Circle(), edges=wrong)
-    with pytest.raises(SettingError, match="every place is a corner"):
-        scan(Polyline(regular_polygon(8).corners[1:]), places=8)
+    with pytest.raises(SettingError, match="every point is a corner"):
+        scan(Polyline(regular_polygon(8).corners[1:]), points=8)
     wrong = "best"
     with pytest.raises(SettingError, match="called 'best'; known: exact, extremes, four"):
-        scan(Circle(), places=8).fractions(of=wrong)
+        scan(Circle(), points=8).fractions(of=wrong)
 
 
-def test_fixed_places_are_taken_modulo_the_perimeter() -> None:
+def test_fixed_positions_are_taken_modulo_the_perimeter() -> None:
     assert Polyline(SQUARE, fixed=-1.0).fixed == pytest.approx(7.0)
     assert Polyline(SQUARE, fixed=17.0).fixed == pytest.approx(1.0)
     assert Polyline(SQUARE, fixed=-1e-17).fixed == 0.0

@@ -1,4 +1,4 @@
-"""The figure of a sweep: what is drawn, that it fits, and that the files are whole."""
+"""The figure of a sweep: its curves, its layout, and its files."""
 
 import math
 from pathlib import Path
@@ -13,7 +13,7 @@ from PIL import Image
 
 from grasp3d.errors import OutputError
 from grasp3d.plots.formats import save_as
-from grasp3d.plots.fractions import ceiling, stacked, sweep_figure
+from grasp3d.plots.fractions import draw_ceiling, stack_fractions, sweep_figure
 from grasp3d.plots.style import LABEL_COLORS, new_figure
 from grasp3d.stability.angle_distributions import SampledAngles, SphereAngles
 from grasp3d.stability.label import Label
@@ -46,10 +46,10 @@ def texts(figure: Figure) -> list[str]:
     return [text.get_text() for text in figure.findobj(Text) if text.get_text()]
 
 
-def test_the_areas_are_the_shares() -> None:
+def test_the_areas_are_the_fractions() -> None:
     swept = spheres()
     axes = new_figure().subplots()
-    stacked(axes, swept, 1)
+    stack_fractions(axes, swept, 1)
     areas = {}
     for collection in axes.collections:
         assert isinstance(collection, PolyCollection)
@@ -63,34 +63,34 @@ def test_the_areas_are_the_shares() -> None:
         assert areas[LABEL_COLORS[label]] == pytest.approx(expected, rel=1e-9)
 
 
-def test_the_marks_stand_where_stability_falls_to_the_share() -> None:
+def test_the_marks_are_where_stability_falls_to_the_fraction() -> None:
     swept = surface("blob", 1)
     axes = new_figure().subplots()
-    stacked(axes, swept, 1, shares=(0.5, 0.3, 0.95))  # 95 % are never S
+    stack_fractions(axes, swept, 1, fractions=(0.5, 0.3, 0.95))  # 95 % are never S
     dots = [line for line in axes.get_lines() if line.get_marker() == "o"]
-    places = np.degrees([swept.required_resolution(share)[1] for share in (0.5, 0.3)])
+    required = np.degrees([swept.required_resolution(value)[1] for value in (0.5, 0.3)])
     found = [dot.get_xydata() for dot in dots]
-    assert np.concatenate(found) == pytest.approx(np.stack([places, [50.0, 30.0]], axis=1))
-    assert f"{places[0]:.0f}°" in [text.get_text() for text in axes.texts]
+    assert np.concatenate(found) == pytest.approx(np.stack([required, [50.0, 30.0]], axis=1))
+    assert f"{required[0]:.0f}°" in [text.get_text() for text in axes.texts]
 
 
 def test_the_ceiling_has_a_line_for_each_friction_and_each_sweep() -> None:
     figure = new_figure()
     one, several, many = figure.subplots(1, 3)
-    ceiling(one, [spheres()])
-    ceiling(several, [spheres(friction=(1.0,)), spheres("ball", (1.0,))])
-    ceiling(many, [spheres(), spheres("ball")])
+    draw_ceiling(one, [spheres()])
+    draw_ceiling(several, [spheres(friction=(1.0,)), spheres("ball", (1.0,))])
+    draw_ceiling(many, [spheres(), spheres("ball")])
     assert [line.get_label() for line in one.get_lines()] == ["μ = 0.2", "μ = 0.5", "μ = 1"]
     assert [line.get_label() for line in several.get_lines()] == ["sphere", "ball"]
     assert [line.get_label() for line in many.get_lines()][-1] == "ball, μ = 1"
     assert one.get_lines()[1].get_ydata() == pytest.approx(100.0 * spheres().accuracy_ceiling[1])
 
 
-def test_nothing_is_cut_off_and_no_panel_lies_on_another() -> None:
+def test_nothing_is_cut_off_and_no_panels_overlap() -> None:
     meshes = [surface(f"mesh_{seed}.ply", seed) for seed in range(3)]
     mean = mean_sweep(meshes, name="a rather long name of a folder (mean of 3)")
     figure = sweep_figure(
-        [spheres(), *meshes, mean], members={mean.name: meshes}, shares=(0.5, 0.9)
+        [spheres(), *meshes, mean], members={mean.name: meshes}, fractions=(0.5, 0.9)
     )
     figure.draw_without_rendering()
     page = figure.bbox
@@ -111,25 +111,27 @@ def test_nothing_is_cut_off_and_no_panel_lies_on_another() -> None:
 
 
 @pytest.mark.parametrize(
-    ("sweeps", "told"),
+    ("sweeps", "text"),
     [([spheres()], "U  surely unstable"), ([surface("blob", 2)], "U  no grasp found")],
 )
-def test_the_legend_says_what_u_means(sweeps: list[Sweep], told: str) -> None:
-    assert told in texts(sweep_figure(sweeps))
+def test_the_legend_explains_u(sweeps: list[Sweep], text: str) -> None:
+    assert text in texts(sweep_figure(sweeps))
 
 
 def test_one_resolution_is_drawn_as_a_bar(tmp_path: Path) -> None:
     swept = sweep(SphereAngles(), friction=0.5, sensor_resolution=math.radians(22.6), name="one")
-    figure = sweep_figure([swept], shares=(0.5,))
+    figure = sweep_figure([swept], fractions=(0.5,))
     save_as(figure, tmp_path / "one.png")
     left, right = figure.axes[0].get_xlim()
     assert (left, right) == pytest.approx((22.1, 23.1))
 
 
-def test_files_are_whole_and_the_same_each_time(tmp_path: Path) -> None:
+def test_files_are_complete_and_the_same_each_time(tmp_path: Path) -> None:
     for name in ("a", "b"):
         for suffix in ("svg", "png", "pdf"):
-            figure = sweep_figure([spheres(), surface("5 $ and 6 $ 漢字 \udcff", 3)], shares=(0.5,))
+            figure = sweep_figure(
+                [spheres(), surface("5 $ and 6 $ 漢字 \udcff", 3)], fractions=(0.5,)
+            )
             save_as(figure, tmp_path / f"{name}.{suffix}")
     for suffix in ("svg", "png", "pdf"):
         assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()

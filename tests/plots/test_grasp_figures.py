@@ -1,4 +1,4 @@
-"""The sheet of the best grasps: that its words fit, and that its views show the fingers."""
+"""The figure of the best grasps: its text fits, and its views show the fingers."""
 
 import math
 from dataclasses import replace
@@ -15,11 +15,11 @@ from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import ObjectMesh
 from grasp3d.plots.grasps import MOST_PICTURES, PIXELS, draw_grasps, grasp_figure
-from grasp3d.plots.painting import PALETTE, painted
+from grasp3d.plots.painting import PALETTE, paint_labels
 from grasp3d.plots.views import views_of
 from grasp3d.rendering import can_render, extent_of
 from tests.helpers import shapes
-from tests.helpers.figures import check_words, drawn_words
+from tests.helpers.figures import check_texts, drawn_texts
 from tests.test_rendering import needs_opengl
 
 BLANK = np.full((8, 8, 3), 255, dtype=np.uint8)
@@ -37,30 +37,32 @@ def grasps() -> SurfaceGrasps:
 
 
 @pytest.mark.parametrize("count", [1, 2, 4, 7, MOST_PICTURES])
-def test_words_fit_and_grasps_are_numbered(count: int) -> None:
+def test_text_fits_and_vertex_graspsare_numbered(count: int) -> None:
     figure = grasp_figure(labels(), grasps(), [BLANK] * count)
-    check_words(figure)
-    said = [words for words, _ in drawn_words(figure)]
-    titles = [words for words in said if "varepsilon" in words]
+    check_texts(figure)
+    texts = [text for text, _ in drawn_texts(figure)]
+    titles = [text for text in texts if "varepsilon" in text]
     assert len(titles) == count
     for number, title in enumerate(titles):
         assert rf"\bf{{{number + 1}}}" in title
         angle = math.degrees(grasps().critical_angle[number])
         assert f"{angle:.1f}°" in title
         assert f"{grasps().epsilon[number]:.3f}" in title
-    assert any("2 fingers" in words for words in said)
-    assert any("no grasp found" in words for words in said)
+    assert any("2 fingers" in text for text in texts)
+    assert any("no grasp found" in text for text in texts)
 
 
 def test_a_long_name_and_large_numbers_fit() -> None:
     mesh = labels().mesh
     report = replace(mesh.report, source=f"{'W' * 200} and $1 or $2.ply")
-    named = replace(labels(), mesh=replace(mesh, report=report))
-    bad = replace(grasps(), critical_angle=locked(np.full(grasps().size, math.pi / 2.0)))
+    vertex_grasps = replace(labels().grasps, mesh=replace(mesh, report=report))
+    named = replace(labels(), grasps=vertex_grasps)
+    largest = locked(np.full(grasps().size, math.pi / 2.0))
+    bad = replace(grasps(), angles=(largest, largest))
     for count in (1, 9):
         figure = grasp_figure(named, bad, [BLANK] * count)
-        check_words(figure)
-        assert any("…WWW" in said and "or \\$2.ply" in said for said, _ in drawn_words(figure))
+        check_texts(figure)
+        assert any("…WWW" in text and "or \\$2.ply" in text for text, _ in drawn_texts(figure))
 
 
 def seen_from(mesh: ObjectMesh, points: object) -> NDArray[np.float64]:
@@ -69,8 +71,8 @@ def seen_from(mesh: ObjectMesh, points: object) -> NDArray[np.float64]:
     return np.asarray(view.axes @ -found.normals[0].T)
 
 
-def test_fingers_are_seen_from_the_side_that_they_are_on() -> None:
-    """Toward the eye is the third axis; both fingers beside the picture's plane or before it."""
+def test_fingers_are_seen_from_their_own_side() -> None:
+    """The third axis is toward the camera; fingers are in the picture's plane or before it."""
     box = labels().mesh
     right, up, _ = seen_from(box, [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]])
     assert np.hypot(right, up).min() > 0.9
@@ -90,14 +92,14 @@ def test_fingers_inside_a_tube_are_seen_through_its_end() -> None:
 
 @needs_opengl
 def test_every_grasp_is_drawn_with_its_fingers() -> None:
-    shares: list[float] = []
+    progress: list[float] = []
     few = best_grasps(labels(), 2)
-    pictures = draw_grasps(labels(), few, progress=shares.append)
+    pictures = draw_grasps(labels(), few, progress=progress.append)
     assert can_render()
-    assert shares == [0.5, 1.0]
+    assert progress == [0.5, 1.0]
     assert [picture.shape for picture in pictures] == [(PIXELS[1], PIXELS[0], 3)] * 2
     (view, *_) = views_of(few.contacts, extent_of(labels().mesh.vertices))
-    bare = painted(labels(), view=view, size=PIXELS)
+    bare = paint_labels(labels(), view=view, size=PIXELS)
     for picture in (bare, *pictures):
         assert (np.abs(picture - PALETTE[2].astype(int)).max(axis=2) < 60).mean() > 0.02
     dark = [(picture.max(axis=2) < 60).mean() for picture in (bare, *pictures)]

@@ -18,11 +18,11 @@ from PIL import Image
 from grasp3d import GraspModel, Label
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.planar import Circle, PlanarScan, Polyline, scan, square
-from grasp3d.plots.combinations import combinations_figure, holding
+from grasp3d.plots.combinations import combinations_figure, cones_with_line
 from grasp3d.plots.cones import cone_figure
-from grasp3d.plots.curves import Over, at_corner, curves_figure, label_runs, places
+from grasp3d.plots.curves import Over, at_corner, axis_positions, curves_figure, label_runs
 from grasp3d.plots.formats import DPI, save
-from grasp3d.plots.fraction_figures import ceiling_figure, shares_figure
+from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure
 from grasp3d.plots.style import (
     LABEL_COLORS,
     LINES,
@@ -33,21 +33,21 @@ from grasp3d.plots.style import (
 )
 from grasp3d.stability import COLORS
 from grasp3d.sweeps import sweep
-from tests.helpers.figures import check_words
+from tests.helpers.figures import check_texts
 
 MODEL = GraspModel(friction=1.0, sensor_resolution=math.radians(30.0))
 SCANS: dict[str, tuple[PlanarScan, Over]] = {
-    "circle": (scan(Circle(), MODEL, places=180), "angle"),
-    "square": (scan(square(), MODEL, places=160), "position"),
+    "circle": (scan(Circle(), MODEL, points=180), "angle"),
+    "square": (scan(square(), MODEL, points=160), "position"),
     "triangle": (
-        scan(Polyline([(0.0, 0.0), (3.0, 0.0), (1.0, 2.0)], fixed=1.2), MODEL, places=90),
+        scan(Polyline([(0.0, 0.0), (3.0, 0.0), (1.0, 2.0)], fixed=1.2), MODEL, points=90),
         "position",
     ),
 }
 
 
 def drawable() -> st.SearchStrategy[GraspModel]:
-    """Models whose extreme cones share a cone and stay above the surface."""
+    """Models whose extreme cones intersect and stay above the surface."""
     return st.tuples(st.floats(0.05, 1.5), st.floats(0.02, 0.98)).map(
         lambda drawn: GraspModel(
             friction=math.tan(drawn[0]),
@@ -62,7 +62,7 @@ def wedges(figure: Figure) -> list[Wedge]:
 
 @settings(max_examples=10)
 @given(drawable())
-def test_the_effective_cone_is_what_the_extreme_cones_share(model: GraspModel) -> None:
+def test_the_effective_cone_is_the_intersection_of_the_extreme_cones(model: GraspModel) -> None:
     extreme, other, effective = wedges(cone_figure(model))
     assert effective.theta1 == pytest.approx(max(extreme.theta1, other.theta1))
     assert effective.theta2 == pytest.approx(min(extreme.theta2, other.theta2))
@@ -79,15 +79,15 @@ def test_extreme_normals_are_half_the_resolution_off(model: GraspModel) -> None:
     named = [text.get_position() for text in axes.texts if "\nnormal" in text.get_text()]
     angles = sorted(math.atan2(y, x) - math.pi / 2.0 for x, y in named)
     assert angles == pytest.approx([-model.tilt, 0.0, model.tilt])
-    said = " ".join(text.get_text() for text in axes.texts)
+    text = " ".join(part.get_text() for part in axes.texts)
     for angle in (model.tilt, model.friction_angle, model.friction_angle - model.tilt):
-        assert f"{math.degrees(angle):.3g}°" in said
+        assert f"{math.degrees(angle):.3g}°" in text
 
 
 @pytest.mark.parametrize(
     ("friction", "degrees"), [(0.2, 30.0), (0.2, 22.62), (1.0, 0.0), (5.0, 60.0)]
 )
-def test_cones_that_cannot_be_drawn_say_so(friction: float, degrees: float) -> None:
+def test_cones_that_cannot_be_drawn_are_refused(friction: float, degrees: float) -> None:
     model = GraspModel(friction=friction, sensor_resolution=math.radians(degrees))
     for make in (cone_figure, combinations_figure):
         with pytest.raises(SettingError, match="below atan"):
@@ -96,9 +96,9 @@ def test_cones_that_cannot_be_drawn_say_so(friction: float, degrees: float) -> N
 
 @settings(max_examples=8)
 @given(drawable())
-def test_every_combination_says_whether_both_cones_hold_the_line(model: GraspModel) -> None:
+def test_every_combination_shows_whether_the_line_is_in_both_cones(model: GraspModel) -> None:
     figure = combinations_figure(model)
-    verdicts = []
+    results = []
     for axes, signs in zip(
         figure.axes, [(1, 1), (1, -1), (-1, 1), (-1, -1)], strict=True
     ):  # fmt: skip
@@ -119,26 +119,26 @@ def test_every_combination_says_whether_both_cones_hold_the_line(model: GraspMod
         stable = all(inside)
         assert axes.get_title().endswith("\nstable") == stable
         assert to_hex(line.get_color()).upper() == LABEL_COLORS[Label.S if stable else Label.U]
-        verdicts.append(stable)
-    assert verdicts.count(True) == 1  # ambiguous: only when both tilt toward the line
+        results.append(stable)
+    assert results.count(True) == 1  # ambiguous: only when both tilt toward the line
 
 
 @given(st.floats(0.0, 7.0), st.floats(0.0, 7.0), st.floats(0.0, 7.0), st.floats(0.01, 1.5))
-def test_cones_hold_the_line_within_their_half_angle(
+def test_the_line_is_in_a_cone_within_its_half_angle(
     line: float, first: float, second: float, beta: float
 ) -> None:
     along = np.array([math.cos(line), math.sin(line)])
     axes = np.array([[math.cos(turn), math.sin(turn)] for turn in (first, second)])
     off = np.arccos(np.clip(axes @ along * [1.0, -1.0], -1.0, 1.0))
     near = np.abs(off - beta) < 1e-6
-    found = holding(
+    found = cones_with_line(
         np.array([[0.3, 0.1], [0.3, 0.1] + 2.0 * along]), np.array([first, second]), beta
     )
     assert ((found == (off < beta)) | near).all()
 
 
 @pytest.mark.parametrize("name", SCANS)
-def test_curves_are_those_of_the_scan(name: str) -> None:
+def test_curves_show_the_scan(name: str) -> None:
     found, over = SCANS[name]
     axes = curves_figure([found], over=over).axes[0]
     corners = at_corner(found)
@@ -164,43 +164,43 @@ def test_curves_are_those_of_the_scan(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", SCANS)
-def test_bars_are_the_labels_along_the_outline(name: str) -> None:
+def test_bars_show_the_labels_along_the_outline(name: str) -> None:
     found, over = SCANS[name]
     axes = curves_figure([found], over=over).axes[1]
-    x, corners = places(found, over), at_corner(found)
+    x, corners = axis_positions(found, over), at_corner(found)
     bars = [(patch.get_x(), patch.get_width(), patch.get_facecolor()) for patch in axes.patches]
     reached = 0.0
     for start, width, _ in bars:
         assert start == pytest.approx(reached)
         reached = start + width
     assert reached == pytest.approx(x[-1])
-    for place, label in zip(x[:-1][~corners], found.label[~corners], strict=True):
-        color = next(c for start, width, c in bars if start <= place <= start + width)
+    for position, label in zip(x[:-1][~corners], found.label[~corners], strict=True):
+        color = next(c for start, width, c in bars if start <= position <= start + width)
         assert to_hex(color).upper() == LABEL_COLORS[Label(label)]
     for text in axes.texts:
-        place = text.get_position()[0]
-        assert np.abs(x[:-1][corners] - place).min(initial=9.0) > 0.02 * x[-1]
-        color = next(c for start, width, c in bars if start <= place <= start + width)
+        position = text.get_position()[0]
+        assert np.abs(x[:-1][corners] - position).min(initial=9.0) > 0.02 * x[-1]
+        color = next(c for start, width, c in bars if start <= position <= start + width)
         assert to_hex(color).upper() == LABEL_COLORS[Label[text.get_text()]]
     marks = [
         (float(np.asarray(line.get_xdata())[0]), to_hex(line.get_markerfacecolor()).upper())
         for line in axes.lines
     ]
     assert marks == [
-        (place, LABEL_COLORS[Label(label)])
-        for place, label in zip(x[:-1][corners], found.label[corners], strict=True)
+        (position, LABEL_COLORS[Label(label)])
+        for position, label in zip(x[:-1][corners], found.label[corners], strict=True)
     ]
 
 
-def test_bars_of_the_circle_end_where_its_closed_form_says() -> None:
-    found = scan(Circle(), MODEL, places=1440)
+def test_bars_of_the_circle_end_at_the_bounds_of_the_closed_form() -> None:
+    found = scan(Circle(), MODEL, points=1440)
     axes = curves_figure([found], over="angle").axes[1]
     ends = [patch.get_x() + patch.get_width() for patch in axes.patches]
     # Off both normals by (180 - theta) / 2: S within beta - alpha / 2, U from beta + alpha / 2 on.
     assert ends == pytest.approx([60.0, 120.0, 240.0, 300.0, 360.0], abs=0.13)
 
 
-def test_corners_tell_their_range_of_normals() -> None:
+def test_corners_are_annotated_with_their_range_of_normals() -> None:
     found, over = SCANS["square"]
     axes = curves_figure([found], over=over).axes[0]
     assert [text.get_text() for text in axes.texts] == ["corner:\nnormals\nspan 120°"]  # 90 + alpha
@@ -211,7 +211,7 @@ def test_corners_tell_their_range_of_normals() -> None:
 
 
 @given(hnp.arrays(np.uint8, st.integers(1, 30), elements=st.integers(0, 2)))
-def test_runs_hold_every_label_and_leave_no_gap(labels: NDArray[np.uint8]) -> None:
+def test_runs_cover_every_label_without_gaps(labels: NDArray[np.uint8]) -> None:
     x = np.arange(len(labels)) + 0.25
     runs = label_runs(x, labels, float(len(labels)))
     assert runs[0].start == 0.0
@@ -219,16 +219,16 @@ def test_runs_hold_every_label_and_leave_no_gap(labels: NDArray[np.uint8]) -> No
     for before, after in pairwise(runs):
         assert before.end == after.start
         assert before.label != after.label
-    for place, label in zip(x, labels, strict=True):
-        assert [run.label for run in runs if run.start <= place < run.end] == [label]
+    for position, label in zip(x, labels, strict=True):
+        assert [run.label for run in runs if run.start <= position < run.end] == [label]
 
 
-def test_shares_and_ceiling_belong_to_their_sweeps() -> None:
+def test_figures_show_the_fractions_and_ceilings_of_their_sweeps() -> None:
     sweeps = [
         sweep(outline, friction=1.0, sensor_resolution=np.radians([0, 30, 60]), name=outline.name)
         for outline in (Circle(), square())
     ]
-    axes = shares_figure(sweeps[0]).axes[0]
+    axes = fractions_figure(sweeps[0]).axes[0]
     areas = [np.asarray(area.get_paths()[0].vertices) for area in axes.collections]
     at_30 = [np.sort(np.unique(area[np.isclose(area[:, 0], 30.0), 1])) for area in areas]
     assert np.concatenate([np.diff(edges) for edges in at_30]) == pytest.approx([100.0 / 3.0] * 3)
@@ -239,9 +239,9 @@ def test_shares_and_ceiling_belong_to_their_sweeps() -> None:
 
 
 @pytest.mark.parametrize("name", SCANS)
-def test_no_word_of_the_curves_is_hidden(name: str) -> None:
+def test_no_text_of_the_curves_is_hidden(name: str) -> None:
     found, over = SCANS[name]
-    check_words(curves_figure([found, found], over=over, unit="half sides"))
+    check_texts(curves_figure([found, found], over=over, unit="half sides"))
 
 
 def example() -> Figure:
@@ -256,7 +256,7 @@ def example() -> Figure:
 
 def test_figures_are_the_same_bytes_every_time(tmp_path: Path) -> None:
     first = save(styled(example)(), tmp_path / "first")
-    mpl.rcParams["font.size"] = 23.0  # whatever else the process draws
+    mpl.rcParams["font.size"] = 23.0  # settings of other code in the process
     mpl.rcParams["svg.hashsalt"] = "other"
     try:
         second = save(styled(example)(), tmp_path / "second.png")
@@ -274,7 +274,7 @@ def test_vector_graphics_are_xml_and_pictures_have_their_size(tmp_path: Path) ->
     vector, picture = save(styled(example)(), tmp_path / "figure")
     root = ET.parse(vector).getroot()  # noqa: S314, our own file
     assert root.tag == "{http://www.w3.org/2000/svg}svg"
-    assert not list(root.iter("{http://www.w3.org/2000/svg}text"))  # outlines, for every viewer
+    assert not list(root.iter("{http://www.w3.org/2000/svg}text"))  # text is drawn as outlines
     assert "<!-- both -->" in vector.read_text()
     assert "dc:date" not in vector.read_text()
     with Image.open(picture) as image:
@@ -298,14 +298,14 @@ def test_a_figure_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
         save(styled(example)(), tmp_path / "nowhere" / "figure")
 
 
-def test_the_style_holds_only_while_a_figure_is_drawn() -> None:
+def test_the_style_applies_only_while_a_figure_is_drawn() -> None:
     before = dict(mpl.rcParams)
     inside = styled(lambda: {name: mpl.rcParams[name] for name in STYLE})()
     assert inside == STYLE
     assert dict(mpl.rcParams) == before
 
 
-def test_labels_have_their_own_colours_and_curves_others() -> None:
+def test_colours_of_labels_are_unlike_those_of_curves() -> None:
     assert {label.name: color for label, color in LABEL_COLORS.items()} == {
         "S": "#009E73", "M": "#F0E442", "U": "#D55E00",
     }  # fmt: skip

@@ -8,24 +8,24 @@ from hypothesis import strategies as st
 from random_grasps import Shape, random_contacts
 
 from grasp3d import Contacts, critical_friction_angle, force_closure
+from grasp3d.arrays import angles_between
 from grasp3d.errors import SettingError
-from grasp3d.quality.critical_angle import angles_between
 from tests.helpers import grasps, oracles, shapes
 
-RIGHT = math.pi / 2.0
+RIGHT_ANGLE = math.pi / 2.0
 TOLERANCE = 1e-4
 
 seeds = st.integers(0, 100_000)
 few = settings(max_examples=30, deadline=None)
 
 
-def loose_pair(seed: int) -> Contacts:
-    """Two contacts, normals in any direction."""
+def random_pair(seed: int) -> Contacts:
+    """Two contacts with random points and normals."""
     rng = np.random.default_rng(seed)
     return Contacts(rng.normal(size=(2, 3)), rng.normal(size=(2, 3)))
 
 
-def directions_of_work(count: int, seed: int) -> np.ndarray:
+def random_directions(count: int, seed: int) -> np.ndarray:
     return np.random.default_rng(seed).normal(size=(count, 6))
 
 
@@ -34,19 +34,19 @@ def directions_of_work(count: int, seed: int) -> np.ndarray:
 
 @given(st.integers(2, 5), seeds)
 @settings(max_examples=60, deadline=None)
-def test_a_grasp_closes_above_the_angle_and_not_below(count: int, seed: int) -> None:
-    contacts = grasps.drawn(count, seed)
+def test_a_grasp_is_force_closed_above_the_angle_and_not_below(count: int, seed: int) -> None:
+    contacts = grasps.random_grasp(count, seed)
     angle = float(critical_friction_angle(contacts))
-    if 1e-3 < angle < RIGHT:
+    if 1e-3 < angle < RIGHT_ANGLE:
         assert not force_closure(grasps.at_angle(contacts, angle - 1e-3)).closed
-    if angle < RIGHT - 2e-3:
+    if angle < RIGHT_ANGLE - 2e-3:
         assert force_closure(grasps.at_angle(contacts, max(angle, 0.0) + 1e-3)).closed
 
 
 @given(st.integers(2, 5), seeds, st.floats(1e-3, 1e3))
 @few
 def test_neither_the_unit_nor_the_frame_matters(count: int, seed: int, unit: float) -> None:
-    contacts = grasps.drawn(count, seed)
+    contacts = grasps.random_grasp(count, seed)
     turn = shapes.rotation(seed)
     moved = Contacts(
         unit * (contacts.points @ turn.T + [1.0, -2.0, 0.5]), contacts.normals @ turn.T
@@ -57,8 +57,8 @@ def test_neither_the_unit_nor_the_frame_matters(count: int, seed: int, unit: flo
 
 @given(st.integers(2, 5), seeds)
 @few
-def test_friction_torsion_and_order_play_no_part(count: int, seed: int) -> None:
-    contacts = grasps.drawn(count, seed)
+def test_friction_torsion_and_order_do_not_matter(count: int, seed: int) -> None:
+    contacts = grasps.random_grasp(count, seed)
     other = Contacts(contacts.points[::-1], contacts.normals[::-1], 3.0, 0.4)
     angle = critical_friction_angle(contacts)
     assert critical_friction_angle(other) == pytest.approx(angle, abs=TOLERANCE + 1e-9)
@@ -67,28 +67,28 @@ def test_friction_torsion_and_order_play_no_part(count: int, seed: int) -> None:
 @given(st.integers(2, 4), seeds)
 @few
 def test_another_contact_never_needs_more_friction(count: int, seed: int) -> None:
-    more = grasps.drawn(count + 1, seed)
+    more = grasps.random_grasp(count + 1, seed)
     less = grasps.one(more, np.arange(count))
-    if count == 2:  # two on a line lack a dimension, so they may close where three do not
+    if count == 2:  # rank 5: two may be force-closed where three are not
         return
     assert critical_friction_angle(more) <= critical_friction_angle(less) + TOLERANCE
 
 
 @given(st.integers(3, 5), seeds)
 @few
-def test_no_direction_is_left_out_by_more(count: int, seed: int) -> None:
-    """The definition: the largest over all directions of the smallest angle to a normal."""
-    contacts = grasps.drawn(count, seed)
-    angles = oracles.smallest_angles_of_work(
-        contacts.points, contacts.normals, directions_of_work(2000, seed)
+def test_no_direction_has_a_larger_angle(count: int, seed: int) -> None:
+    """By definition the largest over all directions of the smallest angle to a normal."""
+    contacts = grasps.random_grasp(count, seed)
+    angles = oracles.smallest_angles_to_normals(
+        contacts.points, contacts.normals, random_directions(2000, seed)
     )
-    assert critical_friction_angle(contacts) >= angles.max() - RIGHT
+    assert critical_friction_angle(contacts) >= angles.max() - RIGHT_ANGLE
 
 
 @given(seeds)
 @settings(max_examples=200, deadline=None)
 def test_two_contacts_have_their_closed_form(seed: int) -> None:
-    contacts = loose_pair(seed)
+    contacts = random_pair(seed)
     expected = oracles.critical_angle(
         contacts.points[0], contacts.normals[0], contacts.points[1], contacts.normals[1]
     )
@@ -97,31 +97,35 @@ def test_two_contacts_have_their_closed_form(seed: int) -> None:
 
 @given(seeds)
 @few
-def test_contacts_at_one_place_push_along_their_best_line(seed: int) -> None:
-    contacts = loose_pair(seed)
-    together = grasps.changed(contacts, points=np.tile(contacts.points[:1], (2, 1)))
-    angle = float(critical_friction_angle(together))
+def test_contacts_at_one_point_push_along_their_best_line(seed: int) -> None:
+    contacts = random_pair(seed)
+    coincident = grasps.changed(contacts, points=np.tile(contacts.points[:1], (2, 1)))
+    angle = float(critical_friction_angle(coincident))
     rng = np.random.default_rng(seed)
     for line in rng.normal(size=(200, 3)):
         to_normals = [
-            max(oracles.angle(together.normals[0], d), oracles.angle(together.normals[1], -d))
+            max(oracles.angle(coincident.normals[0], d), oracles.angle(coincident.normals[1], -d))
             for d in (line, -line)
         ]
         assert angle <= min(to_normals) + 1e-12
-    halfway = together.normals[0] - together.normals[1]
-    reached = oracles.angle(together.normals[0], halfway)
-    assert angle == pytest.approx(reached, abs=1e-9)
+    halfway = coincident.normals[0] - coincident.normals[1]
+    expected = oracles.angle(coincident.normals[0], halfway)
+    assert angle == pytest.approx(expected, abs=1e-9)
 
 
 @given(seeds, st.floats(0.05, 1.0))
 @few
-def test_no_tilt_opens_a_grasp_by_less_than_its_margin(seed: int, share: float) -> None:
-    """Wan & Howe 2018, Sec. III: what the effective friction is for, negative angles included."""
+def test_tilts_within_the_margin_keep_force_closure(seed: int, fraction: float) -> None:
+    """Wan & Howe 2018, Sec. III: the effective friction, negative angles included."""
     rng = np.random.default_rng(seed)
-    contacts = grasps.form_closing(seed % 10) if seed % 2 else grasps.drawn(3 + seed % 3, seed)
+    contacts = (
+        grasps.frictionless_grasp(seed % 10)
+        if seed % 2
+        else grasps.random_grasp(3 + seed % 3, seed)
+    )
     angle = float(critical_friction_angle(contacts))
     beta = max(angle, 0.0) + 0.2
-    tilt = share * (beta - angle)
+    tilt = fraction * (beta - angle)
     for _ in range(10):
         normals = np.array([oracles.tilted(n, 0.999 * tilt, rng) for n in contacts.normals])
         tilted = grasps.at_angle(grasps.changed(contacts, normals=normals), beta)
@@ -131,15 +135,16 @@ def test_no_tilt_opens_a_grasp_by_less_than_its_margin(seed: int, share: float) 
 # Oracles
 
 
-def test_the_reference() -> None:
+def test_angles_equal_those_of_the_reference() -> None:
     for case in grasps.reference("epsilon.json"):
-        within = 1e-6 if len(case["points"]) == 2 else 2.0 * TOLERANCE
+        tolerance = 1e-6 if len(case["points"]) == 2 else 2.0 * TOLERANCE
         angle = critical_friction_angle(grasps.of_case(case))
-        assert angle == pytest.approx(case["critical_friction_angle"], abs=within), case["id"]
+        expected = pytest.approx(case["critical_friction_angle"], abs=tolerance)
+        assert angle == expected, case["id"]
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3, 1e-6])
-def test_the_bracket_is_as_narrow_as_asked(tolerance: float) -> None:
+def test_the_error_is_within_the_tolerance(tolerance: float) -> None:
     contacts = random_contacts(Shape(3, 8, soft=False), 40, seed=2)
     fine = critical_friction_angle(contacts, tolerance=1e-9)
     coarse = critical_friction_angle(contacts, tolerance=tolerance)
@@ -150,59 +155,59 @@ def test_the_bracket_is_as_narrow_as_asked(tolerance: float) -> None:
 # Known shapes
 
 
-def test_regular_grasps_need_no_more_friction_than_a_little() -> None:
+def test_regular_grasps_have_a_critical_angle_of_zero() -> None:
     for name in ("pair", "triangle", "tetrahedron", "octahedron"):
-        assert critical_friction_angle(grasps.around_a_ball(name)) == pytest.approx(0.0, abs=1e-4)
+        assert critical_friction_angle(grasps.regular_on_ball(name)) == pytest.approx(0.0, abs=1e-4)
 
 
-def test_one_contact_never_closes() -> None:
+def test_one_contact_is_never_force_closed() -> None:
     assert critical_friction_angle(Contacts([[1.0, 2.0, 3.0]], [[0.0, 0.0, 1.0]])) == math.inf
     many = Contacts(np.zeros((4, 1, 3)), np.ones((4, 1, 3)))
     assert critical_friction_angle(many).tolist() == [math.inf] * 4
 
 
-def test_two_contacts_that_push_the_same_way_need_more_than_a_right_angle() -> None:
+def test_two_contacts_that_push_the_same_way_need_a_right_angle_or_more() -> None:
     along = Contacts(grasps.PAIR, [[1.0, 0.0, 0.0]] * 2)
     assert critical_friction_angle(along) == pytest.approx(math.pi)
     across = Contacts(grasps.PAIR, [[0.0, 0.0, 1.0]] * 2)
-    assert critical_friction_angle(across) == pytest.approx(RIGHT)
-    leaning = Contacts(grasps.PAIR, [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
-    assert critical_friction_angle(leaning) == pytest.approx(0.75 * math.pi)
+    assert critical_friction_angle(across) == pytest.approx(RIGHT_ANGLE)
+    oblique = Contacts(grasps.PAIR, [[1.0, 1.0, 0.0], [1.0, 1.0, 0.0]])
+    assert critical_friction_angle(oblique) == pytest.approx(0.75 * math.pi)
 
 
-def test_expanding_counts_as_much_as_squeezing() -> None:
+def test_internal_grasps_have_the_same_angle_as_external_ones() -> None:
     squeeze = Contacts(grasps.PAIR, -grasps.PAIR)
     expand = Contacts(grasps.PAIR, grasps.PAIR)
     assert critical_friction_angle(squeeze) == critical_friction_angle(expand) == 0.0
 
 
 @pytest.mark.parametrize("count", [3, 5])
-def test_contacts_on_one_face_never_close(count: int) -> None:
+def test_contacts_on_one_face_are_never_force_closed(count: int) -> None:
     rng = np.random.default_rng(count)
     points = np.column_stack([rng.normal(size=(count, 2)), np.zeros(count)])
     contacts = Contacts(points, [[0.0, 0.0, 1.0]] * count)
-    assert critical_friction_angle(contacts) == pytest.approx(RIGHT, abs=1e-12)
+    assert critical_friction_angle(contacts) == pytest.approx(RIGHT_ANGLE, abs=1e-12)
 
 
-def test_contacts_on_one_face_that_lean_together_do_close() -> None:
+def test_contacts_in_a_plane_with_converging_normals_can_be_force_closed() -> None:
     inward = np.column_stack([-grasps.TRIANGLE[:, :2], np.ones(3)])
     angle = critical_friction_angle(Contacts(grasps.TRIANGLE, inward))
     assert angle == pytest.approx(math.pi / 4.0, abs=TOLERANCE)
 
 
 def test_three_fingers_between_two_faces() -> None:
-    """A thumb against two fingers: their normals are parallel, the forces balance along them."""
+    """A thumb opposite two fingers: normals are parallel, with forces in equilibrium along them."""
     points = [[0.0, 0.0, -1.0], [1.0, 0.0, 1.0], [-1.0, 0.0, 1.0]]
     normals = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0], [0.0, 0.0, -1.0]])
     assert critical_friction_angle(Contacts(points, normals)) == pytest.approx(0.0, abs=TOLERANCE)
 
 
-def test_on_a_line_the_forces_run_along_it() -> None:
-    lean = 0.3
+def test_contacts_on_one_line() -> None:
+    tilt = 0.3
     normals = [
-        [math.cos(lean), math.sin(lean), 0.0],
+        [math.cos(tilt), math.sin(tilt), 0.0],
         [0.0, 1.0, 0.0],
-        [-math.cos(lean), math.sin(lean), 0.0],
+        [-math.cos(tilt), math.sin(tilt), 0.0],
     ]
     contacts = Contacts(grasps.LINE.points, normals)
     angle = float(critical_friction_angle(contacts))
@@ -210,37 +215,37 @@ def test_on_a_line_the_forces_run_along_it() -> None:
     assert not force_closure(grasps.at_angle(contacts, angle - 1e-3)).closed
 
 
-# Grasps that close without friction
+# Grasps that are force-closed without friction
 
 
-def test_a_known_depth() -> None:
-    angle = critical_friction_angle(grasps.form_closing(0))
+def test_a_known_negative_angle() -> None:
+    angle = critical_friction_angle(grasps.frictionless_grasp(0))
     assert math.degrees(angle) == pytest.approx(-12.23, abs=0.01)
 
 
 @pytest.mark.parametrize(("seed", "count"), [(0, 16), (1, 14), (2, 16), (3, 20), (5, 12), (8, 30)])
 def test_negative_angles_against_brute_force(seed: int, count: int) -> None:
-    contacts = grasps.form_closing(seed, count)
+    contacts = grasps.frictionless_grasp(seed, count)
     angle = float(critical_friction_angle(contacts))
-    directions = directions_of_work(30_000, seed)
-    angles = oracles.smallest_angles_of_work(contacts.points, contacts.normals, directions)
-    # Around the best of many places, ever nearer: there are as many peaks as sets of contacts.
+    directions = random_directions(30_000, seed)
+    angles = oracles.smallest_angles_to_normals(contacts.points, contacts.normals, directions)
+    # Local searches with shrinking steps from many directions, as there are many local maxima.
     rng = np.random.default_rng(seed)
     worst = directions[np.argsort(angles)[-100:]]
     for step in np.geomspace(0.3, 1e-3, 30):
         worst = worst / np.linalg.norm(worst, axis=1, keepdims=True)
         near = np.concatenate([worst[None], worst + step * rng.normal(size=(30, *worst.shape))])
-        angles = oracles.smallest_angles_of_work(
+        angles = oracles.smallest_angles_to_normals(
             contacts.points, contacts.normals, near.reshape(-1, 6)
         ).reshape(near.shape[:2])
         worst = np.take_along_axis(near, angles.argmax(axis=0)[None, :, None], axis=0)[0]
-    reached = angles.max()
-    assert reached - RIGHT <= angle <= reached - RIGHT + 0.01
+    largest = angles.max()
+    assert largest - RIGHT_ANGLE <= angle <= largest - RIGHT_ANGLE + 0.01
     assert (angle < 0.0) == force_closure(contacts).closed
 
 
 def test_a_cage_of_many_contacts() -> None:
-    """Each face of a cube is pushed at its four corners, turned about its middle both ways."""
+    """Four contacts on each face of a cube, with normals tilted in both senses about its centre."""
     points, normals = [], []
     for axis in range(3):
         for side in (-1.0, 1.0):
@@ -252,23 +257,23 @@ def test_a_cage_of_many_contacts() -> None:
     contacts = Contacts(points, normals, 0.0)
     angle = float(critical_friction_angle(contacts))
     assert (angle < 0.0) == force_closure(contacts).closed
-    angles = oracles.smallest_angles_of_work(
-        contacts.points, contacts.normals, directions_of_work(50_000, 0)
+    angles = oracles.smallest_angles_to_normals(
+        contacts.points, contacts.normals, random_directions(50_000, 0)
     )
-    assert angle >= angles.max() - RIGHT - 1e-12
+    assert angle >= angles.max() - RIGHT_ANGLE - 1e-12
 
 
-def test_contacts_at_one_place_close_without_friction() -> None:
-    """Rank 3: normals to the corners of a tetrahedron leave no direction out by 70.5 degrees."""
+def test_contacts_at_one_point_are_force_closed_without_friction() -> None:
+    """Rank 3: every direction is within 70.5 degrees of a normal to a tetrahedron's corner."""
     contacts = Contacts([[1.0, 0.0, 0.0]] * 4, grasps.TETRAHEDRON, 0.0)
     assert force_closure(contacts).closed
     angle = critical_friction_angle(contacts)
-    assert angle == pytest.approx(math.acos(1.0 / 3.0) - RIGHT, abs=TOLERANCE)
+    assert angle == pytest.approx(math.acos(1.0 / 3.0) - RIGHT_ANGLE, abs=TOLERANCE)
 
 
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
-def test_depth_is_found_within_the_tolerance_from_above(tolerance: float) -> None:
-    contacts = grasps.form_closing(1)
+def test_negative_angles_are_within_the_tolerance_from_above(tolerance: float) -> None:
+    contacts = grasps.frictionless_grasp(1)
     fine = critical_friction_angle(contacts, tolerance=TOLERANCE)
     coarse = critical_friction_angle(contacts, tolerance=tolerance)
     assert fine - TOLERANCE <= coarse <= fine + tolerance
@@ -278,8 +283,8 @@ def test_depth_is_found_within_the_tolerance_from_above(tolerance: float) -> Non
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 5])
-def test_a_batch_is_its_grasps_one_by_one(count: int) -> None:
-    flat = grasps.stacked([grasps.drawn(max(count, 2), seed) for seed in range(12)])
+def test_a_batch_equals_its_grasps_one_by_one(count: int) -> None:
+    flat = grasps.stacked([grasps.random_grasp(max(count, 2), seed) for seed in range(12)])
     fields: dict[str, Any] = {
         name: getattr(flat, name)[:, :count].reshape(3, 4, count, -1).squeeze(axis=())
         for name in ("points", "normals")
@@ -295,12 +300,11 @@ def test_a_batch_is_its_grasps_one_by_one(count: int) -> None:
         angles[...] = 0.0
 
 
-def test_a_batch_may_mix_grasps_that_close_without_friction() -> None:
-    open_ = grasps.changed(grasps.form_closing(0), normals=[[0.0, 0.0, 1.0]] * 16)
-    loose = grasps.changed(
-        grasps.form_closing(0), normals=np.tile(grasps.drawn(4, 0).normals, (4, 1))
-    )
-    many = grasps.stacked([grasps.form_closing(0), open_, loose, grasps.form_closing(1)])
+def test_a_batch_may_mix_grasps_with_and_without_frictionless_closure() -> None:
+    closed, other = grasps.frictionless_grasp(0), grasps.frictionless_grasp(1)
+    parallel = grasps.changed(closed, normals=[[0.0, 0.0, 1.0]] * 16)
+    arbitrary = grasps.changed(closed, normals=np.tile(grasps.random_grasp(4, 0).normals, (4, 1)))
+    many = grasps.stacked([closed, parallel, arbitrary, other])
     angles = critical_friction_angle(many)
     for i in range(4):
         assert angles[i] == critical_friction_angle(grasps.one(many, i))
@@ -308,26 +312,26 @@ def test_a_batch_may_mix_grasps_that_close_without_friction() -> None:
     assert angles[3] < 0.0
 
 
-def test_a_single_grasp_has_a_plain_number() -> None:
+def test_a_single_grasp_has_a_scalar() -> None:
     for count in (2, 3):
-        angle = critical_friction_angle(grasps.drawn(count, 0))
+        angle = critical_friction_angle(grasps.random_grasp(count, 0))
         assert not isinstance(angle, np.ndarray)
         assert math.isfinite(float(angle))
 
 
-def test_no_grasps_have_no_angles() -> None:
+def test_an_empty_batch_has_no_angles() -> None:
     for count in (1, 2, 3):
         none = Contacts(np.zeros((0, count, 3)), np.zeros((0, count, 3)))
         assert critical_friction_angle(none).shape == (0,)
 
 
-# Degenerate places
+# Degenerate cases
 
 
 @pytest.mark.parametrize("unit", [1e-9, 1e9])
 def test_the_size_of_the_object_does_not_matter(unit: float) -> None:
     for count in (2, 3, 4):
-        contacts = grasps.drawn(count, 3)
+        contacts = grasps.random_grasp(count, 3)
         scaled = grasps.changed(contacts, points=unit * contacts.points)
         expected = critical_friction_angle(contacts)
         assert critical_friction_angle(scaled) == pytest.approx(expected, abs=TOLERANCE)
@@ -335,17 +339,17 @@ def test_the_size_of_the_object_does_not_matter(unit: float) -> None:
 
 @pytest.mark.parametrize("shift", [1e2, 1e4])
 def test_far_from_the_origin_the_angle_is_the_same(shift: float) -> None:
-    """ForceClosure does not depend on the centre of mass; only rounding does."""
+    """The angle does not depend on the centre of mass, apart from rounding."""
     for count in (3, 4, 5):
-        contacts = grasps.drawn(count, 4)
+        contacts = grasps.random_grasp(count, 4)
         far = grasps.changed(contacts, points=contacts.points + shift)
         expected = critical_friction_angle(contacts)
         assert critical_friction_angle(far) == pytest.approx(expected, abs=2.0 * TOLERANCE)
 
 
-def test_doubled_contacts_change_nothing() -> None:
+def test_duplicated_contacts_do_not_change_the_angle() -> None:
     for seed in range(6):
-        contacts = grasps.drawn(3, seed)
+        contacts = grasps.random_grasp(3, seed)
         doubled = Contacts(np.tile(contacts.points, (2, 1)), np.tile(contacts.normals, (2, 1)))
         expected = critical_friction_angle(contacts)
         assert critical_friction_angle(doubled) == pytest.approx(expected, abs=2.0 * TOLERANCE)
@@ -363,12 +367,12 @@ def test_nearly_regular_grasps_have_nearly_the_regular_angle(noise: float) -> No
 
 def test_all_contacts_at_the_origin() -> None:
     contacts = Contacts(np.zeros((3, 3)), [[1.0, 0.0, 0.0], [-1.0, 0.2, 0.0], [0.0, -1.0, 0.3]])
-    assert 0.0 <= critical_friction_angle(contacts) <= RIGHT
+    assert 0.0 <= critical_friction_angle(contacts) <= RIGHT_ANGLE
     same_way = Contacts(np.zeros((3, 3)), [[1.0, 0.0, 0.0]] * 3)
-    assert critical_friction_angle(same_way) == pytest.approx(RIGHT)
+    assert critical_friction_angle(same_way) == pytest.approx(RIGHT_ANGLE)
 
 
-def test_angles_are_exact_near_their_ends() -> None:
+def test_angles_are_accurate_near_0_and_pi() -> None:
     x = np.array([1.0, 0.0, 0.0])
     for small in (0.0, 1e-12, 1e-8):
         near = np.array([math.cos(small), math.sin(small), 0.0])
@@ -377,11 +381,11 @@ def test_angles_are_exact_near_their_ends() -> None:
 
 
 @pytest.mark.parametrize("tolerance", [0.0, -1e-3, math.nan])
-def test_a_tolerance_is_above_zero(tolerance: float) -> None:
+def test_a_tolerance_must_be_above_zero(tolerance: float) -> None:
     with pytest.raises(SettingError, match="tolerance must be above 0; got"):
-        critical_friction_angle(grasps.drawn(3, 0), tolerance=tolerance)
+        critical_friction_angle(grasps.random_grasp(3, 0), tolerance=tolerance)
 
 
-def test_threads_are_counted_from_one() -> None:
+def test_threads_must_be_at_least_one() -> None:
     with pytest.raises(SettingError, match="threads must be at least 1; got 0"):
-        critical_friction_angle(grasps.drawn(3, 0), threads=0)
+        critical_friction_angle(grasps.random_grasp(3, 0), threads=0)

@@ -21,10 +21,12 @@ from grasp3d import (
 )
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality import Status, smallest_epsilon, wrench_problem
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrenches import span, wrenches
 from tests.helpers import grasps, oracles, shapes
+from tests.helpers.grasps import with_options
 
-SLACK = 1e-9
+ROUNDING = 1e-9
 RTOL = 1e-3
 
 seeds = st.integers(0, 100_000)
@@ -33,21 +35,21 @@ kinds = st.sampled_from(["total", "per_finger"])
 few = settings(max_examples=25, deadline=None)
 
 
-def meet(a: Epsilon, b: Epsilon) -> bool:
-    """Whether two intervals can hold the same number."""
-    return bool(a.lower <= b.upper + SLACK and b.lower <= a.upper + SLACK)
+def overlap(a: Epsilon, b: Epsilon) -> bool:
+    """Whether two intervals of bounds overlap."""
+    return bool(a.lower <= b.upper + ROUNDING and b.lower <= a.upper + ROUNDING)
 
 
-def is_sound(answer: Epsilon) -> bool:
-    """Whether an answer is one: finite bounds in order, a known status, closure as they say."""
-    numbers = (answer.lower, answer.upper, answer.certificate.direction)
+def is_valid(result: Epsilon) -> bool:
+    """Whether a result is consistent: finite bounds in order, a valid status, matching closure."""
+    numbers = (result.lower, result.upper, result.certificate.direction)
     return bool(
         all(np.isfinite(values).all() for values in numbers)
-        and (answer.lower >= 0.0).all()
-        and (answer.lower <= answer.upper).all()
-        and np.isin(answer.status, list(Status)).all()
-        and ((answer.rank >= 0) & (answer.rank <= 6)).all()
-        and (answer.closed == (answer.lower > 0.0)).all()
+        and (result.lower >= 0.0).all()
+        and (result.lower <= result.upper).all()
+        and np.isin(result.status, list(Status)).all()
+        and ((result.rank >= 0) & (result.rank <= 6)).all()
+        and (result.closed == (result.lower > 0.0)).all()
     )
 
 
@@ -59,54 +61,54 @@ def is_sound(answer: Epsilon) -> bool:
 def test_the_order_of_contacts_does_not_matter(
     count: int, seed: int, kind: Any, polygonal: bool, random: Any
 ) -> None:
-    contacts = grasps.drawn(count, seed, soft=count == 2)
+    contacts = grasps.random_grasp(count, seed, soft=count == 2)
     order = list(range(count))
     random.shuffle(order)
     shuffled = grasps.one(contacts, np.array(order))
     edges = 6 if polygonal else None
     one = epsilon(contacts, edges=edges, actuation=kind)
     other = epsilon(shuffled, edges=edges, actuation=kind)
-    assert meet(one, other)
+    assert overlap(one, other)
     assert one.closed == other.closed
     if polygonal:
-        assert one.value == pytest.approx(other.value, abs=SLACK)
+        assert one.value == pytest.approx(other.value, abs=ROUNDING)
 
 
 @given(fingers, seeds, kinds, st.sampled_from([None, 6]), st.floats(1e-6, 1e6))
 @few
-def test_only_points_in_torque_scales_count(
+def test_only_points_relative_to_the_torque_scale_matter(
     count: int, seed: int, kind: Any, edges: int | None, unit: float
 ) -> None:
-    contacts = grasps.drawn(count, seed, soft=count == 2)
+    contacts = grasps.random_grasp(count, seed, soft=count == 2)
     scaled = grasps.changed(
         contacts, points=unit * contacts.points, torsion_radius=unit * contacts.torsion_radius
     )
     one = epsilon(contacts, edges=edges, actuation=kind)
     other = epsilon(scaled, edges=edges, actuation=kind, torque_scale=unit)
     assert one.rank == other.rank
-    assert meet(one, other)
+    assert overlap(one, other)
     if edges:
-        assert one.value == pytest.approx(other.value, abs=SLACK)
+        assert one.value == pytest.approx(other.value, abs=ROUNDING)
 
 
 @given(fingers, seeds, kinds)
 @few
-def test_turning_the_object_changes_nothing_with_circular_cones(
+def test_rotation_does_not_change_epsilon_of_circular_cones(
     count: int, seed: int, kind: Any
 ) -> None:
-    contacts = grasps.drawn(count, seed, soft=count == 2)
+    contacts = grasps.random_grasp(count, seed, soft=count == 2)
     turn = shapes.rotation(seed)
     turned = grasps.changed(
         contacts, points=contacts.points @ turn.T, normals=contacts.normals @ turn.T
     )
     one = epsilon(contacts, actuation=kind, rtol=1e-4)
-    assert meet(one, epsilon(turned, actuation=kind, rtol=1e-4))
+    assert overlap(one, epsilon(turned, actuation=kind, rtol=1e-4))
 
 
 @given(fingers, seeds)
 @few
-def test_closure_depends_on_neither_centre_nor_unit(count: int, seed: int) -> None:
-    contacts = grasps.drawn(count, seed)
+def test_closure_depends_on_neither_centre_of_mass_nor_unit(count: int, seed: int) -> None:
+    contacts = grasps.random_grasp(count, seed)
     moved = grasps.changed(contacts, points=1e-3 * (contacts.points + [5.0, -3.0, 1.0]))
     assert force_closure(moved).closed == force_closure(contacts).closed
     assert force_closure(moved).closed == epsilon(contacts).closed
@@ -118,11 +120,11 @@ def test_closure_depends_on_neither_centre_nor_unit(count: int, seed: int) -> No
 def test_another_contact_never_lowers_epsilon(
     count: int, seed: int, kind: Any, edges: int | None
 ) -> None:
-    more = grasps.drawn(count + 1, seed)
+    more = grasps.random_grasp(count + 1, seed)
     less = grasps.one(more, np.arange(count))
     before, after = (epsilon(c, edges=edges, actuation=kind) for c in (less, more))
     assert before.rank == after.rank == 6
-    assert after.upper >= before.lower * (1.0 - SLACK) - SLACK
+    assert after.upper >= before.lower * (1.0 - ROUNDING) - ROUNDING
     assert after.closed >= before.closed
 
 
@@ -131,14 +133,14 @@ def test_another_contact_never_lowers_epsilon(
 def test_more_friction_never_lowers_epsilon(
     count: int, seed: int, kind: Any, factor: float
 ) -> None:
-    contacts = grasps.drawn(count, seed, soft=count == 2)
+    contacts = grasps.random_grasp(count, seed, soft=count == 2)
     rougher = grasps.changed(contacts, friction=factor * contacts.friction)
     assert epsilon(rougher, actuation=kind).upper >= epsilon(contacts, actuation=kind).lower
-    # Polygons grow with friction where it is their edges' normal components that stay.
+    # Polygons grow with friction if the normal components of their edges are fixed.
     before, after = (
         epsilon(c, edges=6, actuation=kind, bounded="normal") for c in (contacts, rougher)
     )
-    assert after.value >= before.value - SLACK
+    assert after.value >= before.value - ROUNDING
 
 
 @given(fingers, seeds, kinds, st.integers(3, 24), st.sampled_from(["force", "normal"]))
@@ -146,100 +148,102 @@ def test_more_friction_never_lowers_epsilon(
 def test_polygons_lie_inside_their_circular_cones(
     count: int, seed: int, kind: Any, edges: int, bounded: Any
 ) -> None:
-    contacts = grasps.drawn(count, seed, soft=count == 2)
+    contacts = grasps.random_grasp(count, seed, soft=count == 2)
     polygon = epsilon(contacts, edges=edges, actuation=kind, bounded=bounded)
     circle = epsilon(contacts, actuation=kind, bounded=bounded)
-    assert polygon.value <= circle.upper * (1.0 + SLACK) + SLACK
+    assert polygon.value <= circle.upper * (1.0 + ROUNDING) + ROUNDING
 
 
 @given(fingers, seeds)
 @few
-def test_all_fingers_at_full_force_resist_more_than_all_together(count: int, seed: int) -> None:
-    contacts = grasps.drawn(count, seed, soft=count == 2)
+def test_per_finger_limits_resist_more_than_a_total_limit(count: int, seed: int) -> None:
+    contacts = grasps.random_grasp(count, seed, soft=count == 2)
     total, each = (epsilon(contacts, edges=6, actuation=k) for k in ("total", "per_finger"))
-    assert total.value - SLACK <= each.value <= count * total.value + SLACK
+    assert total.value - ROUNDING <= each.value <= count * total.value + ROUNDING
 
 
 @given(fingers, seeds, kinds, st.sampled_from([1e-2, 1e-3, 1e-4]))
 @few
-def test_bounds_come_as_near_as_asked(count: int, seed: int, kind: Any, rtol: float) -> None:
-    answer = epsilon(grasps.drawn(count, seed, soft=count == 2), actuation=kind, rtol=rtol)
-    assert is_sound(answer)
-    assert answer.status == Status.CONVERGED
-    assert answer.upper - answer.lower <= rtol * answer.upper + SLACK
+def test_bounds_are_within_the_tolerance(count: int, seed: int, kind: Any, rtol: float) -> None:
+    result = epsilon(grasps.random_grasp(count, seed, soft=count == 2), actuation=kind, rtol=rtol)
+    assert is_valid(result)
+    assert result.status == Status.CONVERGED
+    assert result.upper - result.lower <= rtol * result.upper + ROUNDING
 
 
 @given(fingers, seeds, kinds)
 @few
-def test_no_direction_reaches_less_than_the_lower_bound(count: int, seed: int, kind: Any) -> None:
-    """Every direction bounds epsilon from above; random ones, and the best that a search finds."""
-    contacts = grasps.drawn(count, seed, soft=count == 2)
-    answer = epsilon(contacts, actuation=kind)
+def test_no_direction_has_a_support_below_the_lower_bound(count: int, seed: int, kind: Any) -> None:
+    """The support in any direction is an upper bound; tested at random and optimised directions."""
+    contacts = grasps.random_grasp(count, seed, soft=count == 2)
+    result = epsilon(contacts, actuation=kind)
     basis = span(wrenches(contacts))
     rng = np.random.default_rng(seed)
-    starts = [basis @ answer.certificate.direction, *rng.normal(size=(6, len(basis)))]
+    starts = [basis @ result.certificate.direction, *rng.normal(size=(6, len(basis)))]
 
-    def height(x: np.ndarray) -> float:
+    def support(x: np.ndarray) -> float:
         u = x @ basis / np.linalg.norm(x)
         return oracles.support(contacts, u, actuation=kind)
 
     for start in starts:
-        found = minimize(height, start, method="Nelder-Mead", options={"maxfev": 150})
-        assert height(start) >= answer.lower * (1.0 - SLACK) - SLACK
-        assert found.fun >= answer.lower * (1.0 - SLACK) - SLACK
+        found = minimize(support, start, method="Nelder-Mead", options={"maxfev": 150})
+        assert support(start) >= result.lower * (1.0 - ROUNDING) - ROUNDING
+        assert found.fun >= result.lower * (1.0 - ROUNDING) - ROUNDING
 
 
-# Tilted normals: what `cone_offset` says of them
+# Tilted normals, with `cone_offset`
 
 
 @given(fingers, seeds, kinds, st.floats(0.0, 0.3))
 @few
-def test_no_tilt_has_less_than_epsilon_of_narrower_cones(
+def test_no_tilt_is_below_epsilon_of_narrower_cones(
     count: int, seed: int, kind: Any, tilt: float
 ) -> None:
-    contacts = grasps.drawn(count, seed)
+    contacts = grasps.random_grasp(count, seed)
     worst = epsilon(contacts, actuation=kind, cone_offset=-tilt)
     rng = np.random.default_rng(seed)
     for _ in range(20):
         normals = np.array([oracles.tilted(n, tilt, rng) for n in contacts.normals])
         tilted = epsilon(grasps.changed(contacts, normals=normals), actuation=kind)
-        assert tilted.upper >= worst.lower * (1.0 - SLACK)
+        assert tilted.upper >= worst.lower * (1.0 - ROUNDING)
 
 
 @given(fingers, seeds, kinds, st.floats(0.0, 0.3))
 @few
-def test_the_worst_tilt_reaches_epsilon_of_narrower_cones(
+def test_the_worst_tilt_attains_epsilon_of_narrower_cones(
     count: int, seed: int, kind: Any, tilt: float
 ) -> None:
-    """Turn every normal away from the work that it does in the hardest direction."""
-    contacts = grasps.drawn(count, seed)
+    """Turn every normal away from its contact's velocity in the hardest direction."""
+    contacts = grasps.random_grasp(count, seed)
     worst = epsilon(contacts, actuation=kind, cone_offset=-tilt)
-    work = oracles.works(contacts, worst.certificate.direction)
+    velocities = oracles.velocities(contacts, worst.certificate.direction)
     normals = np.array(
-        [oracles.turned(n, g, -tilt) for n, g in zip(contacts.normals, work, strict=True)]
+        [oracles.turned(n, g, -tilt) for n, g in zip(contacts.normals, velocities, strict=True)]
     )
     tilted = epsilon(grasps.changed(contacts, normals=normals), actuation=kind)
-    assert tilted.lower <= worst.upper + SLACK
+    assert tilted.lower <= worst.upper + ROUNDING
 
 
 @given(fingers, seeds, kinds, st.floats(0.0, 0.3))
 @few
-def test_no_tilt_has_more_than_epsilon_of_wider_cones(
+def test_no_tilt_exceeds_epsilon_of_wider_cones(
     count: int, seed: int, kind: Any, tilt: float
 ) -> None:
-    contacts = grasps.drawn(count, seed)
+    contacts = grasps.random_grasp(count, seed)
     best = epsilon(contacts, actuation=kind, cone_offset=tilt)
     rng = np.random.default_rng(seed)
     for _ in range(20):
         normals = np.array([oracles.tilted(n, tilt, rng) for n in contacts.normals])
         tilted = epsilon(grasps.changed(contacts, normals=normals), actuation=kind)
-        assert tilted.lower <= best.upper * (1.0 + SLACK) + SLACK
+        assert tilted.lower <= best.upper * (1.0 + ROUNDING) + ROUNDING
 
 
 @given(fingers, seeds, st.floats(0.01, 0.5))
 @settings(max_examples=60, deadline=None)
-def test_some_tilt_closes_exactly_where_wider_cones_do(count: int, seed: int, tilt: float) -> None:
-    contacts = grasps.drawn(count, seed)
+def test_some_tilt_is_closed_exactly_where_wider_cones_are(
+    count: int, seed: int, tilt: float
+) -> None:
+    contacts = grasps.random_grasp(count, seed)
     wider = force_closure(contacts, cone_offset=tilt)
     if wider.closed:
         forces = wider.certificate.equilibrium[:, :3]
@@ -253,31 +257,31 @@ def test_some_tilt_closes_exactly_where_wider_cones_do(count: int, seed: int, ti
         assert not force_closure(grasps.changed(contacts, normals=normals)).closed
 
 
-def test_a_tilt_beyond_the_friction_angle_leaves_no_guarantee_to_few_contacts() -> None:
+def test_few_contacts_are_not_closed_with_tilts_that_exceed_friction() -> None:
     for name in grasps.REGULAR_SHAPES:
-        contacts = grasps.around_a_ball(name)
-        answer = epsilon(contacts, cone_offset=-1.5)
-        assert not answer.closed, name
-        assert is_sound(answer)
+        contacts = grasps.regular_on_ball(name)
+        result = epsilon(contacts, cone_offset=-1.5)
+        assert not result.closed, name
+        assert is_valid(result)
 
 
 @given(fingers, seeds, kinds, st.sampled_from([None, 6]))
 @few
-def test_cones_widened_one_by_one_are_those_of_other_friction(
+def test_cone_offsets_per_contact_equal_other_friction_coefficients(
     count: int, seed: int, kind: Any, edges: int | None
 ) -> None:
-    contacts = grasps.drawn(count, seed)
+    contacts = grasps.random_grasp(count, seed)
     rng = np.random.default_rng(seed)
     angles = rng.uniform(0.1, 1.2, size=count)
     other = grasps.changed(contacts, friction=np.tan(angles))
     cone_offset = angles - contacts.friction_angle
-    answer = epsilon(contacts, cone_offset=cone_offset, edges=edges, actuation=kind)
+    result = epsilon(contacts, cone_offset=cone_offset, edges=edges, actuation=kind)
     expected = epsilon(other, edges=edges, actuation=kind)
-    assert meet(answer, expected)
-    assert answer.closed == expected.closed
+    assert overlap(result, expected)
+    assert result.closed == expected.closed
     closure = force_closure(contacts, cone_offset=cone_offset, edges=edges)
     assert closure.closed == expected.closed
-    # In a batch every grasp has its own.
+    # Every grasp of a batch has its own offsets.
     batch = grasps.stacked([contacts, contacts, contacts])
     each = force_closure(
         batch, cone_offset=np.stack([cone_offset, 0.0 * cone_offset, cone_offset]), edges=edges
@@ -285,55 +289,55 @@ def test_cones_widened_one_by_one_are_those_of_other_friction(
     middle = force_closure(contacts, edges=edges).closed
     assert each.closed.tolist() == [closure.closed, middle, closure.closed]
     groups = epsilon(batch, cone_offset=cone_offset[None], edges=edges, actuation=kind)
-    assert groups.lower == pytest.approx(np.tile(answer.lower, 3), rel=1e-9)
+    assert groups.lower == pytest.approx(np.tile(result.lower, 3), rel=1e-9)
 
 
-def test_one_angle_for_all_is_the_same_for_each() -> None:
-    contacts = grasps.stacked([grasps.drawn(3, seed) for seed in range(20)])
+def test_one_offset_for_all_equals_an_array_of_equal_offsets() -> None:
+    contacts = grasps.stacked([grasps.random_grasp(3, seed) for seed in range(20)])
     one = epsilon(contacts, cone_offset=-0.1)
     for cone_offset in (np.full(3, -0.1), np.full((20, 1), -0.1), np.full((20, 3), -0.1)):
         np.testing.assert_array_equal(epsilon(contacts, cone_offset=cone_offset).lower, one.lower)
-    few_of_each = contacts_in_groups(contacts, 5)
-    least = smallest_epsilon(few_of_each, cone_offset=np.full((4, 5, 3), -0.1))
-    np.testing.assert_array_equal(least.lower, one.lower.reshape(4, 5).min(axis=1))
+    in_groups = contacts_in_groups(contacts, 5)
+    smallest = smallest_epsilon(in_groups, cone_offset=np.full((4, 5, 3), -0.1))
+    np.testing.assert_array_equal(smallest.lower, one.lower.reshape(4, 5).min(axis=1))
 
 
-def test_a_contact_whose_tilt_exceeds_its_own_friction_leaves_no_guarantee() -> None:
-    contacts = grasps.around_a_ball("triangle")
+def test_a_contact_whose_tilt_exceeds_its_friction_prevents_closure() -> None:
+    contacts = grasps.regular_on_ball("triangle")
     assert force_closure(contacts, cone_offset=[-0.1, -0.1, -0.1]).closed
-    answer = force_closure(contacts, cone_offset=[-0.1, -0.5, -0.1])
-    assert not answer.closed
-    assert np.isnan(answer.certificate.equilibrium).all()
-    # The other three close, and what the fourth does is not known.
+    result = force_closure(contacts, cone_offset=[-0.1, -0.5, -0.1])
+    assert not result.closed
+    assert np.isnan(result.certificate.equilibrium).all()
+    # The other three are force-closed, but the fourth may push against them.
     four = Contacts(
         np.vstack([contacts.points, [0, 0, 1]]), np.vstack([contacts.normals, [0, 0, -1]]), 0.5
     )
     for solve in (force_closure, epsilon):
-        answer = solve(four, cone_offset=[-0.1, -0.1, -0.1, -0.5])
-        assert not answer.closed
-        assert answer.status == Status.UNDECIDED
+        result = solve(four, cone_offset=[-0.1, -0.1, -0.1, -0.5])
+        assert not result.closed
+        assert result.status == Status.UNDECIDED
 
 
 @given(fingers, seeds, st.floats(0.3, 1.5))
 @few
-def test_cones_of_90_degrees_and_more_have_no_equilibrium_to_show(
+def test_cones_of_90_degrees_and_more_have_no_equilibrium_forces(
     count: int, seed: int, cone_offset: float
 ) -> None:
     """They are not convex: sums of forces inside them may lie outside."""
-    contacts = grasps.drawn(count, seed)
+    contacts = grasps.random_grasp(count, seed)
     one_wide = np.where(np.arange(count) == 0, cone_offset, 0.0)
     for more in (cone_offset, one_wide):
-        answer = force_closure(contacts, cone_offset=more)
+        result = force_closure(contacts, cone_offset=more)
         angles = contacts.friction_angle + more
         if (angles >= math.pi / 2.0).any():
-            assert np.isnan(answer.certificate.equilibrium).all()
-        elif answer.closed:
-            pushes = answer.certificate.equilibrium[:, :3]
+            assert np.isnan(result.certificate.equilibrium).all()
+        elif result.closed:
+            pushes = result.certificate.equilibrium[:, :3]
             pairs = zip(pushes, contacts.normals, angles, strict=True)
             assert all(oracles.angle(push, n) < angle for push, n, angle in pairs)
 
 
-# Certificates, checked by plain linear algebra
+# Certificates, verified by linear algebra
 
 
 def check_equilibrium(contacts: Contacts, forces: np.ndarray, cone_offset: float = 0.0) -> None:
@@ -347,61 +351,61 @@ def check_equilibrium(contacts: Contacts, forces: np.ndarray, cone_offset: float
     assert np.linalg.norm(torque.sum(axis=0)) <= 1e-8 * size
     for i, push in enumerate(pushes):
         beta = max(float(contacts.friction_angle[i]) + cone_offset, 0.0)
-        off = oracles.angle(push, contacts.normals[i])
-        assert off < beta or max(off, beta) <= 1e-12  # frictionless: along the normal
+        angle = oracles.angle(push, contacts.normals[i])
+        assert angle < beta or max(angle, beta) <= 1e-12  # frictionless: along the normal
         allowed = contacts.torsion_radius[i] * (push @ contacts.normals[i])
-        assert abs(moments[i]) <= allowed * (1.0 + SLACK)
+        assert abs(moments[i]) <= allowed * (1.0 + ROUNDING)
 
 
 def check_certificate(
-    contacts: Contacts, answer: Any, *, edges: int | None = None, cone_offset: float = 0.0
+    contacts: Contacts, result: Any, *, edges: int | None = None, cone_offset: float = 0.0
 ) -> None:
-    """Serves every answer: forces that balance, or a direction in which no wrench lies."""
-    direction, forces = answer.certificate.direction, answer.certificate.equilibrium
-    if answer.closed:
+    """Verify forces in equilibrium, or a direction along which no wrench has a component."""
+    direction, forces = result.certificate.direction, result.certificate.equilibrium
+    if result.closed:
         check_equilibrium(contacts, forces, cone_offset)
         return
     assert np.isnan(forces).all()
     assert np.linalg.norm(direction) == pytest.approx(1.0)
     if edges:
-        reached = float((wrenches(contacts, edges=edges) @ direction).max())
+        largest = float((wrenches(contacts, edges=edges) @ direction).max())
     else:
-        reached = oracles.support(contacts, direction, cone_offset=cone_offset)
-    # Undecided: narrower than 1e4 tolerances of 1e-12 of the wrenches.
-    assert reached <= (1e-7 if answer.status == Status.UNDECIDED else SLACK)
+        largest = oracles.support(contacts, direction, cone_offset=cone_offset)
+    # Undecided: the interval is narrower than 1e4 tolerances of 1e-12 of the wrenches.
+    assert largest <= (1e-7 if result.status == Status.UNDECIDED else ROUNDING)
 
 
 @given(fingers, seeds, st.sampled_from([None, 4, 9]), st.booleans())
 @settings(max_examples=80, deadline=None)
-def test_closure_proves_itself(count: int, seed: int, edges: int | None, soft: bool) -> None:
-    contacts = grasps.drawn(count, seed, soft=soft)
+def test_certificates_prove_closure(count: int, seed: int, edges: int | None, soft: bool) -> None:
+    contacts = grasps.random_grasp(count, seed, soft=soft)
     check_certificate(contacts, force_closure(contacts, edges=edges), edges=edges)
 
 
 @given(fingers, seeds, kinds, st.sampled_from([None, 4, 9]), st.booleans())
 @settings(max_examples=80, deadline=None)
-def test_epsilon_proves_itself(
+def test_certificates_prove_epsilon(
     count: int, seed: int, kind: Any, edges: int | None, soft: bool
 ) -> None:
-    contacts = grasps.drawn(count, seed, soft=soft)
-    answer = epsilon(contacts, edges=edges, actuation=kind)
-    check_certificate(contacts, answer, edges=edges)
-    if answer.closed:
-        direction = answer.certificate.direction
+    contacts = grasps.random_grasp(count, seed, soft=soft)
+    result = epsilon(contacts, edges=edges, actuation=kind)
+    check_certificate(contacts, result, edges=edges)
+    if result.closed:
+        direction = result.certificate.direction
         assert np.linalg.norm(direction) == pytest.approx(1.0)
         if edges:
             bodies = wrenches(contacts, edges=edges).reshape(count, -1, 6) @ direction
-            reached = bodies.max(axis=1).clip(0.0)
-            height = reached.max() if kind == "total" else reached.sum()
+            largest = bodies.max(axis=1).clip(0.0)
+            support = largest.max() if kind == "total" else largest.sum()
         else:
-            height = oracles.support(contacts, direction, actuation=kind)
-        assert height == pytest.approx(answer.upper, abs=SLACK)
+            support = oracles.support(contacts, direction, actuation=kind)
+        assert support == pytest.approx(result.upper, abs=ROUNDING)
 
 
 @given(fingers, seeds, st.floats(-0.3, 0.3))
 @few
-def test_proofs_hold_for_widened_cones(count: int, seed: int, cone_offset: float) -> None:
-    contacts = grasps.drawn(count, seed)
+def test_certificates_are_valid_for_other_cones(count: int, seed: int, cone_offset: float) -> None:
+    contacts = grasps.random_grasp(count, seed)
     check_certificate(
         contacts, force_closure(contacts, cone_offset=cone_offset), cone_offset=cone_offset
     )
@@ -410,75 +414,75 @@ def test_proofs_hold_for_widened_cones(count: int, seed: int, cone_offset: float
 @pytest.mark.parametrize("name", grasps.REGULAR_SHAPES)
 @pytest.mark.parametrize("edges", [None, 3, 4, 8, 9])
 @pytest.mark.parametrize("torsion_radius", [0.0, 0.1])
-def test_regular_grasps_prove_themselves(
+def test_certificates_of_regular_grasps_are_valid(
     name: str, edges: int | None, torsion_radius: float
 ) -> None:
-    contacts = grasps.around_a_ball(name, torsion_radius=torsion_radius)
+    contacts = grasps.regular_on_ball(name, torsion_radius=torsion_radius)
     check_certificate(contacts, force_closure(contacts, edges=edges), edges=edges)
     check_certificate(contacts, epsilon(contacts, edges=edges), edges=edges)
 
 
-def test_closure_of_given_wrenches_proves_itself() -> None:
+def test_certificates_of_given_wrenches_are_valid() -> None:
     rng = np.random.default_rng(0)
     for _ in range(50):
         rows = rng.normal(size=(14, 6)) + rng.normal(size=6) * 0.4
-        answer = epsilon_of_wrenches(rows)
-        weights, direction = answer.certificate.equilibrium, answer.certificate.direction
-        if answer.closed:
+        result = epsilon_of_wrenches(rows)
+        weights, direction = result.certificate.equilibrium, result.certificate.direction
+        if result.closed:
             assert weights.shape == (14,)
             assert (weights >= 0.0).all()
             assert weights.sum() == pytest.approx(1.0)
             np.testing.assert_allclose(weights @ rows, 0.0, atol=1e-8)
-            assert (rows @ direction).max() == pytest.approx(answer.upper, abs=SLACK)
+            assert (rows @ direction).max() == pytest.approx(result.upper, abs=ROUNDING)
         else:
             assert np.isnan(weights).all()
-            assert (rows @ direction).max() <= SLACK
+            assert (rows @ direction).max() <= ROUNDING
 
 
 # Oracles
 
 
-def test_polygons_of_the_reference() -> None:
+def test_polygons_equal_those_of_the_reference() -> None:
     for case in grasps.reference("epsilon.json"):
         contacts = grasps.of_case(case)
         for kind, expected in (
             ("total", case["epsilon_l1"]),
             ("per_finger", case["epsilon_linf"]),
         ):
-            answer = epsilon(
+            result = epsilon(
                 contacts, edges=case["edges"], actuation=kind, torque_scale=case["torque_scale"]
             )
-            assert answer.rank == case["rank"], case["id"]
-            assert answer.closed == case["force_closure"], case["id"]
+            assert result.rank == case["rank"], case["id"]
+            assert result.closed == case["force_closure"], case["id"]
             if expected is not None:
-                assert answer.value == pytest.approx(expected, abs=SLACK), case["id"]
+                assert result.value == pytest.approx(expected, abs=ROUNDING), case["id"]
         assert force_closure(contacts, edges=case["edges"]).closed == case["force_closure"]
 
 
-def test_circular_cones_of_the_reference() -> None:
+def test_circular_cones_agree_with_the_reference() -> None:
     for case in grasps.reference("epsilon.json"):
         if case["circular_cone"] is None:
             continue
         for kind, bounds in (("total", "l1"), ("per_finger", "linf")):
             low, high = case["circular_cone"][bounds]
-            answer = epsilon(
+            result = epsilon(
                 grasps.of_case(case), actuation=kind, torque_scale=case["torque_scale"]
             )
-            overlap = answer.lower <= high + SLACK and low <= answer.upper + SLACK
-            assert overlap or max(answer.lower, low) < 2e-5, case["id"]
+            common = result.lower <= high + ROUNDING and low <= result.upper + ROUNDING
+            assert common or max(result.lower, low) < 2e-5, case["id"]
 
 
-def test_regular_wrenches_of_the_reference() -> None:
+def test_regular_wrenches_equal_those_of_the_reference() -> None:
     for case in grasps.reference("regular.json"):
-        answer = epsilon_of_wrenches(case["wrenches"])
-        assert answer.value == pytest.approx(case["epsilon_l1"], abs=1e-8), case["id"]
+        result = epsilon_of_wrenches(case["wrenches"])
+        assert result.value == pytest.approx(case["epsilon_l1"], abs=1e-8), case["id"]
 
 
-def test_the_wrenches_that_made_a_prototype_loop() -> None:
+def test_wrenches_with_which_a_simpler_algorithm_did_not_end() -> None:
     rows = np.loadtxt(shapes.shared("reference", "looped_for_ever.csv"), delimiter=",")
-    answer = epsilon_of_wrenches(rows)
-    assert is_sound(answer)
-    assert answer.value == pytest.approx(1.0 / math.sqrt(3.0), abs=1e-8)
+    result = epsilon_of_wrenches(rows)
+    assert is_valid(result)
+    assert result.value == pytest.approx(1.0 / math.sqrt(3.0), abs=1e-8)
 
 
 COUNTS = [
@@ -492,22 +496,22 @@ COUNTS = [
 @pytest.mark.parametrize(("shape", "count"), COUNTS, ids=str)
 def test_against_qhull_on_random_grasps(shape: Shape, count: int) -> None:
     contacts = random_contacts(shape, count, seed=7)
-    answers = epsilon(contacts, edges=shape.edges)
+    results = epsilon(contacts, edges=shape.edges)
     rows = wrenches(contacts, edges=shape.edges)
-    assert 0.1 < answers.closed.mean() < 0.95
+    assert 0.1 < results.closed.mean() < 0.95
     for i in range(count):
         distance = oracles.epsilon_of_hull(rows[i])
-        assert answers.closed[i] == (distance > 0.0) or abs(distance) < SLACK
-        assert answers.value[i] == pytest.approx(max(distance, 0.0), abs=SLACK)
+        assert results.closed[i] == (distance > 0.0) or abs(distance) < ROUNDING
+        assert results.value[i] == pytest.approx(max(distance, 0.0), abs=ROUNDING)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-5, 1e-4, 1e-3])
 @pytest.mark.parametrize("name", REGULAR)
 def test_against_qhull_on_regular_grasps(name: str, noise: float) -> None:
     contacts = regular_contacts(name, 12, noise, seed=1)
-    answers = epsilon(contacts, edges=8)
+    results = epsilon(contacts, edges=8)
     rows = wrenches(contacts, edges=8)
-    assert is_sound(answers)
+    assert is_valid(results)
     failures = 0
     for i in range(12):
         try:
@@ -515,27 +519,27 @@ def test_against_qhull_on_regular_grasps(name: str, noise: float) -> None:
         except QhullError:
             failures += 1
             continue
-        assert answers.value[i] == pytest.approx(max(distance, 0.0), abs=SLACK)
+        assert results.value[i] == pytest.approx(max(distance, 0.0), abs=ROUNDING)
     assert failures < 12
 
 
 @pytest.mark.parametrize(("count", "edges", "soft"), [(2, 4, True), (2, 8, True), (3, 4, False)])
 def test_against_qhull_on_minkowski_sums(count: int, edges: int, soft: bool) -> None:
     contacts = random_contacts(Shape(count, edges, soft=soft), 40, seed=3)
-    answers = epsilon(contacts, edges=edges, actuation="per_finger")
+    results = epsilon(contacts, edges=edges, actuation="per_finger")
     rows = wrenches(contacts, edges=edges).reshape(40, count, -1, 6)
-    assert answers.closed.any()
+    assert results.closed.any()
     for i in range(40):
         distance = oracles.epsilon_of_hull(oracles.minkowski_sum(rows[i]))
-        assert answers.value[i] == pytest.approx(max(distance, 0.0), abs=SLACK)
+        assert results.value[i] == pytest.approx(max(distance, 0.0), abs=ROUNDING)
 
 
 @pytest.mark.parametrize("edges", [3, 4, 8])
 def test_closure_against_a_linear_program(edges: int) -> None:
     for seed in range(60):
-        contacts = grasps.drawn(2 + seed % 4, seed)
+        contacts = grasps.random_grasp(2 + seed % 4, seed)
         rows = wrenches(contacts, edges=edges)
-        inside = oracles.hull_holds_origin(rows @ span(rows).T)
+        inside = oracles.hull_contains_origin(rows @ span(rows).T)
         assert force_closure(contacts, edges=edges).closed == inside
 
 
@@ -544,22 +548,22 @@ def test_closure_against_a_linear_program(edges: int) -> None:
 
 @pytest.mark.parametrize(("phase", "expected"), [(0, 0.27592), (11.25, 0.27319), (22.5, 0.26674)])
 def test_three_fingers_at_120_degrees(phase: float, expected: float) -> None:
-    """A value that others publish for unit normal components; it depends on where edges begin."""
+    """A published value for unit normal components; it depends on the phase of the edges."""
     contacts = Contacts(0.03 * grasps.TRIANGLE, -grasps.TRIANGLE, 0.5)
-    answer = epsilon(
+    result = epsilon(
         contacts, edges=8, bounded="normal", torque_scale=0.03, phase=math.radians(phase)
     )
-    assert answer.value == pytest.approx(expected, abs=1e-5)
+    assert result.value == pytest.approx(expected, abs=1e-5)
 
 
 @pytest.mark.parametrize("dimension", [1, 2, 3, 4, 5, 6])
 def test_cross_polytopes(dimension: int) -> None:
-    turn = np.linalg.qr(np.random.default_rng(0).normal(size=(6, 6)))[0]
+    rotation = np.linalg.qr(np.random.default_rng(0).normal(size=(6, 6)))[0]
     rows = np.vstack([np.eye(6)[:dimension], -np.eye(6)[:dimension]])
-    for wrench_rows in (rows, rows @ turn):
-        answer = epsilon_of_wrenches(wrench_rows)
-        assert answer.rank == dimension
-        assert answer.value == pytest.approx(1.0 / math.sqrt(dimension), abs=1e-12)
+    for wrench_rows in (rows, rows @ rotation):
+        result = epsilon_of_wrenches(wrench_rows)
+        assert result.rank == dimension
+        assert result.value == pytest.approx(1.0 / math.sqrt(dimension), abs=1e-12)
 
 
 def test_wrenches_in_the_plane() -> None:
@@ -573,7 +577,7 @@ def test_wrenches_in_the_plane() -> None:
     assert flat.value == pytest.approx(oracles.epsilon_of_hull(np.array(square)), abs=1e-12)
 
 
-def test_two_fingers_close_above_the_angle_to_their_line() -> None:
+def test_two_fingers_are_force_closed_above_the_angle_to_their_line() -> None:
     lean = math.atan(0.5)
     normals = [[-math.cos(lean), math.sin(lean), 0.0], [1.0, 0.0, 0.0]]
     contacts = Contacts(grasps.PAIR, normals)
@@ -583,23 +587,23 @@ def test_two_fingers_close_above_the_angle_to_their_line() -> None:
 
 
 def test_soft_fingers_resist_the_torque_about_their_line() -> None:
-    hard, soft = (grasps.around_a_ball("pair", torsion_radius=e) for e in (0.0, 0.1))
+    hard, soft = (grasps.regular_on_ball("pair", torsion_radius=e) for e in (0.0, 0.1))
     assert (epsilon(hard).rank, epsilon(soft).rank) == (5, 6)
     assert epsilon(soft).value < epsilon(hard).value
 
 
 @pytest.mark.parametrize("edges", [None, 8])
-def test_pushes_all_one_way_never_close(edges: int | None) -> None:
+def test_parallel_normals_are_never_force_closed(edges: int | None) -> None:
     points = [[1, 0, 0], [0, 1, 0], [-1, -1, 0]]
     contacts = Contacts(points, [[0, 0, 1.0]] * 3, [0.1, 0.5, 0.9])
-    answer = epsilon(contacts, edges=edges)
-    assert not answer.closed
-    check_certificate(contacts, answer, edges=edges)
+    result = epsilon(contacts, edges=edges)
+    assert not result.closed
+    check_certificate(contacts, result, edges=edges)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3, 6])
 @pytest.mark.parametrize("kind", ["total", "per_finger"])
-def test_frictionless_pushes_all_one_way_never_close(count: int, kind: Any) -> None:
+def test_frictionless_parallel_normals_are_never_force_closed(count: int, kind: Any) -> None:
     points = np.array([[1, 0, 0], [0, 1, 0], [-1, -1, 0], [2, 0, 0], [0, 2, 0], [3, 1, 0]])[:count]
     contacts = Contacts(points, [[0, 0, 1.0]] * count, 0.0)
     assert epsilon(contacts, actuation=kind).value == 0.0
@@ -611,37 +615,37 @@ def test_frictionless_pushes_all_one_way_never_close(count: int, kind: Any) -> N
 # Batches
 
 
-def test_leading_axes_of_any_shape_give_what_each_grasp_gives() -> None:
+def test_a_batch_of_any_shape_equals_its_grasps_one_by_one() -> None:
     flat = random_contacts(Shape(3, 8, soft=False), 24, seed=5)
     fields = {
         name: getattr(flat, name).reshape(2, 3, 4, *getattr(flat, name).shape[1:])
         for name in ("points", "normals", "friction", "torsion_radius")
     }
     many = grasps.changed(flat, **fields)
-    asked: list[Callable[[Contacts], Any]] = [
+    functions: list[Callable[[Contacts], Any]] = [
         epsilon,
         lambda c: epsilon(c, edges=8, actuation="per_finger"),
         force_closure,
     ]
-    for ask in asked:
-        together = ask(many)
+    for function in functions:
+        together = function(many)
         assert together.closed.shape == (2, 3, 4)
         assert together.certificate.direction.shape == (2, 3, 4, 6)
         assert together.certificate.equilibrium.shape == (2, 3, 4, 3, 4)
         for index in np.ndindex(2, 3, 4):
-            alone = ask(grasps.one(many, *index))
+            alone = function(grasps.one(many, *index))
             for name in ("lower", "upper", "rank", "status", "closed"):
                 if hasattr(alone, name):
                     expected = pytest.approx(getattr(alone, name), abs=1e-13)
                     assert getattr(together, name)[index] == expected
             missing = np.isnan(together.certificate.equilibrium[index]).any()
             assert missing == np.isnan(alone.certificate.equilibrium).any()
-            np.testing.assert_allclose(  # means and roots round with their place in an array
+            np.testing.assert_allclose(  # rounding of vectorised code depends on the index
                 together.certificate.direction[index], alone.certificate.direction, atol=1e-13
             )
 
 
-def test_rows_may_come_in_batches() -> None:
+def test_wrenches_may_be_a_batch() -> None:
     rows = wrenches(random_contacts(Shape(3, 8, soft=False), 6, seed=2)).reshape(2, 3, 24, 6)
     together = epsilon_of_wrenches(rows)
     assert together.value.shape == (2, 3)
@@ -651,12 +655,12 @@ def test_rows_may_come_in_batches() -> None:
 
 
 @pytest.mark.parametrize("threads", [2, 3, None])
-def test_threads_change_nothing(threads: int | None) -> None:
+def test_threads_do_not_change_results(threads: int | None) -> None:
     contacts = random_contacts(Shape(4, 8, soft=False), 300, seed=1)
-    alone, shared = epsilon(contacts), epsilon(contacts, threads=threads)
+    single, threaded = epsilon(contacts), epsilon(contacts, threads=threads)
     for name in ("lower", "upper", "rank", "status", "closed"):
-        np.testing.assert_array_equal(getattr(alone, name), getattr(shared, name))
-    np.testing.assert_array_equal(alone.certificate.equilibrium, shared.certificate.equilibrium)
+        np.testing.assert_array_equal(getattr(single, name), getattr(threaded, name))
+    np.testing.assert_array_equal(single.certificate.equilibrium, threaded.certificate.equilibrium)
     closed = force_closure(contacts, threads=threads).closed
     np.testing.assert_array_equal(closed, force_closure(contacts).closed)
     groups = grasps.changed(
@@ -666,53 +670,57 @@ def test_threads_change_nothing(threads: int | None) -> None:
             for name in ("points", "normals", "friction", "torsion_radius")
         },
     )
-    one, other = smallest_epsilon(groups), smallest_epsilon(groups, threads=threads)
+    one, other = (
+        smallest_epsilon(groups),
+        smallest_epsilon(groups, options=EpsilonOptions(threads=threads)),
+    )
     np.testing.assert_array_equal(one.index, other.index)
     np.testing.assert_array_equal(one.lower, other.lower)
 
 
-def test_answers_do_not_depend_on_what_was_solved_before() -> None:
-    contacts = grasps.around_a_ball("pair")
+def test_results_do_not_depend_on_earlier_calls() -> None:
+    contacts = grasps.regular_on_ball("pair")
     first = force_closure(contacts, edges=3)
-    epsilon(grasps.drawn(5, 1))
+    epsilon(grasps.random_grasp(5, 1))
     again = force_closure(contacts, edges=3)
     np.testing.assert_array_equal(first.certificate.direction, again.certificate.direction)
 
 
-def test_answers_do_not_depend_on_the_other_grasps_of_a_batch() -> None:
-    contacts = grasps.drawn(3, 11)
+def test_results_do_not_depend_on_the_other_grasps_of_a_batch() -> None:
+    contacts = grasps.random_grasp(3, 11)
     large = grasps.changed(contacts, points=1e3 * contacts.points)
-    for ask in (epsilon, force_closure):
-        alone, together = ask(contacts), ask(grasps.stacked([contacts, large]))
+    for function in (epsilon, force_closure):
+        alone = function(contacts)
+        together = function(grasps.stacked([contacts, large]))
         assert together.closed[0] == alone.closed
         np.testing.assert_array_equal(
             together.certificate.direction[0], alone.certificate.direction
         )
 
 
-def test_results_are_locked() -> None:
+def test_results_are_read_only() -> None:
     contacts = random_contacts(Shape(3, 8, soft=False), 2, seed=0)
-    answer, closure = epsilon(contacts), force_closure(contacts)
-    least = smallest_epsilon(contacts_in_groups(contacts, 2))
+    result, closure = epsilon(contacts), force_closure(contacts)
+    smallest = smallest_epsilon(contacts_in_groups(contacts, 2))
     for values in (
-        answer.lower, answer.upper, answer.value, answer.rank, answer.closed, answer.status,
-        answer.certificate.direction, answer.certificate.equilibrium, closure.closed,
-        closure.rank, closure.status, closure.certificate.direction, least.lower, least.index,
+        result.lower, result.upper, result.value, result.rank, result.closed, result.status,
+        result.certificate.direction, result.certificate.equilibrium, closure.closed,
+        closure.rank, closure.status, closure.certificate.direction, smallest.lower, smallest.index,
     ):  # fmt: skip
         with pytest.raises(ValueError, match="read-only"):
             values[...] = 0
 
 
-def test_a_single_grasp_has_plain_numbers() -> None:
-    answer = epsilon(grasps.drawn(3, 0))
-    assert isinstance(float(answer.value), float)
-    for values in (answer.lower, answer.upper, answer.rank, answer.closed, answer.status):
+def test_a_single_grasp_has_scalars() -> None:
+    result = epsilon(grasps.random_grasp(3, 0))
+    assert isinstance(float(result.value), float)
+    for values in (result.lower, result.upper, result.rank, result.closed, result.status):
         assert not isinstance(values, np.ndarray)
-    assert answer.certificate.direction.shape == (6,)
-    assert answer.certificate.equilibrium.shape == (3, 4)
+    assert result.certificate.direction.shape == (6,)
+    assert result.certificate.equilibrium.shape == (3, 4)
 
 
-def test_no_grasps_have_no_answers() -> None:
+def test_an_empty_batch_has_empty_results() -> None:
     none = Contacts(np.zeros((0, 3, 3)), np.zeros((0, 3, 3)))
     assert epsilon(none).lower.shape == (0,)
     assert force_closure(none).closed.shape == (0,)
@@ -741,39 +749,39 @@ def test_minimum_is_the_smallest_of_all(
     seed: int, kind: Any, edges: int | None, group: int, count: int
 ) -> None:
     shape = Shape(count, 8, soft=count == 2)
-    # High friction, so that groups without an open grasp among them occur.
+    # High friction, so that all grasps of some groups are force-closed.
     contacts = random_contacts(shape, 4 * group, seed)
     contacts = contacts_in_groups(grasps.changed(contacts, friction=contacts.friction + 1.0), group)
     each = epsilon(contacts, edges=edges, actuation=kind)
-    least = smallest_epsilon(contacts, edges=edges, actuation=kind)
-    assert least.lower.shape == least.upper.shape == least.index.shape == (4,)
-    assert (least.lower <= least.upper).all()
-    assert (least.lower <= each.upper.min(axis=1) + SLACK).all()
-    assert (each.lower.min(axis=1) <= least.upper + SLACK).all()
-    assert (least.upper - least.lower <= RTOL * least.upper + SLACK).all()
-    chosen = np.take_along_axis(each.lower, least.index[:, None], axis=1)[:, 0]
-    assert (chosen <= least.upper + SLACK).all()
+    smallest = smallest_epsilon(contacts, options=EpsilonOptions(edges=edges, actuation=kind))
+    assert smallest.lower.shape == smallest.upper.shape == smallest.index.shape == (4,)
+    assert (smallest.lower <= smallest.upper).all()
+    assert (smallest.lower <= each.upper.min(axis=1) + ROUNDING).all()
+    assert (each.lower.min(axis=1) <= smallest.upper + ROUNDING).all()
+    assert (smallest.upper - smallest.lower <= RTOL * smallest.upper + ROUNDING).all()
+    chosen = np.take_along_axis(each.lower, smallest.index[:, None], axis=1)[:, 0]
+    assert (chosen <= smallest.upper + ROUNDING).all()
     if edges:
-        np.testing.assert_allclose(least.value, each.value.min(axis=1), atol=SLACK)
+        np.testing.assert_allclose(smallest.value, each.value.min(axis=1), atol=ROUNDING)
 
 
 def test_minimum_over_one_group_is_a_number() -> None:
     contacts = random_contacts(Shape(3, 8, soft=False), 5, seed=4)
-    least = smallest_epsilon(contacts, edges=8)
-    assert not isinstance(least.lower, np.ndarray)
-    assert least.value == pytest.approx(epsilon(contacts, edges=8).value.min(), abs=SLACK)
+    smallest = smallest_epsilon(contacts, options=EpsilonOptions(edges=8))
+    assert not isinstance(smallest.lower, np.ndarray)
+    assert smallest.value == pytest.approx(epsilon(contacts, edges=8).value.min(), abs=ROUNDING)
 
 
-def test_minimum_is_zero_where_any_candidate_is_open() -> None:
-    closed = grasps.around_a_ball("triangle")
+def test_minimum_is_zero_if_any_candidate_is_not_force_closed() -> None:
+    closed = grasps.regular_on_ball("triangle")
     pushing_out = grasps.changed(closed, normals=[[0, 0, 1.0]] * 3)
-    least = smallest_epsilon(grasps.stacked([closed, pushing_out, closed]))
-    assert (least.lower, least.upper, least.index) == (0.0, 0.0, 1)
+    smallest = smallest_epsilon(grasps.stacked([closed, pushing_out, closed]))
+    assert (smallest.lower, smallest.upper, smallest.index) == (0.0, 0.0, 1)
 
 
-# Degenerate places: always an answer, never a warning
+# Degenerate grasps: always a result, never a warning
 
-AT_ONE_PLACE = Contacts([[1.0, 2.0, 3.0]] * 3, [[1, 0, 0], [0, 1, 0], [-1, -1, 1]], 0.5)
+AT_ONE_POINT = Contacts([[1.0, 2.0, 3.0]] * 3, [[1, 0, 0], [0, 1, 0], [-1, -1, 1]], 0.5)
 PLANE = Contacts([[1, 0, 0], [0, 1, 0], [-1, -1, 0]], [[0, 0, 1.0]] * 3, 0.5)
 RIGHT_AT = math.atan(0.5)
 DEGENERATE = {
@@ -782,10 +790,10 @@ DEGENERATE = {
     "one at the centre": Contacts([[0.0, 0.0, 0.0]], [[-1.0, 0.0, 0.0]]),
     "one soft at the centre": Contacts([[0.0, 0.0, 0.0]], [[-1.0, 0.0, 0.0]], 0.5, 0.1),
     "two at the centre": Contacts([[0.0, 0.0, 0.0]] * 2, [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]),
-    "three at one place": AT_ONE_PLACE,
+    "three at one point": AT_ONE_POINT,
     "the same contact twice": Contacts([[1.0, 2.0, 3.0]] * 2, [[1.0, 0.0, 0.0]] * 2),
     "on a line": grasps.LINE,
-    "on a line, apart from the centre": grasps.changed(grasps.LINE, points=grasps.LINE.points + 1),
+    "on a line off the centre": grasps.changed(grasps.LINE, points=grasps.LINE.points + 1),
     "on a line, soft": grasps.changed(grasps.LINE, torsion_radius=0.1),
     "in a plane": PLANE,
     "in a plane, frictionless": grasps.changed(PLANE, friction=0.0),
@@ -798,7 +806,7 @@ DEGENERATE = {
     ),
 }
 for _name in grasps.REGULAR_SHAPES:
-    _contacts = grasps.around_a_ball(_name)
+    _contacts = grasps.regular_on_ball(_name)
     DEGENERATE[_name] = _contacts
     for _friction in (0.0, 1e-12, 1e-6, 1e3, 1e9):
         DEGENERATE[f"{_name}, friction {_friction:g}"] = grasps.changed(
@@ -813,13 +821,13 @@ for _gap in (1e-12, 1e-11, 1e-9, 1e-8, 1e-6, 1e-4):
 
 
 def bound_on_epsilon(contacts: Contacts, kind: str, bounded: str, cone_offset: float) -> float:
-    """What the span's share of pure forces and pure torques says of the best that can be."""
+    """Upper bound on epsilon from the unit forces and torques projected onto the span."""
     basis = span(wrenches(contacts))
-    across = np.eye(6) @ basis.T @ basis
-    lengths = np.linalg.norm(across, axis=1)
+    projected = np.eye(6) @ basis.T @ basis
+    lengths = np.linalg.norm(projected, axis=1)
     bounds = [
         oracles.support(contacts, sign * u, cone_offset=cone_offset, actuation=kind)
-        for u in across[lengths > 0.1] / lengths[lengths > 0.1, None]
+        for u in projected[lengths > 0.1] / lengths[lengths > 0.1, None]
         for sign in (1.0, -1.0)
     ]
     wide = math.tan(float(contacts.friction_angle.max()))
@@ -835,57 +843,57 @@ VARIANTS: list[dict[str, Any]] = [
 
 
 def variants(contacts: Contacts) -> list[dict[str, Any]]:
-    """Those that are answered: unit normal components are refused where friction drowns them."""
+    """Options that are accepted: unit normal components are refused at extreme friction."""
     steep = (contacts.friction > 1e6).any()
     return [options for options in VARIANTS if not (steep and options["bounded"] == "normal")]
 
 
-def test_unit_normal_components_are_refused_where_friction_drowns_them() -> None:
+def test_unit_normal_components_are_refused_at_extreme_friction() -> None:
     with pytest.raises(SettingError, match="friction must stay below 1e\\+06"):
-        epsilon(grasps.around_a_ball("pair", friction=1e9), bounded="normal")
+        epsilon(grasps.regular_on_ball("pair", friction=1e9), bounded="normal")
 
 
 @pytest.mark.parametrize("name", DEGENERATE)
-def test_degenerate_grasps_have_sound_answers(name: str) -> None:
+def test_degenerate_grasps_have_valid_results(name: str) -> None:
     contacts = DEGENERATE[name]
     for options in variants(contacts):
         bound = bound_on_epsilon(
             contacts, options["actuation"], options["bounded"], options["cone_offset"]
         )
         for edges in (None, 3, 4, 8):
-            answer = epsilon(contacts, edges=edges, **options)
-            case = f"{name}, edges={edges}, {options}: {answer}"
-            assert is_sound(answer), case
-            assert answer.lower <= bound * (1.0 + SLACK) + 1e-11, case
+            result = epsilon(contacts, edges=edges, **options)
+            case = f"{name}, edges={edges}, {options}: {result}"
+            assert is_valid(result), case
+            assert result.lower <= bound * (1.0 + ROUNDING) + 1e-11, case
 
 
 @pytest.mark.parametrize("name", DEGENERATE)
-def test_degenerate_grasps_prove_their_closure(name: str) -> None:
+def test_certificates_of_degenerate_grasps_are_valid(name: str) -> None:
     contacts = DEGENERATE[name]
     for edges in (None, 3, 4, 8):
         check_certificate(contacts, force_closure(contacts, edges=edges), edges=edges)
         for options in variants(contacts):
-            answer = epsilon(contacts, edges=edges, **options)
-            missing = np.isnan(answer.certificate.equilibrium).any()
-            assert not (answer.closed and missing), f"{name}, edges={edges}, {options}: {answer}"
+            result = epsilon(contacts, edges=edges, **options)
+            missing = np.isnan(result.certificate.equilibrium).any()
+            assert not (result.closed and missing), f"{name}, edges={edges}, {options}: {result}"
 
 
 @pytest.mark.parametrize("gap", [1e-11, 1e-9, 1e-8, 1e-7, 1e-6, 1e-4])
 def test_just_off_a_line_the_lower_bound_is_certified(gap: float) -> None:
-    """The torque about the line bounds epsilon; rank 6 means that it counts."""
+    """At rank 6 the torque about the line bounds epsilon."""
     contacts = grasps.just_off_a_line(gap)
     about_the_line = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0])
     for edges in (3, 4, 8, 12, 16):
         for bounded in ("force", "normal"):
-            answer = epsilon(contacts, edges=edges, bounded=bounded)  # type: ignore[arg-type]
+            result = epsilon(contacts, edges=edges, bounded=bounded)  # type: ignore[arg-type]
             rows = wrenches(contacts, edges=edges, bounded=bounded)  # type: ignore[arg-type]
-            if answer.rank == 6:
-                assert answer.lower <= (rows @ about_the_line).max() + 1e-11, (edges, bounded)
+            if result.rank == 6:
+                assert result.lower <= (rows @ about_the_line).max() + 1e-11, (edges, bounded)
 
 
 @pytest.mark.parametrize("noise", [0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4])
 @pytest.mark.parametrize("name", grasps.REGULAR_SHAPES)
-def test_regular_grasps_with_noise_have_sound_answers_near_the_regular_one(
+def test_regular_grasps_with_noise_have_valid_results_near_the_regular_one(
     name: str, noise: float
 ) -> None:
     rng = np.random.default_rng(1)
@@ -893,121 +901,125 @@ def test_regular_grasps_with_noise_have_sound_answers_near_the_regular_one(
     points = exact + noise * rng.normal(size=(8, *exact.shape))
     normals = -exact + noise * rng.normal(size=(8, *exact.shape))
     noisy = Contacts(points, normals, 0.5, 0.1)
-    regular = grasps.around_a_ball(name, torsion_radius=0.1)
+    regular = grasps.regular_on_ball(name, torsion_radius=0.1)
     for edges in (None, 4, 8):
-        answers, expected = epsilon(noisy, edges=edges), epsilon(regular, edges=edges)
-        assert is_sound(answers)
-        near = 20.0 * noise + SLACK
-        assert (answers.lower <= expected.upper + near).all()
-        assert (answers.upper >= expected.lower - near).all()
+        results, expected = epsilon(noisy, edges=edges), epsilon(regular, edges=edges)
+        assert is_valid(results)
+        near = 20.0 * noise + ROUNDING
+        assert (results.lower <= expected.upper + near).all()
+        assert (results.upper >= expected.lower - near).all()
 
 
 @pytest.mark.parametrize("name", grasps.REGULAR_SHAPES)
 @pytest.mark.parametrize("kind", ["total", "per_finger"])
 def test_circular_cones_of_regular_hard_grasps_converge(name: str, kind: Any) -> None:
-    answer = epsilon(grasps.around_a_ball(name), actuation=kind)
-    assert answer.status == Status.CONVERGED
-    assert answer.upper - answer.lower <= RTOL * answer.upper
-    assert answer.closed
-    polygon = epsilon(grasps.around_a_ball(name), edges=24, actuation=kind)
-    assert answer.upper >= polygon.value - 1e-12
-    assert answer.lower < 1.2 * polygon.value
+    result = epsilon(grasps.regular_on_ball(name), actuation=kind)
+    assert result.status == Status.CONVERGED
+    assert result.upper - result.lower <= RTOL * result.upper
+    assert result.closed
+    polygon = epsilon(grasps.regular_on_ball(name), edges=24, actuation=kind)
+    assert result.upper >= polygon.value - 1e-12
+    assert result.lower < 1.2 * polygon.value
 
 
 @pytest.mark.parametrize("count", [2, 3])
 def test_three_hundred_edges_approach_the_circle(count: int) -> None:
-    contacts = grasps.changed(grasps.drawn(count, 0, soft=count == 2), friction=0.8)
+    contacts = grasps.changed(grasps.random_grasp(count, 0, soft=count == 2), friction=0.8)
     fine = epsilon(contacts, edges=300, bounded="normal")
     circle = epsilon(contacts, bounded="normal")
-    assert is_sound(fine)
+    assert is_valid(fine)
     assert fine.value <= circle.upper
     assert fine.value >= circle.lower * (1.0 - 1e-3)
 
 
-def test_on_the_boundary_of_the_hull_a_grasp_is_open() -> None:
+def test_a_grasp_with_the_origin_on_the_hull_is_not_force_closed() -> None:
     simplex = np.vstack([np.eye(6), -np.ones((1, 6))])
     on_a_facet = simplex - simplex[:6].mean(axis=0)
     on_a_corner = simplex - simplex[0]
     for rows in (on_a_facet, on_a_corner):
-        answer = epsilon_of_wrenches(rows)
-        assert is_sound(answer)
-        assert not answer.closed
-        assert answer.upper < 1e-8
+        result = epsilon_of_wrenches(rows)
+        assert is_valid(result)
+        assert not result.closed
+        assert result.upper < 1e-8
 
 
-def test_wrenches_that_are_all_nothing() -> None:
-    answer = epsilon_of_wrenches(np.zeros((2, 5, 6)))
-    assert answer.rank.tolist() == [0, 0]
-    assert answer.upper.tolist() == [0.0, 0.0]
-    assert is_sound(answer)
+def test_zero_wrenches() -> None:
+    result = epsilon_of_wrenches(np.zeros((2, 5, 6)))
+    assert result.rank.tolist() == [0, 0]
+    assert result.upper.tolist() == [0.0, 0.0]
+    assert is_valid(result)
 
 
-def test_coincident_rows_change_nothing() -> None:
-    rows = wrenches(grasps.around_a_ball("triangle"), edges=8)
+def test_duplicated_rows_do_not_change_epsilon() -> None:
+    rows = wrenches(grasps.regular_on_ball("triangle"), edges=8)
     rng = np.random.default_rng(0)
     for noise in (0.0, 1e-16, 1e-14, 1e-12):
         doubled = np.vstack([rows, rows]) + noise * rng.normal(size=(2 * len(rows), 6))
-        answer = epsilon_of_wrenches(doubled)
-        assert is_sound(answer)
-        assert answer.value == pytest.approx(epsilon_of_wrenches(rows).value, abs=1e-9)
+        result = epsilon_of_wrenches(doubled)
+        assert is_valid(result)
+        assert result.value == pytest.approx(epsilon_of_wrenches(rows).value, abs=1e-9)
 
 
-# Room
+# Capacity of the polytope
 
 
 @pytest.fixture
-def rooms(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, int], None]:
-    """Sets the least and the most room for a hull; this thread starts with none."""
+def set_capacity(monkeypatch: pytest.MonkeyPatch) -> Callable[[int, int], None]:
+    """Sets the initial and the largest capacity of polytopes; the thread's own is discarded."""
 
-    def set_rooms(first: int, last: int) -> None:
-        monkeypatch.setattr(wrench_problem, "FIRST_FACETS", first)
-        monkeypatch.setattr(wrench_problem, "LAST_FACETS", last)
+    def set_capacities(first: int, last: int) -> None:
+        monkeypatch.setattr(wrench_problem, "INITIAL_FACETS", first)
+        monkeypatch.setattr(wrench_problem, "MAX_FACETS", last)
         monkeypatch.setattr(wrench_problem, "_local", threading.local())
 
-    return set_rooms
+    return set_capacities
 
 
-def test_a_hull_that_outgrows_its_room_gets_more(rooms: Callable[[int, int], None]) -> None:
+def test_a_hull_that_exceeds_its_capacity_gets_a_larger_polytope(
+    set_capacity: Callable[[int, int], None],
+) -> None:
     contacts = random_contacts(Shape(4, 8, soft=False), 40, seed=0)
     groups = contacts_in_groups(contacts, 8)
-    usual, usual_least = epsilon(contacts), smallest_epsilon(groups)
-    rooms(16, 1 << 18)
-    grown, grown_least = epsilon(contacts), smallest_epsilon(groups)
+    usual, usual_smallest = epsilon(contacts), smallest_epsilon(groups)
+    set_capacity(16, 1 << 18)
+    grown, grown_smallest = epsilon(contacts), smallest_epsilon(groups)
     for name in ("lower", "upper", "rank", "status", "closed"):
         np.testing.assert_array_equal(getattr(usual, name), getattr(grown, name))
     np.testing.assert_array_equal(usual.certificate.equilibrium, grown.certificate.equilibrium)
-    np.testing.assert_array_equal(usual_least.index, grown_least.index)
-    np.testing.assert_array_equal(usual_least.lower, grown_least.lower)
+    np.testing.assert_array_equal(usual_smallest.index, grown_smallest.index)
+    np.testing.assert_array_equal(usual_smallest.lower, grown_smallest.lower)
 
 
 @pytest.mark.parametrize("name", ["triangle", "tetrahedron"])
 @pytest.mark.parametrize("last", [64, 256, 1024])
-def test_what_outgrows_all_room_is_said_so_and_its_bounds_hold(
-    name: str, last: int, rooms: Callable[[int, int], None]
+def test_a_hull_that_exceeds_the_largest_capacity_is_exhausted_with_valid_bounds(
+    name: str, last: int, set_capacity: Callable[[int, int], None]
 ) -> None:
-    contacts = grasps.around_a_ball(name)
+    contacts = grasps.regular_on_ball(name)
     usual = epsilon(contacts, rtol=1e-3)
-    rooms(32, last)
-    answer = epsilon(grasps.stacked([contacts, contacts]), rtol=1e-6)
-    assert answer.status.tolist() == [Status.EXHAUSTED] * 2
-    assert is_sound(answer)
-    assert (answer.lower <= usual.upper).all()
-    assert (usual.lower <= answer.upper).all()
-    assert answer.lower[0] == answer.lower[1]
+    set_capacity(32, last)
+    result = epsilon(grasps.stacked([contacts, contacts]), rtol=1e-6)
+    assert result.status.tolist() == [Status.EXHAUSTED] * 2
+    assert is_valid(result)
+    assert (result.lower <= usual.upper).all()
+    assert (usual.lower <= result.upper).all()
+    assert result.lower[0] == result.lower[1]
 
 
-def test_an_exhausted_answer_that_is_closed_proves_it(rooms: Callable[[int, int], None]) -> None:
-    rooms(32, 1024)
-    contacts = grasps.around_a_ball("tetrahedron")
-    answer = epsilon(contacts, rtol=1e-6)
-    assert answer.status == Status.EXHAUSTED
-    assert answer.closed
-    check_certificate(contacts, answer)
+def test_an_exhausted_result_that_is_closed_has_a_valid_certificate(
+    set_capacity: Callable[[int, int], None],
+) -> None:
+    set_capacity(32, 1024)
+    contacts = grasps.regular_on_ball("tetrahedron")
+    result = epsilon(contacts, rtol=1e-6)
+    assert result.status == Status.EXHAUSTED
+    assert result.closed
+    check_certificate(contacts, result)
 
 
-# What is refused
+# Errors
 
-TRIPLE = grasps.around_a_ball("triangle")
+TRIPLE = grasps.regular_on_ball("triangle")
 
 
 @pytest.mark.parametrize(
@@ -1040,11 +1052,11 @@ TRIPLE = grasps.around_a_ball("triangle")
         ),
     ],
 )
-def test_settings_out_of_range(options: dict[str, Any], message: str) -> None:
+def test_settings_out_of_range_are_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         epsilon(TRIPLE, **options)
     with pytest.raises(SettingError, match=message):
-        smallest_epsilon(grasps.stacked([TRIPLE, TRIPLE]), **options)
+        smallest_epsilon(grasps.stacked([TRIPLE, TRIPLE]), **with_options(**options))
     if set(options) <= {"edges", "cone_offset", "phase", "threads"}:
         with pytest.raises(SettingError, match=message):
             force_closure(TRIPLE, **options)
@@ -1066,7 +1078,7 @@ def test_minimum_needs_candidates() -> None:
         ([[0.0] * 6, [0, 0, 0, math.inf, 0, 0]], r"wrenches must be finite; inf at \(1, 3\)"),
     ],
 )
-def test_wrenches_that_are_none(rows: Any, message: str) -> None:
+def test_invalid_wrenches_are_refused(rows: Any, message: str) -> None:
     with pytest.raises(ContactError, match=message):
         epsilon_of_wrenches(rows)
 
@@ -1078,8 +1090,8 @@ def test_closure_and_the_critical_angle_agree() -> None:
     np.testing.assert_array_equal(force_closure(contacts).closed[clear], gap[clear] > 0.0)
 
 
-def test_hard_grasps_do_not_gain_from_soft_ones_beside_them() -> None:
-    alone = grasps.around_a_ball("triangle")
+def test_hard_grasps_are_not_affected_by_soft_ones_in_the_batch() -> None:
+    alone = grasps.regular_on_ball("triangle")
     mixed = Contacts(
         np.stack([alone.points] * 2), np.stack([alone.normals] * 2), 0.5, [[0.0] * 3, [0.3] * 3]
     )
@@ -1091,10 +1103,10 @@ def test_hard_grasps_do_not_gain_from_soft_ones_beside_them() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-6, 1.0, 1e6])
-def test_closure_depends_neither_on_place_nor_on_size(size: float) -> None:
-    contacts = grasps.around_a_ball("tetrahedron", friction=0.2)
+def test_closure_depends_neither_on_position_nor_on_size(size: float) -> None:
+    contacts = grasps.regular_on_ball("tetrahedron", friction=0.2)
     moved = grasps.changed(contacts, points=size * contacts.points + 1e3 * size)
-    answer = force_closure(moved)
-    assert answer.closed
-    assert answer.rank == 6
-    check_certificate(moved, answer)
+    result = force_closure(moved)
+    assert result.closed
+    assert result.rank == 6
+    check_certificate(moved, result)

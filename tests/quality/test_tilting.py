@@ -1,4 +1,4 @@
-"""Laws first: no tilt leaves the range; then known values, and what a sampled minimum misses."""
+"""Tests of `epsilon_range`: random tilts stay within it, closed forms, and sampled minima."""
 
 import math
 from typing import Any
@@ -10,24 +10,26 @@ from grasp3d import Contacts, epsilon
 from grasp3d.contact.friction_cones import tilted_normals
 from grasp3d.errors import SettingError
 from grasp3d.quality import smallest_epsilon, tilting
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
 from tests.helpers import oracles
-from tests.helpers.tilts import anywhere, every, with_normals
+from tests.helpers.grasps import with_options
+from tests.helpers.tilts import all_combinations, random_tilts, with_normals
 
 RTOL = 1e-2
 BETA = math.atan(0.5)
-SHARP = 1e-3
+FINE_RTOL = 1e-3
 
 
 def grasps(count: int, fingers: int = 2, seed: int = 0, **properties: Any) -> Contacts:
-    """Mostly closed: on a sphere off the COM, with normals about toward its middle."""
+    """Mostly force-closed grasps of a sphere off the centre of mass, with inexact normals."""
     rng = np.random.default_rng(seed)
-    places = rng.normal(size=(count, fingers, 3))
+    points = rng.normal(size=(count, fingers, 3))
     if fingers == 2:
-        places[:, 1] = 0.3 * rng.normal(size=(count, 3)) - places[:, 0]
-    places /= np.linalg.norm(places, axis=-1, keepdims=True)
-    normals = 0.2 * rng.normal(size=places.shape) - places
-    return Contacts(places + 0.3 * rng.normal(size=(count, 1, 3)), normals, **properties)
+        points[:, 1] = 0.3 * rng.normal(size=(count, 3)) - points[:, 0]
+    points /= np.linalg.norm(points, axis=-1, keepdims=True)
+    normals = 0.2 * rng.normal(size=points.shape) - points
+    return Contacts(points + 0.3 * rng.normal(size=(count, 1, 3)), normals, **properties)
 
 
 def tilted(contacts: Contacts, tilt: float, rng: np.random.Generator) -> Contacts:
@@ -38,7 +40,7 @@ def tilted(contacts: Contacts, tilt: float, rng: np.random.Generator) -> Contact
     return Contacts(contacts.points, normals, contacts.friction, contacts.torsion_radius)
 
 
-def pole_to_pole(**properties: Any) -> Contacts:
+def opposite_poles(**properties: Any) -> Contacts:
     """Two fingers at the ends of a diameter of the unit ball."""
     return Contacts([[0, 0, -1], [0, 0, 1]], [[0, 0, 1], [0, 0, -1]], **properties)
 
@@ -55,10 +57,10 @@ SETTINGS = [
 
 @pytest.mark.parametrize("fingers", [2, 3])
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
-def test_no_tilt_is_better_than_the_maximum(settings: dict[str, Any], fingers: int) -> None:
+def test_no_tilt_exceeds_the_maximum(settings: dict[str, Any], fingers: int) -> None:
     options = dict(settings)
     contacts = grasps(30, fingers, torsion_radius=options.pop("torsion_radius", 0.0))
-    found = epsilon_range(contacts, 0.3, rtol=RTOL, **options)
+    found = epsilon_range(contacts, 0.3, **with_options(rtol=RTOL, **options))
     assert (found.minimum <= found.nominal).all()
     assert (found.nominal <= found.maximum).all()
     assert (found.nominal > 0.0).any()
@@ -70,36 +72,38 @@ def test_no_tilt_is_better_than_the_maximum(settings: dict[str, Any], fingers: i
 
 @pytest.mark.parametrize("actuation", ["total", "per_finger"])
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_no_tilt_of_hard_fingers_is_worse_than_the_minimum_and_one_reaches_it(
+def test_no_tilt_of_hard_fingers_is_below_the_minimum_and_one_attains_it(
     fingers: int, actuation: Any
 ) -> None:
     tilt = 0.15
     contacts = grasps(30, fingers)
-    found = epsilon_range(contacts, tilt, rtol=RTOL, actuation=actuation)
+    found = epsilon_range(contacts, tilt, options=EpsilonOptions(rtol=RTOL, actuation=actuation))
     rng = np.random.default_rng(2)
     for _ in range(10):
         other = epsilon(tilted(contacts, tilt, rng), rtol=RTOL, actuation=actuation)
         assert (other.upper >= found.minimum).all()
-    hardest = epsilon(contacts, cone_offset=-tilt, rtol=RTOL, actuation=actuation)
-    u = hardest.certificate.direction
-    against = u[:, None, :3] + np.cross(u[:, None, 3:], contacts.points)
-    worst = Contacts(contacts.points, turned_away(contacts.normals, against, tilt))
-    reached = epsilon(worst, rtol=RTOL, actuation=actuation)
-    assert (reached.lower <= hardest.upper + 1e-12).all()
+    narrow = epsilon(contacts, cone_offset=-tilt, rtol=RTOL, actuation=actuation)
+    u = narrow.certificate.direction
+    velocity = u[:, None, :3] + np.cross(u[:, None, 3:], contacts.points)
+    worst = Contacts(contacts.points, turned_away(contacts.normals, velocity, tilt))
+    attained = epsilon(worst, rtol=RTOL, actuation=actuation)
+    assert (attained.lower <= narrow.upper + 1e-12).all()
 
 
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
-def test_no_tilt_leaves_the_range_where_each_contact_has_its_own(settings: dict[str, Any]) -> None:
+def test_no_tilt_leaves_the_range_with_a_different_tilt_at_each_contact(
+    settings: dict[str, Any],
+) -> None:
     options = dict(settings)
     rng = np.random.default_rng(3)
     friction = rng.uniform(0.3, 1.0, size=(30, 3))
     contacts = grasps(30, 3, friction=friction, torsion_radius=options.pop("torsion_radius", 0.0))
     tilt = rng.uniform(0.0, 0.25, size=(30, 3)) * (rng.random((30, 3)) < 0.8)
-    found = epsilon_range(contacts, tilt, rtol=RTOL, **options)
+    found = epsilon_range(contacts, tilt, **with_options(rtol=RTOL, **options))
     exact = "edges" not in options and not contacts.torsion_radius.any()
     for _ in range(20):
         other = epsilon(
-            with_normals(contacts, anywhere(contacts.normals, tilt, rng)), rtol=RTOL, **options
+            with_normals(contacts, random_tilts(contacts.normals, tilt, rng)), rtol=RTOL, **options
         )
         assert (other.lower <= found.maximum).all()
         assert not exact or (other.upper >= found.minimum).all()
@@ -108,39 +112,39 @@ def test_no_tilt_leaves_the_range_where_each_contact_has_its_own(settings: dict[
 
 
 @pytest.mark.parametrize("torsion", [0.0, 0.1])
-def test_the_same_tilt_everywhere_is_one_tilt(torsion: float) -> None:
+def test_one_tilt_for_all_equals_an_array_of_equal_tilts(torsion: float) -> None:
     contacts = grasps(12, torsion_radius=torsion)
-    one = epsilon_range(contacts, 0.2, rtol=RTOL)
+    one = epsilon_range(contacts, 0.2, options=EpsilonOptions(rtol=RTOL))
     for tilt in (np.full(2, 0.2), np.full((12, 2), 0.2), np.full((12, 1), 0.2)):
-        many = epsilon_range(contacts, tilt, rtol=RTOL)
+        many = epsilon_range(contacts, tilt, options=EpsilonOptions(rtol=RTOL))
         for name in ("nominal", "minimum", "maximum"):
             np.testing.assert_array_equal(getattr(many, name), getattr(one, name))
 
 
 @pytest.mark.parametrize("torsion", [0.0, 0.1])
-def test_grasps_of_a_batch_keep_their_own_tilts(
+def test_each_grasp_of_a_batch_has_its_own_tilts(
     torsion: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     contacts = grasps(6, torsion_radius=torsion)
     tilt = np.random.default_rng(0).uniform(0.0, 0.4, size=(6, 2))
     tilt[2] = 0.0
-    monkeypatch.setattr(tilting, "PART", 4)
-    whole = epsilon_range(contacts, tilt, rtol=SHARP)
+    monkeypatch.setattr(tilting, "CHUNK", 4)
+    whole = epsilon_range(contacts, tilt, options=EpsilonOptions(rtol=FINE_RTOL))
     for b in range(6):
         alone = Contacts(contacts.points[b], contacts.normals[b], 0.5, torsion)
-        one = epsilon_range(alone, tilt[b], rtol=SHARP)
+        one = epsilon_range(alone, tilt[b], options=EpsilonOptions(rtol=FINE_RTOL))
         for name in ("nominal", "minimum", "maximum"):
             assert getattr(one, name) == pytest.approx(getattr(whole, name)[b], rel=1e-9)
 
 
-def test_the_minimum_of_soft_fingers_takes_each_tilt_at_its_contact() -> None:
+def test_the_minimum_of_soft_fingers_uses_the_tilt_of_each_contact() -> None:
     contacts, tilt = grasps(4, torsion_radius=0.1), np.array([0.3, 0.05])
-    found = epsilon_range(contacts, tilt, rtol=SHARP).minimum
+    found = epsilon_range(contacts, tilt, options=EpsilonOptions(rtol=FINE_RTOL)).minimum
     for b in range(4):
         alone = Contacts(contacts.points[b], contacts.normals[b], 0.5, 0.1)
         tested = [tilted_normals(n, t) for n, t in zip(alone.normals, tilt, strict=True)]
-        least = epsilon(every(alone, tested), rtol=SHARP).upper.min()
-        assert (1.0 - 2.0 * SHARP) * least <= found[b] <= least
+        smallest = epsilon(all_combinations(alone, tested), rtol=FINE_RTOL).upper.min()
+        assert (1.0 - 2.0 * FINE_RTOL) * smallest <= found[b] <= smallest
 
 
 def turned_away(normals: np.ndarray, goals: np.ndarray, tilt: float) -> np.ndarray:
@@ -151,16 +155,16 @@ def turned_away(normals: np.ndarray, goals: np.ndarray, tilt: float) -> np.ndarr
     return result
 
 
-def test_sampled_tilts_miss_the_worst_but_find_nothing_below_it() -> None:
+def test_sampled_tilts_miss_the_minimum_but_are_not_below_it() -> None:
     tilt = 0.15
     contacts = grasps(40)
-    exact = epsilon_range(contacts, tilt, rtol=SHARP).minimum
-    around = tilted_normals(contacts.normals, tilt)  # (b, 2, k, 3)
+    exact = epsilon_range(contacts, tilt, options=EpsilonOptions(rtol=FINE_RTOL)).minimum
+    sampled_normals = tilted_normals(contacts.normals, tilt)  # (b, 2, k, 3)
     pairs = np.stack(
-        [around[:, [0, 1], [i, j]] for i in range(9) for j in range(9)], axis=1
+        [sampled_normals[:, [0, 1], [i, j]] for i in range(9) for j in range(9)], axis=1
     )  # (b, k * k, 2, 3)
-    places = np.broadcast_to(contacts.points[:, None], pairs.shape)
-    sampled = smallest_epsilon(Contacts(places, pairs), rtol=SHARP)
+    points = np.broadcast_to(contacts.points[:, None], pairs.shape)
+    sampled = smallest_epsilon(Contacts(points, pairs), options=EpsilonOptions(rtol=FINE_RTOL))
     assert (sampled.upper >= exact).all()
     assert (sampled.lower > 1.01 * exact).any()
     assert sampled.lower == pytest.approx(exact, abs=0.03)
@@ -169,38 +173,42 @@ def test_sampled_tilts_miss_the_worst_but_find_nothing_below_it() -> None:
 def test_the_minimum_of_soft_fingers_is_that_of_all_combinations_of_tilts() -> None:
     tilt = 0.2
     contacts = grasps(6, torsion_radius=0.1)
-    found = epsilon_range(contacts, tilt, rtol=SHARP)
+    found = epsilon_range(contacts, tilt, options=EpsilonOptions(rtol=FINE_RTOL))
     for b in range(6):
         values = [
-            epsilon(Contacts(contacts.points[b], [m, n], 0.5, 0.1), rtol=SHARP)
+            epsilon(Contacts(contacts.points[b], [m, n], 0.5, 0.1), rtol=FINE_RTOL)
             for m in tilted_normals(contacts.normals[b, 0], tilt)
             for n in tilted_normals(contacts.normals[b, 1], tilt)
         ]
-        least = min(value.upper for value in values)
-        assert (1.0 - 2.0 * SHARP) * least <= found.minimum[b] <= least
+        smallest = min(value.upper for value in values)
+        assert (1.0 - 2.0 * FINE_RTOL) * smallest <= found.minimum[b] <= smallest
 
 
 def test_without_a_tilt_all_three_are_the_same() -> None:
     for torsion in (0.0, 0.1):
-        found = epsilon_range(grasps(30, torsion_radius=torsion), 0.0, rtol=SHARP)
+        found = epsilon_range(
+            grasps(30, torsion_radius=torsion), 0.0, options=EpsilonOptions(rtol=FINE_RTOL)
+        )
         assert np.array_equal(found.minimum, found.nominal)
-        assert found.maximum == pytest.approx(found.nominal, rel=2.0 * SHARP)
+        assert found.maximum == pytest.approx(found.nominal, rel=2.0 * FINE_RTOL)
 
 
 @pytest.mark.parametrize("tilt", [0.1, 0.3, 0.5])
-def test_pole_to_pole_has_a_closed_form(tilt: float) -> None:
-    """Total: u = (s, t/2, t/2) in (normal, force across, torque across) is hardest to resist."""
+def test_two_fingers_at_opposite_poles_have_a_closed_form(tilt: float) -> None:
+    """Total: u = (s, t/2, t/2) in (normal, tangential force, torque) is hardest to resist."""
 
     def total(angle: float) -> float:
-        across = math.sqrt(2.0) * math.tan(max(angle, 0.0) / 2.0)
-        return across / math.hypot(1.0, across)
+        tangential = math.sqrt(2.0) * math.tan(max(angle, 0.0) / 2.0)
+        return tangential / math.hypot(1.0, tangential)
 
     def per_finger(angle: float) -> float:
-        across = math.sin(max(angle, 0.0))
-        return math.sqrt(2.0) * across / math.hypot(1.0, across)
+        tangential = math.sin(max(angle, 0.0))
+        return math.sqrt(2.0) * tangential / math.hypot(1.0, tangential)
 
     for actuation, value in (("total", total), ("per_finger", per_finger)):
-        found = epsilon_range(pole_to_pole(), tilt, actuation=actuation, rtol=RTOL)  # type: ignore[arg-type]
+        found = epsilon_range(
+            opposite_poles(), tilt, options=EpsilonOptions(actuation=actuation, rtol=RTOL)
+        )  # type: ignore[arg-type]
         assert found.nominal == pytest.approx(value(BETA), rel=RTOL)
         assert found.minimum == pytest.approx(value(BETA - tilt), rel=RTOL)
         assert found.maximum == pytest.approx(value(BETA + tilt), rel=RTOL)
@@ -208,24 +216,26 @@ def test_pole_to_pole_has_a_closed_form(tilt: float) -> None:
         assert found.maximum >= value(BETA + tilt)
 
 
-def test_from_a_tilt_of_the_friction_angle_on_nothing_is_certain() -> None:
+def test_the_minimum_is_zero_from_a_tilt_of_the_friction_angle_on() -> None:
     for tilt in (BETA, BETA + 0.1, 1.2):
-        assert (epsilon_range(grasps(20), tilt, rtol=RTOL).minimum == 0.0).all()
+        assert (
+            epsilon_range(grasps(20), tilt, options=EpsilonOptions(rtol=RTOL)).minimum == 0.0
+        ).all()
 
 
-def test_polygons_come_near_their_cones_from_below() -> None:
-    """However many their edges, they miss the cap between the rim and the unit ball."""
+def test_polygons_approach_their_cones_from_below() -> None:
+    """However many edges, they do not contain the cap between the rim and the unit ball."""
     contacts = grasps(30)
-    round_ones = epsilon_range(contacts, 0.15, rtol=SHARP)
+    circular = epsilon_range(contacts, 0.15, options=EpsilonOptions(rtol=FINE_RTOL))
     before = np.zeros(30)
     for edges in (4, 8, 64):
-        found = epsilon_range(contacts, 0.15, edges=edges, rtol=SHARP)
-        assert (found.nominal <= (1.0 + 2.0 * SHARP) * round_ones.nominal).all()
+        found = epsilon_range(contacts, 0.15, options=EpsilonOptions(edges=edges, rtol=FINE_RTOL))
+        assert (found.nominal <= (1.0 + 2.0 * FINE_RTOL) * circular.nominal).all()
         assert (found.nominal >= before).all()
-        assert np.array_equal(found.maximum, round_ones.maximum)
+        assert np.array_equal(found.maximum, circular.maximum)
         before = found.nominal
-    assert (found.nominal >= 0.9 * round_ones.nominal).all()
-    assert found.minimum == pytest.approx(round_ones.minimum, abs=5e-3)
+    assert (found.nominal >= 0.9 * circular.nominal).all()
+    assert found.minimum == pytest.approx(circular.minimum, abs=5e-3)
 
 
 @pytest.mark.parametrize("factor", [1e-3, 1e3])
@@ -233,33 +243,37 @@ def test_polygons_come_near_their_cones_from_below() -> None:
 def test_the_unit_of_length_does_not_matter(factor: float, torsion: float) -> None:
     contacts = grasps(20, torsion_radius=torsion)
     scaled = Contacts(factor * contacts.points, contacts.normals, 0.5, factor * torsion)
-    own = epsilon_range(contacts, 0.2, torque_scale=1.3, rtol=SHARP)
-    other = epsilon_range(scaled, 0.2, torque_scale=1.3 * factor, rtol=SHARP)
+    own = epsilon_range(contacts, 0.2, options=EpsilonOptions(torque_scale=1.3, rtol=FINE_RTOL))
+    other = epsilon_range(
+        scaled, 0.2, options=EpsilonOptions(torque_scale=1.3 * factor, rtol=FINE_RTOL)
+    )
     for name in ("nominal", "minimum", "maximum"):
-        assert getattr(other, name) == pytest.approx(getattr(own, name), rel=2.0 * SHARP)
+        assert getattr(other, name) == pytest.approx(getattr(own, name), rel=2.0 * FINE_RTOL)
 
 
 @pytest.mark.parametrize("torsion", [0.0, 0.1])
-def test_parts_threads_and_axes_change_nothing(
+def test_chunks_threads_and_batch_axes_do_not_change_results(
     torsion: float, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     contacts = grasps(12, torsion_radius=torsion)
-    whole = epsilon_range(contacts, 0.2, rtol=RTOL)
-    monkeypatch.setattr(tilting, "PART", 5)
-    shares: list[float] = []
+    whole = epsilon_range(contacts, 0.2, options=EpsilonOptions(rtol=RTOL))
+    monkeypatch.setattr(tilting, "CHUNK", 5)
+    fractions: list[float] = []
     shaped = Contacts(
         contacts.points.reshape(3, 4, 2, 3), contacts.normals.reshape(3, 4, 2, 3), 0.5, torsion
     )
-    parted = epsilon_range(shaped, 0.2, rtol=RTOL, threads=2, progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+    chunked = epsilon_range(
+        shaped, 0.2, options=EpsilonOptions(rtol=RTOL, threads=2), progress=fractions.append
+    )
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
     for name in ("nominal", "minimum", "maximum"):
-        np.testing.assert_allclose(getattr(parted, name).ravel(), getattr(whole, name), rtol=1e-9)
-        assert getattr(parted, name).shape == (3, 4)
+        np.testing.assert_allclose(getattr(chunked, name).ravel(), getattr(whole, name), rtol=1e-9)
+        assert getattr(chunked, name).shape == (3, 4)
 
 
-def test_one_grasp_and_no_grasp() -> None:
-    one = epsilon_range(pole_to_pole(), 0.1)
+def test_a_single_grasp_and_an_empty_batch() -> None:
+    one = epsilon_range(opposite_poles(), 0.1)
     assert isinstance(one, EpsilonRange)
     assert one.nominal.shape == ()
     none = epsilon_range(Contacts(np.zeros((0, 2, 3)), np.zeros((0, 2, 3))), 0.1)
@@ -267,9 +281,9 @@ def test_one_grasp_and_no_grasp() -> None:
 
 
 @pytest.mark.parametrize("tilt", [-0.1, math.pi / 2.0])
-def test_a_tilt_out_of_range_is_an_error(tilt: float) -> None:
+def test_a_tilt_out_of_range_is_refused(tilt: float) -> None:
     with pytest.raises(SettingError, match="tilt must be from 0 to below pi/2"):
-        epsilon_range(pole_to_pole(), tilt)
+        epsilon_range(opposite_poles(), tilt)
 
 
 @pytest.mark.parametrize(
@@ -283,13 +297,13 @@ def test_a_tilt_out_of_range_is_an_error(tilt: float) -> None:
         ([[0.1, 0.2]], r"tilt must be one number or have shape \(2,\); got \(1, 2\)"),
     ],
 )
-def test_tilts_that_fit_no_contact_are_an_error(tilt: Any, message: str) -> None:
+def test_tilts_of_a_wrong_type_or_shape_are_refused(tilt: Any, message: str) -> None:
     with pytest.raises(SettingError, match=message):
-        epsilon_range(pole_to_pole(), tilt)
+        epsilon_range(opposite_poles(), tilt)
 
 
-def test_only_where_normals_may_tilt_friction_is_needed() -> None:
-    contacts = pole_to_pole(friction=[0.5, 0.0])
+def test_friction_is_needed_only_where_normals_may_tilt() -> None:
+    contacts = opposite_poles(friction=[0.5, 0.0])
     narrower = epsilon(contacts, cone_offset=[-0.2, 0.0])
     assert epsilon_range(contacts, [0.2, 0.0]).minimum == narrower.lower > 0.0
     with pytest.raises(SettingError, match="friction must be above 0 where normals may tilt"):

@@ -17,10 +17,10 @@ seeds = st.integers(0, 100_000)
 
 @given(seeds, st.integers(1, 5), st.integers(3, 12), st.floats(0.01, 100.0), st.floats(-4.0, 4.0))
 @settings(max_examples=50)
-def test_a_wrench_is_the_force_and_its_torque_by_the_torque_scale(
+def test_a_wrench_is_the_force_and_its_torque_divided_by_the_torque_scale(
     seed: int, fingers: int, edges: int, torque_scale: float, phase: float
 ) -> None:
-    contacts = grasps.drawn(max(fingers, 2), seed)
+    contacts = grasps.random_grasp(max(fingers, 2), seed)
     rows = wrenches(contacts, edges=edges, torque_scale=torque_scale, phase=phase)
     forces = cone_edges(contacts.normals, contacts.friction_angle, edges=edges, phase=phase)
     torques = np.cross(contacts.points[:, None], forces) / torque_scale
@@ -31,7 +31,7 @@ def test_a_wrench_is_the_force_and_its_torque_by_the_torque_scale(
 @given(seeds, st.floats(1e-9, 1e9))
 @settings(max_examples=50)
 def test_the_mesh_unit_and_the_torque_scale_cancel(seed: int, unit: float) -> None:
-    contacts = grasps.drawn(2, seed, soft=True)
+    contacts = grasps.random_grasp(2, seed, soft=True)
     scaled = grasps.changed(
         contacts, points=unit * contacts.points, torsion_radius=unit * contacts.torsion_radius
     )
@@ -43,7 +43,7 @@ def test_the_mesh_unit_and_the_torque_scale_cancel(seed: int, unit: float) -> No
 @given(seeds)
 @settings(max_examples=20)
 def test_unit_normal_components_lengthen_the_edges(seed: int) -> None:
-    contacts = grasps.drawn(3, seed)
+    contacts = grasps.random_grasp(3, seed)
     by_force = wrenches(contacts, edges=8).reshape(3, 8, 6)
     by_normal = wrenches(contacts, edges=8, bounded="normal").reshape(3, 8, 6)
     lengths = 1.0 / np.cos(contacts.friction_angle)
@@ -52,7 +52,7 @@ def test_unit_normal_components_lengthen_the_edges(seed: int) -> None:
     np.testing.assert_allclose(components, 1.0, rtol=1e-14)
 
 
-def test_the_rows_of_the_reference() -> None:
+def test_wrenches_equal_those_of_the_reference() -> None:
     for case in grasps.reference("epsilon.json"):
         rows = wrenches(
             grasps.of_case(case), edges=case["edges"], torque_scale=case["torque_scale"]
@@ -62,7 +62,7 @@ def test_the_rows_of_the_reference() -> None:
         np.testing.assert_allclose(rows, expected, rtol=0.0, atol=1e-15, err_msg=str(case["id"]))
 
 
-def test_soft_fingers_add_their_torsion_both_ways() -> None:
+def test_soft_fingers_add_torsion_in_both_senses() -> None:
     contacts = Contacts([[0.0, 0.0, -2.0]], [[0.0, 0.0, 1.0]], 0.5, 0.3)
     rows = wrenches(contacts, edges=4, torque_scale=2.0)
     assert rows.shape == (6, 6)
@@ -78,8 +78,8 @@ def test_one_soft_finger_gives_all_contacts_the_same_number_of_rows() -> None:
     np.testing.assert_array_equal(rows[1, 5], rows[1, 6])
 
 
-def test_a_batch_is_its_grasps_one_by_one() -> None:
-    many = grasps.stacked([grasps.drawn(3, seed) for seed in range(6)])
+def test_a_batch_equals_its_grasps_one_by_one() -> None:
+    many = grasps.stacked([grasps.random_grasp(3, seed) for seed in range(6)])
     rows = wrenches(many, edges=8)
     assert rows.shape == (6, 24, 6)
     for i in range(6):
@@ -87,32 +87,32 @@ def test_a_batch_is_its_grasps_one_by_one() -> None:
 
 
 def test_every_wrench_is_linear_in_the_axes() -> None:
-    contacts = grasps.drawn(2, 3, soft=True)
+    contacts = grasps.random_grasp(2, 3, soft=True)
     axes = wrench_axes(contacts.points, contacts.normals, contacts.torsion_radius, 0.7)
     beta = contacts.friction_angle[0]
-    edge = wrenches(contacts, edges=4, torque_scale=0.7)[1]  # a quarter turn: the second tangent
+    edge = wrenches(contacts, edges=4, torque_scale=0.7)[1]  # at 90 degrees: the second tangent
     mixed = math.cos(beta) * axes[0, 0] + math.sin(beta) * axes[0, 2]
     np.testing.assert_allclose(edge, mixed, atol=1e-15)
 
 
-def spread(normals: Any) -> Contacts:
+def at_one_point(normals: Any) -> Contacts:
     return Contacts([[1.0, 2.0, 3.0]] * len(normals), normals, 0.5)
 
 
 TWO_SOFT = Contacts(grasps.PAIR, -grasps.PAIR, 0.5, 0.1)
 RANKS = {
-    "one contact": (spread([[0, 0, 1]]), 3),
+    "one contact": (at_one_point([[0, 0, 1]]), 3),
     "one soft contact": (Contacts([[1.0, 2.0, 3.0]], [[0, 0, 1]], 0.5, 0.1), 4),
-    "all at one place": (spread([[0, 0, 1], [0, 1, 0], [1, 1, 1]]), 3),
-    "two hard": (grasps.drawn(2, 0), 5),
-    "two hard, antipodal": (grasps.around_a_ball("pair"), 5),
+    "all at one point": (at_one_point([[0, 0, 1], [0, 1, 0], [1, 1, 1]]), 3),
+    "two hard": (grasps.random_grasp(2, 0), 5),
+    "two hard, antipodal": (grasps.regular_on_ball("pair"), 5),
     "three on a line": (grasps.LINE, 5),
-    "three on a line, normals alike": (grasps.changed(grasps.LINE, normals=[[0, 0, 1.0]] * 3), 5),
+    "three on a line, equal normals": (grasps.changed(grasps.LINE, normals=[[0, 0, 1.0]] * 3), 5),
     "two soft": (TWO_SOFT, 6),
     "one soft, one hard": (grasps.changed(TWO_SOFT, torsion_radius=[0.1, 0.0]), 6),
-    "three": (grasps.drawn(3, 0), 6),
-    "three at 120 degrees": (grasps.around_a_ball("triangle"), 6),
-    "five": (grasps.drawn(5, 0), 6),
+    "three": (grasps.random_grasp(3, 0), 6),
+    "three at 120 degrees": (grasps.regular_on_ball("triangle"), 6),
+    "five": (grasps.random_grasp(5, 0), 6),
 }
 
 
@@ -131,7 +131,7 @@ def test_ranks_of_known_grasps(name: str, unit: float) -> None:
 
 @pytest.mark.parametrize("noise", [1e-16, 1e-14, 1e-12])
 @pytest.mark.parametrize("name", RANKS)
-def test_rounding_adds_no_rank(name: str, noise: float) -> None:
+def test_rounding_errors_do_not_add_rank(name: str, noise: float) -> None:
     contacts, rank = RANKS[name]
     rng = np.random.default_rng(0)
     for _ in range(20):
@@ -150,7 +150,7 @@ def test_the_basis_spans_the_rows(seed: int, rank: int) -> None:
     np.testing.assert_allclose(rows @ basis.T @ basis, rows, atol=1e-9 * np.abs(rows).max())
 
 
-def test_span_of_little_or_nothing() -> None:
+def test_span_of_empty_zero_and_single_rows() -> None:
     assert span(np.zeros((4, 6))).shape == (0, 6)
     assert span(np.zeros((0, 6))).shape == (0, 6)
     only_torque = span([[0, 0, 0, 0, 0, 3.0]])
@@ -163,7 +163,7 @@ def test_a_triple_just_off_a_line_has_the_sixth_dimension() -> None:
 
 
 @pytest.mark.parametrize("rows", [np.zeros(6), np.zeros((2, 3)), np.full((1, 6), math.nan)])
-def test_span_refuses_what_are_no_wrenches(rows: np.ndarray) -> None:
+def test_span_refuses_other_shapes_and_infinite_values(rows: np.ndarray) -> None:
     with pytest.raises(ContactError, match=r"wrenches must be finite and of shape \(k, 6\); got"):
         span(rows)
 
@@ -180,7 +180,7 @@ def test_span_refuses_what_are_no_wrenches(rows: np.ndarray) -> None:
         ({"bounded": "length"}, "no bound is called 'length'; known: force, normal"),
     ],
 )
-def test_settings_out_of_range(options: dict[str, Any], message: str) -> None:
+def test_settings_out_of_range_are_refused(options: dict[str, Any], message: str) -> None:
     with pytest.raises(SettingError, match=message):
         wrenches(grasps.LINE, **options)
 

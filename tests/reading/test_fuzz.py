@@ -1,4 +1,4 @@
-"""Damaged files of every format: a mesh, or a refusal in one line, and nothing else."""
+"""Damaged files of every format: either a mesh or an error of one line."""
 
 import json
 import random
@@ -49,64 +49,66 @@ Mutation = Callable[[random.Random], bytes]
 
 
 def bytes_of(data: bytes, chance: random.Random) -> bytes:
-    """Flip, replace, delete, insert, cut, repeat; the head is met more often than by its size."""
+    """Flip, replace, delete, insert, truncate or repeat bytes, in the header more often."""
     found = bytearray(data)
     for _ in range(chance.choice([1, 1, 2, 5])):
         size = max(len(found), 1)
-        at = chance.randrange(min(size, 400) if chance.random() < 0.4 else size)
+        start = chance.randrange(min(size, 400) if chance.random() < 0.4 else size)
         kind = chance.randrange(7)
         if kind == 0:
-            found[at : at + 1] = bytes([(found[at] if found else 0) ^ 1 << chance.randrange(8)])
+            found[start : start + 1] = bytes(
+                [(found[start] if found else 0) ^ 1 << chance.randrange(8)]
+            )
         elif kind == 1:
-            found[at : at + 1] = chance.randbytes(1)
+            found[start : start + 1] = chance.randbytes(1)
         elif kind == 2:
-            del found[at : at + chance.choice([1, 4, 50, 1000])]
+            del found[start : start + chance.choice([1, 4, 50, 1000])]
         elif kind == 3:
-            found[at:at] = chance.randbytes(chance.choice([1, 4, 20]))
+            found[start:start] = chance.randbytes(chance.choice([1, 4, 20]))
         elif kind == 4:
-            del found[at:]
+            del found[start:]
         elif kind == 5:
-            start = chance.randrange(size)
-            found[at:at] = found[start : start + chance.choice([4, 50, 500])]
+            source = chance.randrange(size)
+            found[start:start] = found[source : source + chance.choice([4, 50, 500])]
         else:
-            found[at : at + 1] = chance.choice(WORDS)
+            found[start : start + 1] = chance.choice(WORDS)
     return bytes(found)
 
 
 def numbers_of(text: bytes, chance: random.Random) -> bytes:
-    """Replace whole numbers of a text."""
+    """Replace numbers of a text."""
     found = list(re.finditer(rb"-?\d+(\.\d+)?", text))
-    for place in sorted(chance.sample(found, chance.choice([1, 1, 3])), key=lambda m: -m.start()):
-        text = text[: place.start()] + chance.choice(WORDS[:9]) + text[place.end() :]
+    for match in sorted(chance.sample(found, chance.choice([1, 1, 3])), key=lambda m: -m.start()):
+        text = text[: match.start()] + chance.choice(WORDS[:9]) + text[match.end() :]
     return text
 
 
 def json_of(tree: Any, chance: random.Random) -> Any:
-    """Replace, drop or swap entries of a tree, which remains one."""
+    """Replace, remove or copy entries of a JSON tree."""
     for _ in range(chance.choice([1, 1, 2, 4])):
-        places = inner(tree)
-        if not places:
+        entries = inner(tree)
+        if not entries:
             break
-        holder, key = chance.choice(places)
-        other, name = chance.choice(places)
+        parent, key = chance.choice(entries)
+        other, name = chance.choice(entries)
         kind = chance.randrange(4)
         if kind == 0:
-            holder.pop(key)
+            parent.pop(key)
         elif kind == 1:
-            holder[key] = other[name]
-        elif kind == 2 and isinstance(holder[key], int):
-            holder[key] += chance.choice([-1, 1, 4, 1000])
+            parent[key] = other[name]
+        elif kind == 2 and isinstance(parent[key], int):
+            parent[key] += chance.choice([-1, 1, 4, 1000])
         else:
-            holder[key] = chance.choice(NUMBERS)
+            parent[key] = chance.choice(NUMBERS)
         try:
-            tree = json.loads(json.dumps(tree))  # an entry that became part of itself is none
+            tree = json.loads(json.dumps(tree))  # an entry that contains itself is not JSON
         except ValueError:
             tree = mesh_files.tree()
     return tree
 
 
 def inner(tree: Any) -> list[tuple[Any, Any]]:
-    """Every (holder, key) of a tree."""
+    """Return every (parent, key) of a tree."""
     if isinstance(tree, dict):
         keys = list(tree)
     else:
@@ -115,7 +117,7 @@ def inner(tree: Any) -> list[tuple[Any, Any]]:
 
 
 def three_mf_of(change: Callable[[bytes, random.Random], bytes], chance: random.Random) -> bytes:
-    return mesh_files.packed({"3D/3dmodel.model": change(MODEL, chance)})
+    return mesh_files.zipped({"3D/3dmodel.model": change(MODEL, chance)})
 
 
 def glb_of(chance: random.Random) -> bytes:
@@ -154,33 +156,33 @@ KINDS: dict[str, Mutation] = {
     "tree.glb": glb_of,
     "side.gltf": partial(gltf_of, "good.bin"),
     "within.gltf": partial(gltf_of, mesh_files.embedded()),
-    "zip.3mf": partial(bytes_of, mesh_files.packed({"3D/3dmodel.model": MODEL})),
+    "zip.3mf": partial(bytes_of, mesh_files.zipped({"3D/3dmodel.model": MODEL})),
     "xml.3mf": partial(three_mf_of, bytes_of),
     "numbers.3mf": partial(three_mf_of, numbers_of),
 }  # fmt: skip
 
 
 @pytest.mark.parametrize("name", KINDS)
-def test_a_damaged_file_is_a_mesh_or_is_refused(
+def test_a_damaged_file_is_a_mesh_or_is_rejected(
     name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]
 ) -> None:
     (tmp_path / "good.bin").write_bytes(DATA)
-    chance = random.Random(zlib.crc32(name.encode()))  # noqa: S311, it is meant to repeat
-    loaded, told = 0, list[str]()
+    chance = random.Random(zlib.crc32(name.encode()))  # noqa: S311, must be repeatable
+    loaded, errors = 0, list[str]()
     for _ in range(COUNT):
         path = written(tmp_path, name, KINDS[name](chance))
-        begun = time.monotonic()
+        started = time.monotonic()
         try:
             mesh = load_mesh(path)
         except GraspError as error:
-            told.append(str(error))
+            errors.append(str(error))
         else:
             loaded += 1
             assert np.isfinite(mesh.vertices).all()
             assert len(mesh.faces) >= 1
             assert mesh.faces.max() < len(mesh.vertices)
-        assert time.monotonic() - begun < 20.0
-    assert told  # else nothing was damaged
-    assert len(told) + loaded == COUNT
-    assert [text for text in told if not text.isprintable()] == []
+        assert time.monotonic() - started < 20.0
+    assert errors  # otherwise nothing was damaged
+    assert len(errors) + loaded == COUNT
+    assert [text for text in errors if not text.isprintable()] == []
     assert capfd.readouterr().err == ""

@@ -1,4 +1,4 @@
-"""glTF, GLB and 3MF: scenes whose parts must all be there, each in its place."""
+"""glTF, GLB and 3MF: scenes whose parts must all be read, with their transforms."""
 
 import json
 from collections.abc import Callable
@@ -36,7 +36,7 @@ def nothing(_: Tree) -> None:
     pass
 
 
-def test_a_glb_and_a_gltf_with_its_data_beside_or_within(tmp_path: Path) -> None:
+def test_a_glb_and_a_gltf_with_side_files_or_embedded_data(tmp_path: Path) -> None:
     (tmp_path / "parts").mkdir()
     (tmp_path / "parts" / "my data.bin").write_bytes(DATA)
     for uri in ("parts/my%20data.bin", "parts/my data.bin", "./parts/my data.bin"):
@@ -52,7 +52,7 @@ def test_a_glb_and_a_gltf_with_its_data_beside_or_within(tmp_path: Path) -> None
     assert (raw.format, raw.unit) == ("glb", "m")
 
 
-def test_nodes_place_their_mesh_and_their_children(tmp_path: Path) -> None:
+def test_nodes_transform_their_mesh_and_their_children(tmp_path: Path) -> None:
     half = [0.0, 0.0, np.sqrt(0.5), np.sqrt(0.5)]  # a quarter turn about z, as x y z w
 
     def change(tree: Tree) -> None:
@@ -66,16 +66,16 @@ def test_nodes_place_their_mesh_and_their_children(tmp_path: Path) -> None:
 
     raw = scene(tmp_path, change)
     turned = VERTICES[:, [1, 0, 2]] * (-2, 2, 2) + (10, 0, 0)
-    wanted = np.vstack([turned, VERTICES + (10, 5, 0)])
-    assert in_order(raw.vertices) == pytest.approx(in_order(wanted))
+    expected = np.vstack([turned, VERTICES + (10, 5, 0)])
+    assert sorted_rows(raw.vertices) == pytest.approx(sorted_rows(expected))
     assert len(raw.faces) == 8
 
 
-def in_order(rows: np.ndarray) -> np.ndarray:
+def sorted_rows(rows: np.ndarray) -> np.ndarray:
     return np.array(sorted(rows.round(9).tolist()))
 
 
-def test_a_mirrored_part_keeps_its_outside(tmp_path: Path) -> None:
+def test_a_mirrored_part_keeps_its_orientation(tmp_path: Path) -> None:
     raw = scene(tmp_path, lambda tree: tree["nodes"][0].update(scale=[-1, 1, 1]))
     a, b, c = (raw.vertices[raw.faces[:, k]] for k in range(3))
     assert np.einsum("ij,ij->", a, np.cross(b, c)) / 6.0 == pytest.approx(1.0 / 6.0)
@@ -84,10 +84,12 @@ def test_a_mirrored_part_keeps_its_outside(tmp_path: Path) -> None:
 def test_strips_and_corners_without_indices(tmp_path: Path) -> None:
     raw = scene(tmp_path, lambda tree: primitive(tree).update(mode=5))
     strip = FACES.ravel()
-    wanted = [
+    expected = [
         strip[[k, k + 1, k + 2] if k % 2 == 0 else [k + 1, k, k + 2]] for k in range(len(strip) - 2)
     ]
-    assert as_sets(raw.faces) == as_sets(np.array([row for row in wanted if len(set(row)) == 3]))
+    assert normalised(raw.faces) == normalised(
+        np.array([row for row in expected if len(set(row)) == 3])
+    )
 
     def change(tree: Tree) -> None:
         del primitive(tree)["indices"]
@@ -96,8 +98,8 @@ def test_strips_and_corners_without_indices(tmp_path: Path) -> None:
     assert scene(tmp_path, change).faces.tolist() == [[0, 1, 2]]
 
 
-def as_sets(faces: np.ndarray) -> list[list[int]]:
-    """Faces without their degenerate ones, each begun with its smallest corner."""
+def normalised(faces: np.ndarray) -> list[list[int]]:
+    """Sorted faces without degenerate ones, each starting with its smallest vertex number."""
     rows = (row for row in faces.tolist() if len(set(row)) == 3)
     return sorted(row[row.index(min(row)) :] + row[: row.index(min(row))] for row in rows)
 
@@ -124,7 +126,7 @@ def test_interleaved_positions_and_quantized_ones(tmp_path: Path) -> None:
     assert np.array_equal(raw.vertices, VERTICES)
 
 
-def test_what_is_no_surface_is_passed_over(tmp_path: Path) -> None:
+def test_lines_points_and_materials_are_ignored(tmp_path: Path) -> None:
     def change(tree: Tree) -> None:
         tree["meshes"][0]["primitives"] += [
             {"attributes": {"POSITION": 0}, "mode": mode} for mode in range(4)
@@ -141,14 +143,14 @@ def test_what_is_no_surface_is_passed_over(tmp_path: Path) -> None:
 
 
 def at(path: str, value: object) -> Callable[[Tree], None]:
-    """Change of one entry, such as `nodes.0.mesh`."""
+    """Return a function that sets one entry, such as `nodes.0.mesh`."""
 
     def change(tree: Tree) -> None:
-        *way, last = (int(key) if key.isdigit() else key for key in path.split("."))
-        place = tree
-        for key in way:
-            place = place[key]  # type: ignore[index]
-        place[last] = value  # type: ignore[index]
+        *parents, last = (int(key) if key.isdigit() else key for key in path.split("."))
+        entry = tree
+        for key in parents:
+            entry = entry[key]  # type: ignore[index]
+        entry[last] = value  # type: ignore[index]
 
     return change
 
@@ -156,8 +158,8 @@ def at(path: str, value: object) -> Callable[[Tree], None]:
 PART = "meshes.0.primitives.0"
 CHAIN = [{"mesh": 0}, {"children": [2]}, {"children": [1]}]
 MISREAD: dict[str, tuple[Callable[[Tree], None], str]] = {
-    "fans": (at(f"{PART}.mode", 6), "is made of fans"),
-    "mode": (at(f"{PART}.mode", "4"), "is made of fans"),
+    "fans": (at(f"{PART}.mode", 6), "has triangle fans"),
+    "mode": (at(f"{PART}.mode", "4"), "has triangle fans"),
     "sparse": (at("accessors.0.sparse", {"count": 1}), "POSITION of mesh 0 are sparse"),
     "normalized": (at("accessors.0.normalized", 1), "POSITION of mesh 0 are normalized"),
     "compressed": (
@@ -169,38 +171,38 @@ MISREAD: dict[str, tuple[Callable[[Tree], None], str]] = {
     "weights": (at("nodes.0.weights", [0.5]), "node 0 is posed"),
     "morph": (at("meshes.0.weights", [0, 0.5]), "mesh 0 is moved by morph targets"),
     "many": (at("nodes.0.extensions", {"EXT_mesh_gpu_instancing": {}}), "node 0 is instanced"),
-    "from the end": (at("nodes.0.mesh", -1), "mesh of node 0 is no whole number"),
-    "offset": (at("accessors.0.byteOffset", -12), "byteOffset of accessor 0 is no whole number"),
-    "view": (at("bufferViews.0.buffer", 0.5), "buffer of bufferView 0 is no whole number"),
+    "from the end": (at("nodes.0.mesh", -1), "mesh of node 0 is not a whole number"),
+    "offset": (at("accessors.0.byteOffset", -12), "byteOffset of accessor 0 is not a whole number"),
+    "view": (at("bufferViews.0.buffer", 0.5), "buffer of bufferView 0 is not a whole number"),
     "stride": (at("bufferViews.0.byteStride", -12), "byteStride of bufferView 0"),
-    "count": (at("accessors.0.count", 10**12), "promises 1,000,000,000,000 entries"),
+    "count": (at("accessors.0.count", 10**12), "declares 1,000,000,000,000 entries"),
     "short": (at("accessors.0.count", 5), "cannot be read as GLB"),
-    "type": (at("accessors.0.type", "VEC2"), "POSITION of mesh 0 are of a wrong type"),
-    "index type": (at("accessors.1.componentType", 5126), "indices of mesh 0 are of a wrong type"),
-    "indices": (at(f"{PART}.indices", 7), "mesh 0 has no indices that are there"),
-    "position": (at(f"{PART}.attributes", {}), "mesh 0 has no POSITION"),
+    "type": (at("accessors.0.type", "VEC2"), "POSITION of mesh 0 have a wrong type"),
+    "index type": (at("accessors.1.componentType", 5126), "indices of mesh 0 have a wrong type"),
+    "indices": (at(f"{PART}.indices", 7), "mesh 0 has no valid indices"),
+    "position": (at(f"{PART}.attributes", {}), "mesh 0 has no valid POSITION"),
     "twice": (at("nodes", [{"mesh": 0, "children": [1, 1]}, {}]), "has two parents"),
-    "gone": (at("nodes.0.children", [4]), "node 4 is not there"),
-    "no child": (at("nodes.0.children", ["a\nb" * 50]), "node of a child is not there"),
-    "circle": (at("nodes", CHAIN), "its nodes lie within themselves"),
-    "root": (at("scenes.0.nodes", [0, 0]), "a scene has a node that is not there"),
-    "list": (at("accessors", [5]), "its accessors are no list of objects"),
+    "gone": (at("nodes.0.children", [4]), "node 4 does not exist"),
+    "no child": (at("nodes.0.children", ["a\nb" * 50]), "node of a child does not exist"),
+    "circle": (at("nodes", CHAIN), "its nodes form a cycle"),
+    "root": (at("scenes.0.nodes", [0, 0]), "a scene has a node that does not exist"),
+    "list": (at("accessors", [5]), "its accessors are not a list of objects"),
     "infinite": (at("nodes.0.scale", [1e300, 1e300, 1e999]), "cannot be read as GLB|finite"),
-    "address": (at("buffers.0.uri", 7), "the address of a buffer is no text"),
+    "address": (at("buffers.0.uri", 7), "the uri of a buffer is not a text"),
     "embedded": (at("buffers.0.uri", "data:;base64,AAA"), "its embedded data are damaged"),
     "empty": (at("scenes.0.nodes", []), "holds no triangles"),
 }
 
 
 @pytest.mark.parametrize("name", MISREAD)
-def test_what_would_be_misread_is_refused_with_one_line(tmp_path: Path, name: str) -> None:
+def test_content_that_trimesh_misreads_is_rejected_with_one_line(tmp_path: Path, name: str) -> None:
     change, message = MISREAD[name]
     with pytest.raises(MeshError, match=message) as caught:
         scene(tmp_path, change)
     assert "\n" not in str(caught.value)
 
 
-def test_a_corner_beyond_its_part_is_not_one_of_the_next(tmp_path: Path) -> None:
+def test_an_index_beyond_its_part_does_not_refer_to_the_next_part(tmp_path: Path) -> None:
     def change(tree: Tree) -> None:
         tree["meshes"].append(tree["meshes"][0])
         tree["nodes"] = [{"mesh": 0}, {"mesh": 1}]
@@ -211,16 +213,16 @@ def test_a_corner_beyond_its_part_is_not_one_of_the_next(tmp_path: Path) -> None
         scene(tmp_path, change, data)
 
 
-def test_a_damaged_container_is_refused(tmp_path: Path) -> None:
+def test_a_damaged_container_is_rejected(tmp_path: Path) -> None:
     good = mesh_files.glb(mesh_files.tree())
     for data, message in (
-        (good[:-5], "promises 72 bytes, but 67 are left"),
+        (good[:-5], "declares 72 bytes, but 67 are left"),
         (good.replace(b"glTF\x02", b"glTF\x01"), "cannot be read as GLB, version 2"),
         (good.replace(b'{"asset"', b'["asset"'), "its JSON cannot be read"),
     ):
         with pytest.raises(MeshError, match=message):
             read_mesh(written(tmp_path, "a.glb", data))
-    with pytest.raises(MeshError, match="its JSON is no glTF"):
+    with pytest.raises(MeshError, match="its JSON is not a glTF"):
         read_mesh(written(tmp_path, "a.gltf", json.dumps([1])))
 
 
@@ -233,11 +235,11 @@ def test_a_3mf_with_components_transforms_and_units(tmp_path: Path) -> None:
     build = '<item objectid="2" transform="1 0 0 0 1 0 0 0 1 100 0 0"/>' + ITEM(1)
     raw = read_mesh(written(tmp_path, "a.3mf", mesh_files.three_mf(objects, build)))
     turned = VERTICES[:, [1, 0, 2]] * (-2, 2, 2) + (105, 6, 7)
-    wanted = np.vstack([turned, VERTICES + (100, 0, 0), VERTICES])
-    assert in_order(raw.vertices) == pytest.approx(in_order(wanted))
+    expected = np.vstack([turned, VERTICES + (100, 0, 0), VERTICES])
+    assert sorted_rows(raw.vertices) == pytest.approx(sorted_rows(expected))
     assert (raw.format, raw.unit) == ("3mf", "in")
-    for said, unit in (("millimeter", "mm"), ("meter", "m"), ("micron", None)):
-        data = mesh_files.three_mf(objects, build, said)
+    for declared, unit in (("millimeter", "mm"), ("meter", "m"), ("micron", None)):
+        data = mesh_files.three_mf(objects, build, declared)
         assert read_mesh(written(tmp_path, "a.3mf", data)).unit == unit
 
 
@@ -248,7 +250,7 @@ def test_an_object_in_another_file_of_a_3mf(tmp_path: Path) -> None:
     assert np.array_equal(raw.vertices, VERTICES)
 
 
-def test_a_3mf_says_the_same_to_another_reader(tmp_path: Path) -> None:
+def test_another_reader_reads_the_same_3mf(tmp_path: Path) -> None:
     pymeshlab = shapes.reader("pymeshlab")
     path = written(tmp_path, "a.3mf", mesh_files.three_mf(xml_object(1), ITEM(1)))
     meshes = pymeshlab.MeshSet()
@@ -269,7 +271,7 @@ def doubled(times: int) -> str:
 INNER = mesh_files.xml_model(xml_object(1) + xml_object(2), "")
 TWO = xml_components(7, 'p:path="/3D/part.model" objectid="1"')
 BAD_3MF: dict[str, tuple[bytes, str]] = {
-    "doubled": (mesh_files.three_mf(doubled(25), ITEM(26)), "33,554,432 copies of its parts, 10,"),
+    "doubled": (mesh_files.three_mf(doubled(25), ITEM(26)), "33,554,432 copies of its parts, more"),
     "nested": (mesh_files.three_mf(doubled(10), ITEM(11)), "1,024 copies of its parts, of which"),
     "missing": (mesh_files.three_mf(xml_object(1), ITEM(1) + ITEM(2)), "object '2' is missing"),
     "empty": (mesh_files.three_mf(xml_object(1, " "), ITEM(1)), "object '1' is missing, empty"),
@@ -277,19 +279,19 @@ BAD_3MF: dict[str, tuple[bytes, str]] = {
         mesh_files.three_mf(
             xml_components(1, 'objectid="2"') + xml_components(2, 'objectid="1"'), ITEM(1)
         ),
-        "lies within itself",
+        "contains itself",
     ),
-    "two": (mesh_files.three_mf(TWO, ITEM(7), part=INNER), "does not hold just one"),
-    "gone": (mesh_files.three_mf(TWO, ITEM(7)), "does not hold just one"),
+    "two": (mesh_files.three_mf(TWO, ITEM(7), part=INNER), "does not contain exactly one"),
+    "gone": (mesh_files.three_mf(TWO, ITEM(7)), "does not contain exactly one"),
     "item": (
         mesh_files.three_mf(xml_object(1), '<item objectid="1" p:path="/3D/part.model"/>'),
-        "lie in several files",
+        "are in several files",
     ),
     "beyond": (
         mesh_files.three_mf(xml_object(1, mesh_files.xml_mesh(faces=FACES + 4)), ITEM(1)),
         "face 0 uses vertex 4",
     ),
-    "models": (mesh_files.packed({"a.model": ""}), "its XML cannot be read|holds 0 models"),
+    "models": (mesh_files.zipped({"a.model": ""}), "its XML cannot be read|contains 0 models"),
     "nothing": (mesh_files.three_mf("", ""), "holds no triangles"),
     "letters": (
         mesh_files.three_mf(xml_object(1).replace('x="1.0"', 'x="l"'), ITEM(1)),
@@ -299,7 +301,7 @@ BAD_3MF: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", BAD_3MF)
-def test_a_3mf_that_would_be_misread_is_refused(tmp_path: Path, name: str) -> None:
+def test_a_3mf_that_trimesh_misreads_is_rejected(tmp_path: Path, name: str) -> None:
     data, message = BAD_3MF[name]
     with pytest.raises(MeshError, match=message) as caught:
         read_mesh(written(tmp_path, "a.3mf", data))

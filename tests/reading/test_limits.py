@@ -1,4 +1,4 @@
-"""What reading may take, and where it may look: the process that reads, and its limits."""
+"""Limits of reading: memory, time, archives, and files outside the folder."""
 
 import os
 import signal
@@ -32,14 +32,14 @@ def good(folder: Path, name: str = "good.glb") -> Path:
 
 
 def slow(folder: Path, nodes: int = 30_000) -> Path:
-    """A file that takes seconds: its nodes are a long chain."""
+    """A file that takes seconds to read: its nodes are a long chain."""
     tree = mesh_files.tree()
     tree["nodes"] = [*({"children": [k + 1]} for k in range(nodes)), {"mesh": 0}]
     return written(folder, "slow.glb", mesh_files.glb(tree))
 
 
 def large(folder: Path, parts: int) -> Path:
-    """A small file of which each byte begins a number, in each of its parts anew."""
+    """A small file with overlapping numbers, one starting at each byte, used by every part."""
     count = 600_000
     tree = mesh_files.tree()
     tree["bufferViews"] = [{"buffer": 0, "byteLength": count + 12, "byteStride": 1}]
@@ -72,7 +72,7 @@ def test_one_process_reads_many_files(tmp_path: Path) -> None:
 
 @posix
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits of Linux")
-def test_a_file_that_needs_more_memory_than_allowed_is_refused(tmp_path: Path) -> None:
+def test_a_file_that_needs_more_memory_than_allowed_is_rejected(tmp_path: Path) -> None:
     path = large(tmp_path, 7)
     assert path.stat().st_size < 1_000_000
     with pytest.raises(
@@ -84,7 +84,7 @@ def test_a_file_that_needs_more_memory_than_allowed_is_refused(tmp_path: Path) -
     assert is_read(good(tmp_path))
 
 
-def test_a_file_that_takes_too_long_is_refused(
+def test_a_file_that_takes_too_long_is_rejected(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     path = slow(tmp_path)
@@ -98,14 +98,14 @@ def test_a_file_that_takes_too_long_is_refused(
 
 
 @contextmanager
-def reading(path: Path, told: list[str]) -> Iterator[None]:
-    """Read a file in a thread, which has begun when this begins."""
+def reading(path: Path, errors: list[str]) -> Iterator[None]:
+    """Read a file in a thread that was started before the body of the context."""
 
     def read() -> None:
         try:
             read_mesh(path)
         except MeshError as error:
-            told.append(str(error))
+            errors.append(str(error))
 
     thread = threading.Thread(target=read)
     thread.start()
@@ -117,11 +117,11 @@ def reading(path: Path, told: list[str]) -> Iterator[None]:
 @posix
 def test_a_process_that_is_killed_is_replaced(tmp_path: Path) -> None:
     assert is_read(good(tmp_path))
-    told: list[str] = []
-    with reading(slow(tmp_path), told):
+    errors: list[str] = []
+    with reading(slow(tmp_path), errors):
         (process,) = readers()
         process.send_signal(signal.SIGKILL)
-    assert "its reader was killed from outside" in told[0]
+    assert "the process that reads it was killed from outside" in errors[0]
     assert is_read(good(tmp_path))
     (process,) = readers()
     process.kill()
@@ -130,7 +130,7 @@ def test_a_process_that_is_killed_is_replaced(tmp_path: Path) -> None:
 
 
 @posix
-def test_an_interrupted_reading_leaves_no_answer_for_the_next(tmp_path: Path) -> None:
+def test_after_an_interrupt_the_next_file_gets_its_own_answer(tmp_path: Path) -> None:
     def interrupt(*_: object) -> None:
         raise KeyboardInterrupt
 
@@ -149,7 +149,7 @@ def test_an_interrupted_reading_leaves_no_answer_for_the_next(tmp_path: Path) ->
     assert np.array_equal(read_mesh(path).vertices, 3 * VERTICES)
 
 
-def test_a_process_that_cannot_be_started_is_told(
+def test_a_process_that_cannot_be_started_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     for process in readers():
@@ -162,7 +162,7 @@ def test_a_process_that_cannot_be_started_is_told(
     assert is_read(good(tmp_path))
 
 
-def test_threads_may_read_at_once(tmp_path: Path) -> None:
+def test_threads_can_read_at_the_same_time(tmp_path: Path) -> None:
     paths = []
     for k in range(24):
         tree = mesh_files.tree()
@@ -198,7 +198,7 @@ print(len(read_mesh(Path(sys.argv[1])).faces))
 """
 
 
-def test_nothing_is_left_behind(tmp_path: Path) -> None:
+def test_no_process_and_no_warning_remains(tmp_path: Path) -> None:
     script = READ + "import psutil; print(psutil.Process().children()[0].pid)"
     done = run(script, good(tmp_path), flags=("-P", "-W", "error", "-X", "dev"))
     assert (done.returncode, done.stderr) == (0, "")
@@ -217,7 +217,7 @@ isolation.SECONDS = 0.5
 threading.Thread(target=lambda: read_mesh(Path(sys.argv[2])), daemon=True).start()
 time.sleep(0.2)
 print(psutil.Process().children()[0].pid, flush=True)
-if len(sys.argv) > 3 and not os.fork():  # one that lives on, and holds nothing of the other
+if len(sys.argv) > 3 and not os.fork():  # a process that lives on without pipes of its parent
     os.close(1)
     os.close(2)
     time.sleep(15.0)
@@ -228,7 +228,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 
 @posix
 @pytest.mark.parametrize("case", ["idle", "busy", "forked"])
-def test_the_process_ends_with_one_that_is_killed(tmp_path: Path, case: str) -> None:
+def test_the_process_ends_when_its_parent_is_killed(tmp_path: Path, case: str) -> None:
     path = good(tmp_path)
     other = slow(tmp_path, 100_000) if case == "busy" else path
     done = run(ENDED, path, other, *(["fork"] if case == "forked" else []))
@@ -246,11 +246,11 @@ from grasp3d.reading import parsing, read_mesh
 good, slow, text = map(Path, sys.argv[1:])
 read_mesh(good)
 thread = threading.Thread(target=read_mesh, args=(slow,))
-for _ in range(2):  # while the reader is busy, and while it is idle
+for _ in range(2):  # first while the reader is busy, then while it is idle
     if not thread.ident:
         thread.start()
         time.sleep(0.3)
-    parsing._lock.acquire()  # as if another thread were reading here
+    parsing._lock.acquire()  # as if another thread were reading
     pid = os.fork()
     if pid:
         parsing._lock.release()
@@ -265,7 +265,7 @@ for _ in range(2):  # while the reader is busy, and while it is idle
 
 
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
-def test_a_forked_process_reads_for_itself_while_the_other_reads(tmp_path: Path) -> None:
+def test_a_forked_process_reads_while_its_parent_reads(tmp_path: Path) -> None:
     flags = ("-P", "-X", "dev", "-W", "error::ResourceWarning")
     text = written(tmp_path, "a.stl", mesh_files.stl_text())
     done = run(FORKED, good(tmp_path), slow(tmp_path, 8000), text, flags=flags)
@@ -273,29 +273,29 @@ def test_a_forked_process_reads_for_itself_while_the_other_reads(tmp_path: Path)
     assert done.stdout.split() == ["4"] * 4
 
 
-TRAP = "open(__file__ + '.sprung', 'w')\n"
+MARKER = "open(__file__ + '.imported', 'w')\n"
 
 
-def test_modules_of_the_working_folder_are_not_run(tmp_path: Path) -> None:
+def test_modules_of_the_working_folder_are_not_imported(tmp_path: Path) -> None:
     for name in ("json", "trimesh", "numpy", "struct", "signal", "typing"):
-        written(tmp_path, f"{name}.py", TRAP)
+        written(tmp_path, f"{name}.py", MARKER)
     (tmp_path / "grasp3d").mkdir()
-    written(tmp_path / "grasp3d", "__init__.py", TRAP)
+    written(tmp_path / "grasp3d", "__init__.py", MARKER)
     good(tmp_path)
     done = run(READ, "good.glb", cwd=tmp_path)
     assert (done.stdout, done.stderr) == ("4\n", "")
-    assert not list(tmp_path.rglob("*.sprung"))
+    assert not list(tmp_path.rglob("*.imported"))
     done = run(READ, ROOT, "good.glb", flags=("-I",), cwd=tmp_path)
     assert (done.stdout, done.stderr) == ("4\n", "")
     enter = f"import os; import grasp3d.reading.mesh_files; os.chdir({str(tmp_path)!r})\n"
     env = {**os.environ, "PYTHONPATH": ROOT + os.pathsep}  # an empty entry is the working folder
     done = run(enter + READ, "good.glb", cwd=ROOT, env=env)
     assert (done.stdout, done.stderr) == ("4\n", "")
-    assert not list(tmp_path.rglob("*.sprung"))
+    assert not list(tmp_path.rglob("*.imported"))
 
 
 @posix
-def test_a_working_folder_that_is_gone_does_no_harm(tmp_path: Path) -> None:
+def test_files_are_read_after_the_working_folder_was_deleted(tmp_path: Path) -> None:
     (tmp_path / "gone").mkdir()
     leave = f"import os; os.chdir({str(tmp_path / 'gone')!r}); os.rmdir(os.getcwd())"
     done = run(leave + READ, good(tmp_path))
@@ -303,59 +303,59 @@ def test_a_working_folder_that_is_gone_does_no_harm(tmp_path: Path) -> None:
 
 
 @posix
-def test_a_name_that_is_no_text(tmp_path: Path) -> None:
+def test_a_file_name_that_is_not_unicode(tmp_path: Path) -> None:
     name = os.fsdecode(b"\xff\n.glb")
     assert is_read(good(tmp_path, name))
-    with pytest.raises(MeshError, match=r"\\udcff\\n\.glb: a part of it") as caught:
+    with pytest.raises(MeshError, match=r"\\udcff\\n\.glb: a chunk declares") as caught:
         read_mesh(written(tmp_path, name, mesh_files.glb(mesh_files.tree())[:20]))
     assert "\n" not in str(caught.value)
 
 
-def test_deep_json_and_deep_objects_are_refused(tmp_path: Path) -> None:
+def test_deeply_nested_json_and_objects_are_rejected(tmp_path: Path) -> None:
     text = b'{"asset": ' + b"[" * 500_000
     with pytest.raises(MeshError, match="its JSON cannot be read"):
         read_mesh(written(tmp_path, "a.gltf", text))
     rows = [mesh_files.xml_object(0)]
     rows += [mesh_files.xml_components(k + 1, f'objectid="{k}"') for k in range(3000)]
     data = mesh_files.three_mf("".join(rows), '<item objectid="3000"/>')
-    with pytest.raises(MeshError, match="its parts go in circles, or too deep"):
+    with pytest.raises(MeshError, match="its parts are nested in a cycle or too deeply"):
         read_mesh(written(tmp_path, "a.3mf", data))
 
 
 @pytest.mark.parametrize("suffix", ["stl", "ply", "obj", "off"])
-def test_a_large_file_is_refused_before_it_is_read(tmp_path: Path, suffix: str) -> None:
+def test_a_large_file_is_rejected_before_it_is_read(tmp_path: Path, suffix: str) -> None:
     path = written(tmp_path, f"a.{suffix}", "solid")
     os.truncate(path, 10**9)
     with pytest.raises(MeshError, match=r"max_memory is 0\.5 GB; simplify .*--max-memory"):
         read_mesh(path, max_memory=0.5)
 
 
-def test_running_out_of_memory_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_running_out_of_memory_is_reported(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def refuse(_: Path) -> bytes:
         raise MemoryError
 
     monkeypatch.setattr(Path, "read_bytes", refuse)
-    with pytest.raises(MeshError, match="needs more memory than there is"):
+    with pytest.raises(MeshError, match="needs more memory than is available"):
         read_mesh(written(tmp_path, "a.stl", mesh_files.stl_binary()))
 
 
 MODEL = mesh_files.xml_model(mesh_files.xml_object(1), '<item objectid="1"/>')
 DECLARED = MODEL.replace("<model", '<!DOCTYPE model [<!ENTITY a "aa">]><model', 1)
-PACKED = mesh_files.packed({"3D/3dmodel.model": MODEL})
+PACKED = mesh_files.zipped({"3D/3dmodel.model": MODEL})
 ARCHIVES: dict[str, tuple[bytes, str]] = {
-    "entities.3mf": (mesh_files.packed({"3D/3dmodel.model": DECLARED}), "declares a document type"),
+    "entities.3mf": (mesh_files.zipped({"3D/3dmodel.model": DECLARED}), "declares a document type"),
     "wide.3mf": (
-        mesh_files.packed(
+        mesh_files.zipped(
             {"3D/3dmodel.model": DECLARED.replace("UTF-8", "UTF-16").encode("utf-16")}
         ),
         "declares a document type",
     ),
     "strange.3mf": (
-        mesh_files.packed({"3D/3dmodel.model": MODEL.replace("UTF-8", "rot13")}),
+        mesh_files.zipped({"3D/3dmodel.model": MODEL.replace("UTF-8", "rot13")}),
         "its XML cannot be read",
     ),
     "bomb.3mf": (
-        mesh_files.packed({"3D/3dmodel.model": MODEL, "a.png": bytes(20_000_000)}),
+        mesh_files.zipped({"3D/3dmodel.model": MODEL, "a.png": bytes(20_000_000)}),
         "more than 100 times its size",
     ),
     "liar.3mf": (
@@ -363,17 +363,17 @@ ARCHIVES: dict[str, tuple[bytes, str]] = {
         "cannot be read as 3MF",
     ),
     "many.3mf": (
-        mesh_files.packed({f"{k}.txt": "" for k in range(archives.MOST_ENTRIES + 1)}),
-        "holds 10,001 files",
+        mesh_files.zipped({f"{k}.txt": "" for k in range(archives.MOST_ENTRIES + 1)}),
+        "contains 10,001 files",
     ),
     "lzma.3mf": (
-        mesh_files.packed({"3D/3dmodel.model": MODEL}, zipfile.ZIP_LZMA),
-        "is packed in a",
+        mesh_files.zipped({"3D/3dmodel.model": MODEL}, zipfile.ZIP_LZMA),
+        "compression method is not supported",
     ),
     "cut.3mf": (PACKED[:-9], "cannot be read as 3MF"),
     "flipped.3mf": (PACKED[:80] + b"\xff\xff\xff\xff" + PACKED[84:], "cannot be read as 3MF"),
     "prose.3dxml": (b"prose", "cannot be read as 3DXML"),
-    "empty.3dxml": (mesh_files.packed({"a.xml": "<a/>"}), "cannot be read as 3DXML"),
+    "empty.3dxml": (mesh_files.zipped({"a.xml": "<a/>"}), "cannot be read as 3DXML"),
     "entities.xaml": (DECLARED.encode(), "declares a document type"),
     "prose.xaml": (b"prose", "its XML cannot be read"),
     "model.xaml": (MODEL.encode(), "cannot be read as XAML"),
@@ -381,16 +381,16 @@ ARCHIVES: dict[str, tuple[bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", ARCHIVES)
-def test_archives_and_documents_that_are_traps_are_refused(tmp_path: Path, name: str) -> None:
+def test_malicious_archives_and_documents_are_rejected(tmp_path: Path, name: str) -> None:
     data, message = ARCHIVES[name]
     with pytest.raises(MeshError, match=message) as caught:
         read_mesh(written(tmp_path, name, data))
     assert "\n" not in str(caught.value)
 
 
-def test_an_archive_that_needs_more_memory_unpacked_is_refused(tmp_path: Path) -> None:
+def test_an_archive_that_needs_too_much_memory_unpacked_is_rejected(tmp_path: Path) -> None:
     noise = np.random.default_rng(0).bytes(60_000_000)
-    data = mesh_files.packed({"3D/3dmodel.model": MODEL, "a.png": noise}, zipfile.ZIP_STORED)
+    data = mesh_files.zipped({"3D/3dmodel.model": MODEL, "a.png": noise}, zipfile.ZIP_STORED)
     with pytest.raises(MeshError, match=r"max_memory is 0\.5 GB"):
         read_mesh(written(tmp_path, "a.3mf", data), max_memory=0.5)
 
@@ -414,8 +414,8 @@ OUTSIDE = (
 )  # fmt: skip
 
 
-def set_up(tmp_path: Path) -> Path:
-    """A folder whose neighbour is a secret, with links to it and within."""
+def make_folder(tmp_path: Path) -> Path:
+    """A folder beside a secret file, with links to the secret and to a file inside."""
     folder = tmp_path / "folder"
     (folder / "folder").mkdir(parents=True)
     (folder / "deep").symlink_to(tmp_path)
@@ -428,16 +428,16 @@ def set_up(tmp_path: Path) -> Path:
 
 @posix
 @pytest.mark.parametrize("uri", OUTSIDE)
-def test_a_gltf_has_no_way_out_of_its_folder(tmp_path: Path, uri: str) -> None:
-    path = written(set_up(tmp_path), "a.gltf", mesh_files.gltf(mesh_files.tree(), uri))
-    with pytest.raises(MeshError, match=r"asks for|is missing|is no file") as caught:
+def test_a_gltf_cannot_read_files_outside_its_folder(tmp_path: Path, uri: str) -> None:
+    path = written(make_folder(tmp_path), "a.gltf", mesh_files.gltf(mesh_files.tree(), uri))
+    with pytest.raises(MeshError, match=r"refers to|is missing|is not a file") as caught:
         read_mesh(path)
     assert "\n" not in str(caught.value)
 
 
 @posix
-def test_links_within_the_folder_are_followed(tmp_path: Path) -> None:
-    folder = set_up(tmp_path)
+def test_links_inside_the_folder_are_followed(tmp_path: Path) -> None:
+    folder = make_folder(tmp_path)
     assert is_read(written(folder, "a.gltf", mesh_files.gltf(mesh_files.tree(), "in.bin")))
 
 
@@ -466,7 +466,7 @@ for name in sys.argv[1:]:
 
 @posix
 def test_only_the_files_of_the_mesh_are_opened(tmp_path: Path) -> None:
-    folder = set_up(tmp_path)
+    folder = make_folder(tmp_path)
     secret = (tmp_path / "secret.bin").as_uri()
     written(folder, "a.mtl", f"newmtl red\nmap_Kd {tmp_path}/secret.bin\n")
     lines = f"mtllib a.mtl\nmtllib {tmp_path}/secret.bin\nusemtl red\nmap_Kd ../secret.bin\n"
@@ -488,7 +488,7 @@ def test_only_the_files_of_the_mesh_are_opened(tmp_path: Path) -> None:
         "a.gltf": mesh_files.gltf(mesh_files.tree(), "good.bin"),
         "b.gltf": mesh_files.gltf(mesh_files.tree(), "../secret.bin"),
         "c.gltf": mesh_files.gltf(mesh_files.tree(), "http://127.0.0.1:9/a.bin"),
-        "a.3mf": mesh_files.packed(
+        "a.3mf": mesh_files.zipped(
             {"3D/3dmodel.model": MODEL, "_rels/.rels": relations, "../../secret.bin": "x"}
         ),
     }

@@ -1,3 +1,5 @@
+"""Mesh formats: positions and faces in the order of the file, and errors of damaged files."""
+
 import os
 from pathlib import Path
 
@@ -36,7 +38,7 @@ def test_indexed_formats_keep_their_own_order(tmp_path: Path, suffix: str) -> No
     assert raw.format == suffix
 
 
-def test_an_stl_has_each_place_once_in_the_order_of_the_file(tmp_path: Path) -> None:
+def test_an_stl_has_each_position_once_in_the_order_of_the_file(tmp_path: Path) -> None:
     path = tmp_path / "ball.stl"
     vertices, faces = exported(path)
     raw = read_mesh(path)
@@ -59,7 +61,7 @@ def test_a_textured_obj_keeps_its_vertices(tmp_path: Path) -> None:
     assert sorted(map(sorted, raw.faces.tolist())) == [[1, 2, 3], [1, 2, 4], [1, 3, 4], [2, 3, 4]]
 
 
-def test_relative_indices_count_from_where_they_stand(tmp_path: Path) -> None:
+def test_relative_indices_count_from_their_line(tmp_path: Path) -> None:
     (tmp_path / "r.obj").write_text(
         "v 0 0 0\nv 1 0 0\nv 0 1 0\nf -3 -2 -1\nv 0 0 1\nv 1 0 1\nv 0 1 1\nf -3 -2 -1\n",
         encoding="utf-8",
@@ -67,7 +69,7 @@ def test_relative_indices_count_from_where_they_stand(tmp_path: Path) -> None:
     assert read_mesh(tmp_path / "r.obj").faces.tolist() == [[0, 1, 2], [3, 4, 5]]
 
 
-def test_a_scene_becomes_one_mesh_with_each_part_in_its_place(tmp_path: Path) -> None:
+def test_a_scene_becomes_one_mesh_with_transformed_parts(tmp_path: Path) -> None:
     box = trimesh.creation.box()
     scene = trimesh.Scene()
     scene.add_geometry(box)
@@ -89,21 +91,21 @@ def test_common_formats_are_read() -> None:
     assert {".stl", ".obj", ".ply", ".off", ".glb", ".gltf", ".3mf"} <= mesh_suffixes()
 
 
-def places(path: Path) -> np.ndarray:
-    """Corners of each face, each face begun with its first corner in order; rows in order."""
+def face_corners(path: Path) -> np.ndarray:
+    """Sorted corner positions of each face, each face starting with its smallest corner."""
     raw = read_mesh(path)
-    return in_order(raw.vertices[raw.faces])
+    return sorted_faces(raw.vertices[raw.faces])
 
 
-def in_order(corners: np.ndarray) -> np.ndarray:
-    turned = []
+def sorted_faces(corners: np.ndarray) -> np.ndarray:
+    faces = []
     for face in corners.tolist():
         start = min(range(3), key=lambda k: face[k])
-        turned.append([face[(start + k) % 3] for k in range(3)])
-    return np.array(sorted(turned))
+        faces.append([face[(start + k) % 3] for k in range(3)])
+    return np.array(sorted(faces))
 
 
-TETRAHEDRON = in_order(VERTICES[FACES])
+TETRAHEDRON = sorted_faces(VERTICES[FACES])
 STL = mesh_files.stl_text()
 OFF = mesh_files.off_text()
 OBJ = mesh_files.obj_text()
@@ -155,17 +157,17 @@ GOOD: dict[str, str | bytes] = {
 
 
 @pytest.mark.parametrize("name", GOOD)
-def test_the_ways_of_writing_a_tetrahedron(tmp_path: Path, name: str) -> None:
-    assert np.array_equal(places(written(tmp_path, name, GOOD[name])), TETRAHEDRON)
+def test_every_variant_of_a_tetrahedron_is_read(tmp_path: Path, name: str) -> None:
+    assert np.array_equal(face_corners(written(tmp_path, name, GOOD[name])), TETRAHEDRON)
 
 
 POLYGONS = [[0, 1, 2, 3], [3, 4, 0], [0, 4, 3, 2, 1]]
-"""As many corners as three faces of four: trimesh takes the first face for the rule."""
+"""Twelve corners, as of three quads: trimesh assumes that all faces are like the first."""
 
 
 def fans(polygons: list[list[int]]) -> np.ndarray:
     rows = [[p[0], p[k], p[k + 1]] for p in polygons for k in range(1, len(p) - 1)]
-    return in_order(SIX[np.array(rows)])
+    return sorted_faces(SIX[np.array(rows)])
 
 
 @pytest.mark.parametrize("order", ["<", ">"])
@@ -175,14 +177,14 @@ def test_a_binary_ply_of_any_polygons(
     tmp_path: Path, order: str, number: str, polygons: list[list[int]]
 ) -> None:
     data = mesh_files.ply_binary(polygons, order, number)
-    assert np.array_equal(places(written(tmp_path, "a.ply", data)), fans(polygons))
+    assert np.array_equal(face_corners(written(tmp_path, "a.ply", data)), fans(polygons))
     plyfile = shapes.reader("plyfile")
     found = plyfile.PlyData.read(tmp_path / "a.ply")
     assert [row.tolist() for row in found["face"]["vertex_indices"]] == polygons
 
 
 @pytest.mark.parametrize("name", ["a.off", "a.obj", "a.ply"])
-def test_polygons_of_a_text_become_fans(tmp_path: Path, name: str) -> None:
+def test_polygons_of_a_text_file_become_fans(tmp_path: Path, name: str) -> None:
     rows = [" ".join(map(str, row)) for row in SIX.tolist()]
     faces = [f"{len(p)} " + " ".join(map(str, p)) for p in POLYGONS]
     if name == "a.off":
@@ -194,16 +196,18 @@ def test_polygons_of_a_text_become_fans(tmp_path: Path, name: str) -> None:
         head = PLY.replace("vertex 4", "vertex 6").replace("face 4", "face 3")
         lines = [head[: head.index("end_header") + 10], *rows, *faces]
     path = written(tmp_path, name, "\n".join(lines))
-    area = places(path)
-    assert len(area) == 6
-    normals = np.cross(area[:, 1] - area[:, 0], area[:, 2] - area[:, 0]).sum(axis=0)
-    wanted = fans(POLYGONS)
-    other = np.cross(wanted[:, 1] - wanted[:, 0], wanted[:, 2] - wanted[:, 0]).sum(axis=0)
-    assert normals == pytest.approx(other)
+    found, expected = face_corners(path), fans(POLYGONS)
+    assert len(found) == 6
+    assert area_vector(found) == pytest.approx(area_vector(expected))
+
+
+def area_vector(faces: np.ndarray) -> np.ndarray:
+    normals: np.ndarray = np.cross(faces[:, 1] - faces[:, 0], faces[:, 2] - faces[:, 0])
+    return normals.sum(axis=0)
 
 
 @pytest.mark.parametrize("suffix", ["stl", "ply", "obj", "off"])
-def test_other_readers_see_the_same(tmp_path: Path, suffix: str) -> None:
+def test_another_reader_reads_the_same(tmp_path: Path, suffix: str) -> None:
     pymeshlab = shapes.reader("pymeshlab")
     path = tmp_path / f"ball.{suffix}"
     exported(path)
@@ -211,7 +215,7 @@ def test_other_readers_see_the_same(tmp_path: Path, suffix: str) -> None:
     meshes.load_new_mesh(str(path))
     found = meshes.current_mesh()
     corners = found.vertex_matrix()[found.face_matrix()]
-    assert places(path) == pytest.approx(in_order(corners), abs=1e-7)
+    assert face_corners(path) == pytest.approx(sorted_faces(corners), abs=1e-7)
 
 
 BAD: dict[str, tuple[str | bytes, str]] = {
@@ -220,41 +224,41 @@ BAD: dict[str, tuple[str | bytes, str]] = {
     "cut.stl": (STL[:300], "cannot be read as STL: 2 facets with 4 corners, and 0 ends"),
     "corner.stl": (STL.replace("vertex", "vortex", 1), "with 11 corners"),
     "digits.stl": (STL.replace("1.0", "1,0", 1), "could not be read to its end"),
-    "cut_binary.stl": (mesh_files.stl_binary()[:-51], "promises 4 faces, but 2 are there"),
+    "cut_binary.stl": (mesh_files.stl_binary()[:-51], "declares 4 faces, but contains 2"),
     "nan.stl": (mesh_files.stl_binary().replace(b"\x80\x3f\0\0", b"\xc0\x7f\0\0"), "not a finite"),
     "prose.obj": ("f a b c\n", "line 1, .*export the mesh again"),
     "beyond.obj": ("v 0 0 0\nf 1 2 3\n", r"line 2, .* \(there are 1 vertices\)"),
     "zero.obj": (OBJ + "f 0 1 2\n", "a face uses vertex 0"),
     "flat.obj": ("v 0 0\n" + OBJ, "needs three coordinates"),
-    "long.obj": (OBJ + "f " + "1 2 3 " * 400, "a face of 1,200 corners; 3 to 1,000 are read"),
+    "long.obj": (OBJ + "f " + "1 2 3 " * 400, "a face of 1,200 corners; 3 to 1,000 are allowed"),
     "prose.off": ("OFF of the record", "no counts"),
-    "corners.off": (OFF.replace("\n3 0 2 1", "\n4 0 2 1"), "has not the corners"),
-    "letters.off": (OFF.replace("\n3 0 2 1", "\nx 0 2 1"), "has not the corners"),
+    "corners.off": (OFF.replace("\n3 0 2 1", "\n4 0 2 1"), "does not have the corners"),
+    "letters.off": (OFF.replace("\n3 0 2 1", "\nx 0 2 1"), "does not have the corners"),
     "beyond.off": (OFF.replace("\n3 0 2 1", "\n3 0 2 9"), "outside the range"),
-    "long.off": (OFF.replace("\n3 0 2 1", "\n1200" + " 0 1 2" * 400), "3 to 1,000 are read"),
-    "cut.off": (OFF[:-9], "promises 4 vertices and 4 faces"),
-    "bomb.off": (OFF.replace("4 4 6", "4 99999999999 6"), "promises 99,999,999,999 faces"),
+    "long.off": (OFF.replace("\n3 0 2 1", "\n1200" + " 0 1 2" * 400), "3 to 1,000 are allowed"),
+    "cut.off": (OFF[:-9], "declares 4 vertices and 4 faces"),
+    "bomb.off": (OFF.replace("4 4 6", "4 99999999999 6"), "declares 99,999,999,999 faces"),
     "prose.ply": (b"plyx", "cannot be read as PLY"),
     "points.ply": (
         PLY[: PLY.index("element face")] + "end_header\n0 0 0\n",
         "vertices|no triangles",
     ),
-    "unknown.ply": (PLY.replace("double", "number", 1), "cannot be understood"),
-    "length.ply": (PLY.replace("list uchar", "list float"), "cannot be understood"),
-    "nothing.ply": (PLY.replace("element vertex 4", "comment"), "cannot be understood"),
-    "twice.ply": (PLY.replace("double y", "double x"), "with a property twice"),
-    "real.ply": (PLY.replace("uchar int", "uchar float"), "corners that are no whole numbers"),
-    "shift.ply": (PLY.replace("\n3 0 2 1", "\n4 0 2 1"), "has not the numbers"),
-    "word.ply": (PLY.replace("\n3 0 2 1", "\nthree 0 2 1"), "has not the numbers"),
-    "wide.ply": (PLY.replace("\n0.0", "\n7 0.0", 1), "vertex 0 .* has not the numbers"),
+    "unknown.ply": (PLY.replace("double", "number", 1), "is not valid"),
+    "length.ply": (PLY.replace("list uchar", "list float"), "is not valid"),
+    "nothing.ply": (PLY.replace("element vertex 4", "comment"), "is not valid"),
+    "twice.ply": (PLY.replace("double y", "double x"), "has a property twice"),
+    "real.ply": (PLY.replace("uchar int", "uchar float"), "corners that are not whole numbers"),
+    "shift.ply": (PLY.replace("\n3 0 2 1", "\n4 0 2 1"), "has a wrong number of numbers"),
+    "word.ply": (PLY.replace("\n3 0 2 1", "\nthree 0 2 1"), "has a wrong number of numbers"),
+    "wide.ply": (PLY.replace("\n0.0", "\n7 0.0", 1), "vertex 0 .* has a wrong number of numbers"),
     "beyond.ply": (PLY.replace("\n3 0 2 1", "\n3 0 2 9"), "face 0 uses vertex 9, but there are 4"),
     "before.ply": (PLY.replace("\n3 0 2 1", "\n3 0 2 -1"), "face 0 uses vertex -1"),
     "bomb.ply": (
         PLY.replace("vertex 4", "vertex 999999999999"),
-        "promises 999,999,999,999 vertices",
+        "declares 999,999,999,999 vertices",
     ),
-    "less.ply": (PLY.replace("face 4", "face -4"), "promises -4 faces"),
-    "cut_faces.ply": (mesh_files.ply_binary(POLYGONS)[:-30], "promises 3 faces, but 2 are there"),
+    "less.ply": (PLY.replace("face 4", "face -4"), "declares -4 faces"),
+    "cut_faces.ply": (mesh_files.ply_binary(POLYGONS)[:-30], "declares 3 faces, but contains 2"),
     "line.ply": (mesh_files.ply_binary([[0, 1, 2], [0, 1]]), "face 1 has 2 corners"),
     "cut.glb": (b"glTF\x02\x00\x00\x00", "its JSON cannot be read"),
     "drawing.dxf": (b"0", r"files named \*\.dxf are not read"),
@@ -265,7 +269,7 @@ BAD: dict[str, tuple[str | bytes, str]] = {
 
 
 @pytest.mark.parametrize("name", BAD)
-def test_damaged_files_are_refused_with_one_line(tmp_path: Path, name: str) -> None:
+def test_damaged_files_are_rejected_with_one_line(tmp_path: Path, name: str) -> None:
     data, message = BAD[name]
     with pytest.raises(MeshError, match=message) as caught:
         read_mesh(written(tmp_path, name, data))
@@ -276,11 +280,15 @@ def test_damaged_files_are_refused_with_one_line(tmp_path: Path, name: str) -> N
 TWO_LISTS = PLY.replace("end_header", "property list uchar float weights\nend_header")
 
 
-def test_lists_of_differing_lengths_are_read_beside_the_corners_or_refused(tmp_path: Path) -> None:
-    """In a text each line says where it ends; of binary lists only one may vary."""
+def test_other_lists_of_differing_lengths_are_read_from_text_and_rejected_in_binary(
+    tmp_path: Path,
+) -> None:
+    """In a text file the lines delimit the lists; of binary lists only one may vary."""
     text = TWO_LISTS[: TWO_LISTS.index("\n3") + 1]
     rows = [f"3 {a} {b} {c} {n} " + "0.5 " * n for n, (a, b, c) in enumerate(FACES.tolist())]
-    assert np.array_equal(places(written(tmp_path, "a.ply", text + "\n".join(rows))), TETRAHEDRON)
+    assert np.array_equal(
+        face_corners(written(tmp_path, "a.ply", text + "\n".join(rows))), TETRAHEDRON
+    )
     binary = mesh_files.ply_binary(POLYGONS)
     binary = binary.replace(b"property short flag", b"property list uchar uchar flag")
     with pytest.raises(MeshError, match="2 lists of differing lengths"):
@@ -290,7 +298,7 @@ def test_lists_of_differing_lengths_are_read_beside_the_corners_or_refused(tmp_p
         read_mesh(written(tmp_path, "c.ply", binary))
 
 
-def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
+def test_a_missing_file_and_a_folder_have_different_errors(tmp_path: Path) -> None:
     with pytest.raises(MeshError, match="there is no such file"):
         read_mesh(tmp_path / "mug.stl")
     with pytest.raises(MeshError, match="cannot be opened"):
@@ -300,15 +308,15 @@ def test_a_missing_file_and_a_folder_are_told_apart(tmp_path: Path) -> None:
         read_mesh(tmp_path / "folder.stl")
 
 
-@pytest.mark.skipif(os.name != "posix", reason="pipes with names are a thing of POSIX")
-def test_a_pipe_is_not_waited_for(tmp_path: Path) -> None:
+@pytest.mark.skipif(os.name != "posix", reason="named pipes exist on POSIX only")
+def test_a_named_pipe_is_rejected_without_waiting(tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "pipe.stl")
     with pytest.raises(MeshError, match="is not a file"):
         read_mesh(tmp_path / "pipe.stl")
 
 
 @pytest.mark.skipif(os.name != "posix", reason="file names are bytes on POSIX only")
-def test_a_message_is_one_line_whatever_the_file_is_called(tmp_path: Path) -> None:
+def test_a_message_is_one_line_for_any_file_name(tmp_path: Path) -> None:
     path = tmp_path / os.fsdecode(b"two\nlines \xff \xc3\xbc.stl")
     path.write_text("nothing")
     with pytest.raises(MeshError, match=r"two\\nlines \\udcff ü\.stl: cannot") as caught:
@@ -316,7 +324,7 @@ def test_a_message_is_one_line_whatever_the_file_is_called(tmp_path: Path) -> No
     assert "\n" not in str(caught.value)
 
 
-def test_a_file_that_may_not_be_read_and_a_name_that_no_system_takes(
+def test_an_unreadable_file_and_an_invalid_name_are_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(MeshError, match=r"cannot be opened \(File name too long\)"):

@@ -32,12 +32,12 @@ RESOLUTIONS = tuple(np.radians([0.0, 5.0, 22.6, 40.0, 60.0]))
 
 frictions = st.floats(0.05, 3.0)
 resolutions = st.floats(0.0, 3.0)
-shares = st.floats(1e-3, 1.0)
+area_fractions = st.floats(1e-3, 1.0)
 
 
 @st.composite
 def sampled(draw: st.DrawFn) -> SampledAngles:
-    """Angles with ties, creases and places without a grasp."""
+    """Angles with ties, creases and samples without a grasp."""
     angle = st.one_of(st.floats(0.0, math.pi), st.sampled_from([0.0, 0.3, 0.5, math.inf]))
     rows = draw(st.lists(st.tuples(angle, angle, st.floats(0.01, 1.0)), min_size=1, max_size=12))
     first, second, weights = np.array(rows, dtype=np.float64).T
@@ -48,7 +48,7 @@ def sampled(draw: st.DrawFn) -> SampledAngles:
     )
 
 
-def every() -> st.SearchStrategy[AngleDistribution]:
+def distributions() -> st.SearchStrategy[AngleDistribution]:
     return st.one_of(sampled(), st.just(SphereAngles()))
 
 
@@ -58,8 +58,10 @@ def labelled(name: str) -> SurfaceLabels:
     return label_surface(mesh, GraspModel(friction=1.0, sensor_resolution=math.radians(60.0)))
 
 
-@given(every(), frictions, resolutions)
-def test_shares_are_shares(angles: AngleDistribution, friction: float, resolution: float) -> None:
+@given(distributions(), frictions, resolutions)
+def test_fractions_add_up_to_1(
+    angles: AngleDistribution, friction: float, resolution: float
+) -> None:
     fractions = angles.fractions(friction=friction, sensor_resolution=resolution)
     assert list(fractions) == ["S", "M", "U"]
     assert min(fractions.values()) >= -1e-12
@@ -67,8 +69,8 @@ def test_shares_are_shares(angles: AngleDistribution, friction: float, resolutio
     assert 0.5 - 1e-12 <= accuracy_ceiling(fractions) <= 1.0 + 1e-12
 
 
-@given(every(), frictions, st.tuples(resolutions, resolutions))
-def test_a_coarser_sensor_is_sure_of_less(
+@given(distributions(), frictions, st.tuples(resolutions, resolutions))
+def test_a_coarser_sensor_has_smaller_fractions_s_and_u(
     angles: AngleDistribution, friction: float, pair: tuple[float, float]
 ) -> None:
     fine, coarse = (
@@ -79,8 +81,8 @@ def test_a_coarser_sensor_is_sure_of_less(
     assert accuracy_ceiling(coarse) <= accuracy_ceiling(fine) + 1e-12
 
 
-@given(every(), st.tuples(frictions, frictions), resolutions)
-def test_more_friction_never_takes_stability(
+@given(distributions(), st.tuples(frictions, frictions), resolutions)
+def test_more_friction_never_reduces_stability(
     angles: AngleDistribution, pair: tuple[float, float], resolution: float
 ) -> None:
     slippery, rough = (
@@ -91,7 +93,7 @@ def test_more_friction_never_takes_stability(
 
 
 @given(sampled(), frictions, resolutions)
-def test_shares_are_those_of_the_labels(
+def test_fractions_are_those_of_the_labels(
     angles: SampledAngles, friction: float, resolution: float
 ) -> None:
     model = GraspModel(friction=friction, sensor_resolution=resolution)
@@ -106,7 +108,7 @@ def test_shares_are_those_of_the_labels(
 @pytest.mark.slow
 @pytest.mark.parametrize("weights", ["area", "vertex"])
 @pytest.mark.parametrize("name", ["bowl.ply", "wrench.glb"])
-def test_a_surface_has_the_shares_of_its_labels(name: str, weights: str) -> None:
+def test_a_surface_has_the_fractions_of_its_labels(name: str, weights: str) -> None:
     labels = labelled(name)
     angles = labels.angle_distribution(weights=weights)  # type: ignore[arg-type]
     for friction in FRICTIONS:
@@ -118,34 +120,34 @@ def test_a_surface_has_the_shares_of_its_labels(name: str, weights: str) -> None
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.25, 0.5, 0.9])
-def test_a_surface_needs_the_resolution_at_which_its_labels_turn(share: float) -> None:
+@pytest.mark.parametrize("fraction", [0.25, 0.5, 0.9])
+def test_the_required_resolution_is_where_the_labels_of_a_surface_change(fraction: float) -> None:
     labels = labelled("bowl.ply")
     for friction in (0.2, 0.5):
-        needed = labels.angle_distribution().required_resolution(share, friction=friction)
+        needed = labels.angle_distribution().required_resolution(fraction, friction=friction)
         below, above = (
             labels.relabel(friction=friction, sensor_resolution=needed + step).fractions()["S"]
             for step in (-1e-9, 1e-9)
         )
-        assert below >= share > above
+        assert below >= fraction > above
 
 
-@given(every(), shares, frictions)
-def test_just_below_the_required_resolution_the_share_is_stable_and_just_above_not(
-    angles: AngleDistribution, share: float, friction: float
+@given(distributions(), area_fractions, frictions)
+def test_the_fraction_is_stable_just_below_the_required_resolution_and_not_above(
+    angles: AngleDistribution, fraction: float, friction: float
 ) -> None:
-    needed = angles.required_resolution(share, friction=friction)
+    needed = angles.required_resolution(fraction, friction=friction)
 
     def stable(resolution: float) -> float:
         return angles.fractions(friction=friction, sensor_resolution=resolution)["S"]
 
     if needed > 1e-6:
-        assert stable(needed - 1e-7) >= share - 1e-9
-    assert stable(needed + 1e-7) < share
+        assert stable(needed - 1e-7) >= fraction - 1e-9
+    assert stable(needed + 1e-7) < fraction
 
 
-@given(every(), st.tuples(shares, shares), frictions)
-def test_more_of_the_surface_needs_a_finer_sensor(
+@given(distributions(), st.tuples(area_fractions, area_fractions), frictions)
+def test_a_larger_fraction_needs_a_finer_sensor(
     angles: AngleDistribution, pair: tuple[float, float], friction: float
 ) -> None:
     less, more = sorted(pair)
@@ -154,35 +156,41 @@ def test_more_of_the_surface_needs_a_finer_sensor(
     )
 
 
-@given(sampled(), shares)
-def test_quantiles_are_those_of_the_sorted_angles(angles: SampledAngles, share: float) -> None:
+@given(sampled(), area_fractions)
+def test_quantiles_are_those_of_the_sorted_angles(angles: SampledAngles, fraction: float) -> None:
     order = np.argsort(angles.worst)
-    reached = np.cumsum(angles.weights[order])
-    assume(np.abs(reached - share).min() > 1e-8)
-    expected = angles.worst[order][np.searchsorted(reached, share)] if share < reached[-1] else None
+    cumulative = np.cumsum(angles.weights[order])
+    assume(np.abs(cumulative - fraction).min() > 1e-8)
+    expected = (
+        angles.worst[order][np.searchsorted(cumulative, fraction)]
+        if fraction < cumulative[-1]
+        else None
+    )
     assume(expected is not None)
-    found = angles.worst_quantile(share)
+    found = angles.worst_quantile(fraction)
     assert found == pytest.approx(expected, abs=1e-9)
 
 
-@given(shares)
-def test_the_quantile_by_halving_is_the_closed_one(share: float) -> None:
+@given(area_fractions)
+def test_the_quantile_by_bisection_equals_the_closed_form(fraction: float) -> None:
     sphere = SphereAngles()
-    assert AngleDistribution.worst_quantile(sphere, share) == pytest.approx(
-        sphere.worst_quantile(share), abs=2e-6
+    assert AngleDistribution.worst_quantile(sphere, fraction) == pytest.approx(
+        sphere.worst_quantile(fraction), abs=2e-6
     )
 
 
 @given(st.floats(0.01, 1.0), st.floats(0.0, 1.0))
-def test_the_sphere_has_the_formula_of_its_ambiguous_share(friction: float, part: float) -> None:
+def test_the_ambiguous_fraction_of_a_sphere_has_a_closed_form(
+    friction: float, relative: float
+) -> None:
     beta = math.atan(friction)
-    tilt = part * min(beta, math.pi / 2.0 - beta)
+    tilt = relative * min(beta, math.pi / 2.0 - beta)
     fractions = SphereAngles().fractions(friction=friction, sensor_resolution=2.0 * tilt)
     assert fractions["M"] == pytest.approx(math.sin(2.0 * beta) * math.sin(2.0 * tilt), abs=1e-12)
     assert fractions["S"] == pytest.approx(math.sin(beta - tilt) ** 2, abs=1e-12)
 
 
-def test_the_sphere_is_what_random_pairs_on_it_give() -> None:
+def test_the_sphere_agrees_with_random_pairs_on_it() -> None:
     count = 40_000
     random = np.random.default_rng(7)
     points = random.normal(size=(count, 2, 3))
@@ -194,12 +202,12 @@ def test_the_sphere_is_what_random_pairs_on_it_give() -> None:
             labels = label_angles(angles, angles, model)
             exact = SphereAngles().fractions(friction=friction, sensor_resolution=resolution)
             for label in Label:
-                share = exact[label.name]
-                error = 4.0 * math.sqrt(share * (1.0 - share) / count) + 1e-12
-                assert np.mean(labels == label) == pytest.approx(share, abs=error)
+                fraction = exact[label.name]
+                error = 4.0 * math.sqrt(fraction * (1.0 - fraction) / count) + 1e-12
+                assert np.mean(labels == label) == pytest.approx(fraction, abs=error)
 
 
-def test_the_sphere_is_what_a_scan_of_one_gives() -> None:
+def test_the_sphere_agrees_with_a_scan_of_one() -> None:
     scan = scan_surface(mesh_from_arrays(*shapes.sphere(5)), fixed=(0.0, 0.0, 1.0))
     sampled_sphere = scan.angle_distribution()
     for friction in FRICTIONS:
@@ -212,7 +220,7 @@ def test_the_sphere_is_what_a_scan_of_one_gives() -> None:
             )
 
 
-def test_what_was_not_searched_is_not_answered() -> None:
+def test_settings_beyond_the_search_are_refused() -> None:
     angles = SampledAngles(
         np.array([0.1, 0.6]), np.array([0.1, 0.6]), np.array([0.5, 0.5]), limit=0.4
     )
@@ -225,12 +233,12 @@ def test_what_was_not_searched_is_not_answered() -> None:
         angles.required_resolution(0.9, friction=1.0)
 
 
-def test_a_search_in_the_half_space_answers_for_every_setting() -> None:
+def test_a_search_up_to_90_degrees_covers_every_setting() -> None:
     angles = SampledAngles(np.array([0.1]), np.array([0.1]), np.array([1.0]), limit=math.pi / 2.0)
     assert angles.fractions(friction=10.0, sensor_resolution=3.0) == {"S": 0.0, "M": 1.0, "U": 0.0}
 
 
-def test_settings_out_of_range_are_told() -> None:
+def test_settings_out_of_range_are_refused() -> None:
     sphere = SphereAngles()
     with pytest.raises(SettingError, match="friction"):
         sphere.fractions(friction=0.0, sensor_resolution=0.1)
@@ -238,6 +246,6 @@ def test_settings_out_of_range_are_told() -> None:
         sphere.fractions(friction=1.0, sensor_resolution=-0.1)
     with pytest.raises(SettingError, match="friction"):
         sphere.required_resolution(0.5, friction=-1.0)
-    for share in (0.0, 1.1, math.nan):
-        with pytest.raises(SettingError, match="share must be"):
-            sphere.required_resolution(share, friction=1.0)
+    for fraction in (0.0, 1.1, math.nan):
+        with pytest.raises(SettingError, match="fraction must be"):
+            sphere.required_resolution(fraction, friction=1.0)

@@ -1,6 +1,6 @@
-"""What stands beside the labels: proofs, epsilon over the tilts, the normals that attain it.
+"""Results besides the labels: certificates, epsilon over the tilts, and the normals that attain it.
 
-The labels themselves are tested in test_verdicts.
+The labels are tested in test_exact.
 """
 
 import math
@@ -25,13 +25,15 @@ from grasp3d.contact.friction_cones import turned
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality import Status
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.tilting import epsilon_range
 from tests.helpers import grasps
-from tests.helpers.tilts import angles, anywhere, attacked, with_normals
+from tests.helpers.grasps import with_options
+from tests.helpers.tilts import adversarial_epsilons, angles, random_tilts, with_normals
 
 RIGHT = math.pi / 2.0
 RTOL = 1e-3
-SLACK = 1e-9
+ROUNDING = 1e-9
 
 seeds = st.integers(0, 100_000)
 kinds = st.sampled_from(["total", "per_finger"])
@@ -42,19 +44,19 @@ NORMALS = ("worst_normals", "best_normals")
 
 
 def mixed(fingers: int, size: int, seed: int) -> tuple[Contacts, np.ndarray]:
-    """Random grasps with friction and resolution of their own at each contact."""
+    """Random grasps with different friction and resolution at each contact."""
     contacts, _ = random_grasps(fingers, size, seed)
     rng = np.random.default_rng(seed)
     friction = rng.uniform(0.3, 1.2, size=(size, fingers))
-    share = rng.uniform(0.0, 1.0, size=(size, 1)) * rng.uniform(0.5, 1.0, size=(size, fingers))
-    return grasps.changed(contacts, friction=friction), 2.0 * share * np.arctan(friction)
+    fraction = rng.uniform(0.0, 1.0, size=(size, 1)) * rng.uniform(0.5, 1.0, size=(size, fingers))
+    return grasps.changed(contacts, friction=friction), 2.0 * fraction * np.arctan(friction)
 
 
-# Proofs, checked by plain linear algebra
+# Certificates, verified by linear algebra
 
 
 @pytest.mark.parametrize("fingers", [2, 3, 4])
-def test_an_s_is_proved_by_forces_that_every_tilt_allows(fingers: int) -> None:
+def test_forces_inside_the_cones_of_every_tilt_prove_an_s(fingers: int) -> None:
     contacts, resolution = mixed(fingers, 100, 1)
     found = classify(contacts, resolution)
     stable = found.label == Label.S
@@ -66,17 +68,17 @@ def test_an_s_is_proved_by_forces_that_every_tilt_allows(fingers: int) -> None:
     assert np.abs(pushes.sum(axis=1)).max() <= 1e-8
     assert np.abs(np.cross(points, pushes).sum(axis=1)).max() <= 1e-8
     assert (forces[..., 3] == 0.0).all()
-    off = angles(pushes, contacts.normals[stable])
-    assert (off < (contacts.friction_angle - resolution / 2.0)[stable]).all()
-    # So they lie inside the cones of any tilt.
+    to_normals = angles(pushes, contacts.normals[stable])
+    assert (to_normals < (contacts.friction_angle - resolution / 2.0)[stable]).all()
+    # Hence they lie inside the cones at any tilt.
     rng = np.random.default_rng(0)
     for _ in range(10):
-        tilted = anywhere(contacts.normals[stable], (resolution / 2.0)[stable], rng)
+        tilted = random_tilts(contacts.normals[stable], (resolution / 2.0)[stable], rng)
         assert (angles(pushes, tilted) < contacts.friction_angle[stable]).all()
 
 
 @pytest.mark.parametrize("fingers", [2, 3, 4])
-def test_a_u_is_proved_by_a_direction_that_no_tilt_reaches(fingers: int) -> None:
+def test_a_separating_direction_for_every_tilt_proves_a_u(fingers: int) -> None:
     contacts, resolution = mixed(fingers, 100, 2)
     found = classify(contacts, resolution)
     below = (contacts.friction_angle + resolution / 2.0 < RIGHT).all(axis=1)
@@ -86,17 +88,19 @@ def test_a_u_is_proved_by_a_direction_that_no_tilt_reaches(fingers: int) -> None
     u = found.best.certificate.direction[unstable][:, None]
     np.testing.assert_allclose(np.linalg.norm(u, axis=-1), 1.0)
     points, normals = contacts.points[unstable], contacts.normals[unstable]
-    work = u[..., :3] + np.cross(u[..., 3:], points)
+    velocity = u[..., :3] + np.cross(u[..., 3:], points)
     beta, tilt = contacts.friction_angle[unstable], (resolution / 2.0)[unstable]
-    lengths = np.linalg.norm(work, axis=-1)
-    for normal in (normals, anywhere(normals, tilt, np.random.default_rng(0))):
-        off = angles(work, normal)
-        assert (lengths * np.cos(np.maximum(off - beta, 0.0)) <= SLACK).all()
-    assert (lengths * np.cos(np.maximum(angles(work, normals) - beta - tilt, 0.0)) <= SLACK).all()
+    lengths = np.linalg.norm(velocity, axis=-1)
+    for normal in (normals, random_tilts(normals, tilt, np.random.default_rng(0))):
+        to_normals = angles(velocity, normal)
+        assert (lengths * np.cos(np.maximum(to_normals - beta, 0.0)) <= ROUNDING).all()
+    assert (
+        lengths * np.cos(np.maximum(angles(velocity, normals) - beta - tilt, 0.0)) <= ROUNDING
+    ).all()
 
 
 @pytest.mark.parametrize("fingers", [2, 3, 4])
-def test_an_m_has_the_two_proofs_of_what_it_is_not(fingers: int) -> None:
+def test_an_m_has_proofs_that_it_is_neither_s_nor_u(fingers: int) -> None:
     contacts, resolution = mixed(fingers, 100, 3)
     found = classify(contacts, resolution)
     ambiguous = found.label == Label.M
@@ -104,12 +108,12 @@ def test_an_m_has_the_two_proofs_of_what_it_is_not(fingers: int) -> None:
     below = (contacts.friction_angle + resolution / 2.0 < RIGHT).all(axis=1)
     assert found.best.closed[ambiguous & below].all()
     u = found.worst.certificate.direction[:, None]
-    work = u[..., :3] + np.cross(u[..., 3:], contacts.points)
-    away = turned(contacts.normals, -work, resolution / 2.0)
-    off = angles(work, away) - contacts.friction_angle
-    height = np.linalg.norm(work, axis=-1) * np.cos(np.clip(off, 0.0, math.pi))
+    velocity = u[..., :3] + np.cross(u[..., 3:], contacts.points)
+    away = turned(contacts.normals, -velocity, resolution / 2.0)
+    outside = angles(velocity, away) - contacts.friction_angle
+    support = np.linalg.norm(velocity, axis=-1) * np.cos(np.clip(outside, 0.0, math.pi))
     proved = found.worst.status != Status.UNDECIDED
-    assert (height[ambiguous & proved] <= 1e-7).all()
+    assert (support[ambiguous & proved] <= 1e-7).all()
     wide = ~below & found.best.closed
     assert np.isnan(found.best.certificate.equilibrium[wide]).all()
 
@@ -120,16 +124,16 @@ def test_an_m_has_the_two_proofs_of_what_it_is_not(fingers: int) -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("actuation", ["total", "per_finger"])
 @pytest.mark.parametrize(("fingers", "size"), [(2, 70), (3, 70), (4, 60)])
-def test_an_adversary_reaches_epsilon_at_the_effective_friction_and_nothing_below(
+def test_an_adversarial_search_attains_epsilon_min_and_nothing_below(
     fingers: int, size: int, actuation: Any
 ) -> None:
     contacts, _ = random_grasps(fingers, 3 * size, 4)
-    room = contacts.friction_angle[:, 0] - critical_friction_angle(contacts)
-    contacts = grasps.one(contacts, np.flatnonzero(room > 0.0)[:size])
+    margin = contacts.friction_angle[:, 0] - critical_friction_angle(contacts)
+    contacts = grasps.one(contacts, np.flatnonzero(margin > 0.0)[:size])
     rng = np.random.default_rng(fingers)
-    tilt = (room[room > 0.0][:size] * rng.uniform(0.1, 1.05, size=size))[:, None]
+    tilt = (margin[margin > 0.0][:size] * rng.uniform(0.1, 1.05, size=size))[:, None]
     fine = 2e-4
-    found = classify(contacts, 2.0 * tilt, actuation=actuation, rtol=fine)
+    found = classify(contacts, 2.0 * tilt, options=EpsilonOptions(actuation=actuation, rtol=fine))
     expected = epsilon(
         grasps.changed(contacts, friction=effective_friction(contacts.friction, 2.0 * tilt)),
         actuation=actuation, rtol=fine,
@@ -139,34 +143,38 @@ def test_an_adversary_reaches_epsilon_at_the_effective_friction_and_nothing_belo
     closed = expected.closed
     assert len(closed) == size
     assert 0.8 < closed.mean() < 1.0
-    least = np.full(size, math.inf)
-    for lower, upper in attacked(contacts, tilt, actuation, rng, rtol=fine):
-        assert (upper >= expected.lower * (1.0 - SLACK)).all()
-        least = np.minimum(least, lower)
-    assert (least <= expected.upper * (1.0 + RTOL)).all()
-    assert (least[~closed] == 0.0).all()
+    smallest = np.full(size, math.inf)
+    for lower, upper in adversarial_epsilons(contacts, tilt, actuation, rng, rtol=fine):
+        assert (upper >= expected.lower * (1.0 - ROUNDING)).all()
+        smallest = np.minimum(smallest, lower)
+    assert (smallest <= expected.upper * (1.0 + RTOL)).all()
+    assert (smallest[~closed] == 0.0).all()
 
 
 @pytest.mark.parametrize("actuation", ["total", "per_finger"])
 @pytest.mark.parametrize("fingers", [2, 3, 4])
 def test_the_worst_normals_attain_the_smallest_epsilon(fingers: int, actuation: Any) -> None:
     contacts, resolution = mixed(fingers, 80, 5)
-    found = classify(contacts, resolution, actuation=actuation, torque_scale=0.7)
-    assert (angles(contacts.normals, found.worst_normals) <= resolution / 2.0 + SLACK).all()
-    there = epsilon(
+    found = classify(
+        contacts, resolution, options=EpsilonOptions(actuation=actuation, torque_scale=0.7)
+    )
+    assert (angles(contacts.normals, found.worst_normals) <= resolution / 2.0 + ROUNDING).all()
+    attained = epsilon(
         with_normals(contacts, found.worst_normals), actuation=actuation, torque_scale=0.7
     )
     safe = (contacts.friction_angle > resolution / 2.0).all(axis=1)
-    assert (there.upper >= found.epsilon_min * (1.0 - SLACK)).all()
-    assert (there.lower <= found.epsilon_min * (1.0 + 2.0 * RTOL) + 1e-7)[safe].all()
+    assert (attained.upper >= found.epsilon_min * (1.0 - ROUNDING)).all()
+    assert (attained.lower <= found.epsilon_min * (1.0 + 2.0 * RTOL) + 1e-7)[safe].all()
     assert (found.epsilon_min > 0.0).sum() > 10
 
 
 @given(st.integers(2, 4), seeds, kinds)
 @few
-def test_epsilons_come_in_order_and_tell_s_and_u(fingers: int, seed: int, kind: Any) -> None:
+def test_epsilons_are_ordered_and_consistent_with_labels(
+    fingers: int, seed: int, kind: Any
+) -> None:
     contacts, resolution = mixed(fingers, 20, seed)
-    found = classify(contacts, resolution, actuation=kind)
+    found = classify(contacts, resolution, options=EpsilonOptions(actuation=kind))
     assert (found.epsilon_min <= found.epsilon).all()
     assert (found.epsilon <= found.epsilon_max).all()
     assert found.epsilon_effective == pytest.approx(found.epsilon_min, rel=RTOL)
@@ -192,25 +200,25 @@ def test_epsilons_are_those_of_the_range_over_tilts(
 ) -> None:
     contacts, resolution = mixed(2, 15, 6)
     soft = grasps.changed(contacts, torsion_radius=torsion)
-    found = classify(soft, resolution, **options)
-    expected = epsilon_range(soft, resolution / 2.0, **options)
-    assert found.epsilon == pytest.approx(expected.nominal, rel=SLACK)
-    assert found.epsilon_min == pytest.approx(expected.minimum, rel=SLACK)
-    assert found.epsilon_max == pytest.approx(expected.maximum, rel=SLACK)
+    found = classify(soft, resolution, **with_options(**options))
+    expected = epsilon_range(soft, resolution / 2.0, **with_options(**options))
+    assert found.epsilon == pytest.approx(expected.nominal, rel=ROUNDING)
+    assert found.epsilon_min == pytest.approx(expected.minimum, rel=ROUNDING)
+    assert found.epsilon_max == pytest.approx(expected.maximum, rel=ROUNDING)
     narrow = effective_friction(contacts.friction, resolution)
     effective = epsilon(grasps.changed(soft, friction=narrow), **options)
-    assert found.epsilon_effective == pytest.approx(effective.lower, rel=2.0 * RTOL, abs=SLACK)
+    assert found.epsilon_effective == pytest.approx(effective.lower, rel=2.0 * RTOL, abs=ROUNDING)
 
 
 @pytest.mark.parametrize("method", ["exact", "extremes"])
-def test_an_interval_of_friction_widens_the_range_of_epsilon(method: Any) -> None:
+def test_an_interval_of_friction_extends_the_range_of_epsilon(method: Any) -> None:
     contacts, resolution = mixed(2, 20, 7)
     low, high = 0.8 * contacts.friction, 1.3 * contacts.friction
     options: dict[str, Any] = {"method": method, "extreme_normals": 4, "rings": 1}
-    found = classify(contacts, resolution, friction_interval=(low, high), **options)
-    plain = classify(contacts, resolution, **options)
-    below = classify(grasps.changed(contacts, friction=low), resolution, **options)
-    above = classify(grasps.changed(contacts, friction=high), resolution, **options)
+    found = classify(contacts, resolution, friction_interval=(low, high), **with_options(**options))
+    plain = classify(contacts, resolution, **with_options(**options))
+    below = classify(grasps.changed(contacts, friction=low), resolution, **with_options(**options))
+    above = classify(grasps.changed(contacts, friction=high), resolution, **with_options(**options))
     assert found.epsilon == pytest.approx(plain.epsilon)
     assert found.epsilon_min == pytest.approx(below.epsilon_min, rel=2.0 * RTOL)
     assert found.epsilon_max == pytest.approx(above.epsilon_max, rel=2.0 * RTOL)
@@ -226,18 +234,24 @@ def test_an_interval_of_friction_widens_the_range_of_epsilon(method: Any) -> Non
 
 @pytest.mark.parametrize("edges", [None, 6])
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_extremes_stay_inside_what_is_exact(fingers: int, edges: int | None) -> None:
+def test_results_of_method_extremes_lie_within_the_exact_range(
+    fingers: int, edges: int | None
+) -> None:
     contacts, resolution = mixed(fingers, 50, 8)
-    exact = classify(contacts, resolution, threads=None)
+    exact = classify(contacts, resolution, options=EpsilonOptions(threads=None))
     found = classify(
-        contacts, resolution, method="extremes", extreme_normals=6, edges=edges, threads=None
+        contacts,
+        resolution,
+        method="extremes",
+        extreme_normals=6,
+        options=EpsilonOptions(edges=edges, threads=None),
     )
     assert found.combinations == 7**fingers
     assert exact.combinations == 0
     assert (found.hulls <= found.combinations).all()
     assert (found.epsilon_min <= found.epsilon * (1.0 + RTOL)).all()
     assert (found.epsilon <= found.epsilon_max * (1.0 + RTOL)).all()
-    assert (found.epsilon_max <= exact.epsilon_max * (1.0 + RTOL) + SLACK).all()
+    assert (found.epsilon_max <= exact.epsilon_max * (1.0 + RTOL) + ROUNDING).all()
     if edges is None:
         assert (found.epsilon_min >= exact.epsilon_min * (1.0 - RTOL)).all()
         np.testing.assert_array_equal(found.label[exact.label != Label.M], exact.label[
@@ -251,54 +265,54 @@ def test_extremes_stay_inside_what_is_exact(fingers: int, edges: int | None) -> 
         (found.worst_normals, found.epsilon_min),
         (found.best_normals, found.epsilon_max),
     ):
-        assert (angles(contacts.normals, normals) <= resolution / 2.0 + SLACK).all()
+        assert (angles(contacts.normals, normals) <= resolution / 2.0 + ROUNDING).all()
         attained = epsilon(with_normals(contacts, normals), edges=edges)
-        assert attained.lower == pytest.approx(value, rel=RTOL, abs=SLACK)
+        assert attained.lower == pytest.approx(value, rel=RTOL, abs=ROUNDING)
     assert set(found.label) == {0, 1, 2}
 
 
-def test_soft_fingers_gain_epsilon_in_all_six_dimensions_and_no_label() -> None:
+def test_torsion_changes_epsilon_but_not_the_label() -> None:
     contacts, resolution = mixed(2, 15, 9)
     soft = grasps.changed(contacts, torsion_radius=0.1)
     found = classify(soft, resolution, method="extremes", extreme_normals=4)
     hard = classify(contacts, resolution, method="extremes", extreme_normals=4)
     np.testing.assert_array_equal(found.label, hard.label)
     attained = epsilon(with_normals(soft, found.worst_normals))
-    assert attained.lower == pytest.approx(found.epsilon_min, rel=RTOL, abs=SLACK)
+    assert attained.lower == pytest.approx(found.epsilon_min, rel=RTOL, abs=ROUNDING)
     assert (epsilon(soft).rank == 6).all()
     assert not np.allclose(found.epsilon, hard.epsilon)
 
 
-def test_creases_count_in_epsilon_of_the_extremes() -> None:
+def test_creases_affect_epsilon_of_method_extremes() -> None:
     contacts = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]], 0.8)
     faces = np.array([[math.cos(t), math.sin(t), 0.0] for t in (-0.5, 0.5)])
     options: dict[str, Any] = {"method": "extremes", "extreme_normals": 4}
-    plain = classify(contacts, 0.1, **options)
-    found = classify(contacts, 0.1, creases={0: faces}, **options)
+    plain = classify(contacts, 0.1, **with_options(**options))
+    found = classify(contacts, 0.1, creases={0: faces}, **with_options(**options))
     assert found.combinations == (2 * 5 + 1) * 5
     assert plain.combinations == 5 * 5
     assert found.epsilon_min < plain.epsilon_min
     assert found.epsilon_max == pytest.approx(plain.epsilon_max, rel=RTOL)
-    off = angles(found.worst_normals[0], faces).min()
-    assert off == pytest.approx(0.05, abs=SLACK)
+    tilt = angles(found.worst_normals[0], faces).min()
+    assert tilt == pytest.approx(0.05, abs=ROUNDING)
 
 
-# Shapes and laziness
+# Batches and deferred computations
 
 
 @pytest.mark.parametrize("method", ["exact", "extremes"])
 @pytest.mark.parametrize("fingers", [2, 3])
-def test_leading_axes_of_any_shape_give_what_each_grasp_gives(fingers: int, method: Any) -> None:
+def test_a_batch_of_any_shape_equals_its_grasps_one_by_one(fingers: int, method: Any) -> None:
     contacts, resolution = mixed(fingers, 6, 10)
     options: dict[str, Any] = {"method": method, "extreme_normals": 3, "rings": 1}
-    flat = classify(contacts, resolution, **options)
+    flat = classify(contacts, resolution, **with_options(**options))
     shape = (2, 1, 3)
     shaped = Contacts(
         contacts.points.reshape(*shape, fingers, 3),
         contacts.normals.reshape(*shape, fingers, 3),
         contacts.friction.reshape(*shape, fingers),
     )
-    found = classify(shaped, resolution.reshape(*shape, fingers), **options)
+    found = classify(shaped, resolution.reshape(*shape, fingers), **with_options(**options))
     assert found.batch == shape
     for name in ("label", "hulls", *NUMBERS, *NORMALS):
         values = getattr(found, name)
@@ -310,18 +324,18 @@ def test_leading_axes_of_any_shape_give_what_each_grasp_gives(fingers: int, meth
         assert getattr(found, name).closed.shape == shape
         assert getattr(found, name).certificate.equilibrium.shape == (*shape, fingers, 4)
     for g in range(6):
-        alone = classify(grasps.one(contacts, g), resolution[g], **options)
+        alone = classify(grasps.one(contacts, g), resolution[g], **with_options(**options))
         assert alone.label == flat.label[g]
         for name in ("label", "hulls", *NUMBERS):
             assert np.shape(getattr(alone, name)) == ()
-            # One grasp, whose numbers are plain, in a batch rounds otherwise in the last digit.
+            # The last digit may differ between a single grasp and a batch.
             value = getattr(alone, name)
             assert value == pytest.approx(getattr(flat, name)[g], rel=1e-6, abs=1e-9)
         assert alone.worst_normals.shape == (fingers, 3)
         assert np.shape(alone.worst.closed) == ()
 
 
-def test_one_resolution_serves_all_or_each_contact_has_its_own() -> None:
+def test_one_resolution_for_all_equals_an_array_of_equal_ones() -> None:
     contacts, _ = mixed(3, 12, 11)
     one = classify(contacts, 0.3)
     for resolution in (np.full(3, 0.3), np.full((12, 1), 0.3), np.full((12, 3), 0.3)):
@@ -331,7 +345,7 @@ def test_one_resolution_serves_all_or_each_contact_has_its_own() -> None:
 @pytest.mark.parametrize("method", ["exact", "extremes"])
 @pytest.mark.parametrize("fingers", [1, 2, 3])
 @pytest.mark.parametrize("creases", [None, {0: [[1, 0, 0], [0, 1, 0]]}])
-def test_no_grasps_have_no_labels(method: Any, fingers: int, creases: Any) -> None:
+def test_an_empty_batch_has_no_labels(method: Any, fingers: int, creases: Any) -> None:
     none = Contacts(np.zeros((4, 0, fingers, 3)), np.zeros((4, 0, fingers, 3)))
     found = classify(none, 0.2, method=method, creases=creases, extreme_normals=3)
     for name in ("label", "hulls", *NUMBERS, *NORMALS):
@@ -339,7 +353,7 @@ def test_no_grasps_have_no_labels(method: Any, fingers: int, creases: Any) -> No
     assert found.worst.closed.shape == found.best.closed.shape == (4, 0)
 
 
-def test_only_what_is_asked_for_is_computed(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_epsilon_is_computed_only_when_read(monkeypatch: pytest.MonkeyPatch) -> None:
     contacts, resolution = mixed(3, 5, 12)
     found = {
         method: classify(contacts, resolution, method=method, extreme_normals=3)  # type: ignore[arg-type]
@@ -349,23 +363,23 @@ def test_only_what_is_asked_for_is_computed(monkeypatch: pytest.MonkeyPatch) -> 
     def refuse(*_: Any, **__: Any) -> None:
         raise AssertionError
 
-    for name in ("epsilon", "epsilon_range", "extremes", "critical_friction_angle"):
+    for name in ("epsilon_with", "epsilon_range", "extremes", "critical_friction_angle"):
         monkeypatch.setattr(f"grasp3d.stability.stability.{name}", refuse)
-    for answer in found.values():
-        assert isinstance(answer, Stability)
-        assert answer.label.shape == (5,)
-        assert answer.hulls.shape == (5,)
+    for result in found.values():
+        assert isinstance(result, Stability)
+        assert result.label.shape == (5,)
+        assert result.hulls.shape == (5,)
         with pytest.raises(AssertionError):
-            _ = answer.epsilon_min
+            _ = result.epsilon_min
 
 
 @pytest.mark.parametrize("method", ["exact", "extremes"])
 @pytest.mark.parametrize("threads", [2, None])
-def test_threads_change_nothing(method: Any, threads: int | None) -> None:
+def test_threads_do_not_change_results(method: Any, threads: int | None) -> None:
     contacts, resolution = mixed(3, 40, 13)
     options: dict[str, Any] = {"method": method, "extreme_normals": 3, "rings": 1}
-    one = classify(contacts, resolution, **options)
-    many = classify(contacts, resolution, threads=threads, **options)
+    one = classify(contacts, resolution, **with_options(**options))
+    many = classify(contacts, resolution, **with_options(threads=threads, **options))
     for name in ("label", "hulls", *NUMBERS):
         np.testing.assert_array_equal(getattr(many, name), getattr(one, name))
 
@@ -387,9 +401,9 @@ PAIR = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
         ({"sensor_resolution": [0.1] * 3}, r"one number or have shape \(2,\); got \(3,\)"),
         ({"sensor_resolution": "wide"}, r"sensor resolution must be a number"),
         ({"friction_interval": (0.5, 0.4)}, r"friction_interval must be \(smallest, largest\)"),
-        ({"friction_interval": (0.0, 0.4)}, r"above 0, about the contacts' friction"),
-        ({"friction_interval": ([0.5, 0.1], [0.5, 0.05])}, r"about the contacts' friction"),
-        ({"friction_interval": (0.6, 0.7)}, r"about the contacts' friction"),
+        ({"friction_interval": (0.0, 0.4)}, r"above 0, with the contacts' friction between"),
+        ({"friction_interval": ([0.5, 0.1], [0.5, 0.05])}, r"with the contacts' friction between"),
+        ({"friction_interval": (0.6, 0.7)}, r"with the contacts' friction between"),
         ({"friction_interval": 0.3}, r"friction_interval must be \(smallest, largest\); got 0.3"),
         ({"friction_interval": (0.3, 0.5, 0.7)}, r"must be \(smallest, largest\)"),
         ({"friction_interval": (0.3, "a")}, r"largest friction must be a number"),
@@ -405,27 +419,27 @@ PAIR = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
     ],
     ids=str,
 )
-def test_settings_out_of_range_are_refused_at_once(
+def test_settings_out_of_range_are_refused_immediately(
     method: Any, options: dict[str, Any], message: str
 ) -> None:
     arguments = {"sensor_resolution": 0.2, "method": method, **options}
     with pytest.raises(SettingError, match=message):
-        classify(PAIR, **arguments)
+        classify(PAIR, **with_options(**arguments))
 
 
-def test_methods_are_two() -> None:
+def test_unknown_methods_are_refused() -> None:
     with pytest.raises(SettingError, match="no method is called 'guess'; known: exact, extremes"):
         classify(PAIR, 0.2, method="guess")  # type: ignore[arg-type]
 
 
 @pytest.mark.parametrize("method", ["exact", "extremes"])
-def test_without_friction_normals_may_not_tilt(method: Any) -> None:
+def test_friction_must_be_above_0(method: Any) -> None:
     frictionless = grasps.changed(PAIR, friction=[0.5, 0.0])
     with pytest.raises(SettingError, match="friction must be above 0; got 0"):
         classify(frictionless, 0.2, method=method)
 
 
-def test_creases_that_fit_no_contact_are_refused() -> None:
+def test_creases_that_do_not_match_the_contacts_are_refused() -> None:
     with pytest.raises(ContactError, match="creases name contact 2"):
         classify(PAIR, 0.2, creases={2: np.eye(3)})
     with pytest.raises(ContactError, match="must map numbers of contacts to normals"):
@@ -434,32 +448,32 @@ def test_creases_that_fit_no_contact_are_refused() -> None:
         classify(PAIR, 0.2, friction_interval=(0.1, [0.5] * 3))
 
 
-def test_tilts_beyond_friction_leave_normals_that_help() -> None:
-    """From 90 degrees on no forces say where to turn, but a pair's line does, or nothing need."""
+def test_best_normals_exist_where_tilts_exceed_friction() -> None:
+    """From 90 degrees on there are no forces to turn toward, but a line, or closed normals."""
     steep = grasps.changed(PAIR, friction=1.5)
     found = classify(steep, math.radians(70.0))
     assert found.label == Label.S
     assert force_closure(with_normals(steep, found.best_normals)).closed
-    three = grasps.changed(grasps.around_a_ball("triangle"), friction=1.2)
+    three = grasps.changed(grasps.regular_on_ball("triangle"), friction=1.2)
     wide = classify(three, math.radians(120.0))
     assert wide.label == Label.M
     assert np.isnan(wide.best.certificate.equilibrium).all()
     assert force_closure(with_normals(three, wide.best_normals)).closed
 
 
-def test_of_a_pair_closed_forms_stand_beside_the_label() -> None:
-    """Pole to pole on a ball: epsilon in closed form at beta, beta - a and beta + a."""
+def test_closed_forms_of_two_opposing_contacts() -> None:
+    """Opposite poles of a ball: epsilon in closed form at beta, beta - a and beta + a."""
 
-    def pole_to_pole(angle: float) -> float:
-        across = math.sqrt(2.0) * math.tan(angle / 2.0)
-        return across / math.hypot(1.0, across)
+    def closed_form(angle: float) -> float:
+        tangential = math.sqrt(2.0) * math.tan(angle / 2.0)
+        return tangential / math.hypot(1.0, tangential)
 
     found = classify(PAIR, 0.3)
     beta = math.atan(0.5)
     assert found.label == Label.S
     assert found.critical_friction_angle == pytest.approx(0.0, abs=1e-12)
-    assert found.epsilon == pytest.approx(pole_to_pole(beta), rel=RTOL)
-    assert found.epsilon_min == pytest.approx(pole_to_pole(beta - 0.15), rel=RTOL)
-    assert found.epsilon_effective == pytest.approx(pole_to_pole(beta - 0.15), rel=RTOL)
-    assert found.epsilon_max == pytest.approx(pole_to_pole(beta + 0.15), rel=RTOL)
+    assert found.epsilon == pytest.approx(closed_form(beta), rel=RTOL)
+    assert found.epsilon_min == pytest.approx(closed_form(beta - 0.15), rel=RTOL)
+    assert found.epsilon_effective == pytest.approx(closed_form(beta - 0.15), rel=RTOL)
+    assert found.epsilon_max == pytest.approx(closed_form(beta + 0.15), rel=RTOL)
     assert force_closure(with_normals(PAIR, found.worst_normals)).closed

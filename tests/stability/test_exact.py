@@ -1,7 +1,4 @@
-"""The labels themselves: against random tilts, the thresholds, and what the theory says.
-
-`classify` is the only door to `verdicts`.
-"""
+"""Tests of exact labels by `classify`: random tilts, thresholds, and known results."""
 
 import math
 from typing import Any
@@ -15,8 +12,17 @@ from grasp3d import Contacts, Label, classify, critical_friction_angle, force_cl
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality import Status
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from tests.helpers import grasps, oracles
-from tests.helpers.tilts import angle_to_set, angles, anywhere, every, with_normals, within_sets
+from tests.helpers.grasps import with_options
+from tests.helpers.tilts import (
+    all_combinations,
+    angle_to_set,
+    angles,
+    random_tilts,
+    with_normals,
+    within_sets,
+)
 
 degrees = math.radians
 NEAR = 1e-3
@@ -27,21 +33,21 @@ few = settings(max_examples=20, deadline=None)
 
 
 def mixed(fingers: int, size: int, seed: int) -> tuple[Contacts, np.ndarray]:
-    """Random grasps, and resolutions, with friction and resolution of their own at each contact."""
+    """Random grasps and resolutions; friction and resolution differ among the contacts."""
     contacts, _ = random_grasps(fingers, size, seed)
     rng = np.random.default_rng(seed)
     friction = rng.uniform(0.3, 1.2, size=(size, fingers))
-    share = rng.uniform(0.0, 1.2, size=(size, 1)) * rng.uniform(0.5, 1.0, size=(size, fingers))
-    return grasps.changed(contacts, friction=friction), 2.0 * share * np.arctan(friction)
+    fraction = rng.uniform(0.0, 1.2, size=(size, 1)) * rng.uniform(0.5, 1.0, size=(size, fingers))
+    return grasps.changed(contacts, friction=friction), 2.0 * fraction * np.arctan(friction)
 
 
 def pair(off: float, other: float = 0.0, friction: float = 0.5) -> Contacts:
-    """Two fingers on the x-axis whose normals are off it by angles."""
+    """Two fingers on the x-axis whose normals make given angles with it."""
     normals = [[math.cos(off), math.sin(off), 0.0], [-math.cos(other), 0.0, math.sin(other)]]
     return Contacts([[-1, 0, 0], [1, 0, 0]], normals, friction)
 
 
-# No tilt contradicts an S or a U, and each M has tilts that tell it from both
+# No tilt contradicts an S or a U, and each M has tilts that contradict both
 
 
 @pytest.mark.parametrize("fingers", [2, 3, 4, 5])
@@ -51,18 +57,18 @@ def test_no_tilt_contradicts_an_s_or_a_u(fingers: int) -> None:
     assert set(label) == {0, 1, 2}
     rng = np.random.default_rng(2)
     for _ in range(60):
-        tilted = with_normals(contacts, anywhere(contacts.normals, resolution / 2.0, rng))
+        tilted = with_normals(contacts, random_tilts(contacts.normals, resolution / 2.0, rng))
         closed = force_closure(tilted, threads=None).closed
         assert closed[label == Label.S].all()
         assert not closed[label == Label.U].any()
 
 
 @pytest.mark.parametrize("fingers", [2, 3, 4, 5])
-def test_every_m_has_a_tilt_that_fails_and_one_that_closes(fingers: int) -> None:
+def test_every_m_has_an_open_and_a_force_closed_tilt(fingers: int) -> None:
     contacts, resolution = mixed(fingers, 150, 3)
     found = classify(contacts, resolution)
     ambiguous = found.label == Label.M
-    known = np.asarray(found.worst.status) != Status.UNDECIDED  # tilts beyond some friction
+    known = np.asarray(found.worst.status) != Status.UNDECIDED  # tilts exceed some friction
     assert (known | (contacts.friction_angle < resolution / 2.0).any(axis=1)).all()
     closed = force_closure(with_normals(contacts, found.worst_normals)).closed
     assert not closed[ambiguous & known].any()
@@ -81,7 +87,7 @@ def test_every_m_has_a_tilt_that_fails_and_one_that_closes(fingers: int) -> None
 
 @given(st.integers(2, 4), seeds)
 @few
-def test_a_finer_sensor_never_takes_certainty_away(fingers: int, seed: int) -> None:
+def test_a_finer_sensor_never_makes_a_label_ambiguous(fingers: int, seed: int) -> None:
     contacts, resolution = mixed(fingers, 20, seed)
     coarse = classify(contacts, resolution).label
     fine = classify(contacts, 0.7 * resolution).label
@@ -124,8 +130,8 @@ def test_two_fingers_have_a_closed_form(
         assert classify(pair(off, other, friction), resolution).label == expected
 
 
-def test_two_fingers_with_friction_and_resolution_of_their_own() -> None:
-    """The first tolerates 20 + 10 degrees to be certain, the second 30 + 5."""
+def test_two_fingers_with_different_friction_and_resolution() -> None:
+    """For S the first needs a friction angle of 20 + 10 degrees, the second one of 30 + 5."""
     off, other = degrees(20.0), degrees(30.0)
     friction = np.tan([degrees(30.5), degrees(35.5)])
     contacts = grasps.changed(pair(off, other), friction=friction)
@@ -137,74 +143,74 @@ def test_two_fingers_with_friction_and_resolution_of_their_own() -> None:
     assert classify(rough_and_smooth, [degrees(20.0), degrees(41.0)]).label == Label.M
 
 
-# Friction known to an interval
+# Uncertain friction
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
 @pytest.mark.parametrize("method", ["exact", "extremes"])
-def test_an_s_is_one_for_the_smallest_friction_and_a_u_for_the_largest(
+def test_s_is_decided_by_the_smallest_friction_and_u_by_the_largest(
     fingers: int, method: Any
 ) -> None:
     contacts, resolution = mixed(fingers, 60, 5)
     low, high = 0.8 * contacts.friction, 1.4 * contacts.friction
     options: dict[str, Any] = {"method": method, "extreme_normals": 4, "rings": 1}
-    found = classify(contacts, resolution, friction_interval=(low, high), **options)
-    below = classify(grasps.changed(contacts, friction=low), resolution, **options)
-    above = classify(grasps.changed(contacts, friction=high), resolution, **options)
+    found = classify(contacts, resolution, friction_interval=(low, high), **with_options(**options))
+    below = classify(grasps.changed(contacts, friction=low), resolution, **with_options(**options))
+    above = classify(grasps.changed(contacts, friction=high), resolution, **with_options(**options))
     np.testing.assert_array_equal(found.label == Label.S, below.label == Label.S)
     np.testing.assert_array_equal(found.label == Label.U, above.label == Label.U)
     assert set(found.label) == {0, 1, 2}
-    plain = classify(contacts, resolution, **options)
+    plain = classify(contacts, resolution, **with_options(**options))
     point = (contacts.friction, contacts.friction)
-    same = classify(contacts, resolution, friction_interval=point, **options)
+    same = classify(contacts, resolution, friction_interval=point, **with_options(**options))
     np.testing.assert_array_equal(same.label, plain.label)
 
 
 def test_an_interval_of_friction_on_creases() -> None:
     crease = {0: [[1, -0.1, 0], [1, 0.1, 0]]}
-    needs = math.atan(0.1)
+    required = math.atan(0.1)
     for low, high, label in (
-        (needs + 0.11, 1.0, Label.S),
-        (needs + 0.09, 1.0, Label.M),
+        (required + 0.11, 1.0, Label.S),
+        (required + 0.09, 1.0, Label.M),
         (0.01, 0.02, Label.M),
     ):
         interval = (math.tan(low), math.tan(high))
         contacts = grasps.at_angle(pair(0.0), 0.5 * (low + high))
         found = classify(contacts, 0.2, creases=crease, friction_interval=interval)
         assert found.label == label
-    apart = {0: [[1, 0.5, 0], [1, 0.6, 0]]}
-    reach = math.atan(0.5)
-    for high, label in ((reach - 0.11, Label.U), (reach - 0.09, Label.M)):
+    other_crease = {0: [[1, 0.5, 0], [1, 0.6, 0]]}
+    smallest = math.atan(0.5)
+    for high, label in ((smallest - 0.11, Label.U), (smallest - 0.09, Label.M)):
         interval = (0.01, math.tan(high))
         contacts = grasps.at_angle(pair(0.0), high)
-        found = classify(contacts, 0.2, creases=apart, friction_interval=interval)
+        found = classify(contacts, 0.2, creases=other_crease, friction_interval=interval)
         assert found.label == label
 
 
 # Seven contacts and more
 
 
-def test_form_closure_withstands_tilts_beyond_friction() -> None:
-    """Sensors coarser than twice the friction angle, and S all the same."""
+def test_form_closure_withstands_tilts_that_exceed_friction() -> None:
+    """S although the sensor resolution exceeds twice the friction angle."""
     friction, seen = 0.02, set()
     rng = np.random.default_rng(0)
     for seed in (0, 2, 5, 10):
-        contacts = grasps.changed(grasps.form_closing(seed), friction=friction)
+        contacts = grasps.changed(grasps.frictionless_grasp(seed), friction=friction)
         critical = float(critical_friction_angle(contacts))
         assert critical < -0.05
-        for share in (0.8, 1.2):
-            tilt = math.atan(friction) - share * critical
+        for fraction in (0.8, 1.2):
+            tilt = math.atan(friction) - fraction * critical
             found = classify(contacts, 2.0 * tilt)
-            assert found.label == (Label.S if share < 1.0 else Label.M)
+            assert found.label == (Label.S if fraction < 1.0 else Label.M)
             seen.add(int(found.label))
-            tilted = np.stack([anywhere(contacts.normals, tilt, rng) for _ in range(100)])
+            tilted = np.stack([random_tilts(contacts.normals, tilt, rng) for _ in range(100)])
             if found.label == Label.S:
                 assert force_closure(with_normals(contacts, tilted)).closed.all()
     assert seen == {1, 2}
 
 
-def test_form_closure_with_friction_of_its_own_at_each_contact_is_safe() -> None:
-    contacts = grasps.form_closing(2)
+def test_form_closure_with_different_friction_at_each_contact_is_safe() -> None:
+    contacts = grasps.frictionless_grasp(2)
     critical = float(critical_friction_angle(contacts))
     assert critical < -0.05
     rng = np.random.default_rng(1)
@@ -212,33 +218,33 @@ def test_form_closure_with_friction_of_its_own_at_each_contact_is_safe() -> None
     resolution = 2.0 * (np.arctan(friction) + rng.uniform(0.2, 0.9, contacts.count) * -critical)
     rough = grasps.changed(contacts, friction=friction)
     assert classify(rough, resolution).label == Label.S
-    tilted = np.stack([anywhere(rough.normals, resolution / 2.0, rng) for _ in range(200)])
+    tilted = np.stack([random_tilts(rough.normals, resolution / 2.0, rng) for _ in range(200)])
     assert force_closure(with_normals(rough, tilted)).closed.all()
     coarser = resolution + 2.0 * (resolution.argmax() == np.arange(contacts.count))
     assert classify(rough, np.minimum(coarser, 3.0)).label == Label.M
 
 
 @pytest.mark.parametrize("actuation", ["total", "per_finger"])
-def test_a_finger_that_knows_nothing_takes_no_certainty_away(actuation: Any) -> None:
-    """Three that are certain of their grasp, and one whose tilts exceed its friction."""
-    triangle = grasps.around_a_ball("triangle", friction=0.8)
+def test_a_finger_whose_tilts_exceed_friction_does_not_prevent_an_s(actuation: Any) -> None:
+    """Three fingers that are S alone, and one whose tilts exceed its friction."""
+    triangle = grasps.regular_on_ball("triangle", friction=0.8)
     resolution = [0.4, 0.4, 0.4]
     assert classify(triangle, resolution).label == Label.S
     points, normals = np.vstack([triangle.points, [0, 0, 1]]), [*triangle.normals, [0, 0, -1]]
     rng = np.random.default_rng(0)
     for friction, alpha in ((0.1, 0.5), (0.1, 3.0)):
         four = Contacts(points, normals, [0.8, 0.8, 0.8, friction])
-        found = classify(four, [*resolution, alpha], actuation=actuation)
+        found = classify(four, [*resolution, alpha], options=EpsilonOptions(actuation=actuation))
         assert found.label == Label.S
         tilts = np.array([*resolution, alpha]) / 2.0
-        tilted = np.stack([anywhere(four.normals, tilts, rng) for _ in range(300)])
+        tilted = np.stack([random_tilts(four.normals, tilts, rng) for _ in range(300)])
         assert force_closure(with_normals(four, tilted)).closed.all()
-        two_unsure = classify(four, [0.4, 0.4, 1.5, alpha])
-        assert two_unsure.label == Label.M
+        two_exceeding = classify(four, [0.4, 0.4, 1.5, alpha])
+        assert two_exceeding.label == Label.M
 
 
-def test_two_sure_fingers_among_three_span_too_little() -> None:
-    """Across their line only the third, which is not sure, keeps the grasp from turning."""
+def test_two_reliable_fingers_of_three_have_a_lower_rank() -> None:
+    """Only the third, whose tilts exceed friction, resists a torque about their line."""
     contacts = Contacts(
         [[-1, 0, 0], [1, 0, 0], [0, 1, 0]], [[1, 0, 0], [-1, 0, 0], [0, -1, 0]], [0.5, 0.5, 0.1]
     )
@@ -251,25 +257,25 @@ def test_two_sure_fingers_among_three_span_too_little() -> None:
 
 
 @pytest.mark.parametrize("name", ["pair", "triangle", "tetrahedron", "octahedron"])
-def test_few_contacts_are_certain_of_nothing_from_twice_the_friction_angle_on(name: str) -> None:
-    contacts = grasps.around_a_ball(name)
+def test_few_contacts_are_ambiguous_from_twice_the_friction_angle_on(name: str) -> None:
+    contacts = grasps.regular_on_ball(name)
     for method in ("exact", "extremes"):
         options: dict[str, Any] = {"method": method, "extreme_normals": 4}
         if name == "octahedron" and method == "extremes":
             options["extreme_normals"] = 3
-        for share, label in ((0.99, Label.S), (1.0, Label.M), (1.01, Label.M)):
-            found = classify(contacts, 2.0 * share * math.atan(0.5), **options)
-            if method == "exact" or share >= 1.0 or name == "pair":
-                assert found.label == label, (method, share)
+        for fraction, label in ((0.99, Label.S), (1.0, Label.M), (1.01, Label.M)):
+            found = classify(contacts, 2.0 * fraction * math.atan(0.5), **with_options(**options))
+            if method == "exact" or fraction >= 1.0 or name == "pair":
+                assert found.label == label, (method, fraction)
 
 
 # From 90 degrees on
 
 
-def test_three_fingers_on_one_face_can_tilt_inward_and_close() -> None:
+def test_three_fingers_on_one_face_can_be_closed_by_tilting_inward() -> None:
     """Friction of 50 degrees, tilts of 45: cones of half-angle 95 degrees are not convex."""
-    turns = np.arange(3) * 2.0 * math.pi / 3.0
-    points = np.stack([np.cos(turns), np.sin(turns), np.ones(3)], axis=-1)
+    azimuths = np.arange(3) * 2.0 * math.pi / 3.0
+    points = np.stack([np.cos(azimuths), np.sin(azimuths), np.ones(3)], axis=-1)
     contacts = Contacts(points, np.tile([0.0, 0.0, -1.0], (3, 1)), math.tan(degrees(50.0)))
     found = classify(contacts, degrees(90.0))
     assert found.label == Label.M
@@ -281,10 +287,10 @@ def test_three_fingers_on_one_face_can_tilt_inward_and_close() -> None:
 
 
 @pytest.mark.parametrize("fingers", [3, 4])
-def test_three_fingers_are_never_called_u_from_90_degrees_on(fingers: int) -> None:
+def test_three_fingers_are_never_u_from_90_degrees_on(fingers: int) -> None:
     contacts, _ = random_grasps(fingers, 100, 6)
-    alike = np.broadcast_to(contacts.normals[:, :1], contacts.normals.shape)
-    rough = grasps.changed(contacts, normals=alike, friction=2.0)
+    parallel = np.broadcast_to(contacts.normals[:, :1], contacts.normals.shape)
+    rough = grasps.changed(contacts, normals=parallel, friction=2.0)
     for resolution in (2.0 * (RIGHT - math.atan(2.0)) + 1e-9, 1.5, 3.0):
         assert (classify(rough, resolution).label == Label.M).all()
     below = classify(rough, 2.0 * (RIGHT - math.atan(2.0)) - 1e-3)
@@ -293,13 +299,13 @@ def test_three_fingers_are_never_called_u_from_90_degrees_on(fingers: int) -> No
     friction, resolution = np.full(fingers, 0.05), np.full(fingers, 0.01)
     friction[-1], resolution[-1] = 10.0, 0.3
     one_rough = grasps.changed(rough, friction=friction)
-    twice = np.stack([alike[:, 0]] * 2, axis=1)
+    twice = np.stack([parallel[:, 0]] * 2, axis=1)
     for creases in (None, {0: twice}):
         assert (classify(one_rough, resolution, creases=creases).label == Label.M).all()
     assert (classify(one_rough, 0.01).label == Label.U).all()
 
 
-def test_two_fingers_on_one_face_need_their_tilts_beyond_90_degrees() -> None:
+def test_two_fingers_on_one_face_are_ambiguous_beyond_90_degrees() -> None:
     contacts = Contacts([[-1, 0, 1], [1, 0, 1]], [[0, 0, -1]] * 2, math.tan(degrees(50.0)))
     assert classify(contacts, degrees(79.9)).label == Label.U
     assert classify(contacts, degrees(80.1)).label == Label.M
@@ -307,55 +313,55 @@ def test_two_fingers_on_one_face_need_their_tilts_beyond_90_degrees() -> None:
     assert force_closure(grasps.changed(contacts, normals=inward)).closed
 
 
-# Contacts at one place, and alone
+# Contacts at one point, and single contacts
 
 
-def test_two_contacts_at_one_place_push_along_any_line() -> None:
-    for apart in (0.0, 0.4, 1.0):
-        normals = [[1, 0, 0], [-math.cos(apart), math.sin(apart), 0]]
+def test_two_contacts_at_one_point_push_along_any_line() -> None:
+    for angle in (0.0, 0.4, 1.0):
+        normals = [[1, 0, 0], [-math.cos(angle), math.sin(angle), 0]]
         contacts = Contacts([[1, 2, 3]] * 2, normals, [0.5, 0.8])
         safe = math.atan(0.5) + math.atan(0.8)
         for alpha in np.linspace(0.0, 1.5, 16):
             found = classify(contacts, alpha)
-            stable = apart < safe - alpha
-            expected = Label.S if stable else Label.M if apart < safe + alpha else Label.U
-            assert found.label == expected, (apart, alpha)
+            stable = angle < safe - alpha
+            expected = Label.S if stable else Label.M if angle < safe + alpha else Label.U
+            assert found.label == expected, (angle, alpha)
         rng = np.random.default_rng(0)
-        for alpha in (0.3, 1.1):  # the second more than the friction angle of the one
+        for alpha in (0.3, 1.1):  # the second tilt exceeds the first friction angle
             found = classify(contacts, alpha)
-            tilted = np.stack([anywhere(contacts.normals, alpha / 2.0, rng) for _ in range(60)])
+            tilted = np.stack([random_tilts(contacts.normals, alpha / 2.0, rng) for _ in range(60)])
             closed = force_closure(with_normals(contacts, tilted)).closed
             assert found.label != Label.S or closed.all()
             assert found.label != Label.U or not closed.any()
 
 
 @pytest.mark.parametrize("method", ["exact", "extremes"])
-def test_three_contacts_at_one_place(method: Any) -> None:
-    turns = np.arange(3) * 2.0 * math.pi / 3.0
-    normals = np.stack([np.cos(turns), np.sin(turns), np.zeros(3)], axis=-1)
-    together = Contacts(np.ones((3, 3)), normals, 0.5)
+def test_three_contacts_at_one_point(method: Any) -> None:
+    azimuths = np.arange(3) * 2.0 * math.pi / 3.0
+    normals = np.stack([np.cos(azimuths), np.sin(azimuths), np.zeros(3)], axis=-1)
+    coincident = Contacts(np.ones((3, 3)), normals, 0.5)
     options: dict[str, Any] = {"method": method, "extreme_normals": 6}
-    assert classify(together, 0.1, **options).label == Label.S
-    apart = grasps.changed(together, normals=np.array([0.0, 0, 1]) + 0.1 * normals)
-    assert classify(apart, 0.1, **options).label == Label.U
+    assert classify(coincident, 0.1, **with_options(**options)).label == Label.S
+    upward = grasps.changed(coincident, normals=np.array([0.0, 0, 1]) + 0.1 * normals)
+    assert classify(upward, 0.1, **with_options(**options)).label == Label.U
 
 
 @pytest.mark.parametrize("method", ["exact", "extremes"])
 @pytest.mark.parametrize("creases", [None, {0: [[-1, 0, 0], [0, -1, 0]]}])
-def test_one_contact_never_holds_anything(method: Any, creases: Any) -> None:
+def test_one_contact_is_always_u(method: Any, creases: Any) -> None:
     contacts = Contacts([[1, 0, 0]], [[-1, 0, 0]], 1.0)
     for alpha in (0.0, 0.5, 2.0, 3.0):
         assert classify(contacts, alpha, method=method, creases=creases).label == Label.U
 
 
-def test_collinear_contacts_close_in_their_five_dimensions() -> None:
+def test_collinear_contacts_are_classified_in_five_dimensions() -> None:
     line = grasps.changed(grasps.LINE, normals=[[1, 0, 0], [1, 0.1, 0], [-1, 0, 0]])
     assert classify(line, 0.1).label == Label.S
     assert classify(line, 2.0).label == Label.M
 
 
 @pytest.mark.parametrize("fingers", [2, 3, 9])
-def test_torsion_plays_no_part_in_labels(fingers: int) -> None:
+def test_torsion_does_not_affect_labels(fingers: int) -> None:
     contacts, resolution = random_grasps(fingers, 150, 7)
     soft = grasps.changed(contacts, torsion_radius=0.4)
     hard_found, soft_found = classify(contacts, resolution), classify(soft, resolution)
@@ -365,44 +371,46 @@ def test_torsion_plays_no_part_in_labels(fingers: int) -> None:
         np.testing.assert_array_equal(one.closed, other.closed)
     if fingers < 4:
         options: dict[str, Any] = {"method": "extremes", "extreme_normals": 4}
-        hard = classify(contacts, resolution, **options)
-        np.testing.assert_array_equal(classify(soft, resolution, **options).label, hard.label)
+        hard = classify(contacts, resolution, **with_options(**options))
+        np.testing.assert_array_equal(
+            classify(soft, resolution, **with_options(**options)).label, hard.label
+        )
 
 
 # Creases
 
 
 def crease_about(normals: np.ndarray, corners: int, seed: int) -> np.ndarray:
-    """Faces about each of some normals (b, 3), up to 70 degrees apart, shape (b, k, 3)."""
+    """Face normals about each of some normals (b, 3), up to 70 degrees apart, shape (b, k, 3)."""
     rng = np.random.default_rng(seed)
     found = []
     for normal in normals:
-        around = oracles.cone_edges(normal, rng.uniform(0.05, 0.6), 60)
+        cone = oracles.cone_edges(normal, rng.uniform(0.05, 0.6), 60)
         start = rng.integers(60)
-        found.append(around[(start + np.arange(corners) * (60 // corners)) % 60])
+        found.append(cone[(start + np.arange(corners) * (60 // corners)) % 60])
     return np.array(found)
 
 
 @pytest.mark.parametrize("corners", [2, 3])
-def test_two_fingers_on_creases_by_the_angles_of_their_sets(corners: int) -> None:
+def test_two_fingers_on_creases_follow_the_angles_of_their_sets(corners: int) -> None:
     contacts, resolution = mixed(2, 150, 8)
     sets = {i: crease_about(contacts.normals[:, i], corners, i) for i in (0, 1)}
     label = classify(contacts, 0.5 * resolution, creases=sets).label
     lines = contacts.points[:, 1] - contacts.points[:, 0]
     lines /= np.linalg.norm(lines, axis=1, keepdims=True)
     safe = contacts.friction_angle - 0.25 * resolution
-    reach = contacts.friction_angle + 0.25 * resolution
+    widest = contacts.friction_angle + 0.25 * resolution
     for b in range(150):
         stable, unstable, near = False, True, False
         for sign in (1.0, -1.0):
             directions = (sign * lines[b], -sign * lines[b])
             sides = [(sets[i][b], directions[i]) for i in (0, 1)]
-            least = np.array([angle_to_set(faces, d) for faces, d in sides])
-            most = np.array([math.pi - angle_to_set(faces, -d) for faces, d in sides])
-            stable |= bool((most < safe[b]).all())
-            unstable &= bool((least >= reach[b]).any())
-            near |= bool((np.abs(most - safe[b]) < 1e-6).any())
-            near |= bool((np.abs(least - reach[b]) < 1e-6).any())
+            best = np.array([angle_to_set(faces, d) for faces, d in sides])
+            worst = np.array([math.pi - angle_to_set(faces, -d) for faces, d in sides])
+            stable |= bool((worst < safe[b]).all())
+            unstable &= bool((best >= widest[b]).any())
+            near |= bool((np.abs(worst - safe[b]) < 1e-6).any())
+            near |= bool((np.abs(best - widest[b]) < 1e-6).any())
         if not near:
             assert label[b] == (Label.S if stable else Label.U if unstable else Label.M), b
     assert set(label) == {0, 1, 2}
@@ -414,25 +422,30 @@ def test_no_normal_of_the_sets_contradicts_an_s_or_a_u(fingers: int, corners: in
     contacts, resolution = mixed(fingers, size, 9)
     tilt = 0.2 * resolution
     sets = {i: crease_about(contacts.normals[:, i], corners, i) for i in range(fingers - 1)}
-    found = classify(contacts, 2.0 * tilt, creases=sets, threads=None)
+    found = classify(contacts, 2.0 * tilt, creases=sets, options=EpsilonOptions(threads=None))
     assert set(found.label) == {0, 1, 2}
     rng = np.random.default_rng(0)
     for _ in range(100):
         normals = contacts.normals.copy()
         for i, faces in sets.items():
             normals[:, i] = within_sets(faces, rng)
-        tilted = with_normals(contacts, anywhere(normals, tilt, rng))
+        tilted = with_normals(contacts, random_tilts(normals, tilt, rng))
         closed = force_closure(tilted, threads=None).closed
         assert closed[found.label == Label.S].all()
         assert not closed[found.label == Label.U].any()
     sampled = classify(
-        contacts, 2.0 * tilt, creases=sets, method="extremes", extreme_normals=4, threads=None
+        contacts,
+        2.0 * tilt,
+        creases=sets,
+        method="extremes",
+        extreme_normals=4,
+        options=EpsilonOptions(threads=None),
     )
-    settled = found.label != Label.M
-    np.testing.assert_array_equal(sampled.label[settled], found.label[settled])
+    decided = found.label != Label.M
+    np.testing.assert_array_equal(sampled.label[decided], found.label[decided])
 
 
-def test_one_normal_twice_is_no_crease() -> None:
+def test_a_crease_of_two_equal_normals_is_smooth() -> None:
     for fingers in (2, 3):
         contacts, resolution = random_grasps(fingers, 60, 10)
         faces = np.stack([contacts.normals[:, 0]] * 2, axis=1)
@@ -440,8 +453,8 @@ def test_one_normal_twice_is_no_crease() -> None:
         found = classify(contacts, resolution, creases={0: faces})
         if fingers == 2:
             np.testing.assert_array_equal(found.label, smooth.label)
-        settled = found.label != Label.M  # samples of three fingers are safe, not exact
-        np.testing.assert_array_equal(found.label[settled], smooth.label[settled])
+        decided = found.label != Label.M  # samples of three fingers are safe, not exact
+        np.testing.assert_array_equal(found.label[decided], smooth.label[decided])
         assert (found.label != smooth.label).mean() < 0.05
 
 
@@ -454,27 +467,27 @@ ON_EDGE = Contacts(
 )
 
 
-def test_the_faces_alone_do_not_tell_the_worst_of_three_fingers_on_an_edge() -> None:
+def test_face_normals_alone_miss_the_worst_normal_of_three_fingers() -> None:
     assert oracles.angle(*EDGE) == pytest.approx(degrees(60.0), abs=1e-4)
-    for normal, needs in ((EDGE[0], 27.6), (EDGE[1], 27.6), (EDGE.sum(axis=0), 32.0)):
+    for normal, required in ((EDGE[0], 27.6), (EDGE[1], 27.6), (EDGE.sum(axis=0), 32.0)):
         at = grasps.changed(ON_EDGE, normals=[normal, *ON_EDGE.normals[1:]])
-        assert critical_friction_angle(at) == pytest.approx(degrees(needs), abs=degrees(0.05))
+        assert critical_friction_angle(at) == pytest.approx(degrees(required), abs=degrees(0.05))
     for beta, label in ((29.8, Label.M), (31.5, Label.M), (33.0, Label.S)):
         contacts = grasps.at_angle(ON_EDGE, degrees(beta))
         assert classify(contacts, 0.0, creases={0: EDGE}).label == label
         sampled = classify(contacts, 0.0, creases={0: EDGE}, method="extremes")
         assert sampled.label == label
     contacts = grasps.at_angle(ON_EDGE, degrees(29.8))
-    faces_only = every(contacts, [EDGE, contacts.normals[1:2], contacts.normals[2:]])
+    faces_only = all_combinations(contacts, [EDGE, contacts.normals[1:2], contacts.normals[2:]])
     assert force_closure(faces_only).closed.all()
 
 
-def test_settled_labels_on_an_edge_are_not_far_from_exact() -> None:
-    """Sampling in steps of 5 degrees costs little: 1 degree of friction."""
-    turns = np.linspace(0.0, 1.0, 400)[:, None]
-    arc = (1.0 - turns) * EDGE[0] + turns * EDGE[1]
+def test_labels_on_an_edge_are_within_one_degree_of_exact() -> None:
+    """Sampling in steps of 5 degrees costs at most 1 degree of friction angle."""
+    fractions = np.linspace(0.0, 1.0, 400)[:, None]
+    arc = (1.0 - fractions) * EDGE[0] + fractions * EDGE[1]
     tested = [arc / np.linalg.norm(arc, axis=1, keepdims=True), *ON_EDGE.normals[1:, None]]
-    critical = critical_friction_angle(every(ON_EDGE, tested))
+    critical = critical_friction_angle(all_combinations(ON_EDGE, tested))
     for beta, label in (
         (critical.max() + degrees(1.0), Label.S),
         (critical.max() - degrees(1e-2), Label.M),
@@ -487,16 +500,16 @@ def test_settled_labels_on_an_edge_are_not_far_from_exact() -> None:
 SAMPLED = (-7.35, -2.45, 2.45, 7.35)
 
 
-def fan(normal: np.ndarray, toward: np.ndarray) -> np.ndarray:
-    """A crease of 14.7 degrees about a normal, which lies midway between two samples."""
+def crease_between_samples(normal: np.ndarray, toward: np.ndarray) -> np.ndarray:
+    """A crease of 14.7 degrees about a normal that lies midway between two samples."""
     turn = degrees(7.35)
     return np.array([math.cos(turn) * normal + s * math.sin(turn) * toward for s in (-1.0, 1.0)])
 
 
-def test_the_normal_between_two_samples_counts_in_u() -> None:
-    """With just that normal the grasp closes almost without friction."""
-    triangle = grasps.around_a_ball("triangle", friction=0.005)
-    crease = fan(triangle.normals[0], np.array([0.0, 0.0, 1.0]))
+def test_a_normal_between_two_samples_prevents_a_u() -> None:
+    """Only with that normal the grasp is force-closed almost without friction."""
+    triangle = grasps.regular_on_ball("triangle", friction=0.005)
+    crease = crease_between_samples(triangle.normals[0], np.array([0.0, 0.0, 1.0]))
     assert force_closure(triangle).closed
     for turn in SAMPLED:
         turned = oracles.turned(triangle.normals[0], np.array([0.0, 0, 1]), degrees(abs(turn)))
@@ -506,44 +519,44 @@ def test_the_normal_between_two_samples_counts_in_u() -> None:
     assert classify(triangle, 0.0, creases={0: crease}, method="extremes").label == Label.M
 
 
-def test_the_normal_between_two_samples_counts_in_s() -> None:
-    """With just that normal, straight down, only 90 degrees would close the grasp."""
-    turns = np.arange(3) * 2.0 * math.pi / 3.0
-    points = np.stack([np.cos(turns), np.sin(turns), np.ones(3)], axis=-1)
+def test_a_normal_between_two_samples_prevents_an_s() -> None:
+    """Only with that normal, downward, the critical angle is 90 degrees."""
+    azimuths = np.arange(3) * 2.0 * math.pi / 3.0
+    points = np.stack([np.cos(azimuths), np.sin(azimuths), np.ones(3)], axis=-1)
     down = np.tile([0.0, 0.0, -1.0], (3, 1))
     inward = down - 0.2 * points * [1.0, 1.0, 0.0]
     normals = np.vstack([down[:1], inward[1:]])
     contacts = Contacts(points, normals, math.tan(degrees(89.5)))
-    crease = fan(down[0], np.array([0.0, 1.0, 0.0]))
+    crease = crease_between_samples(down[0], np.array([0.0, 1.0, 0.0]))
     assert not force_closure(contacts).closed
     for turn in SAMPLED:
-        aside = [0.0, math.sin(degrees(turn)), -math.cos(degrees(turn))]
-        at = grasps.changed(contacts, normals=np.vstack([aside, normals[1:]]))
+        sideways = [0.0, math.sin(degrees(turn)), -math.cos(degrees(turn))]
+        at = grasps.changed(contacts, normals=np.vstack([sideways, normals[1:]]))
         assert force_closure(at).closed
     assert classify(contacts, 0.0, creases={0: crease}).label == Label.M
-    # At 90 degrees with the tilts nothing is proved of U either.
+    # From beta + alpha/2 = 90 degrees on there is no U either.
     smooth = Contacts(points, down, math.tan(degrees(50.0)))
     assert classify(smooth, degrees(90.0), creases={0: crease}).label == Label.M
     assert classify(smooth, degrees(10.0), creases={0: crease}).label == Label.U
 
 
-def test_too_many_contacts_on_creases_are_refused_and_two_at_one_place() -> None:
+def test_too_many_creases_and_two_contacts_at_one_point_are_refused() -> None:
     contacts = Contacts(np.eye(5, 3) + 0.1, -np.eye(5, 3) - 0.1)
     everywhere = {i: [[1, 0, 0], [0, 1, 0]] for i in range(5)}
     with pytest.raises(SettingError, match=r"19 x 19 x 19 x 19 x 19 normals.*method='extremes'"):
         classify(contacts, 0.1, creases=everywhere)
-    together = Contacts([[1, 0, 0]] * 2, [[1, 0, 0], [-1, 0, 0]])
-    with pytest.raises(ContactError, match="grasp 0 of the batch has both contacts at one place"):
-        classify(together, 0.1, creases={0: [[1, 0, 0], [0, 1, 0]]})
+    coincident = Contacts([[1, 0, 0]] * 2, [[1, 0, 0], [-1, 0, 0]])
+    with pytest.raises(ContactError, match="grasp 0 of the batch has both contacts at one point"):
+        classify(coincident, 0.1, creases={0: [[1, 0, 0], [0, 1, 0]]})
 
 
 # Rings
 
 
-def test_between_rim_and_centre_a_normal_may_close() -> None:
-    """Friction of 5.7 degrees, tilts of 20, a normal 10 degrees off."""
+def test_a_normal_between_rim_and_centre_may_be_force_closed() -> None:
+    """A friction angle of 5.7 degrees, tilts of 20, a normal tilted by 10."""
     for azimuth in (0.0, degrees(22.5), 1.0):
-        turn = np.array(
+        rotation = np.array(
             [
                 [1, 0, 0],
                 [0, math.cos(azimuth), -math.sin(azimuth)],
@@ -551,11 +564,11 @@ def test_between_rim_and_centre_a_normal_may_close() -> None:
             ]
         )
         plain = pair(degrees(10.0), friction=math.tan(degrees(5.7)))
-        contacts = grasps.changed(plain, normals=plain.normals @ turn.T)
+        contacts = grasps.changed(plain, normals=plain.normals @ rotation.T)
         assert classify(contacts, degrees(40.0)).label == Label.M
-        alone = classify(contacts, degrees(40.0), method="extremes", rings=1)
-        assert alone.label == Label.U
-        assert alone.combinations == 9**2
+        rim_only = classify(contacts, degrees(40.0), method="extremes", rings=1)
+        assert rim_only.label == Label.U
+        assert rim_only.combinations == 9**2
         with_rings = classify(contacts, degrees(40.0), method="extremes")
         assert with_rings.label == Label.M
         assert with_rings.combinations == 17**2
@@ -565,11 +578,11 @@ def test_between_rim_and_centre_a_normal_may_close() -> None:
 
 
 @pytest.mark.parametrize("friction", [1e-6, 1e-3, 0.5, 10.0, 1e6])
-def test_perfect_sensors_know(friction: float) -> None:
+def test_perfect_sensors_leave_no_ambiguity(friction: float) -> None:
     beta = math.atan(friction)
-    for share, label in ((0.9, Label.S), (1.1, Label.U)):
-        off = min(share * beta, RIGHT + 0.01 * (share > 1.0))
-        if share > 1.0 and off >= RIGHT:
+    for fraction, label in ((0.9, Label.S), (1.1, Label.U)):
+        off = min(fraction * beta, RIGHT + 0.01 * (fraction > 1.0))
+        if fraction > 1.0 and off >= RIGHT:
             off = 0.5 * (beta + RIGHT) if friction < 1e3 else RIGHT + 1e-6
         assert classify(pair(off, friction=friction), 0.0).label == label
         sampled = classify(pair(off, friction=friction), 0.0, method="extremes")
@@ -577,7 +590,7 @@ def test_perfect_sensors_know(friction: float) -> None:
 
 
 @pytest.mark.parametrize("friction", [1e-6, 1e-3, 0.5, 10.0])
-def test_at_twice_the_friction_angle_exactly(friction: float) -> None:
+def test_labels_exactly_at_twice_the_friction_angle(friction: float) -> None:
     beta = math.atan(friction)
     for fingers in (2, 3, 4):
         contacts, _ = random_grasps(fingers, 50, 11)
@@ -597,7 +610,7 @@ def test_tiny_friction_needs_the_exact_method() -> None:
         classify(contacts, 0.4, method="extremes")
 
 
-def test_great_friction_holds_almost_anything() -> None:
+def test_large_friction_stabilises_almost_any_grasp() -> None:
     contacts, _ = random_grasps(2, 100, 12)
     rough = grasps.changed(contacts, friction=10.0)
     assert (classify(rough, 0.0).label == Label.S).mean() > 0.95

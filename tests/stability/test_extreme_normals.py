@@ -1,4 +1,4 @@
-"""Laws of the tested normals: where they lie, how dense they are, how they nest."""
+"""Tests of extreme normals: their positions, density and nesting."""
 
 import math
 from typing import Any
@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from grasp3d import Contacts
 from grasp3d.errors import SettingError
 from grasp3d.stability.extreme_normals import (
-    MOST_COMBINATIONS,
+    MAX_COMBINATIONS,
     check_combinations,
     extreme_normals,
     rings_needed,
@@ -36,9 +36,7 @@ def batch(fingers: int, size: int, seed: int) -> Contacts:
 
 
 @given(st.floats(0.0, 1.5), st.floats(0.01, 1.5))
-def test_rings_are_at_most_two_friction_angles_apart_and_no_more_than_that_needs(
-    tilt: float, beta: float
-) -> None:
+def test_the_number_of_rings_is_the_smallest_that_is_dense_enough(tilt: float, beta: float) -> None:
     rings = rings_needed(tilt, beta)
     assert rings >= 1
     assert tilt / rings <= 2.0 * beta * (1.0 + 1e-8)
@@ -47,23 +45,23 @@ def test_rings_are_at_most_two_friction_angles_apart_and_no_more_than_that_needs
 
 @given(st.floats(0.05, 1.5), st.floats(0.02, 1.5), st.floats(0.0, 1.0), seeds)
 @few
-def test_no_tilt_is_farther_than_the_friction_angle_from_all_rings(
-    tilt: float, beta: float, share: float, seed: int
+def test_every_tilt_is_within_the_friction_angle_of_a_ring(
+    tilt: float, beta: float, fraction: float, seed: int
 ) -> None:
     contacts = grasps.at_angle(batch(1, 1, seed), beta)
     (tested,) = extreme_normals(contacts, np.full((1, 1), tilt), count=3)
     radii = angles(contacts.normals[0, 0], tested[0])
-    assert np.abs(radii - share * tilt).min() <= beta * (1.0 + 1e-8)
+    assert np.abs(radii - fraction * tilt).min() <= beta * (1.0 + 1e-8)
 
 
 @given(st.integers(1, 4), seeds, st.integers(3, 12), st.integers(1, 3))
 @few
-def test_each_contact_has_its_normal_and_rings_at_even_steps(
+def test_tested_normals_are_the_given_one_and_rings_at_even_steps(
     fingers: int, seed: int, count: int, rings: int
 ) -> None:
     contacts = batch(fingers, 5, seed)
     tilt = np.random.default_rng(seed).uniform(0.0, 1.0, size=(5, fingers))
-    if (1 + rings * count) ** fingers > MOST_COMBINATIONS:
+    if (1 + rings * count) ** fingers > MAX_COMBINATIONS:
         with pytest.raises(SettingError, match="combinations"):
             extreme_normals(contacts, tilt, count=count, rings=rings)
         return
@@ -80,21 +78,21 @@ def test_each_contact_has_its_normal_and_rings_at_even_steps(
 
 @given(seeds, st.integers(3, 10), st.integers(2, 3))
 @few
-def test_more_on_a_rim_keep_those_that_were_there(seed: int, count: int, times: int) -> None:
+def test_multiples_of_the_count_include_the_same_normals(seed: int, count: int, times: int) -> None:
     contacts, tilt = batch(2, 3, seed), np.full((3, 2), 0.3)
     for less, more in zip(
         extreme_normals(contacts, tilt, count=count),
         extreme_normals(contacts, tilt, count=times * count),
         strict=True,
     ):
-        gaps = angles(less[:, :, None], more[:, None]).min(axis=2)
-        assert gaps.max() <= 1e-14
+        distances = angles(less[:, :, None], more[:, None]).min(axis=2)
+        assert distances.max() <= 1e-14
 
 
 @given(seeds, st.integers(2, 5), st.floats(0.1, 0.9), st.floats(0.05, 1.0))
-@example(0, 2, 0.75, 1.0)  # three steps from face to face would leave the bisector out
+@example(0, 2, 0.75, 1.0)  # three steps from face to face would omit the bisector
 @few
-def test_at_creases_every_tested_normal_is_a_tilt_away_from_those_of_the_crease(
+def test_tested_normals_at_creases_are_within_the_tilt_of_the_set(
     seed: int, corners: int, half_width: float, tilt: float
 ) -> None:
     contacts = batch(2, 1, seed)
@@ -107,24 +105,24 @@ def test_at_creases_every_tested_normal_is_a_tilt_away_from_those_of_the_crease(
         assert angle_to_set(faces, normal) <= tilt + 1e-7
     middle = contacts.normals[0, 1]
     bisectors = [*(a + b for a, b in zip(faces, np.roll(faces, 1, axis=0), strict=True)), middle]
-    for must in (*faces, *(bisectors if corners > 2 else [middle])):
-        assert min(oracles.angle(must, normal) for normal in second[0]) <= 1e-7
+    for required in (*faces, *(bisectors if corners > 2 else [middle])):
+        assert min(oracles.angle(required, normal) for normal in second[0]) <= 1e-7
 
 
 @given(seeds, st.floats(0.01, 1.0), st.floats(0.05, 1.5), st.floats(0.0, 1.0))
 @few
-def test_along_a_crease_no_normal_is_farther_than_the_friction_angle_from_all_tested(
-    seed: int, beta: float, half_width: float, share: float
+def test_every_normal_on_a_crease_is_within_the_friction_angle_of_a_tested_one(
+    seed: int, beta: float, half_width: float, fraction: float
 ) -> None:
     contacts = grasps.at_angle(batch(1, 1, seed), beta)
     faces = oracles.cone_edges(contacts.normals[0, 0], half_width, 2)
     (tested,) = extreme_normals(contacts, np.zeros((1, 1)), count=3, creases={0: faces[None]})
-    between = oracles.turned(faces[0], faces[1], 2.0 * share * half_width)
+    between = oracles.turned(faces[0], faces[1], 2.0 * fraction * half_width)
     assert min(oracles.angle(between, normal) for normal in tested[0]) <= beta * (1.0 + 1e-6)
 
 
-def test_opposite_faces_have_some_bisector() -> None:
-    """Both sides of a sheet."""
+def test_opposite_faces_have_a_bisector() -> None:
+    """The two sides of a sheet."""
     contacts = Contacts([[0.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]])
     flat = Contacts(contacts.points[None], contacts.normals[None])
     faces = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
@@ -133,7 +131,7 @@ def test_opposite_faces_have_some_bisector() -> None:
     assert np.abs(tested[0, :, 2]).min() == pytest.approx(0.0, abs=1e-12)
 
 
-# Known numbers and degenerate places
+# Known numbers and degenerate cases
 
 
 @pytest.mark.parametrize(
@@ -150,21 +148,21 @@ def test_opposite_faces_have_some_bisector() -> None:
         ([0.0, 0.5], [0.0, 0.5], 1),
     ],
 )
-def test_known_rings(tilt: Any, beta: Any, rings: int) -> None:
+def test_known_numbers_of_rings(tilt: Any, beta: Any, rings: int) -> None:
     assert rings_needed(tilt, beta) == rings
 
 
-def test_no_grasps_have_normals_of_no_grasp() -> None:
+def test_an_empty_batch_has_no_normals() -> None:
     none = Contacts(np.zeros((0, 2, 3)), np.zeros((0, 2, 3)))
     tested = extreme_normals(none, np.zeros((0, 2)), count=4, creases={0: np.zeros((0, 3, 3))})
     assert [len(normals) for normals in tested] == [0, 0]
 
 
 @pytest.mark.parametrize(
-    ("sizes", "enough"), [([MOST_COMBINATIONS], True), ([2, MOST_COMBINATIONS // 2 + 1], False)]
+    ("sizes", "accepted"), [([MAX_COMBINATIONS], True), ([2, MAX_COMBINATIONS // 2 + 1], False)]
 )
-def test_combinations_are_counted(sizes: list[int], enough: bool) -> None:
-    if enough:
+def test_too_many_combinations_are_refused(sizes: list[int], accepted: bool) -> None:
+    if accepted:
         check_combinations(sizes)
         return
     with pytest.raises(SettingError, match=r"2 x 1000001 normals make 2e\+06 combinations"):
@@ -173,7 +171,7 @@ def test_combinations_are_counted(sizes: list[int], enough: bool) -> None:
 
 @pytest.mark.parametrize("friction", [1e-6, 1e-4])
 @pytest.mark.parametrize("creases", [False, True])
-def test_narrow_cones_need_too_many_and_the_error_tells_the_way(
+def test_narrow_cones_need_too_many_and_the_error_names_the_remedy(
     friction: float, creases: bool
 ) -> None:
     contacts = grasps.changed(batch(2, 1, 0), friction=friction)
@@ -187,6 +185,6 @@ def test_many_fingers_are_too_many_combinations() -> None:
         extreme_normals(batch(7, 1, 0), np.full((1, 7), 0.2), count=8)
 
 
-def test_three_on_a_rim_are_the_fewest() -> None:
+def test_fewer_than_three_normals_on_a_rim_are_refused() -> None:
     with pytest.raises(SettingError, match="at least 3"):
         extreme_normals(batch(2, 1, 0), np.full((1, 2), 0.2), count=2)

@@ -1,4 +1,4 @@
-"""Laws of sets of normals: samples cover them, angles to them are those of dense samples."""
+"""Tests of sets of normals: samples cover them, and angles to them equal those of samples."""
 
 import math
 from typing import Any
@@ -22,19 +22,19 @@ PAIR = Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
 CUBE_CORNER = -np.eye(3)
 
 
-def drawn_set(corners: int, half_width: float, seed: int) -> np.ndarray:
-    """Normals on a cone about some direction, in order, at uneven angles."""
+def random_set(corners: int, half_width: float, seed: int) -> np.ndarray:
+    """Normals on a cone about a random direction, in order, at uneven angles."""
     rng = np.random.default_rng(seed)
     axis = rng.normal(size=3)
     axis /= np.linalg.norm(axis)
-    around = oracles.cone_edges(axis, half_width, 60)
-    return around[np.sort(rng.choice(60, corners, replace=False))]
+    cone = oracles.cone_edges(axis, half_width, 60)
+    return cone[np.sort(rng.choice(60, corners, replace=False))]
 
 
-def laid_out(*sets: np.ndarray) -> np.ndarray:
-    """A batch of sets as `face_normals` lays it out."""
-    places = Contacts(np.zeros((len(sets), 1, 3)), np.ones((len(sets), 1, 3)))
-    return face_normals({0: np.array(sets)}, places)[0]
+def batch_of(*sets: np.ndarray) -> np.ndarray:
+    """A batch of sets as `face_normals` returns it."""
+    contacts = Contacts(np.zeros((len(sets), 1, 3)), np.ones((len(sets), 1, 3)))
+    return face_normals({0: np.array(sets)}, contacts)[0]
 
 
 # Laws
@@ -45,23 +45,23 @@ def laid_out(*sets: np.ndarray) -> np.ndarray:
 def test_every_normal_of_a_set_is_a_combination_of_samples(
     corners: int, half_width: float, seed: int
 ) -> None:
-    """What makes sampling safe: weights of sum at most 1 / cos(STEP / 2)."""
-    faces = laid_out(drawn_set(corners, half_width, seed))
+    """The sum of the weights is at most 1 / cos(STEP / 2), so that sampling is safe."""
+    faces = batch_of(random_set(corners, half_width, seed))
     samples = sampled_set(faces)[0]
     rng = np.random.default_rng(seed)
     for _ in range(8):
         normal = within_sets(faces, rng)[0]
-        answer = linprog(np.ones(len(samples)), A_eq=samples.T, b_eq=normal)
-        assert answer.status == 0
-        assert answer.fun <= 1.0 / math.cos(STEP / 2.0) + 1e-9
+        result = linprog(np.ones(len(samples)), A_eq=samples.T, b_eq=normal)
+        assert result.status == 0
+        assert result.fun <= 1.0 / math.cos(STEP / 2.0) + 1e-9
 
 
 @given(st.integers(2, 6), st.floats(0.02, 1.3), seeds)
 @few
-def test_samples_lie_in_the_set_and_hold_its_corners(
+def test_samples_lie_in_the_set_and_include_its_corners(
     corners: int, half_width: float, seed: int
 ) -> None:
-    faces = laid_out(drawn_set(corners, half_width, seed))
+    faces = batch_of(random_set(corners, half_width, seed))
     samples = sampled_set(faces)[0]
     np.testing.assert_allclose(np.linalg.norm(samples, axis=1), 1.0, rtol=1e-12)
     assert max(angle_to_set(faces[0], sample) for sample in samples) <= 1e-7
@@ -70,8 +70,8 @@ def test_samples_lie_in_the_set_and_hold_its_corners(
 
 @given(st.lists(st.floats(0.02, 1.5), min_size=1, max_size=4), seeds)
 @few
-def test_samples_along_a_crease_stand_at_even_steps(half_widths: list[float], seed: int) -> None:
-    faces = laid_out(*(drawn_set(2, width, seed) for width in half_widths))
+def test_samples_along_a_crease_are_at_even_steps(half_widths: list[float], seed: int) -> None:
+    faces = batch_of(*(random_set(2, width, seed) for width in half_widths))
     samples = sampled_set(faces)
     steps = angles(samples[:, 1:], samples[:, :-1])
     assert steps.max() <= STEP + 1e-9
@@ -83,42 +83,44 @@ def test_samples_along_a_crease_stand_at_even_steps(half_widths: list[float], se
 def test_angles_to_a_set_are_those_of_dense_samples(
     corners: int, half_width: float, seed: int
 ) -> None:
-    faces = laid_out(drawn_set(corners, half_width, seed))
+    faces = batch_of(random_set(corners, half_width, seed))
     rng = np.random.default_rng(seed)
     direction = rng.normal(size=3)
     direction /= np.linalg.norm(direction)
-    least, most = angles_to_set(faces, direction[None])
+    smallest, largest = angles_to_set(faces, direction[None])
     inside = np.concatenate([sampled_set(faces)[0], *(within_sets(faces, rng) for _ in range(99))])
     found = angles(inside, direction)
-    assert least[0] <= found.min() + 1e-9
-    assert most[0] >= found.max() - 1e-9
-    assert least[0] == pytest.approx(found.min(), abs=STEP)
-    assert most[0] == pytest.approx(found.max(), abs=STEP)
-    assert least[0] == pytest.approx(angle_to_set(faces[0], direction), abs=1e-7)
+    assert smallest[0] <= found.min() + 1e-9
+    assert largest[0] >= found.max() - 1e-9
+    assert smallest[0] == pytest.approx(found.min(), abs=STEP)
+    assert largest[0] == pytest.approx(found.max(), abs=STEP)
+    assert smallest[0] == pytest.approx(angle_to_set(faces[0], direction), abs=1e-7)
     opposite = angle_to_set(faces[0], -direction)
-    assert most[0] == pytest.approx(math.pi - opposite, abs=1e-7)
+    assert largest[0] == pytest.approx(math.pi - opposite, abs=1e-7)
 
 
 @pytest.mark.parametrize("corners", [2, 3])
-def test_angles_to_a_set_against_a_search_along_its_sides(corners: int) -> None:
-    faces = laid_out(drawn_set(corners, 0.6, 1))
+def test_angles_to_a_set_equal_a_search_along_its_sides(corners: int) -> None:
+    faces = batch_of(random_set(corners, 0.6, 1))
     for direction in np.random.default_rng(0).normal(size=(3, 3)):
         unit = direction / np.linalg.norm(direction)
-        least, most = angles_to_set(faces, unit[None])
-        assert least[0] == pytest.approx(oracles.smallest_angle(faces[0], unit), abs=1e-3)
+        smallest, largest = angles_to_set(faces, unit[None])
+        assert smallest[0] == pytest.approx(oracles.smallest_angle(faces[0], unit), abs=1e-3)
         far = math.pi - oracles.smallest_angle(faces[0], -unit)
-        assert most[0] == pytest.approx(far, abs=1e-3)
+        assert largest[0] == pytest.approx(far, abs=1e-3)
 
 
 @given(st.integers(3, 7), seeds)
 @few
-def test_corners_come_in_order_whatever_their_order_and_length(corners: int, seed: int) -> None:
-    given_ = drawn_set(corners, 0.7, seed)
+def test_corners_are_returned_in_order_whatever_their_order_and_length(
+    corners: int, seed: int
+) -> None:
+    given_ = random_set(corners, 0.7, seed)
     rng = np.random.default_rng(seed)
     mixed = rng.permutation(given_) * rng.uniform(0.1, 10.0, size=(corners, 1))
-    faces = laid_out(mixed)[0]
+    faces = batch_of(mixed)[0]
     np.testing.assert_allclose(np.linalg.norm(faces, axis=1), 1.0, rtol=1e-14)
-    # Around a convex polygon every corner lies on the same side of every side.
+    # All corners of a convex polygon lie on the same side of each of its edges.
     for i in range(corners):
         side = np.cross(faces[i], faces[(i + 1) % corners])
         assert (faces @ side >= -1e-12).all()
@@ -128,60 +130,60 @@ def test_corners_come_in_order_whatever_their_order_and_length(corners: int, see
 # Known sets
 
 
-def test_normals_inside_the_others_are_dropped_and_the_last_corner_repeats() -> None:
+def test_normals_inside_the_others_are_omitted_and_the_last_corner_is_repeated() -> None:
     inner = np.array([-1.0, -1.0, -1.0])
-    faces = laid_out(np.vstack([CUBE_CORNER, inner]))[0]
+    faces = batch_of(np.vstack([CUBE_CORNER, inner]))[0]
     assert faces.shape == (4, 3)
     np.testing.assert_array_equal(faces[3], faces[2])
     found = {tuple(row) for row in faces}
     assert found == {tuple(row) for row in CUBE_CORNER}
-    flat = laid_out(np.array([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]]))[0]
+    flat = batch_of(np.array([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]]))[0]
     assert {tuple(row) for row in flat} == {(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)}
 
 
 def test_a_set_with_a_repeated_corner_is_sampled_like_one_without() -> None:
     inner = np.array([-1.0, -1.0, -1.0])
-    twice = sampled_set(laid_out(np.vstack([CUBE_CORNER, inner])))[0]
-    once = sampled_set(laid_out(CUBE_CORNER))[0]
+    twice = sampled_set(batch_of(np.vstack([CUBE_CORNER, inner])))[0]
+    once = sampled_set(batch_of(CUBE_CORNER))[0]
     for one, other in ((twice, once), (once, twice)):
         assert angles(one[:, None], other).min(axis=1).max() <= STEP / 2.0
-    arc = laid_out(np.array([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]]))
+    arc = batch_of(np.array([[1.0, 0, 0], [1, 1, 0], [0, 1, 0]]))
     np.testing.assert_allclose(sampled_set(arc)[..., 2], 0.0, atol=1e-12)
 
 
-def test_one_normal_twice_is_a_smooth_place() -> None:
-    faces = laid_out(np.array([[0.0, 0, 1], [0, 0, 2]]))
+def test_a_set_of_two_equal_normals_is_smooth() -> None:
+    faces = batch_of(np.array([[0.0, 0, 1], [0, 0, 2]]))
     np.testing.assert_array_equal(sampled_set(faces), np.broadcast_to([0.0, 0, 1], (1, 2, 3)))
-    least, most = angles_to_set(faces, np.array([[1.0, 0.0, 0.0]]))
-    assert least[0] == most[0] == pytest.approx(math.pi / 2.0)
+    smallest, largest = angles_to_set(faces, np.array([[1.0, 0.0, 0.0]]))
+    assert smallest[0] == largest[0] == pytest.approx(math.pi / 2.0)
 
 
 def test_a_right_angle_has_nineteen_samples() -> None:
     samples = sampled_set(np.array([[[1.0, 0, 0], [0, 1, 0]]]))[0]
-    turns = np.arctan2(samples[:, 1], samples[:, 0])
-    np.testing.assert_allclose(turns, np.radians(np.arange(0.0, 91.0, 5.0)), atol=1e-12)
+    azimuths = np.arctan2(samples[:, 1], samples[:, 0])
+    np.testing.assert_allclose(azimuths, np.radians(np.arange(0.0, 91.0, 5.0)), atol=1e-12)
 
 
 def test_the_corner_of_a_cube() -> None:
-    faces = laid_out(CUBE_CORNER)
+    faces = batch_of(CUBE_CORNER)
     diagonal = np.full((1, 3), -1.0) / math.sqrt(3.0)
-    least, most = angles_to_set(faces, diagonal)
-    assert least[0] == 0.0
-    assert most[0] == pytest.approx(math.acos(1.0 / math.sqrt(3.0)))
-    least, most = angles_to_set(faces, -diagonal)
-    assert most[0] == pytest.approx(math.pi)
-    assert least[0] == pytest.approx(math.pi - math.acos(1.0 / math.sqrt(3.0)))
+    smallest, largest = angles_to_set(faces, diagonal)
+    assert smallest[0] == 0.0
+    assert largest[0] == pytest.approx(math.acos(1.0 / math.sqrt(3.0)))
+    smallest, largest = angles_to_set(faces, -diagonal)
+    assert largest[0] == pytest.approx(math.pi)
+    assert smallest[0] == pytest.approx(math.pi - math.acos(1.0 / math.sqrt(3.0)))
 
 
-def test_one_set_serves_a_batch_of_any_shape_and_each_grasp_may_have_its_own() -> None:
+def test_a_batch_may_have_one_set_for_all_or_one_for_each_grasp() -> None:
     many = Contacts(np.tile(PAIR.points, (2, 3, 1, 1)), np.tile(PAIR.normals, (2, 3, 1, 1)))
     faces = face_normals({1: CUBE_CORNER[:2]}, many)
     assert list(faces) == [1]
     assert faces[1].shape == (6, 2, 3)
     own = np.random.default_rng(0).normal(size=(2, 3, 1, 3)) + [[0.0, 0, 5], [0, 3, 5]]
-    laid = face_normals({0: own}, many)[0]
+    faces_of_each = face_normals({0: own}, many)[0]
     expected = own / np.linalg.norm(own, axis=-1, keepdims=True)
-    found = angles(expected.reshape(6, 2, 1, 3), laid[:, None]).min(axis=2)
+    found = angles(expected.reshape(6, 2, 1, 3), faces_of_each[:, None]).min(axis=2)
     assert found.max() <= 1e-12
     none = Contacts(np.zeros((0, 2, 3)), np.zeros((0, 2, 3)))
     assert sampled_set(face_normals({1: CUBE_CORNER[:2]}, none)[1]).shape[0] == 0
@@ -213,11 +215,11 @@ def test_one_set_serves_a_batch_of_any_shape_and_each_grasp_may_have_its_own() -
     ],
     ids=str,
 )
-def test_creases_that_are_none(creases: Any, message: str) -> None:
+def test_invalid_creases_are_refused(creases: Any, message: str) -> None:
     with pytest.raises(ContactError, match=message):
         face_normals(creases, PAIR)
 
 
-def test_creases_are_a_mapping() -> None:
+def test_creases_must_be_a_mapping() -> None:
     with pytest.raises(ContactError, match=r"creases must map numbers of contacts.*got list"):
         face_normals([CUBE_CORNER], PAIR)  # type: ignore[arg-type]

@@ -29,27 +29,27 @@ def test_labels_are_thresholds_on_the_critical_angle(
 
 
 @given(angles, frictions, resolutions, st.floats(0.0, 1.0))
-def test_a_finer_sensor_never_blurs_a_label(
-    worst: float, friction: float, resolution: float, share: float
+def test_a_finer_sensor_never_makes_a_label_ambiguous(
+    worst: float, friction: float, resolution: float, fraction: float
 ) -> None:
     coarse = label_of(worst, friction, resolution)
     if coarse != Label.M:
-        assert label_of(worst, friction, share * resolution) == coarse
+        assert label_of(worst, friction, fraction * resolution) == coarse
 
 
 @given(angles, frictions, st.floats(0.0, 1.0))
-def test_a_grasp_is_stable_below_its_coarsest_resolution_and_not_at_it(
-    worst: float, friction: float, share: float
+def test_a_grasp_is_stable_below_its_coarsest_resolution_and_not_above(
+    worst: float, friction: float, fraction: float
 ) -> None:
     model = GraspModel(friction=friction, sensor_resolution=0.0)
     coarsest = float(max_resolution(np.array([worst]), model)[0])
-    if not 0.0 < coarsest < 3.1:  # resolutions end at pi
+    if not 0.0 < coarsest < 3.1:  # resolutions are below pi
         return
-    assert label_of(worst, friction, share * coarsest * (1.0 - 1e-9)) == Label.S
+    assert label_of(worst, friction, fraction * coarsest * (1.0 - 1e-9)) == Label.S
     assert label_of(worst, friction, coarsest * (1.0 + 1e-9)) != Label.S
 
 
-def test_exactly_on_a_threshold() -> None:
+def test_labels_exactly_at_a_threshold() -> None:
     beta = math.atan(0.5)
     assert label_of(beta, 0.5, 0.0) == Label.U
     assert label_of(np.nextafter(beta, 0.0), 0.5, 0.0) == Label.S
@@ -64,15 +64,15 @@ def test_at_a_crease_the_worst_normals_decide_s_and_the_best_decide_u() -> None:
 
 def test_no_grasp_is_u_and_has_no_resolution() -> None:
     model = GraspModel()
-    nothing = np.array([math.inf])
-    assert label_angles(nothing, nothing, model).tolist() == [Label.U]
-    assert max_resolution(nothing, model).tolist() == [0.0]
+    no_grasp = np.array([math.inf])
+    assert label_angles(no_grasp, no_grasp, model).tolist() == [Label.U]
+    assert max_resolution(no_grasp, model).tolist() == [0.0]
 
 
 @given(st.integers(0, 10_000))
 @settings(max_examples=60, deadline=None)
 def test_no_tilt_contradicts_a_label(seed: int) -> None:
-    """Wan & Howe's own question, asked by brute force: tilt the normals and test closure."""
+    """The definition of Wan & Howe 2018 by brute force: tilt the normals and test closure."""
     rng = np.random.default_rng(seed)
     p1, p2 = rng.normal(size=3), rng.normal(size=3)
     d = (p2 - p1) / np.linalg.norm(p2 - p1)
@@ -101,14 +101,14 @@ def test_no_tilt_contradicts_a_label(seed: int) -> None:
 def toward(normal: np.ndarray, goal: np.ndarray, tilt: float) -> np.ndarray:
     """Turn a normal by `tilt` toward a goal, not past it; away from it if negative."""
     gap = oracles.angle(normal, goal)
-    across = goal - np.dot(goal, normal) * normal
-    across /= np.linalg.norm(across)
+    tangent = goal - np.dot(goal, normal) * normal
+    tangent /= np.linalg.norm(tangent)
     turn = min(tilt, gap)
-    return math.cos(turn) * normal + math.sin(turn) * across
+    return math.cos(turn) * normal + math.sin(turn) * tangent
 
 
-def test_the_critical_angle_is_where_closure_begins() -> None:
-    """Against a linear program that knows nothing of the closed form."""
+def test_grasps_are_force_closed_above_the_critical_angle() -> None:
+    """Compared with a linear program instead of the closed form."""
     rng = np.random.default_rng(1)
     for _ in range(40):
         p1, p2 = rng.normal(size=3), rng.normal(size=3)
@@ -116,11 +116,11 @@ def test_the_critical_angle_is_where_closure_begins() -> None:
         n1, n2 = oracles.tilted(d, 1.0, rng), oracles.tilted(-d, 1.0, rng)
         beta = oracles.critical_angle(p1, n1, p2, n2)
         if beta > 0.05:
-            assert not oracles.closes(p1, n1, p2, n2, beta - 0.02)
-        assert oracles.closes(p1, n1, p2, n2, beta + 0.02)
+            assert not oracles.force_closed(p1, n1, p2, n2, beta - 0.02)
+        assert oracles.force_closed(p1, n1, p2, n2, beta + 0.02)
 
 
-def test_colours_are_those_of_the_legend() -> None:
+def test_colours_of_labels() -> None:
     assert {label.name: "#{:02X}{:02X}{:02X}".format(*rgb) for label, rgb in COLORS.items()} == {
         "S": "#009E73",
         "M": "#F0E442",

@@ -1,3 +1,5 @@
+"""Files of local folders, in memory and on an object store."""
+
 import os
 import pickle
 import re
@@ -12,14 +14,14 @@ import trimesh
 from grasp3d import GraspModel
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.checking import check_file
-from grasp3d.batch.identity import content_of
+from grasp3d.batch.identity import content_hash
 from grasp3d.batch.inputs import find_meshes
 from grasp3d.batch.store import Store, read_summary
 from grasp3d.errors import MeshError, OutputError
-from grasp3d.storage import Folder, entries, local_copy, look
+from grasp3d.storage import Folder, find_entry, list_entries, local_copy
+from tests.batch.test_store import kill, row_of, store_rows, summary_rows
 from tests.helpers import shapes
 from tests.helpers.buckets import bucket
-from tests.test_store import keep, kill, row_of, summary_rows
 
 SETTINGS = BatchSettings(GraspModel(friction=0.4))
 
@@ -31,7 +33,7 @@ def s3() -> Iterator[str]:
 
 
 @pytest.fixture(params=["local", "file", "memory", "s3"])
-def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Folder]:
+def folder(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Folder]:
     """A folder on each kind of file system."""
     if request.param == "s3":
         yield Folder(f"{request.getfixturevalue('s3')}/{tmp_path.name}")
@@ -46,49 +48,49 @@ def place(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Folder]:
     fsspec.filesystem("memory").store.clear()
 
 
-def test_files_are_written_listed_read_and_removed(place: Folder) -> None:
-    assert place.is_local == (not place.url.startswith(("memory", "s3")))
-    assert place.names() == []
+def test_files_are_written_listed_read_and_removed(folder: Folder) -> None:
+    assert folder.is_local == (not folder.url.startswith(("memory", "s3")))
+    assert folder.names() == []
     for name in ("a.txt", "deep/er/b c#1.txt", "deep/\u00fc.txt"):
-        place.write(name, b"first")
-        place.write(name, name.encode())
-    assert place.names() == ["a.txt", "deep/er/b c#1.txt", "deep/\u00fc.txt"]
-    assert place.names("deep") == place.names("deep/") == place.names()[1:]
-    assert place.names("dee") == []
-    assert place.read("deep/er/b c#1.txt") == b"deep/er/b c#1.txt"
-    assert place.read_all(["a.txt", "missing", "deep/\u00fc.txt"]) == {
+        folder.write(name, b"first")
+        folder.write(name, name.encode())
+    assert folder.names() == ["a.txt", "deep/er/b c#1.txt", "deep/\u00fc.txt"]
+    assert folder.names("deep") == folder.names("deep/") == folder.names()[1:]
+    assert folder.names("dee") == []
+    assert folder.read("deep/er/b c#1.txt") == b"deep/er/b c#1.txt"
+    assert folder.read_all(["a.txt", "missing", "deep/\u00fc.txt"]) == {
         "a.txt": b"a.txt",
         "deep/\u00fc.txt": "deep/\u00fc.txt".encode(),
     }
     with pytest.raises(FileNotFoundError):
-        place.read("missing")
-    with place.making("new/put.bin") as part:
-        part.write_bytes(b"put")
-    assert (place.read("new/put.bin"), part.exists()) == (b"put", False)
-    before = place.stamps()
-    place.write("a.txt", b"other")
-    after = place.stamps()
+        folder.read("missing")
+    with folder.atomic_write("new/put.bin") as temporary:
+        temporary.write_bytes(b"put")
+    assert (folder.read("new/put.bin"), temporary.exists()) == (b"put", False)
+    before = folder.stamps()
+    folder.write("a.txt", b"other")
+    after = folder.stamps()
     assert {name for name in after if after[name] != before[name]} == {"a.txt"}
-    place.remove("a.txt")
-    place.remove("a.txt")
-    place.remove_all(["missing", *place.names("deep")])
-    assert place.names() == ["new/put.bin"]
-    assert pickle.loads(pickle.dumps(place)) == place  # noqa: S301
+    folder.remove("a.txt")
+    folder.remove("a.txt")
+    folder.remove_all(["missing", *folder.names("deep")])
+    assert folder.names() == ["new/put.bin"]
+    assert pickle.loads(pickle.dumps(folder)) == folder  # noqa: S301
 
 
-def test_a_store_may_be_anywhere(place: Folder) -> None:
+def test_a_batch_store_works_on_every_file_system(folder: Folder) -> None:
     rows = [row_of("a"), row_of("b")]
-    keep(place, rows)
-    kept = Store.open(place, SETTINGS)
-    mesh = find_meshes([place.path("labels")])[0]
+    store_rows(folder, rows)
+    kept = Store.open(folder, SETTINGS)
+    mesh = find_meshes([folder.path("labels")])[0]
     assert mesh.name == "a.ply"
     kept.begin(["c"])
     kept.add(row_of("c"))
-    assert [row.mesh for row in read_summary(place.url)] == ["a", "b", "c"]
+    assert [row.mesh for row in read_summary(folder.url)] == ["a", "b", "c"]
     kill(kept)
-    assert sorted(Store.open(place, SETTINGS).rows) == ["a", "b", "c"]
-    assert sorted(summary_rows(place)) == ["a", "b", "c"]
-    assert place.names("journal") == []
+    assert sorted(Store.open(folder, SETTINGS).rows) == ["a", "b", "c"]
+    assert sorted(summary_rows(folder)) == ["a", "b", "c"]
+    assert folder.names("journal") == []
 
 
 def export(path: Path) -> Path:
@@ -97,20 +99,20 @@ def export(path: Path) -> Path:
     return path
 
 
-def test_meshes_are_found_and_fetched_from_anywhere(place: Folder, tmp_path: Path) -> None:
+def test_meshes_are_downloaded_from_every_file_system(folder: Folder, tmp_path: Path) -> None:
     export(tmp_path / "mesh" / "box.stl")
     scene = trimesh.Trimesh(*shapes.box((0.04, 0.06, 0.08)), process=False).scene()
     for name, data in trimesh.exchange.gltf.export_gltf(scene).items():
         (tmp_path / "mesh" / name.replace("model.gltf", "box.gltf")).write_bytes(data)
     (tmp_path / "mesh" / "bad.stl").write_bytes(b"no mesh at all")
-    local = content_of(tmp_path / "mesh" / "box.gltf")
+    local = content_hash(tmp_path / "mesh" / "box.gltf")
     for path in sorted((tmp_path / "mesh").iterdir()):
-        place.write(f"lib/deep/{path.name}", path.read_bytes())
-    place.write("lib/list.txt", b"deep/*.stl  # two\n\n# none\ndeep/box.gltf\n")
-    found = find_meshes([place.path("lib")])
+        folder.write(f"lib/deep/{path.name}", path.read_bytes())
+    folder.write("lib/list.txt", b"deep/*.stl  # two\n\n# none\ndeep/box.gltf\n")
+    found = find_meshes([folder.path("lib")])
     assert [mesh.name for mesh in found] == ["deep/bad.stl", "deep/box.gltf", "deep/box.stl"]
-    assert found == find_meshes([place.path("lib/list.txt")])
-    assert [mesh.name for mesh in find_meshes([place.path("lib/**/b*.stl")])] == [
+    assert found == find_meshes([folder.path("lib/list.txt")])
+    assert [mesh.name for mesh in find_meshes([folder.path("lib/**/b*.stl")])] == [
         "deep/bad.stl",
         "deep/box.stl",
     ]
@@ -118,40 +120,40 @@ def test_meshes_are_found_and_fetched_from_anywhere(place: Folder, tmp_path: Pat
     assert find_meshes([box.source])[0].name == "box.stl"
     assert (bool(box.stamp), gltf.stamp, box.size) == (True, "", 684)
     with local_copy(gltf.source) as copy:
-        assert (copy.name, content_of(copy)) == ("box.gltf", local)
-    assert copy.exists() == place.is_local
+        assert (copy.name, content_hash(copy)) == ("box.gltf", local)
+    assert copy.exists() == folder.is_local
     checked = check_file(box, SETTINGS)
-    assert (checked.refusal, checked.source) == ("", place.path("lib/deep/box.stl"))
+    assert (checked.refusal, checked.source) == ("", folder.path("lib/deep/box.stl"))
     refused = check_file(bad, SETTINGS)
     assert refused.refusal.startswith(f"{bad.source}: cannot be read as STL")
     with pytest.raises(MeshError, match="there is no such file or folder"):
-        find_meshes([place.path("nothing")])
-    with pytest.raises(MeshError, match="no such"), local_copy(place.path("nothing.stl")) as copy:
-        content_of(copy)
+        find_meshes([folder.path("nothing")])
+    with pytest.raises(MeshError, match="no such"), local_copy(folder.path("nothing.stl")) as copy:
+        content_hash(copy)
 
 
-def test_a_list_of_many_files_asks_once_for_each_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_list_of_many_files_lists_each_folder_once(monkeypatch: pytest.MonkeyPatch) -> None:
     system = fsspec.filesystem("memory")
     for number in range(20):
         system.pipe_file(f"/lib/m{number:02d}.stl", b"mesh")
     system.pipe_file("/lib/far/a.stl", b"mesh")
     lines = [f"memory://lib/m{number:02d}.stl" for number in range(20)]
     system.pipe_file("/lib/list.txt", "\n".join([*lines, "far/a.stl"]).encode())
-    asked = []
-    known = type(system).info
-    monkeypatch.setattr(type(system), "info", lambda self, path: asked.append(path)
-                        or known(self, path))  # fmt: skip
+    requested = []
+    original = type(system).info
+    monkeypatch.setattr(type(system), "info", lambda self, path: requested.append(path)
+                        or original(self, path))  # fmt: skip
     found = find_meshes(["memory://lib/list.txt"])
     assert [mesh.name for mesh in found][:2] == ["far/a.stl", "m00.stl"]
     assert all(mesh.stamp and mesh.size == 4 for mesh in found)
-    assert [path for path in asked if path.endswith(".stl")] == ["/lib/far/a.stl"]
+    assert [path for path in requested if path.endswith(".stl")] == ["/lib/far/a.stl"]
     system.pipe_file("/lib/list.txt", "\n".join([*lines, "memory://lib/no.stl"]).encode())
     with pytest.raises(MeshError, match=r"list\.txt, line 21: memory://lib/no\.stl: there is no"):
         find_meshes(["memory://lib/list.txt"])
     system.store.clear()
 
 
-def test_a_gltf_that_asks_for_other_folders_fetches_none_of_it() -> None:
+def test_side_files_outside_the_folder_of_a_gltf_are_not_downloaded() -> None:
     system = fsspec.filesystem("memory")
     for name in ("secret.bin", "lib/own.bin", "lib/below/own.bin"):
         system.pipe_file(f"/{name}", b"data")
@@ -162,13 +164,13 @@ def test_a_gltf_that_asks_for_other_folders_fetches_none_of_it() -> None:
     with local_copy("memory://lib/mesh.gltf") as copy:
         there = {path.relative_to(copy.parent).as_posix() for path in copy.parent.rglob("*.*")}
         assert there == {"mesh.gltf", "own.bin", "below/own.bin"}
-        first = content_of(copy)
+        first = content_hash(copy)
         (copy.parent / "own.bin").write_bytes(b"changed")
-        assert content_of(copy) != first
+        assert content_hash(copy) != first
     system.store.clear()
 
 
-def test_file_systems_tell_what_is_wrong_in_a_sentence(
+def test_errors_of_file_systems_become_one_sentence(
     s3: str, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     with pytest.raises(OutputError, match=r"s3://none/out/a: cannot be written \(there is no such"):
@@ -177,7 +179,7 @@ def test_file_systems_tell_what_is_wrong_in_a_sentence(
         find_meshes(["s3://none/lib"])
     with pytest.raises(MeshError, match="no file system is called nowhere://"):
         find_meshes(["nowhere://lib"])
-    assert look(s3) is None
+    assert find_entry(s3) is None
 
     def fails(error: Exception) -> Any:
         def raise_it(*_: object, **__: object) -> None:
@@ -188,7 +190,7 @@ def test_file_systems_tell_what_is_wrong_in_a_sentence(
     class NoCredentialsError(Exception):
         pass
 
-    for error, told in (
+    for error, message in (
         (ImportError("Install s3fs"), r'needs the package s3fs: pip install "grasp3d\[s3\]"'),
         (NoCredentialsError(), "there are no credentials: set AWS_ACCESS_KEY_ID"),
         (PermissionError("Forbidden"), "access is denied: check the credentials"),
@@ -197,30 +199,30 @@ def test_file_systems_tell_what_is_wrong_in_a_sentence(
         (RuntimeError("two\nlines"), r"\(two lines\)"),
     ):
         monkeypatch.setattr(fsspec.core, "url_to_fs", fails(error))
-        with pytest.raises(MeshError, match=told):
+        with pytest.raises(MeshError, match=message):
             find_meshes([f"{s3}/lib"])
     monkeypatch.setattr(fsspec.core, "url_to_fs", fails(ImportError("Install paramiko")))
     with pytest.raises(MeshError, match=r"a package that is not installed \(Install paramiko\)"):
-        look("sftp://host/lib")
+        find_entry("sftp://host/lib")
 
 
-def test_new_files_are_seen_at_once(s3: str) -> None:
-    place = Folder(f"{s3}/seen")
-    assert (place.names(), [entry.name for entry in entries_of(place)]) == ([], [])
+def test_new_files_are_listed_without_delay(s3: str) -> None:
+    folder = Folder(f"{s3}/seen")
+    assert (folder.names(), [entry.name for entry in listed(folder)]) == ([], [])
     other = fsspec.filesystem("s3", skip_instance_cache=True)
     other.pipe_file("bucket/seen/a.stl", b"mesh")
-    assert place.names() == ["a.stl"]
-    assert [entry.name for entry in entries_of(place)] == ["a.stl"]
+    assert folder.names() == ["a.stl"]
+    assert [entry.name for entry in listed(folder)] == ["a.stl"]
 
 
-def entries_of(place: Folder) -> list[Any]:
+def listed(folder: Folder) -> list[Any]:
     try:
-        return list(entries(place.url))
+        return list(list_entries(folder.url))
     except FileNotFoundError:
         return []
 
 
-def test_what_cannot_be_written_here_is_told(tmp_path: Path) -> None:
+def test_errors_of_local_files(tmp_path: Path) -> None:
     (tmp_path / "file").write_bytes(b"")
     folder = Folder(str(tmp_path))
     for name in ("file/below", "file/below/it"):
@@ -233,9 +235,9 @@ def test_what_cannot_be_written_here_is_told(tmp_path: Path) -> None:
         folder.read("folder")
     with pytest.raises(OutputError, match="cannot be removed"):
         folder.remove("folder")
-    said = re.escape(f"{tmp_path / 'new'}: is not to be made")
-    with pytest.raises(OutputError, match=said), folder.making("new") as part:
-        raise OutputError(f"{part}: is not to be made")
+    message = re.escape(f"{tmp_path / 'new'}: must not exist")
+    with pytest.raises(OutputError, match=message), folder.atomic_write("new") as temporary:
+        raise OutputError(f"{temporary}: must not exist")
     assert folder.names() == ["file"]
     (tmp_path / "link").symlink_to(tmp_path / "link")
     assert folder.names() == ["file"]

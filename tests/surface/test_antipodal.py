@@ -12,14 +12,14 @@ from tests.helpers import oracles, shapes
 def exhaustive(mesh: ObjectMesh, vertex: int, cone: float) -> float:
     """Best critical angle of a smooth vertex over the centres of all faces, squeezing.
 
-    Every place seen from the vertex from behind (its normal less than 90 degrees off the line) is
-    an exit of the ray to it, so no ray needs to be traced.
+    A point whose normal is at less than 90 degrees to the closing line is an exit of that line, so
+    no ray needs to be traced.
     """
     point, normal = mesh.vertices[vertex], mesh.normals[vertex]
     corners = mesh.corner_normals
-    places = mesh.vertices[mesh.faces].mean(axis=1)
+    points = mesh.vertices[mesh.faces].mean(axis=1)
     normals = corners.normals[corners.corners].mean(axis=1)
-    d = places - point
+    d = points - point
     d /= np.linalg.norm(d, axis=1, keepdims=True)
     phi1 = np.arctan2(np.linalg.norm(np.cross(normal, d), axis=1), d @ normal)
     phi2 = np.arctan2(
@@ -31,25 +31,25 @@ def exhaustive(mesh: ObjectMesh, vertex: int, cone: float) -> float:
 
 
 @pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.torus(), shapes.cone(0.3)])
-def test_the_search_finds_what_an_exhaustive_one_finds(shape: shapes.Surface) -> None:
+def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surface) -> None:
     mesh = mesh_from_arrays(*shape)
     cone = 1.0
     grasps = best_pairs(mesh, Sampling(), cone)
     smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
     chosen = np.random.default_rng(4).choice(smooth, 300, replace=False)
-    behind = []
+    shortfalls = []
     for vertex in chosen:
         oracle = exhaustive(mesh, vertex, cone)
         if oracle < cone:
-            behind.append(grasps.worst[vertex] - oracle)
-    assert len(behind) > 200
-    assert np.mean(np.array(behind) < 5e-3) >= 0.99
-    assert np.median(behind) <= 1e-4
+            shortfalls.append(grasps.worst[vertex] - oracle)
+    assert len(shortfalls) > 200
+    assert np.mean(np.array(shortfalls) < 5e-3) >= 0.99
+    assert np.median(shortfalls) <= 1e-4
 
 
 @pytest.mark.parametrize("grip", ["squeeze", "expand", "both"])
-def test_the_named_grasp_is_real_and_its_angle_exact(grip: str) -> None:
-    """The partner lies on the surface, and two lines of NumPy give the same critical angle."""
+def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
+    """The opposing contact lies on the surface and the critical angle equals the definition's."""
     mesh = mesh_from_arrays(*shapes.tube())
     grasps = best_pairs(mesh, Sampling(grip=grip), 0.8)  # type: ignore[arg-type]
     smooth = np.flatnonzero((mesh.normal_sets.counts == 1) & (grasps.reason == 0))
@@ -59,12 +59,13 @@ def test_the_named_grasp_is_real_and_its_angle_exact(grip: str) -> None:
         angle = oracles.critical_angle(
             mesh.vertices[vertex], mesh.normals[vertex], q, n, int(grasps.grip[vertex])
         )
-        assert grasps.worst[vertex] >= angle - 1e-12  # a partner on a crease has worse normals too
+        # On a crease the opposing contact has worse normals too.
+        assert grasps.worst[vertex] >= angle - 1e-12
         radius, height = math.hypot(q[0], q[1]), abs(q[2])
         on_wall = min(abs(radius - 0.4), abs(radius - 0.5)) < 1e-3 or height == pytest.approx(0.5)
         assert on_wall
         assert np.linalg.norm(n) == pytest.approx(1.0)
-    gap = [
+    gaps = [
         grasps.worst[v]
         - oracles.critical_angle(
             mesh.vertices[v],
@@ -75,10 +76,10 @@ def test_the_named_grasp_is_real_and_its_angle_exact(grip: str) -> None:
         )
         for v in smooth
     ]
-    assert np.mean(np.array(gap) < 1e-9) > 0.98
+    assert np.mean(np.array(gaps) < 1e-9) > 0.98
 
 
-def test_the_number_of_threads_changes_nothing() -> None:
+def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
     mesh = mesh_from_arrays(*shapes.lopsided())
     one = best_pairs(mesh, Sampling(), 0.7, threads=1)
     three = best_pairs(mesh, Sampling(), 0.7, threads=3)
@@ -95,7 +96,9 @@ def test_more_rays_find_no_worse_grasps() -> None:
     assert np.mean(many > few + 2e-3) < 0.01
 
 
-def test_several_starts_find_better_grasps_than_one(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_refining_several_grasps_finds_better_ones_than_refining_one(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     mesh = load_mesh(shapes.LIBRARY / "banana.ply")
     several = best_pairs(mesh, Sampling(), 0.66)
     monkeypatch.setattr(antipodal, "EXPLORING_ROUNDS", 0)
@@ -108,19 +111,24 @@ def test_several_starts_find_better_grasps_than_one(monkeypatch: pytest.MonkeyPa
 def test_search_directions_turn_with_the_object() -> None:
     vertices, faces = shapes.lopsided()
     turn = shapes.rotation(7)
-    here, there = mesh_from_arrays(vertices, faces), mesh_from_arrays(vertices @ turn.T, faces)
-    assert tangents(there) == pytest.approx(tangents(here) @ turn.T, abs=1e-9)
-    assert np.einsum("ij,ij->i", tangents(here), here.normals) == pytest.approx(0.0, abs=1e-9)
-    assert np.linalg.norm(tangents(here), axis=1) == pytest.approx(1.0)
+    original, rotated = (
+        mesh_from_arrays(vertices, faces),
+        mesh_from_arrays(vertices @ turn.T, faces),
+    )
+    assert tangents(rotated) == pytest.approx(tangents(original) @ turn.T, abs=1e-9)
+    assert np.einsum("ij,ij->i", tangents(original), original.normals) == pytest.approx(
+        0.0, abs=1e-9
+    )
+    assert np.linalg.norm(tangents(original), axis=1) == pytest.approx(1.0)
 
 
-def test_every_vertex_of_a_perfect_ball_has_a_search_direction() -> None:
+def test_every_vertex_of_a_regular_ball_has_a_tangent() -> None:
     mesh = mesh_from_arrays(*shapes.sphere(3))
     assert np.linalg.norm(tangents(mesh), axis=1) == pytest.approx(1.0)
 
 
-def test_progress_goes_from_nothing_to_all() -> None:
-    seen: list[float] = []
-    best_pairs(mesh_from_arrays(*shapes.lopsided()), Sampling(), 0.7, progress=seen.append)
-    assert seen == sorted(seen)
-    assert 0.0 < seen[0] < seen[-1] == 1.0
+def test_progress_increases_to_one() -> None:
+    fractions: list[float] = []
+    best_pairs(mesh_from_arrays(*shapes.lopsided()), Sampling(), 0.7, progress=fractions.append)
+    assert fractions == sorted(fractions)
+    assert 0.0 < fractions[0] < fractions[-1] == 1.0

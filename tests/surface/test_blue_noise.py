@@ -20,7 +20,7 @@ SEEDS = range(12)
 
 
 def widest(count: int, area: float = 4.0 * math.pi) -> float:
-    """Distance between neighbours when so many discs fill an area like honeycomb."""
+    """Distance between the centres of so many discs in the densest packing of an area."""
     return 2.0 * math.sqrt(area / (2.0 * math.sqrt(3.0) * count))
 
 
@@ -29,7 +29,7 @@ def nearest(points: Floats) -> Floats:
 
 
 def spacing(points: Floats) -> float:
-    """Smallest distance between two, as a share of the largest that is possible on the ball."""
+    """Smallest distance between two points, relative to the largest possible on the ball."""
     return float(nearest(points).min()) / widest(len(points))
 
 
@@ -60,53 +60,53 @@ def one_sided_density() -> ObjectMesh:
 
 
 @pytest.mark.parametrize("count", [64, 500])
-def test_places_keep_the_distance_of_a_poisson_disk_set(count: int) -> None:
-    """Seven tenths of the honeycomb's, where uniform places come close at once."""
+def test_samples_have_the_distances_of_a_poisson_disk_set(count: int) -> None:
+    """Seven tenths of the densest packing's; independent uniform points come much closer."""
     spread = [spacing(positions(BALL, count, seed)) for seed in SEEDS]
-    plain = [spacing(uniform(count, seed)) for seed in SEEDS]
+    independent = [spacing(uniform(count, seed)) for seed in SEEDS]
     assert min(spread) > 0.64
     assert np.mean(spread) > 0.68
-    assert max(plain) < 0.25
+    assert max(independent) < 0.25
 
 
 @pytest.mark.parametrize("seed", [0, 1])
-def test_every_beginning_is_well_spread(seed: int) -> None:
+def test_every_beginning_is_evenly_spread(seed: int) -> None:
     points = positions(BALL, 1000, seed)
     beginnings = [2, 3, 4, 7, 10, 16, 31, 62, 100, 125, 250, 333, 500, 700, 999]
     assert min(spacing(points[:count]) for count in beginnings) > 0.55
 
 
-def test_places_lie_strictly_inside_faces() -> None:
+def test_samples_lie_strictly_inside_faces() -> None:
     mesh = box_mesh(max_edge=1.0)
-    places = spread_points(mesh, 2000, seed=3)
-    assert places.faces.shape == (2000,)
-    assert places.weights.shape == (2000, 3)
-    assert places.weights.min() >= INSIDE
-    assert places.weights.sum(axis=1) == pytest.approx(1.0)
-    assert np.abs(places.positions(mesh)).max(axis=1) == pytest.approx(1.0)
+    samples = spread_points(mesh, 2000, seed=3)
+    assert samples.faces.shape == (2000,)
+    assert samples.weights.shape == (2000, 3)
+    assert samples.weights.min() >= INSIDE
+    assert samples.weights.sum(axis=1) == pytest.approx(1.0)
+    assert np.abs(samples.positions(mesh)).max(axis=1) == pytest.approx(1.0)
 
 
-def test_places_follow_the_area() -> None:
-    """A box of 1 x 2 x 4: each pair of sides gets its share, closer than by chance."""
+def test_samples_are_distributed_by_area() -> None:
+    """A box of 1 x 2 x 4: each pair of sides gets its fraction, more evenly than by chance."""
     extents = np.array([1.0, 2.0, 4.0])
     mesh = box_mesh((1.0, 2.0, 4.0), max_edge=0.5)
-    shares = (1.0 / extents) / (1.0 / extents).sum()
-    off = []
+    fractions = (1.0 / extents) / (1.0 / extents).sum()
+    errors = []
     for seed in range(10):
         points = positions(mesh, 300, seed)
-        side = np.argmax(np.abs(points) / (0.5 * extents), axis=1)
-        off.append(np.bincount(side, minlength=3) - 300 * shares)
-    chance = np.sqrt(300 * shares * (1.0 - shares))
-    assert (np.sqrt(np.mean(np.square(off), axis=0)) < 0.7 * chance).all()
+        box_sides = np.argmax(np.abs(points) / (0.5 * extents), axis=1)
+        errors.append(np.bincount(box_sides, minlength=3) - 300 * fractions)
+    chance = np.sqrt(300 * fractions * (1.0 - fractions))
+    assert (np.sqrt(np.mean(np.square(errors), axis=0)) < 0.7 * chance).all()
 
 
-@pytest.mark.parametrize("choose", ["places", "vertices"])
-def test_dense_triangles_draw_no_places(choose: str) -> None:
-    """Half of the area has 95 % of the vertices and of the faces, and still half of the places."""
+@pytest.mark.parametrize("choose", ["samples", "vertices"])
+def test_dense_triangles_get_no_more_samples(choose: str) -> None:
+    """Half of the area has 95 % of the vertices and of the faces, and half of the samples."""
     mesh = one_sided_density()
     left = []
     for seed in range(6):
-        if choose == "places":
+        if choose == "samples":
             points = positions(mesh, 12, seed)
         else:
             points = mesh.vertices[spread_vertices(mesh, 12, seed=seed)]
@@ -114,8 +114,8 @@ def test_dense_triangles_draw_no_places(choose: str) -> None:
     assert 0.4 < np.mean(left) < 0.62
 
 
-def test_both_sides_of_a_thin_plate_are_served() -> None:
-    """As if each were alone: about as many on either, each as far apart as on a lone sheet."""
+def test_both_sides_of_a_thin_plate_are_sampled_independently() -> None:
+    """About as many points on either side, with the distances of a single sheet."""
     mesh = box_mesh((2.0, 2.0, 0.002), max_edge=0.2)
     for seed in range(4):
         points = positions(mesh, 200, seed)
@@ -123,11 +123,11 @@ def test_both_sides_of_a_thin_plate_are_served() -> None:
         assert abs(len(top) - len(bottom)) <= 12
         for side in (top, bottom):
             assert nearest(side).min() > 0.6 * widest(100, 4.0)
-        across = cKDTree(top).query(bottom)[0]
-        assert across.min() < 0.3 * widest(100, 4.0)  # they know nothing of each other
+        to_other_side = cKDTree(top).query(bottom)[0]
+        assert to_other_side.min() < 0.3 * widest(100, 4.0)  # the sides are independent
 
 
-def test_the_same_seed_gives_the_same_places() -> None:
+def test_the_same_seed_gives_the_same_samples() -> None:
     one, two, other = (spread_points(BALL, 50, seed=seed) for seed in (5, 5, 6))
     assert np.array_equal(one.faces, two.faces)
     assert np.array_equal(one.weights, two.weights)
@@ -137,29 +137,29 @@ def test_the_same_seed_gives_the_same_places() -> None:
     assert not np.array_equal(vertices[0], vertices[2])
 
 
-def test_neither_unit_nor_position_changes_the_places() -> None:
+def test_neither_unit_nor_position_changes_the_samples() -> None:
     vertices, faces = shapes.sphere(3)
-    here = spread_points(mesh_from_arrays(vertices, faces), 40)
-    there = spread_points(mesh_from_arrays(1024.0 * vertices + 4096.0, faces), 40)
-    assert np.array_equal(here.faces, there.faces)
+    original = spread_points(mesh_from_arrays(vertices, faces), 40)
+    moved = spread_points(mesh_from_arrays(1024.0 * vertices + 4096.0, faces), 40)
+    assert np.array_equal(original.faces, moved.faces)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
-def test_a_few_places_are_found_on_a_single_triangle(count: int) -> None:
+def test_a_few_samples_fit_on_a_single_triangle(count: int) -> None:
     mesh = mesh_from_arrays(np.eye(3), [[0, 1, 2]], max_edge=10.0)
-    places = spread_points(mesh, count)
-    assert places.faces.tolist() == [0] * count
+    samples = spread_points(mesh, count)
+    assert samples.faces.tolist() == [0] * count
     assert spread_vertices(mesh, count).shape == (count,)
     assert sorted(spread_vertices(mesh, 100).tolist()) == [0, 1, 2]
 
 
-def test_many_places_fit_on_a_tiny_mesh() -> None:
+def test_many_samples_fit_on_a_tiny_mesh() -> None:
     mesh = mesh_from_arrays(*shapes.box(), max_edge=10.0)
     points = positions(mesh, 300, 0)
     assert nearest(points).min() > 0.55 * widest(300, 6.0)
 
 
-def test_vertices_are_distinct_canonical_and_spread() -> None:
+def test_chosen_vertices_are_distinct_canonical_and_spread() -> None:
     for seed in SEEDS:
         chosen = spread_vertices(BALL, 100, seed=seed)
         assert len(np.unique(chosen)) == 100
@@ -184,25 +184,25 @@ def test_all_vertices_come_in_an_order_whose_beginnings_are_spread() -> None:
         assert spacing(BALL.vertices[chosen[:count]]) > 0.5
 
 
-def test_a_crowd_of_vertices_is_thinned_without_looking_at_every_pair() -> None:
+def test_dense_vertices_are_thinned_without_computing_every_pair() -> None:
     """Nine tenths of the vertices in a hundredth of the area, on a little knob."""
     vertices, faces = shapes.sphere(5)
     knob = vertices[:, 2] > -0.8
     vertices[knob] = (0.0, 0.0, -0.8) + 0.03 * (vertices[knob] - (0.0, 0.0, -0.8))
     mesh = mesh_from_arrays(vertices, faces, max_edge=10.0)
-    begun = time.perf_counter()
+    started = time.perf_counter()
     chosen = spread_vertices(mesh, 10**6)
-    assert time.perf_counter() - begun < 20.0  # 40 million pairs within reach of each other
+    assert time.perf_counter() - started < 20.0  # 40 million pairs within reach of each other
     assert len(chosen) == len(vertices)
     assert np.mean(knob) > 0.85
-    assert knob[chosen[:30]].sum() <= 4  # its sides do not see each other
-    plain = chosen[:30][~knob[chosen[:30]]]
+    assert knob[chosen[:30]].sum() <= 4  # its opposite sides are independent
+    off_knob = chosen[:30][~knob[chosen[:30]]]
     area = float(face_areas(mesh.vertices, mesh.faces).sum())
-    assert nearest(mesh.vertices[plain]).min() > 0.4 * widest(30, area)
+    assert nearest(mesh.vertices[off_knob]).min() > 0.4 * widest(30, area)
 
 
 @pytest.mark.parametrize("spread", [spread_points, spread_vertices])
-def test_senseless_numbers_are_refused(spread: object) -> None:
+def test_invalid_numbers_are_rejected(spread: object) -> None:
     assert callable(spread)
     with pytest.raises(SettingError, match="count must be a whole number of at least 1; got 0"):
         spread(BALL, 0)

@@ -1,4 +1,4 @@
-"""Contacts on a surface know every normal that they may have."""
+"""Tests of contacts on a surface and the sets of normals that they may have."""
 
 import math
 
@@ -30,8 +30,8 @@ def normals_of(contacts: SurfaceContacts, contact: int) -> np.ndarray:
 def test_a_vertex_has_its_own_position_and_set_on_any_of_its_faces(shape: shapes.Surface) -> None:
     mesh = mesh_from_arrays(*shape, max_edge=9.0)
     corners = np.eye(3)[np.tile(np.arange(3), (len(mesh.faces), 1))]
-    places = SurfacePoints(np.repeat(np.arange(len(mesh.faces))[:, None], 3, axis=1), corners)
-    contacts = SurfaceContacts(mesh, places)
+    points = SurfacePoints(np.repeat(np.arange(len(mesh.faces))[:, None], 3, axis=1), corners)
+    contacts = SurfaceContacts(mesh, points)
     np.testing.assert_array_equal(contacts.points, mesh.vertices[mesh.faces])
     np.testing.assert_array_equal(contacts.normals, mesh.normals[mesh.faces])
     np.testing.assert_array_equal(contacts.on_crease, mesh.normal_sets.counts[mesh.faces] != 1)
@@ -41,15 +41,15 @@ def test_a_vertex_has_its_own_position_and_set_on_any_of_its_faces(shape: shapes
         np.testing.assert_array_equal(normals_of(contacts, i), own)
 
 
-def test_duplicates_stand_where_their_place_does_and_strays_nowhere() -> None:
+def test_duplicates_have_the_surface_point_of_their_position_and_strays_none() -> None:
     vertices, faces = shapes.sphere(2)
     mesh = mesh_from_arrays(np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]]), faces)
     count = len(vertices)
-    places = vertex_surface_points(mesh, np.arange(count + 6))
-    np.testing.assert_array_equal(places.faces[count : count + 5], places.faces[:5])
-    np.testing.assert_array_equal(places.weights[count : count + 5], places.weights[:5])
-    assert places.faces[-1] == -1
-    assert (places.faces[:-1] >= 0).all()
+    points = vertex_surface_points(mesh, np.arange(count + 6))
+    np.testing.assert_array_equal(points.faces[count : count + 5], points.faces[:5])
+    np.testing.assert_array_equal(points.weights[count : count + 5], points.weights[:5])
+    assert points.faces[-1] == -1
+    assert (points.faces[:-1] >= 0).all()
     assert vertex_surface_points(mesh, [[0, 1], [2, 3]]).weights.shape == (2, 2, 3)
 
 
@@ -69,11 +69,11 @@ def test_inside_a_face_the_normal_is_interpolated_between_its_corners() -> None:
     )
 
 
-def test_on_an_edge_it_may_be_any_between_the_two_faces_and_at_a_corner_of_three() -> None:
+def test_sets_of_normals_on_an_edge_and_at_a_corner() -> None:
     mesh = mesh_from_arrays(*shapes.box(), max_edge=9.0)
     face = int(np.flatnonzero((mesh.vertices[mesh.faces][:, :, 2] == 0.5).all(axis=1))[0])
     corners = mesh.vertices[mesh.faces[face]]
-    seen = 0
+    edges = 0
     for i in range(3):
         weights = np.full(3, 0.5)
         weights[i] = 0.0
@@ -82,7 +82,7 @@ def test_on_an_edge_it_may_be_any_between_the_two_faces_and_at_a_corner_of_three
         if (np.abs(middle) == 0.5).sum() < 2:
             assert not contacts.on_crease[0, 0]  # the diagonal of a side
             continue
-        seen += 1
+        edges += 1
         inward = -np.eye(3) * np.sign(middle)
         expected = {tuple(inward[k] + 0.0) for k in np.flatnonzero(np.abs(middle) == 0.5)}
         assert {tuple(row + 0.0) for row in normals_of(contacts, 0)} == expected
@@ -90,13 +90,13 @@ def test_on_an_edge_it_may_be_any_between_the_two_faces_and_at_a_corner_of_three
         assert contacts.normals[0, 0] == pytest.approx(
             np.sum(list(expected), axis=0) / math.sqrt(2.0)
         )
-    assert seen == 2
+    assert edges == 2
     contacts = at_vertices(mesh, [[mesh.faces[face, 0]]])
     assert len(contacts.set_normals) == 3
     assert contacts.normals[0, 0] == pytest.approx(-np.sign(corners[0]) / math.sqrt(3.0))
 
 
-def test_where_four_faces_share_an_edge_any_normal_may_be() -> None:
+def test_an_edge_of_four_faces_may_have_any_normal() -> None:
     vertices, faces = shapes.box()
     both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
     mesh = mesh_from_arrays(both, np.vstack([faces, faces + 8]), max_edge=9.0)
@@ -113,7 +113,7 @@ def test_where_four_faces_share_an_edge_any_normal_may_be() -> None:
     assert np.linalg.norm(contacts.normals) == pytest.approx(1.0)
 
 
-def test_a_tip_of_two_pyramids_keeps_the_normals_of_all_its_faces() -> None:
+def test_the_common_tip_of_two_pyramids_has_the_normals_of_all_faces() -> None:
     low = np.array([[-1.0, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [0, 0, 0]])
     faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]])
     both = np.vstack([low, -low[:4]])
@@ -124,7 +124,7 @@ def test_a_tip_of_two_pyramids_keeps_the_normals_of_all_its_faces() -> None:
     assert len(contacts.set_normals) == 8
 
 
-def test_contacts_stand_about_the_centre_of_mass_with_the_models_friction() -> None:
+def test_contacts_are_relative_to_the_centre_of_mass_with_the_friction_of_the_model() -> None:
     mesh = mesh_from_arrays(shapes.sphere(2)[0] + [1.0, 2.0, 3.0], shapes.sphere(2)[1])
     contacts = at_vertices(mesh, [[0, 1, 2], [3, 4, 5]])
     made = contacts.contacts(GraspModel(friction=0.3, torsion_radius=0.1))
@@ -136,19 +136,19 @@ def test_contacts_stand_about_the_centre_of_mass_with_the_models_friction() -> N
 
 
 @pytest.mark.parametrize("which", [slice(1, 3), np.array([2, 0]), np.array([True, False, True])])
-def test_some_of_the_grasps(which: slice | np.ndarray) -> None:
+def test_take_returns_the_chosen_grasps(which: slice | np.ndarray) -> None:
     contacts = at_vertices(box(), [[0, 9], [3, 14], [20, 5]])
-    some = contacts.take(which)
-    np.testing.assert_array_equal(some.points, contacts.points[which])
-    np.testing.assert_array_equal(some.on_crease, contacts.on_crease[which])
+    taken = contacts.take(which)
+    np.testing.assert_array_equal(taken.points, contacts.points[which])
+    np.testing.assert_array_equal(taken.on_crease, contacts.on_crease[which])
     rows = [normals_of(contacts, i) for g in np.arange(3)[which] for i in (2 * g, 2 * g + 1)]
-    np.testing.assert_array_equal(some.set_normals, np.concatenate(rows))
+    np.testing.assert_array_equal(taken.set_normals, np.concatenate(rows))
     none = contacts.take(np.array([], dtype=np.int64))
     assert (none.size, none.points.shape, none.set_normals.shape) == (0, (0, 2, 3), (0, 3))
 
 
-def test_normals_that_cancel_out_are_none_to_push_along() -> None:
-    """A sheet without thickness, seen from both sides: the rim's normals are opposite."""
+def test_normals_that_cancel_out_are_refused_as_contacts() -> None:
+    """A sheet of zero thickness with two sides: normals at the rim are opposite."""
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
     mesh = mesh_from_arrays(

@@ -1,4 +1,4 @@
-"""Critical angles over all normals that contacts on a surface may have."""
+"""Tests of critical angles over all normals that contacts on a surface may have."""
 
 import itertools
 import math
@@ -36,8 +36,8 @@ def box() -> ObjectMesh:
     return mesh_from_arrays(*shapes.box((1.0, 1.4, 2.0)), max_edge=0.5)
 
 
-def drawn(count: int, size: int, seed: int, creased: int) -> SurfaceContacts:
-    """Grasps at the box's vertices, so many contacts of each on edges and corners."""
+def random_grasps(count: int, size: int, seed: int, creased: int) -> SurfaceContacts:
+    """Random grasps at a box's vertices, `creased` contacts of each on edges and corners."""
     mesh, rng = box(), np.random.default_rng(seed)
     smooth = mesh.normal_sets.counts == 1
     columns = [
@@ -60,7 +60,7 @@ def angle_at(contacts: SurfaceContacts, grasp: int, normals: Floats) -> Floats:
 # Two contacts
 
 
-def test_two_contacts_are_what_a_scan_says_of_them() -> None:
+def test_two_contacts_agree_with_a_scan() -> None:
     mesh = box()
     vertices = np.unique(mesh.faces)
     for fixed in (np.array([0.1, 0.2, 1.0]), np.array([0.5, 0.7, 0.33]), mesh.vertices[0]):
@@ -77,7 +77,7 @@ def test_two_contacts_are_what_a_scan_says_of_them() -> None:
 
 
 def test_two_contacts_bound_every_choice_of_normals() -> None:
-    contacts = drawn(2, 40, 1, creased=2)
+    contacts = random_grasps(2, 40, 1, creased=2)
     worst, best = critical_angles(contacts)
     rng = np.random.default_rng(0)
     for g in range(contacts.size):
@@ -85,8 +85,8 @@ def test_two_contacts_bound_every_choice_of_normals() -> None:
             continue
         first, second = contacts.points[g]
         for _ in range(20):
-            one, two = (within_sets(set_of(contacts, g, i)[None], rng)[0] for i in (0, 1))
-            angle = oracles.critical_angle(first, one, second, two)
+            normals = [within_sets(set_of(contacts, g, i)[None], rng)[0] for i in (0, 1)]
+            angle = oracles.critical_angle(first, normals[0], second, normals[1])
             assert best[g] - 1e-9 <= angle <= worst[g] + 1e-9
 
 
@@ -94,8 +94,8 @@ def test_two_contacts_bound_every_choice_of_normals() -> None:
 
 
 @pytest.mark.parametrize("count", [3, 4, 5])
-def test_on_smooth_places_both_are_the_critical_angle(count: int) -> None:
-    contacts = drawn(count, 30, 2, creased=0)
+def test_smooth_contacts_have_one_critical_angle(count: int) -> None:
+    contacts = random_grasps(count, 30, 2, creased=0)
     worst, best = critical_angles(contacts)
     np.testing.assert_array_equal(worst, best)
     expected = critical_friction_angle(Contacts(contacts.points, contacts.normals))
@@ -103,21 +103,23 @@ def test_on_smooth_places_both_are_the_critical_angle(count: int) -> None:
 
 
 @pytest.mark.parametrize(("count", "creased"), [(3, 1), (3, 2), (4, 1), (5, 1)])
-def test_they_bound_every_choice_of_normals_and_not_by_much(count: int, creased: int) -> None:
-    contacts = drawn(count, 6, 10 * count + creased, creased)
+def test_angles_are_tight_bounds_for_every_choice_of_normals(count: int, creased: int) -> None:
+    contacts = random_grasps(count, 6, 10 * count + creased, creased)
     worst, best = critical_angles(contacts)
     rng = np.random.default_rng(0)
     for g in range(contacts.size):
         sets = [set_of(contacts, g, i) for i in range(count)]
         normals = [
-            np.concatenate([some, *(within_sets(some[None], rng) for _ in range(300 // len(some)))])
-            for some in sets
+            np.concatenate(
+                [faces, *(within_sets(faces[None], rng) for _ in range(300 // len(faces)))]
+            )
+            for faces in sets
         ]
-        tried = np.stack(
+        tested = np.stack(
             [rows[rng.integers(len(rows), size=20_000 if count == 3 else 400)] for rows in normals],
             axis=1,
         )  # (k, n, 3)
-        angles = angle_at(contacts, g, tried)
+        angles = angle_at(contacts, g, tested)
         assert angles.max() <= worst[g] + TOLERANCE
         assert angles.min() >= best[g] - TOLERANCE
         assert worst[g] - angles.max() < 0.06
@@ -125,46 +127,46 @@ def test_they_bound_every_choice_of_normals_and_not_by_much(count: int, creased:
 
 
 @pytest.mark.parametrize("count", [3, 4, 5])
-def test_the_search_among_samples_finds_the_extreme_ones(count: int) -> None:
-    """Against the critical angle of every combination."""
-    contacts = drawn(count, 5, count, creased=2)
+def test_the_search_among_samples_finds_the_extremes(count: int) -> None:
+    """Compared with the critical angles of all combinations."""
+    contacts = random_grasps(count, 5, count, creased=2)
     step = math.radians(30.0)
     samples = NormalSamples.of_sets(contacts.set_start, contacts.set_normals, count, step)
     worst, best = angle_bounds(contacts.points, samples, tolerance=TOLERANCE)
     sets, _ = sampled_sets(contacts.set_start, contacts.set_normals, step)
     for g in range(contacts.size):
         own = sets[g * count : (g + 1) * count]
-        assert samples.combinations[g] == math.prod(len(some) for some in own)
+        assert samples.combinations[g] == math.prod(len(samples_) for samples_ in own)
         angles = angle_at(contacts, g, np.array(list(itertools.product(*own))))
-        shrink = math.cos(samples.apart[g] / 2.0)
+        shrink = math.cos(samples.steps[g] / 2.0)
         high = math.asin(min(1.0, math.sin(angles.max()) / shrink))
         low = math.acos(min(1.0, math.cos(angles.min()) / shrink))
         assert worst[g] == pytest.approx(high, abs=3.0 * TOLERANCE)
-        assert low - 0.03 <= best[g] <= low + TOLERANCE  # steep near 0
+        assert low - 0.03 <= best[g] <= low + TOLERANCE  # arccos is steep near 0
         assert math.cos(best[g]) == pytest.approx(math.cos(low), abs=3.0 * TOLERANCE)
 
 
-def test_labels_are_those_of_classify_or_more_careful() -> None:
-    contacts = drawn(3, 60, 4, creased=1)
+def test_labels_are_those_of_classify_or_ambiguous() -> None:
+    contacts = random_grasps(3, 60, 4, creased=1)
     worst, best = critical_angles(contacts)
-    few = contacts.contacts(GraspModel())
+    plain = contacts.contacts(GraspModel())
     seen, agreed, total = set(), 0, 0
     for g in range(contacts.size):
-        grasp = Contacts(few.points[g], few.normals[g], 0.6)
+        grasp = Contacts(plain.points[g], plain.normals[g], 0.6)
         creases = {0: set_of(contacts, g, 0)}
         for friction, alpha in ((0.2, 0.1), (0.6, 0.4), (1.2, 0.2)):
             beta, tilt = math.atan(friction), alpha / 2.0
             stable, unstable = worst[g] < beta - tilt, best[g] >= beta + tilt
-            asked = grasp.with_friction(friction)
-            exact = classify(asked, alpha, creases=creases).label
+            rough = grasp.with_friction(friction)
+            exact = classify(rough, alpha, creases=creases).label
             assert not stable or exact == Label.S
             assert not unstable or exact == Label.U
-            mine = Label.S if stable else Label.U if unstable else Label.M
-            agreed, total = agreed + int(mine == exact), total + 1
-            seen.add(mine)
+            label = Label.S if stable else Label.U if unstable else Label.M
+            agreed, total = agreed + int(label == exact), total + 1
+            seen.add(label)
             if g < 12:
                 sampled = classify(
-                    asked, alpha, creases=creases, method="extremes", extreme_normals=4
+                    rough, alpha, creases=creases, method="extremes", extreme_normals=4
                 ).label
                 assert not stable or sampled == Label.S
                 assert not unstable or sampled == Label.U
@@ -172,21 +174,21 @@ def test_labels_are_those_of_classify_or_more_careful() -> None:
     assert agreed / total > 0.95
 
 
-def test_coarser_steps_are_safe_too(monkeypatch: pytest.MonkeyPatch) -> None:
-    contacts = drawn(4, 12, 5, creased=2)
+def test_coarser_steps_are_safe(monkeypatch: pytest.MonkeyPatch) -> None:
+    contacts = random_grasps(4, 12, 5, creased=2)
     worst, best = critical_angles(contacts)
-    monkeypatch.setattr(module, "MOST_COMBINATIONS", 30)
+    monkeypatch.setattr(module, "MAX_COMBINATIONS", 30)
     coarse_worst, coarse_best = critical_angles(contacts)
     assert (coarse_worst >= worst - TOLERANCE).all()
     assert (coarse_best <= best + TOLERANCE).all()
     assert (coarse_worst > worst + 1e-3).any()
-    monkeypatch.setattr(module, "MOST_COMBINATIONS", 1)
-    nothing = critical_angles(contacts)
-    assert (nothing[0] == math.pi / 2.0).all()
-    assert (nothing[1] == 0.0).all()
+    monkeypatch.setattr(module, "MAX_COMBINATIONS", 1)
+    ambiguous = critical_angles(contacts)
+    assert (ambiguous[0] == math.pi / 2.0).all()
+    assert (ambiguous[1] == 0.0).all()
 
 
-def test_where_any_normal_may_be_nothing_is_sure() -> None:
+def test_contacts_with_any_normal_are_ambiguous() -> None:
     vertices, faces = shapes.box()
     both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
     mesh = mesh_from_arrays(both, np.vstack([faces, faces + 8]), max_edge=0.6)
@@ -202,7 +204,7 @@ def test_where_any_normal_may_be_nothing_is_sure() -> None:
 
 
 @pytest.mark.parametrize("count", [2, 3, 4])
-def test_contacts_at_one_place_are_no_grasp(count: int) -> None:
+def test_contacts_at_one_point_are_no_grasp(count: int) -> None:
     corner = int(np.flatnonzero(box().normal_sets.counts == 3)[0])
     smooth = int(np.flatnonzero(box().normal_sets.counts == 1)[0])
     grasps = np.array([[corner] * count, [smooth] * count])
@@ -210,20 +212,20 @@ def test_contacts_at_one_place_are_no_grasp(count: int) -> None:
         assert np.isinf(angles).all()
 
 
-def test_a_finger_beside_another_adds_nothing() -> None:
-    """Three contacts, two of them at one place, are the grasp of two."""
+def test_a_duplicated_contact_does_not_change_the_angle() -> None:
+    """Three contacts, two of them at one point, equal the grasp of two."""
     mesh = mesh_from_arrays(*shapes.sphere(2), max_edge=9.0)
     rng = np.random.default_rng(0)
     pairs = rng.integers(len(mesh.vertices), size=(60, 2))
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
     two, _ = critical_angles(SurfaceContacts(mesh, vertex_surface_points(mesh, pairs)))
-    thrice = SurfaceContacts(mesh, vertex_surface_points(mesh, pairs[:, [0, 1, 1]]))
-    three, _ = critical_angles(thrice)
+    duplicated = SurfaceContacts(mesh, vertex_surface_points(mesh, pairs[:, [0, 1, 1]]))
+    three, _ = critical_angles(duplicated)
     assert three == pytest.approx(np.minimum(two, math.pi / 2.0), abs=2.0 * TOLERANCE)
 
 
-def test_seven_contacts_close_without_friction_where_sets_do_not_spoil_it() -> None:
-    """A negative angle stays one on smooth places; on creases it is given as 0."""
+def test_negative_angles_of_smooth_contacts() -> None:
+    """Angles of form-closed grasps are negative if all contacts are smooth, else 0."""
     mesh = mesh_from_arrays(*shapes.lopsided(), max_edge=9.0)
     rng = np.random.default_rng(3)
     grasps = rng.integers(len(mesh.vertices), size=(3, 9))
@@ -244,18 +246,18 @@ def test_seven_contacts_close_without_friction_where_sets_do_not_spoil_it() -> N
     assert (best <= worst).all()
 
 
-def test_threads_change_nothing_and_progress_runs_to_1() -> None:
-    contacts = drawn(4, 20, 6, creased=1)
-    shares: list[float] = []
-    one = critical_angles(contacts, threads=1, progress=shares.append)
+def test_threads_do_not_change_results_and_progress_ends_at_1() -> None:
+    contacts = random_grasps(4, 20, 6, creased=1)
+    fractions: list[float] = []
+    one = critical_angles(contacts, threads=1, progress=fractions.append)
     two = critical_angles(contacts, threads=2)
     np.testing.assert_array_equal(one, two)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
     none = critical_angles(contacts.take(slice(0, 0)))
     assert none[0].shape == none[1].shape == (0,)
 
 
-def test_a_tolerance_is_above_0() -> None:
+def test_a_tolerance_must_be_above_0() -> None:
     with pytest.raises(SettingError, match="tolerance must be above 0"):
-        critical_angles(drawn(3, 1, 0, creased=0), tolerance=0.0)
+        critical_angles(random_grasps(3, 1, 0, creased=0), tolerance=0.0)

@@ -1,4 +1,4 @@
-"""Labels of surfaces from the wrench hulls alone, beside exact ones."""
+"""Tests of labels from wrench hulls at extreme normals, compared with exact ones."""
 
 import math
 import os
@@ -30,10 +30,11 @@ from grasp3d import (
 )
 from grasp3d.contact.friction_cones import tilted_normals
 from grasp3d.errors import SettingError
+from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.surface.extreme_normals import hull_labels
 from grasp3d.surface.vertex_grasps import grasps_at
 from tests.helpers import shapes
-from tests.helpers.tilts import every
+from tests.helpers.tilts import all_combinations
 
 degrees = math.radians
 COMMAND = Path(sys.executable).with_name("grasp3d")
@@ -55,38 +56,39 @@ def surface(name: str) -> ObjectMesh:
 
 
 @cache
-def labelled(name: str, edges: int | None = None, around: int = 8) -> SurfaceLabels:
-    model = GraspModel(method="extremes", edges=edges, extreme_normals=around)
+def labelled(name: str, edges: int | None = None, count: int = 8) -> SurfaceLabels:
+    model = GraspModel(method="extremes", edges=edges, extreme_normals=count)
     return label_surface(surface(name), model)
 
 
-def exactly(labels: SurfaceLabels) -> SurfaceLabels:
+def with_exact_labels(labels: SurfaceLabels) -> SurfaceLabels:
     """The same grasps with exact labels."""
-    return replace(labels, model=replace(labels.model, method="exact"))
+    return labels.with_model(replace(labels.model, method="exact"))
 
 
-def counted(labels: SurfaceLabels) -> np.ndarray:
-    """Vertices by exact and sampled label."""
+def label_counts(labels: SurfaceLabels) -> np.ndarray:
+    """Numbers of vertices by exact and sampled label."""
     counts = np.zeros((3, 3), dtype=np.int64)
-    np.add.at(counts, (exactly(labels).label, labels.label), 1)
+    np.add.at(counts, (with_exact_labels(labels).label, labels.label), 1)
     return counts
 
 
 def differing_area(labels: SurfaceLabels) -> float:
     areas = labels.mesh.vertex_areas / labels.mesh.vertex_areas.sum()
-    return float(areas[exactly(labels).label != labels.label].sum())
+    return float(areas[with_exact_labels(labels).label != labels.label].sum())
 
 
-def only_allowed(labels: SurfaceLabels) -> bool:
-    counts = counted(labels)
-    never = [counts[U, M], counts[U, S]]
+def differs_as_allowed(labels: SurfaceLabels) -> bool:
+    """Whether sampled labels differ from exact ones only as sampling can cause."""
+    counts = label_counts(labels)
+    impossible = [counts[U, M], counts[U, S]]
     if labels.model.edges is None:
-        never += [counts[S, M], counts[S, U]]
-    return sum(never) == 0
+        impossible += [counts[S, M], counts[S, U]]
+    return sum(impossible) == 0
 
 
 def contacts_at(labels: SurfaceLabels, vertex: int) -> Contacts:
-    """The grasp of a smooth vertex whose partner is on a smooth place."""
+    """The grasp of a smooth vertex whose opposing contact is smooth as well."""
     mesh = labels.mesh
     return Contacts(
         [mesh.vertices[vertex] - mesh.center_mass, labels.partners[vertex, 0] - mesh.center_mass],
@@ -95,26 +97,26 @@ def contacts_at(labels: SurfaceLabels, vertex: int) -> Contacts:
     )
 
 
-# Beside the exact labels
+# Compared with the exact labels
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("edges", [None, 8])
 @pytest.mark.parametrize("name", ["ball", "box", "blob", "mug"])
-def test_surfaces_differ_from_exact_ones_little_and_only_as_they_may(
+def test_labels_differ_from_exact_ones_little_and_only_as_allowed(
     name: str, edges: int | None
 ) -> None:
     labels = labelled(name, edges)
     plain = label_surface(surface(name), GraspModel(edges=edges))
     np.testing.assert_array_equal(plain.critical_angle, labels.critical_angle)
-    np.testing.assert_array_equal(plain.label, exactly(labels).label)
-    assert only_allowed(labels)
+    np.testing.assert_array_equal(plain.label, with_exact_labels(labels).label)
+    assert differs_as_allowed(labels)
     assert differing_area(labels) < (0.01 if edges is None else 0.1)
     if name == "blob":
-        assert counted(labels).trace() < len(labels.label)
-    for code, share in labels.fractions().items():
+        assert label_counts(labels).trace() < len(labels.label)
+    for code, fraction in labels.fractions().items():
         areas = labels.mesh.vertex_areas
-        assert share == pytest.approx(areas[labels.label == Label[code]].sum() / areas.sum())
+        assert fraction == pytest.approx(areas[labels.label == Label[code]].sum() / areas.sum())
 
 
 @pytest.mark.slow
@@ -130,27 +132,27 @@ def test_surfaces_differ_from_exact_ones_little_and_only_as_they_may(
     ],
     ids=["blob", "face", "edge", "corner"],
 )
-def test_scans_differ_from_exact_ones_little_and_only_as_they_may(
+def test_scans_differ_from_exact_ones_little_and_only_as_allowed(
     name: str, fixed: Any, resolution: float, edges: int | None
 ) -> None:
     model = GraspModel(method="extremes", edges=edges, sensor_resolution=degrees(resolution))
     labels = scan_surface(surface(name), model, fixed=fixed)
     plain = scan_surface(surface(name), replace(model, method="exact"), fixed=fixed)
-    np.testing.assert_array_equal(plain.label, exactly(labels).label)
-    assert only_allowed(labels)
-    assert counted(labels)[M, S] == 0 or edges is None
+    np.testing.assert_array_equal(plain.label, with_exact_labels(labels).label)
+    assert differs_as_allowed(labels)
+    assert label_counts(labels)[M, S] == 0 or edges is None
     assert differing_area(labels) < (0.06 if edges is None else 0.1)
     assert len(set(labels.label)) > 1
 
 
-def test_more_normals_on_the_rims_come_nearer_to_the_exact_labels() -> None:
-    wrong = [int((labelled("blob", None, k).label != exactly(labelled("blob")).label).sum())
-             for k in (3, 6, 12, 24)]  # fmt: skip
+def test_more_normals_on_the_rims_approach_the_exact_labels() -> None:
+    exact = with_exact_labels(labelled("blob")).label
+    wrong = [int((labelled("blob", None, k).label != exact).sum()) for k in (3, 6, 12, 24)]
     assert wrong == sorted(wrong, reverse=True)
     assert wrong[-1] < 0.2 * wrong[0]
 
 
-# Beside all combinations, one by one
+# Compared with all combinations, one by one
 
 
 @pytest.mark.parametrize("edges", [None, 6])
@@ -162,7 +164,7 @@ def test_labels_are_those_of_all_combinations_of_extreme_normals(edges: int | No
     for vertex in range(0, len(labels.label), 60):
         contacts = contacts_at(labels, vertex)
         tested = list(tilted_normals(contacts.normals, labels.model.tilt, count=5))
-        closed = force_closure(every(contacts, tested), edges=edges).closed
+        closed = force_closure(all_combinations(contacts, tested), edges=edges).closed
         expected = S if closed.all() else M if closed.any() else U
         assert labels.label[vertex] == expected
         seen.add(expected)
@@ -183,9 +185,12 @@ def test_epsilons_are_those_of_the_enumeration(edges: int | None, torsion: float
         hard = contacts_at(labels, vertex)
         contacts = Contacts(hard.points, hard.normals, hard.friction, torsion)
         found = classify(
-            contacts, model.sensor_resolution, method="extremes", extreme_normals=4, edges=edges,
-            actuation="per_finger", torque_scale=labels.mesh.torque_scale, rtol=1e-3,
-        )  # fmt: skip
+            contacts,
+            model.sensor_resolution,
+            method="extremes",
+            extreme_normals=4,
+            options=EpsilonOptions(edges, "per_finger", labels.mesh.torque_scale, rtol=1e-3),
+        )
         assert labels.label[vertex] == found.label
         assert labels.epsilon_min[vertex] == pytest.approx(found.epsilon_min, rel=0.011)
         assert labels.epsilon_max[vertex] == pytest.approx(found.epsilon_max, rel=0.011)
@@ -207,9 +212,9 @@ def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(
     assert {S, M} <= set(labels.label)
 
 
-def test_epsilon_of_exact_labels_bounds_that_of_the_extremes() -> None:
+def test_epsilon_of_exact_labels_bounds_that_of_method_extremes() -> None:
     labels = labelled("coarse box")
-    plain = exactly(labels)
+    plain = with_exact_labels(labels)
     smooth = labels.mesh.normal_sets.counts == 1
     assert (labels.epsilon_min >= 0.98 * plain.epsilon_min)[smooth].all()
     assert (labels.epsilon_max <= 1.02 * plain.epsilon_max)[smooth].all()
@@ -221,7 +226,9 @@ def test_epsilon_of_exact_labels_bounds_that_of_the_extremes() -> None:
 
 
 @pytest.mark.parametrize("friction", [0.3, 0.5, 0.9])
-def test_edges_and_corners_of_a_box_are_ambiguous_as_they_are_exactly(friction: float) -> None:
+def test_edges_and_corners_of_a_box_are_not_stable(
+    friction: float,
+) -> None:
     model = GraspModel(
         method="extremes", friction=friction, sensor_resolution=degrees(10.0), extreme_normals=4
     )
@@ -229,11 +236,11 @@ def test_edges_and_corners_of_a_box_are_ambiguous_as_they_are_exactly(friction: 
     on_face = surface("coarse box").normal_sets.counts == 1
     assert (labels.label[on_face] == S).all()
     assert (labels.label[~on_face] != S).all()
-    assert only_allowed(labels)
+    assert differs_as_allowed(labels)
 
 
-def test_a_vertex_whose_faces_look_everywhere_is_certain_of_nothing() -> None:
-    """Two pyramids that meet in their tips: the tip may have any normal."""
+def test_a_vertex_that_may_have_any_normal_is_not_stable() -> None:
+    """The common tip of two pyramids may have any normal."""
     low = np.array([[-1.0, -1, -1], [1, -1, -1], [1, 1, -1], [-1, 1, -1], [0, 0, 0]])
     faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]])
     twice = trimesh.util.concatenate(
@@ -245,15 +252,15 @@ def test_a_vertex_whose_faces_look_everywhere_is_certain_of_nothing() -> None:
     assert (mesh.normal_sets.counts[mesh.canonical[tips]] == 0).all()
     labels = label_surface(mesh, GraspModel(friction=1.0, method="extremes", extreme_normals=4))
     assert (labels.label[tips] != S).all()
-    assert only_allowed(labels)
+    assert differs_as_allowed(labels)
     finer = mesh_from_arrays(np.asarray(twice.vertices), np.asarray(twice.faces), max_edge=0.5)
     perfect = GraspModel(friction=1.0, sensor_resolution=0.0, method="extremes", extreme_normals=4)
     scan = scan_surface(finer, perfect, fixed=(0, 0, 0))
     assert set(scan.label) == {U, M}
 
 
-def test_the_better_of_two_grasps_counts() -> None:
-    """At creases that of the best normals may be another one than that of the worst."""
+def test_the_better_label_of_two_grasps_is_used() -> None:
+    """At creases the best grasps over the best and the worst normals may differ."""
     labels = labelled("coarse box")
     mesh = labels.mesh
     vertices = np.unique(mesh.canonical)
@@ -265,11 +272,11 @@ def test_the_better_of_two_grasps_counts() -> None:
     for number, positions in enumerate(
         labels.partner_points.positions(mesh)[:, :, 0].swapaxes(0, 1)
     ):
-        off = np.linalg.norm(positions - labels.partners[:, 0], axis=1)
-        assert number == 1 or off.max() <= 1e-6
+        distances = np.linalg.norm(positions - labels.partners[:, 0], axis=1)
+        assert number == 1 or distances.max() <= 1e-6
 
 
-def test_duplicates_carry_the_label_of_their_place() -> None:
+def test_duplicates_have_the_label_of_their_position() -> None:
     vertices, faces = shapes.box((1.0, 1.5, 2.0))
     soup = mesh_from_arrays(vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3))
     labels = label_surface(
@@ -281,14 +288,14 @@ def test_duplicates_carry_the_label_of_their_place() -> None:
     assert (labels.label == M).any()
 
 
-# Asking again, threads, progress
+# Other models, threads, progress
 
 
-def test_relabelling_enumerates_anew_when_it_is_asked() -> None:
+def test_relabelling_enumerates_when_the_label_is_read() -> None:
     labels = labelled("blob", 8)
     finer = labels.relabel(friction=0.45, sensor_resolution=degrees(10.0))
     assert finer.model.method == "extremes"
-    assert "label" not in vars(finer)
+    assert finer.deferred_label.computed is None
     model = GraspModel(friction=0.45, sensor_resolution=degrees(10.0), method="extremes", edges=8)
     wide = Sampling(search_angle=labels.search.cone)
     again = label_surface(surface("blob"), model, sampling=wide)
@@ -301,7 +308,7 @@ def test_relabelling_enumerates_anew_when_it_is_asked() -> None:
         _ = tiny.label
 
 
-def test_threads_change_nothing() -> None:
+def test_threads_do_not_change_results() -> None:
     model = GraspModel(method="extremes", edges=6, extreme_normals=4)
     one, two = (label_surface(surface("box"), model, threads=n) for n in (1, 2))
     np.testing.assert_array_equal(one.label, two.label)
@@ -310,31 +317,31 @@ def test_threads_change_nothing() -> None:
 
 
 @pytest.mark.parametrize("opening", [math.inf, 1e-3])
-def test_progress_runs_from_0_to_1_whatever_is_found(opening: float) -> None:
+def test_progress_ends_at_1_with_and_without_grasps(opening: float) -> None:
     model = GraspModel(method="extremes", edges=8, extreme_normals=4)
-    shares: list[float] = []
+    fractions: list[float] = []
     labels = label_surface(
-        surface("box"), model, sampling=Sampling(max_opening=opening), progress=shares.append
+        surface("box"), model, sampling=Sampling(max_opening=opening), progress=fractions.append
     )
-    assert "label" in vars(labels)
-    assert shares == sorted(shares)
-    assert 0.0 <= shares[0] < 0.3
-    assert shares[-1] == 1.0
+    assert labels.deferred_label.computed is not None
+    assert fractions == sorted(fractions)
+    assert 0.0 <= fractions[0] < 0.3
+    assert fractions[-1] == 1.0
     if opening < 1.0:
         assert (labels.label == U).all()
         assert np.isnan(labels.epsilon_max).all()
         return
-    shares.clear()
-    labels.measure(shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+    fractions.clear()
+    labels.compute_epsilon(fractions.append)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
 
 
 def test_exact_labels_need_no_enumeration() -> None:
     labels = label_surface(surface("ball"))
-    shares: list[float] = []
-    labels.enumerate_extremes(shares.append)
-    assert shares == []
+    fractions: list[float] = []
+    labels.compute_labels(fractions.append)
+    assert fractions == []
 
 
 # Extreme settings
@@ -358,10 +365,10 @@ def test_tiny_friction_needs_the_exact_method() -> None:
         (10.0, 2.0 * math.atan(10.0), M),
     ],
 )
-def test_a_ball_at_the_ends_of_the_scale(friction: float, resolution: float, code: Label) -> None:
+def test_a_ball_with_extreme_settings(friction: float, resolution: float, code: Label) -> None:
     model = GraspModel(friction=friction, sensor_resolution=resolution, method="extremes")
     labels = label_surface(mesh_from_arrays(*shapes.sphere(2), max_edge=9.0), model)
-    assert set(labels.label) == set(exactly(labels).label) == {code}
+    assert set(labels.label) == set(with_exact_labels(labels).label) == {code}
 
 
 # The command line
@@ -374,11 +381,11 @@ def test_the_command_labels_by_enumeration(tmp_path: Path) -> None:
         COMMAND, "label", "box.stl", "-o", "out.npz", "--unit", "m", "--max-edge", "0.02",
         "--method", "extremes", "--edges", "8", "--extreme-normals", "8",
     ]  # fmt: skip
-    how: dict[str, Any] = {
+    options: dict[str, Any] = {
         "capture_output": True, "text": True, "cwd": tmp_path,
         "env": {**os.environ, "COLUMNS": "160"},
     }  # fmt: skip
-    run = subprocess.run(command, check=False, **how)
+    run = subprocess.run(command, check=False, **options)
     assert (run.returncode, run.stderr) == (0, "")
     assert "8 extreme normals per contact, cones with 8 edges" in run.stdout
     assert "smallest over sampled tilts" in run.stdout
@@ -392,9 +399,9 @@ def test_the_command_labels_by_enumeration(tmp_path: Path) -> None:
             "epsilon_min": "sampled_tilts", "epsilon_max": "sampled_tilts",
         }.items():  # fmt: skip
             assert str(data[f"setting_{key}"]) == value
-    share = 100.0 * labels.fractions()["S"]
-    assert re.search(rf"S +surely stable +{share:.1f} %", run.stdout)
-    refused = subprocess.run([*command, "--friction", "1e-6"], check=False, **how)
+    percent = 100.0 * labels.fractions()["S"]
+    assert re.search(rf"S +surely stable +{percent:.1f} %", run.stdout)
+    refused = subprocess.run([*command, "--friction", "1e-6"], check=False, **options)
     assert refused.returncode == 2
     assert "use method='exact'" in " ".join(refused.stderr.split())
     assert "Traceback" not in refused.stderr

@@ -1,4 +1,4 @@
-"""The same object in another guise gets the same labels.
+"""Tests that equivalent representations of an object have the same labels.
 
 Vertices whose critical angle lies within 1e-6 rad of a threshold may differ.
 """
@@ -17,32 +17,34 @@ from tests.helpers.shapes import Surface
 MODEL = GraspModel()
 
 
-def disguises(vertices: np.ndarray, faces: np.ndarray) -> Iterator[tuple[str, Surface, np.ndarray]]:
-    """(name, the surface in another guise, where each vertex went)."""
+def representations(
+    vertices: np.ndarray, faces: np.ndarray
+) -> Iterator[tuple[str, Surface, np.ndarray]]:
+    """(name, equivalent surface, new index of each vertex)."""
     rng = np.random.default_rng(3)
     own = np.arange(len(vertices))
     order = rng.permutation(len(vertices))
-    place = np.argsort(order)
+    index = np.argsort(order)
     far = 1e6 * np.ptp(vertices) * np.array([1.0, -0.5, 0.3])
     rolled = np.stack([np.roll(face, number % 3) for number, face in enumerate(faces)])
-    yield "turned", (vertices @ shapes.rotation(5).T, faces), own
+    yield "rotated", (vertices @ shapes.rotation(5).T, faces), own
     yield "far away", (vertices + far, faces), own
     yield "tiny", (vertices * 1e-6, faces), own
     yield "huge", (vertices * 1e6, faces), own
     yield "in inches", (vertices / 25.4, faces), own
-    yield "vertices in another order", (vertices[order], place[faces]), place
-    yield "faces in another order", (vertices, faces[rng.permutation(len(faces))]), own
-    yield "faces begun elsewhere", (vertices, rolled), own
+    yield "permuted vertices", (vertices[order], index[faces]), index
+    yield "permuted faces", (vertices, faces[rng.permutation(len(faces))]), own
+    yield "other first corners of faces", (vertices, rolled), own
 
 
-def assert_same(expected: SurfaceLabels, found: SurfaceLabels, place: np.ndarray) -> None:
-    count = len(place)
+def assert_same(expected: SurfaceLabels, found: SurfaceLabels, index: np.ndarray) -> None:
+    count = len(index)
     thresholds = (MODEL.friction_angle - MODEL.tilt, MODEL.friction_angle + MODEL.tilt)
     near = np.zeros(count, dtype=bool)
     for angles in (expected.critical_angle[:count], expected.critical_angle_best[:count]):
         for threshold in thresholds:
             near |= np.abs(angles - threshold) < 1e-6
-    same = found.label[place] == expected.label[:count]
+    same = found.label[index] == expected.label[:count]
     assert (same | near).all()
     assert near.mean() < 0.01
 
@@ -65,19 +67,19 @@ def from_library(name: str) -> Surface:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", OBJECTS)
-def test_another_guise_changes_no_label(name: str) -> None:
+def test_equivalent_surfaces_have_the_same_labels(name: str) -> None:
     vertices, faces = OBJECTS[name]()
     expected = label_surface(mesh_from_arrays(vertices, faces), MODEL)
-    for guise, surface, place in disguises(vertices, faces):
+    for representation, surface, index in representations(vertices, faces):
         found = label_surface(mesh_from_arrays(*surface), MODEL)
         try:
-            assert_same(expected, found, place)
+            assert_same(expected, found, index)
         except AssertionError as error:
-            raise AssertionError(f"{name} {guise}") from error
+            raise AssertionError(f"{name} {representation}") from error
 
 
-def test_the_file_format_changes_no_label(tmp_path: Path) -> None:
-    """Coordinates that 32 bits hold exactly, so that every format says the same."""
+def test_labels_do_not_depend_on_the_file_format(tmp_path: Path) -> None:
+    """Coordinates are exact in 32 bits, so that every format stores the same values."""
     vertices, faces = shapes.lopsided()
     vertices = np.float64(np.float32(vertices))
     expected = label_surface(mesh_from_arrays(vertices, faces), MODEL)
@@ -87,5 +89,5 @@ def test_the_file_format_changes_no_label(tmp_path: Path) -> None:
         mesh.export(path, **({"digits": 12} if suffix in {"off", "obj"} else {}))
         loaded = load_mesh(path)
         rows = {tuple(v): i for i, v in enumerate(np.float32(loaded.vertices).tolist())}
-        place = np.array([rows[tuple(v)] for v in np.float32(vertices).tolist()])
-        assert_same(expected, label_surface(loaded, MODEL), place)
+        index = np.array([rows[tuple(v)] for v in np.float32(vertices).tolist()])
+        assert_same(expected, label_surface(loaded, MODEL), index)

@@ -32,7 +32,7 @@ def ball() -> SurfaceLabels:
 
 
 @pytest.mark.parametrize(("friction", "resolution"), [(0.5, 22.6), (0.2, 20.0), (1.0, 80.0)])
-def test_a_ball_is_reliable_everywhere_while_the_tilt_is_below_the_friction_angle(
+def test_a_ball_is_s_if_the_tilt_is_below_the_friction_angle(
     friction: float, resolution: float
 ) -> None:
     labels = ball().relabel(friction=friction, sensor_resolution=degrees(resolution))
@@ -40,13 +40,15 @@ def test_a_ball_is_reliable_everywhere_while_the_tilt_is_below_the_friction_angl
 
 
 @pytest.mark.parametrize(("friction", "resolution"), [(0.2, 22.7), (0.5, 60.0), (1.0, 90.0)])
-def test_a_ball_is_reliable_nowhere_from_there_on(friction: float, resolution: float) -> None:
+def test_a_ball_is_m_if_the_tilt_exceeds_the_friction_angle(
+    friction: float, resolution: float
+) -> None:
     labels = ball().relabel(friction=friction, sensor_resolution=degrees(resolution))
     assert (labels.label == Label.M).all()
 
 
 @pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
-def test_a_box_is_reliable_on_its_faces_and_not_on_edges_and_corners(friction: float) -> None:
+def test_a_box_is_s_on_its_faces_and_not_on_edges_and_corners(friction: float) -> None:
     mesh = mesh_from_arrays(*shapes.box((1.0, 1.5, 2.0)))
     labels = label_surface(mesh, GraspModel(friction=friction, sensor_resolution=degrees(10.0)))
     on_face = mesh.normal_sets.counts == 1
@@ -57,7 +59,7 @@ def test_a_box_is_reliable_on_its_faces_and_not_on_edges_and_corners(friction: f
 
 
 @pytest.mark.parametrize("half_angle", [5.0, 14.0, 25.0])
-def test_a_long_cone_needs_friction_of_its_own_slope(half_angle: float) -> None:
+def test_the_critical_angle_of_a_long_cone_is_its_half_angle(half_angle: float) -> None:
     gamma = degrees(half_angle)
     mesh = mesh_from_arrays(*shapes.cone(gamma, height=1.0, sections=256))
     labels = label_surface(mesh, GraspModel(friction=math.tan(gamma + 0.1)))
@@ -68,7 +70,7 @@ def test_a_long_cone_needs_friction_of_its_own_slope(half_angle: float) -> None:
     assert labels.critical_angle[flank].max() < gamma + degrees(0.3)
 
 
-def test_a_ring_is_held_from_inside_without_friction() -> None:
+def test_a_ring_has_internal_grasps_without_friction() -> None:
     mesh = mesh_from_arrays(*shapes.tube(0.4, 0.5, 0.2))
     labels = label_surface(mesh, GraspModel(), sampling=Sampling(grip="expand"))
     radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
@@ -91,7 +93,7 @@ def tube_openings(**limits: float) -> np.ndarray:
     return opening
 
 
-def test_a_hollow_cylinder_is_held_by_its_wall_or_across() -> None:
+def test_a_hollow_cylinder_is_grasped_across_its_wall_or_its_diameter() -> None:
     assert tube_openings(max_opening=0.95) == pytest.approx(0.1, abs=2e-3)
     assert tube_openings(min_opening=0.95) == pytest.approx(1.0, abs=2e-3)
     either = tube_openings()
@@ -100,13 +102,11 @@ def test_a_hollow_cylinder_is_held_by_its_wall_or_across() -> None:
 
 @pytest.mark.parametrize("width", [0.04, 0.1, 0.3])
 @pytest.mark.parametrize("offset", [0.0, 0.123, 40.0])
-def test_a_gripper_that_just_fits_fits_wherever_the_object_lies(
-    width: float, offset: float
-) -> None:
+def test_an_opening_equal_to_the_width_fits_at_any_pose(width: float, offset: float) -> None:
     vertices, faces = shapes.box((width, 1.5 * width, 2.0 * width))
     sides = np.abs(np.abs(mesh_from_arrays(vertices, faces).vertices[:, 0]) - width / 2.0) < 1e-9
-    for turn in (np.eye(3), shapes.rotation(1), shapes.rotation(2)):
-        mesh = mesh_from_arrays(vertices @ turn.T + offset, faces)
+    for rotation in (np.eye(3), shapes.rotation(1), shapes.rotation(2)):
+        mesh = mesh_from_arrays(vertices @ rotation.T + offset, faces)
         sampling = Sampling(max_opening=width, min_opening=width)
         labels = label_surface(mesh, sampling=sampling)
         inside = sides & (mesh.normal_sets.counts == 1)
@@ -114,8 +114,8 @@ def test_a_gripper_that_just_fits_fits_wherever_the_object_lies(
         assert labels.opening[inside] == pytest.approx(width, rel=1e-5)
 
 
-def test_pushing_apart_stops_at_the_first_wall() -> None:
-    """A ring within a ring: the fingers inside the small one do not reach the large one."""
+def test_internal_grasps_end_at_the_first_surface() -> None:
+    """A ring within a ring: fingers inside the small one do not reach the large one."""
     inner, faces = shapes.tube(0.2, 0.3, 0.2)
     outer, more = shapes.tube(0.4, 0.5, 0.2)
     mesh = mesh_from_arrays(np.vstack([inner, outer]), np.vstack([faces, more + len(inner)]))
@@ -139,7 +139,7 @@ def test_a_contact_on_an_edge_of_four_faces_may_have_any_normal() -> None:
     assert scan.critical_angle[others].min() == math.pi
 
 
-def test_a_corner_that_cuts_an_edge_from_one_side_is_on_a_crease() -> None:
+def test_a_vertex_on_an_edge_of_one_face_only_is_on_a_crease() -> None:
     """A T-junction: a vertex in the middle of an edge that only one of the two faces has."""
     vertices, faces = shapes.box()
     a, b = next(
@@ -163,7 +163,7 @@ def test_a_corner_that_cuts_an_edge_from_one_side_is_on_a_crease() -> None:
     assert (labels.label[on_edge] <= Label.M).all()
 
 
-def test_openings_that_nothing_fits_are_the_reason() -> None:
+def test_the_reason_is_the_opening_if_no_grasp_fits() -> None:
     mesh = mesh_from_arrays(*shapes.sphere(3))
     labels = label_surface(mesh, sampling=Sampling(max_opening=0.5))
     assert (labels.label == Label.U).all()
@@ -180,7 +180,7 @@ def planar_settings() -> list[tuple[float, float]]:
 
 
 def test_scanning_a_ball_gives_the_closed_form_fractions() -> None:
-    """40,962 vertices, finger 1 at a pole: caps around the antipode."""
+    """40,962 vertices, one finger at a pole: S and M are caps around the antipode."""
     mesh = mesh_from_arrays(*shapes.sphere(6))
     scan = scan_surface(mesh, fixed=(0.0, 0.0, 1.0))
     for friction, resolution in planar_settings():
@@ -192,24 +192,26 @@ def test_scanning_a_ball_gives_the_closed_form_fractions() -> None:
         assert fractions["S"] + fractions["M"] == pytest.approx(not_unstable, abs=5e-3)
 
 
-def test_scan_against_the_definition_on_a_real_shape() -> None:
+def test_a_scan_equals_the_definition_on_an_irregular_shape() -> None:
     mesh = mesh_from_arrays(*shapes.lopsided())
     start = mesh.vertices[100]
     scan = scan_surface(mesh, fixed=start + 0.01 * mesh.normals[100])
-    place, normal = scan.partners[0, 0], scan.partner_normals[0, 0]
-    assert np.linalg.norm(place - start) < 0.02
+    point, normal = scan.partners[0, 0], scan.partner_normals[0, 0]
+    assert np.linalg.norm(point - start) < 0.02
     for v in range(0, len(mesh.vertices), 61):
-        expected = oracles.critical_angle(place, normal, mesh.vertices[v], mesh.normals[v])
+        expected = oracles.critical_angle(point, normal, mesh.vertices[v], mesh.normals[v])
         assert scan.critical_angle[v] == pytest.approx(expected, abs=1e-9)
-        assert scan.opening[v] == pytest.approx(np.linalg.norm(place - mesh.vertices[v]))
+        assert scan.opening[v] == pytest.approx(np.linalg.norm(point - mesh.vertices[v]))
 
 
-def test_scan_from_a_vertex_skips_that_vertex_and_from_a_corner_takes_its_normals() -> None:
+def test_scans_from_a_corner_a_face_and_an_edge() -> None:
     mesh = mesh_from_arrays(*shapes.box())
     scan = scan_surface(mesh, fixed=mesh.vertices[0])
-    assert scan.reason[0] == Reason.SAME_PLACE
+    assert scan.reason[0] == Reason.SAME_POINT
     assert scan.label[0] == Label.U
-    across = int(np.argmax(scan.opening))  # the opposite corner: both see the diagonal
+    across = int(
+        np.argmax(scan.opening)
+    )  # the opposite corner: the diagonal lies in both sets of normals
     assert scan.critical_angle_best[across] == 0.0
     assert scan.critical_angle[across] == pytest.approx(math.acos(1.0 / math.sqrt(3.0)))
     face = scan_surface(mesh, fixed=(0.0, 0.0, 0.5))
@@ -222,13 +224,13 @@ def test_scan_from_a_vertex_skips_that_vertex_and_from_a_corner_takes_its_normal
 
 
 @pytest.mark.parametrize("fixed", [(0.0, 0.0), [], [[[0, 0, 1]]], "ab", (math.nan, 0.0, 0.0)])
-def test_scan_wants_points(fixed: object) -> None:
+def test_fixed_must_be_finite_points(fixed: object) -> None:
     mesh = mesh_from_arrays(*shapes.box())
     with pytest.raises(SettingError, match="one point or more, each of three finite numbers"):
         scan_surface(mesh, fixed=fixed)  # type: ignore[arg-type]
 
 
-def test_relabelling_is_labelling_anew() -> None:
+def test_relabelling_equals_a_new_labelling() -> None:
     mesh = mesh_from_arrays(*shapes.lopsided())
     wide = label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=1.0))
     for friction, resolution in ((0.3, 0.2), (0.8, 0.5), (0.1, 0.0)):
@@ -246,8 +248,8 @@ def blob() -> SurfaceLabels:
 
 
 def with_model(labels: SurfaceLabels, **changes: Any) -> SurfaceLabels:
-    """The same grasps under another model."""
-    return replace(labels, model=replace(labels.model, **changes))
+    """The same grasps labelled for another model."""
+    return labels.with_model(replace(labels.model, **changes))
 
 
 SOFT_OR_HARD = [
@@ -281,7 +283,7 @@ def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(resolut
     assert near.mean() < 0.01
 
 
-def test_epsilon_is_that_of_the_named_grasp() -> None:
+def test_epsilon_is_that_of_the_grasp() -> None:
     labels = blob()
     mesh, model = labels.mesh, labels.model
     for v in range(0, len(mesh.vertices), 400):
@@ -289,23 +291,23 @@ def test_epsilon_is_that_of_the_named_grasp() -> None:
             [mesh.vertices[v] - mesh.center_mass, labels.partners[v, 0] - mesh.center_mass],
             [mesh.normals[v], labels.partner_normals[v, 0]],
         )
-        for value, widen in ((labels.epsilon, 0.0), (labels.epsilon_min, -model.tilt)):
-            expected = epsilon(contacts, widen=widen, torque_scale=mesh.torque_scale)
+        for value, cone_offset in ((labels.epsilon, 0.0), (labels.epsilon_min, -model.tilt)):
+            expected = epsilon(contacts, cone_offset=cone_offset, torque_scale=mesh.torque_scale)
             assert 0.98 * expected.lower <= value[v] <= expected.upper
 
 
-def test_a_ball_has_one_epsilon_in_closed_form() -> None:
+def test_epsilon_of_a_ball_has_a_closed_form() -> None:
     labels = label_surface(mesh_from_arrays(*shapes.sphere(4), max_edge=9.0))
 
-    def pole_to_pole(angle: float) -> float:
-        across = math.sqrt(2.0) * math.tan(angle / 2.0)
-        return across / math.hypot(1.0, across)
+    def closed_form(angle: float) -> float:
+        tangential = math.sqrt(2.0) * math.tan(angle / 2.0)
+        return tangential / math.hypot(1.0, tangential)
 
     model = labels.model
     beta, tilt = model.friction_angle, model.tilt
-    assert labels.epsilon == pytest.approx(pole_to_pole(beta), rel=0.03)
-    assert labels.epsilon_min == pytest.approx(pole_to_pole(beta - tilt), rel=0.04)
-    assert labels.epsilon_max == pytest.approx(pole_to_pole(beta + tilt), rel=0.03)
+    assert labels.epsilon == pytest.approx(closed_form(beta), rel=0.03)
+    assert labels.epsilon_min == pytest.approx(closed_form(beta - tilt), rel=0.04)
+    assert labels.epsilon_max == pytest.approx(closed_form(beta + tilt), rel=0.03)
 
 
 def test_epsilon_does_not_depend_on_the_unit_nor_on_threads() -> None:
@@ -317,16 +319,16 @@ def test_epsilon_does_not_depend_on_the_unit_nor_on_threads() -> None:
     for name in ("epsilon", "epsilon_min", "epsilon_max"):
         one, other = getattr(own, name)[same], getattr(inches, name)[same]
         assert other == pytest.approx(one, rel=0.02, abs=1e-6)
-    apart = replace(own, threads=2)
-    assert np.array_equal(apart.epsilon, own.epsilon)
+    threaded = label_surface(own.mesh, threads=2)
+    assert np.array_equal(threaded.epsilon, own.epsilon)
 
 
-def test_relabelling_asks_epsilon_of_the_new_model_at_the_same_grasps() -> None:
+def test_relabelling_gives_epsilon_of_the_new_model_at_the_same_grasps() -> None:
     labels = with_model(blob(), edges=8)
     before = labels.epsilon
     finer = labels.relabel(friction=0.7, sensor_resolution=0.1)
     assert finer.model == GraspModel(friction=0.7, sensor_resolution=0.1, edges=8)
-    assert "epsilon_range" not in vars(finer)  # computed when first asked for
+    assert finer.deferred_epsilon.computed is None
     assert np.array_equal(finer.partners, labels.partners)
     closed = before > 0.0
     assert (finer.epsilon[closed] != before[closed]).all()
@@ -351,15 +353,15 @@ def test_without_a_grasp_there_is_no_epsilon() -> None:
     assert np.isfinite(scan.epsilon[scan.reason == Reason.FOUND]).all()
 
 
-def test_epsilon_can_be_measured_ahead_and_tells_its_progress() -> None:
+def test_epsilon_can_be_computed_early_with_progress() -> None:
     labels = with_model(blob(), edges=8)
-    shares: list[float] = []
-    labels.measure(shares.append)
-    assert shares[-1] == 1.0
+    fractions: list[float] = []
+    labels.compute_epsilon(fractions.append)
+    assert fractions[-1] == 1.0
     first = labels.epsilon
-    labels.measure(shares.append)
+    labels.compute_epsilon(fractions.append)
     assert labels.epsilon is first
-    assert shares.count(1.0) == 1
+    assert fractions.count(1.0) == 1
 
 
 def test_quantiles_of_epsilon() -> None:
@@ -372,7 +374,7 @@ def test_quantiles_of_epsilon() -> None:
         labels.epsilon_quantiles([0.5], of="best")  # type: ignore[arg-type]
 
 
-def test_relabelling_beyond_the_search_is_an_error_that_tells_the_way() -> None:
+def test_relabelling_beyond_the_search_names_the_needed_search_angle() -> None:
     labels = label_surface(mesh_from_arrays(*shapes.sphere(2)), GraspModel(friction=0.3))
     with pytest.raises(SearchCoverageError, match=r"Sampling\(search_angle="):
         labels.relabel(friction=0.5)
@@ -401,7 +403,7 @@ def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
         labels.fractions(weights="face")  # type: ignore[arg-type]
 
 
-def test_duplicates_carry_their_place_and_strays_are_off_the_surface() -> None:
+def test_duplicates_have_the_label_of_their_position_and_strays_are_off_the_surface() -> None:
     vertices, faces = shapes.sphere(3)
     more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
     mesh = mesh_from_arrays(more, faces)
@@ -415,7 +417,7 @@ def test_duplicates_carry_their_place_and_strays_are_off_the_surface() -> None:
     assert labels.fractions(weights="vertex") == pytest.approx(plain.fractions(weights="vertex"))
 
 
-def test_the_search_reports_how_far_it_went() -> None:
+def test_the_search_reports_its_extent() -> None:
     search = label_surface(mesh_from_arrays(*shapes.lopsided())).search
     assert search.rays > 64 * 2562
     assert search.rounds > 3

@@ -1,4 +1,4 @@
-"""Three fingers and more: the search, its laws, and what its labels say."""
+"""Search for grasps of three fingers and more: its laws, and the labels of its grasps."""
 
 import math
 from functools import cache
@@ -25,14 +25,14 @@ from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.multifinger import search
 from tests.helpers import shapes
 
-WIDE = math.radians(80.0)
+SEARCH_ANGLE = math.radians(80.0)
 ROUNDING = 2e-4
 """Brackets of critical angles are 1e-4 wide [rad]."""
 
 
 @cache
 def wedge() -> ObjectMesh:
-    """A prism over an isosceles triangle: most places have no opposite one."""
+    """A prism over an isosceles triangle: most points have no opposite face."""
     corners = np.array([[-1.0, -0.6], [1.0, -0.6], [0.0, 1.1]])
     vertices = np.concatenate([np.c_[corners, np.full(3, h)] for h in (-0.7, 0.7)])
     faces = [[0, 2, 1], [3, 4, 5]]
@@ -44,6 +44,7 @@ def wedge() -> ObjectMesh:
 
 @cache
 def tapered() -> ObjectMesh:
+    """A cone."""
     return mesh_from_arrays(*shapes.cone(math.radians(25.0), sections=24), max_edge=0.3)
 
 
@@ -54,11 +55,11 @@ def labelled(shape: str, fingers: int, **sampling: Any) -> SurfaceLabels:
         "tapered": tapered,
         "box": lambda: box_mesh((2.0, 1.5, 1.0), max_edge=0.45),
     }[shape]()
-    made = Sampling(**{"search_angle": WIDE, "candidates": 32, **sampling})
-    return label_surface(mesh, GraspModel(fingers=fingers), sampling=made)
+    settings = Sampling(**{"search_angle": SEARCH_ANGLE, "candidates": 32, **sampling})
+    return label_surface(mesh, GraspModel(fingers=fingers), sampling=settings)
 
 
-def hands(labels: SurfaceLabels, vertices: np.ndarray) -> np.ndarray:
+def contacts_of(labels: SurfaceLabels, vertices: np.ndarray) -> np.ndarray:
     """All contacts of the vertices' best grasps, (k, n, 3)."""
     first = labels.mesh.vertices[vertices]
     return np.concatenate([first[:, None], labels.partners[vertices]], axis=1)
@@ -71,15 +72,15 @@ def test_the_result_does_not_depend_on_threads_and_only_the_seed_changes_it() ->
     for other in found[1:]:
         assert np.array_equal(found[0].partner_points.faces, other.partner_points.faces)
         assert np.array_equal(found[0].partner_points.weights, other.partner_points.weights)
-        assert found[0].settled == other.settled
+        assert found[0].evaluated == other.evaluated
     another = search(mesh, 4, Sampling(candidates=16, seed=7), 0.7)
     assert not np.array_equal(found[0].partner_points.weights, another.partner_points.weights)
 
 
 @pytest.mark.parametrize("shape", ["wedge", "tapered"])
 @pytest.mark.parametrize("fingers", [3, 4, 5])
-def test_every_grasp_is_what_its_label_says(shape: str, fingers: int) -> None:
-    """Contacts lie on the surface, normals and angles are those of the grasp itself."""
+def test_every_grasp_has_the_angle_of_its_label(shape: str, fingers: int) -> None:
+    """Contacts lie on the surface; normals and angles are those of the grasp itself."""
     labels = labelled(shape, fingers)
     mesh = labels.mesh
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle))
@@ -95,17 +96,17 @@ def test_every_grasp_is_what_its_label_says(shape: str, fingers: int) -> None:
         ),
     )
     assert not grasps.on_crease.any()
-    assert grasps.points == pytest.approx(hands(labels, smooth), abs=1e-12)
+    assert grasps.points == pytest.approx(contacts_of(labels, smooth), abs=1e-12)
     model = GraspModel(friction=1.0, fingers=fingers)
-    told = classify(grasps.contacts(model), 0.0)
+    outcome = classify(grasps.contacts(model), 0.0)
     assert labels.critical_angle[smooth] == pytest.approx(
-        told.critical_friction_angle, abs=ROUNDING
+        outcome.critical_friction_angle, abs=ROUNDING
     )
 
 
 @pytest.mark.parametrize("shape", ["wedge", "tapered", "box"])
 def test_more_fingers_never_make_a_vertex_worse(shape: str) -> None:
-    """Each finger is added to the best grasp with one less."""
+    """Each finger is added to the best grasp of one finger less."""
     angles = [labelled(shape, n).critical_angle for n in (3, 4, 5)]
     for fewer, more in pairwise(angles):
         assert (more <= fewer + ROUNDING).all()
@@ -127,27 +128,27 @@ def test_labels_are_monotone_in_friction_and_antitone_in_resolution() -> None:
         assert (finer | ~coarser).all()
 
 
-def test_fingers_keep_their_distances() -> None:
+def test_contacts_keep_the_limits_of_distances() -> None:
     low, high = 0.4, 1.5
     labels = labelled("wedge", 4, min_separation=low, max_spread=high)
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle))
     assert len(vertices) > 100
-    contacts = hands(labels, vertices)
-    apart = np.linalg.norm(contacts[:, :, None] - contacts[:, None], axis=-1)
-    between = apart[:, *np.triu_indices(4, 1)]
-    assert between.min() >= low - 1e-9
-    assert between.max() <= high + 1e-9
-    assert labels.opening[vertices] == pytest.approx(between.max(axis=1))
+    contacts = contacts_of(labels, vertices)
+    distances = np.linalg.norm(contacts[:, :, None] - contacts[:, None], axis=-1)
+    distances_of_pairs = distances[:, *np.triu_indices(4, 1)]
+    assert distances_of_pairs.min() >= low - 1e-9
+    assert distances_of_pairs.max() <= high + 1e-9
+    assert labels.opening[vertices] == pytest.approx(distances_of_pairs.max(axis=1))
 
 
-def test_without_a_limit_fingers_are_still_apart() -> None:
+def test_contacts_are_separated_by_default() -> None:
     labels = labelled("tapered", 5)
-    contacts = hands(labels, np.flatnonzero(np.isfinite(labels.critical_angle)))
-    apart = np.linalg.norm(contacts[:, :, None] - contacts[:, None], axis=-1)
-    assert apart[:, *np.triu_indices(5, 1)].min() >= 0.01 * labels.mesh.size - 1e-9
+    contacts = contacts_of(labels, np.flatnonzero(np.isfinite(labels.critical_angle)))
+    distances = np.linalg.norm(contacts[:, :, None] - contacts[:, None], axis=-1)
+    assert distances[:, *np.triu_indices(5, 1)].min() >= 0.01 * labels.mesh.size - 1e-9
 
 
-def test_on_vertices_all_fingers_stand_on_vertices() -> None:
+def test_with_candidate_points_on_vertices_all_contacts_are_vertices() -> None:
     labels = labelled("tapered", 4, candidate_points="vertices")
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle))
     assert len(vertices) > 0
@@ -156,7 +157,7 @@ def test_on_vertices_all_fingers_stand_on_vertices() -> None:
 
 
 @pytest.mark.parametrize("fingers", [3, 4])
-def test_a_ball_closes_for_any_friction(fingers: int) -> None:
+def test_a_ball_is_force_closed_with_any_friction(fingers: int) -> None:
     mesh = sphere_mesh(subdivisions=2)
     model = GraspModel(friction=0.02, sensor_resolution=0.0, fingers=fingers)
     labels = label_surface(mesh, model)
@@ -166,9 +167,9 @@ def test_a_ball_closes_for_any_friction(fingers: int) -> None:
 
 @pytest.mark.slow
 def test_hulls_at_extreme_normals_agree_on_a_thousand_grasps() -> None:
-    """With circular cones only an exact M can be taken for S or U, where no tilt was tried."""
-    kinds = (labelled("wedge", 3), labelled("wedge", 3, max_spread=0.6))
-    found = [_smooth_grasps(labels) for labels in kinds]
+    """With circular cones only an exact M can be labelled S or U, for lack of a sampled tilt."""
+    sources = (labelled("wedge", 3), labelled("wedge", 3, max_spread=0.6))
+    found = [_smooth_grasps(labels) for labels in sources]
     points, normals, critical = (
         np.concatenate([some[:500] for some in rows]) for rows in zip(*found, strict=True)
     )
@@ -195,27 +196,28 @@ def _smooth_grasps(labels: SurfaceLabels) -> tuple[np.ndarray, np.ndarray, np.nd
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle) & smooth)
     first = mesh.normals[vertices][:, None]
     normals = np.concatenate([first, labels.partner_normals[vertices]], axis=1)
-    points = hands(labels, vertices) - mesh.center_mass
+    points = contacts_of(labels, vertices) - mesh.center_mass
     return points, normals, labels.critical_angle[vertices]
 
 
 def tetrahedron() -> ObjectMesh:
+    """A tetrahedron of four vertices."""
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
     return mesh_from_arrays(corners, faces, max_edge=1e3)
 
 
-def test_more_fingers_than_places_are_refused() -> None:
-    few, model = tetrahedron(), GraspModel(fingers=5, friction=2.0)
+def test_more_fingers_than_vertices_are_rejected() -> None:
+    tetrahedron_mesh, model = tetrahedron(), GraspModel(fingers=5, friction=2.0)
     with pytest.raises(SettingError, match="5 fingers need as many vertices"):
-        label_surface(few, model, sampling=Sampling(candidate_points="vertices"))
-    found = label_surface(few, model).critical_angle
-    assert np.isfinite(found).all()  # its faces have room for five
+        label_surface(tetrahedron_mesh, model, sampling=Sampling(candidate_points="vertices"))
+    found = label_surface(tetrahedron_mesh, model).critical_angle
+    assert np.isfinite(found).all()  # five contacts fit on its faces
 
 
-def test_idle_fingers_may_stand_on_corners() -> None:
+def test_idle_fingers_may_be_placed_on_corners() -> None:
     corners = mesh_from_arrays(*shapes.box((2.0, 1.5, 1.0)), max_edge=1e3)
-    sampling = Sampling(candidate_points="vertices", search_angle=WIDE)
+    sampling = Sampling(candidate_points="vertices", search_angle=SEARCH_ANGLE)
     angles = [
         label_surface(corners, GraspModel(fingers=n), sampling=sampling).critical_angle_best
         for n in (3, 4, 5)
@@ -225,23 +227,23 @@ def test_idle_fingers_may_stand_on_corners() -> None:
     assert np.isfinite(angles[2]).all()
 
 
-def test_a_small_hand_has_room_between_its_fingers() -> None:
-    """The usual separation is never more than a part of the reach."""
+def test_a_small_spread_reduces_the_default_separation() -> None:
+    """The default separation is at most a tenth of the largest spread."""
     mesh = wedge()
     labels = label_surface(
         mesh, GraspModel(fingers=3, friction=2.0), sampling=Sampling(max_spread=0.05 * mesh.size)
     )
     assert np.isfinite(labels.critical_angle).any()
     far = Sampling(min_separation=2.0 * mesh.size)
-    with pytest.raises(SettingError, match="no two places of the object"):
+    with pytest.raises(SettingError, match="no two points of the object"):
         label_surface(mesh, GraspModel(fingers=3), sampling=far)
 
 
-def test_settings_of_another_number_of_fingers_are_refused() -> None:
+def test_settings_of_another_number_of_fingers_are_rejected() -> None:
     mesh = wedge()
-    with pytest.raises(SettingError, match="grip says nothing about 3 fingers"):
+    with pytest.raises(SettingError, match="grip does not apply to 3 fingers"):
         label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(grip="both"))
-    with pytest.raises(SettingError, match="max_spread says nothing about 2 fingers"):
+    with pytest.raises(SettingError, match="max_spread does not apply to 2 fingers"):
         label_surface(mesh, sampling=Sampling(max_spread=1.0))
     with pytest.raises(SettingError, match="fingers must be from 2 to 5; got 6"):
         label_surface(mesh, GraspModel(fingers=6))

@@ -1,4 +1,4 @@
-"""Three fingers, searched and exhausted: what the search finds beside the best that there is."""
+"""The search for grasps of three fingers, compared with all triples of vertices."""
 
 import math
 from functools import cache
@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from grasp3d import GraspModel, ObjectMesh, Sampling, label_surface, mesh_from_arrays
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
-from grasp3d.settings import Places
+from grasp3d.settings import CandidatePoints
 from tests.helpers import coplanar, shapes
 
 Floats = NDArray[np.float64]
@@ -20,15 +20,15 @@ pytestmark = pytest.mark.slow
 
 LIMIT = math.radians(80.0)
 TOLERANCE = 2e-4
-"""By how much the exhaustive angles may be too large [rad]."""
+"""Largest amount by which the exhaustive angles may be too large [rad]."""
 
 CLOSE = 0.02
 UNDIVIDED = 1e3
-"""Edges this long stay whole."""
+"""Edge length up to which no edge is divided."""
 
 
 def cylinder() -> ObjectMesh:
-    """16 sides, rings along it, and rings on its ends."""
+    """A cylinder of 16 sides, with rings of vertices along it and on its ends."""
     profile = [(0, -1.5), (0.5, -1.5), (1, -1.5), (1, -0.75), (1, 0), (1, 0.75)]
     profile += [(1, 1.5), (0.5, 1.5), (0, 1.5)]
     turned = trimesh.creation.revolve(np.array(profile, dtype=np.float64), sections=16)
@@ -64,33 +64,33 @@ SHAPES = {
 
 @cache
 def truth(name: str) -> tuple[ObjectMesh, Ints, Floats]:
-    """A mesh, its places, and the best critical angle of three vertices through each."""
+    """A mesh, its vertices, and the best critical angle of three vertices through each."""
     mesh = SHAPES[name]()
     assert 100 < len(np.unique(mesh.faces)) <= 200
-    places, angles = coplanar.exhaustive(mesh, limit=LIMIT, tolerance=TOLERANCE)
-    assert np.isfinite(angles).mean() > 0.95  # nearly all can be compared
-    return mesh, places, angles
+    vertices, angles = coplanar.exhaustive(mesh, limit=LIMIT, tolerance=TOLERANCE)
+    assert np.isfinite(angles).mean() > 0.95  # nearly all vertices can be compared
+    return mesh, vertices, angles
 
 
-def searched(mesh: ObjectMesh, places: Places, seed: int = 0) -> Floats:
+def searched(mesh: ObjectMesh, candidate_points: CandidatePoints, seed: int = 0) -> Floats:
     """Critical angles that the search finds at every vertex."""
-    sampling = Sampling(candidate_points=places, search_angle=LIMIT, seed=seed)
+    sampling = Sampling(candidate_points=candidate_points, search_angle=LIMIT, seed=seed)
     labels = label_surface(mesh, GraspModel(fingers=3), sampling=sampling)
     return np.asarray(labels.critical_angle)
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_on_vertices_no_search_is_better_than_all_triples_and_few_are_worse(name: str) -> None:
-    mesh, places, best = truth(name)
+def test_with_contacts_on_vertices_the_search_is_never_better_and_rarely_worse(name: str) -> None:
+    mesh, vertices, best = truth(name)
     best = np.minimum(best, LIMIT)
-    found = np.minimum(searched(mesh, "vertices")[places], LIMIT)
+    found = np.minimum(searched(mesh, "vertices")[vertices], LIMIT)
     assert (found >= best - TOLERANCE - 1e-6).all()
     assert np.mean(found <= best + CLOSE) >= 0.95
 
 
 @pytest.mark.parametrize("name", SHAPES)
-def test_over_the_surface_the_search_is_hardly_ever_behind_all_triples(name: str) -> None:
-    """It may be ahead: the surface has more places than vertices."""
-    mesh, places, best = truth(name)
-    found = np.minimum(searched(mesh, "surface")[places], LIMIT)
+def test_with_contacts_on_the_surface_the_search_is_rarely_worse(name: str) -> None:
+    """It may be better, as contacts may be anywhere on the surface."""
+    mesh, vertices, best = truth(name)
+    found = np.minimum(searched(mesh, "surface")[vertices], LIMIT)
     assert np.mean(found <= np.minimum(best, LIMIT) + CLOSE) >= 0.95

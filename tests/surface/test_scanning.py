@@ -1,4 +1,4 @@
-"""Three fingers and more on a surface: scans with several fixed, labels, and who is never U."""
+"""Tests of three fingers and more on a surface: scans with several fixed fingers, and labels."""
 
 import math
 from functools import cache
@@ -28,7 +28,7 @@ from grasp3d.stability.thresholds import label_angles, unstable_from
 from grasp3d.surface import Reason
 from grasp3d.surface import search as search_module
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.sampling.multifinger import Found
+from grasp3d.surface.sampling.multifinger import MultifingerGrasps
 from grasp3d.surface.vertex_grasps import grasps_at
 from grasp3d.sweeps import mean_sweep, sweep
 from tests.helpers import shapes
@@ -47,26 +47,28 @@ def box() -> ObjectMesh:
     return mesh_from_arrays(*shapes.box((1.0, 1.4, 2.0)), max_edge=0.3)
 
 
-def around(angle: float) -> tuple[float, float, float]:
+def on_equator(angle: float) -> tuple[float, float, float]:
     return (math.cos(degrees(angle)), math.sin(degrees(angle)), 0.0)
 
 
 # Scans with several fixed fingers
 
 
-def test_three_fingers_around_a_ball_close_whatever_the_friction() -> None:
+def test_three_fingers_around_a_ball_are_force_closed_at_any_friction() -> None:
     mesh = mesh_from_arrays(*shapes.sphere(4), max_edge=9.0)
-    scan = scan_surface(mesh, GraspModel(friction=0.2), fixed=[around(120.0), around(240.0)])
+    scan = scan_surface(
+        mesh, GraspModel(friction=0.2), fixed=[on_equator(120.0), on_equator(240.0)]
+    )
     assert scan.model.fingers == 3
-    nearest = int(np.argmin(np.linalg.norm(mesh.vertices - around(0.0), axis=1)))
+    nearest = int(np.argmin(np.linalg.norm(mesh.vertices - on_equator(0.0), axis=1)))
     assert scan.critical_angle[nearest] < 0.02
-    # Beside the two fixed fingers, on their side of the ball, none does without friction.
+    # On the side of the two fixed fingers grasps need friction.
     same_side = mesh.vertices[:, 0] < -0.9
     assert scan.critical_angle[same_side].min() > 0.5
 
 
 @pytest.mark.parametrize("count", [2, 3])
-def test_a_scan_says_of_every_vertex_what_classify_does(count: int) -> None:
+def test_labels_of_a_scan_are_those_of_classify(count: int) -> None:
     mesh = mesh_from_arrays(*shapes.lopsided(), max_edge=9.0)
     corners = [(-0.6, 0.9, 0.0), (-0.6, -0.9, 0.1), (-0.5, -0.8, 0.3)][:count]
     fixed = mesh.vertices[[np.argmax(mesh.vertices @ corner) for corner in corners]]
@@ -76,34 +78,34 @@ def test_a_scan_says_of_every_vertex_what_classify_does(count: int) -> None:
     points = np.concatenate([mesh.vertices[vertices, None], scan.partners[vertices]], axis=1)
     normals = np.concatenate([mesh.normals[vertices, None], scan.partner_normals[vertices]], axis=1)
     label = classify(Contacts(points, normals, model.friction), model.sensor_resolution).label
-    held = scan.reason[vertices] == Reason.FOUND
-    np.testing.assert_array_equal(scan.label[vertices][held], label[held])
-    assert set(label[held]) == {S, M, U}
-    apart = np.linalg.norm(points[:, :, None] - points[:, None], axis=3).max(axis=(1, 2))
-    assert scan.opening[vertices] == pytest.approx(apart)
+    found = scan.reason[vertices] == Reason.FOUND
+    np.testing.assert_array_equal(scan.label[vertices][found], label[found])
+    assert set(label[found]) == {S, M, U}
+    largest = np.linalg.norm(points[:, :, None] - points[:, None], axis=3).max(axis=(1, 2))
+    assert scan.opening[vertices] == pytest.approx(largest)
     assert (scan.grip == 0).all()
     assert scan.partners.shape == (len(mesh.vertices), count, 3)
     assert scan.partners[0] == pytest.approx(fixed)
 
 
-def test_a_finger_fixed_twice_is_one_finger() -> None:
+def test_a_finger_fixed_twice_equals_one_finger() -> None:
     pole = (0.0, 0.0, 1.0)
     one = scan_surface(ball(), fixed=pole)
     two = scan_surface(ball(), fixed=[pole, pole])
     np.testing.assert_array_equal(one.reason, two.reason)
-    held = one.reason == Reason.FOUND
-    expected = np.minimum(one.critical_angle[held], math.pi / 2.0)
-    assert two.critical_angle[held] == pytest.approx(expected, abs=2e-4)
+    found = one.reason == Reason.FOUND
+    expected = np.minimum(one.critical_angle[found], math.pi / 2.0)
+    assert two.critical_angle[found] == pytest.approx(expected, abs=2e-4)
 
 
-def test_vertices_at_a_fixed_finger_are_no_place_for_another() -> None:
+def test_vertices_at_a_fixed_finger_have_no_grasp() -> None:
     vertices, faces = shapes.sphere(2)
     mesh = mesh_from_arrays(
         np.vstack([vertices, vertices[:3], [[9.0, 9.0, 9.0]]]), faces, max_edge=9.0
     )
     scan = scan_surface(mesh, fixed=vertices[[0, 5]])
     count = len(vertices)
-    same = np.flatnonzero(scan.reason == Reason.SAME_PLACE)
+    same = np.flatnonzero(scan.reason == Reason.SAME_POINT)
     assert same.tolist() == [0, 5, count]
     assert scan.reason[-1] == Reason.OFF_SURFACE
     assert (scan.label[same] == U).all()
@@ -112,36 +114,36 @@ def test_vertices_at_a_fixed_finger_are_no_place_for_another() -> None:
     np.testing.assert_array_equal(scan.critical_angle[count:-1], scan.critical_angle[:3])
 
 
-def test_creases_of_a_scan_count_with_all_their_normals() -> None:
+def test_scans_consider_all_normals_at_creases() -> None:
     mesh = box()
     scan = scan_surface(mesh, fixed=[[0.5, 0.2, 0.3], [-0.5, 0.7, 0.1]])  # the second on an edge
-    held = np.flatnonzero(scan.reason == Reason.FOUND)
-    grasps = grasps_at(mesh, scan.partner_points, held, 0)
+    found = np.flatnonzero(scan.reason == Reason.FOUND)
+    grasps = grasps_at(mesh, scan.partner_points, found, 0)
     assert grasps.on_crease[:, 2].all()
     worst, best = critical_angles(grasps)
-    np.testing.assert_array_equal(scan.critical_angle[held], worst)
-    np.testing.assert_array_equal(scan.critical_angle_best[held], best)
+    np.testing.assert_array_equal(scan.critical_angle[found], worst)
+    np.testing.assert_array_equal(scan.critical_angle_best[found], best)
     assert (best < worst - 0.1).mean() > 0.5
     assert scan.partner_normals[0, 1] == pytest.approx([math.sqrt(0.5), -math.sqrt(0.5), 0.0])
 
 
-def test_a_scan_tells_its_progress() -> None:
-    shares: list[float] = []
-    scan_surface(ball(), fixed=[around(0.0), around(100.0)], progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-    shares.clear()
+def test_a_scan_reports_progress() -> None:
+    fractions: list[float] = []
+    scan_surface(ball(), fixed=[on_equator(0.0), on_equator(100.0)], progress=fractions.append)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    fractions.clear()
     model = GraspModel(method="extremes", edges=6, extreme_normals=3)
     mesh = mesh_from_arrays(*shapes.sphere(1), max_edge=9.0)
-    scan_surface(mesh, model, fixed=[around(0.0), around(100.0)], progress=shares.append)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
-    assert 0.0 < shares[0] < 0.5
+    scan_surface(mesh, model, fixed=[on_equator(0.0), on_equator(100.0)], progress=fractions.append)
+    assert fractions == sorted(fractions)
+    assert fractions[-1] == 1.0
+    assert 0.0 < fractions[0] < 0.5
 
 
 def test_extreme_normals_of_three_fingers_never_contradict_the_exact_labels() -> None:
     mesh = mesh_from_arrays(*shapes.sphere(2), max_edge=9.0)
-    fixed = [around(60.0), around(180.0)]
+    fixed = [on_equator(60.0), on_equator(180.0)]
     settings: dict[str, Any] = {"friction": 0.5, "sensor_resolution": 0.2}
     model = GraspModel(**settings, method="extremes", extreme_normals=4)
     sampled = scan_surface(mesh, model, fixed=fixed)
@@ -150,25 +152,25 @@ def test_extreme_normals_of_three_fingers_never_contradict_the_exact_labels() ->
     assert (sampled.label[exact.label == U] == U).all()
     assert (sampled.label == exact.label).mean() > 0.8
     assert set(exact.label) == {S, M, U}
-    held = exact.reason == Reason.FOUND
-    assert (exact.epsilon_min[held] <= exact.epsilon[held]).all()
-    assert (exact.epsilon[held] <= exact.epsilon_max[held]).all()
-    assert ((sampled.epsilon_min > 0.0) == (sampled.label == S))[held].all()
+    found = exact.reason == Reason.FOUND
+    assert (exact.epsilon_min[found] <= exact.epsilon[found]).all()
+    assert (exact.epsilon[found] <= exact.epsilon_max[found]).all()
+    assert ((sampled.epsilon_min > 0.0) == (sampled.label == S))[found].all()
 
 
-def test_too_many_fixed_fingers_are_an_error() -> None:
+def test_too_many_fixed_fingers_are_refused() -> None:
     with pytest.raises(SettingError, match="fingers must be"):
         scan_surface(ball(), fixed=ball().vertices[:40])
     with pytest.raises(SettingError, match="combinations"):
         scan_surface(ball(), GraspModel(method="extremes"), fixed=ball().vertices[:7])
 
 
-# Never U
+# Labels from 90 degrees on
 
 
 @cache
 def on_one_face() -> SurfaceLabels:
-    """Two fingers on top of a box, and the third anywhere on it."""
+    """Two fingers on the top of a box, and the third anywhere on it."""
     model = GraspModel(friction=math.tan(degrees(50.0)), sensor_resolution=degrees(60.0))
     return scan_surface(box(), model, fixed=[[0.2, 0.3, 1.0], [-0.2, -0.4, 1.0]])
 
@@ -178,7 +180,7 @@ def top() -> np.ndarray:
 
 
 @pytest.mark.parametrize(("beta", "alpha"), [(5.0, 0.0), (50.0, 60.0), (60.0, 59.0), (89.0, 0.0)])
-def test_three_fingers_on_one_face_never_close_below_90_degrees(beta: float, alpha: float) -> None:
+def test_three_fingers_on_one_face_are_u_below_90_degrees(beta: float, alpha: float) -> None:
     scan = on_one_face().relabel(friction=math.tan(degrees(beta)), sensor_resolution=degrees(alpha))
     assert top().sum() > 20
     assert (scan.critical_angle[top()] == math.pi / 2.0).all()
@@ -186,30 +188,30 @@ def test_three_fingers_on_one_face_never_close_below_90_degrees(beta: float, alp
 
 
 @pytest.mark.parametrize(("beta", "alpha"), [(50.0, 80.0), (50.0, 90.0), (60.0, 61.0), (10.0, 178)])
-def test_from_90_degrees_on_none_is_u(beta: float, alpha: float) -> None:
-    """With 50 degrees of friction and tilts of 45 they can tilt inward and close."""
+def test_no_grasp_of_three_fingers_is_u_from_90_degrees_on(beta: float, alpha: float) -> None:
+    """At a friction angle of 50 degrees, tilts of 45 degrees inward are force-closed."""
     scan = on_one_face().relabel(friction=math.tan(degrees(beta)), sensor_resolution=degrees(alpha))
-    held = scan.reason == Reason.FOUND
-    assert (scan.label[held] != U).all()
+    found = scan.reason == Reason.FOUND
+    assert (scan.label[found] != U).all()
     assert (scan.label[top()] == M).all()
-    assert (scan.label[~held] == U).all()
-    shares = scan.angle_distribution().fractions(
+    assert (scan.label[~found] == U).all()
+    fractions = scan.angle_distribution().fractions(
         friction=scan.model.friction, sensor_resolution=scan.model.sensor_resolution
     )
-    assert shares == pytest.approx(scan.fractions())
-    assert shares["U"] == pytest.approx(scan.fractions()["U"])
+    assert fractions == pytest.approx(scan.fractions())
+    assert fractions["U"] == pytest.approx(scan.fractions()["U"])
     painted = _parts(scan)[U]
     assert len(painted) == 0
 
 
-def test_shares_are_those_of_the_labels_at_any_setting() -> None:
+def test_fractions_are_those_of_the_labels_at_any_setting() -> None:
     labels = on_one_face()
     distribution = labels.angle_distribution()
     for friction in (0.3, 1.0, 3.0):
         for alpha in (0.0, 0.4, 1.0, 2.0, 3.0):
-            shares = distribution.fractions(friction=friction, sensor_resolution=alpha)
+            fractions = distribution.fractions(friction=friction, sensor_resolution=alpha)
             labelled = labels.relabel(friction=friction, sensor_resolution=alpha)
-            assert shares == pytest.approx(labelled.fractions())
+            assert fractions == pytest.approx(labelled.fractions())
     swept = sweep(distribution, friction=[0.3, 3.0], sensor_resolution=[0.0, 2.0])
     assert mean_sweep([swept, swept]).unstable == pytest.approx(swept.unstable)
     pairs = scan_surface(box(), fixed=(0.2, 0.3, 1.0)).angle_distribution()
@@ -231,24 +233,24 @@ def test_two_fingers_keep_their_threshold_beyond_90_degrees() -> None:
 # Labels of searched grasps
 
 
-def given_places(mesh: ObjectMesh, others: Any) -> Found:
-    """What a search might find: for every vertex two grasps, -1 where it has none."""
+def grasps_with_partners(mesh: ObjectMesh, others: Any) -> MultifingerGrasps:
+    """Result of a search with given opposing vertices: two grasps per vertex, -1: no grasp."""
     from grasp3d.surface.contacts import vertex_surface_points
 
     numbers = np.asarray(others)  # (V, 2, n - 1)
-    places = vertex_surface_points(mesh, np.maximum(numbers, 0))
-    faces = np.where(numbers >= 0, places.faces, -1)
+    points = vertex_surface_points(mesh, np.maximum(numbers, 0))
+    faces = np.where(numbers >= 0, points.faces, -1)
     reason = np.where((numbers >= 0).any(axis=(1, 2)), Reason.FOUND, Reason.NO_PARTNER)
-    return Found(
-        partner_points=SurfacePoints(faces, places.weights),
+    return MultifingerGrasps(
+        partner_points=SurfacePoints(faces, points.weights),
         reason=reason.astype(np.uint8),
-        settled=1234,
+        evaluated=1234,
         rounds=3,
         still_falling=0.25,
     )
 
 
-def test_labels_measure_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_labels_evaluate_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPatch) -> None:
     vertices, faces = shapes.box((1.0, 1.4, 2.0))
     mesh = mesh_from_arrays(np.vstack([vertices, vertices[:2]]), faces, max_edge=0.7)
     count, rng = len(mesh.vertices), np.random.default_rng(0)
@@ -256,38 +258,38 @@ def test_labels_measure_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPat
     smooth = used[mesh.normal_sets.counts[used] == 1]
     others = rng.choice(smooth, (count, 2, 2))
     others[3], others[4, 0], others[5, 1] = -1, -1, -1
-    found = given_places(mesh, others[mesh.canonical])
-    asked: list[Any] = []
+    found = grasps_with_partners(mesh, others[mesh.canonical])
+    arguments: list[Any] = []
 
-    def search(*given: Any, **_: Any) -> Found:
-        asked.extend(given)
+    def search(*given: Any, **_: Any) -> MultifingerGrasps:
+        arguments.extend(given)
         return found
 
     monkeypatch.setattr(search_module, "search", search)
     model = GraspModel(friction=0.8, fingers=3)
     labels = label_surface(mesh, model)
-    assert asked[1] == 3
-    assert asked[3] == pytest.approx(model.friction_angle + model.tilt)
-    held = used[used != 3]
-    worst, best = critical_angles(grasps_at(mesh, labels.partner_points, held, 0))
-    np.testing.assert_array_equal(labels.critical_angle[held], worst)
-    _, other = critical_angles(grasps_at(mesh, labels.partner_points, held, 1))
-    np.testing.assert_array_equal(labels.critical_angle_best[held], np.minimum(best, other))
+    assert arguments[1] == 3
+    assert arguments[3] == pytest.approx(model.friction_angle + model.tilt)
+    with_grasp = used[used != 3]
+    worst, best = critical_angles(grasps_at(mesh, labels.partner_points, with_grasp, 0))
+    np.testing.assert_array_equal(labels.critical_angle[with_grasp], worst)
+    _, other = critical_angles(grasps_at(mesh, labels.partner_points, with_grasp, 1))
+    np.testing.assert_array_equal(labels.critical_angle_best[with_grasp], np.minimum(best, other))
     assert (other < best).any()
     assert labels.label[3] == U
     assert labels.reason[3] == Reason.NO_PARTNER
     assert math.isinf(labels.critical_angle[3])
     assert np.isnan(labels.partners[3]).all()
-    # Where one of both was found it is the grasp in both respects.
+    # A vertex with only one of the two grasps has it as both.
     for v, number in ((4, 1), (5, 0)):
         assert (
             labels.partner_points.faces[v, 0].tolist() == labels.partner_points.faces[v, 1].tolist()
         )
         assert labels.partners[v] == pytest.approx(mesh.vertices[others[v, number]])
-    twins = np.arange(len(vertices), len(vertices) + 2)
-    np.testing.assert_array_equal(labels.critical_angle[twins], labels.critical_angle[:2])
-    np.testing.assert_array_equal(labels.partners[twins], labels.partners[:2])
-    assert labels.search.settled == 1234
+    duplicates = np.arange(len(vertices), len(vertices) + 2)
+    np.testing.assert_array_equal(labels.critical_angle[duplicates], labels.critical_angle[:2])
+    np.testing.assert_array_equal(labels.partners[duplicates], labels.partners[:2])
+    assert labels.search.evaluated == 1234
     assert labels.search.rays == 0
     assert (
         labels.label == label_angles(labels.critical_angle, labels.critical_angle_best, model)
@@ -299,13 +301,13 @@ def searched(fingers: int) -> SurfaceLabels:
     return label_surface(ball(), GraspModel(fingers=fingers), sampling=Sampling(candidates=16))
 
 
-def test_a_ball_is_held_by_three_fingers_everywhere() -> None:
+def test_a_ball_is_s_everywhere_for_three_fingers() -> None:
     labels = searched(3)
     assert (labels.label == S).all()
     assert labels.critical_angle.max() < 0.1
     assert labels.partners.shape == (len(ball().vertices), 2, 3)
     assert np.linalg.norm(labels.partners, axis=2) == pytest.approx(1.0, abs=0.02)
-    assert labels.search.settled > 0
+    assert labels.search.evaluated > 0
     found = Contacts(
         np.concatenate([ball().vertices[:, None], labels.partners], axis=1),
         np.concatenate([ball().normals[:, None], labels.partner_normals], axis=1),
@@ -323,7 +325,7 @@ def test_epsilon_of_three_fingers_is_in_all_six_dimensions() -> None:
     assert (labels.epsilon <= labels.epsilon_max).all()
 
 
-def test_files_hold_every_finger(tmp_path: Path) -> None:
+def test_files_contain_every_finger(tmp_path: Path) -> None:
     import pyvista
 
     labels = searched(3)
@@ -332,7 +334,7 @@ def test_files_hold_every_finger(tmp_path: Path) -> None:
         np.testing.assert_array_equal(data["partners"], labels.partners)
         np.testing.assert_array_equal(data["partner_normals"], -labels.partner_normals)
         assert str(data["setting_fingers"]) == "3"
-        assert int(str(data["setting_candidates_settled"])) == labels.search.settled
+        assert int(str(data["setting_candidates_evaluated"])) == labels.search.evaluated
     write_vtp(tmp_path / "out.vtp", labels)
     points = pyvista.read(tmp_path / "out.vtp").point_data
     for finger in (2, 3):
@@ -343,19 +345,19 @@ def test_files_hold_every_finger(tmp_path: Path) -> None:
     assert b"comment grasp3d fingers 3\n" in (tmp_path / "out.ply").read_bytes()
 
 
-def test_the_report_tells_the_number_of_fingers(
+def test_the_report_states_the_number_of_fingers(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
     from grasp3d.cli.report import print_labels
 
     print_labels(searched(3), tmp_path / "out.ply")
-    told = " ".join(capsys.readouterr().out.split())
-    assert "3 fingers" in told
-    assert f"{searched(3).search.settled:,} candidate grasps settled" in told
+    text = " ".join(capsys.readouterr().out.split())
+    assert "3 fingers" in text
+    assert f"{searched(3).search.evaluated:,} candidate grasps evaluated" in text
     print_labels(scan_surface(ball(), fixed=(0.0, 0.0, 1.0)), tmp_path / "out.ply")
-    told = capsys.readouterr().out
-    assert "fingers" not in told.replace("other fingers", "")
-    assert "settled" not in told
+    text = capsys.readouterr().out
+    assert "fingers" not in text.replace("other fingers", "")
+    assert "evaluated" not in text
 
 
 @pytest.mark.parametrize(
@@ -363,12 +365,12 @@ def test_the_report_tells_the_number_of_fingers(
     [
         ({"fingers": 6}, {}, "fingers must be from 2 to 5"),
         ({"fingers": 1}, {}, "fingers must be from 2 to 5"),
-        ({"fingers": 3}, {"rays": 100}, "rays says nothing about 3 fingers"),
-        ({"fingers": 2}, {"max_spread": 0.1}, "max_spread says nothing about 2 fingers"),
+        ({"fingers": 3}, {"rays": 100}, "rays does not apply to 3 fingers"),
+        ({"fingers": 2}, {"max_spread": 0.1}, "max_spread does not apply to 2 fingers"),
         ({"fingers": 5, "method": "extremes", "extreme_normals": 40}, {}, "combinations"),
     ],
 )
-def test_settings_that_do_not_go_together(
+def test_contradictory_settings_are_refused(
     model: dict[str, Any], sampling: dict[str, Any], message: str
 ) -> None:
     with pytest.raises(SettingError, match=message):

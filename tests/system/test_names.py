@@ -1,3 +1,5 @@
+"""Names of result files."""
+
 import os
 import unicodedata
 
@@ -29,7 +31,7 @@ WINDOWS = {"con", "prn", "aux", "nul", "conin$", "conout$"} | {
 @example("<\u0338")
 @example(os.fsdecode(b"mug\xff"))
 @example("a\u202etxt.b")
-def test_any_name_becomes_a_safe_one_that_stays(name: str) -> None:
+def test_any_name_becomes_safe_and_safe_names_do_not_change(name: str) -> None:
     safe = safe_stem(name)
     assert safe
     assert len(safe.encode("utf-8")) <= LONGEST  # and is Unicode
@@ -46,7 +48,7 @@ def test_any_name_becomes_a_safe_one_that_stays(name: str) -> None:
 @given(ANY, ANY)
 def test_different_names_stay_different(one: str, two: str) -> None:
     if safe_stem(one) == safe_stem(two):
-        # None but one that is called like the other's result.
+        # The only exception: one name is the result of the other.
         assert one == two or one == safe_stem(two) or two == safe_stem(one)
 
 
@@ -58,7 +60,7 @@ def test_safe_names_are_kept(name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("name", "begin"),
+    ("name", "start"),
     [
         ("CON", "_CON-"),
         ("aux.v2", "_aux.v2-"),
@@ -72,11 +74,11 @@ def test_safe_names_are_kept(name: str) -> None:
         ("物" * 60, "物" * 47 + "-"),
     ],
 )
-def test_unsafe_names_are_changed_as_little_as_may_be(name: str, begin: str) -> None:
-    assert safe_stem(name) == begin + short_hash(name)
+def test_unsafe_names_are_changed_as_little_as_possible(name: str, start: str) -> None:
+    assert safe_stem(name) == start + short_hash(name)
 
 
-def test_names_that_a_file_system_takes_for_one_have_one_key() -> None:
+def test_names_that_are_equal_on_some_file_systems_have_equal_keys() -> None:
     assert name_key("MUG") == name_key("mug")
     assert name_key("Cafe\u0301") == name_key("café")
     assert name_key("straße") == name_key("STRASSE")

@@ -1,4 +1,4 @@
-"""The viewer's page in a real browser, and who is let in."""
+"""The viewer's page in a real browser, and access to its server."""
 
 import asyncio
 import http.client
@@ -28,13 +28,13 @@ from grasp3d.errors import OutputError, SettingError
 from grasp3d.rendering import can_render
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS, Label
-from grasp3d.viewer.session.album import album_of
+from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web import page as served_page
-from grasp3d.viewer.web.page import address_of, front_door, listening
+from grasp3d.viewer.web.page import address_of, create_server, listen
 from tests.helpers.shapes import LIBRARY
-from tests.helpers.viewing import rest
+from tests.helpers.viewing import wait_until_idle
 
 CI = os.environ.get("CI") == "true"
 BROWSERS = ("chromium", "chromium-browser", "google-chrome")
@@ -58,16 +58,16 @@ from dataclasses import replace
 from math import radians
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
 from grasp3d.mesh.primitives import box_mesh
-from grasp3d.viewer.session.album import album_of
+from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.web.page import serve
 from grasp3d.viewer.view_settings import ViewSettings
 model = GraspModel(friction=0.3, sensor_resolution=radians(20.0))
 sampling = Sampling(rays=8, search_angle=radians(80.0))
 meshes = [*map(load_mesh, sys.argv[1:]), box_mesh((0.1, 0.2, 0.3), max_edge=0.1)]
-albums = [album_of(label_surface(mesh, model, sampling=sampling)) for mesh in meshes]
-album = replace(albums[0], exhibits=tuple(album.exhibits[0] for album in albums))
+collections = [collection_of(label_surface(mesh, model, sampling=sampling)) for mesh in meshes]
+collection = replace(collections[0], items=tuple(one.items[0] for one in collections))
 try:
-    serve(album, ViewSettings(), port=0, ready=lambda told: print(told, flush=True))
+    serve(collection, ViewSettings(), port=0, ready=lambda address: print(address, flush=True))
 except KeyboardInterrupt:
     sys.exit(130)
 """
@@ -78,18 +78,18 @@ import sys
 from types import SimpleNamespace
 from aiohttp import web
 from grasp3d.viewer.web import page
-page.front_door = lambda: SimpleNamespace(app=web.Application(), offer=lambda *_, main: "")
+page.create_server = lambda: SimpleNamespace(app=web.Application(), add=lambda *_, main: "")
 try:
-    page.serve(None, None, port=0, ready=lambda told: print(told, flush=True))
+    page.serve(None, None, port=0, ready=lambda address: print(address, flush=True))
 except KeyboardInterrupt:
     sys.exit(130)
 """
-"""A server that shows nothing, and so begins at once."""
+"""A server without content, which starts at once."""
 
 
 @dataclass
 class Served:
-    """A server in a process of its own."""
+    """A server in a child process."""
 
     process: subprocess.Popen[str]
     address: str
@@ -110,7 +110,7 @@ def started(script: str, *arguments: str) -> Served:
     if not address.startswith("http://127.0.0.1:"):
         process.kill()
         process.communicate()
-        pytest.fail(f"the server said {address!r}")
+        pytest.fail(f"the server printed {address!r}")
     return Served(process, address)
 
 
@@ -121,10 +121,9 @@ def ended(server: Served, number: int) -> int:
 
 
 @pytest.fixture(scope="module", autouse=True)
-def _drawn() -> None:
-    missing = [
-        name for name, there in (("OpenGL", can_render()), ("Chromium", BROWSER)) if not there
-    ]
+def _requirements() -> None:
+    required = (("OpenGL", can_render()), ("Chromium", BROWSER))
+    missing = [name for name, available in required if not available]
     if missing and CI:
         pytest.fail(f"the page's tests need {missing}")
     if missing:
@@ -154,21 +153,21 @@ def browser() -> Iterator[Any]:
 
 @dataclass
 class Visitor:
-    """A browser of one person."""
+    """One visitor's browser."""
 
     page: Any
-    faults: list[str]
+    errors: list[str]
 
     def picture(self) -> NDArray[np.float64]:
-        """What the stage shows, shape (height, width, 3)."""
+        """Picture of the scene, shape (height, width, 3)."""
         data = self.page.locator("#stage").screenshot()
         return np.asarray(Image.open(io.BytesIO(data)).convert("RGB"), dtype=float)
 
-    def shares(self, name: str = "share") -> dict[str, float]:
-        told = self.page.locator("#shares li").evaluate_all(
+    def fractions(self, name: str = "fraction") -> dict[str, float]:
+        values = self.page.locator("#fractions li").evaluate_all(
             "(all, name) => all.map(one => [one.dataset.label, +one.dataset[name]])", name
         )
-        return dict(told)
+        return dict(values)
 
     def box(self, name: str) -> tuple[float, float, float, float]:
         """Left, top, right, bottom of an element."""
@@ -176,43 +175,39 @@ class Visitor:
         return box["x"], box["y"], box["x"] + box["width"], box["y"] + box["height"]
 
     def click_middle(self) -> None:
-        """Click the surface where it is surely hit."""
+        """Click near the centre of the object."""
         rows, columns = np.nonzero(coloured(self.picture()))
         middle = int(np.argmin(np.hypot(rows - rows.mean(), columns - columns.mean())))
         left, top, _, _ = self.box("#stage")
         self.page.mouse.click(left + float(columns[middle]), top + float(rows[middle]))
 
     def until(self, done: Callable[[], bool]) -> None:
-        """Wait for something that cannot be waited for in the page itself."""
+        """Wait for a condition that is checked outside the page."""
         over = time.monotonic() + LONG / 1000.0
         while not done():
             assert time.monotonic() < over
             self.page.wait_for_timeout(50)
 
-    def shows(self, expected: dict[str, float], name: str = "share") -> None:
-        """Wait until these shares are told."""
-        wanted = {letter: pytest.approx(share, abs=1e-9) for letter, share in expected.items()}
-        self.until(lambda: self.shares(name) == wanted)
+    def shows(self, expected: dict[str, float], name: str = "fraction") -> None:
+        """Wait until the page shows these area fractions."""
+        wanted = {letter: pytest.approx(value, abs=1e-9) for letter, value in expected.items()}
+        self.until(lambda: self.fractions(name) == wanted)
 
 
 def visitor(browser: Any, server: Served, width: int = 1000, height: int = 620) -> Visitor:
     context = browser.new_context(viewport={"width": width, "height": height})
     context.set_default_timeout(LONG)
     made = Visitor(context.new_page(), [])
-    told, page = made.faults.append, made.page
-    page.on("console", lambda said: told(said.text) if said.type == "error" else None)
-    page.on("pageerror", lambda error: told(str(error)))
-    page.on("response", lambda got: told(f"{got.status} {got.url}") if got.status >= 400 else None)
+    add, page = made.errors.append, made.page
+    own = (server.address, "data:", "blob:")
+    page.on("console", lambda entry: add(entry.text) if entry.type == "error" else None)
+    page.on("pageerror", lambda error: add(str(error)))
+    page.on("response", lambda got: add(f"{got.status} {got.url}") if got.status >= 400 else None)
     page.on(
-        "request",
-        lambda asked: (
-            None
-            if asked.url.startswith((server.address, "data:", "blob:"))
-            else told(f"outside: {asked.url}")
-        ),
+        "request", lambda sent: None if sent.url.startswith(own) else add(f"outside: {sent.url}")
     )
     page.goto(server.address)
-    page.wait_for_selector("#shares li[data-share]")
+    page.wait_for_selector("#fractions li[data-fraction]")
     made.until(lambda: coloured(made.picture()).mean() > 0.05)
     return made
 
@@ -222,7 +217,7 @@ def seen(browser: Any, server: Served) -> Iterator[Visitor]:
     made = visitor(browser, server)
     yield made
     made.page.context.close()
-    assert not made.faults
+    assert not made.errors
 
 
 def coloured(picture: NDArray[np.float64]) -> NDArray[np.bool_]:
@@ -230,7 +225,7 @@ def coloured(picture: NDArray[np.float64]) -> NDArray[np.bool_]:
 
 
 def hues(picture: NDArray[np.float64]) -> dict[str, float]:
-    """Which share of the coloured part is nearest in hue to the colour of each label."""
+    """Fraction of the coloured pixels whose hue is nearest to each label's colour."""
     pixels = picture[coloured(picture)]
     pixels = pixels - pixels.min(axis=1, keepdims=True)
     pixels /= pixels.max(axis=1, keepdims=True)
@@ -248,7 +243,7 @@ def fractions(labels: SurfaceLabels, friction: float, degrees: float = 20.0) -> 
 def test_surface_has_the_colours_of_its_labels(seen: Visitor, labels: SurfaceLabels) -> None:
     seen.shows(labels.fractions())
     before = hues(seen.picture())
-    assert sum(share > 0.02 for share in before.values()) >= 2
+    assert sum(value > 0.02 for value in before.values()) >= 2
     seen.page.locator("#friction-number").fill("1.2")
     seen.page.locator("#friction-number").press("Enter")
     seen.shows(fractions(labels, 1.2))
@@ -272,7 +267,7 @@ def test_sliders_follow_keyboard_and_mouse(seen: Visitor, labels: SurfaceLabels)
     seen.shows(fractions(labels, 0.37, degrees))
 
 
-def test_values_that_cannot_be_are_refused_in_a_sentence(seen: Visitor) -> None:
+def test_invalid_values_are_refused_with_a_message(seen: Visitor) -> None:
     for name, value in (("friction", "-1"), ("resolution", "200"), ("opening", "-3")):
         field = seen.page.locator("#opening" if name == "opening" else f"#{name}-number")
         before = field.input_value()
@@ -289,7 +284,7 @@ def test_values_that_cannot_be_are_refused_in_a_sentence(seen: Visitor) -> None:
         seen.until(lambda field=field, before=before: field.input_value() == before)
 
 
-def test_second_sensor_stands_beside_the_first(seen: Visitor, labels: SurfaceLabels) -> None:
+def test_second_resolution_is_shown_beside_the_first(seen: Visitor, labels: SurfaceLabels) -> None:
     seen.page.locator("#comparing").check()
     seen.page.locator("#compare-number").fill("50")
     seen.page.locator("#compare-number").press("Enter")
@@ -304,7 +299,7 @@ def test_second_sensor_stands_beside_the_first(seen: Visitor, labels: SurfaceLab
     seen.until(two)
 
 
-def test_click_tells_of_a_place_and_a_drag_turns(seen: Visitor) -> None:
+def test_a_click_inspects_and_a_drag_rotates(seen: Visitor) -> None:
     rows, columns = np.nonzero(coloured(seen.picture()))
     middle = int(np.argmin(np.hypot(rows - rows.mean(), columns - columns.mean())))
     x, y = float(columns[middle]), float(rows[middle])
@@ -331,44 +326,44 @@ def test_keys_work_except_while_typing(seen: Visitor) -> None:
     page.keyboard.press("1")
     page.locator("h1").click()
     page.keyboard.press("x")
-    page.wait_for_selector("#share")
+    page.wait_for_selector("#position")
     assert page.input_value("#paint") == "critical_angle"
     page.keyboard.press("h")
     page.wait_for_selector("#help")
-    told = page.locator("#help").inner_text()
-    assert all(words in told for words in ("more friction", "next object", "grey cone"))
+    text = page.locator("#help").inner_text()
+    assert all(part in text for part in ("more friction", "next object", "grey cone"))
     page.locator("#help-close").click()
     page.wait_for_selector("#help", state="hidden")
     before = seen.picture()
     page.keyboard.press("-")
     seen.until(lambda: bool(coloured(seen.picture()).mean() < 0.9 * coloured(before).mean()))
     page.keyboard.press("z")
-    page.wait_for_selector("#share", state="detached")
+    page.wait_for_selector("#position", state="detached")
     page.keyboard.press("z")
     page.wait_for_function("document.querySelector('#paint').value === 'label'")
 
 
-def test_fields_of_the_section_and_the_hand(seen: Visitor, labels: SurfaceLabels) -> None:
+def test_fields_of_the_section_and_of_the_gripper(seen: Visitor, labels: SurfaceLabels) -> None:
     page = seen.page
     page.locator("#axis-z").click()
-    page.locator("#share").focus()
+    page.locator("#position").focus()
     page.keyboard.press("End")
     page.locator("#flipped").check()
     page.locator("#axis-off").click()
-    page.wait_for_selector("#share", state="detached")
+    page.wait_for_selector("#position", state="detached")
     assert page.locator("#release").count() == 0
     opening = 0.4 * labels.mesh.size
     page.locator("#opening").fill(str(opening))
     page.locator("#opening").press("Enter")
     narrow = Sampling(rays=8, search_angle=80.0 * DEGREE, max_opening=opening)
     seen.shows(label_surface(labels.mesh, MODEL, sampling=narrow).fractions())
-    words = seen.page.locator("label[for=opening]")
-    assert words.inner_text() == "opening at most"
+    label = seen.page.locator("label[for=opening]")
+    assert label.inner_text() == "largest opening"
     page.locator("#fingers-3").click()
-    seen.until(lambda: words.inner_text() == "reach at most")
+    seen.until(lambda: label.inner_text() == "largest spread")
 
 
-def test_visitors_do_not_disturb_each_other(
+def test_visitors_have_separate_sessions(
     browser: Any, server: Served, seen: Visitor, labels: SurfaceLabels
 ) -> None:
     other = visitor(browser, server)
@@ -378,17 +373,17 @@ def test_visitors_do_not_disturb_each_other(
     seen.shows(fractions(labels, 0.5))
     other.shows(fractions(labels, 0.7))
     other.page.reload()
-    other.page.wait_for_selector("#shares li[data-share]")
+    other.page.wait_for_selector("#fractions li[data-fraction]")
     other.shows(fractions(labels, 0.7))
     assert float(seen.page.input_value("#friction-number")) == 0.5
-    assert not other.faults
+    assert not other.errors
     other.page.context.close()
 
 
 def test_next_and_previous_object(seen: Visitor) -> None:
     seen.page.locator("#next").click()
     seen.page.wait_for_function("document.querySelector('#title').textContent.includes('2 of 2')")
-    seen.page.wait_for_selector("#shares li[data-share]")
+    seen.page.wait_for_selector("#fractions li[data-fraction]")
     assert NAME not in seen.page.title()
     seen.page.locator("#object").select_option("0")
     seen.page.wait_for_function("document.querySelector('#title').textContent.includes('1 of 2')")
@@ -413,18 +408,18 @@ def test_downloads(seen: Visitor, labels: SurfaceLabels, tmp_path: Path) -> None
     shown = seen.picture()
     assert picture.shape == shown.shape
     assert hues(picture) == pytest.approx(hues(shown), abs=0.05)
-    corner = (slice(0, 60), slice(0, 120))  # of the legend, which a page has in its panel
+    corner = (slice(0, 60), slice(0, 120))  # of the legend, which the page shows in its panel
     assert (picture[corner].max(axis=-1) < 150.0).any()
     assert not (shown[corner].max(axis=-1) < 150.0).any()
 
 
 @pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
-def test_page_stays_as_it_is_and_shows_the_answer_to_a_click(
+def test_layout_is_constant_and_the_inspected_vertex_is_visible(
     browser: Any, server: Served, size: tuple[int, int]
 ) -> None:
     seen = visitor(browser, server, *size)
     before = {
-        name: seen.box(name) for name in ("#stage", "#panel", "#save", "#shares", "#friction")
+        name: seen.box(name) for name in ("#stage", "#panel", "#save", "#fractions", "#friction")
     }
     assert max(box[3] for box in before.values()) == size[1]
     seen.click_middle()
@@ -436,11 +431,11 @@ def test_page_stays_as_it_is_and_shows_the_answer_to_a_click(
     seen.page.evaluate("window.trame.state.set('help', true)")
     seen.page.wait_for_selector("#help")
     seen.until(lambda: seen.box("#help")[1] >= 0.0 and seen.box("#help")[3] <= size[1])
-    assert not seen.faults
+    assert not seen.errors
     seen.page.context.close()
 
 
-def test_narrow_page_has_the_picture_above(browser: Any, server: Served) -> None:
+def test_narrow_page_has_the_scene_above_the_panel(browser: Any, server: Served) -> None:
     seen = visitor(browser, server, 360, 740)
     stage = seen.page.locator("#stage").bounding_box()
     panel = seen.page.locator("#panel").bounding_box()
@@ -449,11 +444,11 @@ def test_narrow_page_has_the_picture_above(browser: Any, server: Served) -> None
     assert seen.page.evaluate("document.querySelector('#panel').scrollWidth") <= 360
     assert seen.picture().shape[1] == 360
     assert coloured(seen.picture()).mean() > 0.1
-    assert not seen.faults
+    assert not seen.errors
     seen.page.context.close()
 
 
-def asked(server: Served, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
+def response(server: Served, path: str, **headers: str) -> tuple[int, str, dict[str, str]]:
     link = http.client.HTTPConnection("127.0.0.1", server.port, timeout=60)
     link.request("GET", path, headers={"Host": f"127.0.0.1:{server.port}", **headers})
     answer = link.getresponse()
@@ -463,103 +458,109 @@ def asked(server: Served, path: str, **headers: str) -> tuple[int, str, dict[str
     return got
 
 
-def test_only_own_pages_may_connect(server: Served) -> None:
-    status, _, headers = asked(server, "/")
+def test_only_pages_of_the_server_may_connect(server: Served) -> None:
+    status, _, headers = response(server, "/")
     path = headers["Location"]
     assert (status, bool(re.fullmatch(r"s/[0-9a-f]{32}/", path))) == (302, True)
-    wish = {
+    upgrade = {
         "Connection": "Upgrade",
         "Upgrade": "websocket",
         "Sec-WebSocket-Version": "13",
         "Sec-WebSocket-Key": "dGhlIHNhbXBsZSBub25jZQ==",
     }
     own = f"http://127.0.0.1:{server.port}"
-    assert asked(server, f"/{path}ws", **wish, Origin="http://evil.example")[0] == 403
-    assert asked(server, f"/{path}ws", **wish)[0] == 403
-    assert asked(server, f"/{path}ws", **wish, Origin=own)[0] == 101
-    assert asked(server, f"/s/{'0' * 32}/ws", **wish, Origin=own)[0] == 404
-    assert asked(server, f"/s/{'0' * 32}/")[2]["Location"] == "../../"
+    assert response(server, f"/{path}ws", **upgrade, Origin="http://evil.example")[0] == 403
+    assert response(server, f"/{path}ws", **upgrade)[0] == 403
+    assert response(server, f"/{path}ws", **upgrade, Origin=own)[0] == 101
+    assert response(server, f"/s/{'0' * 32}/ws", **upgrade, Origin=own)[0] == 404
+    assert response(server, f"/s/{'0' * 32}/")[2]["Location"] == "../../"
 
 
-def test_files_outside_the_page_are_not_given(server: Served) -> None:
-    path = asked(server, "/")[2]["Location"]
-    assert asked(server, f"/{path}own/page.css")[0] == 200
-    for evil in ("own/../visit.py", "own/%2e%2e/visit.py", "..%2f..%2fvisit.py", "own/", "nothing"):
-        assert asked(server, f"/{path}{evil}")[0] == 404
-    assert asked(server, "/a/unknown/")[0] == 404
+def test_files_outside_the_static_folders_are_not_served(server: Served) -> None:
+    path = response(server, "/")[2]["Location"]
+    assert response(server, f"/{path}own/page.css")[0] == 200
+    for path_outside in (
+        "own/../client.py",
+        "own/%2e%2e/client.py",
+        "..%2f..%2fclient.py",
+        "own/",
+        "nothing",
+    ):
+        assert response(server, f"/{path}{path_outside}")[0] == 404
+    assert response(server, "/a/unknown/")[0] == 404
 
 
-def test_ctrl_c_ends() -> None:
+def test_ctrl_c_stops_the_server() -> None:
     assert ended(started(IDLE), signal.SIGINT) == 130
 
 
-def test_places_that_cannot_be_served(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_invalid_hosts_and_ports_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     with pytest.raises(OutputError, match="cannot serve at"):
-        listening("256.256.256.256", 8080)
+        listen("256.256.256.256", 8080)
     with pytest.raises(OutputError, match="port must be from 0 to 65535"):
-        listening("127.0.0.1", 65536)
-    with listening("127.0.0.1", 0) as taken:
+        listen("127.0.0.1", 65536)
+    with listen("127.0.0.1", 0) as taken:
         port = taken.getsockname()[1]
-        with listening("127.0.0.1", port) as free:
+        with listen("127.0.0.1", port) as free:
             assert port < free.getsockname()[1] <= port + served_page.OTHER_PORTS
         assert address_of("0.0.0.0", taken) == address_of("127.0.0.1", taken)  # noqa: S104
         assert address_of("::1", taken).startswith("http://[::1]:")
-        assert not served_page.taken(address_of("127.0.0.1", taken), port)
-        assert not served_page.taken(address_of("127.0.0.1", taken), 0)
-        assert served_page.taken(address_of("127.0.0.1", taken), port - 1)
+        assert not served_page.uses_other_port(address_of("127.0.0.1", taken), port)
+        assert not served_page.uses_other_port(address_of("127.0.0.1", taken), 0)
+        assert served_page.uses_other_port(address_of("127.0.0.1", taken), port - 1)
         monkeypatch.setattr(served_page, "OTHER_PORTS", 0)
         with pytest.raises(OutputError, match="all in use"):
-            listening("127.0.0.1", port)
+            listen("127.0.0.1", port)
 
 
-def test_what_is_missing_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_missing_requirements_are_reported(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(served_page, "can_render", lambda: False)
     with pytest.raises(OutputError, match="OpenGL"):
-        front_door()
+        create_server()
     monkeypatch.setitem(sys.modules, "aiohttp", None)
     with pytest.raises(OutputError, match=re.escape("pip install 'grasp3d[web]'")):
-        front_door()
+        create_server()
 
 
-def test_visits_end_and_are_counted(labels: SurfaceLabels) -> None:
+def test_idle_clients_are_closed_and_clients_are_limited(labels: SurfaceLabels) -> None:
     from aiohttp import ClientSession
     from aiohttp.test_utils import TestClient, TestServer
 
-    from grasp3d.viewer.web.door import FrontDoor
+    from grasp3d.viewer.web.server import ViewerServer
 
     os.environ["TRAME_ARGS"] = ""
 
-    async def tried() -> None:
-        door = FrontDoor(most_visits=1, patience=0.5)
-        door.offer(album_of(labels), ViewSettings(), main=True)
-        path = door.offer(album_of(labels), ViewSettings())
-        async with TestClient(TestServer(door.app)) as client:
-            led = await client.get("/", headers={"Host": "elsewhere.example:80"})
-            assert (led.status, "localhost" in await led.text()) == (403, True)
+    async def run() -> None:
+        server = ViewerServer(max_clients=1, idle_timeout=0.5)
+        server.add(collection_of(labels), ViewSettings(), main=True)
+        path = server.add(collection_of(labels), ViewSettings())
+        async with TestClient(TestServer(server.app)) as client:
+            other_host = await client.get("/", headers={"Host": "elsewhere.example:80"})
+            assert (other_host.status, "localhost" in await other_host.text()) == (403, True)
             first = await client.get(f"/{path}", allow_redirects=False)
             assert first.headers["Location"].startswith("../../s/")
             token = first.headers["Location"].removeprefix("../../")
             assert (await client.get(f"/{token}")).status == 200
             assert (await client.get(f"/{token}")).status == 200  # a reload
-            async with ClientSession() as other:  # another browser, given the address
+            async with ClientSession() as other:  # another browser with the same address
                 page = client.make_url(f"/{token}")
-                passed_on = await other.get(page, allow_redirects=False)
-                assert passed_on.headers["Location"] == f"../../{path}"
+                redirected = await other.get(page, allow_redirects=False)
+                assert redirected.headers["Location"] == f"../../{path}"
             origin = str(client.make_url("/")).rstrip("/")
             async with client.ws_connect(f"/{token}ws", headers={"Origin": origin}):
                 refused = await client.get("/", allow_redirects=False)
-                assert (refused.status, "Too many" in await refused.text()) == (503, True)
-            async with asyncio.timeout(60):  # the one that was left makes room
+                assert (refused.status, "too many" in await refused.text()) == (503, True)
+            async with asyncio.timeout(60):  # until the idle client is closed
                 while (await client.get("/", allow_redirects=False)).status == 503:
-                    pass  # the answer itself takes a moment
-            gone = await client.get(f"/{token}", allow_redirects=False)
-            assert gone.headers["Location"] == f"../../{path}"
-            door.guarded = False
-            led = await client.get("/a/none/", headers={"Host": "elsewhere.example:80"})
-            assert led.status == 404
+                    pass  # the request takes some time
+            closed = await client.get(f"/{token}", allow_redirects=False)
+            assert closed.headers["Location"] == f"../../{path}"
+            server.local_only = False
+            other_host = await client.get("/a/none/", headers={"Host": "elsewhere.example:80"})
+            assert other_host.status == 404
 
-    with ThreadPoolExecutor(1) as apart:  # the browser's driver has a loop in this thread
-        apart.submit(asyncio.run, tried()).result()
+    with ThreadPoolExecutor(1) as executor:  # Playwright has an event loop in this thread
+        executor.submit(asyncio.run, run()).result()
 
 
 @pytest.mark.parametrize(
@@ -572,76 +573,78 @@ def test_visits_end_and_are_counted(labels: SurfaceLabels) -> None:
         ("compare", -1.0),
         ("paint", "glitter"),
         ("axis", "w"),
-        ("share", 2.0),
+        ("position", 2.0),
         ("fingers", "many"),
         ("opening", 0.0),
         ("click", "drop"),
         ("number", "last"),
     ],
 )
-def test_fields_take_only_what_they_mean(labels: SurfaceLabels, name: str, value: Any) -> None:
-    from grasp3d.viewer.web.fields import choices, choose
+def test_fields_refuse_invalid_values(labels: SurfaceLabels, name: str, value: Any) -> None:
+    from grasp3d.viewer.web.fields import field_values, set_field
 
-    session = Session(album_of(labels))
-    choose(session, "comparing", value=True)
-    choose(session, "axis", "y")
-    before = choices(session)
+    session = Session(collection_of(labels))
+    set_field(session, "comparing", value=True)
+    set_field(session, "axis", "y")
+    before = field_values(session)
     with pytest.raises(SettingError) as refused:
-        choose(session, name, value)
+        set_field(session, name, value)
     assert "Python" not in str(refused.value)
-    assert choices(session) == before
+    assert field_values(session) == before
     session.close()
 
 
-def test_the_page_says_what_a_click_does(labels: SurfaceLabels) -> None:
-    from grasp3d.viewer.web.mirror import hint_of
+def test_the_page_shows_what_a_click_does(labels: SurfaceLabels) -> None:
+    from grasp3d.viewer.web.page_state import click_hint
 
-    session = Session(album_of(labels))
-    rest(session)
-    assert "see the best grasp" in hint_of(session)
+    session = Session(collection_of(labels))
+    wait_until_idle(session)
+    assert "see the best grasp" in click_hint(session)
     session.change(click="fix")
-    assert hint_of(session) == "Click the surface where a finger stands."
-    session.tap(0)
-    rest(session)
-    assert hint_of(session).startswith("One finger is fixed")
-    assert hint_of(session).endswith("A click moves it.")
+    assert click_hint(session) == "Click the surface to fix a finger there."
+    session.click(0)
+    wait_until_idle(session)
+    assert click_hint(session).startswith("One finger is fixed")
+    assert click_hint(session).endswith("A click moves it.")
     session.change(click="inspect")
-    assert hint_of(session).endswith("A click shows the best grasp there.")
+    assert click_hint(session).endswith("A click shows the best grasp there.")
     session.change(click="fix", fingers=3)
-    rest(session)
-    assert hint_of(session).endswith("A click fixes another one.")
-    session.tap(1)
-    rest(session)
-    assert hint_of(session).startswith("2 fingers are fixed")
-    assert hint_of(session).endswith("A click moves the last one.")
+    wait_until_idle(session)
+    assert click_hint(session).endswith("A click fixes another one.")
+    session.click(1)
+    wait_until_idle(session)
+    assert click_hint(session).startswith("2 fingers are fixed")
+    assert click_hint(session).endswith("A click moves the last one.")
     session.close()
 
 
-def test_shares_are_not_told_while_grasps_are_searched(labels: SurfaceLabels) -> None:
-    from grasp3d.viewer.web.mirror import hint_of, mirrored
+def test_fractions_are_not_shown_while_grasps_are_searched(labels: SurfaceLabels) -> None:
+    from grasp3d.viewer.web.page_state import click_hint, page_state
 
-    session = Session(album_of(labels))
-    rest(session)
-    assert [len(row["shares"]) for row in mirrored(session)["rows"]] == [1, 1, 1]
+    session = Session(collection_of(labels))
+    wait_until_idle(session)
+    assert [len(row["fractions"]) for row in page_state(session)["rows"]] == [1, 1, 1]
     session.change(compare=50.0 * DEGREE, max_opening=0.4 * labels.mesh.size)
-    told = mirrored(session)
-    assert [row["letter"] for row in told["rows"]] == ["S", "M", "U"]
-    percents = {one["percent"] for row in told["rows"] for one in row["shares"]}
+    state = page_state(session)
+    assert [row["letter"] for row in state["rows"]] == ["S", "M", "U"]
+    percents = {one["percent"] for row in state["rows"] for one in row["fractions"]}
     assert percents == {"…"}
-    assert (told["heads"], told["stale"]) == (["α 20°", "α 50°"], True)
-    assert hint_of(session).endswith("…")
-    rest(session)
-    assert sum(row["shares"][1]["share"] for row in mirrored(session)["rows"]) == pytest.approx(1.0)
+    assert (state["headers"], state["stale"]) == (["α 20°", "α 50°"], True)
+    assert click_hint(session).endswith("…")
+    wait_until_idle(session)
+    assert sum(
+        row["fractions"][1]["fraction"] for row in page_state(session)["rows"]
+    ) == pytest.approx(1.0)
     session.close()
 
 
-def test_help_names_only_what_there_is(labels: SurfaceLabels) -> None:
-    from grasp3d.viewer.web.mirror import fixed_part
+def test_help_has_only_available_keys(labels: SurfaceLabels) -> None:
+    from grasp3d.viewer.web.page_state import constant_state
 
-    album = album_of(labels)
-    two = replace(album, exhibits=album.exhibits * 2)
-    for looked_at, there in ((album, set()), (two, {"n", "p"})):
-        session = Session(looked_at)
-        keys = {item["key"] for item in fixed_part(session)["keys"]}
-        assert keys & {"n", "p", "q"} == there
+    collection = collection_of(labels)
+    two = replace(collection, items=collection.items * 2)
+    for viewed, available in ((collection, set()), (two, {"n", "p"})):
+        session = Session(viewed)
+        keys = {item["key"] for item in constant_state(session)["keys"]}
+        assert keys & {"n", "p", "q"} == available
         session.close()

@@ -15,12 +15,12 @@ from grasp3d.viewer.session.painting import (
     RAMP,
     UNSEARCHED,
     WIDE,
+    area_fractions,
+    faded,
     labels_at,
-    picture,
-    places,
     ramp_of,
-    shares_of,
-    washed_out,
+    texture_coordinates,
+    texture_image,
 )
 from grasp3d.viewer.subjects.subject import Epsilons, Subject, subject_of
 from grasp3d.viewer.view_settings import Paint
@@ -32,10 +32,10 @@ RESOLUTIONS = st.floats(0.0, 1.5)
 
 @given(friction=FRICTIONS, resolution=RESOLUTIONS, fingers=st.sampled_from([2, 3]))
 @settings(max_examples=150, deadline=None)
-def test_labels_are_those_of_relabel_and_grey_where_it_refuses(
+def test_labels_agree_with_relabel_and_are_unknown_where_it_raises(
     friction: float, resolution: float, fingers: int
 ) -> None:
-    labels = viewing.labels() if fingers == 2 else viewing.hands()
+    labels = viewing.labels() if fingers == 2 else viewing.three_fingers()
     subject = subject_of(labels)
     model = replace(labels.model, friction=friction, sensor_resolution=resolution)
     codes = labels_at(subject, model)
@@ -52,7 +52,7 @@ def test_labels_are_those_of_relabel_and_grey_where_it_refuses(
         assert np.array_equal(codes, expected)
 
 
-def test_where_an_s_could_have_been_passed_over_nothing_is_told() -> None:
+def test_labels_are_unknown_where_the_search_may_have_missed_an_s() -> None:
     subject = replace(
         subject_of(viewing.labels()),
         critical_angle=np.array([0.2, 0.7, 0.7, 1.2]),
@@ -67,9 +67,9 @@ def test_where_an_s_could_have_been_passed_over_nothing_is_told() -> None:
 
 
 def _texture(subject: Subject, model: GraspModel) -> NDArray[np.uint8]:
-    """Colour of the picture at each vertex, by the nearest pixel as graphics cards take it."""
-    image = picture(subject, "label", model)
-    across, up = places(subject, "label", model).T.astype(float)
+    """Colour of the texture at each vertex, from the nearest pixel."""
+    image = texture_image(subject, "label", model)
+    across, up = texture_coordinates(subject, "label", model).T.astype(float)
     height, width = image.shape[:2]
     columns = np.minimum(np.floor(across * width), width - 1).astype(int)
     rows = np.minimum(np.floor(up * height), height - 1).astype(int)
@@ -78,10 +78,10 @@ def _texture(subject: Subject, model: GraspModel) -> NDArray[np.uint8]:
 
 @given(friction=FRICTIONS, resolution=RESOLUTIONS, fingers=st.sampled_from([2, 3]))
 @settings(max_examples=60, deadline=None)
-def test_the_picture_paints_the_labels_but_for_the_rounding_of_32_bits(
+def test_the_texture_has_the_colours_of_the_labels_apart_from_rounding(
     friction: float, resolution: float, fingers: int
 ) -> None:
-    subject = subject_of(viewing.labels() if fingers == 2 else viewing.hands())
+    subject = subject_of(viewing.labels() if fingers == 2 else viewing.three_fingers())
     model = replace(subject.model, friction=friction, sensor_resolution=resolution)
     worst, best = subject.critical_angle, subject.critical_angle_best
     stable, reach = model.friction_angle - model.tilt, model.friction_angle + model.tilt
@@ -92,7 +92,9 @@ def test_the_picture_paints_the_labels_but_for_the_rounding_of_32_bits(
 
 @pytest.mark.parametrize("beyond", [1e-5, -1e-5])
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_limit_right_beside_an_angle_parts_it_from_the_rest(beyond: float, sign: float) -> None:
+def test_the_texture_separates_angles_on_both_sides_of_a_close_limit(
+    beyond: float, sign: float
+) -> None:
     subject = subject_of(viewing.labels())
     angles = np.unique(subject.critical_angle[np.isfinite(subject.critical_angle)])
     for angle in angles[angles > 0.15][::20]:
@@ -105,8 +107,8 @@ def test_a_limit_right_beside_an_angle_parts_it_from_the_rest(beyond: float, sig
         assert not (wrong & ~near).any()
 
 
-def test_without_a_grasp_it_is_u_even_where_no_hand_is_surely_unstable() -> None:
-    subject = subject_of(viewing.hands())
+def test_a_vertex_without_a_grasp_is_u_even_where_no_grasp_is_surely_unstable() -> None:
+    subject = subject_of(viewing.three_fingers())
     worst = np.where(np.arange(len(subject.vertices)) < 3, math.inf, subject.critical_angle)
     subject = replace(subject, critical_angle=worst, critical_angle_best=worst, cone=math.pi / 2)
     model = GraspModel(friction=2.0, sensor_resolution=1.2, fingers=3)
@@ -115,25 +117,25 @@ def test_without_a_grasp_it_is_u_even_where_no_hand_is_surely_unstable() -> None
     assert (_texture(subject, model)[:3] == PALETTE[Label.U]).all()
 
 
-def test_shares_are_those_of_the_labels() -> None:
+def test_area_fractions_agree_with_the_labels() -> None:
     labels = viewing.labels()
-    found = shares_of(subject_of(labels), labels.label)
+    found = area_fractions(subject_of(labels), labels.label)
     assert found.sum() == pytest.approx(1.0)
-    for name, share in labels.fractions().items():
-        assert found[Label[name]] == pytest.approx(share)
+    for name, fraction in labels.fractions().items():
+        assert found[Label[name]] == pytest.approx(fraction)
 
 
 def _ramp_color(subject: Subject, paint: str, model: GraspModel) -> NDArray[np.uint8]:
-    image = picture(subject, paint, model)  # type: ignore[arg-type]
-    across, up = places(subject, paint, model).T.astype(float)  # type: ignore[arg-type]
+    image = texture_image(subject, paint, model)  # type: ignore[arg-type]
+    across, up = texture_coordinates(subject, paint, model).T.astype(float)  # type: ignore[arg-type]
     columns = np.minimum(np.floor(across * WIDE), WIDE - 1).astype(int)
     return np.asarray(image[(up > 0.5).astype(int), columns])
 
 
 @pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon", "epsilon_min"])
-def test_ramps_paint_each_number_with_its_colour(paint: str) -> None:
+def test_ramps_map_each_number_to_its_colour(paint: str) -> None:
     labels = viewing.labels()
-    labels.measure(lambda _: None)
+    labels.compute_epsilon(lambda _: None)
     subject, model = subject_of(labels), labels.model
     ramp = ramp_of(subject, paint, model)  # type: ignore[arg-type]
     assert ramp is not None
@@ -146,39 +148,39 @@ def test_ramps_paint_each_number_with_its_colour(paint: str) -> None:
     known = np.isfinite(labels.critical_angle)
     colors = _ramp_color(subject, paint, model)
     assert (colors[~known] == PALETTE[UNSEARCHED]).all()
-    steps = np.clip(values[known] / ramp.most * len(RAMP), 0, len(RAMP) - 1)
+    steps = np.clip(values[known] / ramp.maximum * len(RAMP), 0, len(RAMP) - 1)
     shifts = np.array([-1, 0, 1])
     around = np.clip(steps.astype(int)[:, None] + shifts, 0, len(RAMP) - 1)
     assert (RAMP[around] == colors[known][:, None]).all(axis=2).any(axis=1).all()
 
 
-def test_ramps_say_what_they_are_of() -> None:
+def test_names_of_ramps() -> None:
     labels = viewing.box()
     subject, model = replace(subject_of(labels), epsilons=None), labels.model
     assert ramp_of(subject, "label", model) is None
     unknown = ramp_of(subject, "epsilon", model)
     assert unknown is not None
-    assert (unknown.words, unknown.grey) == (
-        "ε of the grasp with the smallest β*; measuring",
-        "not measured yet",
+    assert (unknown.text, unknown.grey) == (
+        "ε of the grasp with the smallest β*; being computed",
+        "not computed yet",
     )
-    assert "alike in β*" in unknown.note
+    assert "the same β*" in unknown.note
     values = np.full(len(subject.vertices), 0.25)
     known = replace(subject, epsilons=Epsilons(values, values, model))
     ramp = ramp_of(known, "epsilon_min", model)
     assert ramp is not None
-    assert (ramp.words, ramp.most, ramp.grey) == (
+    assert (ramp.text, ramp.maximum, ramp.grey) == (
         "smallest ε over the tilts",
         0.25,
         "",
     )
     other = ramp_of(known, "epsilon", replace(model, friction=0.9))
     assert other is not None
-    assert other.words == "ε of the grasp with the smallest β*, of μ 0.5, α 22.6°; measuring"
+    assert other.text == ("ε of the grasp with the smallest β*, for μ 0.5, α 22.6°; being computed")
     lone = replace(known, mode="scan", labels=None, partners=None)
-    told = ramp_of(lone, "epsilon", replace(model, friction=0.9))
-    assert told is not None
-    assert told.words.endswith("α 22.6°; as in the file")
+    stored = ramp_of(lone, "epsilon", replace(model, friction=0.9))
+    assert stored is not None
+    assert stored.text.endswith("α 22.6°; as in the file")
 
 
 @pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon_min"])
@@ -190,7 +192,7 @@ def test_grey_is_explained_where_it_occurs(paint: Paint) -> None:
         assert ramp is not None
         some = bool(np.isinf(labels.critical_angle[labels.mesh.on_surface]).any())
         assert ramp.grey == ("no grasp found" if some else "")
-    assert not some  # of the box every vertex has a grasp
+    assert not some  # every vertex of the box has a grasp
 
 
 def test_no_colour_of_a_ramp_is_grey() -> None:
@@ -199,15 +201,15 @@ def test_no_colour_of_a_ramp_is_grey() -> None:
     assert (np.abs(colours - GREY).max(axis=1) > 40).all()
 
 
-def test_what_is_washed_out_is_paler_and_still_told_apart() -> None:
-    pale = washed_out(PALETTE[None])[0].astype(int)
+def test_pale_colours_are_still_distinct() -> None:
+    pale = faded(PALETTE[None])[0].astype(int)
     assert np.ptp(pale, axis=1) == pytest.approx(0.3 * np.ptp(PALETTE.astype(int), axis=1), abs=8)
     assert pale.min() > 140
     assert len({tuple(one) for one in pale}) == len(PALETTE)
 
 
-def test_the_session_of_extreme_normals_says_that_it_shows_thresholds() -> None:
+def test_a_subject_with_labels_of_extreme_normals_has_a_note() -> None:
     labels: SurfaceLabels = viewing.box()
-    hulls = replace(labels, model=replace(labels.model, method="extremes"))
+    hulls = labels.with_model(replace(labels.model, method="extremes"))
     assert not any("wrench hulls" in note for note in subject_of(labels).notes)
     assert any("wrench hulls" in note for note in subject_of(hulls).notes)

@@ -24,13 +24,13 @@ from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.rendering import can_render
 from grasp3d.system.progress import Progress
 from grasp3d.viewer.scene import pictures
-from grasp3d.viewer.scene.pictures import opened, save_picture, save_turntable
+from grasp3d.viewer.scene.pictures import open_renderer, save_picture, save_turntable
 from grasp3d.viewer.session import session
-from grasp3d.viewer.session.album import Album, Exhibit, album_of, open_album
+from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import ViewSettings
 
-# Where the project itself is tested a missing OpenGL is a failure.
+# In continuous integration missing OpenGL is a failure.
 needs_opengl = pytest.mark.skipif(not (os.environ.get("CI") or can_render()), reason="needs OpenGL")
 
 SMALL = ViewSettings(width=320, height=240)
@@ -50,44 +50,44 @@ def read(path: Path) -> np.ndarray:
 @pytest.mark.parametrize("size", [(320, 240), (501, 301)])
 def test_a_picture_has_its_size_and_smooth_edges(size: tuple[int, int], tmp_path: Path) -> None:
     path = tmp_path / "box.png"
-    shares: list[float] = []
+    reported: list[float] = []
     settings = ViewSettings(width=size[0], height=size[1])
-    save_picture(album_of(held_box()), settings, path, progress=shares.append)
+    save_picture(collection_of(held_box()), settings, path, progress=reported.append)
     drawn = read(path)
     assert drawn.shape == (size[1], size[0], 3)
-    assert shares == sorted(shares)
-    assert shares[-1] == 1.0
+    assert reported == sorted(reported)
+    assert reported[-1] == 1.0
     colours = np.unique(drawn.reshape(-1, 3), axis=0)
-    assert len(colours) > 200  # edges between two colours have all that lie between
+    assert len(colours) > 200  # edges have mixtures of both colours
     assert [one.name for one in tmp_path.iterdir()] == ["box.png"]
 
 
 @needs_opengl
-def test_what_a_picture_paints_is_measured_first(tmp_path: Path) -> None:
+def test_epsilon_is_computed_before_it_is_drawn(tmp_path: Path) -> None:
     model = GraspModel(friction=0.5, sensor_resolution=math.radians(10.0))
-    album = album_of(label_surface(sphere_mesh(subdivisions=1), model))
+    collection = collection_of(label_surface(sphere_mesh(subdivisions=1), model))
     path = tmp_path / "ball.png"
-    save_picture(album, ViewSettings(paint="epsilon", width=320, height=240), path)
+    save_picture(collection, ViewSettings(paint="epsilon", width=320, height=240), path)
     drawn = read(path).astype(int)
     middle = drawn[110:130, 150:170]
-    assert middle[..., 0].min() > middle[..., 2].max() + 40  # bright: as firm as anywhere
+    assert (
+        middle[..., 0].min() > middle[..., 2].max() + 40
+    )  # bright, as epsilon is the same everywhere
 
 
 @needs_opengl
-def test_what_is_only_told_does_not_keep_a_picture(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    monkeypatch.setattr(session, "DIFFERENT", -1.0)
+def test_messages_do_not_prevent_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(session, "NOTABLE_DIFFERENCE", -1.0)
     write_ply(tmp_path / "box.ply", label_surface(box_mesh((1.0, 2.0, 3.0), max_edge=0.5)))
-    album = open_album(tmp_path / "box.ply", GraspModel(friction=0.3))
-    save_picture(album, ViewSettings("epsilon", width=320, height=240), tmp_path / "box.png")
+    collection = open_collection(tmp_path / "box.ply", GraspModel(friction=0.3))
+    save_picture(collection, ViewSettings("epsilon", width=320, height=240), tmp_path / "box.png")
     assert read(tmp_path / "box.png").shape == (240, 320, 3)
 
 
 @needs_opengl
-def test_a_turn_as_gif_shows_every_side_once_and_goes_on_for_ever(tmp_path: Path) -> None:
+def test_a_gif_shows_every_side_once_and_loops(tmp_path: Path) -> None:
     path = tmp_path / "box.gif"
-    save_turntable(album_of(held_box()), SMALL, path, frames=8, seconds=1.0)
+    save_turntable(collection_of(held_box()), SMALL, path, frames=8, seconds=1.0)
     with Image.open(path) as film:
         assert (film.size, film.n_frames, film.info["loop"]) == ((320, 240), 8, 0)
         frames, durations = [], []
@@ -96,21 +96,21 @@ def test_a_turn_as_gif_shows_every_side_once_and_goes_on_for_ever(tmp_path: Path
             durations.append(film.info["duration"])
             frames.append(np.asarray(film.convert("RGB")).astype(int))
     assert sum(durations) == 1000
-    body = slice(60, 190)  # between what is written
+    body = slice(60, 190)  # between the texts
     gaps = [np.abs(one[body] - frames[0][body]).mean() for one in frames[1:]]
     assert min(gaps[:3]) > 0.5
-    assert gaps[3] == 0.0  # a box looks from behind as from before
+    assert gaps[3] == 0.0  # a box looks the same from both sides
     assert all((one[:45] == frames[0][:45]).all() for one in frames)
     sides = [np.nonzero((one[body] < 235).any(axis=(0, 2)))[0] for one in frames]
     assert all(side.min() > 0 and side.max() < 319 for side in sides)
 
 
 @needs_opengl
-def test_a_turn_as_mp4_plays(tmp_path: Path) -> None:
+def test_an_mp4_can_be_decoded(tmp_path: Path) -> None:
     ffmpeg = pytest.importorskip("imageio_ffmpeg")
     path = tmp_path / "box.mp4"
     settings = ViewSettings(width=321, height=241)
-    save_turntable(album_of(held_box()), settings, path, frames=6, seconds=0.5)
+    save_turntable(collection_of(held_box()), settings, path, frames=6, seconds=0.5)
     assert ffmpeg.count_frames_and_secs(str(path)) == (6, pytest.approx(0.5, abs=0.05))
     tool = [ffmpeg.get_ffmpeg_exe(), "-v", "error", "-i", str(path)]
     raw = subprocess.run(
@@ -120,78 +120,76 @@ def test_a_turn_as_mp4_plays(tmp_path: Path) -> None:
     assert np.abs(frames[0] - frames[2]).mean() > 0.5
 
 
-def test_films_without_ffmpeg_say_how_to_get_it(
+def test_the_error_without_ffmpeg_names_the_extra(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setitem(sys.modules, "imageio_ffmpeg", None)
     with pytest.raises(OutputError, match=r"grasp3d\[video\]"):
-        save_turntable(album_of(held_box()), SMALL, tmp_path / "box.mp4")
+        save_turntable(collection_of(held_box()), SMALL, tmp_path / "box.mp4")
 
 
 @pytest.mark.parametrize(
-    ("save", "name", "words"),
+    ("save", "name", "kind"),
     [(save_picture, "box.jpg", "picture"), (save_turntable, "box.png", "film")],
 )
-def test_other_suffixes_are_told_the_known_ones(
-    save: Callable[..., None], name: str, words: str, tmp_path: Path
+def test_the_error_for_other_suffixes_lists_the_known_ones(
+    save: Callable[..., None], name: str, kind: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(OutputError, match=rf"no {words} is called '\.\w+'; known: \."):
-        save(album_of(held_box()), SMALL, tmp_path / name)
+    with pytest.raises(OutputError, match=rf"no {kind} is called '\.\w+'; known: \."):
+        save(collection_of(held_box()), SMALL, tmp_path / name)
 
 
 @pytest.mark.parametrize(
     ("frames", "seconds"), [(1, 6.0), (3601, 6.0), (8, 0.0), (8, math.nan), (8, 601.0)]
 )
-def test_a_turn_has_a_sensible_length(frames: int, seconds: float, tmp_path: Path) -> None:
+def test_the_length_of_a_film_is_checked(frames: int, seconds: float, tmp_path: Path) -> None:
     with pytest.raises(SettingError, match="from 2 to 3600 frames"):
         save_turntable(
-            album_of(held_box()), SMALL, tmp_path / "box.gif", frames=frames, seconds=seconds
+            collection_of(held_box()), SMALL, tmp_path / "box.gif", frames=frames, seconds=seconds
         )
 
 
-def test_a_folder_that_is_missing_is_told_before_the_work(tmp_path: Path) -> None:
+def test_a_missing_folder_is_reported_before_the_work(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="cannot be written"):
-        save_picture(album_of(held_box()), SMALL, tmp_path / "missing" / "box.png")
+        save_picture(collection_of(held_box()), SMALL, tmp_path / "missing" / "box.png")
 
 
-def test_without_opengl_there_is_a_sentence_and_the_old_file(
+def test_without_opengl_the_old_file_is_kept(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(rendering, "can_render", lambda: False)
     path = tmp_path / "box.png"
     path.write_bytes(b"before")
     with pytest.raises(OutputError, match="need OpenGL"):
-        save_picture(album_of(held_box()), SMALL, path)
+        save_picture(collection_of(held_box()), SMALL, path)
     assert path.read_bytes() == b"before"
 
 
 @needs_opengl
-def test_why_an_object_cannot_be_shown_is_said(tmp_path: Path) -> None:
+def test_the_error_of_an_object_is_raised(tmp_path: Path) -> None:
     def broken(_: Progress) -> Subject:
-        raise MeshError("cup.stl: is no mesh")
+        raise MeshError("cup.stl: is not a mesh")
 
-    album = Album((Exhibit("cup.stl", broken),), GraspModel(), Sampling())
-    with pytest.raises(GraspError, match=r"cup\.stl: is no mesh"):
-        save_picture(album, SMALL, tmp_path / "cup.png")
+    collection = Collection((Item("cup.stl", broken),), GraspModel(), Sampling())
+    with pytest.raises(GraspError, match=r"cup\.stl: is not a mesh"):
+        save_picture(collection, SMALL, tmp_path / "cup.png")
     assert not list(tmp_path.iterdir())
 
 
 @needs_opengl
-def test_a_film_that_breaks_off_leaves_nothing(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_an_incomplete_film_is_removed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     def full(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(pictures, "_write_gif", full)
     with pytest.raises(OutputError, match="No space left"):
-        save_turntable(album_of(held_box()), SMALL, tmp_path / "box.gif", frames=2)
+        save_turntable(collection_of(held_box()), SMALL, tmp_path / "box.gif", frames=2)
     assert not list(tmp_path.iterdir())
 
 
 @needs_opengl
-def test_very_large_pictures_are_drawn_as_they_are(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(pictures, "MOST_DRAWN", 500)
-    with opened(album_of(held_box()), SMALL, lambda _: None) as studio:
-        assert studio.fine == 1
-        assert studio.shot().shape == (240, 320, 3)
+def test_very_large_pictures_are_not_oversampled(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(pictures, "MAX_DRAWN", 500)
+    with open_renderer(collection_of(held_box()), SMALL, lambda _: None) as renderer:
+        assert renderer.oversampling == 1
+        assert renderer.picture().shape == (240, 320, 3)

@@ -21,36 +21,37 @@ from grasp3d.rendering import can_render, choose_window
 from grasp3d.stability.label import COLORS
 from grasp3d.surface import Reason
 from grasp3d.viewer.scene.captions import Captions
+from grasp3d.viewer.scene.contact_numbers import contact_numbers, display_positions
 from grasp3d.viewer.scene.framing import axes_of
-from grasp3d.viewer.scene.layout import Paper, Patch, Words, letter_size, round_length
-from grasp3d.viewer.scene.lettering import shortened, width_of
+from grasp3d.viewer.scene.layout import Rectangle, TextArea, TextLine, round_length, text_size
 from grasp3d.viewer.scene.marks import Marks
-from grasp3d.viewer.scene.numbers import numbers, seen_at
 from grasp3d.viewer.scene.picking import vertex_at
 from grasp3d.viewer.scene.scene import Scene, new_plotter
-from grasp3d.viewer.scene.solids import Solid, balls, rods, spikes, tips
-from grasp3d.viewer.session.album import Album, Exhibit, album_of
-from grasp3d.viewer.session.inspecting import inspect
+from grasp3d.viewer.scene.solids import TriangleMesh, cone_surfaces, cylinders, solid_cones, spheres
+from grasp3d.viewer.scene.text_layout import shortened, text_width
+from grasp3d.viewer.session.collection import Collection, Item, collection_of
+from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section
 from grasp3d.viewer.subjects.subject import Subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import shapes, viewing
-from tests.helpers.viewing import settled
+from tests.helpers.reports import with_critical_angles
+from tests.helpers.viewing import ready_session
 
 Image = NDArray[np.uint8]
 Floats = NDArray[np.float64]
 
-# Where the project itself is tested a missing OpenGL is a failure.
+# In continuous integration missing OpenGL is a failure.
 needs_opengl = pytest.mark.skipif(not (os.environ.get("CI") or can_render()), reason="needs OpenGL")
 
 WIDE, HIGH = 400, 320
-PATIENCE = 120.0
+TIMEOUT = 120.0
 
 
 @cache
 def scanned(degrees: float = 15.0, subdivisions: int = 3) -> SurfaceLabels:
-    """A ball held at its lowest point: critical angles are half the angle from the highest."""
+    """A sphere scanned with a finger at its lowest point: β* is half the angle from the top."""
     model = GraspModel(friction=1.0, sensor_resolution=math.radians(degrees))
     return scan_surface(sphere_mesh(subdivisions=subdivisions), model, fixed=(0.0, 0.0, -1.0))
 
@@ -62,7 +63,7 @@ def held_box() -> SurfaceLabels:
 
 
 def until(done: Callable[[], bool]) -> None:
-    late = time.monotonic() + PATIENCE
+    late = time.monotonic() + TIMEOUT
     while not done():
         assert time.monotonic() < late
         time.sleep(0.005)
@@ -73,12 +74,17 @@ def ready(session: Session) -> None:
 
 
 @contextmanager
-def shown(
-    album: Album, *, legend: bool = False, width: int = WIDE, height: int = HIGH, **how: object
+def viewed(
+    collection: Collection,
+    *,
+    legend: bool = False,
+    width: int = WIDE,
+    height: int = HIGH,
+    **how: object,
 ) -> Iterator[tuple[Session, Scene]]:
     choose_window()
     how = {"azimuth": 0.0, "elevation": 0.0} | how
-    session = Session(album, ViewSettings(width=width, height=height, **how))
+    session = Session(collection, ViewSettings(width=width, height=height, **how))
     ready(session)
     plotter = new_plotter(session.settings, off_screen=True)
     try:
@@ -94,11 +100,11 @@ def after(session: Session, scene: Scene, **choices: object) -> Image:
     session.change(**choices)
     ready(session)
     scene.update(session)
-    return scene.shot()
+    return scene.screenshot()
 
 
 def coloured(image: Image) -> NDArray[np.bool_]:
-    """Pixels that are no shade of grey: the painted surface."""
+    """Pixels that are not grey: the coloured surface."""
     return np.asarray(np.ptp(image.astype(int), axis=2) > 40)
 
 
@@ -109,8 +115,8 @@ def nearest_label(pixels: Image) -> NDArray[np.int64]:
     return np.asarray((pixels / lengths @ hues.T).argmax(axis=-1))
 
 
-def pixel_places(scene: Scene, image: Image) -> tuple[Floats, Floats]:
-    """What pixels show to the right of the middle of a ball about the origin, and above it."""
+def pixel_coordinates(scene: Scene, image: Image) -> tuple[Floats, Floats]:
+    """Coordinates to the right and upward of the points of the unit sphere that pixels show."""
     rows, columns = np.nonzero(coloured(image))
     radius = (np.ptp(columns) + 1) / 2.0
     assert radius == pytest.approx((np.ptp(rows) + 1) / 2.0, abs=1.0)
@@ -121,13 +127,13 @@ def pixel_places(scene: Scene, image: Image) -> tuple[Floats, Floats]:
 
 
 @needs_opengl
-def test_every_pixel_has_the_label_of_its_place_after_every_change() -> None:
-    with shown(album_of(scanned())) as (session, scene):
+def test_every_pixel_has_the_label_of_its_point_after_every_change() -> None:
+    with viewed(collection_of(scanned())) as (session, scene):
         for degrees, friction in ((15.0, 1.0), (40.0, 1.0), (15.0, 0.6)):
             image = after(
                 session, scene, sensor_resolution=math.radians(degrees), friction=friction
             )
-            y, z = pixel_places(scene, image)
+            y, z = pixel_coordinates(scene, image)
             inside = np.hypot(y, z) < 0.97
             critical = np.arccos(np.clip(z, -1.0, 1.0)) / 2.0
             model = session.model
@@ -138,12 +144,12 @@ def test_every_pixel_has_the_label_of_its_place_after_every_change() -> None:
 
 
 @needs_opengl
-def test_what_has_no_grasp_is_not_painted_as_the_best() -> None:
+def test_vertices_without_a_grasp_are_grey() -> None:
     labels = scanned()
     none = np.full(len(labels.critical_angle), math.inf)
-    album = album_of(replace(labels, critical_angle=none, critical_angle_best=none))
-    with shown(album) as (session, scene):
-        image = scene.shot()
+    collection = collection_of(with_critical_angles(labels, none))
+    with viewed(collection) as (session, scene):
+        image = scene.screenshot()
         assert set(nearest_label(image[coloured(image)])) == {Label.U}
         grey = after(session, scene, paint="critical_angle")
         assert not coloured(grey).any()
@@ -151,27 +157,27 @@ def test_what_has_no_grasp_is_not_painted_as_the_best() -> None:
 
 
 @needs_opengl
-def test_what_belongs_to_other_fingers_is_washed_out_and_no_grasp_is_drawn() -> None:
-    with shown(album_of(held_box())) as (session, scene):
-        session.tap(3)
+def test_a_stale_surface_is_pale_and_has_no_grasp() -> None:
+    with viewed(collection_of(held_box())) as (session, scene):
+        session.click(3)
         scene.update(session)
-        bright = scene.shot()
+        bright = scene.screenshot()
         session.change(fingers=3)
         assert session.stale
         scene.update(session)
-        pale = scene.shot()
+        pale = scene.screenshot()
         assert coloured(bright).sum() > 5000
         assert not coloured(pale[..., :3]).any() or np.ptp(pale.astype(int), axis=2).max() < 80
         assert (pale < 60).all(axis=2).sum() < 0.5 * (bright < 60).all(axis=2).sum()
         session.change(fingers=2)
         scene.update(session)
-        assert (scene.shot() == bright).all()
+        assert (scene.screenshot() == bright).all()
 
 
 @needs_opengl
-def test_a_ramp_runs_from_dark_to_bright_with_the_angle() -> None:
-    with shown(album_of(scanned()), paint="critical_angle") as (session, scene):
-        image = scene.shot().astype(float)
+def test_the_ramp_goes_from_dark_to_bright_with_the_angle() -> None:
+    with viewed(collection_of(scanned()), paint="critical_angle") as (session, scene):
+        image = scene.screenshot().astype(float)
         column = image[:, WIDE // 2, 1] - image[:, WIDE // 2, 2]  # from blue to yellow
         filled = np.nonzero(np.abs(column) > 15.0)[0]
         values = column[filled[5:-5]]
@@ -183,16 +189,16 @@ def test_a_ramp_runs_from_dark_to_bright_with_the_angle() -> None:
 
 
 @needs_opengl
-def test_normals_are_apart_at_creases() -> None:
-    with shown(album_of(held_box()), azimuth=0.6, elevation=0.5) as (_, scene):
-        image = scene.shot()
+def test_normals_differ_across_sharp_edges() -> None:
+    with viewed(collection_of(held_box()), azimuth=0.6, elevation=0.5) as (_, scene):
+        image = scene.screenshot()
         brightness = image.max(axis=2)[(image.min(axis=2) < 250)]
         shades = np.unique(brightness[brightness > 60], return_counts=True)
         flat = [shade for shade, count in zip(*shades, strict=True) if count > 1000]
-        assert 3 <= len(flat) <= 12  # three faces, each of even brightness in each colour
+        assert 3 <= len(flat) <= 12  # three faces, each of one brightness per colour
 
 
-def window_place(scene: Scene, point: Floats, pane: int = 0) -> tuple[int, int]:
+def pixel_of(scene: Scene, point: Floats, pane: int = 0) -> tuple[int, int]:
     """Row and column of the pixel that shows a point."""
     renderer = scene.plotter.renderers[pane]
     renderer.SetWorldPoint(*point, 1.0)
@@ -202,10 +208,10 @@ def window_place(scene: Scene, point: Floats, pane: int = 0) -> tuple[int, int]:
 
 
 @needs_opengl
-def test_a_grasp_is_marked_and_what_is_hidden_of_it_shines_through() -> None:
+def test_a_grasp_is_marked_and_its_hidden_part_is_faint() -> None:
     labels = scanned()
-    with shown(album_of(labels)) as (session, scene):
-        plain = scene.shot().astype(int)
+    with viewed(collection_of(labels)) as (session, scene):
+        plain = scene.screenshot().astype(int)
         subject = session.subject
         assert subject is not None
         marks = Marks(scene.plotter.renderers[0])
@@ -216,85 +222,86 @@ def test_a_grasp_is_marked_and_what_is_hidden_of_it_shines_through() -> None:
             normals=np.array([back, front]),
         )  # fmt: skip
         marks.show(subject, grasp, np.empty((0, 3)))
-        image = scene.shot().astype(int)
-        assert image[window_place(scene, front)].min() > 240
-        hidden = image[window_place(scene, back)]
-        assert (hidden > plain[window_place(scene, back)] + 20).all()
+        image = scene.screenshot().astype(int)
+        assert image[pixel_of(scene, front)].min() > 240
+        hidden = image[pixel_of(scene, back)]
+        assert (hidden > plain[pixel_of(scene, back)] + 20).all()
         assert hidden.min() < 240
-        # The cones stand outside: seen from the side they reach beyond the ball.
+        # The cones are outside: seen from the side they reach beyond the sphere.
         assert (np.abs(image - plain).max(axis=2) > 25).sum() > 300
         wide = (np.abs(image - plain).max(axis=2) > 25).sum()
         lone = replace(grasp, points=front[None], normals=back[None])
         marks.show(subject, lone, np.empty((0, 3)))
-        image = scene.shot().astype(int)
-        assert image[window_place(scene, front)].min() > 240
+        image = scene.screenshot().astype(int)
+        assert image[pixel_of(scene, front)].min() > 240
         assert 20 < (np.abs(image - plain).max(axis=2) > 25).sum() < 0.4 * wide
         marks.show(subject, None, np.empty((0, 3)))
-        assert (scene.shot() == plain).all()
+        assert (scene.screenshot() == plain).all()
 
 
 @needs_opengl
 @pytest.mark.parametrize("compare", [None, 0.5])
-def test_the_fingers_of_a_grasp_are_numbered_where_they_are_seen(compare: float | None) -> None:
+def test_contact_numbers_are_at_the_displayed_contacts(compare: float | None) -> None:
     how = {"azimuth": 0.6, "elevation": 0.5, "compare": compare}
-    with shown(album_of(held_box()), **how) as (session, scene):
+    with viewed(collection_of(held_box()), **how) as (session, scene):
         subject = session.subject
         assert subject is not None
         vertex = int(np.flatnonzero(subject.reason == Reason.FOUND)[0])
-        session.tap(vertex)
+        session.click(vertex)
         scene.update(session)
         scene.camera.azimuth = 25.0
-        image = scene.shot()
-        seen = session.inspected
+        image = scene.screenshot()
+        seen = session.inspection
         assert seen is not None
         renderer = scene.plotter.renderers[0 if compare is None else 1]
-        places = seen_at(renderer, seen.points)
-        for point, (x, y) in zip(seen.points, places, strict=True):
-            row, column = window_place(scene, point, 0 if compare is None else 1)
+        positions = display_positions(renderer, seen.points)
+        for point, (x, y) in zip(seen.points, positions, strict=True):
+            row, column = pixel_of(scene, point, 0 if compare is None else 1)
             offset = 0 if compare is None else image.shape[1] / 2
             assert (offset + x, HIGH - y) == pytest.approx((column, row), abs=2.0)
-        session.tap(None)
+        session.click(None)
         scene.update(session)
-        plain = scene.shot()
+        plain = scene.screenshot()
         assert (image != plain).any()
 
 
-def test_numbers_lie_apart_in_the_pane_beside_their_contacts() -> None:
-    paper = Paper(400.0, 300.0, 12)
+def test_contact_numbers_do_not_overlap_and_are_beside_their_contacts() -> None:
+    area = TextArea(400.0, 300.0, 12)
     random = np.random.default_rng(3)
     for _ in range(200):
         count = int(random.integers(2, 6))
-        places = random.uniform((40.0, 40.0), (360.0, 260.0), (count, 2))
-        places[1] = places[0] + random.uniform(-2.0, 2.0, 2)  # one behind the other
-        items = numbers(paper, places, places + random.normal(size=(count, 2)) * 5.0, 6.0)
-        words = [item for item in items if isinstance(item, Words)]
-        assert [one.text for one in words] == [f"{n}" for n in range(1, count + 1)]
+        positions = random.uniform((40.0, 40.0), (360.0, 260.0), (count, 2))
+        positions[1] = positions[0] + random.uniform(-2.0, 2.0, 2)  # one behind the other
+        tips = positions + random.normal(size=(count, 2)) * 5.0
+        items = contact_numbers(area, positions, tips, 6.0)
+        texts = [item for item in items if isinstance(item, TextLine)]
+        assert [one.text for one in texts] == [f"{n}" for n in range(1, count + 1)]
         boxes = [box_of(item) for item in items[1::3]]
-        assert frames(boxes[0], boxes[1])
-        for box, word, place in zip(boxes, words, places, strict=True):
+        assert apart(boxes[0], boxes[1])
+        for box, text, position in zip(boxes, texts, positions, strict=True):
             assert 0.0 <= box[0] < box[2] <= 400.0
             assert 0.0 <= box[1] < box[3] <= 300.0
             middle = 0.5 * (box[:2] + box[2:])
-            assert 12.0 < np.linalg.norm(middle - place) < 40.0
-            assert box[0] <= word.x
-            assert word.x + width_of(word.text, 12, bold=True) <= box[2] + 1.0
-            assert frames(box, np.r_[place, place])
+            assert 12.0 < np.linalg.norm(middle - position) < 40.0
+            assert box[0] <= text.x
+            assert text.x + text_width(text.text, 12, bold=True) <= box[2] + 1.0
+            assert apart(box, np.r_[position, position])
 
 
-def test_a_picture_tells_the_largest_opening_where_it_is_limited() -> None:
-    for labels, words in (
+def test_captions_contain_the_largest_opening_if_it_is_limited() -> None:
+    for labels, caption in (
         (viewing.labels(), ["α 22.6°", "μ 0.75", "two fingers", "opening ≤ 0.3 cm"]),
         (viewing.box(), ["α 22.6°", "μ 0.5", "two fingers"]),
         (viewing.scan(), ["α 22.6°", "μ 0.5", "two fingers"]),
     ):
-        session = settled(labels)
-        assert list(Captions.of(session, legend=True).captions[0]) == words
+        session = ready_session(labels)
+        assert list(Captions.of(session, legend=True).captions[0]) == caption
         session.close()
 
 
 @needs_opengl
-def test_the_sure_cone_shows_where_there_is_one() -> None:
-    with shown(album_of(scanned())) as (session, scene):
+def test_the_safe_cone_is_shown_if_there_is_one() -> None:
+    with viewed(collection_of(scanned())) as (session, scene):
         subject = session.subject
         assert subject is not None
         marks = Marks(scene.plotter.renderers[0])
@@ -304,8 +311,8 @@ def test_the_sure_cone_shows_where_there_is_one() -> None:
         for degrees in (0.0, 30.0, 91.0):
             model = replace(session.model, sensor_resolution=math.radians(degrees))
             marks.show(subject, replace(grasp, model=model), np.empty((0, 3)))
-            image = scene.shot()
-            row, column = window_place(scene, np.array([0.0, 1.15, 0.0]))
+            image = scene.screenshot()
+            row, column = pixel_of(scene, np.array([0.0, 1.15, 0.0]))
             beside = image[row - 40 : row + 40, column - 25 : column + 40].astype(int)
             counts.append(int((beside[..., 2] - beside[..., 0] > 40).sum()))
         assert counts[0] > 1.2 * counts[1] > 50
@@ -313,30 +320,30 @@ def test_the_sure_cone_shows_where_there_is_one() -> None:
 
 
 @needs_opengl
-def test_fixed_fingers_are_black_and_stand_for_the_contacts_there() -> None:
-    with shown(album_of(scanned())) as (session, scene):
-        place, front = np.array([0.0, -0.6, 0.8]), np.array([0.6, 0.8, 0.0])
+def test_fixed_fingers_are_black_and_replace_the_markers_of_their_contacts() -> None:
+    with viewed(collection_of(scanned())) as (session, scene):
+        other, front = np.array([0.0, -0.6, 0.8]), np.array([0.6, 0.8, 0.0])
         subject = session.subject
         assert subject is not None
         nearest = subject.vertices[np.argmin(np.linalg.norm(subject.vertices - front, axis=1))]
-        plain = scene.shot()
+        plain = scene.screenshot()
         marks = Marks(scene.plotter.renderers[0])
         marks.show(subject, None, nearest[None])
-        image = scene.shot()
-        assert image[window_place(scene, nearest)].max() < 60 < plain.max()
+        image = scene.screenshot()
+        assert image[pixel_of(scene, nearest)].max() < 60 < plain.max()
         grasp = inspect(subject, 0, session.model)
         both = replace(
-            grasp, points=np.array([place, nearest]), normals=-np.array([place, nearest])
+            grasp, points=np.array([other, nearest]), normals=-np.array([other, nearest])
         )
         marks.show(subject, both, nearest[None])
-        image = scene.shot()
-        assert image[window_place(scene, nearest)].max() < 60
-        assert image[window_place(scene, place)].min() > 240
+        image = scene.screenshot()
+        assert image[pixel_of(scene, nearest)].max() < 60
+        assert image[pixel_of(scene, other)].min() > 240
 
 
 @needs_opengl
 def test_two_panes_show_two_resolutions_from_one_side() -> None:
-    with shown(album_of(scanned())) as (session, scene):
+    with viewed(collection_of(scanned())) as (session, scene):
         same = after(session, scene, compare=session.model.sensor_resolution)
         half = WIDE // 2
         body = slice(40, HIGH - 40)  # between the captions and the scale bar
@@ -354,14 +361,14 @@ def test_two_panes_show_two_resolutions_from_one_side() -> None:
 
 
 @needs_opengl
-def test_sides_just_within_a_limit_have_the_colour_of_their_labels() -> None:
+def test_faces_just_within_a_limit_have_the_colour_of_their_labels() -> None:
     mesh = mesh_from_arrays(*shapes.box((0.04, 0.06, 0.08)))
-    # S below 0.01 degrees: the sides face each other exactly, and nothing else is so good.
+    # S below 0.01 degrees: only grasps on exactly parallel faces are S.
     model = GraspModel(friction=0.2, sensor_resolution=math.radians(22.6))
     labels = label_surface(mesh, model)
     assert labels.fractions()["S"] > 0.8
-    with shown(album_of(labels)) as (_, scene):
-        image = scene.shot()
+    with viewed(collection_of(labels)) as (_, scene):
+        image = scene.screenshot()
         drawn = nearest_label(image[coloured(image)])
     assert (drawn == Label.S).mean() > 0.8
     assert (drawn == Label.U).mean() < 0.01
@@ -369,13 +376,13 @@ def test_sides_just_within_a_limit_have_the_colour_of_their_labels() -> None:
 
 @needs_opengl
 def test_a_section_opens_the_object_and_shows_its_inside() -> None:
-    with shown(album_of(held_box())) as (session, scene):
-        whole = coloured(scene.shot())
-        middle = window_place(scene, np.array([0.5, 0.0, 0.0]))
+    with viewed(collection_of(held_box())) as (session, scene):
+        whole = coloured(scene.screenshot())
+        middle = pixel_of(scene, np.array([0.5, 0.0, 0.0]))
         assert whole[middle]
         behind = after(session, scene, section=Section("x", 0.5))
         assert not coloured(behind)[middle]
-        assert 60 < behind[middle].max() < 180  # the inside of the far wall
+        assert 60 < behind[middle].max() < 180  # the back of the far faces
         assert int(behind[middle][0]) > int(behind[middle][2])
         before = after(session, scene, section=Section("x", 0.5, flipped=True))
         assert (coloured(before) & whole).sum() > 0.97 * whole.sum()
@@ -388,12 +395,12 @@ def test_a_section_opens_the_object_and_shows_its_inside() -> None:
 
 
 @needs_opengl
-def test_a_section_cuts_the_faces_wherever_other_vertices_are() -> None:
+def test_a_section_is_relative_to_the_faces_and_not_to_unused_vertices() -> None:
     points, faces = shapes.box((1.0, 1.0, 1.0))
     mesh = mesh_from_arrays(np.concatenate([points, [[0.0, 100.0, 0.0]]]), faces)
-    with shown(album_of(label_surface(mesh))) as (session, scene):
-        whole = coloured(scene.shot()).sum()
-        assert whole > 0.1 * scene.shot()[..., 0].size
+    with viewed(collection_of(label_surface(mesh))) as (session, scene):
+        whole = coloured(scene.screenshot()).sum()
+        assert whole > 0.1 * scene.screenshot()[..., 0].size
         half = coloured(after(session, scene, section=Section("y", 0.5))).sum()
         assert 0.3 * whole < half < 0.95 * whole
 
@@ -409,10 +416,10 @@ def bar_pixels(image: Image) -> int:
 @needs_opengl
 @pytest.mark.parametrize("legend", [False, True])
 def test_the_scale_bar_has_a_round_length_at_every_zoom(legend: bool) -> None:
-    with shown(album_of(scanned()), legend=legend, width=640, height=480) as (_, scene):
+    with viewed(collection_of(scanned()), legend=legend, width=640, height=480) as (_, scene):
         for zoom in (1.0, 1.7, 0.31, 0.9):
             scene.camera.parallel_scale *= zoom
-            image = scene.shot()
+            image = scene.screenshot()
             length = bar_pixels(image) * 2.0 * scene.camera.parallel_scale / 480
             round_one = round_length(1.02 * length)
             assert length == pytest.approx(round_one, rel=0.03)
@@ -422,40 +429,40 @@ def test_the_scale_bar_has_a_round_length_at_every_zoom(legend: bool) -> None:
 @needs_opengl
 @pytest.mark.parametrize("size", [(320, 240), (640, 400), (500, 700)])
 @pytest.mark.parametrize("compare", [None, 0.5])
-def test_the_object_fills_its_pane_and_no_word_lies_on_it(
+def test_the_object_fills_its_pane_without_overlapping_texts(
     size: tuple[int, int], compare: float | None
 ) -> None:
     width, height = size
     how = {"width": width, "height": height, "compare": compare, "elevation": 0.4, "azimuth": 1.0}
-    with shown(album_of(held_box()), legend=True, **how) as (session, scene):
-        image = scene.shot()
+    with viewed(collection_of(held_box()), legend=True, **how) as (session, scene):
+        image = scene.screenshot()
         pane = width if compare is None else width // 2
         points = session.subject.vertices  # type: ignore[union-attr]
         seen = points @ axes_of(scene.camera)[:2].T
         scale = height / (2.0 * scene.camera.parallel_scale)
         wide, tall = scale * np.ptp(seen, axis=0)
-        corners = np.array([window_place(scene, point) for point in points])
+        corners = np.array([pixel_of(scene, point) for point in points])
         top, left = corners.min(axis=0)
         bottom, right = corners.max(axis=0)
         assert 0 < left < right < pane
         assert 0 < top < bottom < height
-        paper = Paper(pane, height, letter_size(width, height, 1.0))
-        above, below = Captions.of(session, legend=True).taken(paper, 0)
-        filled = max(wide / (pane - 2.0 * paper.margin), tall / (height - above - below))
+        area = TextArea(pane, height, text_size(width, height, 1.0))
+        above, below = Captions.of(session, legend=True).margins(area, 0)
+        filled = max(wide / (pane - 2.0 * area.margin), tall / (height - above - below))
         assert 0.93 < filled <= 1.0
         assert above - 1 < top
         assert bottom < height - below + 1
         box = np.zeros(image.shape[:2], dtype=bool)
         box[top : bottom + 1, left : right + 1] = True
-        if compare is None:  # between the words and the object nothing is drawn
+        if compare is None:  # nothing is drawn between the texts and the object
             rows = np.nonzero((image < 250).any(axis=2).any(axis=1))[0]
             assert not {top - 2, bottom + 2} & set(rows)
 
 
 @needs_opengl
-def test_a_window_of_another_size_is_filled_again_at_the_same_zoom() -> None:
-    with shown(album_of(held_box()), width=600, height=500) as (session, scene):
-        scene.shot()
+def test_the_zoom_is_kept_when_the_window_is_resized() -> None:
+    with viewed(collection_of(held_box()), width=600, height=500) as (session, scene):
+        scene.screenshot()
         scene.plotter.window_size = [400, 500]
         scene.plotter.render()
         scale = scene.camera.parallel_scale
@@ -469,20 +476,22 @@ def test_a_window_of_another_size_is_filled_again_at_the_same_zoom() -> None:
         assert zoomed == pytest.approx(0.5 * scene.camera.parallel_scale)
 
 
-def exhibit(labels: SurfaceLabels, name: str, gate: threading.Event | None = None) -> Exhibit:
-    def opened(_: object) -> Subject:
-        assert gate is None or gate.wait(PATIENCE)
+def make_item(labels: SurfaceLabels, name: str, gate: threading.Event | None = None) -> Item:
+    def open_item(_: object) -> Subject:
+        assert gate is None or gate.wait(TIMEOUT)
         return subject_of(labels, name)
 
-    return Exhibit(name, opened)
+    return Item(name, open_item)
 
 
 @needs_opengl
-def test_another_object_is_looked_at_anew_and_the_same_one_is_not() -> None:
+def test_the_view_is_reset_for_another_object_only() -> None:
     gate = threading.Event()
     ball, box = scanned(), held_box()
-    album = Album((exhibit(ball, "ball"), exhibit(box, "box", gate)), ball.model, Sampling())
-    with shown(album) as (session, scene):
+    collection = Collection(
+        (make_item(ball, "ball"), make_item(box, "box", gate)), ball.model, Sampling()
+    )
+    with viewed(collection) as (session, scene):
         first = scene.camera.parallel_scale
         scene.camera.parallel_scale = 0.7 * first
         session.change(friction=0.9)
@@ -490,7 +499,7 @@ def test_another_object_is_looked_at_anew_and_the_same_one_is_not() -> None:
         assert scene.camera.parallel_scale == pytest.approx(0.7 * first)
         session.step(1)
         scene.update(session)
-        waiting = scene.shot()
+        waiting = scene.screenshot()
         assert not coloured(waiting).any()  # no object, and a sentence in the middle
         rows, columns = np.nonzero((waiting < 200).all(axis=2))
         assert rows.mean() == pytest.approx(HIGH / 2, abs=12)
@@ -498,7 +507,7 @@ def test_another_object_is_looked_at_anew_and_the_same_one_is_not() -> None:
         gate.set()
         ready(session)
         scene.update(session)
-        assert coloured(scene.shot()).any()
+        assert coloured(scene.screenshot()).any()
         assert scene.camera.parallel_scale > 1.1 * first
         session.step(1)
         ready(session)
@@ -506,35 +515,35 @@ def test_another_object_is_looked_at_anew_and_the_same_one_is_not() -> None:
         assert scene.camera.parallel_scale == pytest.approx(first)
 
 
-def frames(first: Floats, second: Floats) -> bool:
-    """Whether two rectangles (left, bottom, right, top) lie apart."""
+def apart(first: Floats, second: Floats) -> bool:
+    """Whether two rectangles (left, bottom, right, top) do not overlap."""
     return bool(
         first[2] <= second[0] or second[2] <= first[0]
         or first[3] <= second[1] or second[3] <= first[1]
     )  # fmt: skip
 
 
-def box_of(item: Words | Patch) -> Floats:
-    if isinstance(item, Patch):
+def box_of(item: TextLine | Rectangle) -> Floats:
+    if isinstance(item, Rectangle):
         return np.array([item.x, item.y, item.x + item.width, item.y + item.height])
-    wide = width_of(item.text, item.size, bold=item.bold)
+    wide = text_width(item.text, item.size, bold=item.bold)
     return np.array([item.x, item.y, item.x + wide, item.y + 1.1 * item.size])
 
 
 @pytest.mark.parametrize("size", [(320, 240), (321, 900), (800, 240), (1280, 800), (1600, 1200)])
 @pytest.mark.parametrize("paint", ["label", "critical_angle", "max_resolution", "epsilon_min"])
 @pytest.mark.parametrize("compare", [None, 0.5])
-def test_words_lie_apart_and_inside(
+def test_texts_do_not_overlap_and_fit_into_the_pane(
     size: tuple[int, int], paint: str, compare: float | None
 ) -> None:
     labels = scanned(subdivisions=1)
     known = labels.critical_angle.copy()
     known[:9] = math.inf
-    some = replace(labels, critical_angle=known, critical_angle_best=known)
+    some = with_critical_angles(labels, known)
     name = "an object with quite a long name, as they have them in data sets.ply"
     subject = subject_of(some, name)
     session = Session(
-        Album((Exhibit(name, lambda _: subject),), labels.model, Sampling()),
+        Collection((Item(name, lambda _: subject),), labels.model, Sampling()),
         ViewSettings(paint="label", compare=compare),
     )
     ready(session)
@@ -542,25 +551,25 @@ def test_words_lie_apart_and_inside(
     captions = Captions.of(session, legend=True)
     session.close()
     count = 1 if compare is None else 2
-    paper = Paper(size[0] / count, size[1], letter_size(*size, 1.0))
+    area = TextArea(size[0] / count, size[1], text_size(*size, 1.0))
     for number in range(count):
-        items = captions.items(paper, number, 0.01)
-        boxes = [box_of(item) for item in items if not _is_frame(item, paper)]
+        items = captions.items(area, number, 0.01)
+        boxes = [box_of(item) for item in items if not _is_frame(item, area)]
         assert len(boxes) > 5
-        for place, one in enumerate(boxes):
+        for index, one in enumerate(boxes):
             assert (one >= -1e-6).all()
-            assert one[2] <= paper.width
-            assert one[3] <= paper.height
-            bar = isinstance(items[place], Patch)
-            for item, other in zip(items[place + 1 :], boxes[place + 1 :], strict=False):
-                if not (bar and isinstance(item, Patch)):
-                    assert frames(one, other), (items[place], item)
-        above, below = captions.taken(paper, number)
-        assert all(one[3] <= below + 1e-6 or one[1] >= paper.height - above - 1e-6 for one in boxes)
+            assert one[2] <= area.width
+            assert one[3] <= area.height
+            bar = isinstance(items[index], Rectangle)
+            for item, other in zip(items[index + 1 :], boxes[index + 1 :], strict=False):
+                if not (bar and isinstance(item, Rectangle)):
+                    assert apart(one, other), (items[index], item)
+        above, below = captions.margins(area, number)
+        assert all(one[3] <= below + 1e-6 or one[1] >= area.height - above - 1e-6 for one in boxes)
 
 
-def _is_frame(item: Words | Patch, paper: Paper) -> bool:
-    return isinstance(item, Patch) and item.height == paper.height
+def _is_frame(item: TextLine | Rectangle, area: TextArea) -> bool:
+    return isinstance(item, Rectangle) and item.height == area.height
 
 
 @given(st.floats(1e-9, 1e9))
@@ -573,39 +582,41 @@ def test_a_round_length_is_the_largest_that_fits(most: float) -> None:
 
 
 @given(st.text(alphabet="abcdefgh ", max_size=40), st.floats(0.0, 400.0))
-def test_words_are_shortened_to_their_room(words: str, room: float) -> None:
-    short = shortened(words, 12, room)
-    assert short == words or width_of(short, 12) <= room
-    assert short.rstrip("…").strip() in words
+def test_texts_are_shortened_to_a_width(text: str, width: float) -> None:
+    short = shortened(text, width, 12)
+    assert short == text or text_width(short, 12) <= width
+    assert short.rstrip("…").strip() in text
 
 
 @pytest.mark.parametrize(
     ("solid", "volume"),
     [
-        (balls(np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]), 0.5), 2 * 4 / 3 * math.pi * 0.125),
-        (rods(np.zeros((1, 3)), np.array([[1.0, 2.0, 2.0]]), 0.5), math.pi * 0.25 * 3.0),
-        (spikes(np.zeros((1, 3)), np.array([[1.0, 2.0, 2.0]]), 0.5), math.pi * 0.25),
+        (spheres(np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.0]]), 0.5), 2 * 4 / 3 * math.pi * 0.125),
+        (cylinders(np.zeros((1, 3)), np.array([[1.0, 2.0, 2.0]]), 0.5), math.pi * 0.25 * 3.0),
+        (solid_cones(np.zeros((1, 3)), np.array([[1.0, 2.0, 2.0]]), 0.5), math.pi * 0.25),
     ],
 )
-def test_marks_are_closed_and_have_their_size(solid: Solid, volume: float) -> None:
+def test_solids_are_closed_and_have_their_volume(solid: TriangleMesh, volume: float) -> None:
     a, b, c = (solid.points[solid.faces[:, corner]] for corner in range(3))
     outward = np.cross(b - a, c - a)
     assert outward.sum(axis=0) == pytest.approx(np.zeros(3), abs=1e-12)
     assert (a * outward).sum() / 6.0 == pytest.approx(volume, rel=0.05)
 
 
-def test_mantles_make_their_angle_with_the_axis() -> None:
+def test_sides_of_cones_have_their_angle_to_the_axis() -> None:
     axis = np.array([0.6, 0.0, 0.8])
-    mantle = tips(np.array([[1.0, 1.0, 1.0]]), axis[None], 0.4, 2.0)
-    sides = mantle.points - 1.0
+    cone = cone_surfaces(np.array([[1.0, 1.0, 1.0]]), axis[None], 0.4, 2.0)
+    sides = cone.points - 1.0
     lengths = np.linalg.norm(sides, axis=1)
     far = lengths > 0.0
     assert lengths[far] == pytest.approx(2.0)
     assert sides[far] @ axis / 2.0 == pytest.approx(math.cos(0.4))
 
 
-def met(subject: Subject, origin: Floats, way: Floats, section: Section | None) -> int | None:
-    """The corner that `vertex_at` should find: every face is tried (Moeller & Trumbore 1997)."""
+def hit_vertex(
+    subject: Subject, origin: Floats, way: Floats, section: Section | None
+) -> int | None:
+    """The expected vertex, from tests of all faces (Moeller & Trumbore 1997)."""
     corners = subject.vertices[subject.faces]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     across = np.cross(way, second)
@@ -618,8 +629,8 @@ def met(subject: Subject, origin: Floats, way: Floats, section: Section | None) 
         t = (second * turned).sum(axis=1) / scale
     hit = (u >= 0.0) & (v >= 0.0) & (u + v <= 1.0) & (t >= 0.0)
     if section is not None:
-        place, normal = section.plane(subject.bounds)
-        hit &= (origin + np.where(hit, t, 0.0)[:, None] * way - place) @ normal >= 0.0
+        point, normal = section.plane(subject.bounds)
+        hit &= (origin + np.where(hit, t, 0.0)[:, None] * way - point) @ normal >= 0.0
     if not hit.any():
         return None
     face = int(np.argmin(np.where(hit, t, np.inf)))
@@ -643,7 +654,7 @@ def cut_cylinder(offset: float) -> Subject:
         (Section("z", 0.8), 1e4),
     ],
 )
-def test_a_click_meets_what_a_trial_of_all_faces_meets(
+def test_a_click_hits_the_vertex_found_by_testing_all_faces(
     section: Section | None, offset: float
 ) -> None:
     subject = cut_cylinder(offset)
@@ -654,14 +665,14 @@ def test_a_click_meets_what_a_trial_of_all_faces_meets(
         origin = offset + 4.0 * toward / np.linalg.norm(toward)
         goal = offset + random.uniform(-1.0, 1.0, 3) * (0.6, 0.6, 1.1)
         answer = vertex_at(subject, origin, goal - origin, section)
-        expected = met(subject, origin, goal - origin, section)
+        expected = hit_vertex(subject, origin, goal - origin, section)
         agreed += answer == expected
         found += expected is not None
     assert found > 30
-    assert agreed >= 118  # rays along an edge may meet either face
+    assert agreed >= 118  # rays along an edge may hit either face
 
 
-def test_a_ray_along_a_section_or_away_from_what_it_leaves_meets_nothing() -> None:
+def test_a_ray_outside_the_visible_side_of_a_section_hits_nothing() -> None:
     subject = subject_of(scanned())
     section = Section("x", 0.5, flipped=True)
     beside, along = np.array([-0.2, 0.0, 3.0]), np.array([0.0, 0.0, -1.0])
@@ -669,9 +680,9 @@ def test_a_ray_along_a_section_or_away_from_what_it_leaves_meets_nothing() -> No
     assert vertex_at(subject, beside, along) is not None
     assert vertex_at(subject, beside, np.array([-1.0, 0.0, -1.0]), section) is None
     kept = np.array([3.0, 0.01, 0.02])
-    met_first = vertex_at(subject, kept, np.array([-1.0, 0.0, 0.0]), section)
-    assert met_first is not None
-    assert subject.vertices[met_first][0] > 0.9
+    first = vertex_at(subject, kept, np.array([-1.0, 0.0, 0.0]), section)
+    assert first is not None
+    assert subject.vertices[first][0] > 0.9
     within = np.array([0.5, 0.01, 0.02])  # the plane is before the far side, which is cut away
     assert vertex_at(subject, within, np.array([-1.0, 0.0, 0.0]), section) is None
 
@@ -679,9 +690,11 @@ def test_a_ray_along_a_section_or_away_from_what_it_leaves_meets_nothing() -> No
 @needs_opengl
 @pytest.mark.parametrize("section", [None, Section("x", 0.6, flipped=True)])
 @pytest.mark.parametrize("compare", [None, 0.5])
-def test_clicks_meet_what_vtk_meets(section: Section | None, compare: float | None) -> None:
+def test_clicks_hit_the_same_vertices_as_vtk(
+    section: Section | None, compare: float | None
+) -> None:
     how = {"azimuth": 0.3, "elevation": 0.5, "compare": compare}
-    with shown(album_of(held_box()), **how) as (session, scene):
+    with viewed(collection_of(held_box()), **how) as (session, scene):
         after(session, scene, section=section)
         subject = session.subject
         assert subject is not None

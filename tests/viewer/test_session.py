@@ -13,23 +13,23 @@ from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.surface import Reason
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.session import planning, saving
-from grasp3d.viewer.session.album import Album, Exhibit, album_of, open_album
+from grasp3d.viewer.session.background import Cancelled, Job, Worker
+from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
+from grasp3d.viewer.session.computations import compute_epsilon, mesh_of, prepare_labels
 from grasp3d.viewer.session.painting import UNSEARCHED
-from grasp3d.viewer.session.searching import measured, mesh_of, prepared
+from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.session.state import Section, Shown
-from grasp3d.viewer.session.telling import tell
-from grasp3d.viewer.session.work import Abandoned, Job, Worker
+from grasp3d.viewer.session.state import Section, ViewState
 from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import viewing
-from tests.helpers.viewing import rest, settled
+from tests.helpers.viewing import ready_session, wait_until_idle
 
 
 @pytest.fixture(autouse=True)
 def at_once(monkeypatch: pytest.MonkeyPatch) -> None:
-    """Searches begin without waiting for a slider to rest."""
-    monkeypatch.setattr(planning, "PAUSE", 0.0)
+    """Searches begin without a delay."""
+    monkeypatch.setattr(planning, "DELAY", 0.0)
 
 
 @pytest.fixture
@@ -38,117 +38,119 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "cone.ply"
 
 
-# What is chosen
+# Choices
 
 
-def test_a_session_begins_as_it_is_asked() -> None:
-    session = Session(album_of(viewing.labels()), ViewSettings(paint="epsilon", compare=0.1))
+def test_a_session_begins_with_its_settings() -> None:
+    session = Session(collection_of(viewing.labels()), ViewSettings(paint="epsilon", compare=0.1))
     assert session.working is not None
     assert session.subject is None
-    assert tell(session).shares == ()
-    rest(session)
-    assert session.shown.max_opening == 0.3
+    assert panel_text(session).fractions == ()
+    wait_until_idle(session)
+    assert session.state.max_opening == 0.3
     assert session.model == viewing.labels().model
     assert session.other_model == replace(session.model, sensor_resolution=0.1)
     assert session.name == viewing.labels().mesh.report.source
-    assert tell(session).title == session.name
+    assert panel_text(session).title == session.name
 
 
-def test_sliders_change_the_labels_and_nothing_is_searched() -> None:
-    session = settled(viewing.labels())
+def test_sliders_change_the_labels_without_a_search() -> None:
+    session = ready_session(viewing.labels())
     before, subject = session.revision, session.subject
     session.change(friction=0.6, sensor_resolution=0.2)
     assert session.revision == before + 1
     assert session.working is None
     assert session.subject is subject
     expected = viewing.labels().relabel(friction=0.6, sensor_resolution=0.2).fractions()
-    assert {share.letter: share.share for share in tell(session).shares} == pytest.approx(expected)
+    assert {one.letter: one.fraction for one in panel_text(session).fractions} == pytest.approx(
+        expected
+    )
     session.change(friction=0.6)
     assert session.revision == before + 1
     assert not session.poll()
 
 
 @pytest.mark.parametrize(
-    ("choice", "words"),
+    ("choice", "message"),
     [
         ({"friction": -1.0}, "friction must be"),
-        ({"friction": "much"}, "wrong kind"),
+        ({"friction": "much"}, "wrong type"),
         ({"sensor_resolution": 4.0}, "below 180 degrees"),
         ({"fingers": 1}, "fingers must be from 2 to 5"),
         ({"fingers": 6}, "fingers must be from 2 to 5"),
-        ({"paint": "red"}, "nothing is painted by 'red'"),
-        ({"click": "hit"}, "a click cannot 'hit'"),
-        ({"compare": 4.0}, "compared with must be"),
+        ({"paint": "red"}, "no paint is called 'red'"),
+        ({"click": "hit"}, "no click action is called 'hit'"),
+        ({"compare": 4.0}, "second resolution must be"),
         ({"max_opening": 0.0}, "opening must be above 0"),
         ({"max_opening": math.nan}, "opening must be above 0"),
-        ({"fixed": ((0.0, 0.0),)}, "three finite numbers"),
-        ({"fixed": ((0.0, 0.0, math.nan),)}, "three finite numbers"),
-        ({"fixed": ((0.0, 0.0, 0.0),) * 2}, "of 2 fingers 1 can be fixed; got 2"),
-        ({"colour": 1}, "nothing is called 'colour'"),
+        ({"fixed": ((0.0, 0.0),)}, "three finite coordinates"),
+        ({"fixed": ((0.0, 0.0, math.nan),)}, "three finite coordinates"),
+        ({"fixed": ((0.0, 0.0, 0.0),) * 2}, "of 2 fingers at most 1 can be fixed; got 2"),
+        ({"colour": 1}, "has no setting 'colour'"),
     ],
 )
-def test_choices_outside_their_range_change_nothing(choice: dict[str, object], words: str) -> None:
-    session = settled(viewing.labels())
-    shown, revision = session.shown, session.revision
-    with pytest.raises(SettingError, match=words):
+def test_invalid_choices_change_nothing(choice: dict[str, object], message: str) -> None:
+    session = ready_session(viewing.labels())
+    state, revision = session.state, session.revision
+    with pytest.raises(SettingError, match=message):
         session.change(**choice)
-    assert session.shown is shown
+    assert session.state is state
     assert session.revision == revision
 
 
-def test_a_vertex_is_told_of_until_one_clicks_beside() -> None:
-    session = settled(viewing.labels())
-    session.tap(40)
-    seen = session.inspected
+def test_a_vertex_is_inspected_until_a_click_beside_the_object() -> None:
+    session = ready_session(viewing.labels())
+    session.click(40)
+    seen = session.inspection
     assert seen is not None
     assert seen.vertex == 40
-    assert session.inspected is seen
+    assert session.inspection is seen
     session.change(friction=0.7)
-    assert session.inspected is not None
-    assert session.inspected.model.friction == 0.7
-    session.tap(None)
-    assert session.inspected is None
+    assert session.inspection is not None
+    assert session.inspection.model.friction == 0.7
+    session.click(None)
+    assert session.inspection is None
     with pytest.raises(SettingError, match="there is no vertex"):
-        session.tap(10**6)
+        session.click(10**6)
 
 
 # Searches
 
 
-def test_more_friction_than_was_searched_for_is_searched_and_grey_until_then() -> None:
-    session = settled(viewing.labels())
+def test_more_friction_than_searched_starts_a_wider_search() -> None:
+    session = ready_session(viewing.labels())
     assert session.subject is not None
     cone = session.subject.cone
     session.change(friction=2.0)
-    told = tell(session)
-    assert told.working is not None
-    assert told.working[0] == "searching grasps"
-    assert told.shares[-1].words == "not searched"
-    assert any("what is grey needs more" in note for note in told.notes)
-    rest(session)
+    text = panel_text(session)
+    assert text.working is not None
+    assert text.working[0] == "searching grasps"
+    assert text.fractions[-1].text == "not searched"
+    assert any("grey vertices need a wider search" in note for note in text.notes)
+    wait_until_idle(session)
     subject = session.subject
     assert subject is not None
     assert subject.cone == math.pi / 2 > cone
-    assert len(tell(session).shares) == 3
+    assert len(panel_text(session).fractions) == 3
     wide = replace(viewing.labels().sampling or Sampling(), search_angle=math.pi / 2)
     expected = label_surface(viewing.labels().mesh, session.model, sampling=wide)
     assert np.array_equal(subject.critical_angle, expected.critical_angle)
     session.change(friction=0.3)
-    assert session.working is None  # what was searched wide answers all
+    assert session.working is None  # the widest search covers every model
 
 
-def test_the_resolution_that_is_compared_with_is_searched_for_too() -> None:
-    session = settled(viewing.labels())
+def test_the_second_resolution_can_start_a_wider_search() -> None:
+    session = ready_session(viewing.labels())
     session.change(compare=1.5)
     assert session.working is not None
-    rest(session)
-    assert len(tell(session).other_shares) == 3
+    wait_until_idle(session)
+    assert len(panel_text(session).other_fractions) == 3
 
 
 def test_another_opening_is_searched_once() -> None:
-    session = settled(viewing.labels())
+    session = ready_session(viewing.labels())
     session.change(max_opening=0.5)
-    rest(session)
+    wait_until_idle(session)
     subject = session.subject
     assert subject is not None
     assert subject.sampling is not None
@@ -158,23 +160,23 @@ def test_another_opening_is_searched_once() -> None:
     assert session.working is None
 
 
-def test_what_was_searched_wide_stays_wide_at_another_opening() -> None:
-    session = settled(viewing.box())
+def test_the_searched_cone_is_kept_for_another_opening() -> None:
+    session = ready_session(viewing.box())
     session.change(friction=3.0)
-    rest(session)
+    wait_until_idle(session)
     session.change(friction=0.5, max_opening=3.0)
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.cone == math.pi / 2
     session.change(friction=3.0)
     assert session.working is None
 
 
-def test_other_fingers_are_searched_and_the_limits_of_two_fall_away() -> None:
-    session = settled(viewing.box())
+def test_other_fingers_are_searched_without_the_limits_of_two() -> None:
+    session = ready_session(viewing.box())
     session.change(fingers=3)
-    assert session.model.fingers == 2  # as the surface that is shown still has them
-    rest(session)
+    assert session.model.fingers == 2  # of the surface that is still displayed
+    wait_until_idle(session)
     assert session.message == ""
     assert session.model.fingers == 3
     assert session.subject is not None
@@ -182,15 +184,15 @@ def test_other_fingers_are_searched_and_the_limits_of_two_fall_away() -> None:
     assert session.subject.partners.shape[1] == 2
     assert session.working is None
     session.change(fingers=2)
-    rest(session)
+    wait_until_idle(session)
     assert session.subject.model.fingers == 2
 
 
-def test_what_is_chosen_meanwhile_wins() -> None:
-    session = settled(viewing.labels())
+def test_a_newer_choice_replaces_a_running_search() -> None:
+    session = ready_session(viewing.labels())
     session.change(max_opening=0.5)
     session.change(max_opening=0.4)
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.sampling is not None
     assert session.subject.sampling.max_opening == 0.4
@@ -199,42 +201,42 @@ def test_what_is_chosen_meanwhile_wins() -> None:
     assert session.working is None
 
 
-def test_what_fails_is_told_and_not_tried_again_until_something_else_is_wanted() -> None:
-    labels = viewing.hands()
+def test_a_failed_job_is_reported_and_not_repeated() -> None:
+    labels = viewing.three_fingers()
     tries = []
 
     def fail(_: Progress) -> Subject:
         tries.append(1)
         raise MeshError("the mesh is too large")
 
-    album = Album((Exhibit("a", fail), Exhibit("b", lambda _: subject_of(labels))),
+    collection = Collection((Item("a", fail), Item("b", lambda _: subject_of(labels))),
                   labels.model, Sampling(candidates=8))  # fmt: skip
-    session = settled(album)
+    session = ready_session(collection)
     assert session.message == "the mesh is too large"
     assert session.subject is None
     with pytest.raises(SettingError, match="nothing to save yet"):
         session.save(Path("a.ply"))
-    session.tap(3)
+    session.click(3)
     session.change(paint="critical_angle", section=Section("y"))
-    rest(session)
+    wait_until_idle(session)
     assert session.message == "the mesh is too large"
     assert len(tries) == 1
     session.step(1)
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     assert session.message == ""
     session.step(-1)
-    rest(session)
+    wait_until_idle(session)
     assert len(tries) == 2
 
 
-def test_a_search_that_needs_too_much_memory_is_refused_and_the_rest_goes_on(
+def test_a_search_that_needs_too_much_memory_is_refused(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     monkeypatch.setattr("grasp3d.costs.PER_VERTEX", (0.0, 1.0))
-    session = settled(viewing.box())
+    session = ready_session(viewing.box())
     session.change(fingers=3)
-    rest(session)
+    wait_until_idle(session)
     assert "max_memory" in session.message
     assert session.model.fingers == 2
     session.change(friction=0.4)
@@ -245,7 +247,7 @@ def test_a_search_that_needs_too_much_memory_is_refused_and_the_rest_goes_on(
 
 
 @pytest.mark.parametrize(
-    ("choice", "words"),
+    ("choice", "missing"),
     [
         ({"fingers": 3}, "grasps for 3 fingers"),
         ({"max_opening": 0.7}, "grasps for this largest opening"),
@@ -253,87 +255,91 @@ def test_a_search_that_needs_too_much_memory_is_refused_and_the_rest_goes_on(
         ({"fingers": 3, "fixed": ((0.5, 0.0, 0.0),) * 2}, "labels for 2 fixed fingers"),
     ],
 )
-def test_nothing_is_told_of_old_grasps_until_the_new_ones_are_there(
-    choice: dict[str, object], words: str, tmp_path: Path
+def test_old_grasps_are_not_shown_while_new_ones_are_searched(
+    choice: dict[str, object], missing: str, tmp_path: Path
 ) -> None:
-    session = settled(viewing.box())
+    session = ready_session(viewing.box())
     session.change(compare=0.3)
-    rest(session)
-    session.tap(4)
+    wait_until_idle(session)
+    session.click(4)
     assert not session.stale
     session.change(**choice)
-    told = tell(session)
+    text = panel_text(session)
     assert session.stale
-    assert told.stale
-    assert (told.shares, told.other_shares, told.inspected) == ((), (), None)
-    for save in (session.save, session.save_soon):
-        with pytest.raises(SettingError, match=f"the {words} are still being searched; save when"):
+    assert text.stale
+    assert (text.fractions, text.other_fractions, text.inspection) == ((), (), None)
+    for save in (session.save, session.save_in_background):
+        with pytest.raises(
+            SettingError, match=f"the {missing} are still being searched; save when"
+        ):
             save(tmp_path / "a.ply")
-    session.tap(9, inspect=True)
-    assert session.inspected is None
-    rest(session)
-    told = tell(session)
-    assert not told.stale
-    assert len(told.shares) == len(told.other_shares) == 3
-    assert told.inspected is not None
-    assert told.inspected.vertex == 9
+    session.click(9, inspect=True)
+    assert session.inspection is None
+    wait_until_idle(session)
+    text = panel_text(session)
+    assert not text.stale
+    assert len(text.fractions) == len(text.other_fractions) == 3
+    assert text.inspection is not None
+    assert text.inspection.vertex == 9
     session.save(tmp_path / "a.ply")
-    assert read_subject(tmp_path / "a.ply").model.fingers == session.shown.model.fingers
+    assert read_subject(tmp_path / "a.ply").model.fingers == session.state.model.fingers
 
 
-def test_a_wider_search_leaves_what_is_known() -> None:
-    session = settled(viewing.labels())
+def test_known_labels_are_shown_during_a_wider_search() -> None:
+    session = ready_session(viewing.labels())
     session.change(friction=2.0)
     assert session.working is not None
     assert not session.stale
-    assert tell(session).shares
+    assert panel_text(session).fractions
     session.close()
 
 
-def test_what_cannot_be_searched_stays_stale(
+def test_the_surface_stays_stale_if_the_search_fails(
     monkeypatch: pytest.MonkeyPatch, tmp_path: Path
 ) -> None:
     monkeypatch.setattr("grasp3d.costs.PER_VERTEX", (0.0, 1.0))
-    session = settled(viewing.box())
+    session = ready_session(viewing.box())
     session.change(fingers=3)
-    rest(session)
+    wait_until_idle(session)
     assert session.stale
-    assert tell(session).shares == ()
-    with pytest.raises(SettingError, match="there are no grasps for 3 fingers; choose something"):
+    assert panel_text(session).fractions == ()
+    with pytest.raises(
+        SettingError, match="there are no grasps for 3 fingers; change the settings"
+    ):
         session.save(tmp_path / "a.ply")
     session.change(fingers=2)
     assert not session.stale
 
 
-def test_the_last_searches_are_gone_back_to_at_once() -> None:
-    session = settled(viewing.box())
+def test_the_last_searches_are_cached() -> None:
+    session = ready_session(viewing.box())
     first = session.subject
     session.change(max_opening=0.7)
-    rest(session)
+    wait_until_idle(session)
     second = session.subject
     session.change(max_opening=math.inf)
     assert (session.working, session.subject, session.stale) == (None, first, False)
     session.change(max_opening=0.6)
-    rest(session)
+    wait_until_idle(session)
     session.change(max_opening=0.7)
     assert (session.working, session.subject) == (None, second)
     session.change(max_opening=0.5)
-    rest(session)
-    session.change(max_opening=math.inf)  # three others were searched since it was shown
+    wait_until_idle(session)
+    session.change(max_opening=math.inf)  # three others were searched since
     assert session.working is not None
     session.change(max_opening=0.6)
     assert session.working is None
     session.close()
 
 
-def test_epsilon_of_one_opening_is_not_taken_for_another() -> None:
-    session = settled(viewing.box())
+def test_epsilon_of_one_opening_is_not_used_for_another() -> None:
+    session = ready_session(viewing.box())
     session.change(max_opening=0.7)
-    rest(session)
+    wait_until_idle(session)
     session.change(paint="epsilon")
-    assert session.working == ("measuring ε", 0.0)
+    assert session.working == ("computing ε", 0.0)
     session.change(max_opening=math.inf)
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.epsilons is not None
     expected = viewing.box().epsilon
@@ -345,52 +351,55 @@ def test_epsilon_of_one_opening_is_not_taken_for_another() -> None:
 
 
 def test_a_click_fixes_a_finger_and_another_moves_it() -> None:
-    session = settled(viewing.labels())
+    session = ready_session(viewing.labels())
     labels = viewing.labels()
     session.change(click="fix")
-    session.tap(30)
+    session.click(30)
     assert session.working == ("scanning", 0.0)
-    rest(session)
+    wait_until_idle(session)
     expected = scan_surface(labels.mesh, labels.model, fixed=labels.mesh.vertices[30])
     assert session.subject is not None
     assert session.subject.mode == "scan"
     assert np.array_equal(session.subject.critical_angle, expected.critical_angle)
-    assert "1 finger fixed" in tell(session).facts
-    session.tap(31)
-    rest(session)
-    assert len(session.shown.fixed) == 1
-    session.tap(60, inspect=True)
-    assert session.inspected is not None
-    assert session.inspected.points[1] == pytest.approx(labels.mesh.vertices[31])
+    assert "1 finger fixed" in panel_text(session).facts
+    session.click(31)
+    wait_until_idle(session)
+    assert len(session.state.fixed) == 1
+    session.click(60, inspect=True)
+    assert session.inspection is not None
+    assert session.inspection.points[1] == pytest.approx(labels.mesh.vertices[31])
     session.change(fixed=())
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.mode == "label"
 
 
 def test_two_of_three_fingers_are_fixed_one_after_the_other() -> None:
-    session = settled(viewing.hands())
+    session = ready_session(viewing.three_fingers())
     session.change(click="fix")
-    session.tap(3)
-    rest(session)
+    session.click(3)
+    wait_until_idle(session)
     assert session.model.fingers == 2
-    assert any("fix 1 more finger: these labels are of 2" in note for note in tell(session).notes)
-    session.tap(20)
-    rest(session)
+    assert any(
+        "fix 1 more finger: these are labels for 2 fingers" in note
+        for note in panel_text(session).notes
+    )
+    session.click(20)
+    wait_until_idle(session)
     assert session.model.fingers == 3
-    assert "2 fingers fixed" in tell(session).facts
+    assert "2 fingers fixed" in panel_text(session).facts
     session.change(fingers=2)
-    assert len(session.shown.fixed) == 1
-    rest(session)
+    assert len(session.state.fixed) == 1
+    wait_until_idle(session)
     assert session.subject is not None
     assert (session.subject.mode, session.model.fingers) == ("scan", 2)
 
 
-def test_epsilon_of_a_scan_is_measured() -> None:
-    session = settled(viewing.box())
+def test_epsilon_of_a_scan_is_computed() -> None:
+    session = ready_session(viewing.box())
     session.change(click="fix", paint="epsilon")
-    session.tap(9)
-    rest(session)
+    session.click(9)
+    wait_until_idle(session)
     subject = session.subject
     assert subject is not None
     assert subject.mode == "scan"
@@ -398,12 +407,12 @@ def test_epsilon_of_a_scan_is_measured() -> None:
     assert subject.epsilons.model == session.model
 
 
-def test_labels_of_a_scan_can_be_looked_at() -> None:
-    session = settled(viewing.scan())
+def test_labels_of_a_scan_can_be_viewed() -> None:
+    session = ready_session(viewing.scan())
     assert session.subject is not None
     assert session.subject.mode == "scan"
-    assert "1 finger fixed" in tell(session).facts
-    assert {share.words for share in tell(session).shares} >= {"surely unstable"}
+    assert "1 finger fixed" in panel_text(session).facts
+    assert {one.text for one in panel_text(session).fractions} >= {"surely unstable"}
     session.change(friction=3.0, sensor_resolution=1.0)
     assert session.working is None
 
@@ -411,17 +420,17 @@ def test_labels_of_a_scan_can_be_looked_at() -> None:
 # Epsilon
 
 
-def test_epsilon_is_measured_when_it_is_painted_and_told_while_it_is_old() -> None:
+def test_epsilon_is_computed_when_it_is_shown() -> None:
     labels = viewing.box()
-    session = settled(replace(labels))
+    session = ready_session(labels.with_model(labels.model))
     session.change(paint="epsilon_min")
-    assert session.working == ("measuring ε", 0.0)
-    rest(session)
+    assert session.working == ("computing ε", 0.0)
+    wait_until_idle(session)
     session.change(friction=0.45)
-    told = tell(session)
-    assert told.ramp is not None
-    assert told.ramp.words == "smallest ε over the tilts, of μ 0.5, α 22.6°; measuring"
-    rest(session)
+    text = panel_text(session)
+    assert text.ramp is not None
+    assert text.ramp.text == "smallest ε over the tilts, for μ 0.5, α 22.6°; being computed"
+    wait_until_idle(session)
     subject = session.subject
     assert subject is not None
     assert subject.epsilons is not None
@@ -433,11 +442,11 @@ def test_epsilon_is_measured_when_it_is_painted_and_told_while_it_is_old() -> No
 @pytest.mark.parametrize(
     "model", [GraspModel(edges=6), GraspModel(actuation="per_finger", torsion_radius=0.05)]
 )
-def test_edges_actuation_and_torsion_are_carried_through(model: GraspModel) -> None:
-    labels = replace(viewing.box(), model=model)
-    session = settled(labels)
+def test_epsilon_depends_on_edges_actuation_and_torsion(model: GraspModel) -> None:
+    labels = viewing.box().with_model(model)
+    session = ready_session(labels)
     session.change(paint="epsilon", friction=0.45)
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.epsilons is not None
     expected = labels.relabel(friction=0.45)
@@ -448,73 +457,75 @@ def test_edges_actuation_and_torsion_are_carried_through(model: GraspModel) -> N
 # Files
 
 
-def test_a_click_on_a_lone_file_searches_its_grasps(file: Path) -> None:
-    session = settled(open_album(file))
+def test_a_click_on_a_file_searches_its_grasps(file: Path) -> None:
+    session = ready_session(open_collection(file))
     before = session.subject
     assert before is not None
-    session.tap(40)
+    session.click(40)
     assert session.working == ("searching grasps", 0.0)
-    seen = session.inspected
+    seen = session.inspection
     assert seen is not None
     assert len(seen.points) == 1
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     held = session.subject.reason == Reason.FOUND
     vertex = int(np.flatnonzero(held & (session.subject.critical_angle < 0.8))[0])
-    session.tap(vertex)
+    session.click(vertex)
     assert session.working is None
-    seen = session.inspected
+    seen = session.inspection
     assert seen is not None
     assert len(seen.points) == 2
     assert session.subject.model == before.model
     assert session.subject.cone == before.cone
 
 
-def test_a_search_that_disagrees_with_the_file_is_told(file: Path) -> None:
+def test_a_search_that_disagrees_with_the_file_is_reported(file: Path) -> None:
     subject = read_subject(file)
     worse = np.full_like(subject.critical_angle, 0.9)
     other = replace(subject, critical_angle=worse, critical_angle_best=worse)
-    album = Album((Exhibit("a", lambda _: other),), subject.model, Sampling(max_opening=0.3))
-    session = settled(album)
-    session.tap(40)
-    rest(session)
+    collection = Collection((Item("a", lambda _: other),), subject.model, Sampling(max_opening=0.3))
+    session = ready_session(collection)
+    session.click(40)
+    wait_until_idle(session)
     assert "has another label than in the file" in session.message
     session.change(friction=0.7)
     assert session.message == ""
-    assert any("than in the file" in note for note in tell(session).notes)
+    assert any("than in the file" in note for note in panel_text(session).notes)
 
 
-def test_a_search_that_agrees_with_the_file_says_nothing(tmp_path: Path) -> None:
+def test_a_search_that_agrees_with_the_file_is_not_reported(tmp_path: Path) -> None:
     write_ply(tmp_path / "box.ply", viewing.box())
-    session = settled(open_album(tmp_path / "box.ply"))
-    session.tap(9)
-    rest(session)
+    session = ready_session(open_collection(tmp_path / "box.ply"))
+    session.click(9)
+    wait_until_idle(session)
     assert session.message == ""
     assert session.subject is not None
     assert session.subject.labels is not None
 
 
 def _batched() -> Subject:
-    """The cone as the files of a batch hold it: with partners, but without its mesh."""
+    """The cone as read from a batch's files: with partners, but without its mesh."""
     return replace(subject_of(viewing.labels()), labels=None)
 
 
-def test_a_file_with_partners_keeps_them_when_epsilon_is_measured() -> None:
+def test_a_file_with_partners_keeps_them_when_epsilon_is_computed() -> None:
     labels = viewing.labels()
     model = replace(labels.model, friction=0.6)
-    found = measured(_batched(), model, ignore)
+    found = compute_epsilon(_batched(), model, ignore)
     expected = labels.relabel(friction=0.6)
     assert found.partners is labels.partners
     assert found.critical_angle is labels.critical_angle
     assert found.epsilons is not None
-    smooth = labels.mesh.normal_sets.counts == 1  # the normals of creases depend on the division
+    smooth = (
+        labels.mesh.normal_sets.counts == 1
+    )  # the normals of sharp edges depend on the refinement
     held = smooth & np.isfinite(expected.epsilon)
     close = np.abs(found.epsilons.nominal[held] - expected.epsilon[held]) < 0.05
     assert close.mean() > 0.9
     assert np.array_equal(np.isnan(found.epsilons.nominal), np.isnan(expected.epsilon))
 
 
-def test_a_mesh_of_a_file_keeps_its_vertices() -> None:
+def test_the_mesh_of_a_file_keeps_its_vertices() -> None:
     subject = _batched()
     mesh = mesh_of(subject)
     assert np.array_equal(mesh.vertices, subject.vertices)
@@ -527,45 +538,47 @@ def test_partners_that_are_off_the_surface_are_refused() -> None:
     subject = _batched()
     assert subject.partners is not None
     with pytest.raises(MeshError, match="not on its surface"):
-        prepared(replace(subject, partners=subject.partners + 0.2), ignore)
-    with pytest.raises(SettingError, match="does not name the fingers"):
-        prepared(replace(subject, partners=None), ignore)
+        prepare_labels(replace(subject, partners=subject.partners + 0.2), ignore)
+    with pytest.raises(SettingError, match="does not contain the partners"):
+        prepare_labels(replace(subject, partners=None), ignore)
 
 
-def test_a_click_on_a_batch_needs_no_work_until_another_epsilon_is_wanted() -> None:
+def test_a_click_on_a_batch_needs_no_job_until_epsilon_changes() -> None:
     labels = viewing.labels()
-    labels.measure(ignore)
+    labels.compute_epsilon(ignore)
     subject = replace(subject_of(labels), labels=None)
-    album = Album((Exhibit("a", lambda _: subject),), labels.model, Sampling(max_opening=0.3))
-    session = settled(album)
+    collection = Collection(
+        (Item("a", lambda _: subject),), labels.model, Sampling(max_opening=0.3)
+    )
+    session = ready_session(collection)
     vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
-    session.tap(vertex)
+    session.click(vertex)
     assert session.working is None
-    seen = session.inspected
+    seen = session.inspection
     assert seen is not None
     assert len(seen.points) == 2
     assert dict(seen.numbers)["ε"] == f"{labels.epsilon[vertex]:.3g}"
     session.change(friction=0.6)
     assert session.working == ("preparing grasps", 0.0)
-    assert session.inspected is not None
-    assert dict(session.inspected.numbers)["ε"] == "–"
-    rest(session)
-    assert session.inspected is not None
-    assert dict(session.inspected.numbers)["ε"] != "–"
+    assert session.inspection is not None
+    assert dict(session.inspection.numbers)["ε"] == "–"
+    wait_until_idle(session)
+    assert session.inspection is not None
+    assert dict(session.inspection.numbers)["ε"] != "–"
     assert session.message == ""
 
 
-def test_a_scanned_file_is_left_as_it_is(tmp_path: Path) -> None:
+def test_a_scanned_file_cannot_be_saved(tmp_path: Path) -> None:
     write_ply(tmp_path / "scan.ply", viewing.scan())
-    session = settled(open_album(tmp_path / "scan.ply"))
-    session.tap(40)
+    session = ready_session(open_collection(tmp_path / "scan.ply"))
+    session.click(40)
     session.change(paint="epsilon", friction=0.9)
     assert session.working is None
-    assert tell(session).inspected is not None
-    with pytest.raises(SettingError, match="does not name its fixed fingers"):
+    assert panel_text(session).inspection is not None
+    with pytest.raises(SettingError, match="does not contain its fixed fingers"):
         session.save(tmp_path / "again.ply")
     session.change(fixed=((0.0, 0.0, 0.0),))
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.labels is not None
 
@@ -573,18 +586,18 @@ def test_a_scanned_file_is_left_as_it_is(tmp_path: Path) -> None:
 # Saving
 
 
-def _shares(path: Path) -> dict[str, float]:
-    session = settled(open_album(path))
-    return {share.letter: share.share for share in tell(session).shares}
+def _fractions(path: Path) -> dict[str, float]:
+    session = ready_session(open_collection(path))
+    return {one.letter: one.fraction for one in panel_text(session).fractions}
 
 
-def test_what_is_saved_is_what_is_shown(tmp_path: Path) -> None:
-    session = settled(viewing.labels())
+def test_the_displayed_labels_are_saved(tmp_path: Path) -> None:
+    session = ready_session(viewing.labels())
     session.change(friction=0.6, sensor_resolution=0.2)
     session.save(tmp_path / "a.ply")
     assert session.message.endswith("a.ply")
-    shown = {share.letter: share.share for share in tell(session).shares}
-    assert _shares(tmp_path / "a.ply") == pytest.approx(shown, abs=1e-6)
+    displayed = {one.letter: one.fraction for one in panel_text(session).fractions}
+    assert _fractions(tmp_path / "a.ply") == pytest.approx(displayed, abs=1e-6)
     assert read_subject(tmp_path / "a.ply").model == session.model
     assert session.subject is not None
     assert session.subject.epsilons is not None
@@ -592,57 +605,57 @@ def test_what_is_saved_is_what_is_shown(tmp_path: Path) -> None:
 
 
 def test_files_are_saved_in_the_background(tmp_path: Path, file: Path) -> None:
-    session = settled(open_album(file))
+    session = ready_session(open_collection(file))
     session.change(friction=0.6)
-    session.save_soon(tmp_path / "a.npz")
+    session.save_in_background(tmp_path / "a.npz")
     assert session.working == ("saving a.npz", 0.0)
     session.change(paint="critical_angle")
-    rest(session)
+    wait_until_idle(session)
     assert session.message == f"saved: {tmp_path / 'a.npz'}"
     with np.load(tmp_path / "a.npz") as data:
         assert str(data["setting_friction"]) == "0.6"
-    session.save_soon(tmp_path / "none" / "a.ply")
-    rest(session)
+    session.save_in_background(tmp_path / "none" / "a.ply")
+    wait_until_idle(session)
     assert "none" in session.message
     assert not session.message.startswith("saved")
     with pytest.raises(OutputError, match="no format is called"):
-        session.save_soon(tmp_path / "a.txt")
+        session.save_in_background(tmp_path / "a.txt")
 
 
 def test_scans_are_saved_with_their_fixed_finger(tmp_path: Path) -> None:
-    session = settled(viewing.labels())
+    session = ready_session(viewing.labels())
     session.change(fixed=(tuple(map(float, viewing.labels().mesh.vertices[30])),))
-    rest(session)
+    wait_until_idle(session)
     session.save(tmp_path / "scan.ply")
     assert read_subject(tmp_path / "scan.ply").mode == "scan"
     assert session.subject is not None
     assert session.subject.mode == "scan"
 
 
-def test_beyond_the_search_nothing_is_saved(tmp_path: Path) -> None:
-    session = settled(viewing.labels())
+def test_labels_beyond_the_search_cannot_be_saved(tmp_path: Path) -> None:
+    session = ready_session(viewing.labels())
     session.change(friction=3.0)
-    for save in (session.save, session.save_soon):
+    for save in (session.save, session.save_in_background):
         with pytest.raises(GraspError, match="are not searched yet"):
             save(tmp_path / "a.ply")
     session.close()
 
 
 def test_a_batch_is_saved_with_its_partners(tmp_path: Path) -> None:
-    subject, told = _batched(), list[float]()
+    subject, reported = _batched(), list[float]()
     assert subject.partners is not None
-    found = saving.written(subject, subject.model, tmp_path / "a.npz", told.append)
+    found = saving.write_labels(subject, subject.model, tmp_path / "a.npz", reported.append)
     assert found.labels is not None
-    assert sorted(told) == told
+    assert sorted(reported) == reported
     with np.load(tmp_path / "a.npz") as data:
         assert np.array_equal(data["partners"], subject.partners, equal_nan=True)
         assert np.array_equal(data["grip"], viewing.labels().grip)
 
 
-# One after the other
+# Several objects
 
 
-def test_objects_come_one_after_the_other_whatever_is_under_way() -> None:
+def test_the_object_can_be_changed_during_a_job() -> None:
     one, two = subject_of(viewing.labels(), "one"), subject_of(viewing.box(), "two")
     go_on = threading.Event()
 
@@ -652,21 +665,21 @@ def test_objects_come_one_after_the_other_whatever_is_under_way() -> None:
             time.sleep(0.001)
         return two
 
-    album = Album((Exhibit("one", lambda _: one), Exhibit("two", slow)), one.model, Sampling())
-    session = Session(album)
+    collection = Collection((Item("one", lambda _: one), Item("two", slow)), one.model, Sampling())
+    session = Session(collection)
     session.change(max_opening=0.3)
-    rest(session)
-    session.tap(3)
+    wait_until_idle(session)
+    session.click(3)
     session.step(1)
-    assert tell(session).title == "two (2 of 2)"
-    assert (session.subject, session.inspected) == (None, None)
+    assert panel_text(session).title == "two (2 of 2)"
+    assert (session.subject, session.inspection) == (None, None)
     session.step(1)
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.name == "one"
     go_on.set()
     session.step(-1)
-    rest(session)
+    wait_until_idle(session)
     assert session.subject is not None
     assert session.subject.name == "two"
     revision = session.revision
@@ -676,7 +689,7 @@ def test_objects_come_one_after_the_other_whatever_is_under_way() -> None:
     assert session.working is None
 
 
-# Telling
+# Texts
 
 
 @pytest.mark.parametrize(
@@ -687,53 +700,55 @@ def test_objects_come_one_after_the_other_whatever_is_under_way() -> None:
         (GraspModel(friction=2.0, sensor_resolution=1.2, fingers=3), "β*: S below 29.1°, no U"),
     ],
 )
-def test_the_rule_tells_from_where_to_where_s_and_u_reach(model: GraspModel, rule: str) -> None:
-    labels = viewing.box() if model.fingers == 2 else viewing.hands()
-    session = Session(album_of(replace(labels, model=model)))
-    assert tell(session).rules == (rule,)
+def test_the_rule_has_the_limits_of_s_and_u(model: GraspModel, rule: str) -> None:
+    labels = viewing.box() if model.fingers == 2 else viewing.three_fingers()
+    session = Session(collection_of(labels.with_model(model)))
+    assert panel_text(session).rules == (rule,)
     session.close()
 
 
-def test_of_two_resolutions_each_has_its_rule() -> None:
-    session = settled(viewing.box())
+def test_each_of_two_resolutions_has_its_rule() -> None:
+    session = ready_session(viewing.box())
     session.change(compare=math.radians(40.0))
-    told = tell(session)
-    assert told.rules == (
+    text = panel_text(session)
+    assert text.rules == (
         "α 22.6°: S below 15.3°, U from 37.9° on", "α 40°: S below 6.6°, U from 46.6° on"
     )  # fmt: skip
     session.close()
 
 
-def test_all_is_told_of_an_object() -> None:
-    session = settled(viewing.labels())
-    session.tap(40)
-    told = tell(session)
+def test_texts_of_an_object() -> None:
+    session = ready_session(viewing.labels())
+    session.click(40)
+    text = panel_text(session)
     mesh = viewing.labels().mesh
-    assert told.facts == f"size {mesh.size:.3g} cm, {len(mesh.vertices):,} vertices, closed"
-    assert [share.letter for share in told.shares] == ["S", "M", "U"]
-    assert sum(share.share for share in told.shares) == pytest.approx(1.0)
-    assert [share.color for share in told.shares] == ["#009E73", "#F0E442", "#D55E00"]
-    assert told.ramp is None
-    assert told.inspected is session.inspected
-    assert (told.other_shares, told.working, told.message) == ((), None, "")
-    session.tell("hello")
-    assert tell(session).message == "hello"
+    assert text.facts == f"size {mesh.size:.3g} cm, {len(mesh.vertices):,} vertices, closed"
+    assert [one.letter for one in text.fractions] == ["S", "M", "U"]
+    assert sum(one.fraction for one in text.fractions) == pytest.approx(1.0)
+    assert [one.color for one in text.fractions] == ["#009E73", "#F0E442", "#D55E00"]
+    assert text.ramp is None
+    assert text.inspection is session.inspection
+    assert (text.other_fractions, text.working, text.message) == ((), None, "")
+    session.show_message("hello")
+    assert panel_text(session).message == "hello"
     unknown = replace(viewing.box().mesh.report, unit=None, warnings=("mind the gap",))
-    labels = replace(viewing.box(), mesh=replace(viewing.box().mesh, report=unknown))
-    other = tell(settled(labels))
+    labels = viewing.with_report(viewing.box(), unknown)
+    other = panel_text(ready_session(labels))
     assert "(unit not stated)" in other.facts
     assert other.notes == ("mind the gap",)
 
 
-def test_notes_of_the_album_are_told() -> None:
-    album = album_of(viewing.box())
-    assert "2 left out" in tell(settled(replace(album, notes=("2 left out",)))).notes
+def test_notes_of_the_collection_are_shown() -> None:
+    collection = collection_of(viewing.box())
+    assert (
+        "2 left out" in panel_text(ready_session(replace(collection, notes=("2 left out",)))).notes
+    )
 
 
-def test_what_is_shown_at_first_is_checked_as_well() -> None:
+def test_initial_states_are_checked() -> None:
     with pytest.raises(SettingError):
-        Shown(GraspModel(), 1.0, paint="none")  # type: ignore[arg-type]
-    with pytest.raises(SettingError, match="a section lies across"):
+        ViewState(GraspModel(), 1.0, paint="none")  # type: ignore[arg-type]
+    with pytest.raises(SettingError, match="no axis of a section is called 'w'"):
         Section("w")  # type: ignore[arg-type]
 
 
@@ -745,12 +760,12 @@ def worker() -> Iterator[Worker[int]]:
     before = threading.active_count()
     worker: Worker[int] = Worker()
     yield worker
-    worker.want(None)
+    worker.request(None)
     _until(lambda: threading.active_count() <= before)
 
 
 def _until(done: Callable[[], object]) -> None:
-    end = time.monotonic() + viewing.PATIENCE
+    end = time.monotonic() + viewing.TIMEOUT
     while not done():
         assert time.monotonic() < end
         time.sleep(0.001)
@@ -759,13 +774,13 @@ def _until(done: Callable[[], object]) -> None:
 def _taken(worker: Worker[int]) -> tuple[int | None, str | None]:
     found = []
 
-    def look() -> bool:
-        ended = worker.take()
-        if ended is not None:
-            found.append((ended.result, ended.error))
+    def finished() -> bool:
+        job = worker.take_finished()
+        if job is not None:
+            found.append((job.result, job.error))
         return bool(found)
 
-    _until(look)
+    _until(finished)
     return found[0]
 
 
@@ -779,21 +794,21 @@ def _endless(begun: threading.Event) -> Callable[[Progress], int]:
     return work
 
 
-def test_the_newest_work_is_done_and_the_older_one_ends(worker: Worker[int]) -> None:
+def test_a_newer_job_replaces_the_older_one(worker: Worker[int]) -> None:
     begun = threading.Event()
-    worker.want(Job("a", "endless", _endless(begun)))
+    worker.request(Job("a", "endless", _endless(begun)))
     assert begun.wait(60)
-    assert worker.share == 0.25
-    worker.want(Job("b", "quick", lambda _: 7))
+    assert worker.fraction == 0.25
+    worker.request(Job("b", "quick", lambda _: 7))
     assert worker.job is not None
     assert worker.job.key == "b"
-    assert worker.share == 0.0
+    assert worker.fraction == 0.0
     assert _taken(worker) == (7, None)
     assert worker.job is None
-    assert worker.take() is None
+    assert worker.take_finished() is None
 
 
-def test_work_under_the_same_key_goes_on(worker: Worker[int]) -> None:
+def test_a_job_with_the_same_key_is_not_restarted(worker: Worker[int]) -> None:
     count: list[int] = []
     go_on = threading.Event()
 
@@ -803,13 +818,13 @@ def test_work_under_the_same_key_goes_on(worker: Worker[int]) -> None:
         return 1
 
     for _ in range(3):
-        worker.want(Job("a", "once", work))
+        worker.request(Job("a", "once", work))
     go_on.set()
     assert _taken(worker) == (1, None)
     assert len(count) == 1
 
 
-def test_work_that_was_given_up_never_delivers(worker: Worker[int]) -> None:
+def test_a_cancelled_job_has_no_result(worker: Worker[int]) -> None:
     go_on, ended = threading.Event(), threading.Event()
 
     def stubborn(_: Progress) -> int:
@@ -817,55 +832,57 @@ def test_work_that_was_given_up_never_delivers(worker: Worker[int]) -> None:
         ended.set()
         return 1
 
-    worker.want(Job("a", "stubborn", stubborn))
-    worker.want(None)
+    worker.request(Job("a", "stubborn", stubborn))
+    worker.request(None)
     assert worker.job is None
     go_on.set()
     assert ended.wait(60)
-    worker.want(Job("b", "quick", lambda _: 2))
+    worker.request(Job("b", "quick", lambda _: 2))
     assert _taken(worker) == (2, None)
-    assert worker.take() is None
+    assert worker.take_finished() is None
 
 
-def test_work_that_is_held_back_is_not_begun_when_something_newer_comes(
+def test_a_delayed_job_does_not_start_if_it_is_replaced(
     worker: Worker[int],
 ) -> None:
     begun = threading.Event()
-    worker.want(Job("a", "held", _endless(begun), pause=3600.0))
-    worker.want(Job("b", "quick", lambda _: 2))
+    worker.request(Job("a", "held", _endless(begun), delay=3600.0))
+    worker.request(Job("b", "quick", lambda _: 2))
     assert _taken(worker) == (2, None)
     assert not begun.is_set()
 
 
 @pytest.mark.parametrize(
-    ("error", "words"),
+    ("error", "message"),
     [
         (MeshError("no surface"), "no surface"),
         (MemoryError(), "working: memory is too small; use a coarser mesh"),
         (ZeroDivisionError("oh"), "unexpected ZeroDivisionError: oh; please report this mesh"),
     ],
 )
-def test_errors_are_told(worker: Worker[int], error: Exception, words: str) -> None:
+def test_errors_are_reported(worker: Worker[int], error: Exception, message: str) -> None:
     def fail(_: Progress) -> int:
         raise error
 
-    worker.want(Job("a", "working", fail))
-    assert _taken(worker) == (None, words)
+    worker.request(Job("a", "working", fail))
+    assert _taken(worker) == (None, message)
 
 
-def test_abandoned_is_no_error_that_a_bug_could_catch() -> None:
-    assert not issubclass(Abandoned, Exception)
+def test_cancelled_is_not_caught_as_an_exception() -> None:
+    assert not issubclass(Cancelled, Exception)
 
 
-def test_grey_is_told_with_its_share() -> None:
+def test_the_unsearched_part_has_an_area_fraction() -> None:
     subject = replace(subject_of(viewing.labels()), cone=0.1, model=GraspModel(friction=0.05))
-    album = Album((Exhibit("a", lambda _: subject),), GraspModel(), Sampling(max_opening=0.3))
-    session = Session(album)
+    collection = Collection(
+        (Item("a", lambda _: subject),), GraspModel(), Sampling(max_opening=0.3)
+    )
+    session = Session(collection)
     _until(session.poll)
-    shares = tell(session).shares
-    assert shares[-1].color == "#9AA0A6"
-    assert len(shares) - 1 == UNSEARCHED
-    assert sum(share.share for share in shares) == pytest.approx(1.0)
-    assert shares[2].letter == Label.U.name
-    assert shares[2].share == 0.0
+    fractions = panel_text(session).fractions
+    assert fractions[-1].color == "#9AA0A6"
+    assert len(fractions) - 1 == UNSEARCHED
+    assert sum(one.fraction for one in fractions) == pytest.approx(1.0)
+    assert fractions[2].letter == Label.U.name
+    assert fractions[2].fraction == 0.0
     session.close()

@@ -1,4 +1,4 @@
-"""`labels.show()` in notebooks and elsewhere."""
+"""`labels.show()` in notebooks and in other programs."""
 
 import base64
 import io
@@ -18,7 +18,7 @@ from grasp3d import SurfaceLabels, label_surface
 from grasp3d.mesh.primitives import box_mesh
 from grasp3d.rendering import can_render
 from grasp3d.viewer import show
-from tests.test_viewer_page import BROWSER, CI, OPTIONS, coloured
+from tests.viewer.test_page import BROWSER, CI, OPTIONS, coloured
 
 LABELS = """
 import grasp3d
@@ -34,8 +34,8 @@ def labels() -> SurfaceLabels:
     return label_surface(box_mesh((0.1, 0.2, 0.3), max_edge=0.1))
 
 
-def shown(client: NotebookClient, number: int) -> str:
-    """What a cell shows."""
+def cell_html(client: NotebookClient, number: int) -> str:
+    """HTML output of a cell."""
     cell = client.execute_cell(client.nb.cells[number], number)
     return str(cell.outputs[-1]["data"]["text/html"])
 
@@ -48,19 +48,19 @@ def test_notebook_shows_a_page_and_without_the_extra_a_picture() -> None:
     client = NotebookClient(nbformat.v4.new_notebook(cells=cells), timeout=240)
     with client.setup_kernel(cwd=str(Path(__file__).parents[2])):
         client.execute_cell(client.nb.cells[0], 0)
-        frame = shown(client, 1)
+        frame = cell_html(client, 1)
         assert re.search(r'src="http://127\.0\.0\.1:\d+/a/[0-9a-f]{32}/".* height="500"', frame)
         with playwright.sync_playwright() as started:
             browser = started.chromium.launch(executable_path=BROWSER, args=OPTIONS)
             page = browser.new_page()
             page.set_content(frame)
             inside = page.frame_locator("iframe")
-            inside.locator("#shares li").first.wait_for(timeout=60_000)
+            inside.locator("#fractions li").first.wait_for(timeout=60_000)
             assert "vertices" in inside.locator("#facts").inner_text()
             while coloured(picture(page.screenshot())).mean() < 0.02:
                 page.wait_for_timeout(50)
             browser.close()
-        still = shown(client, 2)
+        still = cell_html(client, 2)
     coded = re.search(r'src="data:image/png;base64,([^"]+)"', still)
     assert coded is not None
     assert coloured(picture(base64.b64decode(coded[1]))).mean() > 0.05
@@ -97,8 +97,8 @@ def test_addresses_behind_a_proxy(labels: SurfaceLabels, monkeypatch: pytest.Mon
     served = SimpleNamespace(
         address="http://127.0.0.1:1234/",
         port=1234,
-        offer=lambda *_: "a/b/",
-        let_in_by_name=lambda: names.append("any"),
+        add=lambda *_: "a/b/",
+        allow_other_hosts=lambda: names.append("any"),
     )
     monkeypatch.setattr(show, "server", lambda: served)
     monkeypatch.setattr(show, "in_notebook", lambda: True)

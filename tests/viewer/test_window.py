@@ -1,4 +1,4 @@
-"""The window on the desktop, under a real X server with real events."""
+"""The desktop window, under a real X server with real events."""
 
 import os
 import subprocess
@@ -23,30 +23,30 @@ pytestmark = needs_screen
 
 WIDTH, HEIGHT = 1000, 700
 CONE = 60.0 * DEGREE
-"""Wide enough for all that is asked, so that nothing is searched anew."""
+"""Wide enough for all tested settings, so that there is no second search."""
 SCRIPT = """
 import json, sys
 from grasp3d import GraspModel, Sampling, label_surface, load_mesh
-from grasp3d.viewer.session.album import album_of
+from grasp3d.viewer.session.collection import collection_of
 from grasp3d.viewer.window.desktop import show_window
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.window.sliders import Ranges, sliders_of
 sampling = Sampling(rays=8, search_angle={cone})
 labels = label_surface(load_mesh({mesh!r}), GraspModel(), sampling=sampling, threads=1)
-session = Session(album_of(labels), ViewSettings(width={width}, height={height}))
+session = Session(collection_of(labels), ViewSettings(width={width}, height={height}))
 lines = open(sys.argv[1], "w", encoding="utf-8")
-def watch(told, spots):
-    shown = session.shown
+def watch(text, areas):
+    state = session.state
     print(json.dumps(dict(
-        shares=dict((one.letter, one.share) for one in told.shares),
-        other=dict((one.letter, one.share) for one in told.other_shares),
-        friction=shown.model.friction, resolution=shown.model.sensor_resolution,
-        paint=shown.paint, compare=shown.compare, click=shown.click, vertex=shown.vertex,
-        fixed=shown.fixed, section=shown.section and shown.section.axis,
-        message=told.message, working=told.working,
-        spots=dict((one.name, (one.box, one.track)) for one in spots),
-        thumbs=dict((one.name, one.share) for one in sliders_of(session, Ranges())),
+        fractions=dict((one.letter, one.fraction) for one in text.fractions),
+        other=dict((one.letter, one.fraction) for one in text.other_fractions),
+        friction=state.model.friction, resolution=state.model.sensor_resolution,
+        paint=state.paint, compare=state.compare, click=state.click, vertex=state.vertex,
+        fixed=state.fixed, section=state.section and state.section.axis,
+        message=text.message, working=text.working,
+        areas=dict((one.name, (one.box, one.track)) for one in areas),
+        positions=dict((one.name, one.position) for one in sliders_of(session, Ranges())),
     )), file=lines, flush=True)
 show_window(session, title="a window to test", watch=watch)
 print("closed")
@@ -85,30 +85,30 @@ def opened_window(display: str, tmp_path_factory: pytest.TempPathFactory) -> Ite
 
 @pytest.fixture
 def window(opened_window: Window) -> Window:
-    """The window as it was at first."""
+    """The window in its initial state."""
     made = opened_window
-    if made.told["section"]:
+    if made.state["section"]:
         made.press("section-off")
     for key, wrong in (
-        ("c", made.told["compare"] is not None), ("f", made.told["click"] == "fix"), ("1", True),
+        ("c", made.state["compare"] is not None), ("f", made.state["click"] == "fix"), ("1", True),
         ("u", True), ("r", True),
     ):  # fmt: skip
         if wrong:
             made.key(key)
     made.click(3, 3)
     made.until(
-        lambda told: (
-            (told["vertex"], told["compare"], told["section"], told["fixed"])
+        lambda state: (
+            (state["vertex"], state["compare"], state["section"], state["fixed"])
             == (None, None, None, [])
-            and told["working"] is None
+            and state["working"] is None
         ),
-        "the beginning",
+        "the initial state",
     )
     return made
 
 
-def place_of_object(picture: Image8) -> tuple[int, int]:
-    """A pixel well inside the drawn object, x and y."""
+def pixel_of_object(picture: Image8) -> tuple[int, int]:
+    """Position of a pixel well inside the object, x and y."""
     painted = np.ptp(picture.astype(int), axis=2) > 60
     painted[:, 700:] = False
     rows = np.flatnonzero(painted.sum(axis=1) > 40)
@@ -117,8 +117,8 @@ def place_of_object(picture: Image8) -> tuple[int, int]:
     return int(np.median(columns)), y
 
 
-def seen_shares(picture: Image8) -> dict[str, float]:
-    """Shares of the pixels of the scene by the label whose hue they have, whatever the light."""
+def seen_fractions(picture: Image8) -> dict[str, float]:
+    """Fractions of the scene's coloured pixels by the label with the nearest hue."""
     scene = picture[:, :690].reshape(-1, 3).astype(float)
     scene = scene[np.ptp(scene, axis=1) > 60.0]
     hues = np.array([COLORS[label] for label in Label], dtype=float)
@@ -127,155 +127,159 @@ def seen_shares(picture: Image8) -> dict[str, float]:
     return {label.name: float((nearest == label).mean()) for label in Label}
 
 
-def agrees(told: dict[str, float], labels: SurfaceLabels, friction: float, alpha: float) -> bool:
-    asked = labels.relabel(friction=friction, sensor_resolution=alpha)
-    return told == pytest.approx(asked.fractions(), abs=1e-9)
+def agrees(
+    fractions: dict[str, float], labels: SurfaceLabels, friction: float, alpha: float
+) -> bool:
+    expected = labels.relabel(friction=friction, sensor_resolution=alpha)
+    return fractions == pytest.approx(expected.fractions(), abs=1e-9)
 
 
 def changed(one: Image8, other: Image8) -> float:
     return float((one[:, :690] != other[:, :690]).any(axis=2).mean())
 
 
-def test_sliders_recolour_and_tell_the_shares(window: Window, labels: SurfaceLabels) -> None:
-    assert agrees(window.told["shares"], labels, 0.5, 22.6 * DEGREE)
+def test_sliders_change_colours_and_fractions(window: Window, labels: SurfaceLabels) -> None:
+    assert agrees(window.state["fractions"], labels, 0.5, 22.6 * DEGREE)
     before = window.picture()
     window.slide("friction", 0.13)
-    told = window.until(lambda told: told["friction"] < 0.22, "friction")
-    assert told["friction"] == pytest.approx(0.01 + 0.13 * 1.49, abs=0.011)
-    assert agrees(told["shares"], labels, told["friction"], told["resolution"])
-    drawn = seen_shares(window.picture())
-    assert drawn["S"] == pytest.approx(told["shares"]["S"], abs=0.2)
-    assert seen_shares(before)["S"] > drawn["S"] + 0.2
+    state = window.until(lambda state: state["friction"] < 0.22, "friction")
+    assert state["friction"] == pytest.approx(0.01 + 0.13 * 1.49, abs=0.011)
+    assert agrees(state["fractions"], labels, state["friction"], state["resolution"])
+    drawn = seen_fractions(window.picture())
+    assert drawn["S"] == pytest.approx(state["fractions"]["S"], abs=0.2)
+    assert seen_fractions(before)["S"] > drawn["S"] + 0.2
     window.slide("sensor_resolution", -0.03)
-    told = window.until(lambda told: told["resolution"] == 0.0, "resolution")
-    assert agrees(told["shares"], labels, told["friction"], 0.0)
+    state = window.until(lambda state: state["resolution"] == 0.0, "resolution")
+    assert agrees(state["fractions"], labels, state["friction"], 0.0)
     window.slide("sensor_resolution", 22.6 / 90.0)
     window.slide("friction", 0.49 / 1.49)
-    told = window.until(lambda told: abs(told["friction"] - 0.5) < 0.011, "friction as before")
-    assert told["resolution"] == pytest.approx(22.6 * DEGREE, abs=0.4 * DEGREE)
-    assert window.told["vertex"] is None
+    state = window.until(lambda state: abs(state["friction"] - 0.5) < 0.011, "friction as before")
+    assert state["resolution"] == pytest.approx(22.6 * DEGREE, abs=0.4 * DEGREE)
+    assert window.state["vertex"] is None
 
 
-def test_a_click_tells_of_a_place_and_a_drag_does_not(window: Window) -> None:
+def test_a_click_inspects_and_a_drag_does_not(window: Window) -> None:
     before = window.picture()
-    x, y = place_of_object(before)
+    x, y = pixel_of_object(before)
     for way in ([(x, y), (x + 60, y + 30)], [(x, y), (x + 60, y), (x, y)], [(3, 3), (x, y)]):
         window.drag(*way)
-    wait_for(lambda: changed(before, window.picture()) > 0.02, "a turned object")
-    assert window.told["vertex"] is None
+    wait_for(lambda: changed(before, window.picture()) > 0.02, "a rotated object")
+    assert window.state["vertex"] is None
     window.key("r")
     wait_for(lambda: changed(before, window.picture()) < 0.001, "the view as before")
     window.click(x, y)
-    told = window.until(lambda told: told["vertex"] is not None, "a place")
+    state = window.until(lambda state: state["vertex"] is not None, "an inspected vertex")
     window.click(x + 2, y, shift=True)
-    assert told["click"] == "inspect"
+    assert state["click"] == "inspect"
     window.click(3, 3)
-    window.until(lambda told: told["vertex"] is None, "nothing")
+    window.until(lambda state: state["vertex"] is None, "nothing")
 
 
-def test_rows_of_the_panel_are_buttons(window: Window, labels: SurfaceLabels) -> None:
+def test_buttons_of_the_panel(window: Window, labels: SurfaceLabels) -> None:
     window.press("key-2")
-    window.until(lambda told: told["paint"] == "critical_angle", "colours")
+    window.until(lambda state: state["paint"] == "critical_angle", "colours")
     window.press("section-y")
-    window.until(lambda told: told["section"] == "y", "a section")
+    window.until(lambda state: state["section"] == "y", "a section")
     window.press("key-c")
-    told = window.until(lambda told: told["compare"], "two resolutions")
-    assert agrees(told["shares"], labels, told["friction"], told["resolution"])
-    assert agrees(told["other"], labels, told["friction"], told["compare"])
+    state = window.until(lambda state: state["compare"], "two resolutions")
+    assert agrees(state["fractions"], labels, state["friction"], state["resolution"])
+    assert agrees(state["other"], labels, state["friction"], state["compare"])
     window.slide("compare", 0.2)
-    told = window.until(lambda told: told["compare"] < 0.35, "a finer one")
-    assert agrees(told["other"], labels, told["friction"], told["compare"])
+    state = window.until(lambda state: state["compare"] < 0.35, "a finer one")
+    assert agrees(state["other"], labels, state["friction"], state["compare"])
     window.press("key-z")
-    window.until(lambda told: told["compare"] == pytest.approx(40.0 * DEGREE), "undone")
+    window.until(lambda state: state["compare"] == pytest.approx(40.0 * DEGREE), "undone")
 
 
 def test_fingers_are_fixed_and_released(window: Window) -> None:
-    x, y = place_of_object(window.picture())
+    x, y = pixel_of_object(window.picture())
     window.press("click-fix")
-    window.until(lambda told: told["click"] == "fix", "fixing")
+    window.until(lambda state: state["click"] == "fix", "fixing")
     window.click(x, y, shift=True)
-    window.until(lambda told: told["vertex"] is not None, "a place")
-    assert window.told["fixed"] == []
+    window.until(lambda state: state["vertex"] is not None, "an inspected vertex")
+    assert window.state["fixed"] == []
     window.click(x, y)
-    window.until(lambda told: told["fixed"] and told["working"] is None, "a fixed finger")
+    window.until(lambda state: state["fixed"] and state["working"] is None, "a fixed finger")
     window.press("key-u")
-    window.until(lambda told: told["fixed"] == [], "none")
+    window.until(lambda state: state["fixed"] == [], "none")
 
 
-def test_the_help_lies_over_all(window: Window) -> None:
+def test_the_help_is_in_front_of_the_scene(window: Window) -> None:
     before = window.picture()
     for close in (lambda: window.key("h"), lambda: window.click(350, 350)):
         window.key("h")
         wait_for(lambda: changed(before, window.picture()) > 0.2, "the help")
         close()
         wait_for(lambda: changed(before, window.picture()) < 0.001, "no help")
-    assert window.told["vertex"] is None
+    assert window.state["vertex"] is None
 
 
-def test_keys_of_vtk_do_nothing(window: Window) -> None:
+def test_keys_of_vtk_are_disabled(window: Window) -> None:
     before = window.picture()
     window.key("w", "e", "b", "v", "t", "j", "3", "1", "a", "l", "shift+w", "ctrl+q", "F5")
     window.key("2")
-    window.until(lambda told: told["paint"] == "critical_angle", "another key")
+    window.until(lambda state: state["paint"] == "critical_angle", "another key")
     window.key("1")
     wait_for(lambda: changed(before, window.picture()) < 0.001, "the picture as before")
     window.key("plus")
     wait_for(lambda: changed(before, window.picture()) > 0.01, "a larger object")
-    told = window.told
-    wanted = (told["friction"] + 0.05, told["resolution"] + 2.0 * DEGREE)
+    state = window.state
+    next_job = (state["friction"] + 0.05, state["resolution"] + 2.0 * DEGREE)
     window.key("Right", "Up")
     window.until(
-        lambda told: (told["friction"], told["resolution"]) == pytest.approx(wanted), "more"
+        lambda state: (state["friction"], state["resolution"]) == pytest.approx(next_job), "more"
     )
     window.key("Left", "Down")
 
 
-def test_the_size_of_the_window_is_followed(window: Window) -> None:
-    def fits(told: dict[str, Any], width: int, height: int) -> bool:
-        boxes = [box for box, _ in told["spots"].values()]
+def test_the_layout_follows_the_size_of_the_window(window: Window) -> None:
+    def fits(state: dict[str, Any], width: int, height: int) -> bool:
+        boxes = [box for box, _ in state["areas"].values()]
         right, bottom = max(box[2] for box in boxes), max(box[3] for box in boxes)
         return width - 40 < right <= width and bottom <= height
 
     for width, height in ((1200, 900), (900, 600), (WIDTH, HEIGHT)):
         window.do("windowsize", window.number, width, height)
-        window.until(lambda told, w=width, h=height: fits(told, w, h), "another layout")
+        window.until(lambda state, w=width, h=height: fits(state, w, h), "another layout")
 
 
-def test_files_are_saved_under_free_names(window: Window, labels: SurfaceLabels) -> None:
+def test_files_are_saved_under_unused_names(window: Window, labels: SurfaceLabels) -> None:
     for name in ("spray_labeled.ply", "spray_labeled_2.ply"):
         window.key("s")
         path = window.folder / name
-        window.until(lambda told, p=path: told["message"] == f"saved: {p}", "a file")
+        window.until(lambda state, p=path: state["message"] == f"saved: {p}", "a file")
         rows = PlyData.read(path)["vertex"].data
-        told = window.told
-        asked = labels.relabel(friction=told["friction"], sensor_resolution=told["resolution"])
-        assert np.array_equal(rows["label"], asked.label)
+        state = window.state
+        expected = labels.relabel(friction=state["friction"], sensor_resolution=state["resolution"])
+        assert np.array_equal(rows["label"], expected.label)
     window.press("key-g")
     path = window.folder / "spray_view.png"
-    window.until(lambda told: told["message"] == f"saved: {path}", "a picture")
+    window.until(lambda state: state["message"] == f"saved: {path}", "a picture")
     with Image.open(path) as image:
         assert image.size == (WIDTH - 300, HEIGHT)
-        drawn = seen_shares(np.array(image.convert("RGB")))
-    assert drawn["S"] == pytest.approx(seen_shares(window.picture())["S"], abs=0.05)
+        drawn = seen_fractions(np.array(image.convert("RGB")))
+    assert drawn["S"] == pytest.approx(seen_fractions(window.picture())["S"], abs=0.05)
     window.folder.chmod(0o555)
     if not os.access(window.folder, os.W_OK):
         window.key("g")
-        window.until(lambda told: "cannot be written" in told["message"], "a refusal")
+        window.until(lambda state: "cannot be written" in state["message"], "a refusal")
     window.folder.chmod(0o755)
 
 
-def test_the_key_q_closes_it(opened_window: Window) -> None:
+def test_the_key_q_closes_the_window(opened_window: Window) -> None:
     opened_window.key("q")
     assert opened_window.ended() == (0, "closed\n", "")
 
 
-def test_the_button_of_its_frame_closes_it(display: str, tmp_path: Path) -> None:
+def test_the_close_button_closes_the_window(display: str, tmp_path: Path) -> None:
     window = opened(display, tmp_path, "cone.off")
-    window.ask_to_close()
+    window.close()
     assert window.ended() == (0, "closed\n", "")
 
 
-def test_without_a_display_a_sentence_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_the_error_without_a_display_names_the_alternatives(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
     monkeypatch.delenv("DISPLAY", raising=False)
     monkeypatch.setenv("WAYLAND_DISPLAY", "wayland-0")
     with pytest.raises(OutputError, match="DISPLAY is not set; use --web"):
@@ -287,7 +291,7 @@ def test_without_a_display_a_sentence_says_what_to_do(monkeypatch: pytest.Monkey
     check_display()
 
 
-def test_a_try_that_never_ends_is_no_display(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_display_that_does_not_respond_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     def never(*_: object, **options: Any) -> None:
         raise subprocess.TimeoutExpired("python", options["timeout"])
 

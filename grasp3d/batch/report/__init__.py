@@ -1,7 +1,7 @@
-"""Pages of a library of labelled meshes, for any browser, without a network."""
+"""The report: web pages of a library of labelled meshes, readable without a network."""
 
 from grasp3d.batch.report.objects import object_script
-from grasp3d.batch.report.pages import Writable, write_report
+from grasp3d.batch.report.pages import WritableFolder, write_report
 from grasp3d.batch.report.thumbnails import thumbnail
 
-__all__ = ["Writable", "object_script", "thumbnail", "write_report"]
+__all__ = ["WritableFolder", "object_script", "thumbnail", "write_report"]

@@ -1,4 +1,4 @@
-"""What the page of a library is given: a row for each mesh, and curves over all of them."""
+"""Data of the library page: a row for each mesh, and curves over all meshes."""
 
 import math
 from collections import defaultdict
@@ -8,11 +8,11 @@ from typing import Any
 import numpy as np
 
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.report.words import settings_in_words
-from grasp3d.batch.row import Row, Share
+from grasp3d.batch.report.settings_text import describe_settings
+from grasp3d.batch.row import AreaFractions, Row
 
 VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
-"""Where the scripts of the objects lie, below the output folder."""
+"""Path of the objects' scripts below the output folder, and their suffix."""
 
 REPORT = "report/"
 
@@ -38,21 +38,21 @@ _ANGLES = {
 }
 _TEXTS = {"name": "mesh", "outcome": "outcome", "error": "error", "warnings": "warnings"}
 COLUMNS = (*_TEXTS, "unit", "stem", "thumbnail", *_NUMBERS, *_ANGLES)
-"""Of a mesh in the page; angles in degrees, null: not known, of a labelled mesh: infinite."""
+"""Columns of the table; angles are in degrees, null: unknown, for a labelled mesh infinite."""
 
 
 def library_data(rows: Collection[Row], settings: BatchSettings) -> dict[str, Any]:
-    """Collect what the page shows.
+    """Collect the data of the page.
 
     Args:
         rows: All meshes.
-        settings: What they were labelled with.
+        settings: Settings of the labels.
     """
     model = settings.model
     return {
         "friction": model.friction,
-        "resolution": _short(math.degrees(model.sensor_resolution)),
-        "settings": settings_in_words(settings),
+        "resolution": _rounded(math.degrees(model.sensor_resolution)),
+        "settings": describe_settings(settings),
         "columns": COLUMNS,
         "rows": [_values(row) for row in rows],
         "curves": curves(rows),
@@ -60,61 +60,64 @@ def library_data(rows: Collection[Row], settings: BatchSettings) -> dict[str, An
 
 
 def object_list(rows: Collection[Row]) -> list[tuple[str, str]]:
-    """Stems and names of the meshes that have a page, in the order of the rows."""
+    """Stems and names of the meshes with a page, in the order of the rows."""
     return [(stem, row.mesh) for row in rows if (stem := stem_of(row))]
 
 
 def stem_of(row: Row) -> str:
-    """Name of a mesh's page; empty where it has none."""
+    """Stem of a mesh's page; empty where it has none."""
     return row.view.removeprefix(VIEWS).removesuffix(VIEW_SUFFIX)
 
 
 def curves(rows: Collection[Row]) -> list[dict[str, Any]]:
-    """Quartiles of the shares over the labelled meshes, a curve for each friction of the grid.
+    """Quartiles of the area fractions over the labelled meshes, for each friction of the grid.
 
     Returns:
-        By friction: `friction`; `resolution` [degrees]; `meshes`, how many each is taken over;
-        `S`, `M` and `U`, the quartiles at each resolution, none where no mesh tells; `told`, how
-        many meshes tell M and U.
+        By friction: `friction`; `resolution` [degrees]; `meshes`, the number of meshes at each
+        resolution; `S`, `M` and `U`, the quartiles at each resolution, none where no mesh has the
+        value; `searched`, the number of meshes with M and U.
     """
-    at: dict[float, dict[float, list[Share]]] = defaultdict(lambda: defaultdict(list))
+    grid: dict[float, dict[float, list[AreaFractions]]] = defaultdict(lambda: defaultdict(list))
     for row in rows:
-        for share in row.shares:
-            at[share.friction][share.sensor_resolution].append(share)
+        for one in row.fractions:
+            grid[one.friction][one.sensor_resolution].append(one)
     found = []
-    for friction, shares in sorted(at.items()):
-        columns = [shares[resolution] for resolution in sorted(shares)]
+    for friction, by_resolution in sorted(grid.items()):
+        resolutions = sorted(by_resolution)
+        columns = [by_resolution[resolution] for resolution in resolutions]
         found.append(
             {
                 "friction": friction,
-                "resolution": [_short(math.degrees(resolution)) for resolution in sorted(shares)],
+                "resolution": [_rounded(math.degrees(resolution)) for resolution in resolutions],
                 "meshes": [len(column) for column in columns],
-                "S": [_quartiles([share.stable for share in column]) for column in columns],
-                "M": [_quartiles([share.ambiguous for share in column]) for column in columns],
-                "U": [_quartiles([share.no_grasp_found for share in column]) for column in columns],
-                "told": [sum(one.ambiguous is not None for one in column) for column in columns],
+                "S": [_quartiles([one.stable for one in column]) for column in columns],
+                "M": [_quartiles([one.ambiguous for one in column]) for column in columns],
+                "U": [_quartiles([one.no_grasp_found for one in column]) for column in columns],
+                "searched": [
+                    sum(one.ambiguous is not None for one in column) for column in columns
+                ],
             }
         )
     return found
 
 
 def _quartiles(values: Sequence[float | None]) -> list[float] | None:
-    told = [value for value in values if value is not None]
-    return [_short(float(one)) for one in np.quantile(told, QUARTILES)] if told else None
+    known = [value for value in values if value is not None]
+    return [_rounded(float(one)) for one in np.quantile(known, QUARTILES)] if known else None
 
 
 def _values(row: Row) -> list[Any]:
-    """The columns of one mesh."""
+    """Values of one mesh, in the order of `COLUMNS`."""
     angles = [getattr(row, name) for name in _ANGLES.values()]
     return [
         *(str(getattr(row, name)) for name in _TEXTS.values()),
         row.unit or "",
         stem_of(row),
         row.thumbnail.removeprefix(REPORT),
-        *(_short(getattr(row, name)) for name in _NUMBERS.values()),
-        *(None if angle is None else _short(math.degrees(angle)) for angle in angles),
+        *(_rounded(getattr(row, name)) for name in _NUMBERS.values()),
+        *(None if angle is None else _rounded(math.degrees(angle)) for angle in angles),
     ]
 
 
-def _short(value: Any) -> Any:  # noqa: ANN401
+def _rounded(value: Any) -> Any:
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value

@@ -1,4 +1,4 @@
-"""What the page of one object is given: its surface, its angles, its grasps."""
+"""Data of the object page: surface, critical angles and grasps of one mesh."""
 
 from collections.abc import Sequence
 from dataclasses import asdict
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.batch.report.packing import STEPS, json_text, packed, quantised
+from grasp3d.batch.report.packing import STEPS, json_text, pack_arrays, quantised
 from grasp3d.batch.row import BestGrasp
 from grasp3d.settings import Sampling, search_cone
 
@@ -15,34 +15,34 @@ if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
 
 FORMAT = 1
-"""Of the script; the page refuses others."""
+"""Version of the script's format; the page refuses other versions."""
 
 CALL = "grasp3dObject"
-"""Function of the page that the script calls."""
+"""Name of the page's function that the script calls."""
 
 _SMALL = 2**16
 
 
 def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp]) -> bytes:
-    """Write what the page shows of a labelled surface, as a script of one call.
+    """Write the page's data of a labelled surface, as a script with one function call.
 
-    Vertices that belong to no face are left out. Positions are quantised to 16 bits over the
-    surface's box; angles, epsilon, openings and area weights are floats of 32 bits.
+    Vertices without faces are left out. Positions are quantised to 16 bits over the surface's
+    bounding box; angles, epsilon, openings and area weights are floats of 32 bits.
 
     Args:
         labels: The labelled surface.
-        name: How the mesh is called.
-        grasps: Its best grasps, the best first.
+        name: Name of the mesh.
+        grasps: Best grasps of the mesh, the best first.
 
     Returns:
-        JavaScript in ASCII; the same for the same labels.
+        JavaScript in ASCII; equal labels give equal scripts.
     """
     mesh, model = labels.mesh, labels.model
     used = np.unique(mesh.faces)
     low = mesh.vertices[used].min(axis=0)
     step = np.maximum(np.ptp(mesh.vertices[used], axis=0), np.finfo(np.float64).tiny) / STEPS
-    arrays, data = packed(_arrays(labels, used, low, step))
-    told = {
+    arrays, data = pack_arrays(_arrays(labels, used, low, step))
+    header = {
         "format": FORMAT,
         "name": name,
         "unit": mesh.unit,
@@ -61,7 +61,7 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "grasps": [asdict(grasp) for grasp in grasps],
         "arrays": arrays,
     }
-    return f'{CALL}({json_text(told)},"{data}");\n'.encode("ascii")
+    return f'{CALL}({json_text(header)},"{data}");\n'.encode("ascii")
 
 
 def _arrays(
@@ -70,7 +70,7 @@ def _arrays(
     low: npt.NDArray[np.float64],
     step: npt.NDArray[np.float64],
 ) -> dict[str, npt.NDArray[Any]]:
-    """Values of the vertices that belong to faces, in the order of the mesh."""
+    """Values at the vertices with faces, in the order of the mesh."""
     mesh = labels.mesh
     count = len(mesh.vertices)
     row = np.zeros(count, dtype=np.uint16 if len(used) <= _SMALL else np.uint32)

@@ -1,4 +1,4 @@
-"""The report's pages: the table of a library, and the page that shows its objects."""
+"""Writing the report's pages: the library page and the object page."""
 
 import re
 from collections.abc import Collection, Mapping
@@ -13,44 +13,44 @@ from grasp3d.batch.row import Row
 from grasp3d.system.versions import package_version
 
 FOLDER = "report/"
-"""Of the report, below the output folder."""
+"""Folder of the report, below the output folder."""
 
 COPIED = ("viewer.js", "viewer.css")
-"""Files beside the pages; what the first page needs stands in it."""
+"""Files of the object page; the library page contains its scripts and styles."""
 
-_PLACE = re.compile(r"<!--(STYLE|SCRIPT|DATA)-->")
+_PLACEHOLDER = re.compile(r"<!--(STYLE|SCRIPT|DATA)-->")
 
 
-class Writable(Protocol):
-    """A folder that files can be written to."""
+class WritableFolder(Protocol):
+    """A folder in which files can be written."""
 
     def write(self, name: str, data: bytes) -> None:
-        """Write a file whole or not at all.
+        """Write a file atomically.
 
         Args:
-            name: Below the folder.
-            data: What it holds.
+            name: Path below the folder.
+            data: Content of the file.
         """
 
 
-def write_report(output: Writable, rows: Collection[Row], settings: BatchSettings) -> None:
-    """Write the pages of a library; the scripts and pictures of its meshes lie there already.
+def write_report(output: WritableFolder, rows: Collection[Row], settings: BatchSettings) -> None:
+    """Write the pages of a library, whose objects' scripts and thumbnails are written already.
 
     Args:
         output: Folder of the results; the pages go to `report` below it.
-        rows: All meshes, in the order in which they are listed.
-        settings: What they were labelled with.
+        rows: All meshes, in the order of the table.
+        settings: Settings of the labels.
 
     Raises:
         OutputError: A file cannot be written.
     """
-    told = {
+    data = {
         "made": datetime.now(UTC).strftime("%Y-%m-%d %H:%M UTC"),
         "version": package_version(),
         **library_data(rows, settings),
     }
     parts = {"STYLE": _static("library.css"), "SCRIPT": _static("library.js")}
-    _write(output, "index.html", _filled(_static("index.html"), {**parts, "DATA": json_text(told)}))
+    _write(output, "index.html", _filled(_static("index.html"), {**parts, "DATA": json_text(data)}))
     objects = json_text(object_list(rows))
     _write(output, "object.html", _filled(_static("object.html"), {"DATA": objects}))
     for name in COPIED:
@@ -62,9 +62,9 @@ def _static(name: str) -> str:
 
 
 def _filled(page: str, parts: Mapping[str, str]) -> str:
-    """Put each part in its place, in one pass: what a part holds is never taken for a place."""
-    return _PLACE.sub(lambda place: parts[place[1]], page)
+    """Replace the placeholders of a page in one pass, so that none in a part is replaced."""
+    return _PLACEHOLDER.sub(lambda found: parts[found[1]], page)
 
 
-def _write(output: Writable, name: str, text: str) -> None:
+def _write(output: WritableFolder, name: str, text: str) -> None:
     output.write(f"{FOLDER}{name}", text.encode("utf-8"))

@@ -1,4 +1,4 @@
-"""Mending a surface: weld, drop what is nothing, wind, turn, close, unite."""
+"""Mesh repair: welding, removal of degenerate faces, winding, hole filling, union of bodies."""
 
 from grasp3d.mesh.repair.records import RepairedSurface, RepairStep
 from grasp3d.mesh.repair.surface import repair_surface

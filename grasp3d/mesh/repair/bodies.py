@@ -1,4 +1,4 @@
-"""The bodies that a surface falls into: copies, inside and outside, one within another."""
+"""The bodies of a surface: copies of one another, orientation, nesting."""
 
 from functools import cached_property
 
@@ -11,25 +11,25 @@ from grasp3d.mesh.repair.cleaning import sheets_of
 from grasp3d.mesh.repair.nesting import boxes_of, nested
 
 CLEAR_VOTE = 0.5
-"""An open body is turned when its outermost faces look inward by this much; see `_hull_vote`."""
+"""An open body is flipped when its hull vote is below minus this; see `_hull_vote`."""
 
-SCRAP = 1e-3
-"""Share of a neighbour's volume from which a closed piece that touches it is a body of its own."""
+FRAGMENT = 1e-3
+"""Fraction of the largest volume of a component from which a closed sheet of it is a body of its
+own."""
 
 NO_VOLUME = 1e-10
 """Volume below which a body is a sheet with two sides, in units of its area to the power 3/2."""
 
 TOUCH = 1e-10
-"""Least distance at which bodies touch, as a share of the size; more where positions are rounded
-more."""
+"""Distance within which bodies touch, as a fraction of the size, unless rounding is larger."""
 
 
 def body_of_face(points: Floats, faces: Ints) -> Ints:
     """Body of each face, shape (F,).
 
-    Faces on an edge with no third one belong together. What is closed by itself is a body, even if
-    it touches others at vertices or edges; open pieces and scraps are one body with what they
-    touch.
+    Faces connected across edges with exactly two faces form a sheet. A closed sheet is a body, even
+    if it touches others at vertices or edges; open sheets and small fragments are one body with the
+    sheets that they touch.
     """
     sheet = sheets_of(faces)
     count = int(sheet.max()) + 1
@@ -37,28 +37,28 @@ def body_of_face(points: Floats, faces: Ints) -> Ints:
     if count == part.max() + 1:
         return part
     size = int(faces.max()) + 1
-    apart = faces + sheet[:, None] * size  # no sheet shares a vertex
+    apart = faces + sheet[:, None] * size  # separate vertices for each sheet
     edges = edges_of(apart)
-    hangs = np.zeros(count, dtype=bool)
-    hangs[edges.ends[edges.balance != 0, 0] // size] = True
+    attached = np.zeros(count, dtype=bool)
+    attached[edges.ends[edges.balance != 0, 0] // size] = True
     volumes = np.abs(part_volumes(points, faces, sheet))
     part_of_sheet = np.zeros(count, dtype=np.int64)
     part_of_sheet[sheet] = part
     largest = np.zeros(int(part.max()) + 1)
     np.maximum.at(largest, part_of_sheet, volumes)
-    hangs |= volumes < SCRAP * largest[part_of_sheet]
-    main = np.zeros(count, dtype=bool)  # scraps hang on the largest sheet of their part
+    attached |= volumes < FRAGMENT * largest[part_of_sheet]
+    main = np.zeros(count, dtype=bool)  # fragments are attached to their component's largest sheet
     main[np.lexsort((volumes, part_of_sheet))[np.cumsum(np.bincount(part_of_sheet)) - 1]] = True
-    scrappy = np.zeros(len(largest), dtype=bool)
-    scrappy[part_of_sheet[hangs]] = True
-    hangs |= main & scrappy[part_of_sheet]
-    body = np.where(hangs, part_of_sheet, len(largest) + np.arange(count))
+    with_fragments = np.zeros(len(largest), dtype=bool)
+    with_fragments[part_of_sheet[attached]] = True
+    attached |= main & with_fragments[part_of_sheet]
+    body = np.where(attached, part_of_sheet, len(largest) + np.arange(count))
     _, numbered = np.unique(body[sheet], return_inverse=True)
     return np.asarray(numbered, dtype=np.int64)
 
 
 class Bodies:
-    """The bodies of a surface: their volumes, their boxes, and which lie within others."""
+    """The bodies of a surface: their volumes, bounding boxes and nesting."""
 
     def __init__(self, points: Floats, faces: Ints, touch: float = TOUCH) -> None:
         self.points, self.faces, self.touch = points, faces, touch
@@ -82,7 +82,7 @@ class Bodies:
 
     @cached_property
     def within(self) -> tuple[Ints, Ints]:
-        """Closed bodies that lie wholly within closed others: the inner and outer of each pair."""
+        """Closed bodies wholly within other closed bodies: the inner and outer one of each pair."""
         chosen = np.flatnonzero(~self.open & (self.volumes != 0.0))
         own = np.isin(self.body, chosen)
         if len(chosen) < 2:
@@ -97,32 +97,32 @@ class Bodies:
         return chosen[inner], chosen[outer]
 
     def inside_out(self) -> Bools:
-        """Tell the bodies to turn; a cavity within another body is rightly wound inward."""
+        """Mask of the bodies to flip; a cavity within another body must be wound inward."""
         flip = np.zeros(self.count, dtype=bool)
         for body in np.flatnonzero(self.open).tolist():
             flip[body] = _hull_vote(self.points, self.of(body)) < -CLEAR_VOTE
         closed = ~self.open
-        if self.volumes[closed].sum() < 0.0:  # the whole object, cavities and all
+        if self.volumes[closed].sum() < 0.0:  # the whole object with its cavities
             flip[closed] = True
         negative = np.where(flip, -self.volumes, self.volumes) < 0.0
         if (closed & negative).any():
             inner, outer = self.within
-            held = np.zeros(self.count, dtype=bool)
-            held[inner[~negative[outer]]] = True
-            flip ^= closed & negative & ~held
+            enclosed = np.zeros(self.count, dtype=bool)
+            enclosed[inner[~negative[outer]]] = True
+            flip ^= closed & negative & ~enclosed
         return flip
 
     def doubled(self) -> int:
-        """Count the closed bodies in the matter of others: their volume would count twice."""
+        """Number of closed bodies inside the material of others: their volume would count twice."""
         inner, outer = self.within
         depth = np.bincount(inner, np.sign(self.volumes[outer]), minlength=self.count)
         return int((~self.open & (self.volumes > 0.0) & (depth > 0.0)).sum())
 
     def owners(self) -> Ints:
-        """Solid that each body is part of, shape (B,): itself, for a cavity the body around it.
+        """Solid that each body is part of, shape (B,): itself, or for a cavity the body around it.
 
-        Of several the smallest, in which the cavity is no other body's. Open bodies, those without
-        a volume and cavities in nothing have -1.
+        Of several bodies around a cavity the smallest. Open bodies, those without a volume and
+        cavities in no body have -1.
         """
         solid = ~self.open & (self.volumes > 0.0)
         owner = np.where(solid, np.arange(self.count), -1)
@@ -134,10 +134,10 @@ class Bodies:
         return owner
 
     def copies(self, distance: float) -> dict[int, tuple[Ints, Ints]]:
-        """Find bodies that came before, vertex by vertex within a distance, wound either way.
+        """Find copies of earlier bodies, vertex by vertex within a distance, in either winding.
 
         Returns:
-            For each copy its vertices, and the vertices of the earlier body at their places.
+            For each copy its vertices, and the corresponding vertices of the earlier body.
         """
         sizes = np.bincount(self.body)
         found: dict[int, tuple[Ints, Ints]] = {}
@@ -153,7 +153,7 @@ class Bodies:
         return found
 
     def _matched(self, one: int, two: int, distance: float) -> tuple[Ints, Ints] | None:
-        """Vertices of the second body and those of the first at their places, if it is a copy."""
+        """Vertices of the second body and corresponding ones of the first, if it is a copy."""
         old, new = np.unique(self.of(one)), np.unique(self.of(two))
         if len(old) != len(new):
             return None
@@ -172,10 +172,10 @@ def _near(boxes: Floats, distance: float) -> list[tuple[int, int]]:
 
 
 def _hull_vote(points: Floats, faces: Ints) -> float:
-    """How far the faces at the convex hull's corners look outward, from -1 to 1; 0 if flat.
+    """Mean agreement of faces at the convex hull's corners with its outward normals, -1 to 1.
 
-    An open surface has no volume whose sign could tell, but its outermost places must look away
-    from it.
+    An open surface has no volume whose sign gives its orientation, but its faces on the convex hull
+    must point outward. 0 if it is flat.
     """
     used, corners = np.unique(faces, return_inverse=True)
     own, local = points[used], corners.reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""Boxes that overlap, found in order along one axis."""
+"""Overlapping axis-aligned boxes, found by sweeping along one axis."""
 
 from collections.abc import Iterator
 
@@ -9,21 +9,21 @@ from scipy.sparse.csgraph import connected_components
 from grasp3d.arrays import Floats, Ints
 
 AT_ONCE = 1 << 22
-"""Pairs that are compared at once, so that memory stays bounded."""
+"""Pairs that are compared at once, to bound memory."""
 
 
 def overlapping(lower: Floats, upper: Floats) -> Iterator[tuple[Ints, Ints]]:
     """Find the pairs of boxes that overlap or touch.
 
-    The boxes are taken in order along the axis on which they part best; each is compared with those
-    that begin before it ends.
+    The boxes are sorted along the axis with the fewest overlaps; each is compared with those that
+    begin before it ends.
 
     Args:
-        lower: Least corner of each box (n, 3).
-        upper: Largest corner of each box (n, 3).
+        lower: Lower corner of each box (n, 3).
+        upper: Upper corner of each box (n, 3).
 
     Yields:
-        Some of the pairs, each pair once: the one and the other box, shape (k,) each.
+        Some of the pairs, each pair once: the first and the second box, shape (k,) each.
     """
     count = len(lower)
     orders = np.argsort(lower, axis=0, kind="stable")
@@ -59,9 +59,9 @@ def enclosed(lower: Floats, upper: Floats) -> tuple[Ints, Ints]:
 
 
 def overlap_groups(lower: Floats, upper: Floats) -> list[Ints]:
-    """Boxes that hang together by overlaps, in groups of two and more."""
+    """Groups of two and more boxes that are connected by overlaps."""
     count = len(lower)
-    first = np.arange(count)  # box that stands for each one's group
+    first = np.arange(count)  # first box of each box's group so far
     for one, two in overlapping(lower, upper):
         ends = np.concatenate([one, np.arange(count)]), np.concatenate([two, first])
         links = coo_array((np.ones(len(ends[0]), dtype=np.int8), ends), shape=(count, count))

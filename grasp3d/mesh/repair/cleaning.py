@@ -1,4 +1,4 @@
-"""Which faces bound something, without renumbering anything."""
+"""Masks of degenerate, repeated and mirrored faces, and the sheets that faces form."""
 
 import numpy as np
 from scipy.sparse import coo_array
@@ -11,22 +11,22 @@ from grasp3d.mesh.repair.holes import SMALL, holes_of
 from grasp3d.mesh.repair.winding import disagreeing
 
 FEW = 0.01
-"""Share of a body's edges that may be open while it still is one."""
+"""Largest fraction of open edges of a body."""
 
 PAIR = 2
 """Faces on an edge inside a surface."""
 
 
 def is_face(faces: Ints) -> Bools:
-    """Tell the faces with three different corners from points and lines, shape (F,)."""
+    """Mask of the faces with three different corners, shape (F,)."""
     a, b, c = faces.T
     return np.asarray((a != b) & (b != c) & (c != a))
 
 
 def is_first(faces: Ints) -> Bools:
-    """Tell the faces that come for the first time, whatever corner they begin at, shape (F,).
+    """Mask of the first face of each set of equal ones, at any starting corner, shape (F,).
 
-    Faces with the same corners in the opposite turn are others: a sheet may have two sides.
+    Faces with the same corners in the opposite winding are not equal: a sheet may have two sides.
     """
     first, _ = first_alike(from_least_corner(faces))
     kept = np.zeros(len(faces), dtype=bool)
@@ -35,19 +35,19 @@ def is_first(faces: Ints) -> Bools:
 
 
 def from_least_corner(faces: Ints) -> Ints:
-    """Let each face begin at its least corner, shape (F, 3)."""
+    """Rotate each face so that it begins at its smallest vertex index, shape (F, 3)."""
     shift = np.argmin(faces, axis=1)[:, None]
     return np.take_along_axis(faces, (np.arange(3)[None, :] + shift) % 3, axis=1)
 
 
 def without_mirrored(faces: Ints) -> Bools:
-    """Leave each face of a closed body once, when some come again with the opposite turn.
+    """Mask that keeps each face of a closed body once, if some are repeated with opposite winding.
 
-    A body that was put in the file twice, once inside out, has no volume. A sheet with two sides
-    has none either, but one side of it is open: it stays. A few small holes do not open a body.
+    A body that is in the file twice, once inside out, has no volume. A sheet with two sides has
+    none either, but one side of it is open: both are kept. A few small holes do not open a body.
 
     Args:
-        faces: Welded faces (F, 3), none twice with the same turn.
+        faces: Welded faces (F, 3), none twice with the same winding.
 
     Returns:
         The faces to keep, shape (F,).
@@ -66,7 +66,7 @@ def without_mirrored(faces: Ints) -> Bools:
 
 
 def sheets_of(faces: Ints) -> Ints:
-    """Number the pieces that hang together across edges with exactly two faces, shape (F,)."""
+    """Sheet of each face, shape (F,): components connected across edges with exactly two faces."""
     one, two = paired_edges(faces)
     links = coo_array((np.ones(len(one), dtype=np.int8), (one // 3, two // 3)), (len(faces),) * 2)
     _, sheet = connected_components(links, directed=False)
@@ -74,7 +74,7 @@ def sheets_of(faces: Ints) -> Ints:
 
 
 def _is_body(faces: Ints, sheet: Ints) -> Bools:
-    """Tell which sheets of a surface are closed but for small holes, whatever their winding."""
+    """Mask of the sheets that are closed except for small holes, in any winding."""
     turn, _ = disagreeing(faces)
     size = int(faces.max()) + 1
     apart = np.where(turn[:, None], faces[:, ::-1], faces) + sheet[:, None] * size
@@ -87,7 +87,7 @@ def _is_body(faces: Ints, sheet: Ints) -> Bools:
 
 
 def first_alike(rows: Ints) -> tuple[Ints, Ints]:
-    """First of each kind of row, and the kind of each row."""
+    """First of each set of equal rows, and the number of its set for each row."""
     kinds = np.lexsort(rows.T[::-1])
     new = np.ones(len(rows), dtype=bool)
     new[1:] = (rows[kinds[1:]] != rows[kinds[:-1]]).any(axis=1)

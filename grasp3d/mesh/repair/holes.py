@@ -1,4 +1,4 @@
-"""Closing holes: the cycles of open edges, and the smallest surface in each."""
+"""Hole filling: cycles of open edges, and a triangulation of least area for each."""
 
 import manifold3d
 import numpy as np
@@ -10,20 +10,20 @@ SMALL = 4
 """Edges of the largest small hole."""
 
 LONG = 256
-"""Edges of a hole from which it is closed in its plane, not by the smallest of all surfaces."""
+"""Edges of a hole above which it is closed in its mean plane instead of with the least area."""
 
 
 def holes_of(faces: Ints) -> list[Ints]:
-    """Find the holes as cycles of vertices, in the direction in which closing faces go round.
+    """Find the holes as cycles of vertices, in the winding of the faces that close them.
 
-    The open edges, counted with their direction, are the border of a surface and have no end: they
-    always fall into closed cycles.
+    The open edges, with their directions, are the border of a surface: they always form closed
+    cycles.
 
     Args:
         faces: Welded faces (F, 3).
 
     Returns:
-        The vertices of each hole; no vertex comes twice in one.
+        The vertices of each hole, each vertex once.
     """
     edges = edges_of(faces)
     times = np.abs(edges.balance)
@@ -67,7 +67,7 @@ def close_hole(points: Floats, hole: Ints) -> Ints:
 
 
 def _cycles_from(start: int, after: dict[int, list[int]]) -> list[Ints]:
-    """Walk along unused edges from a vertex and cut the walk where it meets itself."""
+    """Walk along unused edges from a vertex and split off a cycle where the walk meets itself."""
     cycles, walk, seen = [], [start], {start: 0}
     while after[walk[-1]]:
         vertex = after[walk[-1]].pop()
@@ -96,7 +96,7 @@ def _triangles(best: Ints) -> Ints:
 
 
 def _clipped(corners: Floats) -> Ints:
-    """Triangulate a cycle (n, 3) in the plane in which it encloses most."""
+    """Triangulate a cycle (n, 3) in the plane in which it encloses the largest area."""
     across = np.cross(corners, np.roll(corners, -1, axis=0)).sum(axis=0)
     _, _, axes = np.linalg.svd(across[None])
     flat = corners @ axes[1:].T

@@ -1,4 +1,4 @@
-"""Which closed bodies lie wholly within others."""
+"""Closed bodies that lie wholly within others."""
 
 import manifold3d
 import numpy as np
@@ -11,18 +11,18 @@ from grasp3d.mesh.repair.solids import Solid, marked, solids_of
 def nested(
     points: Floats, faces: Ints, body: Ints, volumes: Floats, margin: float
 ) -> tuple[Ints, Ints]:
-    """Find the bodies that lie wholly within others, their surfaces nowhere near each other.
+    """Find the bodies that lie wholly within others, their surfaces apart by a margin.
 
-    Nothing is left of such a body when the other one is taken from it, both as if wound outward,
-    the inner one grown and the outer one shrunk by the margin. What crosses the other body,
-    or touches it from inside, is not within.
+    Such a body minus the other one is empty, both taken as wound outward, the inner one offset
+    outward and the outer one inward by the margin. A body that crosses the other one, or touches it
+    from inside, is not within it.
 
     Args:
         points: Positions (V, 3).
         faces: Faces (F, 3) of closed bodies.
         body: Body of each face, shape (F,).
         volumes: Volume of each body, negative if wound inward, not 0, shape (B,).
-        margin: How far surfaces are shifted.
+        margin: Distance by which surfaces are offset.
 
     Returns:
         The inner and the outer body of each pair, shape (k,) each.
@@ -46,7 +46,7 @@ def nested(
 
 
 def boxes_of(points: Floats, faces: Ints, body: Ints, count: int) -> tuple[Floats, Floats]:
-    """Least and largest corner of each body's box, shape (B, 3) each; of none, inf and -inf."""
+    """Lower and upper corner of each body's box, shape (B, 3) each; inf and -inf without a face."""
     lower, upper = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     corners = points[faces]
     np.minimum.at(lower, body, corners.min(axis=1))
@@ -57,18 +57,18 @@ def boxes_of(points: Floats, faces: Ints, body: Ints, count: int) -> tuple[Float
 def _solids(
     points: Floats, faces: Ints, body: Ints, chosen: Ints, shift: float
 ) -> dict[int, Solid]:
-    """Shifted solids of some bodies, by their number."""
+    """Offset solids of some bodies, by body number."""
     own = np.isin(body, chosen)
     solids = solids_of(points, faces[own], np.searchsorted(chosen, body[own]), shift)
     return dict(zip(chosen.tolist(), solids, strict=True))
 
 
 def _within(inner: list[Solid], outer: Solid) -> Bools:
-    """Tell which solids leave no face when another is taken from them all, shape (k,)."""
+    """Mask of the solids of which no face is left when another solid is subtracted, shape (k,)."""
     together, marks = marked(inner)
-    rest = together - outer.manifold
-    if rest.status() != manifold3d.Error.NoError:
+    difference = together - outer.manifold
+    if difference.status() != manifold3d.Error.NoError:
         return np.zeros(len(inner), dtype=bool)
-    mesh = rest.to_mesh64()
+    mesh = difference.to_mesh64()
     left = np.asarray(mesh.run_original_id)[np.diff(np.asarray(mesh.run_index)) > 0]
     return np.asarray(~np.isin(marks, left))

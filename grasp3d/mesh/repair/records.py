@@ -1,20 +1,20 @@
-"""What repair hands over: a surface, and the record of each change."""
+"""Results of repair: the surface, and a record of each change."""
 
 from dataclasses import dataclass
 
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Floats, Ints, short_repr
 
 SINGULARS = {"bodies": "body", "sealed cavities": "sealed cavity", "vertices": "vertex"}
-"""What one of some things is called, if that is more than to leave out an s."""
+"""Singulars of plurals, if they are not the plural without its s."""
 
 
 def counted(count: int, things: str) -> str:
-    """Write how many things there are, which are given in the plural: `2 faces`, `1 face`."""
+    """Count with its noun, which is given in the plural: `2 faces`, `1 face`."""
     return f"{count} {noun(count, things)}"
 
 
 def noun(count: int, things: str) -> str:
-    """Choose between the plural that is given and its singular."""
+    """The given plural, or its singular for a count of one."""
     return things if count != 1 else SINGULARS.get(things, things.removesuffix("s"))
 
 
@@ -23,32 +23,34 @@ class RepairStep:
     """One kind of change, and how often it was made."""
 
     name: str
-    """What was done, in one word for programs: welded, collapsed, repeated, ..."""
+    """Identifier of the change: welded, collapsed, repeated, ..."""
     count: int
-    """Vertices, faces or bodies that were changed."""
+    """Number of vertices, faces or bodies that were changed."""
     message: str
-    """What was done, to be read after the count."""
+    """Description of the change, to be read after the count."""
 
     def __str__(self) -> str:
-        """Say it in one sentence."""
+        """Count and message in one sentence."""
         return f"{self.count} {self.message}"
 
 
 @dataclass(frozen=True, eq=False)
 class RepairedSurface:
-    """A surface to put contacts on, over the vertices that were given."""
+    """A repaired surface over the given vertices."""
 
     vertices: Floats
-    """Positions (V', 3): those that were given, unmoved and in their order, then added ones."""
+    """Positions (V', 3): the given ones, unmoved and in their order, then added ones."""
     faces: Ints
-    """Faces (F', 3), counter-clockwise from outside as far as that can be message."""
+    """Faces (F', 3), counter-clockwise from outside as far as that can be determined."""
     canonical: Ints
-    """For every vertex the one that stands for it, shape (V',); faces use no others."""
+    """Canonical vertex of each vertex, shape (V',); faces use canonical vertices only."""
     closed: bool
-    """Every edge is passed as often one way as the other: the faces bound a volume."""
+    """Whether the faces bound a volume: equally many run along every edge in both directions."""
     bodies: int
-    """Connected parts."""
+    """Number of connected components."""
     steps: tuple[RepairStep, ...]
     """What was changed."""
     warnings: tuple[str, ...]
-    """What was not, a sentence each."""
+    """What could not be repaired, one sentence each."""
+
+    __repr__ = short_repr

@@ -1,4 +1,4 @@
-"""Mending seams: loose vertices become corners, faces without area go."""
+"""Repair of seams: loose vertices become corners, and faces without an area are removed."""
 
 from itertools import chain
 
@@ -12,16 +12,16 @@ from grasp3d.mesh.repair.cleaning import first_alike, from_least_corner, is_face
 
 
 def put_on_surface(points: Floats, faces: Ints, loose: Ints, distance: float) -> Ints:
-    """Divide the faces on which loose vertices lie, so that these become corners.
+    """Divide the faces on which loose vertices lie, so that the vertices become corners.
 
     Args:
         points: Positions (V, 3).
         faces: Faces (F, 3).
         loose: Vertices that no face uses, shape (k,), none within the distance of a corner.
-        distance: How far off a face they may be.
+        distance: Largest distance of a vertex from the face that it lies on.
 
     Returns:
-        The faces, the divided ones replaced. Vertices that lie on none change nothing.
+        The faces, the divided ones replaced. Vertices that lie on no face change nothing.
     """
     if len(loose) == 0 or len(faces) == 0:
         return faces
@@ -69,15 +69,15 @@ def _divided(
 
 
 def _lies_on(points: Floats, point: int, ends: tuple[int, ...], distance: float) -> bool:
-    """Tell whether a point lies on an edge; the faces on its two sides must hear the same."""
+    """Return whether a point lies on an edge, identically for the faces on its two sides."""
     start, end = points[min(ends)], points[max(ends)]
     along, to = end - start, points[point] - start
-    share = float(to @ along) / float(along @ along)
-    return 0.0 < share < 1.0 and float(np.linalg.norm(to - share * along)) <= distance
+    fraction = float(to @ along) / float(along @ along)
+    return 0.0 < fraction < 1.0 and float(np.linalg.norm(to - fraction * along)) <= distance
 
 
 def without_slits(faces: Ints) -> Ints:
-    """Leave out faces that have collapsed, and cancel those that have closed against each other."""
+    """Remove collapsed faces, and pairs of faces on the same vertices with opposite winding."""
     faces = faces[is_face(faces)]
     _, same = first_alike(np.sort(faces, axis=1))
     _, after, last = from_least_corner(faces).T
@@ -90,18 +90,17 @@ def without_slits(faces: Ints) -> Ints:
 
 
 def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:
-    """Give the area of faces that have none to their neighbours, so that no gap is left.
+    """Remove faces without an area by flipping their longest edge, which leaves no gap.
 
-    The longest edge of such a face is turned: its two faces become two others on the same four
-    corners.
+    A flip replaces the two faces at an edge by two others on the same four corners.
 
     Args:
         points: Positions (V, 3).
         faces: Faces (F, 3).
-        rounding: How far a coordinate may be off.
+        rounding: Largest error of a coordinate.
 
     Returns:
-        The faces; those whose longest edge has not just two faces stay.
+        The faces; those whose longest edge does not have exactly two faces are kept.
     """
     faces, fewest = faces.copy(), len(faces) + 1
     while True:
@@ -112,20 +111,20 @@ def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:
         sides = np.roll(points[faces[flat]], -1, axis=1) - points[faces[flat]]
         longest = np.argmax(np.linalg.norm(sides, axis=2), axis=1)
         twins = _twins(faces)[3 * flat + (longest + 2) % 3]
-        _turn_edges(faces, 3 * flat + (longest + 2) % 3, twins)
+        _flip_edges(faces, 3 * flat + (longest + 2) % 3, twins)
         faces = faces[is_face(faces)]
 
 
 def _twins(faces: Ints) -> Ints:
-    """Half-edge on the other side of each, opposite its corner, shape (3 F,); -1: not just one."""
+    """Twin of each half-edge, shape (3 F,); -1 if its edge does not have exactly two faces."""
     twins = np.full(faces.size, -1, dtype=np.int64)
     one, two = paired_edges(faces)
     twins[one], twins[two] = two, one
     return twins
 
 
-def _turn_edges(faces: Ints, half_edges: Ints, twins: Ints) -> None:
-    """Turn edges in place, no face twice."""
+def _flip_edges(faces: Ints, half_edges: Ints, twins: Ints) -> None:
+    """Flip edges in place, at most one of each face."""
     done = set()
     for here, there in zip(half_edges.tolist(), twins.tolist(), strict=True):
         face, other = here // 3, there // 3

@@ -1,4 +1,4 @@
-"""Bodies as solids of Manifold, their faces shifted outward or inward."""
+"""Bodies as Manifold solids, their faces offset outward or inward."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -10,38 +10,38 @@ from grasp3d.arrays import Floats, Ints
 from grasp3d.mesh.normals import corner_angles, inward_normals
 
 FARTHEST = 4.0
-"""Largest shift of a corner, in units of how far its faces are shifted."""
+"""Largest displacement of a corner, in units of the offset of its faces."""
 
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A closed body, with its cavities or without, its faces shifted."""
+    """A closed body, with its cavities or without, its faces offset."""
 
     corners: Ints
     """Its vertices, shape (n,)."""
-    places: Floats
-    """Where they are shifted to, shape (n, 3)."""
+    points: Floats
+    """Their displaced positions, shape (n, 3)."""
     faces: Ints
     """Rows of `corners`, shape (m, 3)."""
 
     @cached_property
     def manifold(self) -> manifold3d.Manifold:
-        """The solid by itself."""
-        return manifold3d.Manifold(manifold3d.Mesh64(self.places, self.faces.astype(np.uint64)))
+        """The solid as an object of Manifold."""
+        return manifold3d.Manifold(manifold3d.Mesh64(self.points, self.faces.astype(np.uint64)))
 
 
 def marked(solids: list[Solid]) -> tuple[manifold3d.Manifold, Ints]:
-    """Put solids side by side without uniting them, even if they overlap.
+    """Combine solids into one Manifold object without uniting them, even if they overlap.
 
     Returns:
-        All of them, and the mark that Manifold keeps on the faces of each, shape (k,).
+        The object, and the identifier that Manifold keeps on the faces of each solid, shape (k,).
     """
     first = manifold3d.Manifold.reserve_ids(len(solids))
     marks = np.arange(first, first + len(solids))
-    starts = np.cumsum([0, *(len(solid.places) for solid in solids)]).tolist()
+    starts = np.cumsum([0, *(len(solid.points) for solid in solids)]).tolist()
     faces = [solid.faces + start for solid, start in zip(solids, starts, strict=False)]
     mesh = manifold3d.Mesh64(
-        np.concatenate([solid.places for solid in solids]),
+        np.concatenate([solid.points for solid in solids]),
         np.concatenate(faces).astype(np.uint64),
         run_index=np.cumsum([0, *(own.size for own in faces)]).astype(np.uint64),
         run_original_id=marks.astype(np.uint32),
@@ -50,30 +50,30 @@ def marked(solids: list[Solid]) -> tuple[manifold3d.Manifold, Ints]:
 
 
 def solids_of(points: Floats, faces: Ints, solid: Ints, distance: float) -> list[Solid]:
-    """Shift the faces of many bodies at once.
+    """Offset the faces of many bodies at once.
 
     Args:
         points: Positions (V, 3).
         faces: Faces (F, 3).
         solid: Solid that each face belongs to, counted from 0, none without a face, shape (F,).
-        distance: How far outward faces are shifted; negative if inward.
+        distance: Outward offset of the faces; negative if inward.
     """
     order = np.argsort(solid, kind="stable")
     faces, solid = faces[order], solid[order]
     keys, inverse = np.unique(solid[:, None] * len(points) + faces, return_inverse=True)
     of_corner, corners = np.divmod(keys, len(points))
     local = inverse.reshape(-1, 3).astype(np.int64)
-    places = points[corners] + distance * _unit_shifts(points[corners], local)
+    displaced = points[corners] + distance * _unit_shifts(points[corners], local)
     starts = np.searchsorted(of_corner, np.arange(int(solid[-1]) + 2)).tolist()
     ends = np.cumsum(np.bincount(solid))[:-1]
     return [
-        Solid(corners[start:end], places[start:end], own - start)
+        Solid(corners[start:end], displaced[start:end], own - start)
         for start, end, own in zip(starts, starts[1:], np.split(local, ends), strict=False)
     ]
 
 
 def _unit_shifts(points: Floats, faces: Ints) -> Floats:
-    """Shifts (V, 3) of the vertices that move all faces outward by 1, as nearly as can be."""
+    """Least-squares displacements (V, 3) of the vertices that move all faces outward by 1."""
     outward = -inward_normals(points, faces)
     weights = corner_angles(points, faces)
     pull = np.zeros_like(points)

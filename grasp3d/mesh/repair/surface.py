@@ -1,4 +1,4 @@
-"""Repair as a whole: which steps are taken at which level."""
+"""Repair of a surface: the sequence of steps at each level."""
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.mesh.repair.records import RepairedSurface
@@ -7,7 +7,7 @@ from grasp3d.settings import Repair
 
 
 def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> RepairedSurface:
-    """Mend a surface as far as a level allows.
+    """Repair a surface as far as a level allows.
 
     Args:
         vertices: Positions (V, 3), finite.
@@ -16,17 +16,17 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
         where: Name of the mesh in errors.
 
     Raises:
-        MeshError: No face is left.
+        MeshError: No face remains.
     """
     work = Work(vertices, faces, where, apart=level != "none")
     if level == "none":
         work.leave_out_flat()
         safe = repair_surface(vertices, faces, "safe", where)
-        told = {str(step) for step in work.steps}
+        done = {str(step) for step in work.steps}
         work.warnings = [
-            f"not repaired, as asked; repair 'safe' would do this: {step}"
+            f"not repaired, as requested; repair 'safe' would do this: {step}"
             for step in safe.steps
-            if str(step) not in told
+            if str(step) not in done
         ]
         return work.result()
     work.weld()
@@ -37,7 +37,7 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
     if level == "full":
         work.fill(only_small=False)
     work.leave_out_copies()
-    work.turn()
+    work.turn_outward()
     if level == "full":
         work.fill_cavities()
     work.unite()

@@ -1,4 +1,4 @@
-"""Uniting bodies that overlap or touch, so that no place inside the object seems to be outside."""
+"""Union of bodies that overlap or touch, so that no face lies inside the object."""
 
 from dataclasses import dataclass, replace
 
@@ -16,60 +16,60 @@ from grasp3d.mesh.repair.solids import Solid, solids_of
 from grasp3d.mesh.repair.welding import WELDS, clusters
 
 NEAR = 4.0
-"""Distance within which places are one after faces were shifted, in units of the shift."""
+"""Distance within which vertices are merged after faces were offset, in units of the offset."""
 
 SNAPS = (16.0, 64.0, 256.0, 1024.0)
-"""The same for places on the lines where bodies meet, which a shift moves farther where they meet
-at a small angle; the first counts that leaves no face without an area."""
+"""The same for vertices on the lines where bodies meet, which an offset moves farther where they
+meet at a small angle; the first that leaves no face without an area is used."""
 
 REAL = 1e-6
-"""Share of the area that must vanish in a union; bodies that touch in a line are left alone."""
+"""Fraction of the area that must vanish in a union; bodies that touch in a line are not united."""
 
 
 @dataclass(frozen=True, eq=False)
 class United:
-    """A surface on which no body reaches into another."""
+    """A surface whose bodies do not overlap."""
 
     points: Floats
-    """Positions (V', 3): those given, then those on the lines where bodies meet."""
+    """Positions (V', 3): the given ones, then those on the lines where bodies meet."""
     faces: Ints
     """Shape (F', 3)."""
     canonical: Ints
-    """For every vertex the one that stands for it, shape (V',)."""
+    """Canonical vertex of each vertex, shape (V',)."""
     bodies: int
-    """Bodies that overlapped or touched others."""
+    """Number of bodies that overlapped or touched others."""
     refused: int
-    """Bodies with overlapping boxes of which no sound union came out."""
+    """Number of bodies with overlapping boxes whose union was not sound."""
     rounding: float
-    """How far a position may lie off the faces that were given."""
+    """Largest distance of a position from the given faces."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Joint:
-    """The union of some solids, over vertices of its own."""
+class _Union:
+    """The union of some solids, with its own numbering of vertices."""
 
     given: Ints
-    """Vertices of the solids, shape (k,), the first of its own."""
+    """Vertices of the solids, shape (k,), its first ones."""
     added: Floats
-    """Positions of the others, shape (m, 3)."""
-    standing: Ints
-    """For every vertex the one that stands for it, shape (k + m,)."""
+    """Positions of the other vertices, shape (m, 3)."""
+    canonical: Ints
+    """Canonical vertex of each vertex, shape (k + m,)."""
     faces: Ints
     """Shape (f, 3)."""
     changed: int
-    """Solids that lost faces."""
+    """Number of solids that lost faces."""
 
 
 def unite(bodies: Bodies) -> United:
     """Unite the closed bodies that overlap, or touch over an area.
 
-    Each body's faces are first shifted outward by less than its positions mean, so that faces which
-    lie against each other surely overlap, and faces that are flush stay so. Given positions are
-    then put back; a vertex that lies on the united surface is made a corner of it even if the union
-    did without.
+    Each body's faces are first offset outward by less than the precision of its positions, so that
+    faces in contact surely overlap, and coplanar faces stay coplanar. The given positions are then
+    restored; a given vertex that lies on the united surface is made a corner of it even if the
+    union removed it.
 
     Args:
-        bodies: Of a surface of size about 1, its faces counter-clockwise from outside.
+        bodies: Bodies of a surface of size about 1, its faces counter-clockwise from outside.
     """
     points, touch = bodies.points, bodies.touch
     owner = bodies.owners()
@@ -78,7 +78,7 @@ def unite(bodies: Bodies) -> United:
         outer[group]
         for group in overlap_groups(bodies.lower[outer] - touch, bodies.upper[outer] + touch)
     ]
-    joints, left, refused = [], np.ones(bodies.count, dtype=bool), 0
+    unions, unchanged, refused = [], np.ones(bodies.count, dtype=bool), 0
     for group, solids in zip(groups, _solids(bodies, owner, groups), strict=True):
         whole = manifold3d.Manifold.batch_boolean(
             [solid.manifold for solid in solids], manifold3d.OpType.Add
@@ -86,10 +86,10 @@ def unite(bodies: Bodies) -> United:
         if not _is_sound(whole, solids):
             refused += len(group)
         elif _has_less_area(whole, solids, touch):
-            joints.append(_joint(points, whole, solids, touch))
-            left[np.isin(owner, group)] = False
-    united = _put_together(points, bodies.faces[left[bodies.body]], joints)
-    return replace(united, refused=refused, rounding=touch if joints else 0.0)
+            unions.append(_union(points, whole, solids, touch))
+            unchanged[np.isin(owner, group)] = False
+    united = _put_together(points, bodies.faces[unchanged[bodies.body]], unions)
+    return replace(united, refused=refused, rounding=touch if unions else 0.0)
 
 
 def _solids(bodies: Bodies, owner: Ints, groups: list[Ints]) -> list[list[Solid]]:
@@ -97,7 +97,7 @@ def _solids(bodies: Bodies, owner: Ints, groups: list[Ints]) -> list[list[Solid]
     if not groups:
         return []
     members = np.concatenate(groups)
-    number = np.full(bodies.count + 1, -1)  # the last one for bodies that no one owns
+    number = np.full(bodies.count + 1, -1)  # owner -1 (none) indexes the last entry
     number[members] = np.arange(len(members))
     of_face = number[owner][bodies.body]
     own = of_face >= 0
@@ -107,7 +107,7 @@ def _solids(bodies: Bodies, owner: Ints, groups: list[Ints]) -> list[list[Solid]
 
 
 def _is_sound(whole: manifold3d.Manifold, solids: list[Solid]) -> bool:
-    """Tell whether a union holds at least its largest part, and at most all of them."""
+    """Return whether a union's volume is between its largest part's and the sum of all parts'."""
     volumes = [solid.manifold.volume() for solid in solids]
     return bool(
         whole.status() == manifold3d.Error.NoError
@@ -117,77 +117,77 @@ def _is_sound(whole: manifold3d.Manifold, solids: list[Solid]) -> bool:
 
 
 def _has_less_area(whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> bool:
-    """Tell whether the parts of a union meet over an area."""
+    """Return whether the parts of a union meet over an area."""
     area = sum(solid.manifold.surface_area() for solid in solids)
     return bool(whole.surface_area() < (1.0 - max(REAL, 100.0 * touch)) * area)
 
 
-def _joint(points: Floats, whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> _Joint:
-    """Put a union on the vertices that were given."""
+def _union(points: Floats, whole: manifold3d.Manifold, solids: list[Solid], touch: float) -> _Union:
+    """Express a union over the given vertices."""
     mesh = whole.to_mesh64()
     given, corners = np.unique(
         np.concatenate([solid.corners for solid in solids]), return_inverse=True
     )
-    places = np.concatenate([solid.places for solid in solids])
+    displaced = np.concatenate([solid.points for solid in solids])
     found = np.asarray(mesh.vert_properties)[:, :3]
-    same = first_at_position(np.concatenate([places, found]))[len(places) :]
-    new = same >= len(places)
+    same = first_at_position(np.concatenate([displaced, found]))[len(displaced) :]
+    new = same >= len(displaced)
     number = len(given) + np.cumsum(new) - 1
     number[~new] = corners[same[~new]]
     own = np.concatenate([points[given], found[new]])
     cut = number[np.asarray(mesh.tri_verts).astype(np.int64)]
-    standing, faces = _snapped(own, cut, len(given), touch)
-    lost = standing == np.arange(len(own))
+    canonical, faces = _snapped(own, cut, len(given), touch)
+    lost = canonical == np.arange(len(own))
     lost[faces] = False
     faces = put_on_surface(own, faces, np.flatnonzero(lost[: len(given)]), NEAR * touch)
     parts = np.searchsorted(given, np.concatenate([solid.corners[solid.faces] for solid in solids]))
     gone = ~np.isin(_keys(parts), _keys(cut))
     solid_of_face = np.repeat(np.arange(len(solids)), [len(solid.faces) for solid in solids])
-    return _Joint(given, found[new], standing, faces, len(np.unique(solid_of_face[gone])))
+    return _Union(given, found[new], canonical, faces, len(np.unique(solid_of_face[gone])))
 
 
-def _put_together(points: Floats, left: Ints, joints: list[_Joint]) -> United:
-    """Put unions in the place of their parts, beside the faces that are left as they were."""
-    count = len(points) + sum(len(joint.added) for joint in joints)
-    canonical, faces, end = np.arange(count), [left], len(points)
-    for joint in joints:
-        own = np.concatenate([joint.given, np.arange(end, end + len(joint.added))])
-        canonical[own] = own[joint.standing]
-        faces.append(own[joint.faces])
-        end += len(joint.added)
+def _put_together(points: Floats, unchanged: Ints, unions: list[_Union]) -> United:
+    """Combine unions with the faces that are not part of any."""
+    count = len(points) + sum(len(union.added) for union in unions)
+    canonical, faces, end = np.arange(count), [unchanged], len(points)
+    for union in unions:
+        own = np.concatenate([union.given, np.arange(end, end + len(union.added))])
+        canonical[own] = own[union.canonical]
+        faces.append(own[union.faces])
+        end += len(union.added)
     return United(
-        points=np.concatenate([points, *(joint.added for joint in joints)]),
+        points=np.concatenate([points, *(union.added for union in unions)]),
         faces=np.concatenate(faces),
         canonical=canonical,
-        bodies=sum(joint.changed for joint in joints),
+        bodies=sum(union.changed for union in unions),
         refused=0,
         rounding=0.0,
     )
 
 
 def _snapped(points: Floats, cut: Ints, given: int, touch: float) -> tuple[Ints, Ints]:
-    """Join the places of a union that are one but for the shift.
+    """Merge the vertices of a union that differ only by the offset of the faces.
 
     Args:
         points: Positions (V, 3) of its vertices and those of its parts.
         cut: Faces of the union (F, 3).
-        given: From here on vertices are new.
-        touch: How far faces were shifted.
+        given: Number of given vertices, which come first.
+        touch: Offset of the faces.
 
     Returns:
-        For every vertex the one that stands for it (V,); the faces, as far as may be with an area.
+        Canonical vertex of each vertex (V,); the faces, with an area as far as possible.
     """
     new = np.arange(len(points)) >= given
     for snap in SNAPS:
         reach = min(snap * touch, WELDS[-1])
-        standing = clusters(points, NEAR * touch, loose=new, reach=reach)
-        faces = without_slivers(points, without_slits(standing[cut]), touch)
+        canonical = clusters(points, NEAR * touch, loose=new, reach=reach)
+        faces = without_slivers(points, without_slits(canonical[cut]), touch)
         if has_area(points, faces, touch).all():
             break
-    return standing, faces
+    return canonical, faces
 
 
 def _keys(faces: Ints) -> npt.NDArray[np.void]:
-    """One value for each face, the same whatever corner it begins at, shape (F,)."""
-    turned = np.ascontiguousarray(from_least_corner(faces))
-    return turned.view(np.dtype((np.void, turned.dtype.itemsize * 3))).ravel()
+    """One value for each face, independent of the corner that it begins at, shape (F,)."""
+    rotated = np.ascontiguousarray(from_least_corner(faces))
+    return rotated.view(np.dtype((np.void, rotated.dtype.itemsize * 3))).ravel()

@@ -1,4 +1,4 @@
-"""Walls inside an object: bodies that share the vertices on which they touch."""
+"""Removal of walls inside an object, between bodies that share vertices."""
 
 import numpy as np
 
@@ -8,20 +8,20 @@ from grasp3d.mesh.repair.bodies import NO_VOLUME
 from grasp3d.mesh.repair.cleaning import PAIR, sheets_of
 
 HALF = 0.5
-"""Between the winding numbers of outside, 0, and inside, 1."""
+"""Threshold between the winding numbers outside, 0, and inside, 1."""
 
 
 def without_inner_walls(points: Floats, faces: Ints, rounding: float) -> Bools:
-    """Leave out faces back to back with matter on both sides.
+    """Mask that leaves out back-to-back faces with material on both sides.
 
     Where two bodies share vertices, all edges between their faces and the common wall have more
-    than two faces. The wall's two sides are sheets with the same border, passed the other way
-    round, and nothing between them.
+    than two faces. The wall's two sides are sheets with the same border in opposite directions, and
+    no volume between them.
 
     Args:
         points: Positions (V, 3) of a surface of size about 1.
         faces: Faces (F, 3), counter-clockwise from outside.
-        rounding: How far a coordinate may be off.
+        rounding: Largest error of a coordinate.
 
     Returns:
         The faces to keep, shape (F,).
@@ -43,7 +43,7 @@ def without_inner_walls(points: Floats, faces: Ints, rounding: float) -> Bools:
 
 
 def _winding_number(corners: Floats) -> float:
-    """How often triangles (F, 3, 3) wind around the origin (van Oosterom & Strackee 1983)."""
+    """Winding number of triangles (F, 3, 3) about the origin (van Oosterom & Strackee 1983)."""
     a, b, c = corners[:, 0], corners[:, 1], corners[:, 2]
     la, lb, lc = (np.linalg.norm(side, axis=1) for side in (a, b, c))
     determinant = np.einsum("ij,ij->i", a, np.cross(b, c))
@@ -53,35 +53,35 @@ def _winding_number(corners: Floats) -> float:
 
 
 def _back_to_back(points: Floats, faces: Ints, rounding: float) -> Bools:
-    """Tell the faces of sheets that are, or close with another to, a body without volume, (F,)."""
+    """Mask of the faces of sheets that, alone or with another, enclose no volume, shape (F,)."""
     sheet = sheets_of(faces)
     volumes = part_volumes(points, faces, sheet)
     areas = np.bincount(sheet, face_areas(points, faces)).astype(np.float64)
     borders = _borders(faces, sheet)
-    flat = np.abs(volumes) <= _nothing(areas, rounding)
+    flat = np.abs(volumes) <= _volume_rounding(areas, rounding)
     flat[list(borders)] = False
-    waiting: dict[tuple[int, ...], list[int]] = {}
+    unmatched: dict[tuple[int, ...], list[int]] = {}
     for number, border in borders.items():
-        others = waiting.setdefault(tuple(-edge for edge in border), [])
+        others = unmatched.setdefault(tuple(-edge for edge in border), [])
         for other in others:
             both = faces[(sheet == number) | (sheet == other)]
             volume = part_volumes(points, both, np.zeros(len(both), dtype=np.int64))[0]
-            if abs(volume) <= _nothing(areas[number] + areas[other], rounding):
+            if abs(volume) <= _volume_rounding(areas[number] + areas[other], rounding):
                 flat[[number, other]] = True
                 others.remove(other)
                 break
         else:
-            waiting.setdefault(border, []).append(number)
+            unmatched.setdefault(border, []).append(number)
     return np.asarray(flat[sheet])
 
 
-def _nothing(areas: Floats, rounding: float) -> Floats:
-    """Largest volumes that are rounding, for closed surfaces of some areas."""
+def _volume_rounding(areas: Floats, rounding: float) -> Floats:
+    """Largest volumes due to rounding, for closed surfaces of some areas."""
     return np.maximum(NO_VOLUME * areas**1.5, 2.0 * rounding * areas)
 
 
 def _borders(faces: Ints, sheet: Ints) -> dict[int, tuple[int, ...]]:
-    """Edges at which each sheet ends, counted from 1; negative ones are passed backward."""
+    """Border edges of each sheet, counted from 1, with the sign of their direction."""
     size = int(faces.max()) + 1
     edges = edges_of(faces + sheet[:, None] * size)
     ends = np.flatnonzero(edges.balance)

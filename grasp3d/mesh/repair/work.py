@@ -1,4 +1,4 @@
-"""The steps of repair, one method each; each records what it changed."""
+"""The steps of repair, one method each, and the record of their changes."""
 
 import numpy as np
 
@@ -22,67 +22,67 @@ from grasp3d.mesh.repair.welding import first_of_body, first_of_linked, weld_nea
 from grasp3d.mesh.repair.winding import disagreeing
 
 MOST_ROUNDING = 1e-6
-"""Largest rounding believed, as a share of the size: whole numbers fit in 32 bits as well."""
+"""Largest rounding assumed, as a fraction of the size: integers are exact in 32 bits as well."""
 
 SMALL_HOLES = 0.01
-"""Small holes are closed when the faces that close them add at most this share to the area."""
+"""Small holes are closed if the faces that close them add at most this fraction to the area."""
 
 FLAT = "left out: no area"
 
 
 class Work:
-    """A surface under repair, in a frame of size about 1 so that volumes keep their digits."""
+    """A surface under repair, in a frame of size about 1 so that volumes stay exact."""
 
     def __init__(self, vertices: Floats, faces: Ints, where: str, *, apart: bool) -> None:
         self.where, self.vertices = where, vertices
         self.steps: list[RepairStep] = []
         self.warnings: list[str] = []
-        self.place = first_at_position(vertices)
-        self.canonical = first_of_body(faces, self.place) if apart else self.place
+        self.first_vertex = first_at_position(vertices)
+        self.canonical = first_of_body(faces, self.first_vertex) if apart else self.first_vertex
         self.faces = self.canonical[faces]
-        joined = int((self.place != np.arange(len(vertices))).sum())
+        joined = int((self.first_vertex != np.arange(len(vertices))).sum())
         self._note("welded", joined, "vertices", "joined to an earlier one at the same position")
-        self._keep("collapsed", is_face(self.faces), "left out: two corners at one place")
+        self._keep("collapsed", is_face(self.faces), "left out: two corners at one position")
         corners = vertices[self.faces].reshape(-1, 3)
         self.center = corners.mean(axis=0)
         self.size = float(np.linalg.norm(np.ptp(corners, axis=0)))
         self.points = (vertices - self.center) / self.size
         self.rounding = min(rounding_of(vertices) / self.size, MOST_ROUNDING)
-        self._known: Bodies | None = None
+        self._cached_bodies: Bodies | None = None
 
     def _bodies(self) -> Bodies:
-        """Return the bodies of the faces as they are now."""
-        if self._known is None or self._known.faces is not self.faces:
+        """Bodies of the current faces."""
+        if self._cached_bodies is None or self._cached_bodies.faces is not self.faces:
             touch = max(TOUCH, 2.0 * self.rounding)
-            self._known = Bodies(self.points, self.faces, touch)
-        return self._known
+            self._cached_bodies = Bodies(self.points, self.faces, touch)
+        return self._cached_bodies
 
-    def _note(self, name: str, count: int, things: str, told: str) -> None:
+    def _note(self, name: str, count: int, things: str, message: str) -> None:
         if count:
-            self.steps.append(RepairStep(name, count, f"{noun(count, things)} {told}"))
+            self.steps.append(RepairStep(name, count, f"{noun(count, things)} {message}"))
 
-    def _keep(self, name: str, kept: Bools, told: str) -> None:
+    def _keep(self, name: str, kept: Bools, message: str) -> None:
         if not kept.any():
-            dropped = f"{counted(len(self.faces), 'faces')} {told}"
+            dropped = f"{counted(len(self.faces), 'faces')} {message}"
             raise MeshError(
                 f"{self.where}: no face is left ({dropped}); is it the surface of an object?"
             )
         if not kept.all():
             self.faces = self.faces[kept]
-            self._note(name, int((~kept).sum()), "faces", told)
+            self._note(name, int((~kept).sum()), "faces", message)
 
-    def _stand(self, canonical: Ints) -> None:
-        """Let other vertices stand for some."""
+    def _merge(self, canonical: Ints) -> None:
+        """Replace vertices by canonical ones."""
         if np.array_equal(canonical, np.arange(len(canonical))):
             return
         self.canonical = canonical[self.canonical]
         self.faces = canonical[self.faces]
 
     def weld(self) -> None:
-        """Join the borders of faces that were meant to meet."""
+        """Join the borders of faces that differ by rounding."""
         joined = weld_nearby(self.points, self.faces, self.rounding)
         count = int((joined != np.arange(len(joined))).sum())
-        self._stand(joined)
+        self._merge(joined)
         self._note("joined", count, "vertices", "joined to an earlier one a rounding error away")
         self._keep("sunk", is_face(self.faces), "left out: without area, and joined away")
 
@@ -94,7 +94,7 @@ class Work:
         self._keep("repeated", once, "left out: came twice")
 
     def leave_out_needles(self) -> None:
-        """Leave out faces without an area that stand off the surface: fewer edges are open then."""
+        """Leave out faces without an area if fewer edges are open without them."""
         solid = has_area(self.points, self.faces, self.rounding)
         if solid.any() and not solid.all():
             before, after = (
@@ -104,41 +104,41 @@ class Work:
                 self._keep("flat", solid, FLAT)
 
     def wind(self) -> None:
-        """Wind neighbours alike."""
-        turn, one_sided = disagreeing(self.faces)
-        self._turn(turn)
-        self._note("rewound", int(turn.sum()), "faces", "turned to agree with neighbours")
+        """Make the winding of neighbours consistent."""
+        flip, one_sided = disagreeing(self.faces)
+        self._flip(flip)
+        self._note("rewound", int(flip.sum()), "faces", "turned to agree with neighbours")
         if one_sided:
             self.warnings.append(
                 f"a surface with one side only, {counted(one_sided, 'faces')}, has no inside"
             )
 
-    def _turn(self, turn: Bools) -> None:
-        if turn.any():
-            self.faces = np.where(turn[:, None], self.faces[:, ::-1], self.faces)
+    def _flip(self, flip: Bools) -> None:
+        if flip.any():
+            self.faces = np.where(flip[:, None], self.faces[:, ::-1], self.faces)
 
     def fill(self, *, only_small: bool) -> None:
         """Close holes: the small ones if that hardly changes the surface, or all."""
         holes = holes_of(self.faces)
-        if only_small:  # a lone face is no hole: its lid would lie on its back
+        if only_small:  # a lone face is not a hole: the face that closes it would be its reverse
             alone = {tuple(face) for face in np.sort(self.faces, axis=1).tolist()}
             holes = [h for h in holes if len(h) <= SMALL and tuple(np.sort(h)) not in alone]
         if not holes:
             return
         added = np.concatenate([close_hole(self.points, hole) for hole in holes])
         area = face_areas(self.points, self.faces).sum()
-        share = face_areas(self.points, added).sum() / max(area, np.finfo(np.float64).tiny)
-        if only_small and share > SMALL_HOLES:
+        fraction = face_areas(self.points, added).sum() / max(area, np.finfo(np.float64).tiny)
+        if only_small and fraction > SMALL_HOLES:
             return
         self.faces = np.concatenate([self.faces, added])
         if only_small:
-            told = "added to close holes of three or four edges"
-            self._note("filled", len(added), "faces", told)
+            message = "added to close holes of three or four edges"
+            self._note("filled", len(added), "faces", message)
             return
         self._note("closed", len(holes), "holes", f"closed, by {counted(len(added), 'faces')}")
         self.warnings.append(
-            f"{counted(len(holes), 'holes')} closed by a guess that adds {share:.2%} to the area: "
-            "labels there are those of faces that the file does not have"
+            f"{counted(len(holes), 'holes')} closed by a guess that adds {fraction:.2%} to the "
+            "area: labels there are those of faces that are not in the file"
         )
 
     def leave_out_copies(self) -> None:
@@ -150,18 +150,18 @@ class Work:
             canonical[new] = old
         if copies:
             self.faces = self.faces[~np.isin(bodies.body, list(copies))]
-        self._stand(canonical)
+        self._merge(canonical)
         self._note("copied", len(copies), "bodies", "left out: came twice")
 
-    def turn(self) -> None:
-        """Turn the bodies that are inside out."""
+    def turn_outward(self) -> None:
+        """Flip the bodies that are inside out."""
         bodies = self._bodies()
-        turn = bodies.inside_out()[bodies.body]
-        self._turn(turn)
-        self._note("inverted", int(turn.sum()), "faces", "turned: they were inside out")
+        flip = bodies.inside_out()[bodies.body]
+        self._flip(flip)
+        self._note("inverted", int(flip.sum()), "faces", "turned: they were inside out")
 
     def fill_cavities(self) -> None:
-        """Leave out the bodies wound inward: no finger gets there."""
+        """Leave out the bodies wound inward: no finger reaches a sealed cavity."""
         bodies = self._bodies()
         cavity = ~bodies.open & (bodies.volumes < 0.0)
         if cavity.any():
@@ -184,7 +184,7 @@ class Work:
         if united.refused:
             self.warnings.append(
                 f"{counted(united.refused, 'bodies')} seem to overlap but could not be united "
-                "soundly: the volume may count some places twice"
+                "soundly: the volume may count some regions twice"
             )
         elif within:
             self.warnings.append(
@@ -198,9 +198,9 @@ class Work:
         self._keep("flat", has_area(self.points, self.faces, self.rounding), FLAT)
 
     def result(self) -> RepairedSurface:
-        """Hand over the mended surface, the bodies joined again where they touch."""
-        places = np.append(self.place, np.arange(len(self.place), len(self.vertices)))
-        canonical = first_of_linked(self.canonical, places)
+        """Return the repaired surface, the bodies joined again where they touch."""
+        added = np.arange(len(self.first_vertex), len(self.vertices))
+        canonical = first_of_linked(self.canonical, np.append(self.first_vertex, added))
         return RepairedSurface(
             vertices=self.vertices,
             faces=canonical[self.faces],

@@ -1,1 +1,1 @@
-"""Candidate grasps through the vertices of a surface."""
+"""Search for the best grasps through the vertices of a surface."""

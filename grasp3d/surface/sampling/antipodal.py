@@ -1,8 +1,9 @@
-"""The best two-finger grasp through every vertex.
+"""The best antipodal grasp through every vertex.
 
-Rays from a vertex find the vertices that a second finger can take; the critical friction angle of
-each pair is exact, so the search can only miss a grasp, never make one up. The best ones found are
-then improved: by ever narrower rings of rays about them, and by the partners of the neighbours.
+Rays from a vertex find the surface points opposite to it. The critical friction angle of each pair
+of contacts is exact, so the search may miss a grasp, but every grasp that it returns is real. The
+best candidates are then refined: by ever narrower rings of rays about their closing directions, and
+by rays to the opposing contacts of neighbouring vertices.
 """
 
 import math
@@ -16,11 +17,11 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_array
 
-from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, Grasps
+from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
 from grasp3d._kernels.antipodal_directions import Frames, seed_rays
-from grasp3d._kernels.antipodal_neighbours import shared_rays
-from grasp3d._kernels.antipodal_refinement import PROPOSALS, exploring_rays, refining_rays
-from grasp3d._kernels.ray_crossings import SMALLEST
+from grasp3d._kernels.antipodal_neighbours import neighbour_rays
+from grasp3d._kernels.antipodal_refinement import RAYS_PER_ROUND, exploring_rays, refining_rays
+from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.ray_tracing import Rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
 from grasp3d.mesh import ObjectMesh
@@ -30,44 +31,45 @@ from grasp3d.settings import Sampling
 from grasp3d.system.progress import Progress, ignore
 
 CHUNK = 100_000
-"""Rays in flight per thread: bounds the memory and stays in the processor's cache."""
+"""Rays that a thread traces at once: bounds the memory and fits into the processor's cache."""
 
 SEED_BATCHES = (0.0, 0.125, 0.375, 1.0)
-"""How the first directions are parted; from batch to batch more of them need no ray."""
+"""Fractions of the initial directions at which batches begin: the more grasps are known, the fewer
+of the following directions need a ray."""
 
 STARTS = 3
-"""Grasps per vertex, apart from each other, around which the search begins."""
+"""Clearly different grasps per vertex that are cached and refined."""
 
 EXPLORING_ROUNDS = 3
-"""Rounds in which all starts are tried before the best one alone goes on."""
+"""Rounds in which all cached grasps are refined, before the best one alone is."""
 
 SWEEPS = 3
-"""How often the neighbours' partners are tried and what they improve is refined again."""
+"""Rounds in which the neighbours' opposing contacts are evaluated and improved grasps refined."""
 
 MAX_ROUNDS = 30
-"""Most rounds of refinement in one sweep; rings shrink to the tolerance long before."""
+"""Most rounds of refinement in one sweep; rings shrink to the tolerance in fewer."""
 
-FALL = 0.1
-"""Share of the tolerance by which a critical angle must fall for its ring to keep its size."""
+MIN_GAIN = 0.1
+"""Decrease of a critical angle, relative to the tolerance, from which its ring keeps its size."""
 
-SLACK = 1e-6
-"""What an opening may exceed its limits by, in object sizes: more than a file's rounding."""
+OPENING_SLACK = 1e-6
+"""Tolerance of the limits of openings, in object sizes: larger than rounding errors of files."""
 
-CLEAR = 1e-3
-"""Length across the normal, in object sizes, from which a reference direction counts."""
+MIN_LENGTH = 1e-3
+"""Length of a reference vector's part orthogonal to the normal, from which it is used."""
 
-EVEN = 1e-9
-"""Third moment, in object sizes cubed, below which the ends of an axis are not told apart."""
+SYMMETRIC = 1e-9
+"""Third moment, in object sizes cubed, below which the object is symmetric along an axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class AntipodalGrasps:
-    """The best two-finger grasp found at each vertex, in the mesh's own frame and unit."""
+    """The best antipodal grasp found at each vertex, in the mesh's frame and unit."""
 
     worst: Floats
     """Critical friction angle over the contacts' worst normals [rad], inf: none found. (V,)"""
     best: Floats
-    """The same over the contacts' best normals, of a grasp of its own. (V,)"""
+    """Smallest one over the contacts' best normals, possibly of another grasp. (V,)"""
     partner: Floats
     """Second contact of the grasp of `worst`, nan where there is none. (V, 3)"""
     partner_normal: Floats
@@ -77,13 +79,13 @@ class AntipodalGrasps:
     grip: np.ndarray[Any, np.dtype[np.int8]]
     """+1 squeeze, -1 expand, 0 none. (V,)"""
     reason: Bytes
-    """0 found, 1 no partner met, 2 every partner outside the opening limits. (V,)"""
+    """0 found, 1 no opposing contact, 2 all of them outside the limits of openings. (V,)"""
     rays: int
-    """Rays traced in all."""
+    """Number of rays traced."""
     rounds: int
     """Rounds of refinement."""
     still_falling: float
-    """Share of the vertices that the last trial of their neighbours' partners still improved."""
+    """Fraction of the vertices that the last evaluation of neighbours' contacts still improved."""
 
 
 def best_pairs(
@@ -94,7 +96,7 @@ def best_pairs(
     threads: int = 1,
     progress: Progress | None = None,
 ) -> AntipodalGrasps:
-    """Search the best two-finger grasp through every vertex of the surface.
+    """Search for the best antipodal grasp through every vertex of the surface.
 
     The result does not depend on the number of threads.
 
@@ -103,46 +105,46 @@ def best_pairs(
         sampling: Rays, grip, opening limits and tolerance.
         cone: Half-angle of the cone of directions about the inward normals [rad].
         threads: Threads to use.
-        progress: Called with the share of the work done, from 0 to 1.
+        progress: Called with the fraction of the work done, from 0 to 1.
     """
-    with ThreadPoolExecutor(threads) as pool:
-        search = _Search(mesh, sampling, cone, threads, pool, progress or ignore)
+    with ThreadPoolExecutor(threads) as executor:
+        search = _Search(mesh, sampling, cone, threads, executor, progress or ignore)
         return search.run()
 
 
 def tangents(mesh: ObjectMesh) -> Floats:
-    """A direction across each vertex's normal that turns with the object, shape (V, 3).
+    """A unit vector orthogonal to each vertex's normal that turns with the object, shape (V, 3).
 
-    Taken from the mesh's own geometry, so that the same object turned, moved, scaled or with its
-    vertices in another order is searched along the same lines: the direction away from the centre;
-    where that is the normal itself, the object's lopsidedness, its main axes, and at last, for
-    objects as regular as a ball, an edge.
+    Computed from the mesh's geometry, so that rotating, moving or scaling the object or reordering
+    its vertices changes no search direction: from the vector from the centre to the vertex; where
+    that is parallel to the normal, from the third moments of the surface, its principal axes, and
+    finally, for objects as regular as a ball, from an edge.
     """
     centres = mesh.normal_sets.centres
     points = mesh.normalized
     weights = mesh.vertex_areas / mesh.vertex_areas.sum()
     squares = np.einsum("ij,ij->i", points, points)
     moments = (points * weights[:, None]).T @ points
-    lopsided = ((weights * squares)[:, None] * points).sum(axis=0)
+    third_moment = ((weights * squares)[:, None] * points).sum(axis=0)
     _, axes = np.linalg.eigh(moments)
     skew = ((points @ axes) ** 3 * weights[:, None]).sum(axis=0)
-    signs = np.where(np.abs(skew) > EVEN, np.sign(skew), 0.0)
+    signs = np.where(np.abs(skew) > SYMMETRIC, np.sign(skew), 0.0)
     edge = np.zeros_like(points)
     for k in (2, 1, 0):
         edge[mesh.faces[:, k]] = points[mesh.faces[:, (k + 1) % 3]] - points[mesh.faces[:, k]]
-    fixed = [lopsided, axes[:, 2] * signs[2], axes[:, 0] * signs[0]]
+    references = [third_moment, axes[:, 2] * signs[2], axes[:, 0] * signs[0]]
     result = np.zeros_like(points)
     missing = np.ones(len(points), dtype=bool)
-    for reference in (points, *fixed, unit_rows(edge)):
+    for reference in (points, *references, unit_rows(edge)):
         across = reference - (reference * centres).sum(axis=1, keepdims=True) * centres
-        clear = missing & (np.linalg.norm(across, axis=1) > CLEAR)
+        clear = missing & (np.linalg.norm(across, axis=1) > MIN_LENGTH)
         result[clear] = across[clear]
         missing &= ~clear
     return unit_rows(result)
 
 
 def neighbours(mesh: ObjectMesh) -> tuple[Ints, Ints]:
-    """(first, index): the vertices around each vertex, as the kernels take them."""
+    """(first, index): the adjacent vertices of each vertex, grouped by vertex, for the kernels."""
     one, two = mesh.faces[:, [0, 1, 2]].ravel(), mesh.faces[:, [1, 2, 0]].ravel()
     links = coo_array(
         (
@@ -156,13 +158,13 @@ def neighbours(mesh: ObjectMesh) -> tuple[Ints, Ints]:
 
 @dataclass(eq=False)
 class _Search:
-    """The state of one search over all vertices of a mesh, in its normalised frame."""
+    """State of one search over all vertices of a mesh, in its normalised frame."""
 
     mesh: ObjectMesh
     sampling: Sampling
     cone: float
     threads: int
-    pool: ThreadPoolExecutor
+    executor: ThreadPoolExecutor
     progress: Progress
     traced: int = field(default=0, init=False)
 
@@ -172,15 +174,15 @@ class _Search:
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
         self.vertices = np.unique(mesh.faces)
         self.limits = (
-            max(self.sampling.min_opening / mesh.size - SLACK, SMALLEST),
-            self.sampling.max_opening / mesh.size + SLACK,
+            max(self.sampling.min_opening / mesh.size - OPENING_SLACK, SMALLEST_OPENING),
+            self.sampling.max_opening / mesh.size + OPENING_SLACK,
         )
         self.sets = mesh.contact_normals
         self.surface = mesh.contact_surface
         self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
-        self.around = neighbours(mesh)
+        self.neighbours = neighbours(mesh)
         self.tracer = SurfaceRays(self.surface, self.sets)
-        self.grasps = Grasps(
+        self.grasps = BestPairs(
             worst=np.full(count, math.inf),
             best=np.full(count, math.inf),
             closing=np.zeros((count, 3)),
@@ -195,59 +197,61 @@ class _Search:
             starts=np.zeros((count, STARTS, 3)),
             start_angles=np.full((count, STARTS), math.inf),
             start_signs=np.zeros((count, STARTS), dtype=np.int8),
-            apart=math.cos(self.spacing),
+            distinct_cosine=math.cos(self.spacing),
         )
 
     def run(self) -> AntipodalGrasps:
-        """Seed, explore several starts, and refine the best until neighbours add nothing."""
+        """Trace initial rays, refine several grasps per vertex, then the best one only."""
         spacing = self.spacing
-        self._seed(share=0.5)
+        self._seed(fraction=0.5)
         for number in range(EXPLORING_ROUNDS):
             self._explore(spacing / 2.0 ** (number + 1), turn=0.5 * (number % 2))
         radii = np.full(len(self.mesh.vertices), 0.5 * spacing)
-        rounds, falling = 0, 0.0
+        rounds, improving = 0, 0.0
         for sweep in range(SWEEPS):
-            fell = self._falls(self._share)
-            falling = float(fell.sum()) / len(self.vertices)
+            improved = self._improved(self._try_neighbours)
+            improving = float(improved.sum()) / len(self.vertices)
             if sweep:
-                radii[fell] = 0.25 * spacing
-            rounds += self._descend(radii)
+                radii[improved] = 0.25 * spacing
+            rounds += self._refine_all(radii)
             self.progress(0.5 + 0.5 * (sweep + 1) / SWEEPS)
-        return self._result(rounds, falling)
+        return self._result(rounds, improving)
 
-    def _descend(self, radii: Floats) -> int:
-        """Shrink the rings about the grasps wherever they find nothing better; returns rounds."""
+    def _refine_all(self, radii: Floats) -> int:
+        """Refine the best grasps, halving the rings without improvement; returns the rounds."""
         for number in range(MAX_ROUNDS):
-            vertices = self._open_places()
+            vertices = self._unfinished()
             vertices = vertices[
                 (radii[vertices] > self.sampling.tolerance)
                 & (self.grasps.reason[vertices] == FOUND)
             ]
             if len(vertices) == 0:
                 return number
-            fell = self._falls(partial(self._refine, vertices, radii, turn=0.5 * (number % 2)))
-            radii[vertices[~fell[vertices]]] *= 0.5
+            improved = self._improved(
+                partial(self._refine, vertices, radii, turn=0.5 * (number % 2))
+            )
+            radii[vertices[~improved[vertices]]] *= 0.5
         return MAX_ROUNDS
 
-    def _falls(self, improve: Callable[[], None]) -> Bools:
-        """Tell the vertices whose critical angles some work lowers by more than rounding."""
+    def _improved(self, improve: Callable[[], None]) -> Bools:
+        """Whether `improve` lowers each vertex's critical angle by more than rounding, (V,)."""
         worst, best = self.grasps.worst.copy(), self.grasps.best.copy()
         improve()
-        enough = FALL * self.sampling.tolerance
-        return (self.grasps.worst < worst - enough) | (self.grasps.best < best - enough)
+        margin = MIN_GAIN * self.sampling.tolerance
+        return (self.grasps.worst < worst - margin) | (self.grasps.best < best - margin)
 
-    def _seed(self, share: float) -> None:
-        """Try the first directions, those near the normal first: they may settle the matter."""
+    def _seed(self, fraction: float) -> None:
+        """Trace the initial directions; those near the normal first, as they may exclude others."""
         count = self.sampling.rays
         signs = {"squeeze": (1,), "expand": (-1,), "both": (1, -1)}[self.sampling.grip]
-        edges = [round(count * part) for part in SEED_BATCHES]
-        tasks = [(batch, sign) for batch in pairwise(edges) for sign in signs]
+        batch_ends = [round(count * fraction_end) for fraction_end in SEED_BATCHES]
+        tasks = [(batch, sign) for batch in pairwise(batch_ends) for sign in signs]
         for number, (batch, sign) in enumerate(tasks):
             self._trace(
                 self.vertices,
                 partial(self._seed_rays, batch, sign),
                 batch[1] - batch[0],
-                (share * number / len(tasks), share / len(tasks)),
+                (fraction * number / len(tasks), fraction / len(tasks)),
             )
 
     def _seed_rays(self, batch: tuple[int, int], sign: int, vertices: Ints) -> Rays:
@@ -263,41 +267,43 @@ class _Search:
         )
         return rays
 
-    def _share(self) -> None:
-        """Try the partners that the neighbours had found when the round began."""
-        before = self.grasps._replace(
+    def _try_neighbours(self) -> None:
+        """Evaluate the opposing contacts that the neighbours had at the beginning of the round."""
+        previous = self.grasps._replace(
             signs=self.grasps.signs.copy(),
             partner=self.grasps.partner.copy(),
             reason=self.grasps.reason.copy(),
         )
         self._trace(
-            self._open_places(),
-            lambda vertices: shared_rays(
-                vertices, self.cone, self.surface.points, self.around, self.sets, before
+            self._unfinished(),
+            lambda vertices: neighbour_rays(
+                vertices, self.cone, self.surface.points, self.neighbours, self.sets, previous
             ),
-            PROPOSALS,
+            RAYS_PER_ROUND,
         )
 
     def _explore(self, radius: float, turn: float) -> None:
+        """Trace rings about the cached closing directions except the best ones."""
         self._trace(
-            self._open_places(),
+            self._unfinished(),
             lambda chunk: exploring_rays(
                 chunk, radius, turn, self.cone, self.frames, self.sets, self.grasps
             ),
-            PROPOSALS,
+            RAYS_PER_ROUND,
         )
 
     def _refine(self, vertices: Ints, radii: Floats, turn: float) -> None:
+        """Trace rings about the best closing directions of some vertices."""
         self._trace(
             vertices,
             lambda chunk: refining_rays(
                 chunk, radii, turn, self.cone, self.frames, self.sets, self.grasps
             ),
-            PROPOSALS,
+            RAYS_PER_ROUND,
         )
 
-    def _open_places(self) -> Ints:
-        """Places whose grasp is not yet as good as a grasp can be, to the tolerance."""
+    def _unfinished(self) -> Ints:
+        """Vertices whose critical angle is not within the tolerance of 0, its minimum."""
         smooth = self.mesh.normal_sets.counts[self.vertices] == 1
         bound = np.where(smooth, self.grasps.worst[self.vertices], math.inf)
         return self.vertices[bound > self.sampling.tolerance]
@@ -305,23 +311,24 @@ class _Search:
     def _trace(
         self,
         vertices: Ints,
-        lay: Callable[[Ints], Rays],
-        rays_per_place: int,
+        make_rays: Callable[[Ints], Rays],
+        rays_per_vertex: int,
         progress: tuple[float, float] | None = None,
     ) -> None:
-        """Lay out and settle the rays of all vertices, chunk by chunk in the threads."""
-        evenly = -(-len(vertices) // (4 * self.threads))  # so that no thread waits for another
-        size = max(1, min(CHUNK // rays_per_place, evenly))
+        """Make and trace the rays of all vertices, in chunks distributed over the threads."""
+        # Several chunks per thread balance the load.
+        evenly = -(-len(vertices) // (4 * self.threads))
+        size = max(1, min(CHUNK // rays_per_vertex, evenly))
         chunks = [vertices[i : i + size] for i in range(0, len(vertices), size)]
 
-        def settle(chunk: Ints) -> int:
-            return self.tracer.settle_all(lay(chunk), self.limits, self.grasps)
+        def evaluate(chunk: Ints) -> int:
+            return self.tracer.evaluate_all(make_rays(chunk), self.limits, self.grasps)
 
-        for done, traced in enumerate(self.pool.map(settle, chunks), start=1):
+        for done, traced in enumerate(self.executor.map(evaluate, chunks), start=1):
             self.traced += traced
             if progress is not None:
-                start, share = progress
-                self.progress(start + share * done / len(chunks))
+                start, fraction = progress
+                self.progress(start + fraction * done / len(chunks))
 
     def _result(self, rounds: int, still_falling: float) -> AntipodalGrasps:
         canonical = self.mesh.canonical

@@ -1,8 +1,8 @@
-"""Where fingers can stand on a mesh, laid out for the search."""
+"""Candidate points of the fingers on a mesh, as arrays for the kernels."""
 
 import numpy as np
 
-from grasp3d._kernels.multifinger_contacts import NOWHERE, Ground, Pool
+from grasp3d._kernels.multifinger_contacts import NO_CONTACT, CandidatePoints, ContactDomain
 from grasp3d.arrays import Ints
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import paired_edges
@@ -13,61 +13,68 @@ from grasp3d.surface.sampling.blue_noise import spread_points, spread_vertices
 from grasp3d.surface.sampling.crease_normals import crease_samples
 
 
-def ground_of(mesh: ObjectMesh, scale: float, *, on_vertices: bool) -> Ground:
-    """The surface in the normalised frame times `scale`, as the kernels take it."""
+def contact_domain(mesh: ObjectMesh, scale: float, *, on_vertices: bool) -> ContactDomain:
+    """The arrays of a surface in the normalised frame, scaled by `scale`, for the kernels."""
     surface = mesh.contact_surface
-    first, normals = crease_samples(mesh)
-    around, beside = neighbours(mesh)
+    normal_start, normals = crease_samples(mesh)
+    neighbour_start, neighbour_index = neighbours(mesh)
     one, two = paired_edges(mesh.faces)
-    across = np.full(3 * len(mesh.faces), -1, dtype=np.int64)
-    across[one], across[two] = two // 3, one // 3
-    return Ground(
+    adjacent = np.full(3 * len(mesh.faces), -1, dtype=np.int64)
+    adjacent[one], adjacent[two] = two // 3, one // 3
+    return ContactDomain(
         surface=surface._replace(points=np.ascontiguousarray(scale * surface.points)),
         sets=mesh.contact_normals,
-        across=across.reshape(-1, 3),
-        first=first,
+        adjacent_faces=adjacent.reshape(-1, 3),
+        normal_start=normal_start,
         normals=normals,
-        around=around,
-        beside=beside,
+        neighbour_start=neighbour_start,
+        neighbours=neighbour_index,
         on_vertices=on_vertices,
-        most=len(normals),
+        max_normals=len(normals),
     )
 
 
-def vertex_pool(mesh: ObjectMesh, count: int, seed: int, scale: float) -> tuple[Pool, Ints]:
-    """Spread vertices; see `surface_pool`."""
+def candidate_vertices(
+    mesh: ObjectMesh, count: int, seed: int, scale: float
+) -> tuple[CandidatePoints, Ints]:
+    """Sample vertices as candidate points; see `candidate_surface_points`."""
     chosen = spread_vertices(mesh, count, seed=seed)
-    own = np.full(len(mesh.vertices), NOWHERE, dtype=np.int64)
-    return _pool(mesh, chosen, vertex_surface_points(mesh, chosen), len(chosen), scale), own
+    own = np.full(len(mesh.vertices), NO_CONTACT, dtype=np.int64)
+    return _candidate_points(
+        mesh, chosen, vertex_surface_points(mesh, chosen), len(chosen), scale
+    ), own
 
 
-def surface_pool(
+def candidate_surface_points(
     mesh: ObjectMesh, count: int, seed: int, scale: float, *, extra: tuple[SurfacePoints, Ints]
-) -> tuple[Pool, Ints]:
-    """Spread points over the surface.
+) -> tuple[CandidatePoints, Ints]:
+    """Sample candidate points evenly over the surface.
 
     Args:
         mesh: The surface.
-        count: How many points are for all vertices.
-        seed: Of their spread.
-        scale: Of the normalised frame.
-        extra: Places (m,) that are for one vertex each, and these vertices (m,).
+        count: Number of points for all vertices.
+        seed: Seed of the sample.
+        scale: Scale of the normalised frame.
+        extra: Points that belong to one vertex each (m,), and these vertices (m,).
 
     Returns:
-        The pool, and the place of it that is each vertex's own, shape (V,); NOWHERE: none.
+        The points, and the index of each vertex's own one, shape (V,); NO_CONTACT: none.
     """
-    spread, (more, held) = spread_points(mesh, count, seed=seed), extra
-    own = np.full(len(mesh.vertices), NOWHERE, dtype=np.int64)
-    own[held] = len(spread.faces) + np.arange(len(held))
+    common, (single, owners) = spread_points(mesh, count, seed=seed), extra
+    own = np.full(len(mesh.vertices), NO_CONTACT, dtype=np.int64)
+    own[owners] = len(common.faces) + np.arange(len(owners))
     points = SurfacePoints(
-        np.concatenate([spread.faces, more.faces]), np.concatenate([spread.weights, more.weights])
+        np.concatenate([common.faces, single.faces]),
+        np.concatenate([common.weights, single.weights]),
     )
-    return _pool(mesh, points.faces, points, len(spread.faces), scale), own
+    return _candidate_points(mesh, points.faces, points, len(common.faces), scale), own
 
 
-def _pool(
-    mesh: ObjectMesh, numbers: Ints, points: SurfacePoints, spread: int, scale: float
-) -> Pool:
+def _candidate_points(
+    mesh: ObjectMesh, elements: Ints, points: SurfacePoints, common_count: int, scale: float
+) -> CandidatePoints:
     contacts = SurfaceContacts(mesh, SurfacePoints(points.faces[:, None], points.weights[:, None]))
     positions = (contacts.points[:, 0] - mesh.center) * (scale / mesh.size)
-    return Pool(spread, positions, numbers, points.weights, contacts.normals[:, 0])
+    return CandidatePoints(
+        common_count, positions, elements, points.weights, contacts.normals[:, 0]
+    )

@@ -1,10 +1,10 @@
 """The best grasp of three fingers and more through every vertex.
 
-Finger 1 stands at the vertex. The others are tried at all pairs of points of a well-spread sample,
-and at the vertex's best partner of two fingers; the best grasps found are refined by moving their
-fingers about, and shared with the neighbours. Each further finger is added to the best grasp with
-one less. A candidate is settled by one closure test at the best angle so far, so the search can
-only miss a grasp, never make one up.
+Contact 1 is the vertex. The others are placed at pairs of points of a blue-noise sample, and at the
+vertex's best opposing contact of two fingers. The best candidates are refined by random steps of
+their contacts and evaluated at neighbouring vertices. Each further finger is added to the best
+grasp of one finger less. Every candidate is evaluated by a closure test at the best critical angle
+so far, so the search may miss a grasp, but every grasp that it returns is real.
 """
 
 import math
@@ -14,8 +14,13 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER
-from grasp3d._kernels.multifinger import Hands, make_bench, make_hands, work_on_hands
-from grasp3d._kernels.multifinger_contacts import Pool, Rules
+from grasp3d._kernels.multifinger import search_multifinger
+from grasp3d._kernels.multifinger_contacts import CandidatePoints, SearchLimits
+from grasp3d._kernels.multifinger_grasps import (
+    BestGrasps,
+    make_best_grasps,
+    make_search_workspace,
+)
 from grasp3d.arrays import Bytes, Ints
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
@@ -23,62 +28,67 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.antipodal import best_pairs
-from grasp3d.surface.sampling.candidate_points import ground_of, surface_pool, vertex_pool
+from grasp3d.surface.sampling.candidate_points import (
+    candidate_surface_points,
+    candidate_vertices,
+    contact_domain,
+)
 from grasp3d.system.progress import Progress, ignore, within
 
 CHUNK = 256
-"""Vertices searched at once by a thread."""
+"""Vertices that a thread processes in one call."""
 
 SEPARATION = 0.01
-"""Smallest distance between contacts where none is asked for, in object sizes."""
+"""Default smallest distance between contacts, in object sizes."""
 
-LOOSE = 0.1
-"""The same at most, as a share of the largest distance."""
+MAX_SEPARATION = 0.1
+"""Largest default of that distance, relative to the largest distance between contacts."""
 
-APART = 1e-3
-"""The same where 0 is asked for: nearer ones are one place; in sizes of the object or the hand."""
+MIN_SEPARATION = 1e-3
+"""Smallest distance between contacts in any case, below which they count as coincident; relative to
+the object's size, or to the largest distance between contacts where that is smaller."""
 
-FEW = 4
-"""Times as many vertices as candidates up to which all are tried, where fingers stand on them."""
+ALL_VERTICES_FACTOR = 4
+"""Number of vertices per candidate point up to which all are used, where contacts are vertices."""
 
-DENSE, MOST_DENSE = 16, 4096
-"""Times as many places as candidates are spread, up to so many: single fingers are tried there."""
+SURPLUS, MAX_SURPLUS = 16, 4096
+"""Points sampled per candidate point, and their most: single fingers are exchanged to these."""
 
-MOST_SPREAD = 32_768
-"""Places spread at most, so that a small hand reaches some from everywhere."""
+MAX_POINTS = 32_768
+"""Most points sampled where contacts must be close together, so that every vertex reaches some."""
 
-ROUNDS = 80
+STEPS = 80
 """Steps of the refinement from each start."""
 
-SHARED_ROUNDS = 40
-"""Steps after a neighbour's grasp was taken over."""
+NEIGHBOUR_STEPS = 40
+"""Steps of the refinement of a neighbour's grasp."""
 
 SWEEPS = 3
-"""How often the neighbours' grasps are tried."""
+"""Rounds in which the grasps of neighbouring vertices are evaluated."""
 
-FALL = 0.1
-"""Share of the tolerance by which a critical angle must fall to count."""
+MIN_GAIN = 0.1
+"""Smallest decrease of a critical angle that counts, relative to the tolerance."""
 
-SHORTEST = 0.05
-"""Steps end the search when they turn a normal on a ball of the object's size by less than this
-share of the tolerance."""
+SHORTEST_STEP = 0.05
+"""Step length at which a refinement ends, relative to the tolerance: on a ball of the object's size
+it turns the normal by this fraction of the tolerance."""
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class MultifingerGrasps:
     """The best grasps found at each vertex."""
 
     partner_points: SurfacePoints
     """The other fingers of the best grasp over the worst normals, and of that over the best, shape
     (V, 2, n - 1); face -1: none."""
     reason: Bytes
-    """0 found, 1 nothing closes that keeps the distances. (V,)"""
-    settled: int
-    """Candidate grasps settled."""
+    """0 found, 1 no force-closed grasp within the limits of distances was found. (V,)"""
+    evaluated: int
+    """Number of candidate grasps evaluated."""
     rounds: int
-    """How often the neighbours' grasps were tried."""
+    """Rounds in which the grasps of neighbouring vertices were evaluated."""
     still_falling: float
-    """Share of the vertices that the last trial of the neighbours' grasps still improved."""
+    """Fraction of the vertices that the last of these rounds still improved."""
 
 
 def search(
@@ -89,168 +99,179 @@ def search(
     *,
     threads: int = 1,
     progress: Progress | None = None,
-) -> Found:
-    """Search the best grasp of three fingers and more through every vertex.
+) -> MultifingerGrasps:
+    """Search for the best grasp of three fingers and more through every vertex.
 
     The result does not depend on the number of threads.
 
     Args:
         mesh: The surface.
         fingers: Fingers of a grasp, 3 or more.
-        sampling: Candidates, distances, places, seed and tolerance.
+        sampling: Candidate points, limits of distances, seed and tolerance.
         cone: Largest critical friction angle that counts, at most 90 degrees [rad].
         threads: Threads to use.
-        progress: Called with the share of the work done, from 0 to 1.
+        progress: Called with the fraction of the work done, from 0 to 1.
 
     Raises:
-        SettingError: The mesh has fewer places than fingers.
+        SettingError: The mesh has fewer vertices than fingers, or is smaller than the separation.
     """
-    with ThreadPoolExecutor(threads) as pool:
-        return _Search(mesh, fingers, sampling, cone, threads, pool, progress or ignore).run()
+    with ThreadPoolExecutor(threads) as executor:
+        return _Search(mesh, fingers, sampling, cone, threads, executor, progress or ignore).run()
 
 
 @dataclass(eq=False)
 class _Search:
-    """The state of one search, in the normalised frame scaled to what a hand reaches."""
+    """State of one search, in the normalised frame, scaled to a largest distance of about 1."""
 
     mesh: ObjectMesh
     fingers: int
     sampling: Sampling
     cone: float
     threads: int
-    pool: ThreadPoolExecutor
+    executor: ThreadPoolExecutor
     progress: Progress
-    settled: int = field(default=0, init=False)
+    evaluated: int = field(default=0, init=False)
 
     def __post_init__(self) -> None:
         mesh, sampling = self.mesh, self.sampling
-        given = sampling.min_separation
-        if given is None:
-            given = min(SEPARATION * mesh.size, LOOSE * sampling.max_spread)
-        if given > mesh.size:
+        separation = sampling.min_separation
+        if separation is None:
+            separation = min(SEPARATION * mesh.size, MAX_SEPARATION * sampling.max_spread)
+        if separation > mesh.size:
             raise SettingError(
-                f"min_separation is {given:g}, but no two places of the object, of size "
-                f"{mesh.size:.4g}, are so far apart"
+                f"min_separation is {separation:g}, but no two points of the object, of size "
+                f"{mesh.size:.4g}, are that far apart"
             )
-        self.least = given
+        self.min_separation = separation
         self.on_vertices = sampling.candidate_points == "vertices"
         self.vertices = np.unique(mesh.faces)
         if self.on_vertices and len(self.vertices) < self.fingers:
             raise SettingError(
                 f"{self.fingers} fingers need as many vertices; the mesh has {len(self.vertices)}"
             )
-        few = self.on_vertices and len(self.vertices) <= FEW * sampling.candidates
-        self.candidates = len(self.vertices) if few else sampling.candidates
+        all_vertices = (
+            self.on_vertices and len(self.vertices) <= ALL_VERTICES_FACTOR * sampling.candidates
+        )
+        self.points_per_vertex = len(self.vertices) if all_vertices else sampling.candidates
         self.scale = 1.0 / min(1.0, sampling.max_spread / mesh.size)
-        self.ground = ground_of(mesh, self.scale, on_vertices=self.on_vertices)
-        self.sites, self.own = self._sites()
-        edges = self.ground.surface.points[mesh.faces]
-        self.edge = float(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).mean())
-        self.step = math.sqrt(float(self.mesh.vertex_areas.sum()) / self.sampling.candidates)
-        self.step *= 0.5 * self.scale / mesh.size
+        self.domain = contact_domain(mesh, self.scale, on_vertices=self.on_vertices)
+        self.candidate_points, self.own = self._candidate_points()
+        edges = self.domain.surface.points[mesh.faces]
+        self.edge_length = float(np.linalg.norm(edges - np.roll(edges, 1, axis=1), axis=2).mean())
+        self.step_length = math.sqrt(float(self.mesh.vertex_areas.sum()) / self.sampling.candidates)
+        self.step_length *= 0.5 * self.scale / mesh.size
 
-    def run(self) -> Found:
-        """Seed three fingers, refine, share, and add the others."""
-        creased = self.vertices[np.diff(self.ground.first)[self.vertices] > 1]
-        helped = self.vertices if self.on_vertices and len(creased) else creased
-        kinds = [(self.vertices, False), (helped, True)]
-        work = sum(len(vertices) for vertices, _ in kinds)
-        done, found, falling = 0.0, [], 0.0
-        for vertices, helping in kinds:
-            share = len(vertices) / work
-            hands, fell = self._search(vertices, helping=helping, begun=done, share=share)
-            found.append(hands)
-            falling = falling if helping else fell
-            done += share
+    def run(self) -> MultifingerGrasps:
+        """Search for the best grasps over the worst normals, then over the best normals."""
+        # They coincide where all contacts have one normal.
+        creased = self.vertices[np.diff(self.domain.normal_start)[self.vertices] > 1]
+        with_several = self.vertices if self.on_vertices and len(creased) else creased
+        tasks = [(self.vertices, False), (with_several, True)]
+        work = sum(len(vertices) for vertices, _ in tasks)
+        done, found, improving = 0.0, [], 0.0
+        for vertices, best_normals in tasks:
+            fraction = len(vertices) / work
+            grasps, improved = self._search(
+                vertices, best_normals=best_normals, start=done, fraction=fraction
+            )
+            found.append(grasps)
+            improving = improving if best_normals else improved
+            done += fraction
         worst, best = found
         missing = np.isinf(best.angles)
         for of_best, of_worst in zip(best[1:], worst[1:], strict=True):
             of_best[missing] = of_worst[missing]
-        return self._result(worst, best, falling)
+        return self._result(worst, best, improving)
 
     def _search(
-        self, vertices: Ints, *, helping: bool, begun: float, share: float
-    ) -> tuple[Hands, float]:
-        """(grasps, share that still fell) over the worst or the best normals of some vertices."""
-        rules = self._rules(helping=helping)
-        stages, falling = (self.fingers - 2) * (1 + SWEEPS), 0.0
-        hands = make_hands(len(self.mesh.vertices), 1)
+        self, vertices: Ints, *, best_normals: bool, start: float, fraction: float
+    ) -> tuple[BestGrasps, float]:
+        """(grasps, fraction still improved) over the worst or the best normals of some vertices."""
+        limits = self._limits(best_normals=best_normals)
+        stages, improving = (self.fingers - 2) * (1 + SWEEPS), 0.0
+        grasps = make_best_grasps(len(self.mesh.vertices), 1)
         for n in range(3, self.fingers + 1):
-            before, hands = hands, make_hands(len(self.mesh.vertices), n - 1)
+            previous, grasps = grasps, make_best_grasps(len(self.mesh.vertices), n - 1)
             for stage in range(1 + SWEEPS):
                 if stage:
-                    before = Hands(hands.angles.copy(), hands.numbers.copy(), hands.weights.copy())
-                told = within(self.progress, begun, begun + share / stages)
-                self._run(stage, vertices, n, rules, before, hands, told)
-                begun += share / stages
-            fell = hands.angles[vertices] < before.angles[vertices] - rules.margin
-            falling = float(fell.mean()) if len(vertices) else 0.0
-        return hands, falling
+                    previous = BestGrasps(
+                        grasps.angles.copy(), grasps.elements.copy(), grasps.weights.copy()
+                    )
+                report = within(self.progress, start, start + fraction / stages)
+                self._run(stage, vertices, n, limits, previous, grasps, report)
+                start += fraction / stages
+            improved = grasps.angles[vertices] < previous.angles[vertices] - limits.margin
+            improving = float(improved.mean()) if len(vertices) else 0.0
+        return grasps, improving
 
     def _run(
         self,
         stage: int,
         vertices: Ints,
         n: int,
-        rules: Rules,
-        before: Hands,
-        hands: Hands,
+        limits: SearchLimits,
+        previous: BestGrasps,
+        grasps: BestGrasps,
         progress: Progress,
     ) -> None:
-        """Do one stage of the search for vertices, chunk by chunk in the threads."""
+        """Run one stage of the search for vertices, in chunks distributed over the threads."""
         size = max(1, min(CHUNK, -(-len(vertices) // (4 * self.threads))))
         chunks = [vertices[i : i + size] for i in range(0, len(vertices), size)]
-        step, rounds = self.step / 2.0**stage, SHARED_ROUNDS if stage else ROUNDS
-        ground = self.ground if n == 3 else self.ground._replace(most=1)
+        step_length, rounds = self.step_length / 2.0**stage, NEIGHBOUR_STEPS if stage else STEPS
+        # From four fingers on combinations of normals need hulls: contacts stay off creases.
+        domain = self.domain if n == 3 else self.domain._replace(max_normals=1)
+        max_normals = max(1, int(np.diff(self.domain.normal_start).max()))
 
-        most = max(1, int(np.diff(self.ground.first).max()))
-
-        def settle(chunk: Ints) -> int:
-            bench = make_bench(self.fingers, most, self.sites.spread)
-            work_on_hands(
-                stage, chunk, self.own, n, ground, self.sites, rules, int(self.sampling.seed), step,
-                rounds, before, hands, bench,
+        def search_chunk(chunk: Ints) -> int:
+            workspace = make_search_workspace(
+                self.fingers, max_normals, self.candidate_points.common_count
+            )
+            search_multifinger(
+                stage, chunk, self.own, n, domain, self.candidate_points, limits,
+                int(self.sampling.seed), step_length, rounds, previous, grasps, workspace,
             )  # fmt: skip
-            return int(bench.settled[0])
+            return int(workspace.evaluated[0])
 
-        for done, settled in enumerate(self.pool.map(settle, chunks), start=1):
-            self.settled += settled
+        for done, evaluated in enumerate(self.executor.map(search_chunk, chunks), start=1):
+            self.evaluated += evaluated
             progress(done / len(chunks))
 
-    def _rules(self, *, helping: bool) -> Rules:
+    def _limits(self, *, best_normals: bool) -> SearchLimits:
         sampling, unit = self.sampling, self.scale / self.mesh.size
-        return Rules(
-            low=max(self.least * unit, APART),
-            high=sampling.max_spread * unit if math.isfinite(sampling.max_spread) else math.inf,
-            limit=self.cone,
-            tolerance=FALL * sampling.tolerance,
-            margin=FALL * sampling.tolerance,
-            enough=sampling.tolerance,
-            candidates=self.candidates,
-            edge=self.edge,
-            shortest=SHORTEST * sampling.tolerance * self.scale,
-            helping=helping,
+        return SearchLimits(
+            min_distance=max(self.min_separation * unit, MIN_SEPARATION),
+            max_distance=sampling.max_spread * unit
+            if math.isfinite(sampling.max_spread)
+            else math.inf,
+            max_angle=self.cone,
+            tolerance=MIN_GAIN * sampling.tolerance,
+            margin=MIN_GAIN * sampling.tolerance,
+            target=sampling.tolerance,
+            points_per_vertex=self.points_per_vertex,
+            edge_length=self.edge_length,
+            shortest_step=SHORTEST_STEP * sampling.tolerance * self.scale,
+            best_normals=best_normals,
         )
 
-    def _sites(self) -> tuple[Pool, Ints]:
-        """Places for the other fingers, and which of them each vertex tries first."""
-        count = max(self.candidates, min(DENSE * self.candidates, MOST_DENSE))
-        count = max(count, min(math.ceil(self.candidates * self.scale**2), MOST_SPREAD))
+    def _candidate_points(self) -> tuple[CandidatePoints, Ints]:
+        """Candidate points, and the index of each vertex's own one."""
+        count = max(self.points_per_vertex, min(SURPLUS * self.points_per_vertex, MAX_SURPLUS))
+        count = max(count, min(math.ceil(self.points_per_vertex * self.scale**2), MAX_POINTS))
         if self.on_vertices:
-            return vertex_pool(self.mesh, count, self.sampling.seed, self.scale)
-        return surface_pool(
-            self.mesh, count, self.sampling.seed, self.scale, extra=self._partners()
+            return candidate_vertices(self.mesh, count, self.sampling.seed, self.scale)
+        return candidate_surface_points(
+            self.mesh, count, self.sampling.seed, self.scale, extra=self._opposing_contacts()
         )
 
-    def _partners(self) -> tuple[SurfacePoints, Ints]:
-        """(places, vertices): smooth second contacts of the best grasps of two fingers."""
+    def _opposing_contacts(self) -> tuple[SurfacePoints, Ints]:
+        """(points, vertices): smooth second contacts of the best antipodal grasps."""
         sampling, mesh = self.sampling, self.mesh
         pairs = best_pairs(
             mesh,
             replace(
                 sampling,
                 grip="both",
-                min_opening=self.least,
+                min_opening=self.min_separation,
                 max_opening=sampling.max_spread,
             ),
             self.cone,
@@ -260,31 +281,33 @@ class _Search:
             pairs.partner_points.faces[self.vertices, 0],
             pairs.partner_points.weights[self.vertices, 0],
         )
-        held = np.flatnonzero(faces >= 0)
-        points = SurfacePoints(faces[held], weights[held])
-        single = SurfaceContacts(mesh, SurfacePoints(faces[held, None], weights[held, None]))
+        found = np.flatnonzero(faces >= 0)
+        points = SurfacePoints(faces[found], weights[found])
+        single = SurfaceContacts(mesh, SurfacePoints(faces[found, None], weights[found, None]))
         smooth = ~single.on_crease[:, 0]
         return (
             SurfacePoints(points.faces[smooth], points.weights[smooth]),
-            self.vertices[held[smooth]],
+            self.vertices[found[smooth]],
         )
 
-    def _result(self, worst: Hands, best: Hands, still_falling: float) -> Found:
-        numbers = np.stack([worst.numbers, best.numbers], axis=1)
+    def _result(
+        self, worst: BestGrasps, best: BestGrasps, still_falling: float
+    ) -> MultifingerGrasps:
+        elements = np.stack([worst.elements, best.elements], axis=1)
         weights = np.stack([worst.weights, best.weights], axis=1)
         if self.on_vertices:
-            there = numbers >= 0
-            points = vertex_surface_points(self.mesh, np.maximum(numbers, 0))
-            faces = np.where(there, points.faces, -1)
-            weights = np.where(there[..., None], points.weights, 0.0)
+            has_contact = elements >= 0
+            points = vertex_surface_points(self.mesh, np.maximum(elements, 0))
+            faces = np.where(has_contact, points.faces, -1)
+            weights = np.where(has_contact[..., None], points.weights, 0.0)
         else:
-            faces = numbers
+            faces = elements
         canonical = self.mesh.canonical
         nothing = np.isinf(worst.angles) & np.isinf(best.angles)
-        return Found(
+        return MultifingerGrasps(
             partner_points=SurfacePoints(faces[canonical], weights[canonical]),
             reason=np.where(nothing, NO_PARTNER, FOUND).astype(np.uint8)[canonical],
-            settled=self.settled,
+            evaluated=self.evaluated,
             rounds=SWEEPS * (self.fingers - 2),
             still_falling=still_falling,
         )

@@ -1,1 +1,1 @@
-"""What a session shows, drawn by PyVista, whoever opens the window."""
+"""A session drawn by PyVista, in a window or off screen."""

@@ -1,4 +1,4 @@
-"""Clicks on the scene: a button pressed and released in one place, and no drag."""
+"""Detection of clicks on the scene, as opposed to drags."""
 
 import math
 from collections.abc import Callable
@@ -6,26 +6,27 @@ from typing import Any
 
 import pyvista
 
-STILL = 4.0
-"""How far the mouse may move while its button is down [pixels]."""
+MAX_MOVE = 4.0
+"""Largest movement of the mouse between press and release of a click [pixels]."""
 
 
-class Clicks:
-    """Tells of clicks with the left button; where the mouse was dragged nothing is told.
+class ClickDetector:
+    """Calls a function for clicks with the left button, but not for drags.
 
-    The style of the interaction takes hold of the mouse at the press, so that no one else hears of
-    the release; hence the end of its own interaction is what is waited for. It is looked up once:
-    another style needs another one of these.
+    After a press, VTK's interactor style grabs the mouse and other observers do not receive the
+    release; therefore the end of the style's interaction is observed. The style is looked up once:
+    another style needs another detector.
     """
 
     def __init__(
         self, plotter: pyvista.Plotter, on_click: Callable[[float, float, bool], None]
     ) -> None:
-        """Begin to listen.
+        """Register the observers.
 
         Args:
-            plotter: Its window's mouse, or that which a page sends on.
-            on_click: Takes the place [pixels from the lower left], and whether shift was held.
+            plotter: Plotter whose interactor receives the mouse events.
+            on_click: Called with the position [pixels from the lower left], and whether shift was
+                held.
         """
         window: Any = plotter.iren
         self._mouse = window.interactor
@@ -42,7 +43,7 @@ class Clicks:
         self._shift = bool(self._mouse.GetShiftKey())
 
     def _move(self, *_: object) -> None:
-        if self._pressed and math.dist(self._pressed, self._mouse.GetEventPosition()) > STILL:
+        if self._pressed and math.dist(self._pressed, self._mouse.GetEventPosition()) > MAX_MOVE:
             self._pressed = None
 
     def _release(self, *_: object) -> None:

@@ -1,45 +1,45 @@
-"""Where words and colours stand in a picture, in pixels; what room they leave for the object."""
+"""Positions of texts and rectangles in a picture, in pixels, and the heights that they need."""
 
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from grasp3d.viewer.scene.lettering import middle_cut, shortened, width_of
+from grasp3d.viewer.scene.text_layout import middle_cut, shortened, text_width
 from grasp3d.viewer.session.painting import RAMP
 
 INK, QUIET, EDGE = "#20262D", "#5B6470", "#C3C9CF"
-LEAST, MOST = 10, 20
-"""Sizes of letters [pixels at 72 per inch]."""
+MIN_SIZE, MAX_SIZE = 10, 20
+"""Limits of the text size [pixels at 72 per inch]."""
 
 ACROSS, DOWN = 64, 48
-"""Letters that fit across a picture and above one another before they shrink."""
+"""Width and height of a picture, in text sizes, below which the text becomes smaller."""
 
 LINE = 1.55
-"""Height of a line, in letters."""
+"""Height of a line, relative to the text size."""
 
 BANDS = 64
-"""Colours of a ramp that are drawn apart."""
+"""Rectangles that draw a ramp."""
 
 WIDEST = "100.0 %"
 GAP = "   "
 
 
 @dataclass(frozen=True)
-class Words:
-    """A line of words."""
+class TextLine:
+    """A line of text."""
 
     text: str
     x: float
     """Left end, from the left of the pane [pixels]."""
     y: float
-    """Foot of the line, from below."""
+    """Bottom of the line, from the bottom of the pane [pixels]."""
     size: int
     color: str = INK
     bold: bool = False
 
 
 @dataclass(frozen=True)
-class Patch:
+class Rectangle:
     """A rectangle of one colour."""
 
     x: float
@@ -49,44 +49,45 @@ class Patch:
     color: str
 
 
-Item = Words | Patch
+OverlayItem = TextLine | Rectangle
 
 
 @dataclass(frozen=True)
-class Entry:
-    """What a colour means."""
+class LegendEntry:
+    """Meaning of a colour."""
 
     color: str
     letter: str
-    words: str
+    meaning: str
     number: str
-    """Its share, or nothing."""
+    """Its area fraction, or empty."""
 
     def text(self, *, full: bool) -> str:
-        """All of it, or letter and number alone."""
-        parts = (self.letter, self.words, self.number) if full else (self.letter, self.number)
+        """The whole entry, or only its letter and number."""
+        parts = (self.letter, self.meaning, self.number) if full else (self.letter, self.number)
         return " ".join(part for part in parts if part)
 
-    def room(self, size: int, *, full: bool) -> float:
-        """Width that it takes, whatever its number is [pixels]."""
+    def width(self, size: int, *, full: bool) -> float:
+        """Width of the entry, for the widest number [pixels]."""
         number = WIDEST if self.number else ""
-        widest = Entry(self.color, self.letter, self.words, number).text(full=full)
-        return 1.5 * size + width_of(widest, size)
+        widest = LegendEntry(self.color, self.letter, self.meaning, number).text(full=full)
+        return 1.5 * size + text_width(widest, size)
 
 
 @dataclass(frozen=True)
-class Paper:
-    """A pane to write on."""
+class TextArea:
+    """Size of a pane and of its text."""
 
     width: float
     """[pixels]"""
     height: float
+    """[pixels]"""
     size: int
-    """Of the letters [pixels]."""
+    """Text size [pixels]."""
 
     @property
     def margin(self) -> float:
-        """Kept free at the sides [pixels]."""
+        """Margin at the sides [pixels]."""
         return 0.9 * self.size
 
     @property
@@ -95,185 +96,195 @@ class Paper:
         return LINE * self.size
 
 
-def letter_size(width: float, height: float, unit: float) -> int:
-    """Size of letters in a picture of so many pixels, where a point is `unit` of them [pixels]."""
+def text_size(width: float, height: float, unit: float) -> int:
+    """Text size in a picture of a width and height, with `unit` pixels per point [pixels]."""
     fits = min(width / unit / ACROSS, height / unit / DOWN)
-    return round(unit * min(MOST, max(LEAST, fits)))
+    return round(unit * min(MAX_SIZE, max(MIN_SIZE, fits)))
 
 
-def heading(paper: Paper, title: str, caption: Sequence[str]) -> list[Item]:
-    """Title and caption at the top, either may be empty; the caption's last parts fall away."""
-    items: list[Item] = []
-    room, big = paper.width - 2.0 * paper.margin, round(1.25 * paper.size)
-    top = paper.height - 0.5 * paper.margin
+def heading(area: TextArea, title: str, caption: Sequence[str]) -> list[OverlayItem]:
+    """Title and caption at the top; either may be empty, the caption is shortened to fit."""
+    items: list[OverlayItem] = []
+    width, large = area.width - 2.0 * area.margin, round(1.25 * area.size)
+    top = area.height - 0.5 * area.margin
     if title:
-        top -= 1.25 * paper.line
-        text = middle_cut(title, big, room, bold=True)
-        items.append(Words(text, paper.margin, top, big, bold=True))
+        top -= 1.25 * area.line
+        text = middle_cut(title, width, large, bold=True)
+        items.append(TextLine(text, area.margin, top, large, bold=True))
     if caption:
-        items.append(caption_at(paper, caption, top - paper.line))
+        items.append(caption_at(area, caption, top - area.line))
     return items
 
 
-def caption_at(paper: Paper, parts: Sequence[str], y: float) -> Words:
-    """As many parts of a caption as there is room for."""
-    room = paper.width - 2.0 * paper.margin
+def caption_at(area: TextArea, parts: Sequence[str], y: float) -> TextLine:
+    """A caption of as many parts as fit."""
+    width = area.width - 2.0 * area.margin
     count = len(parts)
-    while count > 1 and width_of(GAP.join(parts[:count]), paper.size) > room:
+    while count > 1 and text_width(GAP.join(parts[:count]), area.size) > width:
         count -= 1
-    text = shortened(GAP.join(parts[:count]), paper.size, room)
-    return Words(text, paper.margin, y, paper.size, QUIET)
+    text = shortened(GAP.join(parts[:count]), width, area.size)
+    return TextLine(text, area.margin, y, area.size, QUIET)
 
 
-def heading_height(paper: Paper, *, title: bool, caption: bool) -> float:
-    """What the heading takes at the top [pixels]."""
+def heading_height(area: TextArea, *, title: bool, caption: bool) -> float:
+    """Height of the heading [pixels]."""
     lines = 1.25 * title + 1.0 * caption
-    return paper.line * lines + (0.5 * paper.margin if lines else 0.0)
+    return area.line * lines + (0.5 * area.margin if lines else 0.0)
 
 
-def round_length(most: float) -> float:
-    """Largest of 1, 2, 5, 10, ... times a power of ten that is not above a length."""
-    power = 10.0 ** math.floor(math.log10(most))
-    return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= most * (1.0 + 1e-9))
+def round_length(limit: float) -> float:
+    """Largest of 1, 2 and 5 times powers of ten that does not exceed a length."""
+    power = 10.0 ** math.floor(math.log10(limit))
+    return next(step * power for step in (5.0, 2.0, 1.0) if step * power <= limit * (1.0 + 1e-9))
 
 
-def scale_bar(paper: Paper, per_pixel: float, unit: str | None) -> list[Item]:
+def scale_bar(area: TextArea, per_pixel: float, unit: str | None) -> list[OverlayItem]:
     """A bar of a round length at the lower right, with its length above it.
 
     Args:
-        paper: Where.
+        area: Size of the pane.
         per_pixel: Length of a pixel, in the mesh's unit.
-        unit: Its name; None: not known.
+        unit: Name of the unit; None: unknown.
     """
-    length = round_length(bar_room(paper) * per_pixel)
-    wide, thick = length / per_pixel, max(2.0, round(0.15 * paper.size))
+    length = round_length(max_bar_width(area) * per_pixel)
+    width, thickness = length / per_pixel, max(2.0, round(0.15 * area.size))
     text = f"{length:g} {unit}" if unit else f"{length:g}"
-    right, foot = paper.width - paper.margin, 0.8 * paper.margin
-    left = right - wide
-    tall = 3.0 * thick
+    right, bottom = area.width - area.margin, 0.8 * area.margin
+    left = right - width
+    height = 3.0 * thickness
     return [
-        Patch(left, foot, wide, thick, INK),
-        Patch(left, foot, thick / 2.0, tall, INK),
-        Patch(right - thick / 2.0, foot, thick / 2.0, tall, INK),
-        Words(
-            text, right - max(wide / 2.0 + width_of(text, paper.size) / 2.0,
-                              width_of(text, paper.size)),
-            foot + 0.6 * paper.size, paper.size,
+        Rectangle(left, bottom, width, thickness, INK),
+        Rectangle(left, bottom, thickness / 2.0, height, INK),
+        Rectangle(right - thickness / 2.0, bottom, thickness / 2.0, height, INK),
+        TextLine(
+            text, right - max(width / 2.0 + text_width(text, area.size) / 2.0,
+                              text_width(text, area.size)),
+            bottom + 0.6 * area.size, area.size,
         ),
     ]  # fmt: skip
 
 
-def bar_room(paper: Paper) -> float:
-    """Longest that a scale bar may be [pixels]."""
-    return min(7.0 * paper.size, 0.5 * paper.width)
+def max_bar_width(area: TextArea) -> float:
+    """Largest width of a scale bar [pixels]."""
+    return min(7.0 * area.size, 0.5 * area.width)
 
 
 @dataclass(frozen=True)
-class Legend:
-    """How the entries of a legend are laid out: once for all shares that they may have."""
+class LegendLayout:
+    """Layout of a legend, which does not change with the numbers in it."""
 
     full: bool
+    """Whether meanings are written out."""
     lines: tuple[int, ...]
-    """How many entries stand in each line, from the top."""
-    foot: float
-    """Where the last line stands [pixels]."""
+    """Number of entries in each line, from the top."""
+    bottom: float
+    """Position of the last line [pixels]."""
 
 
-def legend_of(paper: Paper, entries: Sequence[Entry]) -> Legend:
+def layout_legend(area: TextArea, entries: Sequence[LegendEntry]) -> LegendLayout:
     """Lay out entries beside the scale bar in at most two lines, or above it."""
-    beside = paper.width - 2.5 * paper.margin - bar_room(paper)
-    whole = paper.width - 2.0 * paper.margin
+    beside = area.width - 2.5 * area.margin - max_bar_width(area)
+    whole = area.width - 2.0 * area.margin
     for full in (True, False):
-        lines = _flowed(paper, entries, beside, full=full)
+        lines = _flowed(area, entries, beside, full=full)
         if len(lines) <= 2:
-            return Legend(full, lines, 0.6 * paper.margin)
-    lines = _flowed(paper, entries, whole, full=False)
-    return Legend(full=False, lines=lines, foot=0.8 * paper.margin + 2.0 * paper.size)
+            return LegendLayout(full, lines, 0.6 * area.margin)
+    lines = _flowed(area, entries, whole, full=False)
+    return LegendLayout(full=False, lines=lines, bottom=0.8 * area.margin + 2.0 * area.size)
 
 
-def legend_height(paper: Paper, legend: Legend) -> float:
-    """What a legend takes at the foot, or the scale bar if that is more [pixels]."""
-    lines = max(2, len(legend.lines))
-    return legend.foot + lines * paper.line
+def legend_height(area: TextArea, layout: LegendLayout) -> float:
+    """Height of a legend or of the scale bar, whichever is higher [pixels]."""
+    lines = max(2, len(layout.lines))
+    return layout.bottom + lines * area.line
 
 
-def bar_height(paper: Paper) -> float:
-    """What a scale bar alone takes at the foot [pixels]."""
-    return 0.8 * paper.margin + 1.9 * paper.size
+def bar_height(area: TextArea) -> float:
+    """Height of a scale bar [pixels]."""
+    return 0.8 * area.margin + 1.9 * area.size
 
 
-def legend(paper: Paper, laid: Legend, entries: Sequence[Entry]) -> list[Item]:
-    """Squares of colour with their meanings."""
-    items: list[Item] = []
-    left = iter(entries)
-    for row, count in enumerate(laid.lines):
-        y = laid.foot + (len(laid.lines) - 1 - row) * paper.line
-        x = paper.margin
+def legend_items(
+    area: TextArea, layout: LegendLayout, entries: Sequence[LegendEntry]
+) -> list[OverlayItem]:
+    """Coloured squares with their meanings."""
+    items: list[OverlayItem] = []
+    remaining = iter(entries)
+    for row, count in enumerate(layout.lines):
+        y = layout.bottom + (len(layout.lines) - 1 - row) * area.line
+        x = area.margin
         for _ in range(count):
-            entry = next(left, None)
+            entry = next(remaining, None)
             if entry is None:
                 break
-            items += _square(paper, entry.color, x, y)
-            text = entry.text(full=laid.full)
-            items.append(Words(text, x + 1.3 * paper.size, y, paper.size))
-            x += entry.room(paper.size, full=laid.full) + 0.9 * paper.size
+            items += _square(area, entry.color, x, y)
+            text = entry.text(full=layout.full)
+            items.append(TextLine(text, x + 1.3 * area.size, y, area.size))
+            x += entry.width(area.size, full=layout.full) + 0.9 * area.size
     return items
 
 
-def ramp_bar(
-    paper: Paper, laid: Legend, words: str, ends: tuple[str, str], grey: Entry | None
-) -> list[Item]:
-    """A ramp of colours with its words above, and grey beside it where that occurs."""
+def ramp_items(
+    area: TextArea,
+    layout: LegendLayout,
+    text: str,
+    ends: tuple[str, str],
+    grey: LegendEntry | None,
+) -> list[OverlayItem]:
+    """A colour ramp with its name above, and the meaning of grey beside it if grey occurs."""
     begin, end = ends
-    size, room = paper.size, paper.width - 2.0 * paper.margin
-    if laid.foot < paper.line:
-        room -= bar_room(paper) + paper.margin
-    start, y = paper.margin, laid.foot
-    first, last = width_of(begin, size), width_of(end, size)
-    wide = min(12.0 * size, room - first - last - size)
+    size, space = area.size, area.width - 2.0 * area.margin
+    if layout.bottom < area.line:
+        space -= max_bar_width(area) + area.margin
+    start, y = area.margin, layout.bottom
+    first, last = text_width(begin, size), text_width(end, size)
+    width = min(12.0 * size, space - first - last - size)
     left = start + first + 0.5 * size
-    items: list[Item] = [
-        Words(shortened(_brief(words, size, room), size, room), start, y + paper.line, size),
-        Words(begin, start, y, size, QUIET),
-        *_bands(left, y + 0.15 * size, wide, 0.8 * size),
-        Words(end, left + wide + 0.5 * size, y, size, QUIET),
+    name = shortened(_brief(text, size, space), space, size)
+    items: list[OverlayItem] = [
+        TextLine(name, start, y + area.line, size),
+        TextLine(begin, start, y, size, QUIET),
+        *_bands(left, y + 0.15 * size, width, 0.8 * size),
+        TextLine(end, left + width + 0.5 * size, y, size, QUIET),
     ]
-    x = left + wide + last + 1.8 * size
-    if grey is not None and x + grey.room(size, full=True) <= start + room:
-        items += _square(paper, grey.color, x, y)
-        items.append(Words(grey.text(full=True), x + 1.3 * size, y, size))
+    x = left + width + last + 1.8 * size
+    if grey is not None and x + grey.width(size, full=True) <= start + space:
+        items += _square(area, grey.color, x, y)
+        items.append(TextLine(grey.text(full=True), x + 1.3 * size, y, size))
     return items
 
 
-def _brief(words: str, size: int, room: float) -> str:
-    """Words, or what stands before their colon where there is no room for more."""
-    return words if width_of(words, size) <= room else words.split(":", maxsplit=1)[0]
+def _brief(text: str, size: int, space: float) -> str:
+    """A text, or its part before the colon if there is no space for all of it."""
+    return text if text_width(text, size) <= space else text.split(":", maxsplit=1)[0]
 
 
-def _bands(x: float, y: float, width: float, height: float) -> list[Item]:
+def _bands(x: float, y: float, width: float, height: float) -> list[OverlayItem]:
     step = width / BANDS
-    picked = RAMP[[(2 * band + 1) * len(RAMP) // (2 * BANDS) for band in range(BANDS)]]
+    colors = RAMP[[(2 * band + 1) * len(RAMP) // (2 * BANDS) for band in range(BANDS)]]
     return [
-        Patch(x + band * step, y, step, height, "#{:02X}{:02X}{:02X}".format(*color))
-        for band, color in enumerate(picked)
+        Rectangle(x + band * step, y, step, height, "#{:02X}{:02X}{:02X}".format(*color))
+        for band, color in enumerate(colors)
     ]
 
 
-def _square(paper: Paper, color: str, x: float, y: float) -> list[Item]:
-    side = 0.9 * paper.size
-    return [Patch(x, y + 0.12 * paper.size, side, side, color)]
+def _square(area: TextArea, color: str, x: float, y: float) -> list[OverlayItem]:
+    side = 0.9 * area.size
+    return [Rectangle(x, y + 0.12 * area.size, side, side, color)]
 
 
-def _flowed(paper: Paper, entries: Sequence[Entry], room: float, *, full: bool) -> tuple[int, ...]:
-    """How many entries fit into each line, one after the other."""
+def _flowed(
+    area: TextArea, entries: Sequence[LegendEntry], space: float, *, full: bool
+) -> tuple[int, ...]:
+    """Number of entries that fit into each line, one after the other."""
     lines, x = [0], 0.0
     for entry in entries:
-        wide = entry.room(paper.size, full=full)
-        if lines[-1] and x + wide > room:
+        width = entry.width(area.size, full=full)
+        if lines[-1] and x + width > space:
             lines.append(0)
             x = 0.0
         lines[-1] += 1
-        x += wide + 0.9 * paper.size
-        if wide > room:
+        x += width + 0.9 * area.size
+        if width > space:
             return (*lines, 0, 0)  # does not fit
     return tuple(lines)

@@ -1,4 +1,4 @@
-"""Marks of a grasp on a surface: contacts, the fingers' line, friction cones, fixed fingers."""
+"""Markers of a grasp: contacts, lines between them, friction cones, fixed fingers."""
 
 from dataclasses import dataclass
 from itertools import combinations
@@ -10,46 +10,46 @@ from vtkmodules.vtkRenderingCore import vtkMapper
 from grasp3d.arrays import Floats, unit_rows
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.settings import GraspModel
-from grasp3d.viewer.scene.framing import dots
+from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.solids import (
-    Solid,
-    balls,
+    TriangleMesh,
     closed,
+    cone_rims,
+    cone_surfaces,
+    cylinders,
     lines,
     merged,
-    rims,
-    rods,
-    spikes,
-    tips,
+    solid_cones,
+    spheres,
 )
-from grasp3d.viewer.session.inspecting import Inspected
+from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.subjects.subject import Subject
 
-BALL, ROD, RIM = 0.013, 0.0035, 0.0035
-"""Radii of balls and rods and the width of the rim about them, as shares of the object's size."""
+CONTACT_RADIUS, ROD_RADIUS, RIM = 0.013, 0.0035, 0.0035
+"""Radii of contact markers and rods, and width of their dark rim, relative to the object's size."""
 
-SLANT = 0.15
-"""Length of a cone's lines, likewise."""
+CONE_LENGTH = 0.15
+"""Length of a cone's sides, relative to the object's size."""
 
 ARROW, HEAD, HEAD_RADIUS, SHAFT = 0.19, 0.035, 0.0095, 0.0022
-"""Arrows: length, length and radius of the head, radius of the shaft, likewise."""
+"""Arrows: length, length and radius of the head, radius of the shaft, all likewise relative."""
 
-THROUGH = 0.4
-"""How strongly what is hidden shines through."""
+HIDDEN_OPACITY = 0.4
+"""Opacity of markers behind the surface."""
 
-NEARER = -60000.0
-"""Units of depth by which a mark goes before the surface that hides it."""
+DEPTH_OFFSET = -60000.0
+"""Depth offset that puts hidden markers in front of the surface [units of depth]."""
 
 WHITE, BLACK, GREY = "#FFFFFF", "#1A1A1A", "#4A5562"
 BLUE = "#0072B2"
-"""Of the cone that is sure: no label has it."""
+"""Colour of the safe cone, which no label has."""
 SAME = 1e-9
-"""Distance below which two contacts are one, as a share of the object's size."""
+"""Distance below which two contacts count as one, relative to the object's size."""
 
 
 @dataclass(frozen=True, eq=False)
-class Places:
-    """Contacts of a grasp."""
+class MarkedContacts:
+    """Contacts with their normals."""
 
     points: Floats
     """Shape (n, 3)."""
@@ -57,107 +57,109 @@ class Places:
     """Inward unit normals, (n, 3)."""
 
 
-NOWHERE = Places(np.empty((0, 3)), np.empty((0, 3)))
+NO_CONTACTS = MarkedContacts(np.empty((0, 3)), np.empty((0, 3)))
 
 
 class Marks:
-    """Marks in one renderer, made anew only when what they mark is another."""
+    """Markers in one renderer, updated only when their content changes."""
 
     def __init__(self, renderer: pyvista.Renderer) -> None:
-        # What is drawn later lies before what is drawn earlier, but for the surface that hides it.
+        # Actors cover those made before them, and are covered by the surface in front of them.
         renderer.UseOITOff()
-        self._halo = _Part(renderer, WHITE, width=4.0)
-        self._grey_lines = _Part(renderer, GREY, width=2.0)
-        self._blue_lines = _Part(renderer, BLUE, width=2.5)
-        self._thin_lines = _Part(renderer, BLACK, width=1.2)
-        self._hidden_rims = _Part(renderer, BLACK, rim=True, opacity=THROUGH, nearer=NEARER)
-        self._hidden = _Part(renderer, WHITE, opacity=THROUGH, nearer=NEARER)
-        self._hidden_fixed = _Part(renderer, BLACK, opacity=THROUGH, nearer=NEARER)
-        self._cones = _Part(renderer, GREY, opacity=0.22)
-        self._sure_cones = _Part(renderer, BLUE, opacity=0.5)
-        self._rims = _Part(renderer, BLACK, rim=True)
-        self._cores = _Part(renderer, WHITE)
-        self._fixed_rims = _Part(renderer, WHITE, rim=True)
-        self._fixed = _Part(renderer, BLACK)
-        self._shown: tuple[object, ...] = (None,) * 3
+        self._halo = _Marker(renderer, WHITE, width=4.0)
+        self._grey_lines = _Marker(renderer, GREY, width=2.0)
+        self._blue_lines = _Marker(renderer, BLUE, width=2.5)
+        self._thin_lines = _Marker(renderer, BLACK, width=1.2)
+        self._hidden_rims = _Marker(renderer, BLACK, rim=True, hidden=True)
+        self._hidden = _Marker(renderer, WHITE, hidden=True)
+        self._hidden_fixed = _Marker(renderer, BLACK, hidden=True)
+        self._cones = _Marker(renderer, GREY, opacity=0.22)
+        self._safe_cones = _Marker(renderer, BLUE, opacity=0.5)
+        self._rims = _Marker(renderer, BLACK, rim=True)
+        self._contacts = _Marker(renderer, WHITE)
+        self._fixed_rims = _Marker(renderer, WHITE, rim=True)
+        self._fixed = _Marker(renderer, BLACK)
+        self._content: tuple[object, ...] = (None,) * 3
 
-    def show(self, subject: Subject, inspected: Inspected | None, fixed: Floats) -> None:
+    def show(self, subject: Subject, inspection: Inspection | None, fixed: Floats) -> None:
         """Mark a grasp and fixed fingers.
 
         Args:
             subject: The surface.
-            inspected: The vertex that is told of, with its grasp; None: none is.
-            fixed: Where fingers are fixed, shape (n, 3).
+            inspection: The inspected vertex with its grasp; None: there is none.
+            fixed: Contact points of fixed fingers, shape (n, 3).
         """
-        size, still = subject.size, (id(subject.vertices), fixed.tobytes())
-        grasp, model = NOWHERE, None
-        if inspected is not None:
-            grasp, model = Places(inspected.points, inspected.normals), inspected.model
-        told = (grasp.points.tobytes(), grasp.normals.tobytes())
-        opened = model and (model.friction_angle, model.tilt)
-        before, self._shown = self._shown, (still, told, opened)
-        if still != before[0]:
-            self._show_fixed(_standing(subject, fixed), size)
-        if (still, told) != before[:2]:
+        size, fixed_key = subject.size, (id(subject.vertices), fixed.tobytes())
+        grasp, model = NO_CONTACTS, None
+        if inspection is not None:
+            grasp = MarkedContacts(inspection.points, inspection.normals)
+            model = inspection.model
+        grasp_key = (grasp.points.tobytes(), grasp.normals.tobytes())
+        cones_key = model and (model.friction_angle, model.tilt)
+        before, self._content = self._content, (fixed_key, grasp_key, cones_key)
+        if fixed_key != before[0]:
+            self._show_fixed(_fixed_contacts(subject, fixed), size)
+        if (fixed_key, grasp_key) != before[:2]:
             self._show_grasp(grasp, fixed, size)
-        if (still, told, opened) != before:
-            self._show_cones(grasp if len(grasp.points) > 1 else NOWHERE, model, size)
+        if (fixed_key, grasp_key, cones_key) != before:
+            self._show_cones(grasp if len(grasp.points) > 1 else NO_CONTACTS, model, size)
 
     def hide(self) -> None:
-        """Mark nothing."""
-        self._shown = (None,) * 3
-        for part in vars(self).values():
-            if isinstance(part, _Part):
-                part.show([])
+        """Show no markers."""
+        self._content = (None,) * 3
+        for marker in vars(self).values():
+            if isinstance(marker, _Marker):
+                marker.show([])
 
-    def _show_grasp(self, grasp: Places, fixed: Floats, size: float) -> None:
+    def _show_grasp(self, grasp: MarkedContacts, fixed: Floats, size: float) -> None:
         gaps = np.linalg.norm(grasp.points[:, None] - fixed[None], axis=2)
-        free = Places(
+        free = MarkedContacts(
             *(one[(gaps > SAME * size).all(axis=1)] for one in (grasp.points, grasp.normals))
         )
         several = len(grasp.points) > 1
 
-        def made(grown: float) -> Solid:
-            parts = [balls(free.points, (BALL + grown) * size)]
+        def contacts(extra: float) -> TriangleMesh:
+            parts = [spheres(free.points, (CONTACT_RADIUS + extra) * size)]
             if several:
-                parts.append(rods(*_joined(grasp.points), (ROD + grown) * size))
+                parts.append(cylinders(*_connections(grasp.points), (ROD_RADIUS + extra) * size))
             return merged(*parts)
 
-        arrows = [_arrows(free, size, grown) for grown in (0.0, RIM * size)] if several else []
-        plain, grown = made(0.0), made(RIM)
+        arrows = [_arrows(free, size, extra) for extra in (0.0, RIM * size)] if several else []
+        plain, enlarged = contacts(0.0), contacts(RIM)
         self._hidden.show(plain)
-        self._hidden_rims.show(grown)
-        self._cores.show(merged(plain, *arrows[:1]))
-        self._rims.show(merged(grown, *arrows[1:]))
+        self._hidden_rims.show(enlarged)
+        self._contacts.show(merged(plain, *arrows[:1]))
+        self._rims.show(merged(enlarged, *arrows[1:]))
 
-    def _show_fixed(self, fixed: Places, size: float) -> None:
-        plain = merged(balls(fixed.points, 1.15 * BALL * size), _arrows(fixed, size, 0.0))
+    def _show_fixed(self, fixed: MarkedContacts, size: float) -> None:
+        radius, rim = 1.15 * CONTACT_RADIUS * size, RIM * size
+        plain = merged(spheres(fixed.points, radius), _arrows(fixed, size, 0.0))
         self._fixed.show(plain)
         self._hidden_fixed.show(plain)
-        rim = RIM * size
-        grown = merged(balls(fixed.points, 1.15 * BALL * size + rim), _arrows(fixed, size, rim))
-        self._fixed_rims.show(grown)
+        self._fixed_rims.show(
+            merged(spheres(fixed.points, radius + rim), _arrows(fixed, size, rim))
+        )
 
-    def _show_cones(self, grasp: Places, model: GraspModel | None, size: float) -> None:
-        """Cones outside the surface: from where a finger may push."""
+    def _show_cones(self, grasp: MarkedContacts, model: GraspModel | None, size: float) -> None:
+        """Draw the cones outside the surface, around the outward normals."""
         beta, tilt = (model.friction_angle, model.tilt) if model else (0.0, 0.0)
-        away, length = -grasp.normals, SLANT * size
-        self._cones.show(tips(grasp.points, away, beta, length))
-        nominal = closed(rims(grasp.points, away, beta, length))
-        sure: list[Floats] = []
-        self._sure_cones.show([])
+        outward, length = -grasp.normals, CONE_LENGTH * size
+        self._cones.show(cone_surfaces(grasp.points, outward, beta, length))
+        nominal = closed(cone_rims(grasp.points, outward, beta, length))
+        safe: list[Floats] = []
+        self._safe_cones.show([])
         if beta > tilt:
-            self._sure_cones.show(tips(grasp.points, away, beta - tilt, length))
-            sure = closed(rims(grasp.points, away, beta - tilt, length))
-        thin = _extremes(grasp, beta, tilt, length) if tilt > 0.0 else []
+            self._safe_cones.show(cone_surfaces(grasp.points, outward, beta - tilt, length))
+            safe = closed(cone_rims(grasp.points, outward, beta - tilt, length))
+        extreme = _extreme_cones(grasp, beta, tilt, length) if tilt > 0.0 else []
         self._grey_lines.show(nominal)
-        self._blue_lines.show(sure)
-        self._thin_lines.show(thin)
-        self._halo.show([*nominal, *sure])
+        self._blue_lines.show(safe)
+        self._thin_lines.show(extreme)
+        self._halo.show([*nominal, *safe])
 
 
-class _Part:
-    """What of the marks has one look."""
+class _Marker:
+    """An actor for the markers of one appearance."""
 
     def __init__(
         self,
@@ -166,46 +168,47 @@ class _Part:
         *,
         opacity: float = 1.0,
         rim: bool = False,
-        nearer: float = 0.0,
+        hidden: bool = False,
         width: float = 0.0,
     ) -> None:
-        """Make it, with nothing to show.
+        """Make an empty actor.
 
         Args:
-            renderer: Where it is drawn.
-            color: As PyVista takes it.
+            renderer: Renderer that draws it.
+            color: Any colour of PyVista.
             opacity: From 0 to 1.
-            rim: Only its far side is drawn, about what it holds.
-            nearer: Depth by which it is drawn nearer than it is.
-            width: Of lines [pixels at 72 per inch].
+            rim: Draw only back faces, as a rim around smaller markers.
+            hidden: Show it faintly in front of the surface that hides it.
+            width: Line width [pixels at 72 per inch]; 0: triangles.
         """
         self._mapper = pyvista.DataSetMapper()
         self._actor = pyvista.Actor(mapper=self._mapper)
         self._renderer, self._width = renderer, width
         look = self._actor.prop
-        look.color, look.opacity, look.lighting = color, opacity, False
+        look.color, look.lighting = color, False
+        look.opacity = HIDDEN_OPACITY if hidden else opacity
         look.culling = "front" if rim else "none"
-        if nearer:
+        if hidden:
             vtkMapper.SetResolveCoincidentTopologyToPolygonOffset()
-            self._mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, nearer)
+            self._mapper.SetRelativeCoincidentTopologyPolygonOffsetParameters(0.0, DEPTH_OFFSET)
         if not width:
             self._actor.ForceTranslucentOn()  # drawn in the order in which they are made
         self._actor.PickableOff()
         self._actor.VisibilityOff()
         renderer.AddActor(self._actor)
 
-    def show(self, what: Solid | list[Floats]) -> None:
-        """Draw triangles, or along paths of shape (k, 3) each; nothing where there are none."""
-        some = bool(what) if isinstance(what, list) else len(what.points) > 0
+    def show(self, shape: TriangleMesh | list[Floats]) -> None:
+        """Draw triangles, or polylines of shape (k, 3) each; hide the actor if there are none."""
+        some = bool(shape) if isinstance(shape, list) else len(shape.points) > 0
         if some:
-            self._mapper.SetInputData(lines(what) if isinstance(what, list) else what.data())
+            self._mapper.SetInputData(lines(shape) if isinstance(shape, list) else shape.data())
         if self._width:
-            self._actor.prop.line_width = self._width * dots(self._renderer)
+            self._actor.prop.line_width = self._width * pixel_ratio(self._renderer)
         self._actor.visibility = some
 
 
-def _joined(points: Floats) -> tuple[Floats, Floats]:
-    """Ends of the lines between contacts; all pairs of three, neighbours of more."""
+def _connections(points: Floats) -> tuple[Floats, Floats]:
+    """Ends of the lines between contacts: all pairs of up to three, neighbours of more."""
     count = len(points)
     pairs = list(combinations(range(count), 2))
     if count > 3:
@@ -214,19 +217,19 @@ def _joined(points: Floats) -> tuple[Floats, Floats]:
     return points[first], points[second]
 
 
-def _arrows(places: Places, size: float, grown: float) -> Solid:
-    """Arrows that end at contacts, from outside along the normals."""
-    tails = places.points - ARROW * size * places.normals
-    ends = places.points - (BALL * size - grown) * places.normals
-    necks = ends - (HEAD * size + 2.0 * grown) * places.normals
+def _arrows(contacts: MarkedContacts, size: float, extra: float) -> TriangleMesh:
+    """Arrows along the inward normals that end at contacts."""
+    tails = contacts.points - ARROW * size * contacts.normals
+    ends = contacts.points - (CONTACT_RADIUS * size - extra) * contacts.normals
+    necks = ends - (HEAD * size + 2.0 * extra) * contacts.normals
     return merged(
-        rods(tails, necks, SHAFT * size + grown),
-        spikes(necks, ends, HEAD_RADIUS * size + grown),
+        cylinders(tails, necks, SHAFT * size + extra),
+        solid_cones(necks, ends, HEAD_RADIUS * size + extra),
     )
 
 
-def _extremes(grasp: Places, beta: float, tilt: float, length: float) -> list[Floats]:
-    """Outlines of the cones about the two extreme normals in the plane of the fingers' line."""
+def _extreme_cones(grasp: MarkedContacts, beta: float, tilt: float, length: float) -> list[Floats]:
+    """Outlines of the cones about the two extreme normals in the plane of the contact line."""
     others = grasp.points.sum(axis=0) - grasp.points
     toward = others / (len(grasp.points) - 1) - grasp.points
     along = (toward * grasp.normals).sum(axis=1, keepdims=True) * grasp.normals
@@ -237,7 +240,7 @@ def _extremes(grasp: Places, beta: float, tilt: float, length: float) -> list[Fl
     for turn in (-tilt, tilt):
         axes = -np.cos(turn) * grasp.normals + np.sin(turn) * side
         across = np.sin(turn) * grasp.normals + np.cos(turn) * side
-        paths += closed(rims(grasp.points, axes, beta, length))
+        paths += closed(cone_rims(grasp.points, axes, beta, length))
         ends = [
             grasp.points + length * (np.cos(beta) * axes + sign * np.sin(beta) * across)
             for sign in (-1.0, 1.0)
@@ -246,7 +249,7 @@ def _extremes(grasp: Places, beta: float, tilt: float, length: float) -> list[Fl
     return paths
 
 
-def _standing(subject: Subject, fixed: Floats) -> Places:
-    """Fixed fingers with the normals of the vertices nearest to them."""
-    nearest = [int(np.argmin(((subject.vertices - place) ** 2).sum(axis=1))) for place in fixed]
-    return Places(fixed, subject.normals[np.array(nearest, dtype=int)])
+def _fixed_contacts(subject: Subject, fixed: Floats) -> MarkedContacts:
+    """Fixed fingers with the normals of their nearest vertices."""
+    nearest = [int(np.argmin(((subject.vertices - point) ** 2).sum(axis=1))) for point in fixed]
+    return MarkedContacts(fixed, subject.normals[np.array(nearest, dtype=int)])

@@ -1,4 +1,4 @@
-"""One picture of a painted surface, in one renderer of a plotter."""
+"""A pane: one coloured surface in one renderer of a plotter."""
 
 import numpy as np
 import pyvista
@@ -6,24 +6,24 @@ from vtkmodules.vtkCommonDataModel import vtkPlane
 from vtkmodules.vtkRenderingCore import vtkTexture
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.rendering import AMBIENT, LAMP
+from grasp3d.rendering import AMBIENT, LIGHT
 from grasp3d.settings import GraspModel
-from grasp3d.viewer.scene.framing import dots
+from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.scene.solids import lines
-from grasp3d.viewer.session.painting import picture, places, washed_out
+from grasp3d.viewer.session.painting import faded, texture_coordinates, texture_image
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
 
 INSIDE = "#8C857B"
-"""The back of faces, where a section opens the object or its mesh is open."""
+"""Colour of back faces, which are visible in a section or if the mesh is open."""
 
 FRAME = "#5B6470"
-BEYOND = 0.04
-"""How far the outline of a section reaches beyond the object, as a share of its size."""
+FRAME_MARGIN = 0.04
+"""Distance of a section's outline from the object, relative to its size."""
 
 
 class Pane:
-    """A painted surface, cut by a section or whole."""
+    """A coloured surface, whole or cut by a section."""
 
     def __init__(self, renderer: pyvista.Renderer) -> None:
         self.renderer = renderer
@@ -36,7 +36,7 @@ class Pane:
         self._front = self._actor(self._mapper, "white", "back")
         self._back = self._actor(self._back_mapper, INSIDE, "front")
         self._texture.SetInputDataObject(self._image)
-        self._texture.RepeatOff()  # the last column of the picture is not beside the first
+        self._texture.RepeatOff()  # the first and the last column are not neighbours
         self._texture.EdgeClampOn()
         self._texture.InterpolateOff()
         self._front.SetTexture(self._texture)
@@ -48,18 +48,18 @@ class Pane:
         renderer.AddActor(self._outline)
         renderer.background_color = pyvista.Color("white")
         renderer.remove_all_lights()
-        renderer.add_light(pyvista.Light(position=LAMP, light_type="camera light", intensity=1.0))
+        renderer.add_light(pyvista.Light(position=LIGHT, light_type="camera light", intensity=1.0))
 
     def show(
         self, subject: Subject, paint: Paint, model: GraspModel, *, stale: bool = False
     ) -> None:
-        """Draw a surface, anew only what is another than before.
+        """Draw a surface; only what has changed is updated.
 
         Args:
             subject: The surface.
-            paint: What it is painted by.
+            paint: The quantity that is shown.
             model: Friction and resolution.
-            stale: Washed out, as it does not belong to what is chosen.
+            stale: Use pale colours, as the surface does not belong to the current choices.
         """
         before = self._painted
         if before is not None and before[0] is subject and before[1:] == (paint, model, stale):
@@ -67,9 +67,9 @@ class Pane:
         if not _same_shape(subject, self._subject):
             self._draw(subject)
         if paint == "label" or before is None or subject is not before[0] or paint != before[1]:
-            self._place(subject, paint, model)
-        image = picture(subject, paint, model)
-        self._paint(washed_out(image) if stale else image)
+            self._set_coordinates(subject, paint, model)
+        image = texture_image(subject, paint, model)
+        self._set_image(faded(image) if stale else image)
         self._subject, self._painted = subject, (subject, paint, model, stale)
 
     def hide(self) -> None:
@@ -83,16 +83,16 @@ class Pane:
         """Cut the surface open.
 
         Args:
-            plane: A point of it and its normal toward what stays; None: the surface is whole.
+            plane: A point of it and its normal toward the visible part; None: no section.
         """
         subject = self._subject
         assert subject is not None
-        wanted = plane and (plane[0].tobytes(), plane[1].tobytes())
+        key = plane and (plane[0].tobytes(), plane[1].tobytes())
         self._back.SetVisibility(plane is not None or not subject.closed)
         self._outline.SetVisibility(plane is not None)
-        if wanted == self._cut:
+        if key == self._cut:
             return
-        self._cut = wanted
+        self._cut = key
         for mapper in (self._mapper, self._back_mapper):
             mapper.RemoveAllClippingPlanes()
         if plane is not None:
@@ -101,7 +101,7 @@ class Pane:
             for mapper in (self._mapper, self._back_mapper):
                 mapper.AddClippingPlane(self._plane)
             self._outline.mapper.dataset = _rectangle(subject, *plane)
-            self._outline.prop.line_width = 1.5 * dots(self.renderer)
+            self._outline.prop.line_width = 1.5 * pixel_ratio(self.renderer)
 
     def _actor(self, mapper: pyvista.DataSetMapper, color: str, culled: str) -> pyvista.Actor:
         actor = pyvista.Actor(mapper=mapper)
@@ -113,7 +113,7 @@ class Pane:
         return actor
 
     def _draw(self, subject: Subject) -> None:
-        """Corners that creases part are points of their own, each with its normal."""
+        """Set the mesh; corners with different normals at a crease become separate points."""
         corners = subject.corner_normals
         data = pyvista.PolyData.from_regular_faces(
             subject.vertices[corners.vertices], corners.corners.astype(int)
@@ -124,10 +124,10 @@ class Pane:
         self._front.VisibilityOn()
         self._cut = None
 
-    def _place(self, subject: Subject, paint: Paint, model: GraspModel) -> None:
-        """Say where in the picture each corner lies, in the same memory where it fits."""
+    def _set_coordinates(self, subject: Subject, paint: Paint, model: GraspModel) -> None:
+        """Set the texture coordinates of the corners, in the same array if it has their size."""
         assert self._data is not None
-        of_corners = places(subject, paint, model)[subject.corner_normals.vertices]
+        of_corners = texture_coordinates(subject, paint, model)[subject.corner_normals.vertices]
         known = self._data.active_texture_coordinates
         if known is None:
             self._data.active_texture_coordinates = of_corners  # type: ignore[assignment]
@@ -135,8 +135,8 @@ class Pane:
             np.asarray(known)[:] = of_corners
             self._data.GetPointData().GetTCoords().Modified()
 
-    def _paint(self, image: Bytes) -> None:
-        """Put a picture (h, w, 3) on the surface, into the same memory where it fits."""
+    def _set_image(self, image: Bytes) -> None:
+        """Set the texture image (h, w, 3), in the same array if it has its size."""
         height, width = image.shape[:2]
         rows = image.reshape(-1, 3)
         if self._image.dimensions == (width, height, 1):
@@ -151,7 +151,7 @@ class Pane:
 
 
 def _same_shape(one: Subject, other: Subject | None) -> bool:
-    """Whether two are the same surface with other numbers."""
+    """Whether two subjects have the same geometry, with other numbers."""
     return (
         other is not None
         and one.vertices is other.vertices
@@ -159,12 +159,12 @@ def _same_shape(one: Subject, other: Subject | None) -> bool:
     )
 
 
-def _rectangle(subject: Subject, place: Floats, normal: Floats) -> pyvista.PolyData:
-    """Where a plane across an axis meets the box about a surface, somewhat enlarged."""
+def _rectangle(subject: Subject, point: Floats, normal: Floats) -> pyvista.PolyData:
+    """Outline of a section, somewhat larger than the bounding box of the surface."""
     axis = int(np.argmax(np.abs(normal)))
-    beyond = BEYOND * subject.size
-    low, high = subject.bounds[0] - beyond, subject.bounds[1] + beyond
-    low[axis] = high[axis] = place[axis]
+    margin = FRAME_MARGIN * subject.size
+    low, high = subject.bounds[0] - margin, subject.bounds[1] + margin
+    low[axis] = high[axis] = point[axis]
     u, v = (index for index in range(3) if index != axis)
     corners = np.tile(low, (5, 1))
     corners[1:3, u] = high[u]

@@ -1,4 +1,4 @@
-"""Which vertex a ray from the eye meets."""
+"""The vertex that a click hits."""
 
 import threading
 
@@ -9,12 +9,12 @@ from grasp3d.viewer.session.state import Section
 from grasp3d.viewer.subjects.subject import Subject
 
 
-def prepare(subject: Subject, before: Subject | None) -> None:
-    """Make ready for clicks in the background; the same surface need not be prepared again.
+def prepare_picking(subject: Subject, before: Subject | None) -> None:
+    """Build the ray tracer for clicks in the background, or reuse that of the same geometry.
 
     Args:
         subject: The surface.
-        before: What was shown until now.
+        before: The surface displayed before.
     """
     if (
         before is not None
@@ -31,22 +31,22 @@ def prepare(subject: Subject, before: Subject | None) -> None:
 def vertex_at(
     subject: Subject, origin: Floats, direction: Floats, section: Section | None = None
 ) -> int | None:
-    """Find the corner, nearest to where a ray meets the surface, of the face that it meets.
+    """Find the vertex nearest to the hit of a ray, among the corners of the face that is hit.
 
     Args:
         subject: The surface.
-        origin: Where the ray begins, in the mesh's frame, shape (3,).
-        direction: Where it goes, shape (3,), of any length.
-        section: What is in front of it is not met.
+        origin: Start of the ray, in the mesh's frame, shape (3,).
+        direction: Direction of the ray, shape (3,), of any length.
+        section: A section; its hidden part cannot be hit.
 
     Returns:
-        The vertex; None where the ray misses.
+        The vertex; None if the ray hits nothing.
     """
     direction = direction / np.linalg.norm(direction)
     reach = np.inf
     if section is not None:
-        place, normal = section.plane(subject.bounds)
-        height, climb = float(normal @ (origin - place)), float(normal @ direction)
+        point, normal = section.plane(subject.bounds)
+        height, climb = float(normal @ (origin - point)), float(normal @ direction)
         crossing = -height / climb if climb else np.inf
         if height < 0.0:
             if climb <= 0.0:
@@ -56,10 +56,10 @@ def vertex_at(
             reach = crossing
     start = subject.normalized(origin)
     toward = np.asarray(direction, dtype=np.float32)[None]
-    answer = subject.rays.hits(np.asarray(start, dtype=np.float32)[None], toward)
-    face, away = int(answer["primID"][0]), float(answer["tfar"][0]) * subject.size
-    if face < 0 or away > reach:
+    hit = subject.rays.hits(np.asarray(start, dtype=np.float32)[None], toward)
+    face, distance = int(hit["primID"][0]), float(hit["tfar"][0]) * subject.size
+    if face < 0 or distance > reach:
         return None
     corners = subject.faces[face]
-    gaps = np.linalg.norm(subject.vertices[corners] - (origin + away * direction), axis=1)
+    gaps = np.linalg.norm(subject.vertices[corners] - (origin + distance * direction), axis=1)
     return int(corners[np.argmin(gaps)])

@@ -1,4 +1,4 @@
-"""Pictures and turntables of what a viewer shows, written to files without a window."""
+"""Pictures and turntable films of an object, written to files without a window."""
 
 import math
 import time
@@ -14,93 +14,97 @@ from PIL import Image
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, OutputError, SettingError
 from grasp3d.rendering import View, check_rendering, choose_window
-from grasp3d.system.files import check_suffix, check_writable, written_whole
+from grasp3d.system.files import atomic_write, check_suffix, check_writable
 from grasp3d.system.names import safe_stem
 from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.viewer.scene.scene import Scene, new_plotter
-from grasp3d.viewer.session.album import Album
+from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.view_settings import LEAST_HEIGHT, LEAST_WIDTH, ViewSettings
+from grasp3d.viewer.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
 
-FINE = 2
-"""Pixels that are drawn for each of a picture, across and down; their mean is shown."""
+OVERSAMPLING = 2
+"""Rendered pixels per pixel of a picture, in each direction; they are averaged."""
 
-MOST_DRAWN = 8192
-"""Pixels across that OpenGL surely draws."""
+MAX_DRAWN = 8192
+"""Largest width or height that every OpenGL renders [pixels]."""
 
-INCH = 72
-"""Pixels of a picture that is drawn just as large as it is shown."""
+DPI = 72
+"""Resolution at which texts have their nominal size [pixels per inch]."""
 
-GLANCE = 0.02
-"""How often work in the background is looked after [s]."""
+POLL_INTERVAL = 0.02
+"""Time between two polls of the background job [s]."""
 
-MOVING = ".mp4"
-STILLS, FILMS = (".png",), (".gif", MOVING)
-MOST_FRAMES, LONGEST = 3600, 600.0
+VIDEO = ".mp4"
+PICTURE_SUFFIXES, FILM_SUFFIXES = (".png",), (".gif", VIDEO)
+MAX_FRAMES, MAX_SECONDS = 3600, 600.0
 SAMPLES = 6
-"""Frames from which the colours of a GIF are chosen."""
+"""Frames from which the colour palette of a GIF is chosen."""
 
 
 @dataclass(frozen=True, eq=False)
-class Studio:
-    """A session whose object is ready, and a scene of it."""
+class PictureRenderer:
+    """A session that has computed all it shows, and its scene."""
 
     session: Session
     scene: Scene
-    fine: int
+    oversampling: int
 
-    def shot(self) -> Bytes:
-        """What is seen, each pixel the mean of those drawn, shape (height, width, 3)."""
-        drawn, fine = self.scene.shot(), self.fine
-        height, width = drawn.shape[0] // fine, drawn.shape[1] // fine
-        parts = drawn.reshape(height, fine, width, fine, 3)
+    def picture(self) -> Bytes:
+        """The picture, averaged over the rendered pixels, shape (height, width, 3)."""
+        rendered, factor = self.scene.screenshot(), self.oversampling
+        height, width = rendered.shape[0] // factor, rendered.shape[1] // factor
+        parts = rendered.reshape(height, factor, width, factor, 3)
         return np.asarray(np.rint(parts.mean(axis=(1, 3), dtype=np.float32)), dtype=np.uint8)
 
 
 def check_picture(path: Path) -> None:
-    """Tell before the work whether a picture could be drawn and written.
+    """Check that a picture can be rendered and written.
 
     Raises:
-        OutputError: It could not.
+        OutputError: It cannot.
     """
-    check_suffix(path, STILLS, "picture")
+    check_suffix(path, PICTURE_SUFFIXES, "picture")
     check_writable(path)
     check_rendering()
 
 
 def check_film(path: Path) -> None:
-    """Tell the same of a film."""
-    check_suffix(path, FILMS, "film")
-    if path.suffix.lower() == MOVING:
+    """Check that a film can be rendered and written.
+
+    Raises:
+        OutputError: It cannot.
+    """
+    check_suffix(path, FILM_SUFFIXES, "film")
+    if path.suffix.lower() == VIDEO:
         _check_video()
     check_writable(path)
     check_rendering()
 
 
 def save_picture(
-    album: Album, settings: ViewSettings, path: Path, *, progress: Progress = ignore
+    collection: Collection, settings: ViewSettings, path: Path, *, progress: Progress = ignore
 ) -> None:
-    """Write a picture of an album's first object as a PNG.
+    """Write a picture of a collection's first object as a PNG.
 
     Args:
-        album: What is looked at.
-        settings: How it is shown, and how large.
-        path: The file, replaced if it is there.
-        progress: Called with the share of the work done, from 0 to 1.
+        collection: The objects.
+        settings: Initial view, and size of the picture.
+        path: The file, replaced if it exists.
+        progress: Called with the finished fraction of the work, from 0 to 1.
 
     Raises:
-        GraspError: There is no OpenGL here, the object cannot be shown or the file not written.
+        GraspError: There is no OpenGL, the object cannot be shown or the file not written.
     """
     check_picture(path)
-    with opened(album, settings, within(progress, 0.0, 0.95)) as studio:
-        drawn = Image.fromarray(studio.shot())
-        with written_whole(path) as part:
-            drawn.save(part, format="PNG", optimize=True)
+    with open_renderer(collection, settings, within(progress, 0.0, 0.95)) as renderer:
+        picture = Image.fromarray(renderer.picture())
+        with atomic_write(path) as part:
+            picture.save(part, format="PNG", optimize=True)
     progress(1.0)
 
 
 def save_turntable(
-    album: Album,
+    collection: Collection,
     settings: ViewSettings,
     path: Path,
     *,
@@ -108,114 +112,116 @@ def save_turntable(
     seconds: float = 6.0,
     progress: Progress = ignore,
 ) -> None:
-    """Write a film of an album's first object that turns once, as a GIF or an MP4.
+    """Write a film of one turn of a collection's first object, as a GIF or an MP4.
 
     Args:
-        album: What is looked at.
-        settings: How it is shown at first, and how large.
-        path: The file, replaced if it is there.
-        frames: Pictures in it, at least 2.
-        seconds: How long a turn takes.
-        progress: Called with the share of the work done, from 0 to 1.
+        collection: The objects.
+        settings: Initial view, and size of the film.
+        path: The file, replaced if it exists.
+        frames: Number of frames, at least 2.
+        seconds: Duration of the turn.
+        progress: Called with the finished fraction of the work, from 0 to 1.
 
     Raises:
-        GraspError: There is no OpenGL here, the object cannot be shown or the file not written.
+        GraspError: There is no OpenGL, the object cannot be shown or the file not written.
     """
-    if not 2 <= frames <= MOST_FRAMES or not 0.0 < seconds <= LONGEST:
+    if not 2 <= frames <= MAX_FRAMES or not 0.0 < seconds <= MAX_SECONDS:
         raise SettingError(
-            f"a turntable has from 2 to {MOST_FRAMES} frames and takes up to {LONGEST:g} seconds; "
-            f"got {frames} and {seconds:g}"
+            f"a turntable film has from 2 to {MAX_FRAMES} frames and takes up to {MAX_SECONDS:g} "
+            f"seconds; got {frames} and {seconds:g}"
         )
     check_film(path)
-    with opened(album, settings, within(progress, 0.0, 0.5)) as studio:
+    with open_renderer(collection, settings, within(progress, 0.0, 0.5)) as renderer:
         views = _views(settings, frames)
-        studio.scene.look(studio.session, views)
-        shots = _shots(studio, views, within(progress, 0.5, 1.0))
-        with written_whole(path) as part:
-            if path.suffix.lower() == MOVING:
-                _write_video(part, shots, frames / seconds)
+        renderer.scene.look(renderer.session, views)
+        pictures = _pictures(renderer, views, within(progress, 0.5, 1.0))
+        with atomic_write(path) as part:
+            if path.suffix.lower() == VIDEO:
+                _write_video(part, pictures, frames / seconds)
             else:
-                sampled = _shots(studio, views[:: max(1, frames // SAMPLES)], ignore)
-                _write_gif(part, shots, _palette(sampled), _durations(frames, seconds))
+                samples = _pictures(renderer, views[:: max(1, frames // SAMPLES)], ignore)
+                _write_gif(part, pictures, _palette(samples), _durations(frames, seconds))
     progress(1.0)
 
 
 @contextmanager
-def opened(
-    album: Album, settings: ViewSettings, progress: Progress, *, legend: bool = True
-) -> Iterator[Studio]:
-    """Wait until an album's first object has all that is shown of it, and draw it.
+def open_renderer(
+    collection: Collection, settings: ViewSettings, progress: Progress, *, legend: bool = True
+) -> Iterator[PictureRenderer]:
+    """Open a collection's first object off screen, with everything computed that is shown of it.
 
     Args:
-        album: What is looked at.
-        settings: How it is shown.
-        progress: Called with the share of the work done, from 0 to 1.
-        legend: Whether the picture tells what colours mean.
+        collection: The objects.
+        settings: Initial view, and size of the picture.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+        legend: Whether the picture has a legend.
 
     Raises:
-        GraspError: There is no OpenGL here, or the object cannot be shown.
+        GraspError: There is no OpenGL, or the object cannot be shown.
     """
     choose_window()
-    session = Session(album, settings)
+    session = Session(collection, settings)
     try:
         _wait(session, progress)
-        fine = FINE if FINE * max(settings.width, settings.height) <= MOST_DRAWN else 1
-        size = replace(settings, width=fine * settings.width, height=fine * settings.height)
+        largest = OVERSAMPLING * max(settings.width, settings.height)
+        factor = OVERSAMPLING if largest <= MAX_DRAWN else 1
+        size = replace(settings, width=factor * settings.width, height=factor * settings.height)
         plotter = new_plotter(size, off_screen=True)
         try:
-            plotter.renderers[0].GetRenderWindow().SetDPI(fine * INCH)
+            plotter.renderers[0].GetRenderWindow().SetDPI(factor * DPI)
             scene = Scene(plotter, legend=legend)
             scene.update(session)
-            yield Studio(session, scene, fine)
+            yield PictureRenderer(session, scene, factor)
         finally:
             plotter.close()
     finally:
         session.close()
 
 
-def copied(session: Session, camera: pyvista.Camera, width: int, height: int) -> Bytes:
-    """Draw what is seen elsewhere once more, with a legend.
+def render_copy(session: Session, camera: pyvista.Camera, width: int, height: int) -> Bytes:
+    """Render the current view of a session off screen, with a legend.
 
     Args:
-        session: What is shown.
-        camera: From where.
-        width: Of the picture [pixels].
-        height: Of the picture [pixels].
+        session: The session.
+        camera: Camera of the view.
+        width: Width of the picture [pixels].
+        height: Height of the picture [pixels].
 
     Returns:
-        Red, green, blue, shape (height, width, 3).
+        RGB colours, shape (height, width, 3).
     """
-    size = ViewSettings(width=max(LEAST_WIDTH, width), height=max(LEAST_HEIGHT, height))
+    size = ViewSettings(width=max(MIN_WIDTH, width), height=max(MIN_HEIGHT, height))
     plotter = new_plotter(size, off_screen=True)
     try:
         scene = Scene(plotter)
         scene.update(session)
-        _aim(scene.camera, camera)
-        return scene.shot()
+        _copy_camera(scene.camera, camera)
+        return scene.screenshot()
     finally:
         plotter.close()
 
 
-def saved_as(session: Session, kind: str, suffix: str) -> str:
-    """What a file of the object is called; its name is safe everywhere."""
+def file_name(session: Session, kind: str, suffix: str) -> str:
+    """Name of a file of the current object, valid on all systems."""
     return f"{safe_stem(Path(session.name).stem)}_{kind}{suffix}"
 
 
-def _aim(camera: pyvista.Camera, like: pyvista.Camera) -> None:
-    camera.parallel_projection = like.parallel_projection
-    camera.focal_point, camera.position, camera.up = like.focal_point, like.position, like.up
-    camera.parallel_scale = like.parallel_scale
-    camera.clipping_range = like.clipping_range
+def _copy_camera(camera: pyvista.Camera, source: pyvista.Camera) -> None:
+    camera.parallel_projection = source.parallel_projection
+    camera.focal_point, camera.position = source.focal_point, source.position
+    camera.up = source.up
+    camera.parallel_scale = source.parallel_scale
+    camera.clipping_range = source.clipping_range
 
 
 def _wait(session: Session, progress: Progress) -> None:
-    """Take in what is computed in the background until there is nothing more to compute."""
+    """Poll until there is nothing more to compute."""
     while (working := session.working) is not None:
         progress(working[1])
         if not session.poll():
-            time.sleep(GLANCE)
-    if session.lacking or session.subject is None:
-        raise GraspError(session.lacking or f"{session.name} cannot be shown")
+            time.sleep(POLL_INTERVAL)
+    if session.failure or session.subject is None:
+        raise GraspError(session.failure or f"{session.name} cannot be shown")
 
 
 def _views(settings: ViewSettings, count: int) -> list[View]:
@@ -223,32 +229,33 @@ def _views(settings: ViewSettings, count: int) -> list[View]:
     return [View(settings.azimuth + float(turn), settings.elevation) for turn in turns]
 
 
-def _shots(studio: Studio, views: list[View], progress: Progress) -> Iterator[Bytes]:
+def _pictures(renderer: PictureRenderer, views: list[View], progress: Progress) -> Iterator[Bytes]:
     for number, view in enumerate(views):
-        studio.scene.turn(view)
-        yield studio.shot()
+        renderer.scene.turn(view)
+        yield renderer.picture()
         progress((number + 1) / len(views))
 
 
 def _durations(frames: int, seconds: float) -> list[int]:
-    """How long each frame is shown [ms]: whole hundredths of a second, as GIFs have them."""
+    """Duration of each frame [ms], a multiple of 10 ms as GIFs require."""
     ends = np.rint(100.0 * seconds * np.arange(frames + 1) / frames)
     return [int(10 * step) for step in np.diff(ends)]
 
 
-def _palette(shots: Iterator[Bytes]) -> Image.Image:
-    """Colours for all frames alike, so that what stands still does not flicker."""
-    return Image.fromarray(np.concatenate(list(shots))).quantize(256)
+def _palette(pictures: Iterator[Bytes]) -> Image.Image:
+    """One palette for all frames, so that constant parts do not flicker."""
+    return Image.fromarray(np.concatenate(list(pictures))).quantize(256)
 
 
 def _write_gif(
-    path: Path, shots: Iterator[Bytes], palette: Image.Image, durations: list[int]
+    path: Path, pictures: Iterator[Bytes], palette: Image.Image, durations: list[int]
 ) -> None:
-    kept = (
-        Image.fromarray(shot).quantize(palette=palette, dither=Image.Dither.NONE) for shot in shots
+    frames = (
+        Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+        for picture in pictures
     )
-    next(kept).save(
-        path, format="GIF", save_all=True, append_images=kept, duration=durations, loop=0
+    next(frames).save(
+        path, format="GIF", save_all=True, append_images=frames, duration=durations, loop=0
     )
 
 
@@ -257,15 +264,15 @@ def _check_video() -> None:
         import imageio_ffmpeg  # noqa: F401
     except ImportError as error:
         raise OutputError(
-            "films as .mp4 need ffmpeg: pip install 'grasp3d[video]'; a .gif needs nothing more"
+            "films as .mp4 need ffmpeg: pip install 'grasp3d[video]'; .gif needs no extra"
         ) from error
 
 
-def _write_video(path: Path, shots: Iterator[Bytes], rate: float) -> None:
-    """Write H.264 as every player has it, which takes even numbers of pixels."""
+def _write_video(path: Path, pictures: Iterator[Bytes], rate: float) -> None:
+    """Write H.264 in 4:2:0, which all players support and which needs even sizes."""
     import imageio_ffmpeg
 
-    first = _even(next(shots))
+    first = _even(next(pictures))
     height, width = first.shape[:2]
     writer = imageio_ffmpeg.write_frames(
         str(path), (width, height), fps=rate, codec="libx264", pix_fmt_out="yuv420p", quality=8,
@@ -274,13 +281,13 @@ def _write_video(path: Path, shots: Iterator[Bytes], rate: float) -> None:
     try:
         writer.send(None)
         writer.send(first)
-        for shot in shots:
-            writer.send(_even(shot))
+        for picture in pictures:
+            writer.send(_even(picture))
     finally:
         writer.close()
 
 
-def _even(shot: Bytes) -> Bytes:
-    """Repeat the last row or column where their number is odd."""
-    height, width = shot.shape[:2]
-    return np.pad(shot, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")
+def _even(picture: Bytes) -> Bytes:
+    """Repeat the last row or column if their number is odd."""
+    height, width = picture.shape[:2]
+    return np.pad(picture, ((0, height % 2), (0, width % 2), (0, 0)), mode="edge")

@@ -1,4 +1,4 @@
-"""The scene: the surface, a grasp, a section, as a PyVista plotter shows them."""
+"""The scene: surface, grasp and section in a PyVista plotter."""
 
 import weakref
 from collections.abc import Sequence
@@ -12,28 +12,28 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.rendering import View
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.captions import Captions
+from grasp3d.viewer.scene.contact_numbers import contact_numbers, display_positions
 from grasp3d.viewer.scene.framing import (
-    Room,
+    FreeArea,
     aim,
     axes_of,
-    dots,
     extents,
     middle_of,
     parallel_scale,
+    pixel_ratio,
 )
-from grasp3d.viewer.scene.layout import Item, Paper, letter_size
-from grasp3d.viewer.scene.marks import BALL, Marks
-from grasp3d.viewer.scene.numbers import numbers, seen_at
+from grasp3d.viewer.scene.layout import OverlayItem, TextArea, text_size
+from grasp3d.viewer.scene.marks import CONTACT_RADIUS, Marks
 from grasp3d.viewer.scene.overlays import Overlay
 from grasp3d.viewer.scene.panes import Pane
-from grasp3d.viewer.scene.picking import prepare, vertex_at
-from grasp3d.viewer.session.inspecting import Inspected
+from grasp3d.viewer.scene.picking import prepare_picking, vertex_at
+from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import ViewSettings
 
 if TYPE_CHECKING:
-    from grasp3d.viewer.session.album import Exhibit
+    from grasp3d.viewer.session.collection import Item
 
 
 def new_plotter(
@@ -43,8 +43,8 @@ def new_plotter(
 
     Args:
         settings: Size of the window.
-        off_screen: Without a window.
-        panel: With a third renderer, beside the scene's two.
+        off_screen: Render without a window.
+        panel: Add a third renderer beside the scene's two.
     """
     plotter = pyvista.Plotter(
         shape=(1, 3 if panel else 2),
@@ -58,7 +58,7 @@ def new_plotter(
 
 
 class Scene:
-    """What a session shows, drawn by a plotter that someone else opens and closes."""
+    """Draws a session in a plotter, which the caller opens and closes."""
 
     def __init__(
         self,
@@ -67,12 +67,12 @@ class Scene:
         area: tuple[float, float, float, float] = (0.0, 0.0, 1.0, 1.0),
         legend: bool = True,
     ) -> None:
-        """Take a plotter of `new_plotter`.
+        """Use the first two renderers of a plotter made by `new_plotter`.
 
         Args:
-            plotter: Its first two renderers are used.
-            area: Part of the window that the scene takes: left, bottom, right, top, from 0 to 1.
-            legend: Whether the picture itself tells what colours mean.
+            plotter: The plotter.
+            area: Part of the window for the scene: left, bottom, right, top, from 0 to 1.
+            legend: Whether the picture has a legend of the colours.
         """
         self.plotter = plotter
         self.area = area
@@ -82,30 +82,30 @@ class Scene:
         self._marks = [Marks(renderer) for renderer in renderers]
         self._overlays = [Overlay(renderer) for renderer in renderers]
         self._numbers = [Overlay(renderer) for renderer in renderers]
-        self._inspected: Inspected | None = None
+        self._inspection: Inspection | None = None
         self._captions = Captions()
         self._subject: Subject | None = None
-        self._exhibit: Exhibit | None = None
-        self._room: Room | None = None
+        self._item: Item | None = None
+        self._free_area: FreeArea | None = None
         self._count = 1
         renderers[1].camera = renderers[0].camera
-        before = weakref.WeakMethod(self._before)
+        before_render = weakref.WeakMethod(self._before_render)
 
-        def settle(*_: object) -> None:
-            call = before()
+        def on_render(*_: object) -> None:
+            call = before_render()
             if call is not None:
                 call()
 
-        renderers[0].GetRenderWindow().AddObserver("StartEvent", settle)
+        renderers[0].GetRenderWindow().AddObserver("StartEvent", on_render)
 
     @property
     def camera(self) -> pyvista.Camera:
-        """What both pictures are seen with."""
+        """The camera, shared by both panes."""
         camera: pyvista.Camera = self._panes[0].renderer.camera
         return camera
 
     def update(self, session: Session) -> None:
-        """Draw what has changed; whoever holds the plotter renders."""
+        """Update what has changed; the owner of the plotter renders."""
         subject, other = session.subject, session.other_model
         self._count = 2 if other is not None and subject is not None else 1
         self._divide()
@@ -115,23 +115,23 @@ class Scene:
             self._clear()
         else:
             if subject is not before:
-                prepare(subject, before)
-            self._inspected = inspected = session.inspected
-            self._draw(0, session, session.model, inspected)
+                prepare_picking(subject, before)
+            self._inspection = inspection = session.inspection
+            self._draw(0, session, session.model, inspection)
             if other is not None:
-                self._draw(1, session, other, inspected and replace(inspected, model=other))
-            exhibit = session.album.exhibits[session.number]
-            if exhibit is not self._exhibit:
-                self._exhibit = exhibit
+                self._draw(1, session, other, inspection and replace(inspection, model=other))
+            item = session.collection.items[session.number]
+            if item is not self._item:
+                self._item = item
                 self.look(session)
-        self._before()
+        self._before_render()
 
     def look(self, session: Session, turns: Sequence[View] = ()) -> None:
-        """Aim the camera as the settings say, so that the object fills its pane.
+        """Set the camera to the initial view, so that the object fills its pane.
 
         Args:
-            session: What is shown.
-            turns: Other views in which it must stay within the pane, with the same middle.
+            session: The session.
+            turns: Other views in which the object must stay within the pane, with the same centre.
         """
         subject = self._subject
         if subject is None:
@@ -140,18 +140,18 @@ class Scene:
         points = _used(subject)
         middle = subject.center if turns else middle_of(points, view.axes)
         aim(self.camera, subject, view, middle)
-        self._room = room = self._free()
+        self._free_area = free = self._find_free_area()
         reach = extents(points, middle, [one.axes for one in (view, *turns)])
-        self.camera.parallel_scale = parallel_scale(reach, room)
-        self._before()
+        self.camera.parallel_scale = parallel_scale(reach, free)
+        self._before_render()
 
     def turn(self, view: View) -> None:
-        """Look from another side at the same point, as far away."""
+        """Look at the same point from another direction, at the same scale."""
         if self._subject is not None:
             aim(self.camera, self._subject, view, np.array(self.camera.focal_point))
 
     def pick(self, session: Session, x: float, y: float) -> int | None:
-        """Vertex under a place of the window [pixels, from the lower left]; None: there is none."""
+        """Vertex at a window position [pixels from the lower left]; None: there is none."""
         subject = session.subject
         width, height = self.plotter.window_size
         for pane in self._panes[: self._count]:
@@ -159,12 +159,12 @@ class Scene:
             inside = left * width <= x < right * width and bottom * height <= y < top * height
             if subject is not None and inside:
                 near, far = (_world(pane.renderer, x, y, depth) for depth in (0.0, 1.0))
-                return vertex_at(subject, near, far - near, session.shown.section)
+                return vertex_at(subject, near, far - near, session.state.section)
         return None
 
-    def shot(self) -> Bytes:
-        """What is seen, red, green and blue, shape (height, width, 3)."""
-        self.plotter.render()  # a second picture would otherwise be the first
+    def screenshot(self) -> Bytes:
+        """RGB colours of the window, shape (height, width, 3)."""
+        self.plotter.render()  # otherwise a second screenshot would be equal to the first
         return np.array(self.plotter.screenshot(return_img=True), dtype=np.uint8)[..., :3]
 
     def _divide(self) -> None:
@@ -176,69 +176,69 @@ class Scene:
         self._panes[1].renderer.SetDraw(self._count > 1)
 
     def _draw(
-        self, number: int, session: Session, model: GraspModel, inspected: Inspected | None
+        self, number: int, session: Session, model: GraspModel, inspection: Inspection | None
     ) -> None:
-        subject, shown = self._subject, session.shown
+        subject, state = self._subject, session.state
         assert subject is not None
         pane = self._panes[number]
-        pane.show(subject, shown.paint, model, stale=session.stale)
-        pane.cut(shown.section.plane(subject.bounds) if shown.section else None)
-        fixed = np.array(shown.fixed, dtype=float).reshape(-1, 3)
-        self._marks[number].show(subject, inspected, fixed)
+        pane.show(subject, state.paint, model, stale=session.stale)
+        pane.cut(state.section.plane(subject.bounds) if state.section else None)
+        fixed = np.array(state.fixed, dtype=float).reshape(-1, 3)
+        self._marks[number].show(subject, inspection, fixed)
 
     def _clear(self) -> None:
-        self._exhibit = self._inspected = None
+        self._item = self._inspection = None
         for pane, marks in zip(self._panes, self._marks, strict=True):
             pane.hide()
             marks.hide()
 
-    def _free(self) -> Room:
-        """The part of a pane that words leave."""
+    def _find_free_area(self) -> FreeArea:
+        """The part of a pane that is free of texts."""
         width, height = self._panes[0].renderer.GetSize()
-        papers = self._papers()
-        rooms = [self._captions.taken(paper, number) for number, paper in enumerate(papers)]
-        return Room(
+        areas = self._text_areas()
+        margins = [self._captions.margins(area, number) for number, area in enumerate(areas)]
+        return FreeArea(
             width, height,
-            top=max(top for top, _ in rooms),
-            bottom=max(bottom for _, bottom in rooms),
-            sides=papers[0].margin,
+            top=max(top for top, _ in margins),
+            bottom=max(bottom for _, bottom in margins),
+            sides=areas[0].margin,
         )  # fmt: skip
 
-    def _before(self) -> None:
-        """Before each picture: fit what depends on the window's size and on the zoom."""
-        room = self._free()
+    def _before_render(self) -> None:
+        """Adapt to the window size and the zoom; called before each rendering."""
+        free = self._find_free_area()
         subject, camera = self._subject, self.camera
-        if self._room is not None and room != self._room and subject is not None:
+        if self._free_area is not None and free != self._free_area and subject is not None:
             axes = axes_of(camera)
             reach = extents(_used(subject), middle_of(_used(subject), axes), [axes])
-            zoom = parallel_scale(reach, room) / parallel_scale(reach, self._room)
+            zoom = parallel_scale(reach, free) / parallel_scale(reach, self._free_area)
             camera.parallel_scale *= zoom
-        self._room = room
-        camera.SetWindowCenter(0.0, -room.shift)
-        per_pixel = 2.0 * camera.parallel_scale / max(1.0, room.height)
-        for number, paper in enumerate(self._papers()):
+        self._free_area = free
+        camera.SetWindowCenter(0.0, -free.shift)
+        per_pixel = 2.0 * camera.parallel_scale / max(1.0, free.height)
+        for number, area in enumerate(self._text_areas()):
             last = number == self._count - 1
             self._overlays[number].show(
-                self._captions.items(paper, number, per_pixel if last else None)
+                self._captions.items(area, number, per_pixel if last else None)
             )
-            self._numbers[number].show(self._numbered(number, paper, per_pixel))
+            self._numbers[number].show(self._contact_numbers(number, area, per_pixel))
 
-    def _numbered(self, number: int, paper: Paper, per_pixel: float) -> list[Item]:
-        """Numbers of the contacts of a grasp, where it is seen in a pane now."""
-        subject, inspected = self._subject, self._inspected
-        if subject is None or inspected is None or len(inspected.points) < 2:
+    def _contact_numbers(self, number: int, area: TextArea, per_pixel: float) -> list[OverlayItem]:
+        """Numbers of a grasp's contacts at their current positions in a pane."""
+        subject, inspection = self._subject, self._inspection
+        if subject is None or inspection is None or len(inspection.points) < 2:
             return []
-        renderer, points = self._panes[number].renderer, inspected.points
-        tips = points + BALL * subject.size * inspected.normals
-        places, further = seen_at(renderer, points), seen_at(renderer, tips)
-        return numbers(paper, places, further, BALL * subject.size / per_pixel)
+        renderer, points = self._panes[number].renderer, inspection.points
+        tips = points + CONTACT_RADIUS * subject.size * inspection.normals
+        contacts, ahead = display_positions(renderer, points), display_positions(renderer, tips)
+        return contact_numbers(area, contacts, ahead, CONTACT_RADIUS * subject.size / per_pixel)
 
-    def _papers(self) -> list[Paper]:
-        """The panes to write on; letters have one size, that of the whole scene."""
+    def _text_areas(self) -> list[TextArea]:
+        """Sizes of the panes; their text size is that for the whole scene."""
         sizes = [pane.renderer.GetSize() for pane in self._panes[: self._count]]
-        unit = dots(self._panes[0].renderer)
-        size = letter_size(sum(width for width, _ in sizes), sizes[0][1], unit)
-        return [Paper(width, height, size) for width, height in sizes]
+        unit = pixel_ratio(self._panes[0].renderer)
+        size = text_size(sum(width for width, _ in sizes), sizes[0][1], unit)
+        return [TextArea(width, height, size) for width, height in sizes]
 
 
 def _used(subject: Subject) -> Floats:
@@ -247,7 +247,8 @@ def _used(subject: Subject) -> Floats:
 
 
 def _world(renderer: pyvista.Renderer, x: float, y: float, depth: float) -> Floats:
+    """Point of the mesh's frame at a window position and depth, shape (3,)."""
     renderer.SetDisplayPoint(x, y, depth)
     renderer.DisplayToWorld()
-    place = np.array(renderer.GetWorldPoint())
-    return np.asarray(place[:3] / place[3])
+    point = np.array(renderer.GetWorldPoint())
+    return np.asarray(point[:3] / point[3])

@@ -1,1 +1,1 @@
-"""A viewer without a window: what is chosen, computed and said."""
+"""A viewer session, independent of the display."""

@@ -1,4 +1,4 @@
-"""What was chosen before, to take back what was done by accident."""
+"""Undo: earlier choices of the user for the current object."""
 
 from dataclasses import fields
 from typing import TYPE_CHECKING
@@ -6,33 +6,33 @@ from typing import TYPE_CHECKING
 from grasp3d.viewer.session.session import Session
 
 if TYPE_CHECKING:
-    from grasp3d.viewer.session.state import Shown
+    from grasp3d.viewer.session.state import ViewState
 
-LONGEST = 100
+MAX_STEPS = 100
 
 
 class History:
-    """Remembers what was chosen for the object that is looked at."""
+    """Records the states of a session for the current object."""
 
     def __init__(self, session: Session) -> None:
         self._session = session
         self._number = session.number
-        self._past: list[Shown] = [session.shown]
+        self._past: list[ViewState] = [session.state]
 
-    def note(self) -> None:
-        """Remember what is chosen now; to be called where no slider is being dragged."""
+    def record(self) -> None:
+        """Record the current state; not to be called while a slider is being dragged."""
         session = self._session
         if session.number != self._number:
             self._number, self._past = session.number, []
-        if not self._past or self._past[-1] != session.shown:
-            self._past = [*self._past[-LONGEST:], session.shown]
+        if not self._past or self._past[-1] != session.state:
+            self._past = [*self._past[-MAX_STEPS:], session.state]
 
     def undo(self) -> None:
-        """Choose again what was chosen before."""
-        self.note()
+        """Restore the previous state."""
+        self.record()
         if len(self._past) < 2:
-            self._session.tell("nothing to undo")
+            self._session.show_message("nothing to undo")
             return
         self._past.pop()
-        before = self._past[-1]
-        self._session.change(**{one.name: getattr(before, one.name) for one in fields(before)})
+        previous = self._past[-1]
+        self._session.change(**{one.name: getattr(previous, one.name) for one in fields(previous)})

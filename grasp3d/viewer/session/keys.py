@@ -1,4 +1,4 @@
-"""Keys, the same in a window and on a page."""
+"""The viewer's keys, shared by the window and the page."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -12,129 +12,132 @@ from grasp3d.viewer.view_settings import Paint
 
 FRICTION_STEP, RESOLUTION_STEP = 0.05, 2.0 * DEGREE
 SECTION_STEP = 0.05
-OTHER = 40.0 * DEGREE
-"""Resolution that is compared with, before another is chosen."""
+DEFAULT_COMPARED = 40.0 * DEGREE
+"""Initial second resolution of a comparison [rad]."""
 
 
 @dataclass(frozen=True)
 class Key:
-    """What a key does."""
+    """Description and action of a key."""
 
-    words: str
-    do: Callable[[Session], None] | None = None
-    """None: the window or page does it itself."""
+    text: str
+    action: Callable[[Session], None] | None = None
+    """None: the window or the page handles the key itself."""
 
 
-def press(session: Session, key: str) -> bool:
-    """Answer a key; tells whether the session has.
+def handle_key(session: Session, key: str) -> bool:
+    """Run the action of a key.
 
     Args:
-        session: Who is looking.
-        key: As in `KEYS`.
+        session: The session to change.
+        key: A key of `KEYS`.
+
+    Returns:
+        Whether the key has an action here.
     """
     known = KEYS.get(key)
-    if known is None or known.do is None:
+    if known is None or known.action is None:
         return False
     try:
-        known.do(session)
+        known.action(session)
     except SettingError as error:
-        session.tell(str(error))
+        session.show_message(str(error))
     return True
 
 
-def _more_friction(by: float) -> Callable[[Session], None]:
+def _change_friction(by: float) -> Callable[[Session], None]:
     return lambda session: session.change(
-        friction=round(max(FRICTION_STEP, session.shown.model.friction + by), 10)
+        friction=round(max(FRICTION_STEP, session.state.model.friction + by), 10)
     )
 
 
-def _coarser(by: float) -> Callable[[Session], None]:
+def _change_resolution(by: float) -> Callable[[Session], None]:
     return lambda session: session.change(
-        sensor_resolution=max(0.0, session.shown.model.sensor_resolution + by)
+        sensor_resolution=max(0.0, session.state.model.sensor_resolution + by)
     )
 
 
-def _paint(paint: Paint) -> Callable[[Session], None]:
+def _set_paint(paint: Paint) -> Callable[[Session], None]:
     return lambda session: session.change(paint=paint)
 
 
-def _compare(session: Session) -> None:
-    session.change(compare=OTHER if session.shown.compare is None else None)
+def _toggle_compare(session: Session) -> None:
+    session.change(compare=DEFAULT_COMPARED if session.state.compare is None else None)
 
 
-def _cut(session: Session) -> None:
-    """No section, across x, y, z, and none again."""
+def _next_section(session: Session) -> None:
+    """Step from no section to sections across x, y and z, and back to none."""
     axes = get_args(Axis)
-    shown = session.shown.section
-    after = 0 if shown is None else axes.index(shown.axis) + 1
+    section = session.state.section
+    after = 0 if section is None else axes.index(section.axis) + 1
     session.change(section=Section(axes[after]) if after < len(axes) else None)
 
 
-def _move_cut(by: float) -> Callable[[Session], None]:
+def _move_section(by: float) -> Callable[[Session], None]:
     def move(session: Session) -> None:
-        section = session.shown.section
+        section = session.state.section
         if section is not None:
-            share = min(1.0, max(0.0, section.share + by))
-            session.change(section=replace(section, share=share))
+            position = min(1.0, max(0.0, section.position + by))
+            session.change(section=replace(section, position=position))
 
     return move
 
 
-def _flip_cut(session: Session) -> None:
-    section = session.shown.section
+def _flip_section(session: Session) -> None:
+    section = session.state.section
     if section is not None:
         session.change(section=replace(section, flipped=not section.flipped))
 
 
-def _fix(session: Session) -> None:
-    session.change(click="inspect" if session.shown.click == "fix" else "fix")
+def _toggle_click(session: Session) -> None:
+    session.change(click="inspect" if session.state.click == "fix" else "fix")
 
 
 MOUSE: tuple[tuple[str, str], ...] = (
-    ("drag", "turn"),
-    ("shift drag", "move"),
-    ("wheel", "nearer, farther"),
+    ("drag", "rotate"),
+    ("shift drag", "pan"),
+    ("wheel", "zoom"),
     ("click", "inspect, or fix a finger"),
-    ("shift click", "inspect in any case"),
+    ("shift click", "always inspect"),
 )
-"""What the mouse does on the scene."""
+"""Mouse actions on the scene."""
 
 DRAWING: tuple[tuple[str, str], ...] = (
     ("white balls, 1, 2, …", "contacts of the best grasp; 1 is where you clicked"),
-    ("rod between them", "line of the fingers; it shines through"),
-    ("arrow", "outward normal: the finger pushes along it"),
+    ("rod between them", "line through the contacts, visible through the object"),
+    ("arrow", "inward contact normal, along which the finger pushes"),
     ("grey cone", "friction cone, half-angle β"),
-    ("blue cone", "what is left of it for every normal within the resolution, β − α/2"),
-    ("thin outlines", "friction cones of the extreme normals, α/2 to either side"),
-    ("black balls", "fingers that are fixed"),
+    ("blue cone", "its part that is safe for all normals within the resolution, β − α/2"),
+    ("thin outlines", "friction cones of the extreme normals, tilted by α/2 to either side"),
+    ("black balls", "fixed fingers"),
 )
-"""What is drawn on the scene, and what it means."""
+"""Symbols in the scene and their meanings."""
 
 KEYS: dict[str, Key] = {
-    "Right": Key("more friction μ", _more_friction(FRICTION_STEP)),
-    "Left": Key("less friction μ", _more_friction(-FRICTION_STEP)),
-    "Up": Key("coarser sensor, larger α", _coarser(RESOLUTION_STEP)),
-    "Down": Key("finer sensor, smaller α", _coarser(-RESOLUTION_STEP)),
-    "1": Key("colours: S, M, U", _paint("label")),
-    "2": Key("colours: β*, critical friction angle", _paint("critical_angle")),
-    "3": Key("colours: α*, coarsest sensor that keeps it S", _paint("max_resolution")),
-    "4": Key("colours: ε", _paint("epsilon")),
-    "5": Key("colours: smallest ε over the tilts", _paint("epsilon_min")),
-    "c": Key("compare with a second resolution", _compare),
-    "x": Key("section across x, y, z, none", _cut),
-    "[": Key("move the section down", _move_cut(-SECTION_STEP)),
-    "]": Key("move the section up", _move_cut(SECTION_STEP)),
-    "i": Key("show the other side of the section", _flip_cut),
-    "f": Key("clicks inspect, or fix a finger", _fix),
+    "Right": Key("more friction μ", _change_friction(FRICTION_STEP)),
+    "Left": Key("less friction μ", _change_friction(-FRICTION_STEP)),
+    "Up": Key("coarser sensor, larger α", _change_resolution(RESOLUTION_STEP)),
+    "Down": Key("finer sensor, smaller α", _change_resolution(-RESOLUTION_STEP)),
+    "1": Key("colours: S, M, U", _set_paint("label")),
+    "2": Key("colours: β*, critical friction angle", _set_paint("critical_angle")),
+    "3": Key("colours: α*, coarsest resolution at which it is S", _set_paint("max_resolution")),
+    "4": Key("colours: ε", _set_paint("epsilon")),
+    "5": Key("colours: smallest ε over the tilts", _set_paint("epsilon_min")),
+    "c": Key("compare with a second resolution", _toggle_compare),
+    "x": Key("section across x, y, z, none", _next_section),
+    "[": Key("move the section down", _move_section(-SECTION_STEP)),
+    "]": Key("move the section up", _move_section(SECTION_STEP)),
+    "i": Key("show the other side of the section", _flip_section),
+    "f": Key("clicks inspect, or fix a finger", _toggle_click),
     "u": Key("release fixed fingers", lambda session: session.change(fixed=())),
     "n": Key("next object", lambda session: session.step(1)),
     "p": Key("previous object", lambda session: session.step(-1)),
     "s": Key("save the labelled PLY"),
     "g": Key("save a picture"),
     "r": Key("reset the view"),
-    "+": Key("nearer"),
-    "-": Key("farther"),
+    "+": Key("zoom in"),
+    "-": Key("zoom out"),
     "z": Key("undo"),
-    "h": Key("this help"),
+    "h": Key("show this help"),
     "q": Key("quit"),
 }

@@ -1,7 +1,7 @@
-"""What a surface is painted with: a small picture, and where in it each vertex lies.
+"""Colours of a surface: a texture image, and the texture coordinates of the vertices.
 
 Critical angles, not colours, are interpolated between the vertices of a face, so that the borders
-of S, M and U are as sharp as the labels are; and a slider changes the picture alone.
+between S, M and U are as sharp as the labels; a slider changes only the texture image.
 """
 
 import math
@@ -14,128 +14,128 @@ from matplotlib import colormaps
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import COLORS, Label
-from grasp3d.stability.thresholds import label_angles, unstable_from
+from grasp3d.stability.thresholds import label_angles
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
 
 UNSEARCHED = 3
-"""Code of vertices of which nothing can be told, as the search did not go far enough."""
+"""Code of vertices whose label is unknown, as the search did not go far enough."""
 
 GREY = (0x9A, 0xA0, 0xA6)
-"""Of what is not known: no grasp, or not searched."""
+"""Colour of unknown values: no grasp, or not searched."""
 
 PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
 
 WIDE = 2048
-"""Pixels across of a ramp's picture, for 180 degrees or the largest epsilon."""
+"""Width of the texture image of a ramp [pixels], for 180 degrees or the largest epsilon."""
 
 HALF = 0.5 + 1e-7
-"""Where in the picture of labels an angle lies that is just at a limit; rounding must not take it
-below."""
+"""Texture coordinate of an angle exactly at a limit; above 0.5, so that rounding cannot put it
+below the limit."""
 
 ROUNDING = 1e-9
-"""Angle by which a grasp may exceed the cone that was searched [rad]."""
+"""Tolerance of the comparison with the searched cone [rad]."""
 
-ALIKE = "of grasps that are alike in β* any may be taken, so ε can change from place to place"
+EQUAL_GRASPS = "where several grasps have the same β*, ε is that of one of them, so it can jump"
 
 STEPS = 256
 
 RAMP = np.array(colormaps["viridis"](np.linspace(0.0, 1.0, STEPS))[:, :3] * 255.0, dtype=np.uint8)
 """Colours of a ramp, from the lowest value to the highest, shape (STEPS, 3); none is grey."""
 
-PALE, WASHED = (0xDD, 0xE0, 0xE4), 0.7
-"""What is mixed into colours that do not belong to what is chosen, and how much of it."""
+PALE, PALE_FRACTION = (0xDD, 0xE0, 0xE4), 0.7
+"""Colour and fraction that are mixed into the colours of an outdated surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class Ramp:
-    """What the colours of a number mean."""
+    """Legend of a continuous quantity."""
 
-    words: str
-    """What it is, with its unit."""
-    most: float
+    text: str
+    """Its name."""
+    maximum: float
     """Value of the last colour; the first is 0."""
     unit: str
     grey: str = ""
-    """What grey means; nothing: it does not occur."""
+    """Meaning of grey; empty: grey does not occur."""
     note: str = ""
-    """What else a reader should know."""
+    """Remark for the reader."""
 
 
 def labels_at(subject: Subject, model: GraspModel) -> Bytes:
-    """Label every vertex; what lies beyond the search is `UNSEARCHED`, where relabel refuses.
+    """Label every vertex; `UNSEARCHED` where `relabel` would raise an error.
 
     Returns:
         Codes, shape (V,).
     """
-    return codes_of(subject, subject.critical_angle, subject.critical_angle_best, model)
+    return label_codes(subject, subject.critical_angle, subject.critical_angle_best, model)
 
 
-def codes_of(subject: Subject, worst: Floats, best: Floats, model: GraspModel) -> Bytes:
-    """Label some angles of a subject, as `labels_at` does all of them.
+def label_codes(subject: Subject, worst: Floats, best: Floats, model: GraspModel) -> Bytes:
+    """Label given critical angles of a subject.
 
-    Beyond the cone that was searched a better grasp may have been passed over: what would be U is
-    not told, nor M where an S could be among those.
+    Beyond the searched cone the search may have missed a better grasp: U is then unknown, and so
+    is M if the missed grasp could be S.
 
     Args:
-        subject: How far its search went.
+        subject: The surface, with the cone that was searched.
         worst: Critical angles over the worst normals [rad], any shape.
-        best: Over the best, same shape.
+        best: Critical angles over the best normals [rad], same shape.
         model: Friction and resolution.
     """
     codes = label_angles(worst, best, model)
     if not subject.covers(model):
-        stable, searched = model.friction_angle - model.tilt, subject.cone + ROUNDING
+        stable, searched = model.effective_friction_angle, subject.cone + ROUNDING
         hidden = (codes == Label.M) & (worst > searched) & (stable > searched)
         codes[(codes == Label.U) | hidden] = UNSEARCHED
     return codes
 
 
-def shares_of(subject: Subject, codes: Bytes) -> Floats:
-    """Share of the area of each code, shape (4,)."""
-    shares = np.bincount(codes, subject.weights, minlength=len(PALETTE))
-    return np.asarray(shares, dtype=np.float64)
+def area_fractions(subject: Subject, codes: Bytes) -> Floats:
+    """Area fraction of each code, shape (4,)."""
+    fractions = np.bincount(codes, subject.weights, minlength=len(PALETTE))
+    return np.asarray(fractions, dtype=np.float64)
 
 
-def places(subject: Subject, paint: Paint, model: GraspModel) -> npt.NDArray[np.float32]:
-    """Where in the picture each vertex lies, from 0 to 1, shape (V, 2).
+def texture_coordinates(
+    subject: Subject, paint: Paint, model: GraspModel
+) -> npt.NDArray[np.float32]:
+    """Texture coordinates of each vertex, from 0 to 1, shape (V, 2).
 
-    Painted by labels that is about the two limits, which a slider moves: both are in the middle of
-    the picture, exactly. Painted by numbers no slider changes it.
+    For labels they are relative to the two limits, which both lie exactly in the middle of the
+    image and move with the sliders. For numbers they do not depend on the model.
 
     Args:
         subject: The surface.
-        paint: What it is painted by.
+        paint: The quantity that is shown.
         model: Friction and resolution.
     """
     worst, best = subject.critical_angle, subject.critical_angle_best
     if paint == "label":
-        friction, tilt = model.friction_angle, model.tilt
-        limit = float(unstable_from(friction, tilt, model.fingers))
-        both = [_about(worst, friction - tilt), _about(best, limit)]
+        both = [_about(worst, model.effective_friction_angle), _about(best, model.unstable_from)]
         return np.stack(both, axis=1).astype(np.float32)
     values = np.minimum(worst, math.pi) / math.pi
     known = np.isfinite(worst)
     if paint in {"epsilon", "epsilon_min"}:
-        shown = _epsilon(subject, paint)
-        known = np.isfinite(shown)
-        values = np.minimum(np.nan_to_num(shown) / _most_epsilon(subject), 1.0)
+        epsilon = _epsilon(subject, paint)
+        known = np.isfinite(epsilon)
+        values = np.minimum(np.nan_to_num(epsilon) / _max_epsilon(subject), 1.0)
     return np.stack([values, np.where(known, 0.25, 0.75)], axis=1).astype(np.float32)
 
 
 def _about(angles: Floats, limit: float) -> Floats:
-    """From 0 to 1, linear in an angle and the half at a limit; no grasp stands for 180 degrees."""
+    """Coordinate that is linear in an angle and HALF at a limit; no grasp counts as 180 degrees."""
     if math.isinf(limit):
         return np.where(np.isinf(angles), 0.75, 0.25)
     return HALF + (np.minimum(angles, math.pi) - limit) / (4.0 * math.pi)
 
 
-def picture(subject: Subject, paint: Paint, model: GraspModel) -> Bytes:
-    """What the surface is painted with, shape (h, w, 3), the lowest row first.
+def texture_image(subject: Subject, paint: Paint, model: GraspModel) -> Bytes:
+    """Texture image, shape (h, w, 3), the lowest row first.
 
     Args:
         subject: The surface.
-        paint: What it is painted by.
+        paint: The quantity that is shown.
         model: Friction and resolution.
     """
     ramp = ramp_of(subject, paint, model)
@@ -143,61 +143,62 @@ def picture(subject: Subject, paint: Paint, model: GraspModel) -> Bytes:
         return _labels(subject, model)
     columns = (np.arange(WIDE) + 0.5) / WIDE
     if paint == "critical_angle":
-        shares = columns * math.pi / math.radians(ramp.most)
+        values = columns * math.pi / math.radians(ramp.maximum)
     elif paint == "max_resolution":
         coarsest = 2.0 * (model.friction_angle - columns * math.pi)
-        shares = coarsest / math.radians(ramp.most)
+        values = coarsest / math.radians(ramp.maximum)
     else:
-        shares = columns
-    steps = np.clip(shares * STEPS, 0, STEPS - 1).astype(int)
+        values = columns
+    steps = np.clip(values * STEPS, 0, STEPS - 1).astype(int)
     return np.stack([RAMP[steps], np.broadcast_to(PALETTE[UNSEARCHED], (WIDE, 3))])
 
 
-def washed_out(image: Bytes) -> Bytes:
-    """Colours (h, w, 3) that say that they are no longer true."""
-    mixed = (1.0 - WASHED) * image + WASHED * np.array(PALE)
+def faded(image: Bytes) -> Bytes:
+    """Pale version of colours (h, w, 3), for a surface that is outdated."""
+    mixed = (1.0 - PALE_FRACTION) * image + PALE_FRACTION * np.array(PALE)
     return np.asarray(np.rint(mixed), dtype=np.uint8)
 
 
 def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
-    """What the colours mean; None: they are labels."""
+    """Legend of the quantity that is shown; None: labels."""
     none = "no grasp found" if subject.mode == "label" else "no grasp"
     if not (np.isinf(subject.critical_angle) & (subject.weights > 0.0)).any():
         none = ""
     if paint == "critical_angle":
-        most = math.degrees(min(subject.cone, math.pi / 2.0))
-        return Ramp("β*: critical friction angle", most, "°", none)
+        maximum = math.degrees(min(subject.cone, math.pi / 2.0))
+        return Ramp("β*: critical friction angle", maximum, "°", none)
     if paint == "max_resolution":
-        most = 2.0 * math.degrees(model.friction_angle)
-        return Ramp("α*: coarsest sensor that keeps it S", most, "°", none)
+        maximum = 2.0 * math.degrees(model.friction_angle)
+        return Ramp("α*: coarsest resolution at which it is S", maximum, "°", none)
     if paint in {"epsilon", "epsilon_min"}:
-        return _ramp_of_epsilon(subject, paint, model, none)
+        return _epsilon_ramp(subject, paint, model, none)
     return None
 
 
-def _ramp_of_epsilon(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
-    words = "ε of the grasp with the smallest β*"
+def _epsilon_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
+    text = "ε of the grasp with the smallest β*"
     if paint == "epsilon_min":
-        words = "smallest ε over the tilts"
-    known, then = subject.epsilons, "measuring" if subject.measurable else "as in the file"
+        text = "smallest ε over the tilts"
+    known = subject.epsilons
+    status = "being computed" if subject.measurable else "as in the file"
     if known is None:
-        return Ramp(f"{words}; {then}", 1.0, "", "not measured yet", ALIKE)
-    if not is_of(known.model, model):
+        return Ramp(f"{text}; {status}", 1.0, "", "not computed yet", EQUAL_GRASPS)
+    if not same_settings(known.model, model):
         friction, degrees = known.model.friction, math.degrees(known.model.sensor_resolution)
-        words = f"{words}, of μ {friction:.3g}, α {degrees:.1f}°; {then}"
-    return Ramp(words, _most_epsilon(subject), "", none, ALIKE)
+        text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; {status}"
+    return Ramp(text, _max_epsilon(subject), "", none, EQUAL_GRASPS)
 
 
-def is_of(known: GraspModel, model: GraspModel) -> bool:
-    """Whether epsilon that was measured for one model answers another; fingers do not count."""
+def same_settings(known: GraspModel, model: GraspModel) -> bool:
+    """Whether epsilon computed for one model is valid for another; fingers are ignored."""
     return replace(known, fingers=model.fingers) == model
 
 
 def _labels(subject: Subject, model: GraspModel) -> Bytes:
-    """Colours below and from the two limits on: of S across, of U upward, shape (2, 2, 3)."""
+    """Colours below and above the limit of S (columns) and of U (rows), shape (2, 2, 3)."""
     covered = subject.covers(model)
-    passed_over = model.friction_angle - model.tilt > subject.cone + ROUNDING
-    between = UNSEARCHED if passed_over and not covered else Label.M
+    maybe_missed = model.effective_friction_angle > subject.cone + ROUNDING
+    between = UNSEARCHED if maybe_missed and not covered else Label.M
     beyond = Label.U if covered else UNSEARCHED
     return np.asarray(PALETTE[[[Label.S, between], [Label.S, beyond]]])
 
@@ -208,7 +209,7 @@ def _epsilon(subject: Subject, paint: Paint) -> Floats:
     return subject.epsilons.nominal if paint == "epsilon" else subject.epsilons.minimum
 
 
-def _most_epsilon(subject: Subject) -> float:
-    """Largest epsilon of the surface, for both ramps."""
+def _max_epsilon(subject: Subject) -> float:
+    """Largest epsilon of the surface, used for both ramps."""
     values = _epsilon(subject, "epsilon")
     return float(np.nanmax(values, initial=0.0)) or 1.0

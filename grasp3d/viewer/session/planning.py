@@ -1,4 +1,4 @@
-"""What has to be computed for what is chosen: the next piece of work, and nothing that is known."""
+"""The next computation that the current choices need."""
 
 import math
 from dataclasses import dataclass, replace
@@ -7,195 +7,196 @@ from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
 from grasp3d.settings import GraspModel, Sampling
-from grasp3d.viewer.session.painting import is_of
-from grasp3d.viewer.session.saving import written
-from grasp3d.viewer.session.searching import measured, prepared, scanned, searched
-from grasp3d.viewer.session.state import Places, Shown
-from grasp3d.viewer.session.work import Job
+from grasp3d.viewer.session.background import Job
+from grasp3d.viewer.session.computations import (
+    compute_epsilon,
+    prepare_labels,
+    scan_with_fixed,
+    search_grasps,
+)
+from grasp3d.viewer.session.painting import same_settings
+from grasp3d.viewer.session.saving import write_labels
+from grasp3d.viewer.session.state import FixedPoints, ViewState
 from grasp3d.viewer.subjects.subject import Subject
 
 if TYPE_CHECKING:
-    from collections.abc import Callable
+    from grasp3d.viewer.session.collection import Item
 
-    from grasp3d.system.progress import Progress
-    from grasp3d.viewer.session.album import Exhibit
+DELAY = 0.4
+"""Delay between the last change of a slider and the search for it [s]."""
 
-PAUSE = 0.4
-"""How long a slider must rest before a search for it begins [s]."""
-
-Work: TypeAlias = Job[Subject]
+SubjectJob: TypeAlias = Job[Subject]
 
 
 @dataclass(frozen=True, eq=False)
-class Viewed:
-    """The object that is looked at, as far as it is ready."""
+class ViewedItem:
+    """The current object, as far as it is available."""
 
     number: int
-    exhibit: "Exhibit"
+    item: "Item"
     subject: Subject | None = None
     """None: it is being opened."""
     scan: Subject | None = None
-    """The same with fingers fixed."""
-    fixed: Places = ()
-    """Which fingers those are."""
+    """The same surface with fingers fixed."""
+    fixed: FixedPoints = ()
+    """Contact points of the fixed fingers of `scan`."""
 
     @property
     def current(self) -> Subject | None:
-        """The surface that is shown."""
+        """The surface that is displayed."""
         return self.scan or self.subject
 
 
 @dataclass(frozen=True, eq=False)
-class Saving:
-    """A file that is to be written of what was shown when it was asked for."""
+class SaveRequest:
+    """A file to write, with the surface and model at the time of the request."""
 
     path: Path
     subject: Subject
     model: GraspModel
 
 
-def wanted(
-    viewed: Viewed, shown: Shown, sampling: Sampling, saving: Saving | None = None
-) -> Work | None:
-    """Say what has to be computed next; None: nothing.
+def next_job(
+    viewed: ViewedItem, state: ViewState, sampling: Sampling, saving: SaveRequest | None = None
+) -> SubjectJob | None:
+    """The next job; None: everything is computed.
 
-    The first word of a job's key says what it is: open, save, scan, search, grasps or epsilon; the
-    rest all that its result depends on.
+    The first word of a job's key is its kind: open, save, scan, search, grasps or epsilon; the rest
+    is all that its result depends on.
 
     Args:
-        viewed: What there is.
-        shown: What is chosen.
-        sampling: How grasps are searched, but for what is chosen.
-        saving: What is to be written.
+        viewed: The current object.
+        state: The user's choices.
+        sampling: Search settings, apart from those in `state`.
+        saving: A file to write, if any.
     """
     subject, number = viewed.subject, viewed.number
     if subject is None:
-        return Job(("open", number), f"opening {viewed.exhibit.name}", viewed.exhibit.open)
+        return Job(("open", number), f"opening {viewed.item.name}", viewed.item.open)
     if saving is not None:
-        do = partial(written, saving.subject, saving.model, saving.path)
-        return Job(("save", number, saving.path, saving.model), f"saving {saving.path.name}", do)
-    if shown.fixed:
-        if viewed.scan is None or viewed.fixed != shown.fixed:
-            do = partial(scanned, subject, shown.model, shown.fixed)
-            return Job(("scan", number, shown.fixed), "scanning", do)
-        return _epsilon(viewed.scan, shown, number)
-    search = within_reach(sampling, shown)
-    wide = not _covers(subject, shown)
-    if wide or is_other(subject, shown, sampling):
-        key = ("search", number, shown.model.fingers, search, wide)
-        do = partial(searched, subject, shown.model, search, wide=wide)
-        return Job(key, "searching grasps", do, PAUSE)
-    return _grasps(subject, shown, number) or _epsilon(subject, shown, number)
+        run = partial(write_labels, saving.subject, saving.model, saving.path)
+        return Job(("save", number, saving.path, saving.model), f"saving {saving.path.name}", run)
+    if state.fixed:
+        if viewed.scan is None or viewed.fixed != state.fixed:
+            run = partial(scan_with_fixed, subject, state.model, state.fixed)
+            return Job(("scan", number, state.fixed), "scanning", run)
+        return _epsilon_job(viewed.scan, state, number)
+    search = limited_sampling(sampling, state)
+    wide = not _covers(subject, state)
+    if wide or needs_search(subject, state, sampling):
+        key = ("search", number, state.model.fingers, search, wide)
+        run = partial(search_grasps, subject, state.model, search, wide=wide)
+        return Job(key, "searching grasps", run, DELAY)
+    return _grasps_job(subject, state, number) or _epsilon_job(subject, state, number)
 
 
-def is_other(subject: Subject, shown: Shown, sampling: Sampling) -> bool:
-    """Whether a surface belongs to other fingers or limits than are chosen.
+def needs_search(subject: Subject, state: ViewState, sampling: Sampling) -> bool:
+    """Whether a surface was searched for another number of fingers or other limits.
 
     Args:
-        subject: The surface as it is known.
-        shown: What is chosen.
-        sampling: How grasps are searched, but for what is chosen.
+        subject: The surface.
+        state: The user's choices.
+        sampling: Search settings, apart from those in `state`.
     """
-    if subject.model.fingers != shown.model.fingers:
+    if subject.model.fingers != state.model.fingers:
         return True
     if subject.sampling is None:  # a scan, whose grasps are given
         return False
-    asked, had = within_reach(sampling, shown), subject.sampling
-    return replace(asked, search_angle=None) != replace(had, search_angle=None)
+    needed, searched = limited_sampling(sampling, state), subject.sampling
+    return replace(needed, search_angle=None) != replace(searched, search_angle=None)
 
 
-def is_stale(viewed: Viewed, shown: Shown, sampling: Sampling) -> bool:
-    """Whether what is shown belongs to other fingers, limits or fixed fingers than are chosen.
+def is_stale(viewed: ViewedItem, state: ViewState, sampling: Sampling) -> bool:
+    """Whether the displayed surface has other fingers, limits or fixed fingers than are chosen.
 
-    A search that did not go far enough is no reason: what it leaves open is grey.
+    A surface whose search did not go far enough is not stale: its unknown part is grey.
 
     Args:
-        viewed: What there is.
-        shown: What is chosen.
-        sampling: How grasps are searched, but for what is chosen.
+        viewed: The current object.
+        state: The user's choices.
+        sampling: Search settings, apart from those in `state`.
     """
     if viewed.subject is None:
         return False
-    if shown.fixed:
-        return viewed.scan is None or viewed.fixed != shown.fixed
-    return is_other(viewed.subject, shown, sampling)
+    if state.fixed:
+        return viewed.scan is None or viewed.fixed != state.fixed
+    return needs_search(viewed.subject, state, sampling)
 
 
-def awaited(subject: Subject, shown: Shown) -> str:
-    """What has to be searched where a surface is stale, in words."""
-    fingers = shown.model.fingers
-    if shown.fixed:
-        count = len(shown.fixed)
+def missing_result(subject: Subject, state: ViewState) -> str:
+    """Name of the result that a stale surface lacks, for messages."""
+    fingers = state.model.fingers
+    if state.fixed:
+        count = len(state.fixed)
         return f"labels for {count} fixed {'finger' if count == 1 else 'fingers'}"
     if subject.model.fingers != fingers:
         return f"grasps for {fingers} fingers"
-    limit = "largest opening" if fingers == 2 else "reach"
+    limit = "largest opening" if fingers == 2 else "largest spread"
     return f"grasps for this {limit}"
 
 
-def reach_of(sampling: Sampling, model: GraspModel) -> float:
-    """How far apart contacts may be."""
+def span_limit(sampling: Sampling, model: GraspModel) -> float:
+    """Largest distance allowed between contacts."""
     return sampling.max_opening if model.fingers == 2 else sampling.max_spread
 
 
-def within_reach(sampling: Sampling, shown: Shown) -> Sampling:
-    """The search that is asked for; limits of another number of fingers fall away."""
-    usual, reach = Sampling(), shown.max_opening
-    if shown.model.fingers == 2:
+def limited_sampling(sampling: Sampling, state: ViewState) -> Sampling:
+    """Search settings with the chosen limit; limits of other numbers of fingers are dropped."""
+    default, limit = Sampling(), state.max_opening
+    if state.model.fingers == 2:
         return replace(
-            sampling, max_opening=reach, min_opening=min(sampling.min_opening, reach),
-            candidates=usual.candidates, min_separation=None, max_spread=math.inf,
-            candidate_points=usual.candidate_points, seed=usual.seed,
+            sampling, max_opening=limit, min_opening=min(sampling.min_opening, limit),
+            candidates=default.candidates, min_separation=None, max_spread=math.inf,
+            candidate_points=default.candidate_points, seed=default.seed,
         )  # fmt: skip
-    apart = sampling.min_separation
+    separation = sampling.min_separation
     return replace(
-        sampling, max_spread=reach, rays=usual.rays, grip=usual.grip, min_opening=0.0,
-        max_opening=math.inf, min_separation=None if apart is None else min(apart, reach),
+        sampling, max_spread=limit, rays=default.rays, grip=default.grip, min_opening=0.0,
+        max_opening=math.inf,
+        min_separation=None if separation is None else min(separation, limit),
     )  # fmt: skip
 
 
-def _covers(subject: Subject, shown: Shown) -> bool:
-    """Whether the search went as far as both resolutions ask that are shown."""
-    compared = shown.model.sensor_resolution if shown.compare is None else shown.compare
-    other = replace(shown.model, sensor_resolution=compared)
-    return subject.covers(shown.model) and subject.covers(other)
+def _covers(subject: Subject, state: ViewState) -> bool:
+    """Whether the search went far enough for all displayed resolutions."""
+    compared = state.model.sensor_resolution if state.compare is None else state.compare
+    other = replace(state.model, sensor_resolution=compared)
+    return subject.covers(state.model) and subject.covers(other)
 
 
-def _grasps(subject: Subject, shown: Shown, number: int) -> Work | None:
-    """Finding the grasps of a file, where a vertex is told of or epsilon is painted.
+def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
+    """Find the grasps of a file, if a vertex is inspected or epsilon is shown.
 
-    A file that names the partners needs its mesh only to tell of epsilon at another model.
+    A file with partners needs its mesh only for epsilon of another model.
     """
     if subject.labels is not None or not subject.measurable:
         return None
     known = subject.epsilons
-    another = known is None or not is_of(known.model, shown.model)
-    if shown.vertex is None and not (another and _paints_epsilon(shown)):
+    other_model = known is None or not same_settings(known.model, state.model)
+    if state.vertex is None and not (other_model and _shows_epsilon(state)):
         return None
-    do: Callable[[Progress], Subject]
+    key = ("grasps", number)
     if subject.partners is None:
-        sampling = replace(subject.sampling or Sampling(), search_angle=min(
-            subject.cone, math.pi / 2.0))  # fmt: skip
-        do = partial(searched, subject, subject.model, sampling)
-        return Job(("grasps", number), "searching grasps", do)
-    return (
-        Job(("grasps", number), "preparing grasps", partial(prepared, subject))
-        if another
-        else (None)
-    )
+        cone = min(subject.cone, math.pi / 2.0)
+        sampling = replace(subject.sampling or Sampling(), search_angle=cone)
+        run = partial(search_grasps, subject, subject.model, sampling)
+        return Job(key, "searching grasps", run)
+    if not other_model:
+        return None
+    return Job(key, "preparing grasps", partial(prepare_labels, subject))
 
 
-def _epsilon(subject: Subject, shown: Shown, number: int) -> Work | None:
-    """The work of measuring epsilon, where it is painted and not known for what is asked."""
+def _epsilon_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
+    """Compute epsilon, if it is shown and not known for the chosen model."""
     known = subject.epsilons
-    if not _paints_epsilon(shown) or not subject.measurable:
+    if not _shows_epsilon(state) or not subject.measurable:
         return None
-    if known is not None and is_of(known.model, shown.model):
+    if known is not None and same_settings(known.model, state.model):
         return None
-    asked = replace(shown.model, fingers=subject.model.fingers)
-    key = ("epsilon", number, asked, shown.fixed, shown.max_opening)
-    return Job(key, "measuring ε", partial(measured, subject, asked), PAUSE)
+    model = replace(state.model, fingers=subject.model.fingers)
+    key = ("epsilon", number, model, state.fixed, state.max_opening)
+    return Job(key, "computing ε", partial(compute_epsilon, subject, model), DELAY)
 
 
-def _paints_epsilon(shown: Shown) -> bool:
-    return shown.paint in {"epsilon", "epsilon_min"}
+def _shows_epsilon(state: ViewState) -> bool:
+    return state.paint in {"epsilon", "epsilon_min"}

@@ -1,4 +1,4 @@
-"""Writing what is shown: labels at the friction and resolution that are chosen."""
+"""Writing the labels at the chosen friction and resolution."""
 
 import math
 from dataclasses import replace
@@ -8,74 +8,74 @@ from grasp3d.errors import SettingError
 from grasp3d.export import writer_for
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.system.progress import Progress, within
-from grasp3d.viewer.session.searching import prepared, searched
+from grasp3d.viewer.session.computations import prepare_labels, search_grasps
 from grasp3d.viewer.subjects.subject import Epsilons, Subject
 
-FOUND, MEASURED = 0.5, 0.95
-"""Shares of the work after which a file's grasps are found, and epsilon is measured."""
+SEARCHED, COMPUTED = 0.5, 0.95
+"""Fractions of the work after which the grasps are found and epsilon is computed."""
 
 
 def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
-    """Refuse what cannot be written, before any work.
+    """Check whether the labels of a surface can be written.
 
     Args:
         subject: The surface.
         model: Friction and resolution.
-        path: File to make or replace.
+        path: File to create or replace.
 
     Raises:
-        SettingError: Its grasps do not answer the model, or are not named.
+        SettingError: The search does not cover the model, or the contacts are unknown.
         OutputError: No writer has that suffix.
     """
     writer_for(path)
     if not subject.covers(model):
         raise SettingError(
-            "the grasps that this friction and resolution need are not searched yet; save when "
-            "they are"
+            "the grasps for this friction and resolution are not searched yet; save when the "
+            "search is finished"
         )
     if not subject.measurable:
         raise SettingError(
-            f"{subject.name}: the file does not name its fixed fingers, so it cannot be written "
-            "at other settings; scan the mesh again"
+            f"{subject.name}: the file does not contain its fixed fingers, so it cannot be written "
+            "for other settings; scan the mesh again"
         )
 
 
-def written(subject: Subject, model: GraspModel, path: Path, progress: Progress) -> Subject:
-    """Write the labels of a subject.
+def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Progress) -> Subject:
+    """Write the labels of a surface.
 
     Args:
-        subject: The surface; grasps that a file did not name are searched first.
+        subject: The surface; grasps that its file does not contain are searched first.
         model: Friction and resolution; fingers as the subject has them.
-        path: File to make or replace; its suffix says the format.
-        progress: Called with the share of the work done, from 0 to 1.
+        path: File to create or replace; its suffix determines the format.
+        progress: Called with the finished fraction of the work, from 0 to 1.
 
     Returns:
-        The subject with all that had to be computed.
+        The subject with everything that was computed for the file.
 
     Raises:
-        GraspError: It cannot be written; see `check_savable` as well.
+        GraspError: The file cannot be written; see also `check_savable`.
     """
     check_savable(subject, model, path)
-    ready = _with_labels(subject, within(progress, 0.0, FOUND))
+    ready = _with_labels(subject, within(progress, 0.0, SEARCHED))
     assert ready.labels is not None
     relabelled = ready.labels.relabel(
         friction=model.friction, sensor_resolution=model.sensor_resolution
     )
-    asked = replace(model, fingers=ready.model.fingers)
-    if relabelled.model != asked:
-        relabelled = replace(relabelled, model=asked)
-    relabelled.enumerate_extremes(within(progress, FOUND, FOUND))
-    relabelled.measure(within(progress, FOUND, MEASURED))
+    model = replace(model, fingers=ready.model.fingers)
+    if relabelled.model != model:
+        relabelled = relabelled.with_model(model)
+    relabelled.compute_labels(within(progress, SEARCHED, SEARCHED))
+    relabelled.compute_epsilon(within(progress, SEARCHED, COMPUTED))
     writer_for(path)(path, relabelled)
     progress(1.0)
     found = relabelled.epsilon_range
-    return replace(ready, epsilons=Epsilons(found.nominal, found.minimum, asked, found.maximum))
+    return replace(ready, epsilons=Epsilons(found.nominal, found.minimum, model, found.maximum))
 
 
 def _with_labels(subject: Subject, progress: Progress) -> Subject:
     """The subject with its mesh and grasps."""
     if subject.labels is not None or subject.partners is not None:
-        return prepared(subject, progress)
+        return prepare_labels(subject, progress)
     sampling = subject.sampling or Sampling()
     sampling = replace(sampling, search_angle=min(subject.cone, math.pi / 2.0))
-    return searched(subject, subject.model, sampling, progress)
+    return search_grasps(subject, subject.model, sampling, progress)

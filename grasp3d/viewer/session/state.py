@@ -1,43 +1,42 @@
-"""What a viewer shows: a value that is replaced, never changed."""
+"""The user's choices in a viewer, as an immutable value."""
 
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.settings import GraspModel
+from grasp3d.settings import GraspModel, check_choice
 from grasp3d.viewer.view_settings import Paint
 
 Axis = Literal["x", "y", "z"]
 Click = Literal["inspect", "fix"]
-Places = tuple[tuple[float, float, float], ...]
+FixedPoints = tuple[tuple[float, float, float], ...]
+"""Contact points of fixed fingers, in the mesh's frame."""
 
 
 @dataclass(frozen=True)
 class Section:
-    """A plane that cuts the object open; what is in front of it is not shown."""
+    """A plane that cuts the object open; the part in front of it is hidden."""
 
     axis: Axis = "x"
-    """Across which axis of the mesh's frame it lies."""
-    share: float = 0.5
-    """Where along the object, from 0 to 1."""
+    """Axis of the mesh's frame that is normal to the plane."""
+    position: float = 0.5
+    """Position along the object, from 0 to 1."""
     flipped: bool = False
-    """Show what is on the upper side of it. The lower one is shown otherwise, as the eye is at
-    first where x, y and z are large, and looks into what is cut."""
+    """Show the upper part. By default the lower part is shown, as the initial camera is on the side
+    of positive x, y and z and looks into the cut."""
 
     def __post_init__(self) -> None:
-        if self.axis not in get_args(Axis) or not 0.0 <= self.share <= 1.0:
-            raise SettingError(
-                f"a section lies across x, y or z at a share from 0 to 1; got {self.axis!r}, "
-                f"{self.share}"
-            )
+        check_choice("axis of a section", self.axis, Axis)
+        if not 0.0 <= self.position <= 1.0:
+            raise SettingError(f"section position must be from 0 to 1; got {self.position}")
 
     def plane(self, bounds: Floats) -> tuple[Floats, Floats]:
-        """A point of the plane, and its normal toward what is shown, shape (3,) each.
+        """A point of the plane, and its normal toward the visible part, shape (3,) each.
 
         Args:
             bounds: Lowest and highest corner of the object, shape (2, 3).
@@ -45,73 +44,69 @@ class Section:
         low, high = bounds
         normal = np.zeros(3)
         normal["xyz".index(self.axis)] = 1.0 if self.flipped else -1.0
-        return low + self.share * (high - low), normal
+        return low + self.position * (high - low), normal
 
 
 @dataclass(frozen=True)
-class Shown:
-    """All that is chosen in a viewer, for whatever object."""
+class ViewState:
+    """All choices of the user for the current object."""
 
     model: GraspModel
-    """Friction, resolution and fingers that are asked for."""
+    """Chosen friction, resolution and number of fingers."""
     max_opening: float
-    """How far apart contacts may be, in the mesh's unit: the gripper's stroke for two fingers, the
-    hand's reach for more."""
+    """Largest distance between contacts, in the mesh's unit: the gripper's stroke for two fingers,
+    the largest spread for more."""
     paint: Paint = "label"
     compare: float | None = None
     """A second sensor resolution, shown beside the first [rad]."""
     section: Section | None = None
     click: Click = "inspect"
-    """What a click on the surface does: tell of a vertex, or fix a finger there."""
+    """Action of a click on the surface: inspect a vertex, or fix a finger there."""
     vertex: int | None = None
-    """The one that is told of."""
-    fixed: Places = ()
-    """Fingers that are fixed, in the mesh's frame; none: every vertex has its best grasp."""
+    """The inspected vertex."""
+    fixed: FixedPoints = ()
+    """Contact points of the fixed fingers; none: every vertex has its best grasp."""
 
     def __post_init__(self) -> None:
-        if self.paint not in get_args(Paint) or self.click not in get_args(Click):
-            known = ", ".join((*get_args(Paint), *get_args(Click)))
-            raise SettingError(
-                f"nothing is painted by {self.paint!r}, or a click cannot {self.click!r}; "
-                f"known: {known}"
-            )
+        check_choice("paint", self.paint, Paint)
+        check_choice("click action", self.click, Click)
         if not self.max_opening > 0.0:
-            raise SettingError(f"the opening must be above 0; got {self.max_opening:g}")
+            raise SettingError(f"the largest opening must be above 0; got {self.max_opening:g}")
         if self.compare is not None and not 0.0 <= self.compare < math.pi:
             raise SettingError(
-                "the resolution that is compared with must be at least 0 and below 180 degrees; "
+                "the second resolution must be at least 0 and below 180 degrees; "
                 f"got {math.degrees(self.compare):g}"
             )
-        places = np.asarray(self.fixed or np.zeros((1, 3)), dtype=np.float64)
-        if places.ndim != 2 or places.shape[1] != 3 or not np.isfinite(places).all():
-            raise SettingError("fixed fingers are places of three finite numbers each")
+        points = np.asarray(self.fixed or np.zeros((1, 3)), dtype=np.float64)
+        if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
+            raise SettingError("fixed fingers must be points of three finite coordinates each")
 
 
-def choose(shown: Shown, choices: Mapping[str, Any]) -> Shown:
-    """Change what is chosen.
+def changed_state(state: ViewState, changes: Mapping[str, Any]) -> ViewState:
+    """A state with some choices changed.
 
     Args:
-        shown: Before.
-        choices: Fields of `Shown`, and friction, sensor_resolution and fingers of its model. With
-            fewer fingers the last ones that are fixed are released.
+        state: The state before.
+        changes: Fields of `ViewState`, and friction, sensor_resolution and fingers of its model. If
+            there are now fewer fingers, the last fixed ones are released.
 
     Raises:
-        SettingError: A value is outside its range, or nothing is called so.
+        SettingError: A value is outside its range, or there is no such field.
     """
-    kinds: dict[str, type] = {"friction": float, "sensor_resolution": float, "fingers": int}
-    unknown = set(choices) - set(kinds) - {field.name for field in fields(Shown)}
+    types: dict[str, type] = {"friction": float, "sensor_resolution": float, "fingers": int}
+    unknown = set(changes) - set(types) - {field.name for field in fields(ViewState)}
     if unknown:
-        raise SettingError(f"nothing is called {min(unknown)!r} in a viewer")
+        raise SettingError(f"the viewer has no setting {min(unknown)!r}")
     try:
-        asked = {name: kind(choices[name]) for name, kind in kinds.items() if name in choices}
-        others = {name: value for name, value in choices.items() if name not in kinds}
-        changed = replace(shown, **others)
+        of_model = {name: kind(changes[name]) for name, kind in types.items() if name in changes}
+        others = {name: value for name, value in changes.items() if name not in types}
+        changed = replace(state, **others)
     except (TypeError, ValueError) as error:
-        raise SettingError(f"a choice is of the wrong kind: {error}") from error
-    model = replace(changed.model, **asked)
-    room = max(0, model.fingers - 1)
-    if "fixed" in choices and len(changed.fixed) > room:
+        raise SettingError(f"a value has the wrong type: {error}") from error
+    model = replace(changed.model, **of_model)
+    most = max(0, model.fingers - 1)
+    if "fixed" in changes and len(changed.fixed) > most:
         raise SettingError(
-            f"of {model.fingers} fingers {room} can be fixed; got {len(changed.fixed)}"
+            f"of {model.fingers} fingers at most {most} can be fixed; got {len(changed.fixed)}"
         )
-    return replace(changed, model=model, fixed=changed.fixed[:room])
+    return replace(changed, model=model, fixed=changed.fixed[:most])

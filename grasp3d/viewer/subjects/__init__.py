@@ -1,1 +1,1 @@
-"""What is looked at: surfaces with their numbers, from labels or from files."""
+"""Viewed surfaces and their numbers, from labels or from files."""

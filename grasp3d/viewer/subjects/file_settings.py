@@ -1,4 +1,4 @@
-"""What a labelled PLY says in its comments of how it was made."""
+"""The settings in the header comments of a labelled PLY."""
 
 import math
 from collections.abc import Mapping
@@ -12,7 +12,7 @@ from grasp3d.stability.label import Mode
 
 COMMENT = "comment grasp3d "
 NEEDED = ("mode", "friction", "sensor_resolution", "fingers", "method", "search_angle", "unit")
-"""Without these a file is none of grasp3d, whatever its properties are called."""
+"""Comments that every labelled PLY has."""
 
 SettingsT = TypeVar("SettingsT")
 
@@ -27,37 +27,37 @@ class FileSettings:
     options: MeshOptions
     mode: Mode
     cone: float
-    """Largest critical friction angle that counted [rad]."""
+    """Largest critical friction angle that was searched [rad]."""
     unit: Unit | None
 
 
 def comments_of(header: bytes) -> dict[str, str]:
-    """Find the comments of grasp3d in the header of a PLY: what they tell, by its name."""
+    """Values of the grasp3d comments in the header of a PLY, by name."""
     lines = header.decode("ascii", "replace").splitlines()
-    told = [line.removeprefix(COMMENT) for line in lines if line.startswith(COMMENT)]
-    return {name: value for name, _, value in (line.partition(" ") for line in told)}
+    comments = [line.removeprefix(COMMENT) for line in lines if line.startswith(COMMENT)]
+    return {name: value for name, _, value in (line.partition(" ") for line in comments)}
 
 
 def settings_from(comments: Mapping[str, str]) -> FileSettings:
-    """Understand the comments.
+    """Parse the comments.
 
     Args:
-        comments: As `comments_of` finds them; names that are not known are passed over.
+        comments: As `comments_of` returns them; unknown names are ignored.
 
     Raises:
-        ValueError: They make no settings; the message says why.
+        ValueError: They are not valid settings; the message gives the reason.
     """
     missing = [name for name in NEEDED if name not in comments]
     if missing:
-        raise ValueError(f"no comment tells its {missing[0]}")
+        raise ValueError(f"there is no comment {missing[0]!r}")
     mode, cone = comments["mode"], float(comments["search_angle"])
     if mode not in get_args(Mode) or not 0.0 < cone <= math.pi:
         raise ValueError(f"its mode is {mode[:20]!r} and its search angle {cone}")
-    given = dict(comments, unit="None" if comments["unit"] == "unknown" else comments["unit"])
-    options = _made(MeshOptions, given)
+    values = dict(comments, unit="None" if comments["unit"] == "unknown" else comments["unit"])
+    options = _parsed(MeshOptions, values)
     return FileSettings(
-        model=_made(GraspModel, given),
-        sampling=None if mode == "scan" else _made(Sampling, given),
+        model=_parsed(GraspModel, values),
+        sampling=None if mode == "scan" else _parsed(Sampling, values),
         options=options,
         mode="scan" if mode == "scan" else "label",
         cone=cone,
@@ -65,18 +65,18 @@ def settings_from(comments: Mapping[str, str]) -> FileSettings:
     )
 
 
-def _made(kind: type[SettingsT], given: Mapping[str, str]) -> SettingsT:
-    """Settings of one kind; those that are not told are the usual ones."""
+def _parsed(kind: type[SettingsT], values: Mapping[str, str]) -> SettingsT:
+    """Settings of one kind; missing ones have their defaults."""
     hints = get_type_hints(kind)
-    names = [field.name for field in fields(kind) if field.name in given]  # type: ignore[arg-type]
+    names = [field.name for field in fields(kind) if field.name in values]  # type: ignore[arg-type]
     try:
-        return kind(**{name: _value(given[name], hints[name]) for name in names})
+        return kind(**{name: _value(values[name], hints[name]) for name in names})
     except (TypeError, GraspError) as error:
         raise ValueError(str(error)) from error
 
 
-def _value(text: str, hint: Any) -> Any:  # noqa: ANN401
-    """A value as its type hint says; ValueError where it is none."""
+def _value(text: str, hint: Any) -> Any:
+    """Convert a text to the type of a hint; raises ValueError if that fails."""
     kinds = get_args(hint) or (hint,)
     if text == "None" and NoneType in kinds:
         return None

@@ -1,10 +1,10 @@
-"""A PLY that grasp3d has labelled: told from other files, and read with all its numbers.
+"""Reading labelled PLY files.
 
-A PLY is taken for labelled as soon as its vertices have a property that only labels have: `label`,
-`critical_angle` and the others of `LABELLED`. Then it must have all of them, with the types, the
-values and the comments that `export.write_ply` gives them; a file that has not is refused, as its
-numbers might mean anything. Other properties (colours, confidence, texture coordinates) may stand
-beside them, and a PLY with none but such is a mesh like any other.
+A PLY counts as labelled if its vertices have any property of `LABELLED`, such as `label` or
+`critical_angle`. It must then have all of them, with the types, values and comments that
+`export.write_ply` writes; otherwise it is refused, as its numbers could mean anything. Other
+properties (colours, confidence, texture coordinates) are allowed. A PLY with none of `LABELLED` is
+an ordinary mesh.
 """
 
 import math
@@ -18,29 +18,29 @@ import numpy.typing as npt
 from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.errors import MeshError
 from grasp3d.mesh.preparing import LARGEST
+from grasp3d.reading.declared_sizes import LONGEST_HEADER, check_declared_size
 from grasp3d.reading.ply import PlyHeader, read_ply_header
-from grasp3d.reading.promises import LONGEST_HEADER, check_promises
 from grasp3d.reading.sources import Source, check_finite, find_source
 from grasp3d.settings import MeshOptions
 from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles, unstable_from
+from grasp3d.stability.thresholds import label_angles
 from grasp3d.viewer.subjects.file_settings import FileSettings, comments_of, settings_from
-from grasp3d.viewer.subjects.ply_table import CURE, damaged, read_tables
+from grasp3d.viewer.subjects.ply_table import ADVICE, damaged, read_tables
 
 _ANGLES = ("critical_angle", "critical_angle_best")
 _EPSILONS = ("epsilon", "epsilon_min", "epsilon_max")
-_PLACES, _NORMALS = ("x", "y", "z"), ("nx", "ny", "nz")
+_POSITIONS, _NORMALS = ("x", "y", "z"), ("nx", "ny", "nz")
 
 LABELLED = ("label", *_ANGLES, "max_resolution", *_EPSILONS)
-"""Properties of vertices that only a labelled file has."""
+"""Vertex properties that only a labelled file has."""
 
 ROUNDING = 1e-6
-"""How far 32 bits may move an angle, or the length of a normal [rad, 1]."""
+"""Tolerance of angles and of the length of normals, stored with 32 bits [rad, 1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class LabelledFile:
-    """What a labelled PLY holds, checked."""
+    """Checked contents of a labelled PLY."""
 
     settings: FileSettings
     vertices: Floats
@@ -50,26 +50,27 @@ class LabelledFile:
     normals: Floats
     """Inward unit normals; 0 where the file has none, (V, 3)."""
     label: Bytes
-    """Codes as the file has them, (V,)."""
+    """Label codes as stored, (V,)."""
     critical_angle: Floats
-    """Shape (V,); inf: no grasp."""
+    """Over the worst normals [rad]; inf: no grasp, (V,)."""
     critical_angle_best: Floats
+    """Over the best normals [rad], (V,)."""
     epsilons: Floats
     """Nominal, smallest and largest, (3, V); nan: no grasp."""
 
 
 def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> FileSettings | None:
-    """Tell a labelled PLY from a mesh, by its header alone.
+    """Settings of a labelled PLY, from its header alone.
 
     Args:
         path: Any file.
-        max_memory: What reading it may take [GB].
+        max_memory: Memory limit for reading [GB].
 
     Returns:
-        What it was labelled with; None: it is a mesh that has no labels, or no PLY.
+        The settings; None: the file is not a PLY, or has no labels.
 
     Raises:
-        MeshError: It has some of the properties of a labelled file, but is none.
+        MeshError: The file has some properties of a labelled file, but is not a valid one.
     """
     if path.suffix.lower() != ".ply":
         return None
@@ -90,25 +91,25 @@ def read_labelled(path: Path, max_memory: float = MeshOptions.max_memory) -> Lab
     """Read a labelled PLY.
 
     Args:
-        path: A file of which `settings_of_file` says so.
-        max_memory: What reading it may take [GB].
+        path: A file for which `settings_of_file` returns settings.
+        max_memory: Memory limit for reading [GB].
 
     Raises:
-        MeshError: It is none, or damaged.
+        MeshError: The file is not labelled, or damaged.
     """
     settings = settings_of_file(path, max_memory)
     source = find_source(path, max_memory)
     if settings is None:
-        raise MeshError(f"{source.where}: is no PLY that grasp3d has labelled; label it first")
+        raise MeshError(f"{source.where}: is not a PLY labelled by grasp3d; label it first")
     try:
-        check_promises(source)
+        check_declared_size(source)
         columns, faces = read_tables(source, read_ply_header(source))
     except (OSError, MemoryError) as error:
-        told = getattr(error, "strerror", None) or "memory is too small"
-        raise MeshError(f"{source.where}: cannot be read ({told})") from error
+        reason = getattr(error, "strerror", None) or "memory is too small"
+        raise MeshError(f"{source.where}: cannot be read ({reason})") from error
     found = LabelledFile(
         settings=settings,
-        vertices=_stacked(columns, _PLACES).T.copy(),
+        vertices=_stacked(columns, _POSITIONS).T.copy(),
         faces=faces,
         normals=-_stacked(columns, _NORMALS).T,
         label=columns["label"],
@@ -124,20 +125,20 @@ def read_labelled(path: Path, max_memory: float = MeshOptions.max_memory) -> Lab
 def _checked_header(source: Source, header: PlyHeader, kinds: dict[str, str]) -> FileSettings:
     for name in LABELLED:
         if name not in kinds:
-            there = next(one for one in LABELLED if one in kinds)
+            present = next(one for one in LABELLED if one in kinds)
             raise MeshError(
-                f"{source.where}: its vertices have a property {there!r} but no {name!r}, so that "
-                f"it is not of grasp3d, or of another version; {CURE}"
+                f"{source.where}: its vertices have a property {present!r} but no {name!r}, so it "
+                f"was not written by this version of grasp3d; {ADVICE}"
             )
-    wanted = dict.fromkeys((*_PLACES, *_NORMALS, *LABELLED), "a float") | {"label": "a uchar"}
-    for name, kind in wanted.items():
-        right = ("u1",) if name == "label" else ("f4", "f8")
-        if kinds.get(name) not in right:
+    expected = dict.fromkeys((*_POSITIONS, *_NORMALS, *LABELLED), "a float") | {"label": "a uchar"}
+    for name, kind in expected.items():
+        allowed = ("u1",) if name == "label" else ("f4", "f8")
+        if kinds.get(name) not in allowed:
             raise damaged(source, f"its property {name!r} is not {kind}")
     try:
         return settings_from(comments_of(source.head(LONGEST_HEADER)[: header.start]))
     except ValueError as error:
-        raise damaged(source, f"its comments are not those of grasp3d: {error}") from error
+        raise damaged(source, f"its grasp3d comments are not valid: {error}") from error
 
 
 def _stacked(columns: dict[str, npt.NDArray[Any]], names: tuple[str, ...]) -> Floats:
@@ -147,9 +148,9 @@ def _stacked(columns: dict[str, npt.NDArray[Any]], names: tuple[str, ...]) -> Fl
 def _check_surface(source: Source, found: LabelledFile) -> None:
     check_finite(found.vertices, source.where)
     if not len(found.faces):
-        raise damaged(source, "it holds no faces")
+        raise damaged(source, "it contains no faces")
     if np.abs(found.vertices).max() > LARGEST:
-        raise damaged(source, f"its coordinates reach beyond {LARGEST:g}")
+        raise damaged(source, f"its coordinates exceed {LARGEST:g}")
     corners = found.vertices[found.faces]
     if not (np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]) != 0.0).any():
         raise damaged(source, "its faces have no area")
@@ -170,16 +171,15 @@ def _check_labels(source: Source, found: LabelledFile, max_resolution: npt.NDArr
     if (found.epsilons < 0.0).any() or np.isinf(found.epsilons).any():
         raise damaged(source, "an epsilon is below 0, or infinite")
     if (found.label > max(Label)).any():
-        raise damaged(source, f"its label goes up to {found.label.max()}, and {max(Label)} is S")
-    if model.method == "exact" and (_differs(found) > 0):
-        raise damaged(source, "its labels are not those of its critical angles")
+        raise damaged(source, f"its label goes up to {found.label.max()}, above S = {max(Label)}")
+    if model.method == "exact" and (_count_wrong_labels(found) > 0):
+        raise damaged(source, "its labels do not match its critical angles")
 
 
-def _differs(found: LabelledFile) -> int:
-    """Vertices whose label is not that of their angles, but for rounding."""
+def _count_wrong_labels(found: LabelledFile) -> int:
+    """Number of vertices whose label does not follow from their angles, apart from rounding."""
     worst, best, model = found.critical_angle, found.critical_angle_best, found.settings.model
-    limit = unstable_from(model.friction_angle, model.tilt, model.fingers)
-    stable = model.friction_angle - model.tilt
+    limit, stable = model.unstable_from, model.effective_friction_angle
     with np.errstate(invalid="ignore"):  # inf - inf
         near = (np.abs(worst - stable) < ROUNDING) | (np.abs(best - limit) < ROUNDING)
     return int(((label_angles(worst, best, model) != found.label) & ~near).sum())

@@ -1,4 +1,4 @@
-"""Vertices and triangles of a PLY with all their numbers, sizes checked before they are read."""
+"""Vertices and triangles of a PLY with all properties; sizes are checked before reading."""
 
 from typing import Any
 
@@ -11,45 +11,45 @@ from grasp3d.reading.ply import Element, PlyHeader
 from grasp3d.reading.sources import Source
 
 CORNERS = 3
-CURE = "label the mesh again, or export it without its labels"
+ADVICE = "label the mesh again, or export it without its labels"
 
 Columns = dict[str, npt.NDArray[Any]]
 
 
 def read_tables(source: Source, header: PlyHeader) -> tuple[Columns, Ints]:
-    """Read a PLY of vertices with plain numbers, and of triangles.
+    """Read a PLY whose vertices have only scalar properties and whose faces are triangles.
 
     Args:
-        source: The file; what it promises was compared with its size.
+        source: The file; its declared sizes were already compared with its length.
         header: Its header.
 
     Returns:
         Properties of the vertices by name, shape (V,) each, and the triangles, (F, 3).
 
     Raises:
-        MeshError: It holds something else, is not complete, or its faces make no sense.
+        MeshError: The file has other elements, is incomplete, or has invalid faces.
     """
     vertex, face = _layout(source, header)
     data = source.path.read_bytes()[header.start :]
     read = _binary if header.order else _text
     columns, corners = read(source, header.order, vertex, face, data)
     if corners.size and (corners.min() < 0 or corners.max() >= vertex.count):
-        raise damaged(source, f"a face has a corner that is none of its {vertex.count:,} vertices")
+        raise damaged(source, f"a face refers to none of its {vertex.count:,} vertices")
     return columns, np.asarray(corners, dtype=np.int64)
 
 
 def damaged(source: Source, what: str) -> MeshError:
-    """Make the error of a labelled file that cannot be shown."""
-    return MeshError(f"{source.where}: has labels, but {what}; {CURE}")
+    """The error for a labelled file that cannot be viewed."""
+    return MeshError(f"{source.where}: has labels, but {what}; {ADVICE}")
 
 
 def _layout(source: Source, header: PlyHeader) -> tuple[Element, Element]:
-    """The two elements, vertices first, of a file that has no others."""
+    """The vertex and the face element of a file that has only these two."""
     if [element.name for element in header.elements] == ["vertex", "face"]:
         vertex, face = header.elements
         if not vertex.lists and face.lists == len(face.properties) == 1:
             return vertex, face
-    raise damaged(source, "its elements are not vertices of plain numbers, then triangles")
+    raise damaged(source, "its elements are not vertices with scalar properties, then triangles")
 
 
 def _binary(
@@ -63,7 +63,7 @@ def _binary(
     head = vertex.count * rows.itemsize
     if len(data) != head + face.count * triangle.itemsize:
         raise damaged(
-            source, f"{len(data):,} bytes are no {vertex.count:,} vertices and {face.count:,} "
+            source, f"{len(data):,} bytes are not {vertex.count:,} vertices and {face.count:,} "
             "triangles: is it complete?",
         )  # fmt: skip
     found = np.frombuffer(data, rows, vertex.count)
@@ -82,7 +82,7 @@ def _text(
     head = vertex.count * width
     if len(words) != head + face.count * (1 + CORNERS):
         raise damaged(
-            source, f"{len(words):,} numbers are no {vertex.count:,} vertices and {face.count:,} "
+            source, f"{len(words):,} numbers are not {vertex.count:,} vertices and {face.count:,} "
             "triangles: is it complete?",
         )  # fmt: skip
     try:
@@ -93,19 +93,19 @@ def _text(
             for number, entry in enumerate(vertex.properties)
         }
     except (ValueError, OverflowError) as error:
-        raise damaged(source, f"something in it is no number ({error})") from error
+        raise damaged(source, f"it contains something that is not a number ({error})") from error
     _check_triangles(source, triangles[:, 0])
     return columns, triangles[:, 1:]
 
 
 def _exact(values: npt.NDArray[np.float64], kind: str) -> npt.NDArray[Any]:
-    """Numbers of a text in the type that the header names."""
+    """Convert parsed numbers to the type given in the header."""
     if kind[0] == "f":
-        with np.errstate(over="ignore"):  # to inf, which is checked like any other value
+        with np.errstate(over="ignore"):  # overflow gives inf, which is checked later
             return values.astype(kind)
     limits = np.iinfo(kind)
     if not ((values >= limits.min) & (values <= limits.max) & (values % 1.0 == 0.0)).all():
-        raise ValueError("a whole number is expected")
+        raise ValueError("expected a whole number")
     return values.astype(kind)
 
 

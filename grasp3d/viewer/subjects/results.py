@@ -1,4 +1,4 @@
-"""The results of a batch: its labelled meshes, as its files hold them."""
+"""The results of a batch: labelled meshes, read from its files."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
@@ -13,7 +13,7 @@ from grasp3d.batch.folders import MARKER
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import GraspError, MeshError
-from grasp3d.surface.labels import Reason
+from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.names import printable
 from grasp3d.tables import read_columns
 from grasp3d.viewer.subjects.file_settings import FileSettings
@@ -24,25 +24,25 @@ REASONS = {reason.name.lower(): int(reason) for reason in Reason}
 
 
 def labelled_rows(folder: Path) -> tuple[list[Row], int]:
-    """Rows of the meshes that a batch has labelled, and how many it has not.
+    """Rows of the meshes that a batch has labelled, and the number of other meshes.
 
     Args:
-        folder: Of the results.
+        folder: Folder of the results.
 
     Raises:
-        GraspError: It holds no results, they are damaged, or no mesh was labelled.
+        GraspError: It contains no results, they are damaged, or no mesh was labelled.
     """
     where = printable(str(folder))
     if not (folder / MARKER).is_file():
         raise MeshError(
-            f"{where}: is a folder, but none that grasp3d batch has written; label its meshes "
-            "with grasp3d batch, or name one of them"
+            f"{where}: is a folder, but was not written by grasp3d batch; label its meshes with "
+            "grasp3d batch, or give the path of one mesh"
         )
     rows = read_summary(folder)
     found = [row for row in rows if row.outcome is Outcome.LABELLED and row.labels]
     if not found:
         raise MeshError(
-            f"{where}: none of its {len(rows)} meshes was labelled; report/index.html says why"
+            f"{where}: none of its {len(rows)} meshes was labelled; see report/index.html"
         )
     return found, len(rows) - len(found)
 
@@ -50,63 +50,63 @@ def labelled_rows(folder: Path) -> tuple[list[Row], int]:
 def settings_of_results(
     folder: Path, rows: Sequence[Row], max_memory: float
 ) -> FileSettings | None:
-    """What the first mesh that can be read was labelled with; None: none can be."""
+    """Settings of the first mesh whose file can be read; None: no file can be read."""
     for row in rows:
         try:
             return settings_of_file(folder / row.labels, max_memory)
         except GraspError:
-            continue  # it is told when someone looks at that mesh
+            continue  # the error is reported when that mesh is opened
     return None
 
 
 def read_result(folder: Path, row: Row, max_memory: float) -> Subject:
-    """Take one mesh of a batch as its files hold it.
+    """Read one mesh of a batch.
 
-    Without the table of its vertices it is shown all the same, but its grasps are not known.
+    If the table of its vertices cannot be read, the mesh is returned without partners.
 
     Args:
-        folder: Of the results.
-        row: Of the mesh.
-        max_memory: What reading it may take [GB].
+        folder: Folder of the results.
+        row: Row of the mesh.
+        max_memory: Memory limit for reading [GB].
 
     Raises:
         MeshError: Its labelled PLY is missing or damaged.
     """
     subject = replace(read_subject(folder / row.labels, max_memory), name=row.mesh)
-    told = tuple(f"{text}" for text in row.warnings.split("; ") if text)
-    subject = replace(subject, notes=tuple(dict.fromkeys((*told, *subject.notes))))
+    warnings = tuple(f"{text}" for text in row.warnings.split("; ") if text)
+    subject = replace(subject, notes=tuple(dict.fromkeys((*warnings, *subject.notes))))
     path = folder / row.fields
     try:
         return _with_grasps(subject, read_columns(path))
     except (OSError, ValueError, MemoryError) as error:
         note = (
             f"the table of its vertices ({printable(str(path))}) cannot be read "
-            f"({_line(error)}): grasps are searched anew when you click"
+            f"({_reason(error)}): grasps are searched again when you click"
         )
         return replace(subject, notes=(*subject.notes, note))
 
 
 def _with_grasps(subject: Subject, columns: Mapping[str, npt.NDArray[Any]]) -> Subject:
-    """Add what a table of the vertices tells of their grasps.
+    """Add the grasps from a table of the vertices.
 
     Raises:
-        ValueError: It is of another surface, or damaged.
+        ValueError: The table is damaged, or belongs to another surface.
     """
     fingers = range(2, subject.model.fingers + 1)
-    heads = [f"partner_{finger}_" for finger in fingers]
-    partners = np.stack([_vectors(columns, head) for head in heads], axis=1)
-    pushes = -np.stack([_vectors(columns, f"{head}n") for head in heads], axis=1)
-    places, angles = _vectors(columns, ""), _numbers(columns, "critical_angle")
-    same = np.array_equal(places, subject.vertices)
+    prefixes = [f"partner_{finger}_" for finger in fingers]
+    partners = np.stack([_vectors(columns, prefix) for prefix in prefixes], axis=1)
+    normals = -np.stack([_vectors(columns, f"{prefix}n") for prefix in prefixes], axis=1)
+    positions, angles = _vectors(columns, ""), _numbers(columns, "critical_angle")
+    same = np.array_equal(positions, subject.vertices)
     if not (same and np.array_equal(angles, subject.critical_angle)):
-        raise ValueError("it is of another surface than the labelled PLY")
+        raise ValueError("it belongs to another surface than the labelled PLY")
     reasons = _column(columns, "reason")
     if not set(reasons.tolist()) <= set(REASONS):
-        raise ValueError("its reasons are not known")
+        raise ValueError("it contains unknown reasons")
     return replace(
         subject,
         partners=locked(partners),
-        partner_normals=locked(pushes),
+        partner_normals=locked(normals),
         opening=locked(_numbers(columns, "opening")),
         grip=locked(_numbers(columns, "grip"), np.int8),
         reason=locked([REASONS[reason] for reason in reasons.tolist()], np.uint8),
@@ -122,14 +122,14 @@ def _column(columns: Mapping[str, npt.NDArray[Any]], name: str) -> npt.NDArray[A
 def _numbers(columns: Mapping[str, npt.NDArray[Any]], name: str) -> Floats:
     values = _column(columns, name)
     if values.dtype.kind not in "fiu":
-        raise ValueError(f"its column {name} holds no numbers")
+        raise ValueError(f"its column {name} is not numeric")
     return values.astype(np.float64)
 
 
-def _vectors(columns: Mapping[str, npt.NDArray[Any]], head: str) -> Floats:
-    return np.stack([_numbers(columns, f"{head}{axis}") for axis in "xyz"], axis=1)
+def _vectors(columns: Mapping[str, npt.NDArray[Any]], prefix: str) -> Floats:
+    return np.stack([_numbers(columns, f"{prefix}{axis}") for axis in "xyz"], axis=1)
 
 
-def _line(error: BaseException) -> str:
-    told = getattr(error, "strerror", None) or " ".join(str(error).split())[:200]
-    return told or type(error).__name__
+def _reason(error: BaseException) -> str:
+    reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:200]
+    return reason or type(error).__name__

@@ -1,1 +1,1 @@
-"""The viewer as a page: every visitor has a session and a picture of their own."""
+"""The viewer in a browser."""

@@ -1,92 +1,93 @@
-"""What a visitor can set: the fields of the page, and how the session takes them over."""
+"""The input fields of the page: their values, and how they change the session."""
 
 import math
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE
-from grasp3d.viewer.session.keys import OTHER
+from grasp3d.viewer.session.keys import DEFAULT_COMPARED
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section
 
 PAINTS = {
     "label": "S, M, U",
     "critical_angle": "β*, critical friction angle",
-    "max_resolution": "α*, coarsest sensor that keeps it S",
+    "max_resolution": "α*, coarsest resolution at which it is S",
     "epsilon": "ε",
     "epsilon_min": "smallest ε over the tilts",
 }
-"""What can be painted, and how it is called in a list."""
+"""Quantities that colours can show, and their names in the list."""
 
 COARSEST = 180.0
-"""Below which resolutions must be [degrees]."""
+"""Upper limit of resolutions [degrees]."""
 
 
-def choices(session: Session) -> dict[str, Any]:
-    """What the visitor can set, as the page's fields hold it: angles in degrees."""
-    shown, section = session.shown, session.shown.section
+def field_values(session: Session) -> dict[str, Any]:
+    """Values of all fields; angles are in degrees."""
+    state, section = session.state, session.state.section
     return {
-        "friction": shown.model.friction,
-        "resolution": _degrees(shown.model.sensor_resolution),
-        "comparing": shown.compare is not None,
-        "compare": _degrees(OTHER if shown.compare is None else shown.compare),
-        "paint": shown.paint,
+        "friction": state.model.friction,
+        "resolution": _degrees(state.model.sensor_resolution),
+        "comparing": state.compare is not None,
+        "compare": _degrees(DEFAULT_COMPARED if state.compare is None else state.compare),
+        "paint": state.paint,
         "axis": "off" if section is None else section.axis,
-        "share": 0.5 if section is None else section.share,
+        "position": 0.5 if section is None else section.position,
         "flipped": section is not None and section.flipped,
-        "fingers": shown.model.fingers,
-        "opening": shown.max_opening if math.isfinite(shown.max_opening) else None,
-        "click": shown.click,
-        "held": len(shown.fixed),
+        "fingers": state.model.fingers,
+        "opening": state.max_opening if math.isfinite(state.max_opening) else None,
+        "click": state.click,
+        "fixed_count": len(state.fixed),
         "number": session.number,
     }
 
 
-def choose(session: Session, name: str, value: Any) -> None:  # noqa: ANN401
-    """Take over what a visitor set in a field of `choices`.
+def set_field(session: Session, name: str, value: Any) -> None:
+    """Change the session to the new value of a field.
 
     Raises:
-        SettingError: It is outside its range, or no such value at all; the words are for visitors.
+        SettingError: The value is invalid; the message is shown to the visitor.
     """
     try:
-        _CHOOSE[name](session, value)
+        _SETTERS[name](session, value)
     except (TypeError, ValueError, OverflowError):
-        raise SettingError(_MUST_BE.get(name, f"{name}: there is no such choice")) from None
+        raise SettingError(_VALID.get(name, f"{name}: invalid value")) from None
 
 
-_MUST_BE = {
+_VALID = {
     "friction": "friction must be a number above 0",
     "resolution": "sensor resolution must be from 0 to below 180 degrees",
-    "compare": "the resolution that is compared with must be from 0 to below 180 degrees",
+    "compare": "the second resolution must be from 0 to below 180 degrees",
     "opening": "the largest opening must be a number above 0",
 }
-"""What is said of a number that cannot be."""
+"""Messages for invalid numbers."""
 
 
-def _friction(session: Session, value: Any) -> None:  # noqa: ANN401
-    session.change(friction=_within(value, inclusive=False))
+def _friction(session: Session, value: Any) -> None:
+    session.change(friction=_number(value, inclusive=False))
 
 
-def _resolution(session: Session, value: Any) -> None:  # noqa: ANN401
-    session.change(sensor_resolution=_within(value, below=COARSEST) * DEGREE)
+def _resolution(session: Session, value: Any) -> None:
+    session.change(sensor_resolution=_number(value, below=COARSEST) * DEGREE)
 
 
-def _compare(session: Session, value: Any) -> None:  # noqa: ANN401
-    if session.shown.compare is not None:
-        session.change(compare=_within(value, below=COARSEST) * DEGREE)
+def _compare(session: Session, value: Any) -> None:
+    if session.state.compare is not None:
+        session.change(compare=_number(value, below=COARSEST) * DEGREE)
 
 
-def _within(
-    value: Any,  # noqa: ANN401
+def _number(
+    value: Any,
     *,
     below: float = math.inf,
     inclusive: bool = True,
 ) -> float:
-    """A number from 0 on, or above 0, and below a limit.
+    """A number that is at least 0, or above 0, and below a limit.
 
     Raises:
-        ValueError: It is none, or outside.
+        ValueError: The value is not such a number.
     """
     number = float(value)
     if not 0.0 <= number < below or (number == 0.0 and not inclusive):
@@ -94,61 +95,47 @@ def _within(
     return number
 
 
-def _opening(session: Session, value: Any) -> None:  # noqa: ANN401
-    session.change(max_opening=math.inf if value in {None, ""} else _within(value, inclusive=False))
+def _opening(session: Session, value: Any) -> None:
+    session.change(max_opening=math.inf if value in {None, ""} else _number(value, inclusive=False))
 
 
-def _section(session: Session, **asked: Any) -> None:  # noqa: ANN401
-    now = session.shown.section or Section()
-    kept = {"axis": now.axis, "share": now.share, "flipped": now.flipped, **asked}
-    session.change(section=Section(**kept))
+def _change_section(session: Session, **changes: Any) -> None:
+    session.change(section=replace(session.state.section or Section(), **changes))
 
 
-def _axis(session: Session, value: Any) -> None:  # noqa: ANN401
+def _axis(session: Session, value: Any) -> None:
     if value == "off":
         session.change(section=None)
     else:
-        _section(session, axis=value)
+        _change_section(session, axis=value)
 
 
-def _share_of_section(session: Session, value: Any) -> None:  # noqa: ANN401
-    if session.shown.section is not None:
-        _section(session, share=float(value))
+def _position(session: Session, value: Any) -> None:
+    if session.state.section is not None:
+        _change_section(session, position=float(value))
 
 
-def _flipped(session: Session, value: Any) -> None:  # noqa: ANN401
-    if session.shown.section is not None:
-        _section(session, flipped=bool(value))
+def _flipped(session: Session, value: Any) -> None:
+    if session.state.section is not None:
+        _change_section(session, flipped=bool(value))
 
 
-def _click(session: Session, value: Any) -> None:  # noqa: ANN401
-    if value not in {"inspect", "fix"}:
-        raise ValueError
-    session.change(click=value)
-
-
-def _paint(session: Session, value: Any) -> None:  # noqa: ANN401
-    if value not in PAINTS:
-        raise ValueError
-    session.change(paint=value)
-
-
-_CHOOSE: dict[str, Callable[[Session, Any], None]] = {
+_SETTERS: dict[str, Callable[[Session, Any], None]] = {
     "friction": _friction,
     "resolution": _resolution,
-    "comparing": lambda session, value: session.change(compare=OTHER if value else None),
+    "comparing": lambda session, value: session.change(compare=DEFAULT_COMPARED if value else None),
     "compare": _compare,
-    "paint": _paint,
+    "paint": lambda session, value: session.change(paint=value),
     "axis": _axis,
-    "share": _share_of_section,
+    "position": _position,
     "flipped": _flipped,
     "fingers": lambda session, value: session.change(fingers=int(value)),
     "opening": _opening,
-    "click": _click,
+    "click": lambda session, value: session.change(click=value),
     "number": lambda session, value: session.step(int(value) - session.number),
 }
-CHOICES = tuple(_CHOOSE)
-"""Fields that a visitor can set."""
+FIELDS = tuple(_SETTERS)
+"""Names of the fields that a visitor can change."""
 
 
 def _degrees(radians: float) -> float:

@@ -1,4 +1,4 @@
-"""The viewer in a browser: serves a page until it is stopped."""
+"""Serving the viewer's page to browsers."""
 
 import asyncio
 import contextlib
@@ -15,68 +15,67 @@ from urllib.parse import urlsplit
 
 from grasp3d.errors import OutputError
 from grasp3d.rendering import can_render
-from grasp3d.viewer.session.album import Album
+from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.view_settings import ViewSettings
 
 if TYPE_CHECKING:
-    from grasp3d.viewer.web.door import FrontDoor
+    from grasp3d.viewer.web.server import ViewerServer
 
 HOST, PORT = "127.0.0.1", 8080
 OTHER_PORTS = 20
-"""How many ports after the one that is asked for are tried."""
+"""Number of following ports that are tried if the requested one is in use."""
 LAST_PORT = 65535
 
 NEEDED = ("trame", "trame_rca", "trame_vuetify", "aiohttp")
 
 
 def serve(
-    album: Album,
+    collection: Collection,
     settings: ViewSettings,
     *,
     host: str = HOST,
     port: int = PORT,
     ready: Callable[[str], None] | None = None,
 ) -> None:
-    """Show an album in the browsers that ask for it, until SIGTERM.
+    """Serve a collection to browsers until SIGTERM.
 
     Args:
-        album: What is looked at; every visitor goes through it by themselves.
-        settings: How it is first shown.
-        host: The name or number under which this machine is to be reached; 127.0.0.1: only from
-            itself.
-        port: Where; if it is taken, the next free one. 0: any.
-        ready: Called with the address when visitors may come.
+        collection: The objects; every visitor has a view of their own.
+        settings: Initial view.
+        host: Host name or address to serve at; 127.0.0.1: only this machine can connect.
+        port: Port; if it is in use, the next free one. 0: any free port.
+        ready: Called with the page's address when the server is ready.
 
     Raises:
         OutputError: There is no OpenGL, the extra is missing, or the host or port cannot be used.
         KeyboardInterrupt: It was stopped with Ctrl+C.
     """
-    door = front_door()
-    door.guarded = _is_loopback(host)
-    door.offer(album, settings, main=True)
-    with contextlib.closing(listening(host, port)) as listener:
-        stopped_by = asyncio.run(_serve(door, listener, host, ready))
+    server = create_server()
+    server.local_only = _is_loopback(host)
+    server.add(collection, settings, main=True)
+    with contextlib.closing(listen(host, port)) as listener:
+        stopped_by = asyncio.run(_serve(server, listener, host, ready))
     if stopped_by == signal.SIGINT:
         raise KeyboardInterrupt
 
 
 def check_page(host: str, port: int) -> None:
-    """Tell before the work whether a page could be served.
+    """Check that a page can be served.
 
     Raises:
-        OutputError: It could not, as `serve` says.
+        OutputError: It cannot; see `serve`.
     """
-    front_door()
-    listening(host, port).close()
+    create_server()
+    listen(host, port).close()
 
 
 def can_serve() -> bool:
-    """Tell whether the extra is installed."""
+    """Whether the extra is installed."""
     return all(find_spec(name) is not None for name in NEEDED)
 
 
-def front_door() -> "FrontDoor":
-    """Make what visitors come in by; tells before it begins what it lacks.
+def create_server() -> "ViewerServer":
+    """Make a server without content.
 
     Raises:
         OutputError: The extra is missing, or there is no OpenGL.
@@ -85,50 +84,50 @@ def front_door() -> "FrontDoor":
         raise OutputError("the page needs trame and aiohttp: pip install 'grasp3d[web]'")
     if not can_render():
         raise OutputError(
-            "the page's pictures need OpenGL, which is not here; install EGL (on Debian: libegl1 "
-            "libgl1) or run where there is a display"
+            "the page's pictures need OpenGL, which is not available; install EGL (on Debian: "
+            "libegl1 libgl1) or run on a machine with a display"
         )
-    os.environ["TRAME_ARGS"] = ""  # trame would read our own command line
-    door: FrontDoor = import_module("grasp3d.viewer.web.door").FrontDoor()
-    return door
+    os.environ["TRAME_ARGS"] = ""  # otherwise trame parses this program's command line
+    server: ViewerServer = import_module("grasp3d.viewer.web.server").ViewerServer()
+    return server
 
 
-def listening(host: str, port: int) -> socket.socket:
-    """Take a port, or the next free one.
+def listen(host: str, port: int) -> socket.socket:
+    """Open a listening socket at a port, or at the next free one.
 
     Raises:
-        OutputError: None of them can be used.
+        OutputError: None of the ports can be used.
     """
     if not 0 <= port <= LAST_PORT:
         raise OutputError(f"port must be from 0 to {LAST_PORT}; got {port}")
     last = min(port + OTHER_PORTS, LAST_PORT) if port else 0
-    for tried in range(port, last + 1):
+    for candidate in range(port, last + 1):
         try:
-            return _bound(host, tried)
+            return _bound(host, candidate)
         except (OSError, UnicodeError) as error:
             if getattr(error, "errno", None) != errno.EADDRINUSE:
-                raise OutputError(f"cannot serve at {host}, port {tried}: {error}") from None
+                raise OutputError(f"cannot serve at {host}, port {candidate}: {error}") from None
     raise OutputError(f"ports {port} to {last} are all in use; choose another one")
 
 
 def address_of(host: str, listener: socket.socket) -> str:
-    """Where a browser finds the page."""
+    """Address of the page for a browser."""
     name = {"": "127.0.0.1", "0.0.0.0": "127.0.0.1", "::": "[::1]"}.get(host, host)  # noqa: S104
     if ":" in name and not name.startswith("["):
         name = f"[{name}]"
     return f"http://{name}:{listener.getsockname()[1]}/"
 
 
-def taken(address: str, port: int) -> bool:
-    """Whether a page is at another port than was asked for, because that one is in use."""
+def uses_other_port(address: str, port: int) -> bool:
+    """Whether a page is served at another port than requested."""
     return port not in {0, urlsplit(address).port}
 
 
 @contextlib.asynccontextmanager
-async def opened(door: "FrontDoor", listener: socket.socket) -> AsyncIterator[None]:
-    """Let visitors in through a port while the block runs."""
+async def serving(server: "ViewerServer", listener: socket.socket) -> AsyncIterator[None]:
+    """Accept connections while the block runs."""
     web = import_module("aiohttp.web")
-    runner = web.AppRunner(door.app, access_log=None, shutdown_timeout=1.0)
+    runner = web.AppRunner(server.app, access_log=None, shutdown_timeout=1.0)
     await runner.setup()
     try:
         await web.SockSite(runner, listener).start()
@@ -138,9 +137,12 @@ async def opened(door: "FrontDoor", listener: socket.socket) -> AsyncIterator[No
 
 
 async def _serve(
-    door: "FrontDoor", listener: socket.socket, host: str, ready: Callable[[str], None] | None
+    server: "ViewerServer",
+    listener: socket.socket,
+    host: str,
+    ready: Callable[[str], None] | None,
 ) -> int:
-    """Serve until a signal comes; which one."""
+    """Serve until a signal is received; returns its number."""
     loop = asyncio.get_running_loop()
     stop: asyncio.Future[int] = loop.create_future()
 
@@ -150,30 +152,30 @@ async def _serve(
 
     for number in (signal.SIGINT, signal.SIGTERM):
         loop.add_signal_handler(number, stopped, number)
-    async with opened(door, listener):
+    async with serving(server, listener):
         if ready is not None:
             ready(address_of(host, listener))
         return await stop
 
 
 def _bound(host: str, port: int) -> socket.socket:
-    family, kind, protocol, _, place = socket.getaddrinfo(
+    family, kind, protocol, _, address = socket.getaddrinfo(
         host or None, port, type=socket.SOCK_STREAM, flags=socket.AI_PASSIVE
     )[0]
-    made = socket.socket(family, kind, protocol)
+    bound = socket.socket(family, kind, protocol)
     try:
-        if os.name == "posix":  # elsewhere it would share a port that is taken
-            made.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
-        made.bind(place)
-        made.listen()
+        if os.name == "posix":  # on Windows the option allows sharing a port in use
+            bound.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        bound.bind(address)
+        bound.listen()
     except OSError:
-        made.close()
+        bound.close()
         raise
-    return made
+    return bound
 
 
 def _is_loopback(host: str) -> bool:
-    """Whether only this machine reaches what is served at a host."""
+    """Whether only this machine can connect to a host."""
     try:
         return ipaddress.ip_address(host).is_loopback
     except ValueError:

@@ -1,4 +1,4 @@
-"""The window on the desktop: a scene, a panel beside it, keys and mouse."""
+"""The desktop window: scene, panel, keys and mouse."""
 
 import time
 from collections.abc import Callable
@@ -8,58 +8,58 @@ from typing import Any
 from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
 from grasp3d.errors import GraspError
-from grasp3d.isolation import unexpected
-from grasp3d.viewer.scene.clicks import Clicks
+from grasp3d.isolation import describe_unexpected
+from grasp3d.viewer.scene.clicks import ClickDetector
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.history import History
-from grasp3d.viewer.session.keys import press
+from grasp3d.viewer.session.keys import handle_key
+from grasp3d.viewer.session.panel_text import PanelText, panel_text
 from grasp3d.viewer.session.session import Session
-from grasp3d.viewer.session.telling import Told, tell
-from grasp3d.viewer.window.board import Board, row_width
 from grasp3d.viewer.window.display import check_display
 from grasp3d.viewer.window.events import Events
-from grasp3d.viewer.window.helping import Help
-from grasp3d.viewer.window.keeping import save_labels, save_view
-from grasp3d.viewer.window.panel import content_of
-from grasp3d.viewer.window.rows import Spot
+from grasp3d.viewer.window.file_saving import save_labels, save_view
+from grasp3d.viewer.window.help_overlay import HelpOverlay
+from grasp3d.viewer.window.panel import panel_content
+from grasp3d.viewer.window.panel_widget import PanelWidget, row_width
+from grasp3d.viewer.window.rows import HitArea
 from grasp3d.viewer.window.sliders import Ranges
 
-REST = 0.01
-"""Between two looks at what there is to do [s]."""
+LOOP_PAUSE = 0.01
+"""Pause between two rounds of the event loop [s]."""
 PANEL, NARROWEST, WIDEST = 0.297, 300.0, 420.0
-"""Width of the panel as a share of the window's, and its limits [pixels]."""
-MOST = 0.45
-"""Share of the window that the panel has at most."""
-FINE = 144.0
-"""Screens with more dots per inch have letters of twice the pixels, if there is room."""
-ROOM = (1100, 700)
-"""Least room for letters [their pixels]."""
+"""Width of the panel relative to the window, and its limits [pixels]."""
+MAX_PANEL = 0.45
+"""Largest width of the panel relative to the window."""
+HIGH_DPI = 144.0
+"""Screens with more dots per inch use double pixels, if the window is large enough."""
+MIN_SIZE = (1100, 700)
+"""Smallest window for double pixels [double pixels]."""
 ZOOM = 1.15
 HAND, ARROW = 9, 1
-"""VTK's numbers of cursors."""
+"""Numbers of VTK's cursors."""
 
 KEYSYMS = {
     "bracketleft": "[", "bracketright": "]", "plus": "+", "equal": "+", "minus": "-",
     "KP_Add": "+", "KP_Subtract": "-", "KP_Left": "Left", "KP_Right": "Right", "KP_Up": "Up",
     "KP_Down": "Down", "Escape": "Escape",
 }  # fmt: skip
-"""What VTK calls keys, where it is not what `KEYS` does."""
+"""VTK's names of keys, where they differ from those in `KEYS`."""
 
-Watch = Callable[[Told, tuple[Spot, ...]], None]
-"""Takes what is told, and what of the window answers to the mouse [pixels from the upper left]."""
+Watch = Callable[[PanelText, tuple[HitArea, ...]], None]
+"""Takes the panel's text and the hit areas [pixels from the window's upper left corner]."""
 
 
 def show_window(session: Session, *, title: str = "grasp3d", watch: Watch | None = None) -> None:
-    """Open a window and wait until it is closed, by its button or the key q; then close all.
+    """Open a window, wait until it is closed, and close the session.
 
     Args:
-        session: Who is looking.
-        title: Of the window.
-        watch: Is called after each drawing, for who wants to know what is seen.
+        session: The session.
+        title: Title of the window.
+        watch: Called after each rendering.
 
     Raises:
         OutputError: No window can be opened here.
-        KeyboardInterrupt: The terminal asked to end.
+        KeyboardInterrupt: Ctrl+C was pressed in the terminal.
     """
     try:
         check_display()
@@ -73,227 +73,227 @@ def show_window(session: Session, *, title: str = "grasp3d", watch: Watch | None
 
 
 class Window:
-    """Brings a session, a scene and a panel together in a plotter's window."""
+    """Connects a session, a scene and a panel with a plotter's window."""
 
-    def __init__(self, session: Session, plotter: Any, watch: Watch | None = None) -> None:  # noqa: ANN401
-        """Lay out a window that is not open yet.
+    def __init__(self, session: Session, plotter: Any, watch: Watch | None = None) -> None:
+        """Prepare a window without opening it.
 
         Args:
-            session: Who is looking.
-            plotter: Of `new_plotter`, with a panel.
-            watch: Is called after each drawing.
+            session: The session.
+            plotter: Made by `new_plotter`, with a panel.
+            watch: Called after each rendering.
         """
         self._session, self._plotter, self._watch = session, plotter, watch
-        self._mouse: Any = plotter.iren.interactor
+        self._interactor: Any = plotter.iren.interactor
         self._scene = Scene(plotter, legend=False)
-        self._board = Board(plotter.renderers[2])
-        self._help = Help(plotter.render_window)
+        self._panel = PanelWidget(plotter.renderers[2])
+        self._help = HelpOverlay(plotter.render_window)
         self._history, self._ranges = History(session), Ranges()
-        self._told = tell(session)
-        self._seen = -1
-        self._now: tuple[object, ...] = ()
+        self._text = panel_text(session)
+        self._revision = -1
+        self._drawn: tuple[object, ...] = ()
         self._size = (0, 0)
-        self._scale, self._panel = 1.0, 0
+        self._scale, self._panel_width = 1.0, 0
         self._interrupted = False
-        self._stale = True
+        self._needs_render = True
 
     def run(self, title: str) -> None:
-        """Open it and wait for its end."""
+        """Open the window and wait until it is closed."""
         plotter = self._plotter
         plotter.iren.style = vtkInteractorStyleTrackballCamera()
         plotter.iren.clear_key_event_callbacks()
-        self._listen()
+        self._observe()
         self._draw()
         plotter.show(title=title, interactive_update=True, auto_close=False)
-        # VTK's own loop would keep Python from working in the background. What events ask to be
-        # drawn is drawn after all of them, so that no slow machine falls behind the mouse.
-        self._mouse.EnableRenderOff()
-        while not self._mouse.GetDone():
-            self._mouse.ProcessEvents()
-            if not self._mouse.GetDone():
-                self._tick()
-            time.sleep(REST)
+        # VTK's own event loop would block Python's threads. Rendering is disabled while events are
+        # processed and done once after all of them, so that slow machines keep up with the mouse.
+        self._interactor.EnableRenderOff()
+        while not self._interactor.GetDone():
+            self._interactor.ProcessEvents()
+            if not self._interactor.GetDone():
+                self._update()
+            time.sleep(LOOP_PAUSE)
         if self._interrupted:
             raise KeyboardInterrupt
 
-    def _listen(self) -> None:
-        events = Events(self._mouse, self._fail)
-        events.on("RenderEvent", self._expose)
-        events.on("KeyPressEvent", self._key)
-        events.on("CharEvent", lambda: True)  # VTK's own keys
+    def _observe(self) -> None:
+        events = Events(self._interactor, self._report)
+        events.on("RenderEvent", self._on_render)
+        events.on("KeyPressEvent", self._on_key)
+        events.on("CharEvent", lambda: True)  # disables VTK's own keys
         for name in ("LeftButtonPressEvent", "LeftButtonDoubleClickEvent"):
-            events.on(name, self._press)
-        events.on("LeftButtonReleaseEvent", self._release)
-        events.on("MouseMoveEvent", self._move)
-        events.on("MouseWheelForwardEvent", lambda: self._turn(1))
-        events.on("MouseWheelBackwardEvent", lambda: self._turn(-1))
+            events.on(name, self._on_press)
+        events.on("LeftButtonReleaseEvent", self._on_release)
+        events.on("MouseMoveEvent", self._on_move)
+        events.on("MouseWheelForwardEvent", lambda: self._on_wheel(1))
+        events.on("MouseWheelBackwardEvent", lambda: self._on_wheel(-1))
         for name in ("RightButtonPressEvent", "MiddleButtonPressEvent"):
-            events.on(name, lambda: self._place() is not None)
-        Clicks(self._plotter, self._click)
+            events.on(name, lambda: self._panel_position() is not None)
+        ClickDetector(self._plotter, self._on_click)
 
-    def _expose(self) -> bool:
-        self._stale = True
+    def _on_render(self) -> bool:
+        self._needs_render = True
         return False
 
-    def _tick(self) -> None:
+    def _update(self) -> None:
         try:
             self._session.poll()
-            if not self._board.held:
-                self._history.note()
+            if not self._panel.pressed:
+                self._history.record()
             self._draw()
         except Exception as error:  # noqa: BLE001
-            self._fail(error)
+            self._report(error)
 
     def _draw(self) -> None:
-        """Draw what is another than before."""
+        """Draw what has changed."""
         session = self._session
         resized = self._lay_out()
-        now = (session.revision, session.working, *self._board.touched)
-        if now == self._now and not (resized or self._stale):
+        state = (session.revision, session.working, *self._panel.mouse_state)
+        if state == self._drawn and not (resized or self._needs_render):
             return
-        self._now = now
-        changed = session.revision != self._seen
+        self._drawn = state
+        changed = session.revision != self._revision
         if changed:
-            self._seen = session.revision
+            self._revision = session.revision
             self._scene.update(session)
-            self._told = tell(session)
-        told = replace(self._told, working=session.working)
-        width, height = self._panel / self._scale, self._size[1] / self._scale
-        content = content_of(
-            session, told, self._ranges, row_width(width), press=self._do,
-            dragged=self._board.dragged,
+            self._text = panel_text(session)
+        text = replace(self._text, working=session.working)
+        width, height = self._panel_width / self._scale, self._size[1] / self._scale
+        content = panel_content(
+            session, text, self._ranges, row_width(width), press=self._handle_key,
+            dragged=self._panel.dragged,
         )  # fmt: skip
-        redrawn = self._board.show(content, width, height, self._scale)
-        if changed or resized or redrawn or self._stale:
-            self._stale = False
+        redrawn = self._panel.show(content, width, height, self._scale)
+        if changed or resized or redrawn or self._needs_render:
+            self._needs_render = False
             self._plotter.render()
             if self._watch is not None:
-                self._watch(told, self._spots())
+                self._watch(text, self._hit_areas())
 
     def _lay_out(self) -> bool:
-        """Share out the window; tells whether its size is another than before."""
+        """Divide the window between scene and panel; returns whether its size has changed."""
         width, height = self._plotter.window_size
         if (width, height) == self._size:
             return False
         self._size = (width, height)
-        fine = self._plotter.render_window.DetectDPI() >= FINE
-        room = min(width / ROOM[0], height / ROOM[1])
-        self._scale = 2.0 if fine and room >= 2.0 else 1.0
-        wanted = min(WIDEST, max(NARROWEST, PANEL * width / self._scale)) * self._scale
-        self._panel = round(min(wanted, MOST * width))
-        border = 1.0 - self._panel / width
+        high_dpi = self._plotter.render_window.DetectDPI() >= HIGH_DPI
+        ratio = min(width / MIN_SIZE[0], height / MIN_SIZE[1])
+        self._scale = 2.0 if high_dpi and ratio >= 2.0 else 1.0
+        preferred = min(WIDEST, max(NARROWEST, PANEL * width / self._scale)) * self._scale
+        self._panel_width = round(min(preferred, MAX_PANEL * width))
+        border = 1.0 - self._panel_width / width
         self._scene.area = (0.0, 0.0, border, 1.0)
         self._plotter.renderers[2].viewport = (border, 0.0, 1.0, 1.0)
-        self._seen = -1
+        self._revision = -1
         self._help.fit(width, height, self._scale)
         return True
 
-    def _look(self) -> None:
+    def _reset_view(self) -> None:
         self._scene.look(self._session)
-        self._stale = True
+        self._needs_render = True
 
-    def _key(self) -> bool:
-        mouse = self._mouse
-        if not mouse.GetControlKey() and not mouse.GetAltKey():
-            name = str(mouse.GetKeySym())
-            self._do(KEYSYMS.get(name, name.removeprefix("KP_")))
+    def _on_key(self) -> bool:
+        interactor = self._interactor
+        if not interactor.GetControlKey() and not interactor.GetAltKey():
+            name = str(interactor.GetKeySym())
+            self._handle_key(KEYSYMS.get(name, name.removeprefix("KP_")))
         return True
 
-    def _do(self, key: str) -> None:
-        """Answer a key, or a button that does the same."""
+    def _handle_key(self, key: str) -> None:
+        """Run the action of a key, or of a button for it."""
         if len(key) == 1:
             key = key.lower()
         session = self._session
-        own: dict[str, Callable[[], None]] = {
-            "h": self._toggle_help, "Escape": self._close_help, "r": self._look,
+        actions: dict[str, Callable[[], None]] = {
+            "h": self._toggle_help, "Escape": self._close_help, "r": self._reset_view,
             "q": self._plotter.iren.terminate_app, "z": self._history.undo,
             "+": lambda: self._zoom(ZOOM), "-": lambda: self._zoom(1.0 / ZOOM),
             "s": lambda: save_labels(session), "g": self._save_view,
         }  # fmt: skip
-        if key in own:
-            own[key]()
+        if key in actions:
+            actions[key]()
         else:
-            press(session, key)
+            handle_key(session, key)
 
     def _zoom(self, factor: float) -> None:
         self._scene.camera.zoom(factor)
-        self._stale = True
+        self._needs_render = True
 
     def _save_view(self) -> None:
-        self._session.check_shown()
+        self._session.check_current()
         width, height = self._size
-        save_view(self._session, self._scene.camera, width - self._panel, height)
+        save_view(self._session, self._scene.camera, width - self._panel_width, height)
 
     def _toggle_help(self) -> None:
-        self._help.show(not self._help.shown)
-        self._stale = True
+        self._help.show(not self._help.visible)
+        self._needs_render = True
 
     def _close_help(self) -> None:
-        if self._help.shown:
+        if self._help.visible:
             self._toggle_help()
 
-    def _press(self) -> bool:
-        if self._help.shown:
+    def _on_press(self) -> bool:
+        if self._help.visible:
             self._toggle_help()
             return True
-        place = self._place()
-        if place is not None:
-            self._board.press(*place)
-        return place is not None
+        position = self._panel_position()
+        if position is not None:
+            self._panel.press(*position)
+        return position is not None
 
-    def _move(self) -> bool:
-        place = self._place()
-        moved = self._board.leave() if place is None else self._board.move(*place)
+    def _on_move(self) -> bool:
+        position = self._panel_position()
+        moved = self._panel.leave() if position is None else self._panel.move(*position)
         if moved:
-            self._stale = True
-            self._plotter.render_window.SetCurrentCursor(HAND if self._board.over else ARROW)
-        return place is not None
+            self._needs_render = True
+            self._plotter.render_window.SetCurrentCursor(HAND if self._panel.hovering else ARROW)
+        return position is not None
 
-    def _release(self) -> bool:
-        place = self._place()
-        if not self._board.held or place is None:
+    def _on_release(self) -> bool:
+        position = self._panel_position()
+        if not self._panel.pressed or position is None:
             return False
-        self._board.release(*place)
+        self._panel.release(*position)
         return True
 
-    def _turn(self, notches: int) -> bool:
-        place = self._place()
-        if place is not None:
-            self._board.turn(*place, notches)
-        return place is not None
+    def _on_wheel(self, steps: int) -> bool:
+        position = self._panel_position()
+        if position is not None:
+            self._panel.turn_wheel(*position, steps)
+        return position is not None
 
-    def _click(self, x: float, y: float, shift: bool) -> None:
+    def _on_click(self, x: float, y: float, shift: bool) -> None:
         try:
             vertex = self._scene.pick(self._session, x, y)
-            self._session.tap(vertex, inspect=shift)
+            self._session.click(vertex, inspect=shift)
         except BaseException as error:  # noqa: BLE001
-            self._fail(error)
+            self._report(error)
 
-    def _place(self) -> tuple[float, float] | None:
-        """Where in the panel the mouse is, or drags from; None: on the scene."""
-        x, y = self._mouse.GetEventPosition()
-        left = self._size[0] - self._panel
-        if x < left and not self._board.held:
+    def _panel_position(self) -> tuple[float, float] | None:
+        """Position of the mouse in the panel, also while dragging; None: on the scene."""
+        x, y = self._interactor.GetEventPosition()
+        left = self._size[0] - self._panel_width
+        if x < left and not self._panel.pressed:
             return None
         return (x - left) / self._scale, (self._size[1] - 1 - y) / self._scale
 
-    def _spots(self) -> tuple[Spot, ...]:
-        """What answers to the mouse, in pixels of the window."""
-        left, scale = self._size[0] - self._panel, self._scale
+    def _hit_areas(self) -> tuple[HitArea, ...]:
+        """Hit areas of the panel, in pixels of the window."""
+        left, scale = self._size[0] - self._panel_width, self._scale
 
-        def moved(spot: Spot) -> Spot:
-            x0, y0, x1, y1 = (scale * side for side in spot.box)
-            track = spot.track and (left + scale * spot.track[0], left + scale * spot.track[1])
-            return Spot(spot.name, (left + x0, y0, left + x1, y1), track)
+        def moved(area: HitArea) -> HitArea:
+            x0, y0, x1, y1 = (scale * side for side in area.box)
+            track = area.track and (left + scale * area.track[0], left + scale * area.track[1])
+            return HitArea(area.name, (left + x0, y0, left + x1, y1), track)
 
-        return tuple(moved(spot) for spot in self._board.spots)
+        return tuple(moved(area) for area in self._panel.hit_areas)
 
-    def _fail(self, error: BaseException) -> None:
-        """Say what went wrong; the window stays open."""
+    def _report(self, error: BaseException) -> None:
+        """Show an error as a message; only an interruption closes the window."""
         if not isinstance(error, Exception):
             self._interrupted = True
             self._plotter.iren.terminate_app()
             return
-        words = str(error) if isinstance(error, GraspError) else unexpected(error)
-        if words != self._session.message:
-            self._session.tell(words)
+        message = str(error) if isinstance(error, GraspError) else describe_unexpected(error)
+        if message != self._session.message:
+            self._session.show_message(message)

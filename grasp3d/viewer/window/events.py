@@ -1,40 +1,40 @@
-"""Events of a window, heard before VTK's own answers to them."""
+"""Event handlers of a window that run before VTK's own."""
 
 from collections.abc import Callable
 from typing import Any
 
-FIRST = 10.0
-"""VTK asks observers of higher priority first; its own have 0."""
+PRIORITY = 10.0
+"""VTK calls observers of higher priority first; its own have 0."""
 
 
 class Events:
-    """Calls functions for events; an event that is answered goes no further."""
+    """Calls handlers for events; a handled event is not passed on to VTK's own observers."""
 
-    def __init__(self, window: Any, fail: Callable[[BaseException], None]) -> None:  # noqa: ANN401
+    def __init__(self, interactor: Any, on_error: Callable[[BaseException], None]) -> None:
         """Take a window's interactor.
 
         Args:
-            window: VTK's interactor.
-            fail: Is told what an answer raised; VTK would print it, or end the process.
+            interactor: VTK's interactor.
+            on_error: Called with exceptions of handlers; VTK would print them or abort.
         """
-        self._window = window
-        self._fail = fail
+        self._interactor = interactor
+        self._on_error = on_error
 
-    def on(self, name: str, answer: Callable[[], bool]) -> None:
-        """Answer an event.
+    def on(self, name: str, handler: Callable[[], bool]) -> None:
+        """Add a handler.
 
         Args:
-            name: As VTK calls it.
-            answer: Tells whether it was answered, so that nobody else has to.
+            name: VTK's name of the event.
+            handler: Returns whether it has handled the event.
         """
 
         def called(*_: object) -> None:
             try:
-                answered = answer()
+                handled = handler()
             except BaseException as error:  # noqa: BLE001
-                self._fail(error)
+                self._on_error(error)
                 return
-            if answered:
-                self._window.GetCommand(tag).SetAbortFlag(1)
+            if handled:
+                self._interactor.GetCommand(tag).SetAbortFlag(1)
 
-        tag = self._window.AddObserver(name, called, FIRST)
+        tag = self._interactor.AddObserver(name, called, PRIORITY)

@@ -1,4 +1,4 @@
-"""The panel beside a scene: which rows it has, and what they do."""
+"""Contents of the panel beside the scene: rows and actions."""
 
 import math
 from collections.abc import Callable
@@ -7,26 +7,27 @@ from functools import partial
 from typing import get_args
 
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.viewer.session.inspecting import UNKNOWN
+from grasp3d.viewer.scene.text_layout import ELLIPSIS, text_width
+from grasp3d.viewer.session.inspection import UNKNOWN
 from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED
+from grasp3d.viewer.session.panel_text import PanelText
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Axis, Section
-from grasp3d.viewer.session.telling import Told
 from grasp3d.viewer.view_settings import Paint
-from grasp3d.viewer.window.canvas import MORE, QUIET, WARNING, width_of
+from grasp3d.viewer.window.canvas import QUIET, WARNING
 from grasp3d.viewer.window.rows import (
     Button,
-    Choices,
+    ButtonRow,
+    FractionBar,
+    FractionHeader,
+    FractionRow,
     Gap,
-    Pair,
-    RampStrip,
+    ProgressRow,
+    RampRow,
     Row,
-    ShareBar,
-    ShareHead,
-    ShareLine,
-    Track,
-    Words,
-    WorkBar,
+    SliderRow,
+    TextRow,
+    ValueRow,
 )
 from grasp3d.viewer.window.sliders import Ranges, Slider, sliders_of
 
@@ -35,271 +36,272 @@ PAINTS: dict[Paint, str] = {
     "epsilon_min": "smallest ε",
 }  # fmt: skip
 FINGERS = (2, 3, 4, 5)
-MOST_NOTES = 2
+MAX_NOTES = 2
 
-FEW = 4
-"""How many numbers of the clicked place are kept before buttons."""
+FIRST_NUMBERS = 4
+"""How many numbers of the inspected vertex have a higher priority than the others."""
 
-# What falls away first where the window is low, after rows have become flatter: empty room, notes,
-# facts, most numbers of the clicked place from the last one up, the rule, buttons that keys do as
-# well, the first numbers, the ramp, bars, other buttons. Never: title, shares, friction and
-# resolution, what goes on.
-GAPS, NOTES, FACTS, NUMBERS, RULE, KEYED, FIRST, RAMPS, BARS, EXTRA, PLACE, ALWAYS = range(12)
+# Priorities of rows in a low window. First the rows become less high, then those of the lowest
+# priority are dropped: gaps, notes, facts, further numbers of the inspected vertex from the last
+# one up, rules, buttons that have a key, the first numbers, the ramp, bars, other buttons. Title,
+# area fractions, friction, resolution and progress are never dropped.
+GAPS, NOTES, FACTS, NUMBERS, RULE, KEYED, FIRST, RAMPS, BARS, EXTRA, VERTEX, ALWAYS = range(12)
 
-FLAT: dict[type, float] = {Track: 33.0, Choices: 27.0, ShareLine: 17.0}
-"""Heights of rows where there is little room [pixels]."""
+REDUCED: dict[type, float] = {SliderRow: 33.0, ButtonRow: 27.0, FractionRow: 17.0}
+"""Reduced heights of rows [pixels]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Content:
-    """What a panel shows at one moment."""
+    """Contents of a panel for one state."""
 
     upper: tuple[Row, ...]
     lower: tuple[Row, ...]
-    """These stand at the bottom."""
+    """Rows at the bottom of the panel."""
     actions: dict[str, Callable[[], None]]
-    """What buttons do."""
+    """Actions of the buttons."""
     sliders: dict[str, Slider]
 
-    def fitted(self, room: float) -> tuple[tuple[Row, ...], tuple[Row, ...]]:
-        """Upper and lower rows that have room, the lightest left out first [pixels]."""
+    def fitted(self, height: float) -> tuple[tuple[Row, ...], tuple[Row, ...]]:
+        """Upper and lower rows that fit into a height [pixels], by priority."""
         kept = [*((row, 0) for row in self.upper), *((row, 1) for row in self.lower)]
-        if sum(row.height for row, _ in kept) > room:
-            kept = [(_flat(row), part) for row, part in kept]
-        while kept and sum(row.height for row, _ in kept) > room:
-            least = min(row.weight for row, _ in kept)
-            if least == ALWAYS:
+        if sum(row.height for row, _ in kept) > height:
+            kept = [(_reduced(row), part) for row, part in kept]
+        while kept and sum(row.height for row, _ in kept) > height:
+            lowest = min(row.priority for row, _ in kept)
+            if lowest == ALWAYS:
                 break
-            last = max(at for at, (row, _) in enumerate(kept) if row.weight == least)
+            last = max(at for at, (row, _) in enumerate(kept) if row.priority == lowest)
             del kept[last]
         return tuple(r for r, part in kept if part == 0), tuple(r for r, part in kept if part == 1)
 
 
-def _flat(row: Row) -> Row:
-    """The same row, less high."""
-    if isinstance(row, Track | Choices | ShareLine):
-        return replace(row, height=FLAT[type(row)])
+def _reduced(row: Row) -> Row:
+    """The same row with less height."""
+    if isinstance(row, SliderRow | ButtonRow | FractionRow):
+        return replace(row, height=REDUCED[type(row)])
     return row
 
 
-def content_of(
-    session: Session, told: Told, ranges: Ranges, width: float,
+def panel_content(
+    session: Session, text: PanelText, ranges: Ranges, width: float,
     *, press: Callable[[str], None], dragged: tuple[str, float] | None = None,
 ) -> Content:  # fmt: skip
-    """Say what stands in the panel.
+    """Contents of the panel for the current state of a session.
 
     Args:
-        session: Who is looking.
-        told: What there is to say.
-        ranges: Of the sliders.
-        width: Of the rows [pixels].
-        press: Answers a key; most buttons do what a key does.
-        dragged: A slider that acts only when it is released, and where it stands.
+        session: The session.
+        text: Its texts.
+        ranges: Ranges of the sliders.
+        width: Width of the rows [pixels].
+        press: Handles a key; most buttons have the action of a key.
+        dragged: Name and position of a dragged slider that acts only when it is released.
     """
     sliders = {slider.name: slider for slider in sliders_of(session, ranges)}
     keys = {f"key-{key}": partial(press, key) for key in "12345cifunpsgrhz"}
     upper = [
-        *_head(session, told, width),
-        *_shares(session, told, width),
+        *_title(session, text, width),
+        *_fractions(session, text, width),
         Gap(GAPS),
-        *(_track(slider, dragged) for slider in sliders.values()),
+        *(_slider(slider, dragged) for slider in sliders.values()),
         Gap(GAPS, 6),
-        *_choices(session),
+        *_buttons(session),
         Gap(GAPS, 6),
-        *_status(told, width),
-        *_ramp(told, width),
+        *_status(text, width),
+        *_ramp(text, width),
         Gap(GAPS, 14, ruled=True),
-        *_place(session, told, width),
+        *_vertex(session, text, width),
     ]
-    return Content(tuple(upper), tuple(_notes(told, width)), {**keys, **_changes(session)}, sliders)
+    return Content(tuple(upper), tuple(_notes(text, width)), {**keys, **_actions(session)}, sliders)
 
 
-def _changes(session: Session) -> dict[str, Callable[[], None]]:
-    """What buttons do that have no key of their own."""
-    cuts = {f"section-{axis}": partial(_cut_across, session, axis) for axis in get_args(Axis)}
+def _actions(session: Session) -> dict[str, Callable[[], None]]:
+    """Actions of the buttons that have no key."""
+    sections = {f"section-{axis}": partial(_cut_across, session, axis) for axis in get_args(Axis)}
     return {
         **{f"fingers-{n}": partial(session.change, fingers=n) for n in FINGERS},
         **{f"click-{kind}": partial(session.change, click=kind) for kind in ("inspect", "fix")},
         "section-off": partial(session.change, section=None),
-        **cuts,
+        **sections,
     }
 
 
 def _cut_across(session: Session, axis: Axis) -> None:
-    shown = session.shown.section
-    if shown is None or shown.axis != axis:
+    section = session.state.section
+    if section is None or section.axis != axis:
         session.change(section=Section(axis))
 
 
-def _head(session: Session, told: Told, width: float) -> list[Row]:
-    rows: list[Row] = [Words(ALWAYS, told.title, width, 16, bold=True)]
-    if told.facts:
-        rows.append(Words(FACTS, told.facts, width, color=QUIET, most=2))
-    if len(session.album.exhibits) > 1:
+def _title(session: Session, text: PanelText, width: float) -> list[Row]:
+    rows: list[Row] = [TextRow(ALWAYS, text.title, width, 16, bold=True)]
+    if text.facts:
+        rows.append(TextRow(FACTS, text.facts, width, color=QUIET, max_lines=2))
+    if len(session.collection.items) > 1:
         steps = (Button("key-p", "previous object"), Button("key-n", "next object"))
-        rows.append(Choices(EXTRA, "", steps))
+        rows.append(ButtonRow(EXTRA, "", steps))
     return [*rows, Gap(GAPS)]
 
 
-def _shares(session: Session, told: Told, width: float) -> list[Row]:
-    """How much of the surface has which label; while that is searched its rows keep their place."""
-    if not told.shares and not told.stale:
+def _fractions(session: Session, text: PanelText, width: float) -> list[Row]:
+    """Area fractions of the labels; the rows stay in place while grasps are searched."""
+    if not text.fractions and not text.stale:
         return []
-    both = [told.shares]
-    heads: tuple[str, ...] = ("",)
+    both = [text.fractions]
+    headers: tuple[str, ...] = ("",)
     if session.other_model is not None:
-        both.append(told.other_shares)
-        angles = (session.shown.model.sensor_resolution, session.shown.compare or 0.0)
-        heads = tuple(f"α {math.degrees(angle):.4g}°" for angle in angles)
+        both.append(text.other_fractions)
+        angles = (session.state.model.sensor_resolution, session.state.compare or 0.0)
+        headers = tuple(f"α {math.degrees(angle):.4g}°" for angle in angles)
     rows: list[Row] = []
-    for head, shares in zip(heads, both, strict=True):
-        parts = tuple((one.color, one.share) for one in shares)
-        rows.append(ShareBar(BARS, parts, head))
-    if told.stale and told.working is not None:
-        rows[0] = _work(*told.working, ShareBar.height)
+    for header, fractions in zip(headers, both, strict=True):
+        parts = tuple((one.color, one.fraction) for one in fractions)
+        rows.append(FractionBar(BARS, parts, header))
+    if text.stale and text.working is not None:
+        rows[0] = _progress(*text.working, FractionBar.height)
     if session.other_model is not None:
-        rows.append(ShareHead(ALWAYS, heads))
-    if told.stale:
-        rows += _missing(session, told, len(both))
-    kinds = {one.letter: one for shares in both for one in shares}
-    for letter, kind in kinds.items():
-        found = [next((s.share for s in shares if s.letter == letter), 0.0) for shares in both]
-        told_shares = tuple(f"{100.0 * share:.1f} %" for share in found)
-        rows.append(ShareLine(ALWAYS, kind.color, letter, kind.words, told_shares))
-    return [*rows, *(_rule(rule, width) for rule in told.rules)]
+        rows.append(FractionHeader(ALWAYS, headers))
+    if text.stale:
+        rows += _pending_fractions(session, text, len(both))
+    labels = {one.letter: one for fractions in both for one in fractions}
+    for letter, label in labels.items():
+        found = [next((s.fraction for s in one if s.letter == letter), 0.0) for one in both]
+        percents = tuple(f"{100.0 * fraction:.1f} %" for fraction in found)
+        rows.append(FractionRow(ALWAYS, label.color, letter, label.text, percents))
+    return [*rows, *(_rule(rule, width) for rule in text.rules)]
 
 
-def _missing(session: Session, told: Told, columns: int) -> list[Row]:
-    """The labels without their shares."""
-    meaning = MEANING["scan" if session.shown.fixed else "label"]
-    share = MORE if told.working is not None else UNKNOWN
+def _pending_fractions(session: Session, text: PanelText, columns: int) -> list[Row]:
+    """The labels without their fractions."""
+    meaning = MEANING["scan" if session.state.fixed else "label"]
+    percent = ELLIPSIS if text.working is not None else UNKNOWN
     return [
-        ShareLine(ALWAYS, _color(label), label.name, meaning[label], (share,) * columns)
+        FractionRow(ALWAYS, _color(label), label.name, meaning[label], (percent,) * columns)
         for label in sorted(Label, reverse=True)
     ]
 
 
 def _rule(rule: str, width: float) -> Row:
-    """A rule, that it is of β* only where there is room."""
+    """The limits of S and U, with the symbol of their quantity if there is space."""
     longer = f"β* at {rule}"
-    if rule.startswith("α") and width_of(longer) <= width:
+    if rule.startswith("α") and text_width(longer) <= width:
         rule = longer
-    return Words(RULE, rule, width, color=QUIET, most=2)
+    return TextRow(RULE, rule, width, color=QUIET, max_lines=2)
 
 
-def _track(slider: Slider, dragged: tuple[str, float] | None) -> Row:
-    share, value = slider.share, slider.value
+def _slider(slider: Slider, dragged: tuple[str, float] | None) -> Row:
+    position, value = slider.position, slider.value
     if dragged is not None and dragged[0] == slider.name:
-        share = dragged[1]
-        value = slider.said(share)
-    weight = ALWAYS if slider.name in {"friction", "sensor_resolution"} else EXTRA
-    return Track(weight, slider.name, slider.words, value, share)
+        position = dragged[1]
+        value = slider.value_at(position)
+    priority = ALWAYS if slider.name in {"friction", "sensor_resolution"} else EXTRA
+    return SliderRow(priority, slider.name, slider.text, value, position)
 
 
-def _choices(session: Session) -> list[Row]:
-    shown = session.shown
+def _buttons(session: Session) -> list[Row]:
+    state = session.state
     paints = tuple(
-        Button(f"key-{number}", words, shown.paint == paint)
-        for number, (paint, words) in enumerate(PAINTS.items(), start=1)
+        Button(f"key-{number}", text, state.paint == paint)
+        for number, (paint, text) in enumerate(PAINTS.items(), start=1)
     )
-    fingers = tuple(Button(f"fingers-{n}", str(n), shown.model.fingers == n) for n in FINGERS)
+    fingers = tuple(Button(f"fingers-{n}", str(n), state.model.fingers == n) for n in FINGERS)
     clicks = [
-        Button("click-inspect", "inspect", shown.click == "inspect"),
-        Button("click-fix", "fix a finger", shown.click == "fix"),
+        Button("click-inspect", "inspect", state.click == "inspect"),
+        Button("click-fix", "fix a finger", state.click == "fix"),
     ]
-    if shown.fixed:
-        clicks.append(Button("key-u", f"release {len(shown.fixed)}"))
-    cut = shown.section
-    section = [Button("section-off", "off", cut is None)]
-    section += [
-        Button(f"section-{axis}", axis, cut is not None and cut.axis == axis)
+    if state.fixed:
+        clicks.append(Button("key-u", f"release {len(state.fixed)}"))
+    section = state.section
+    sections = [Button("section-off", "off", section is None)]
+    sections += [
+        Button(f"section-{axis}", axis, section is not None and section.axis == axis)
         for axis in get_args(Axis)
     ]
-    if cut is not None:
-        section.append(Button("key-i", "flip", cut.flipped))
-    words = "side by side" if shown.compare is not None else "with a second α"
+    if section is not None:
+        sections.append(Button("key-i", "flip", section.flipped))
+    compare = "side by side" if state.compare is not None else "with a second α"
     others = (
         Button("key-s", "save PLY"), Button("key-g", "picture"), Button("key-r", "reset view"),
         Button("key-z", "undo"), Button("key-h", "help"),
     )  # fmt: skip
     return [
-        Choices(EXTRA, "fingers", fingers),
-        Choices(EXTRA, "colour", paints),
-        Choices(KEYED, "click", tuple(clicks)),
-        Choices(KEYED, "section", tuple(section)),
-        Choices(KEYED, "compare", (Button("key-c", words, shown.compare is not None),)),
-        Choices(EXTRA, "", others),
+        ButtonRow(EXTRA, "fingers", fingers),
+        ButtonRow(EXTRA, "colour", paints),
+        ButtonRow(KEYED, "click", tuple(clicks)),
+        ButtonRow(KEYED, "section", tuple(sections)),
+        ButtonRow(KEYED, "compare", (Button("key-c", compare, state.compare is not None),)),
+        ButtonRow(EXTRA, "", others),
     ]
 
 
-def _ramp(told: Told, width: float) -> list[Row]:
-    ramp = told.ramp
+def _ramp(text: PanelText, width: float) -> list[Row]:
+    ramp = text.ramp
     if ramp is None:
         return []
-    most = MORE if told.stale else f"{ramp.most:.3g}{ramp.unit}"
-    strip = RampStrip(RAMPS, ramp.words, f"0{ramp.unit}", most, "" if told.stale else ramp.grey)
-    note = [Words(NOTES, ramp.note, width, 11, color=QUIET, most=3)] if ramp.note else []
-    return [strip, *note]
+    maximum = ELLIPSIS if text.stale else f"{ramp.maximum:.3g}{ramp.unit}"
+    row = RampRow(RAMPS, ramp.text, f"0{ramp.unit}", maximum, "" if text.stale else ramp.grey)
+    note = [TextRow(NOTES, ramp.note, width, 11, color=QUIET, max_lines=3)] if ramp.note else []
+    return [row, *note]
 
 
-def _place(session: Session, told: Told, width: float) -> list[Row]:
-    """The clicked vertex, or what a click would do."""
-    if told.stale and session.shown.vertex is not None:
-        return [Words(PLACE, _awaited(told), width, most=3)]
-    found = told.inspected
+def _vertex(session: Session, text: PanelText, width: float) -> list[Row]:
+    """The inspected vertex, or what a click would do."""
+    if text.stale and session.state.vertex is not None:
+        return [TextRow(VERTEX, _pending_vertex(text), width, max_lines=3)]
+    found = text.inspection
     if found is None:
-        return [Words(NOTES, _hint(session, told), width, color=QUIET, most=3)]
+        return [TextRow(NOTES, _hint(session, text), width, color=QUIET, max_lines=3)]
     letter = "–" if found.code == UNSEARCHED else Label(found.code).name
-    meaning = next((one.words for one in told.shares if one.letter == letter), "not searched")
+    meaning = next((one.text for one in text.fractions if one.letter == letter), "not searched")
     return [
-        Words(PLACE, meaning, width, 13, bold=True, dot=_color(found.code)),
+        TextRow(VERTEX, meaning, width, 13, bold=True, dot=_color(found.code)),
         Gap(GAPS, 3),
-        Words(PLACE, found.reason, width, most=6),
+        TextRow(VERTEX, found.reason, width, max_lines=6),
         Gap(GAPS, 4),
-        *(Pair(FIRST, name, value) for name, value in found.numbers[:FEW]),
-        *(Pair(NUMBERS, name, value) for name, value in found.numbers[FEW:]),
+        *(ValueRow(FIRST, name, value) for name, value in found.numbers[:FIRST_NUMBERS]),
+        *(ValueRow(NUMBERS, name, value) for name, value in found.numbers[FIRST_NUMBERS:]),
     ]
 
 
-def _awaited(told: Told) -> str:
-    """What is said of a vertex that was clicked before its grasp is known."""
-    if told.working is None:
-        return "The grasp here is not known for what is chosen."
-    return f"{told.working[0]} {MORE} Then the grasp of the clicked place is shown."
+def _pending_vertex(text: PanelText) -> str:
+    """Text for a clicked vertex whose grasp is not known yet."""
+    if text.working is None:
+        return "The grasp at this vertex is not known for the current settings."
+    return f"{text.working[0]} {ELLIPSIS} Then the grasp of the clicked vertex is shown."
 
 
 def _color(code: int) -> str:
     return "#{:02X}{:02X}{:02X}".format(*PALETTE[code])
 
 
-def _hint(session: Session, told: Told) -> str:
-    count = len(session.shown.fixed)
+def _hint(session: Session, text: PanelText) -> str:
+    count = len(session.state.fixed)
     if count:
         fixed = "One finger is fixed" if count == 1 else f"{count} fingers are fixed"
-        if told.stale:
-            return f"{fixed}; how good each place is for the next one is not known yet."
-        return f"{fixed}; colours tell how good each place is for the next one."
-    if session.shown.click == "fix":
-        return "Click the surface where a finger stands."
+        if text.stale:
+            return f"{fixed}; the labels for the next one are not known yet."
+        return f"{fixed}; the colours are for the contact point of the next one."
+    if session.state.click == "fix":
+        return "Click the surface to fix a finger there."
     return "Click the surface to see the best grasp there, and why it is S, M or U."
 
 
-def _status(told: Told, width: float) -> list[Row]:
-    """What was said and what goes on; the room of a line is kept free where there is nothing."""
+def _status(text: PanelText, width: float) -> list[Row]:
+    """Message and progress; the height of one row is reserved if there is neither."""
     rows: list[Row] = []
-    if told.message:
-        rows.append(Words(ALWAYS, told.message, width, most=4))
-    if told.working is not None and not told.stale:
-        rows.append(_work(*told.working, WorkBar.height))
-    return [*rows, Gap(GAPS, max(0.0, WorkBar.height - sum(row.height for row in rows)))]
+    if text.message:
+        rows.append(TextRow(ALWAYS, text.message, width, max_lines=4))
+    if text.working is not None and not text.stale:
+        rows.append(_progress(*text.working, ProgressRow.height))
+    return [*rows, Gap(GAPS, max(0.0, ProgressRow.height - sum(row.height for row in rows)))]
 
 
-def _work(words: str, share: float, height: float) -> Row:
-    return WorkBar(ALWAYS, words, round(100.0 * share), height)
+def _progress(text: str, fraction: float, height: float) -> Row:
+    return ProgressRow(ALWAYS, text, round(100.0 * fraction), height)
 
 
-def _notes(told: Told, width: float) -> list[Row]:
+def _notes(text: PanelText, width: float) -> list[Row]:
     rows: list[Row] = [
-        Words(NOTES, note, width, 11, color=WARNING, most=2) for note in told.notes[:MOST_NOTES]
+        TextRow(NOTES, note, width, 11, color=WARNING, max_lines=2)
+        for note in text.notes[:MAX_NOTES]
     ]
     return [Gap(GAPS, 8), *rows] if rows else []

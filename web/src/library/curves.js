@@ -1,11 +1,11 @@
 import uPlot from "uplot";
 import { byId, element } from "../shared/dom.js";
-import { digits, percent, plural } from "../shared/words.js";
+import { digits, percent, plural } from "../shared/formatting.js";
 
 const HEIGHT = 330;
 const KINDS = [
   ["S", "surely stable", "--s"],
-  ["M", "sensor cannot tell", "--m"],
+  ["M", "ambiguous", "--m"],
   ["U", "no grasp found", "--u"],
 ];
 
@@ -13,7 +13,7 @@ const color = (name) => getComputedStyle(document.documentElement).getPropertyVa
 
 const column = (quartiles, number) => quartiles.map((one) => (one ? 100 * one[number] : null));
 
-/** A median in its colour over a thin dark line, so that yellow shows on white. */
+/** A median in its colour over a wider dark line, so that yellow is visible on white. */
 function line(name, dash) {
   const points = { show: true, size: 5, fill: () => color(name), stroke: () => color("--ink"), width: 0.5 };
   return [
@@ -45,7 +45,7 @@ function options(width, curve, onMove) {
     legend: { show: false },
     cursor: { y: false, drag: { x: false, y: false } },
     scales: { x: { time: false, range: () => [first - margin, last + margin] }, y: { range: () => [-2, 102] } },
-    axes: [axis("sensor resolution α [degrees]"), axis("share of the surface [%]")],
+    axes: [axis("sensor resolution α [degrees]"), axis("area fraction [%]")],
     bands: [{ series: [2, 1], fill: () => `${color("--s")}33` }],
     series: [{}, hidden, hidden, ...line("--m", [8, 4]), ...line("--u", [3, 3]), ...line("--s")],
     hooks: { setCursor: [(plot) => onMove(plot.cursor.idx ?? null)] },
@@ -57,7 +57,7 @@ function plotted(curve) {
   return [curve.resolution, column(curve.S, 0), column(curve.S, 2), ...twice("M"), ...twice("U"), ...twice("S")];
 }
 
-function toldAt(curve, number) {
+function readoutAt(curve, number) {
   const [low, middle, high] = curve.S[number];
   const medians = ["M", "U"].map((kind) =>
     `${kind} ${curve[kind][number] ? percent(curve[kind][number][1], 1) : "not searched"}`);
@@ -65,29 +65,30 @@ function toldAt(curve, number) {
     `${percent(low, 1)} to ${percent(high, 1)}), ${medians.join(", ")}; ${plural(curve.meshes[number], "mesh", "meshes")}`;
 }
 
-function untold(curve) {
-  const missing = curve.told.findIndex((told, number) => told < curve.meshes[number]);
+/** A note on meshes without M and U; empty: all have them. */
+function unsearchedNote(curve) {
+  const missing = curve.searched.findIndex((count, number) => count < curve.meshes[number]);
   if (missing < 0) return "";
-  return `From α ${digits(curve.resolution[missing], 4)}° on, M and U are not told of every mesh: atan μ + α/2 exceeds the ` +
-    "cone that was searched there. Their medians are over those that tell.";
+  return `From α ${digits(curve.resolution[missing], 4)}° on, some meshes have no values of M and U, since atan μ + α/2 ` +
+    "exceeds their searched cone. The medians are over the other meshes.";
 }
 
-function showNumbers(curve) {
+function showValues(curve) {
   const head = ["α [°]", "S lower quartile", "S median", "S upper quartile", "M median", "U median", "meshes"];
   const body = curve.resolution.map((resolution, number) => [
     digits(resolution, 4),
-    ...curve.S[number].map((share) => percent(share, 1)),
+    ...curve.S[number].map((fraction) => percent(fraction, 1)),
     ...["M", "U"].map((kind) => (curve[kind][number] ? percent(curve[kind][number][1], 1) : "not searched")),
     curve.meshes[number].toLocaleString("en"),
   ]);
-  byId("numbers").className = "plain";
-  byId("numbers").replaceChildren(
-    element("thead", {}, element("tr", {}, ...head.map((words) => element("th", { scope: "col" }, words)))),
+  byId("values").className = "plain";
+  byId("values").replaceChildren(
+    element("thead", {}, element("tr", {}, ...head.map((title) => element("th", { scope: "col" }, title)))),
     element("tbody", {}, ...body.map((cells) => element("tr", {}, ...cells.map((cell) => element("td", {}, cell))))),
   );
 }
 
-/** Shares over the sensor's resolution, at a friction that the reader chooses. */
+/** Shows the area fractions over the sensor resolution, at a selected friction. */
 export function showCurves({ curves, friction }) {
   if (!curves.length) {
     byId("curves").replaceChildren(byId("curves-title"), element("p", {}, "No mesh was labelled."));
@@ -98,27 +99,27 @@ export function showCurves({ curves, friction }) {
   const nearest = curves.map((one) => Math.abs(one.friction - friction));
   select.value = nearest.indexOf(Math.min(...nearest));
   byId("curve-key").append(
-    ...KINDS.map(([kind, words, name]) => {
+    ...KINDS.map(([kind, meaning, name]) => {
       const swatch = element("i");
       swatch.style.background = `var(${name})`;
-      return element("li", {}, swatch, `${kind} ${words}${kind === "S" ? ", band: middle half of the meshes" : ""}`);
+      return element("li", {}, swatch, `${kind} ${meaning}${kind === "S" ? ", band: middle half of the meshes" : ""}`);
     }),
   );
   const chart = byId("chart");
   chart.setAttribute("role", "img");
-  chart.setAttribute("aria-label", "Median shares of S, M and U over the sensor's resolution; the numbers are in the table below");
+  chart.setAttribute("aria-label", "Median area fractions of S, M and U over the sensor resolution; the values are in the table below");
   let plot = null;
   const draw = () => {
     const curve = curves[select.value];
     plot?.destroy();
-    const rest = "Point at the chart to read it.";
+    const hint = "Move the pointer over the chart to read values.";
     const move = (number) => {
-      byId("readout").textContent = number === null ? rest : toldAt(curve, number);
+      byId("readout").textContent = number === null ? hint : readoutAt(curve, number);
     };
     plot = new uPlot(options(chart.clientWidth, curve, move), plotted(curve), chart);
     move(null);
-    byId("untold").textContent = untold(curve);
-    showNumbers(curve);
+    byId("unsearched").textContent = unsearchedNote(curve);
+    showValues(curve);
   };
   draw();
   select.addEventListener("change", draw);

@@ -1,7 +1,7 @@
 import { byId, element } from "../shared/dom.js";
-import { plural } from "../shared/words.js";
+import { plural } from "../shared/formatting.js";
 
-const PATIENCE = 120;
+const FILTER_DELAY = 120; // milliseconds after the last key
 
 const RANGES = [
   ["S", "%", (row) => scaled(row.stable, 100)],
@@ -9,7 +9,7 @@ const RANGES = [
   ["β* median", "°", (row) => row.angle],
   ["α for 80 %", "°", (row) => row.resolution80],
   ["ε median", "", (row) => row.epsilon],
-  ["Size", "its unit", (row) => row.size],
+  ["Size", "mesh unit", (row) => row.size],
   ["Vertices", "", (row) => row.vertices],
   ["Seconds", "", (row) => row.seconds],
 ];
@@ -27,11 +27,11 @@ function rangeInput(name, unit, end) {
   });
 }
 
-/** Limits of one number, as inputs and a test of a row. */
+/** Limits of one value: inputs, and a test of a row. */
 function range([name, unit, value]) {
-  const least = rangeInput(name, unit, "least");
-  const most = rangeInput(name, unit, "most");
-  const words = unit ? `${name} [${unit}]` : name;
+  const least = rangeInput(name, unit, "min");
+  const most = rangeInput(name, unit, "max");
+  const title = unit ? `${name} [${unit}]` : name;
   const passes = (row) => {
     if (least.value === "" && most.value === "") return true;
     const number = value(row);
@@ -41,7 +41,7 @@ function range([name, unit, value]) {
       (most.value !== "" && number > Number(most.value))
     );
   };
-  const group = element("fieldset", {}, element("legend", {}, words), least, most);
+  const group = element("fieldset", {}, element("legend", {}, title), least, most);
   return { group, passes, clear: () => { least.value = most.value = ""; } };
 }
 
@@ -50,7 +50,7 @@ function outcomeSelect() {
   return element("select", { id: "outcome" }, ...options.map((name) => element("option", {}, name)));
 }
 
-/** Shows the filters; returns what sets them from elsewhere in the page. */
+/** Shows the filters; returns an object with which other parts of the page set them. */
 export function showFilters(table, rows) {
   const form = byId("filters");
   const text = element("input", { type: "search", id: "search", placeholder: "part of a name" });
@@ -80,16 +80,16 @@ export function showFilters(table, rows) {
         ? plural(count, "mesh", "meshes")
         : `${count.toLocaleString("en")} of ${plural(rows.length, "mesh", "meshes")}`;
   };
-  let waiting = 0;
-  const soon = () => {
-    clearTimeout(waiting);
-    waiting = setTimeout(apply, PATIENCE);
+  let timer = 0;
+  const applySoon = () => {
+    clearTimeout(timer);
+    timer = setTimeout(apply, FILTER_DELAY);
   };
-  form.addEventListener("input", soon);
+  form.addEventListener("input", applySoon);
   form.addEventListener("submit", (event) => event.preventDefault());
   form.addEventListener("reset", () => {
     extra = () => true;
-    soon();
+    applySoon();
   });
   table.on("tableBuilt", () => {
     ready = true;
@@ -97,7 +97,7 @@ export function showFilters(table, rows) {
     document.documentElement.dataset.ready = "yes";
   });
   return {
-    /** Shows those meshes of an outcome for which `test` holds, all other filters cleared. */
+    /** Shows the meshes of an outcome for which `test` is true, with all other filters cleared. */
     only(name, test = () => true) {
       text.value = "";
       outcome.value = name;

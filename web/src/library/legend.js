@@ -2,19 +2,19 @@ import { byId, element } from "../shared/dom.js";
 
 const swatch = (kind) => element("i", { className: kind });
 
-/** Says what every number of the page means. */
+/** Shows the definitions of the page's values. */
 export function showLegend(data) {
   const entries = [
-    [[swatch("s"), "S"], "surely stable: the grasp holds whatever the true normals within the sensor's resolution"],
-    [[swatch("m"), "M"], "the sensor cannot tell"],
+    [[swatch("s"), "S"], "surely stable: the grasp is stable for all true normals within the sensor resolution"],
+    [[swatch("m"), "M"], "ambiguous: neither surely stable nor surely unstable within the sensor resolution"],
     [[swatch("u"), "U"], "no grasp found"],
-    [["β*"], "critical friction angle of the best grasp at a place: it holds exactly when the friction angle β = atan μ exceeds β*; the median is taken over the surface by area"],
-    [["α for 50, 80, 90 %"], `coarsest sensor resolution below which so much of the surface is S at μ ${data.friction}; none: no sensor is fine enough`],
-    [["ε"], "smallest disturbance that the grasp cannot resist (Ferrari & Canny), as a share of the fingers' force; no grasp counts as 0"],
-    [["Size"], "diameter of the ball around the surface, in the mesh's own unit"],
-    [["Shares"], "of the surface, by area, for the best grasp found at each place"],
+    [["β*"], "critical friction angle of the best grasp found at a contact point: the grasp is force-closed exactly when the friction angle β = atan μ exceeds β*; the median is over the surface, weighted by area"],
+    [["α for 50, 80, 90 %"], `coarsest sensor resolution below which this percentage of the surface is S at μ ${data.friction}; none: no sensor resolution is fine enough`],
+    [["ε"], "smallest disturbance wrench that the grasp cannot resist (Ferrari & Canny), relative to the fingers' force; 0 without a grasp"],
+    [["Size"], "diameter of the surface's bounding sphere, in the mesh's unit"],
+    [["S / M / U"], "area fractions of the labels of the best grasp found at each point of the surface"],
   ];
   byId("legend").append(
-    ...entries.flatMap(([term, words]) => [element("dt", {}, ...term), element("dd", {}, words)]),
+    ...entries.flatMap(([term, definition]) => [element("dt", {}, ...term), element("dd", {}, definition)]),
   );
 }

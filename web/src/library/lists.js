@@ -1,7 +1,7 @@
 import { byId, element } from "../shared/dom.js";
-import { degrees, objectAddress } from "../shared/words.js";
+import { degrees, objectAddress } from "../shared/formatting.js";
 
-const FIRST = 8;
+const SHOWN = 8;
 
 function link(row) {
   return row.stem
@@ -9,41 +9,41 @@ function link(row) {
     : element("span", {}, row.name);
 }
 
-function list(title, note, rows, told, more) {
+function list(title, note, rows, detail, showAll) {
   const section = element("section", { className: "card" }, element("h2", {}, title));
   section.append(element("p", { className: "quiet" }, note));
   if (!rows.length) {
     section.append(element("p", {}, "None."));
     return section;
   }
-  const items = rows.slice(0, FIRST).map((row) =>
-    element("li", {}, link(row), element("span", { className: "quiet" }, told(row))));
+  const items = rows.slice(0, SHOWN).map((row) =>
+    element("li", {}, link(row), element("span", { className: "quiet" }, detail(row))));
   section.append(element("ol", { className: "meshes" }, ...items));
-  if (rows.length > FIRST) {
-    const words = `Show all ${rows.length.toLocaleString("en")} in the table`;
-    section.append(element("button", { type: "button", onclick: more }, words));
+  if (rows.length > SHOWN) {
+    const label = `Show all ${rows.length.toLocaleString("en")} in the table`;
+    section.append(element("button", { type: "button", onclick: showAll }, label));
   }
   return section;
 }
 
-/** The objects that a reader looks for first. */
+/** Shows lists of meshes: finest sensor required, never mostly S, not labelled. */
 export function showLists(rows, filters, table) {
   const labelled = rows.filter((row) => row.outcome === "labelled" && row.resolution80 !== null);
   const finest = labelled
     .filter((row) => row.resolution80 > 0)
     .sort((a, b) => a.resolution80 - b.resolution80);
-  const hopeless = labelled.filter((row) => row.resolution80 === 0);
+  const neverMostlyStable = labelled.filter((row) => row.resolution80 === 0);
   const failed = rows.filter((row) => row.outcome !== "labelled");
   byId("lists").append(
-    list("Need the finest sensor", "Resolution α below which 80 % of the surface is S.", finest,
+    list("Finest sensor required", "Sensor resolution α below which 80 % of the surface is S.", finest,
       (row) => ` ${degrees(row.resolution80)}`,
       () => {
         filters.only("labelled", (row) => row.resolution80 > 0);
         table.setSort("resolution80", "asc");
       }),
-    list("No sensor helps", "Less than 80 % of the surface is S however fine the sensor.", hopeless,
+    list("Below 80 % S with any sensor", "Less than 80 % of the surface is S at every sensor resolution.", neverMostlyStable,
       () => "", () => filters.only("labelled", (row) => row.resolution80 === 0)),
-    list("Not labelled", "Refused: not until the mesh or the settings change. Lost: the next run tries again.",
+    list("Not labelled", "Refused: cannot be labelled unless the mesh or the settings change. Lost: the next run tries again.",
       failed, (row) => ` ${row.outcome}: ${row.error}`, () => filters.only("refused or lost")),
   );
 }

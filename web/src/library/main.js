@@ -3,7 +3,7 @@ import "uplot/dist/uPlot.min.css";
 import "../shared/page.css";
 import "./library.css";
 import { byId, element } from "../shared/dom.js";
-import { plural } from "../shared/words.js";
+import { plural } from "../shared/formatting.js";
 import { showCurves } from "./curves.js";
 import { showFilters } from "./filters.js";
 import { showLegend } from "./legend.js";
@@ -12,16 +12,16 @@ import { makeTable } from "./table.js";
 
 const OUTCOMES = ["labelled", "refused", "lost"];
 
-/** Rows as objects, with the names of the columns. */
+/** Rows as objects, with the names of the columns as keys. */
 function unpacked({ columns, rows }) {
   return rows.map((row, id) =>
     Object.fromEntries([["id", id], ...columns.map((name, number) => [name, row[number]])]),
   );
 }
 
-function showHead(data, rows) {
-  const said = data.settings.slice(0, 3).map(([name, words]) => `${name} ${words}`);
-  byId("said").textContent = `${said.join(" · ")}.`;
+function showHeader(data, rows) {
+  const settings = data.settings.slice(0, 3).map(([name, value]) => `${name} ${value}`);
+  byId("summary").textContent = `${settings.join(" · ")}.`;
   byId("counts").append(
     ...OUTCOMES.map((outcome) => {
       const count = rows.filter((row) => row.outcome === outcome).length;
@@ -29,18 +29,18 @@ function showHead(data, rows) {
     }),
   );
   byId("settings").append(
-    ...data.settings.flatMap(([name, words]) => [
+    ...data.settings.flatMap(([name, value]) => [
       element("dt", {}, name),
-      element("dd", {}, words),
+      element("dd", {}, value),
     ]),
   );
   byId("foot").textContent =
-    `${plural(rows.length, "mesh", "meshes")} · made ${data.made} by grasp3d ${data.version}`;
+    `${plural(rows.length, "mesh", "meshes")} · written ${data.made} by grasp3d ${data.version}`;
 }
 
 const data = JSON.parse(byId("data").textContent);
 const rows = unpacked(data);
-showHead(data, rows);
+showHeader(data, rows);
 showLegend(data);
 showCurves(data);
 const table = makeTable(rows);

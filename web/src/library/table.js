@@ -10,7 +10,7 @@ import {
   Tabulator,
 } from "tabulator-tables";
 import { byId, element } from "../shared/dom.js";
-import { degrees, digits, length, objectAddress, percent } from "../shared/words.js";
+import { degrees, digits, length, objectAddress, percent } from "../shared/formatting.js";
 import { IN_METRES } from "./units.js";
 
 Tabulator.registerModule([
@@ -28,10 +28,10 @@ const ROW_HEIGHT = 66;
 const HEAD_HEIGHT = 70;
 const NARROW = 700;
 
-/** Orders by a number; what has none comes last either way. */
-function byNumber(number) {
+/** Sorts by a number; rows without one are last in both directions. */
+function byNumber(valueOf) {
   return (a, b, rowA, rowB, column, direction) => {
-    const [x, y] = [number(rowA.getData()), number(rowB.getData())];
+    const [x, y] = [valueOf(rowA.getData()), valueOf(rowB.getData())];
     if (x === null || y === null) {
       const last = (x === null) - (y === null);
       return direction === "asc" ? last : -last;
@@ -40,14 +40,14 @@ function byNumber(number) {
   };
 }
 
-/** The table takes words for markup; an element holds them as text. */
-function text(words) {
-  return element("span", {}, words);
+/** An element with text: the table would interpret a string as markup. */
+function text(content) {
+  return element("span", {}, content);
 }
 
 const order = new Intl.Collator("en", { numeric: true });
 
-/** The header's words as a real button, so that the keyboard sorts as well. */
+/** Header with its title as a button, so that the keyboard sorts as well. */
 function headed(title, meaning) {
   return {
     title,
@@ -56,7 +56,7 @@ function headed(title, meaning) {
   };
 }
 
-function numeric(field, title, meaning, told, width = 80) {
+function numeric(field, title, meaning, format, width = 80) {
   return {
     ...headed(title, meaning),
     field,
@@ -64,14 +64,14 @@ function numeric(field, title, meaning, told, width = 80) {
     hozAlign: "right",
     sorter: byNumber((row) => row[field]),
     headerSortStartingDir: "desc",
-    formatter: (cell) => text(told(cell.getData())),
+    formatter: (cell) => text(format(cell.getData())),
   };
 }
 
-function resolution(share) {
-  const field = `resolution${share}`;
-  const meaning = `Coarsest sensor resolution below which ${share} % of the surface is S; none: no sensor is fine enough`;
-  return numeric(field, `α for ${share} %`, meaning, (row) => {
+function resolution(percentage) {
+  const field = `resolution${percentage}`;
+  const meaning = `Coarsest sensor resolution below which ${percentage} % of the surface is S; none: no resolution is fine enough`;
+  return numeric(field, `α for ${percentage} %`, meaning, (row) => {
     if (row[field] === null) return "";
     return row[field] > 0 ? degrees(row[field]) : "none";
   }, 80);
@@ -89,13 +89,13 @@ function nameCell(cell) {
   const shown = stem
     ? element("a", { href: objectAddress(stem) }, name)
     : element("span", {}, name);
-  const told = element("div", { title: name }, element("div", { className: "name" }, shown));
-  if (outcome !== "labelled") told.append(element("b", { className: "outcome" }, outcome));
-  return told;
+  const content = element("div", { title: name }, element("div", { className: "name" }, shown));
+  if (outcome !== "labelled") content.append(element("b", { className: "outcome" }, outcome));
+  return content;
 }
 
-/** What was doubtful of a mesh, or why it was not labelled. */
-function remark(row) {
+/** Warnings of a mesh, or why it was not labelled. */
+function message(row) {
   return row.error || row.warnings;
 }
 
@@ -103,15 +103,15 @@ function bar(cell) {
   const { stable, ambiguous, noGrasp } = cell.getData();
   if (stable === null) return "";
   const parts = { s: stable, m: ambiguous, u: noGrasp };
-  const spans = Object.entries(parts).map(([kind, share]) => {
+  const spans = Object.entries(parts).map(([kind, fraction]) => {
     const span = element("span", { className: kind });
-    span.style.width = `${100 * share}%`;
+    span.style.width = `${100 * fraction}%`;
     return span;
   });
-  const told = `S ${percent(stable)} · M ${percent(ambiguous)} · U ${percent(noGrasp)}`;
-  return element("div", { className: "shares" },
+  const values = `S ${percent(stable)} · M ${percent(ambiguous)} · U ${percent(noGrasp)}`;
+  return element("div", { className: "fractions" },
     element("div", { className: "bar", "aria-hidden": "true" }, ...spans),
-    element("div", {}, told));
+    element("div", {}, values));
 }
 
 function columns() {
@@ -119,7 +119,7 @@ function columns() {
   return [
     { title: "", field: "thumbnail", width: 104, headerSort: false, formatter: picture, frozen, print: false },
     {
-      ...headed("Name", "Path of the mesh; opens its page"),
+      ...headed("Name", "Path of the mesh; the link opens its page"),
       field: "name",
       width: frozen ? 180 : 150,
       frozen,
@@ -127,39 +127,39 @@ function columns() {
       sorter: (a, b) => order.compare(a, b),
       formatterPrint: (cell) => text(cell.getValue()),
     },
-    { ...numeric("stable", "S / M / U", "Shares of the surface by area", () => "", 176), hozAlign: "left", formatter: bar },
-    numeric("angle", "β* median", "Critical friction angle of the middle of the surface", (row) => {
+    { ...numeric("stable", "S / M / U", "Area fractions of S, M and U", () => "", 176), hozAlign: "left", formatter: bar },
+    numeric("angle", "β* median", "Median critical friction angle over the surface, weighted by area", (row) => {
       if (row.outcome !== "labelled") return "";
       return row.angle === null ? "no grasp" : degrees(row.angle);
     }, 94),
     resolution(50),
     resolution(80),
     resolution(90),
-    numeric("epsilon", "ε median", "Epsilon of the middle of the surface", (row) =>
+    numeric("epsilon", "ε median", "Median epsilon over the surface, weighted by area", (row) =>
       row.epsilon === null ? "" : digits(row.epsilon), 94),
     {
-      ...numeric("size", "Size", "Diameter of the ball around the surface; sorted in metres", (row) =>
+      ...numeric("size", "Size", "Diameter of the surface's bounding sphere; sorted in metres", (row) =>
         row.size === null ? "" : length(row.size, row.unit), 82),
       sorter: byNumber((row) => (row.size === null ? null : row.size * (IN_METRES[row.unit] ?? 1))),
     },
-    numeric("vertices", "Vertices", "Of the refined surface", (row) =>
+    numeric("vertices", "Vertices", "Vertices of the refined surface", (row) =>
       row.vertices === null ? "" : row.vertices.toLocaleString("en"), 106),
-    numeric("seconds", "Seconds", "Time for the whole mesh", (row) => digits(row.seconds), 106),
+    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 106),
     {
-      ...headed("Warnings", "What to know before trusting the labels, or why there are none"),
+      ...headed("Warnings", "Warnings about the labels, or why there are none"),
       field: "warnings",
       minWidth: 130,
-      sorter: (a, b, rowA, rowB) => order.compare(remark(rowA.getData()), remark(rowB.getData())),
+      sorter: (a, b, rowA, rowB) => order.compare(message(rowA.getData()), message(rowB.getData())),
       formatter: (cell) => {
-        const words = remark(cell.getData());
-        return element("div", { className: "warnings", title: words }, words);
+        const content = message(cell.getData());
+        return element("div", { className: "warnings", title: content }, content);
       },
-      formatterPrint: (cell) => text(remark(cell.getData())),
+      formatterPrint: (cell) => text(message(cell.getData())),
     },
   ];
 }
 
-/** The table of all meshes; only the rows in sight are in the page. */
+/** The table of all meshes; only the visible rows are in the page. */
 export function makeTable(rows) {
   const whole = (Math.max(1, rows.length) * ROW_HEIGHT) + HEAD_HEIGHT;
   return new Tabulator(byId("table"), {
@@ -169,7 +169,7 @@ export function makeTable(rows) {
     height: Math.min(whole, Math.max(360, Math.round(0.8 * window.innerHeight))),
     rowHeight: ROW_HEIGHT,
     columnHeaderSortMulti: false,
-    placeholder: "No mesh matches",
+    placeholder: "No mesh matches the filters",
     printAsHtml: true,
     printStyled: false,
     printRowRange: "active",

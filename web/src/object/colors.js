@@ -1,10 +1,10 @@
-import { M, S, U, UNSEARCHED } from "./rule.js";
+import { M, S, U, UNSEARCHED } from "./thresholds.js";
 
 const GREY = [0x9a, 0xa0, 0xa6];
 const LABELS = { [U]: [0xd5, 0x5e, 0x00], [M]: [0xf0, 0xe4, 0x42], [S]: [0x00, 0x9e, 0x73], [UNSEARCHED]: GREY };
 const DEGREE = Math.PI / 180;
 
-// Cividis, from low to high: the same to colour-blind readers.
+// Cividis, from low to high: safe for colour-blind readers.
 const RAMP = [
   [0, 34, 78], [18, 53, 112], [59, 73, 108], [87, 93, 109], [112, 113, 115],
   [138, 134, 120], [165, 156, 116], [195, 179, 105], [225, 204, 85], [254, 232, 56],
@@ -12,9 +12,9 @@ const RAMP = [
 
 export const rampCss = `linear-gradient(90deg, ${RAMP.map((stop) => `rgb(${stop})`).join(", ")})`;
 
-/** Colour of a share from 0 to 1. */
-function ramp(share) {
-  const at = Math.min(1, Math.max(0, share)) * (RAMP.length - 1);
+/** Colour of a fraction from 0 to 1. */
+function ramp(fraction) {
+  const at = Math.min(1, Math.max(0, fraction)) * (RAMP.length - 1);
   const lower = Math.min(Math.floor(at), RAMP.length - 2);
   return RAMP[lower].map((value, channel) => value + (at - lower) * (RAMP[lower + 1][channel] - value));
 }
@@ -25,33 +25,33 @@ function largest(values) {
   return found;
 }
 
-/** What the surface may be painted by; values are numbers, or nan where there is no grasp. */
-export const PAINTS = {
-  labels: { words: "S, M, U" },
+/** Quantities that the surface can be coloured by; values are nan where there is no grasp. */
+export const QUANTITIES = {
+  labels: { title: "S, M, U" },
   angle: {
-    words: "β*: critical friction angle",
+    title: "β*: critical friction angle",
     unit: "°",
     value: (object, vertex) => object.worst[vertex] / DEGREE,
     most: (object) => object.cone / DEGREE,
   },
   resolution: {
-    words: "α*: coarsest sensor that keeps it S",
+    title: "α*: coarsest resolution for S",
     unit: "°",
     value: (object, vertex, limits) => Math.max(0, 2 * (limits.beta - object.worst[vertex])) / DEGREE,
     most: (object, limits) => (2 * limits.beta) / DEGREE,
   },
   epsilon: {
-    words: "ε: how firmly it holds",
+    title: "ε: Ferrari–Canny quality",
     unit: "",
     value: (object, vertex) => object.epsilon[vertex],
     most: (object) => largest(object.epsilon),
   },
 };
 
-/** Red, green and blue of every vertex, 0 to 255, as they are shown. */
-export function vertexColors(object, paint, labels, limits) {
+/** Red, green and blue of every vertex, 0 to 255. */
+export function vertexColors(object, quantity, labels, limits) {
   const colors = new Uint8Array(3 * object.count);
-  const { value, most } = PAINTS[paint];
+  const { value, most } = QUANTITIES[quantity];
   const full = value ? most(object, limits) || 1 : 1;
   for (let vertex = 0; vertex < object.count; vertex++) {
     let color = LABELS[labels[vertex]];

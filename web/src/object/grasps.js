@@ -1,17 +1,17 @@
 import { byId, element } from "../shared/dom.js";
-import { degrees, digits, length } from "../shared/words.js";
+import { degrees, digits, length } from "../shared/formatting.js";
 
 const DEGREE = Math.PI / 180;
 
-/** Lists the best grasps as buttons that draw them. */
+/** Lists the best grasps, as buttons that draw them. */
 export function showGrasps(object, draw) {
   const buttons = object.grasps.map((grasp, number) => {
-    const told = [
+    const description = [
       `β* ${degrees(grasp.critical_angle / DEGREE)}`,
       `ε ${digits(grasp.epsilon)}`,
-      `${length(grasp.opening, object.unit)} wide`,
+      `opening ${length(grasp.opening, object.unit)}`,
     ].join(" · ");
-    const button = element("button", { type: "button" }, element("b", {}, `${number + 1} `), told);
+    const button = element("button", { type: "button" }, element("b", {}, `${number + 1} `), description);
     button.setAttribute("aria-pressed", "false");
     button.addEventListener("click", () => {
       for (const other of buttons) other.setAttribute("aria-pressed", String(other === button));
@@ -19,5 +19,5 @@ export function showGrasps(object, draw) {
     });
     return button;
   });
-  byId("grasps").replaceChildren(...(buttons.length ? buttons : [element("p", { className: "quiet" }, "None were kept.")]));
+  byId("grasps").replaceChildren(...(buttons.length ? buttons : [element("p", { className: "quiet" }, "None stored.")]));
 }

@@ -1,20 +1,20 @@
-import { escaped } from "../shared/words.js";
+import { escaped } from "../shared/formatting.js";
 
 const FORMAT = 1;
 const KINDS = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array };
 const OPTIONAL = { best: "worst" };
 
-/** Loads the script of one object; it works from files, where nothing may be fetched. */
+/** Loads the script of one object; unlike fetch, this works for pages opened as files. */
 export function loadObject(stem) {
   return new Promise((resolve, reject) => {
     const script = document.createElement("script");
     let called = null;
-    globalThis.grasp3dObject = (...given) => {
-      called = given;
+    globalThis.grasp3dObject = (...data) => {
+      called = data;
     };
     script.onload = () => {
       script.remove();
-      if (!called) reject(new Error("The file of this object holds none."));
+      if (!called) reject(new Error("The file of this object contains no data."));
       else decoded(...called).then(resolve, reject);
     };
     script.onerror = () => {
@@ -26,20 +26,20 @@ export function loadObject(stem) {
   });
 }
 
-async function decoded(told, data) {
-  if (told.format !== FORMAT) {
-    throw new Error("The file of this object was made by another version; run the batch again.");
+async function decoded(header, data) {
+  if (header.format !== FORMAT) {
+    throw new Error("The file of this object was written by another version; run the batch again.");
   }
   const bytes = await inflated(data);
-  const object = { ...told };
+  const object = { ...header };
   let start = 0;
-  for (const [name, kind, count] of told.arrays) {
+  for (const [name, kind, count] of header.arrays) {
     const Kind = KINDS[kind];
     const end = start + count * Kind.BYTES_PER_ELEMENT;
     object[name] = new Kind(bytes.slice(start, end));
     start = end;
   }
-  for (const [name, same] of Object.entries(OPTIONAL)) object[name] ??= object[same];
+  for (const [name, substitute] of Object.entries(OPTIONAL)) object[name] ??= object[substitute];
   object.points = points(object, object.positions);
   object.others = points(object, object.partners);
   object.count = object.worst.length;
@@ -53,11 +53,11 @@ async function inflated(data) {
 }
 
 /** Positions in the mesh's unit and frame. */
-function points({ low, step }, counted) {
-  return Float64Array.from(counted, (value, number) => low[number % 3] + step[number % 3] * value);
+function points({ low, step }, quantised) {
+  return Float64Array.from(quantised, (value, number) => low[number % 3] + step[number % 3] * value);
 }
 
-/** Contacts of a vertex's best grasp, the vertex first; none where it has no grasp. */
+/** Contact points of a vertex's best grasp, the vertex first; none where it has no grasp. */
 export function graspAt(object, vertex) {
   if (!Number.isFinite(object.opening[vertex])) return [];
   const first = [...object.points.subarray(3 * vertex, 3 * vertex + 3)];

@@ -1,25 +1,25 @@
 import "../shared/page.css";
 import "./object.css";
 import { byId } from "../shared/dom.js";
-import { objectAddress } from "../shared/words.js";
+import { objectAddress } from "../shared/formatting.js";
 import { loadObject } from "./loading.js";
 import { Panel } from "./panel.js";
 import { openView } from "./view.js";
 
 const library = JSON.parse(byId("library").textContent);
 
-/** Number in the library of the object that the address names; -1: none. */
-function asked() {
+/** Number of the object in the address; -1: there is no such object. */
+function requestedNumber() {
   let stem;
   try {
     stem = decodeURIComponent(location.hash.slice(1));
   } catch {
-    return -1; // no escaped text at all
+    return -1; // not a valid escape sequence
   }
   return stem === "" && library.length ? 0 : library.findIndex((one) => one[0] === stem);
 }
 
-function showSteps(number) {
+function updateButtons(number) {
   for (const [id, step] of [["previous", -1], ["next", 1]]) {
     const other = library[number + step];
     const button = byId(id);
@@ -31,8 +31,8 @@ function showSteps(number) {
   }
 }
 
-function fail(words) {
-  byId("name").textContent = words;
+function fail(message) {
+  byId("name").textContent = message;
   byId("body").hidden = true;
   document.documentElement.dataset.ready = "failed";
 }
@@ -44,8 +44,8 @@ let latest = 0;
 async function show() {
   const turn = ++latest;
   delete document.documentElement.dataset.ready;
-  const number = asked();
-  showSteps(number);
+  const number = requestedNumber();
+  updateButtons(number);
   if (number < 0) {
     fail("The library has no such object.");
     return;

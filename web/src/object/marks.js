@@ -3,23 +3,23 @@ import { BackSide, CylinderGeometry, Group, Mesh, MeshBasicMaterial, Quaternion,
 const BALL = 0.013;
 const ROD = 0.0035;
 const UP = new Vector3(0, 1, 0);
-const THROUGH = 0.4;
+const HIDDEN_OPACITY = 0.4;
 const RIM = 1.3;
 
 /**
- * Contacts as balls and the lines between them, with a rim that shows on any ground; what is hidden
- * shines through.
+ * Contacts as balls with lines between them, outlined to be visible on any background; hidden parts
+ * are transparent.
  */
 export function graspMarks(contacts, size, { core, rim }) {
   const group = new Group();
-  const add = (shape, radius, place) => {
-    for (const [grown, order, options] of [
+  const add = (shape, radius, setPose) => {
+    for (const [scale, order, options] of [
       [1, 1, { color: core }],
       [RIM, 1, { color: rim, side: BackSide }],
-      [1, 2, { color: core, depthTest: false, transparent: true, opacity: THROUGH }],
+      [1, 2, { color: core, depthTest: false, transparent: true, opacity: HIDDEN_OPACITY }],
     ]) {
-      const part = new Mesh(shape(grown * radius * size), new MeshBasicMaterial(options));
-      place(part);
+      const part = new Mesh(shape(scale * radius * size), new MeshBasicMaterial(options));
+      setPose(part);
       part.renderOrder = order;
       group.add(part);
     }

@@ -1,40 +1,40 @@
-import { degrees as told } from "../shared/words.js";
-import { M, S, U, UNSEARCHED } from "./rule.js";
+import { degrees } from "../shared/formatting.js";
+import { M, S, U, UNSEARCHED } from "./thresholds.js";
 
 const REASONS = {
-  1: "no place for the other fingers was found within the cone that was searched",
-  2: "every place for the other fingers is outside the limits of openings or distances",
+  1: "no contact points for the other fingers were found within the searched cone",
+  2: "all contact points for the other fingers violate the opening or distance limits",
 };
 
-const angle = (radians) => told((180 / Math.PI) * radians);
+const angle = (radians) => degrees((180 / Math.PI) * radians);
 
-/** One sentence: why a vertex is S, M, U or not searched. */
+/** One sentence with the reason why a vertex is S, M, U or not searched. */
 export function reason(object, vertex, label, limits) {
   const [worst, best] = [object.worst[vertex], object.best[vertex]];
   const low = `β − α/2 = ${angle(limits.stable)}`;
   const high = `β + α/2 = ${angle(limits.reach)}`;
   if (label === S) {
-    return `β* ${angle(worst)} is below ${low}: the grasp holds whatever the true normals within the sensor's resolution.`;
+    return `β* ${angle(worst)} is below ${low}: the grasp is stable for all true normals within the sensor resolution.`;
   }
   if (label === UNSEARCHED) {
-    return `Grasps were searched with β* up to ${angle(object.cone)}, and none of them will do; ${high} goes beyond, so M and U cannot be told apart.`;
+    return `Grasps were searched with β* up to ${angle(object.cone)}, and none of them is stable; ${high} exceeds this, so M and U cannot be distinguished.`;
   }
   if (label === U) {
-    if (best === Infinity) return `No grasp was found: ${REASONS[object.reason[vertex]] ?? "none closes"}.`;
-    return `β* ${angle(best)} reaches ${high}: no grasp was found that could hold.`;
+    if (best === Infinity) return `No grasp was found: ${REASONS[object.reason[vertex]] ?? "none is force-closed"}.`;
+    return `β* ${angle(best)} is at least ${high}: no grasp was found that is stable for any true normals within the sensor resolution.`;
   }
   if (limits.unstable === Infinity && best >= limits.reach) {
-    return `${high} is at least 90°, where three fingers and more are never surely unstable: the sensor cannot tell.`;
+    return `${high} is at least 90°, where grasps of three fingers and more are never surely unstable, and this one is not surely stable.`;
   }
   if (worst !== best) {
-    return `On a crease β* is ${worst === Infinity ? "not bounded" : angle(worst)} over the worst normals and ${angle(best)} over the best, between ${low} and ${high} not sure either way: the sensor cannot tell.`;
+    return `On a sharp edge β* is ${worst === Infinity ? "unbounded" : angle(worst)} for the worst normals and ${angle(best)} for the best: neither surely stable (below ${low}) nor surely unstable (from ${high} on).`;
   }
-  return `β* ${angle(worst)} lies between ${low} and ${high}: the sensor cannot tell.`;
+  return `β* ${angle(worst)} lies between ${low} and ${high}: neither surely stable nor surely unstable.`;
 }
 
 export const MEANING = {
   [S]: ["S", "surely stable", "s"],
-  [M]: ["M", "sensor cannot tell", "m"],
+  [M]: ["M", "ambiguous", "m"],
   [U]: ["U", "no grasp found", "u"],
   [UNSEARCHED]: ["–", "not searched", "unknown"],
 };

@@ -14,7 +14,7 @@ function faceNormals(points, faces) {
   return normals;
 }
 
-/** Corners around each vertex, one list behind the other, and where each list starts. */
+/** Corners around each vertex, one list after the other, and where each list starts. */
 function cornersAround(faces, count) {
   const starts = new Uint32Array(count + 1);
   for (const vertex of faces) starts[vertex + 1]++;
@@ -27,7 +27,7 @@ function cornersAround(faces, count) {
   return { starts, corners };
 }
 
-/** Normals at the corners, averaged over faces that bend by less than the crease angle. */
+/** Normals at the corners, averaged over faces that meet at less than the crease angle. */
 function cornerNormals(points, faces, creaseAngle) {
   const flat = faceNormals(points, faces);
   const { starts, corners } = cornersAround(faces, points.length / 3);
@@ -55,8 +55,8 @@ function cornerNormals(points, faces, creaseAngle) {
   return normals;
 }
 
-// Every corner of a face knows the colours of all three, so that labels keep sharp borders:
-// mixed green and orange would look like a label of its own.
+// Every corner of a face has the colours of all three corners, so that labels have sharp borders:
+// mixed green and orange would look like another label.
 const DECLARED = ["attribute vec3 corner;", ...[0, 1, 2].map((k) => `attribute vec3 color${k};`)].join("\n");
 const PASSED = ["varying vec3 vCorner;", ...[0, 1, 2].map((k) => `varying vec3 vColor${k};`)].join("\n");
 const COPIED = ["vCorner = corner;", ...[0, 1, 2].map((k) => `vColor${k} = color${k};`)].join("\n");
@@ -82,19 +82,19 @@ function paintedMaterial(sharp) {
   return material;
 }
 
-/** A painted surface: three corners for each face, about the object's centre. */
+/** A coloured surface: three corners for each face, relative to the object's centre. */
 export class PaintedSurface {
   constructor(object, centre) {
     const { faces, points } = object;
     this.object = object;
     const geometry = new BufferGeometry();
-    const places = new Float32Array(3 * faces.length);
+    const positions = new Float32Array(3 * faces.length);
     const corners = new Uint8Array(3 * faces.length);
     for (let corner = 0; corner < faces.length; corner++) {
-      for (let k = 0; k < 3; k++) places[3 * corner + k] = points[3 * faces[corner] + k] - centre[k];
+      for (let k = 0; k < 3; k++) positions[3 * corner + k] = points[3 * faces[corner] + k] - centre[k];
       corners[3 * corner + (corner % 3)] = 1;
     }
-    geometry.setAttribute("position", new BufferAttribute(places, 3));
+    geometry.setAttribute("position", new BufferAttribute(positions, 3));
     geometry.setAttribute("normal", new BufferAttribute(cornerNormals(points, faces, object.creaseAngle), 3));
     geometry.setAttribute("corner", new BufferAttribute(corners, 3));
     for (let k = 0; k < 3; k++) {
@@ -104,7 +104,7 @@ export class PaintedSurface {
     this.mesh = new Mesh(geometry, paintedMaterial(this.sharp));
   }
 
-  /** Paints by vertex, colours from 0 to 255; sharp: each place as its nearest vertex. */
+  /** Colours the vertices, from 0 to 255; sharp: each point has the colour of its nearest vertex. */
   paint(colors, sharp) {
     const { faces } = this.object;
     this.sharp.value = sharp;

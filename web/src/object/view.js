@@ -1,23 +1,23 @@
 import { AmbientLight, Box3, DirectionalLight, OrthographicCamera, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { byId } from "../shared/dom.js";
-import { length } from "../shared/words.js";
+import { length } from "../shared/formatting.js";
 import { disposeMarks, graspMarks } from "./marks.js";
 import { PaintedSurface } from "./surface.js";
 
 const AMBIENT = 0.55;
 const MARGIN = 1.12;
-const STILL = 4; // pixels that a click may move
+const CLICK_MOVE = 4; // pixels that the pointer may move during a click
 const FROM = new Vector3(0.55, -0.75, 0.55);
 const [WHITE, BLACK] = [0xffffff, 0x1a1a1a];
-const BAR = 110; // pixels that a scale bar may take
+const MAX_SCALE_BAR = 110; // pixels
 
-/** Opens the 3-D view; where there is no WebGL it says so, and the rest of the page works. */
+/** Opens the 3-D view; without WebGL it shows a message, and the rest of the page works. */
 export function openView(stage) {
   try {
     return new View(stage);
   } catch {
-    byId("told").textContent = "The picture needs WebGL, which this browser does not offer here; the numbers beside it work.";
+    byId("message").textContent = "The 3-D view needs WebGL, which is not available in this browser; the values beside it are complete.";
     byId("scale").hidden = true;
     const nothing = () => {};
     return { show: nothing, paint: nothing, mark: nothing, reset: nothing, onPick: nothing };
@@ -31,7 +31,7 @@ class View {
     this.canvas = this.renderer.domElement;
     this.canvas.tabIndex = 0;
     this.canvas.setAttribute("role", "img");
-    this.canvas.setAttribute("aria-label", "The painted surface; arrow keys turn it, plus and minus zoom");
+    this.canvas.setAttribute("aria-label", "The coloured surface; arrow keys rotate it, plus and minus zoom");
     stage.prepend(this.canvas);
     this.scene = new Scene();
     this.camera = new OrthographicCamera();
@@ -40,10 +40,10 @@ class View {
     this.scene.add(new AmbientLight(0xffffff, Math.PI * AMBIENT), this.lamp, this.lamp.target);
     this.controls = new OrbitControls(this.camera, this.canvas);
     this.controls.addEventListener("change", () => this.draw());
-    this.listenForClicks();
-    this.listenForKeys();
+    this.addClickListeners();
+    this.addKeyListener();
     new ResizeObserver(() => this.fit()).observe(stage);
-    globalThis.grasp3dCamera = () => this.told();
+    globalThis.grasp3dCamera = () => this.cameraMatrices();
   }
 
   onPick(picked) {
@@ -66,11 +66,11 @@ class View {
 
   paint(colors, sharp) {
     this.surface.paint(colors, sharp);
-    this.pale = !sharp; // ramps begin dark
+    this.lightMarks = !sharp; // colour ramps begin dark
     this.mark(this.contacts);
   }
 
-  /** Draws a grasp in place of the one before; none: no contacts. */
+  /** Draws a grasp instead of the previous one; no contacts: none. */
   mark(contacts) {
     if (this.marks) {
       this.scene.remove(this.marks);
@@ -79,10 +79,10 @@ class View {
     this.contacts = contacts;
     this.marks = null;
     if (contacts.length) {
-      const pale = this.pale || matchMedia("(prefers-color-scheme: dark)").matches;
-      const [core, rim] = pale ? [WHITE, BLACK] : [BLACK, WHITE];
-      const places = contacts.map((one) => new Vector3(...one).sub(this.centre));
-      this.marks = graspMarks(places, this.object.size, { core, rim });
+      const light = this.lightMarks || matchMedia("(prefers-color-scheme: dark)").matches;
+      const [core, rim] = light ? [WHITE, BLACK] : [BLACK, WHITE];
+      const positions = contacts.map((one) => new Vector3(...one).sub(this.centre));
+      this.marks = graspMarks(positions, this.object.size, { core, rim });
       this.scene.add(this.marks);
     }
     this.draw();
@@ -118,31 +118,31 @@ class View {
     this.drawScale();
   }
 
-  /** A bar of a round length: without perspective it holds everywhere. */
+  /** Draws a scale bar of a round length; it is valid everywhere, as there is no perspective. */
   drawScale() {
     const perPixel = (this.camera.top - this.camera.bottom) / this.camera.zoom / this.stage.clientHeight;
-    const most = BAR * perPixel;
+    const most = MAX_SCALE_BAR * perPixel;
     const power = 10 ** Math.floor(Math.log10(most));
     const round = [5, 2, 1].find((one) => one * power <= most) * power;
-    const [words, bar] = byId("scale").children;
-    words.textContent = length(round, this.object.unit);
+    const [label, bar] = byId("scale").children;
+    label.textContent = length(round, this.object.unit);
     bar.style.width = `${round / perPixel}px`;
   }
 
-  listenForClicks() {
+  addClickListeners() {
     let down = null;
     this.canvas.addEventListener("pointerdown", (event) => {
       down = down || event.button !== 0 ? "several" : [event.clientX, event.clientY];
     });
     this.canvas.addEventListener("pointercancel", () => { down = null; });
     this.canvas.addEventListener("pointerup", (event) => {
-      const still = Array.isArray(down) && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < STILL;
+      const isClick = Array.isArray(down) && Math.hypot(event.clientX - down[0], event.clientY - down[1]) < CLICK_MOVE;
       down = null;
-      if (still) this.pickAt(event.clientX, event.clientY);
+      if (isClick) this.pickAt(event.clientX, event.clientY);
     });
   }
 
-  listenForKeys() {
+  addKeyListener() {
     const turns = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, -1], ArrowDown: [0, 1] };
     this.canvas.addEventListener("keydown", (event) => {
       const turn = turns[event.key];
@@ -169,23 +169,23 @@ class View {
     this.draw();
   }
 
-  /** Picks the corner, nearest to where the click meets the surface, of the face that it meets. */
+  /** Picks the vertex nearest to the clicked point, among the corners of the clicked face. */
   pickAt(x, y) {
     if (!this.surface) return;
     const frame = this.canvas.getBoundingClientRect();
     const at = new Vector2((2 * (x - frame.left)) / frame.width - 1, 1 - (2 * (y - frame.top)) / frame.height);
     const caster = new Raycaster();
     caster.setFromCamera(at, this.camera);
-    const [met] = caster.intersectObject(this.surface.mesh);
-    if (!met) return;
-    const place = met.point.clone().add(this.centre);
-    const corners = this.object.faces.subarray(3 * met.faceIndex, 3 * met.faceIndex + 3);
-    const away = [...corners].map((one) => place.distanceTo(new Vector3().fromArray(this.object.points, 3 * one)));
-    this.picked?.(corners[away.indexOf(Math.min(...away))]);
+    const [hit] = caster.intersectObject(this.surface.mesh);
+    if (!hit) return;
+    const point = hit.point.clone().add(this.centre);
+    const corners = this.object.faces.subarray(3 * hit.faceIndex, 3 * hit.faceIndex + 3);
+    const distances = [...corners].map((one) => point.distanceTo(new Vector3().fromArray(this.object.points, 3 * one)));
+    this.picked?.(corners[distances.indexOf(Math.min(...distances))]);
   }
 
-  /** The camera for those who script the page: matrices by columns, about the surface's centre. */
-  told() {
+  /** Camera matrices by columns, relative to the surface's centre, for scripts and tests. */
+  cameraMatrices() {
     this.camera.updateMatrixWorld();
     const unproject = this.camera.matrixWorld.clone().multiply(this.camera.projectionMatrixInverse);
     return { unproject: unproject.toArray(), centre: this.centre.toArray() };

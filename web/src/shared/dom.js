@@ -1,4 +1,4 @@
-/** Makes an element. Text is only ever set as text, never as markup. */
+/** Creates an element. Text is always set as text, never as markup. */
 export function element(tag, properties = {}, ...children) {
   const made = document.createElement(tag);
   for (const [name, value] of Object.entries(properties)) {

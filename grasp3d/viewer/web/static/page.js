@@ -1,10 +1,10 @@
-// Keys, what is clicked is brought into view, and what is said when the connection has ended.
+// Keys, scrolling to the inspected vertex, and the notice after the connection was closed.
 (() => {
   const ARROWS = { ArrowRight: "Right", ArrowLeft: "Left", ArrowUp: "Up", ArrowDown: "Down" };
-  const HERE = {
+  const ACTIONS = {
     s: () => document.getElementById("save").click(),
     g: () => document.getElementById("picture").click(),
-    r: () => window.trame.trigger("look"),
+    r: () => window.trame.trigger("reset_view"),
     h: () => window.trame.state.set("help", true),
   };
 
@@ -18,18 +18,18 @@
     const key = ARROWS[event.key] ?? (event.key === "=" ? "+" : event.key.toLowerCase());
     if (!window.trame.state.get("keys").some((known) => known.key === key)) return;
     event.preventDefault();
-    if (HERE[key]) HERE[key]();
-    else window.trame.trigger("press", [key]);
+    if (ACTIONS[key]) ACTIONS[key]();
+    else window.trame.trigger("key", [key]);
   });
 
-  // What is told of a place that has just been clicked may lie outside the part that is seen.
-  const bringIntoView = () => {
+  // The numbers of a vertex that was just clicked may be outside the visible part of the panel.
+  const scrollToInspection = () => {
     const rows = document.getElementById("rows");
-    const place = document.getElementById("place")?.getBoundingClientRect();
-    if (!rows || !place) return;
-    const seen = rows.getBoundingClientRect();
-    const up = place.top - seen.top;
-    const down = Math.min(place.bottom - seen.bottom, up);
+    const section = document.getElementById("inspection")?.getBoundingClientRect();
+    if (!rows || !section) return;
+    const visible = rows.getBoundingClientRect();
+    const up = section.top - visible.top;
+    const down = Math.min(section.bottom - visible.bottom, up);
     if (up < 0) rows.scrollBy({ top: up, behavior: "smooth" });
     else if (down > 0) rows.scrollBy({ top: down, behavior: "smooth" });
   };
@@ -40,18 +40,18 @@
       setTimeout(watchClicks, 100);
       return;
     }
-    window.trame.state.watch(["inspected"], (inspected) => {
-      const vertex = inspected?.vertex ?? null;
-      if (vertex !== null && vertex !== clicked) setTimeout(bringIntoView, 50);
+    window.trame.state.watch(["inspection"], (inspection) => {
+      const vertex = inspection?.vertex ?? null;
+      if (vertex !== null && vertex !== clicked) setTimeout(scrollToInspection, 50);
       clicked = vertex;
     });
   };
   watchClicks();
 
-  const Native = window.WebSocket;
-  window.WebSocket = class extends Native {
-    constructor(...given) {
-      super(...given);
+  const NativeWebSocket = window.WebSocket;
+  window.WebSocket = class extends NativeWebSocket {
+    constructor(...args) {
+      super(...args);
       this.addEventListener("close", () => {
         document.getElementById("ended").hidden = false;
       });

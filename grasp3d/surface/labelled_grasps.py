@@ -1,0 +1,91 @@
+"""Base class of labelled vertices and given grasps: labels and epsilon."""
+
+from grasp3d.arrays import Bytes, Floats, locked
+from grasp3d.quality.tilting import EpsilonRange
+from grasp3d.settings import GraspModel
+from grasp3d.stability.thresholds import max_resolution
+from grasp3d.surface.deferred import Deferred
+from grasp3d.system.progress import Progress
+
+
+class LabelledGrasps:
+    """Grasps on a surface, one for each row of the arrays, with labels and epsilon."""
+
+    model: GraspModel
+    """Friction, sensor resolution and fingers."""
+    deferred_label: Deferred[Bytes]
+    """`label`; with method extremes it needs an enumeration."""
+    deferred_epsilon: Deferred[EpsilonRange]
+    """`epsilon_range`; it needs wrench hulls for each grasp."""
+
+    @property
+    def critical_angle(self) -> Floats:
+        """Critical friction angle over the worst normals of the contacts [rad]."""
+        raise NotImplementedError
+
+    @property
+    def label(self) -> Bytes:
+        """`Label` codes by `model.method`: 0 U, 1 M, 2 S."""
+        return self.deferred_label.value
+
+    @property
+    def max_resolution(self) -> Floats:
+        """Coarsest sensor resolution below which the grasp is S [rad]; 0: none."""
+        return locked(max_resolution(self.critical_angle, self.model))
+
+    @property
+    def epsilon_range(self) -> EpsilonRange:
+        """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read."""
+        return self.deferred_epsilon.value
+
+    @property
+    def epsilon(self) -> Floats:
+        """Epsilon of the grasps (Ferrari & Canny 1992).
+
+        At the contacts' nominal normals, the middle of the set on creases; about the mesh's centre
+        of mass, torques divided by `mesh.torque_scale`, in the span of the wrenches. Certified from
+        below, within 1 %. 0 where the grasp is not force-closed, nan where there is no grasp or the
+        normals at a contact cancel out.
+        """
+        return self.epsilon_range.nominal
+
+    @property
+    def epsilon_min(self) -> Floats:
+        """Smallest epsilon over the tilts within the sensor's resolution.
+
+        `model.tilts` says how it is computed: 'exact', by the 'effective_friction' of polygonal
+        cones, or over 'sampled_tilts' for soft fingers and with method extremes; see
+        `quality.epsilon_range`.
+        """
+        return self.epsilon_range.minimum
+
+    @property
+    def epsilon_max(self) -> Floats:
+        """Upper bound on epsilon over all tilts.
+
+        With method extremes it is the largest over the combinations of extreme normals, and is
+        attained. It is 0 at a few creases labelled M, whose label comes from another grasp, which
+        is better over the best normals.
+        """
+        return self.epsilon_range.maximum
+
+    def compute_labels(self, progress: Progress) -> None:
+        """Compute `label` now, which takes time with method extremes only.
+
+        Args:
+            progress: Called with the fraction of the work done, from 0 to 1.
+
+        Raises:
+            SettingError: A grasp has too many combinations of extreme normals.
+        """
+        if self.model.method == "extremes" and self.deferred_label.computed is None:
+            self.deferred_label.compute(progress)
+            progress(1.0)
+
+    def compute_epsilon(self, progress: Progress) -> None:
+        """Compute `epsilon_range` now.
+
+        Args:
+            progress: Called with the fraction of the work done, from 0 to 1.
+        """
+        self.deferred_epsilon.compute(progress)

@@ -1,0 +1,114 @@
+"""Background jobs, one at a time: a new request replaces the running job."""
+
+import threading
+from collections.abc import Callable, Hashable
+from dataclasses import dataclass, field
+from queue import Empty, SimpleQueue
+from typing import Generic, TypeVar
+
+from grasp3d.errors import GraspError
+from grasp3d.isolation import describe_unexpected
+from grasp3d.system.progress import Progress
+
+ResultT = TypeVar("ResultT")
+
+
+class Cancelled(BaseException):
+    """Raised in a job by its progress report when the job is no longer needed."""
+
+
+@dataclass(frozen=True, eq=False)
+class Job(Generic[ResultT]):
+    """A computation."""
+
+    key: Hashable
+    """Identifies the job; a running job is not restarted by a request with the same key."""
+    text: str
+    """Description, such as 'searching grasps'."""
+    run: Callable[[Progress], ResultT]
+    delay: float = 0.0
+    """Waiting time before it starts, in which a newer request can replace it [s]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Finished(Generic[ResultT]):
+    """Result or error of a job."""
+
+    job: Job[ResultT]
+    result: ResultT | None
+    error: str | None
+    """Why there is no result, as one sentence."""
+
+
+@dataclass(eq=False)
+class _Run(Generic[ResultT]):
+    """A running job."""
+
+    job: Job[ResultT]
+    fraction: float = 0.0
+    stop: threading.Event = field(default_factory=threading.Event)
+
+    def report(self, fraction: float) -> None:
+        if self.stop.is_set():
+            raise Cancelled
+        self.fraction = fraction
+
+
+class Worker(Generic[ResultT]):
+    """Runs the latest requested job in a thread.
+
+    A replaced job ends at its next progress report. Only the job itself runs in the thread; all
+    methods are called from the owner's thread.
+    """
+
+    def __init__(self) -> None:
+        self._finished: SimpleQueue[tuple[Finished[ResultT], _Run[ResultT]]] = SimpleQueue()
+        self._run: _Run[ResultT] | None = None
+
+    @property
+    def job(self) -> Job[ResultT] | None:
+        """The running job."""
+        return None if self._run is None else self._run.job
+
+    @property
+    def fraction(self) -> float:
+        """Finished fraction of the running job, from 0 to 1."""
+        return 0.0 if self._run is None else self._run.fraction
+
+    def request(self, job: Job[ResultT] | None) -> None:
+        """Run a job instead of the current one; None: cancel the current one."""
+        if self._run is not None and job is not None and self._run.job.key == job.key:
+            return
+        if self._run is not None:
+            self._run.stop.set()
+        self._run = None
+        if job is not None:
+            self._run = _Run(job)
+            threading.Thread(target=self._execute, args=(self._run,), daemon=True).start()
+
+    def take_finished(self) -> Finished[ResultT] | None:
+        """The result of the current job, once, when it has finished."""
+        while True:
+            try:
+                finished, run = self._finished.get_nowait()
+            except Empty:
+                return None
+            if run is self._run:
+                self._run = None
+                return finished
+
+    def _execute(self, run: _Run[ResultT]) -> None:
+        job = run.job
+        if run.stop.wait(job.delay):
+            return
+        try:
+            finished = Finished(job, job.run(run.report), None)
+        except Cancelled:
+            return
+        except GraspError as error:
+            finished = Finished(job, None, str(error))
+        except MemoryError:
+            finished = Finished(job, None, f"{job.text}: memory is too small; use a coarser mesh")
+        except Exception as error:  # noqa: BLE001
+            finished = Finished(job, None, describe_unexpected(error))
+        self._finished.put((finished, run))

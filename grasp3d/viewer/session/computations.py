@@ -1,0 +1,182 @@
+"""Computations of the viewer: new searches, scans, epsilon."""
+
+import math
+from dataclasses import asdict, replace
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.mesh import ObjectMesh, mesh_from_arrays
+from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
+from grasp3d.settings import GraspModel, Sampling, search_cone
+from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labels import SearchReport, label_grasps
+from grasp3d.surface.scanning import scan_surface
+from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
+from grasp3d.system.processors import available_processors
+from grasp3d.system.progress import Progress, within
+from grasp3d.viewer.session.inspection import warm_up
+from grasp3d.viewer.session.painting import labels_at
+from grasp3d.viewer.session.state import FixedPoints
+from grasp3d.viewer.subjects.subject import Epsilons, Subject, subject_of
+
+WIDEST = math.pi / 2.0
+
+_meshes: WeakKeyDictionary[Subject, ObjectMesh] = WeakKeyDictionary()
+"""Meshes prepared for subjects that were read from files."""
+
+PREPARED = 0.2
+"""Fraction of the work after which the mesh of a file is prepared."""
+
+
+def mesh_of(subject: Subject) -> ObjectMesh:
+    """The object mesh of a subject; prepared first if the subject was read from a file.
+
+    The surface was already repaired and refined when it was labelled, so neither is repeated and
+    the vertices keep their numbers.
+
+    Raises:
+        MeshError: The mesh cannot be prepared.
+    """
+    if subject.labels is not None:
+        return subject.labels.mesh
+    if subject not in _meshes:
+        _meshes[subject] = _prepared_mesh(subject)
+    return _meshes[subject]
+
+
+def _prepared_mesh(subject: Subject) -> ObjectMesh:
+    options = replace(subject.options, max_edge=math.inf)
+    mesh = mesh_from_arrays(subject.vertices, subject.faces, **asdict(options))
+    if len(mesh.vertices) != len(subject.vertices):
+        options = replace(options, repair="none")
+        mesh = mesh_from_arrays(subject.vertices, subject.faces, **asdict(options))
+    if len(mesh.vertices) != len(subject.vertices):
+        raise MeshError(f"{subject.name}: its mesh cannot be prepared; label the mesh again")
+    report = replace(mesh.report, source=subject.name, unit=subject.unit)
+    return replace(mesh, report=report, options=subject.options)
+
+
+def search_grasps(
+    subject: Subject, model: GraspModel, sampling: Sampling, progress: Progress, *,
+    wide: bool = False,
+) -> Subject:  # fmt: skip
+    """Search the best grasps again.
+
+    Args:
+        subject: The surface.
+        model: Grasp model.
+        sampling: Search settings; without a search angle, at least the previous cone is searched.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+        wide: Search the widest cone, whatever `sampling` says.
+    """
+    cone = sampling.search_angle
+    if wide:
+        cone = WIDEST
+    elif cone is None and subject.mode == "label":
+        cone = min(max(subject.cone, search_cone(model, Sampling())), WIDEST)
+    start = 0.0 if subject.labels is not None else PREPARED
+    mesh = mesh_of(subject)
+    progress(start)
+    labels = label_surface(
+        mesh, model, sampling=replace(sampling, search_angle=cone),
+        progress=within(progress, start, 1.0),
+    )  # fmt: skip
+    return warm_up(subject_of(labels, subject.name))
+
+
+def scan_with_fixed(
+    subject: Subject, model: GraspModel, fixed: FixedPoints, progress: Progress
+) -> Subject:
+    """Label every vertex as the contact of one more finger besides the fixed ones."""
+    start = 0.0 if subject.labels is not None else PREPARED
+    mesh = mesh_of(subject)
+    progress(start)
+    model = replace(model, fingers=len(fixed) + 1)
+    labels = scan_surface(mesh, model, fixed=np.array(fixed), progress=within(progress, start, 1.0))
+    return warm_up(subject_of(labels, subject.name))
+
+
+def prepare_labels(subject: Subject, progress: Progress) -> Subject:
+    """Prepare the mesh of a file with partners, and find the partners' surface points.
+
+    Raises:
+        SettingError: The file has no partners.
+        MeshError: The mesh cannot be prepared, or the partners are not on it.
+    """
+    if subject.labels is not None:
+        return subject
+    if subject.partners is None:
+        raise SettingError(f"{subject.name}: the file does not contain the partners of its grasps")
+    mesh = mesh_of(subject)
+    progress(0.5)
+    found = (subject.reason == Reason.FOUND) & mesh.on_surface
+    grasped = np.flatnonzero(found & np.isfinite(subject.partners).all(axis=(1, 2)))
+    points = _partner_points(mesh, subject.partners, grasped, within(progress, 0.5, 1.0))
+    grasps = VertexGrasps.of(
+        mesh,
+        angles=(subject.critical_angle, subject.critical_angle_best),
+        partners=subject.partners,
+        partner_normals=_partner_normals(subject),
+        partner_points=points,
+        grip=0 if subject.grip is None else subject.grip,
+        reason=subject.reason,
+        opening=subject.opening,
+    )
+    labels = label_grasps(
+        grasps,
+        subject.model,
+        sampling=subject.sampling,
+        mode=subject.mode,
+        search=SearchReport(cone=subject.cone),
+    )
+    return warm_up(replace(subject, labels=labels))
+
+
+def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
+    """Compute epsilon of every vertex's grasp for another friction and resolution.
+
+    Args:
+        subject: With labels, or from a file with partners.
+        model: Grasp model; fingers as the subject has them.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+    """
+    ready = prepare_labels(subject, within(progress, 0.0, PREPARED))
+    assert ready.labels is not None
+    model = replace(model, fingers=ready.model.fingers)
+    labels = ready.labels.with_model(model)
+    labels.compute_epsilon(within(progress, PREPARED, 1.0))
+    found = labels.epsilon_range
+    return replace(ready, epsilons=Epsilons(found.nominal, found.minimum, model, found.maximum))
+
+
+def difference(subject: Subject, other: Subject) -> float:
+    """Area fraction whose labels differ between two searches, at the first one's model."""
+    first, second = labels_at(subject, subject.model), labels_at(other, subject.model)
+    return float(subject.weights[first != second].sum())
+
+
+def _partner_points(
+    mesh: ObjectMesh, partners: Floats, grasped: Ints, progress: Progress
+) -> SurfacePoints:
+    """Surface points of partners (V, n - 1, 3), repeated for the worst and the best normals."""
+    count, others = partners.shape[:2]
+    faces = np.full((count, 2, others), -1, dtype=np.int64)
+    weights = np.zeros((count, 2, others, 3))
+    nearest, _, distances = nearest_surface_points(
+        mesh, partners[grasped].reshape(-1, 3), limit=1e-3 * mesh.size,
+        threads=available_processors(), progress=progress,
+    )  # fmt: skip
+    if np.isinf(distances).any():
+        raise MeshError("the file's partners are not on its surface; label the mesh again")
+    faces[grasped] = nearest.faces.reshape(-1, 1, others)
+    weights[grasped] = nearest.weights.reshape(-1, 1, others, 3)
+    return SurfacePoints(locked(faces), locked(weights))
+
+
+def _partner_normals(subject: Subject) -> Floats:
+    normals = subject.partner_normals
+    assert subject.partners is not None
+    return np.full(subject.partners.shape, math.nan) if normals is None else normals

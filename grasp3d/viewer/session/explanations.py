@@ -1,0 +1,205 @@
+"""Explanation of a vertex's label: one sentence with the angles that decide it."""
+
+import math
+from dataclasses import dataclass
+from functools import partial
+
+from grasp3d.settings import GraspModel
+from grasp3d.stability.label import Label, Mode
+from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.viewer.session.painting import UNSEARCHED
+
+SAME = 1e-4
+"""Angles closer than this count as equal, as files may store 32 bits [rad]."""
+
+DIGITS = 4
+"""Largest number of decimals used to distinguish an angle from a limit."""
+
+PAIR = 2
+FINGERS = ("first", "second", "third", "fourth", "fifth")
+"""Names of the fingers; the first is at the vertex."""
+
+
+@dataclass(frozen=True)
+class Case:
+    """The values that decide the label of one vertex."""
+
+    model: GraspModel
+    mode: Mode
+    code: int
+    """Label, or `UNSEARCHED`."""
+    worst: float
+    """Critical friction angle over the worst normals [rad]; inf: no grasp."""
+    best: float
+    """Critical friction angle over the best normals [rad]."""
+    cone: float
+    """Largest critical friction angle that was searched [rad]."""
+    reason: Reason | None
+    """Why there is no grasp; None: unknown."""
+    off_line: tuple[float, float] | None
+    """Two fingers: angles between their normals and the line through the contacts [rad]."""
+    creases: tuple[int, ...] = ()
+    """Indices of the fingers that are known to be on sharp edges (creases), from 0."""
+
+    @property
+    def smooth(self) -> bool:
+        """Whether every finger has a single normal, as far as the angles show."""
+        return self.worst - self.best < SAME
+
+    @property
+    def stable(self) -> float:
+        """Critical angle below which a grasp is S [rad]."""
+        return self.model.effective_friction_angle
+
+    @property
+    def unstable(self) -> float:
+        """Critical angle from which a two-finger grasp is U [rad]."""
+        return self.model.widest_friction_angle
+
+    @property
+    def never_unstable(self) -> bool:
+        """Whether no grasp of this number of fingers can be surely unstable."""
+        return math.isinf(self.model.unstable_from)
+
+
+def explain(case: Case) -> str:
+    """One sentence that begins with the letter of the label and gives the reason."""
+    if case.code == UNSEARCHED:
+        return _unsearched(case)
+    if math.isinf(case.best):
+        return f"U: {_no_grasp(case)}."
+    by_label = {Label.S: _stable, Label.M: _ambiguous, Label.U: _unstable}
+    label = Label(case.code)
+    return f"{label.name}: {by_label[label](case)}."
+
+
+def angle_text(angle: float, limit: float = math.nan) -> str:
+    """An angle in degrees, with enough decimals to distinguish it from a limit."""
+    one, other = math.degrees(angle), math.degrees(limit)
+    for digits in range(1, DIGITS):
+        if f"{one:.{digits}f}" != f"{other:.{digits}f}" or one == other:
+            return f"{_signed(one, digits)}°"
+    return f"{_signed(one, DIGITS)}°"
+
+
+def _signed(value: float, digits: int) -> str:
+    """A number with a typographic minus sign."""
+    return f"{value:.{digits}f}".replace("-", "−")
+
+
+def _stable_limit(case: Case) -> str:
+    return _limit(case, case.stable, "−")
+
+
+def _unstable_limit(case: Case) -> str:
+    return _limit(case, case.unstable, "+")
+
+
+def _limit(case: Case, limit: float, sign: str) -> str:
+    beta, tilt = case.model.friction_angle, case.model.tilt
+    precise = partial(angle_text, limit=case.worst if sign == "−" else case.best)
+    if tilt == 0.0:
+        return f"β = {precise(limit)}"
+    return f"{angle_text(beta)} {sign} {angle_text(tilt)} = {precise(limit)}"
+
+
+def _cause(case: Case, limit: float) -> str:
+    """What decides when every finger has one normal: one finger's normal, or the whole grasp."""
+    line, angle = case.off_line, angle_text(case.worst, limit)
+    if line is None or abs(max(line) - case.worst) >= SAME:
+        return f"the grasp is force-closed for friction angles above β* = {angle}"
+    if abs(line[0] - line[1]) < SAME:
+        return f"both contact normals are {angle} off the line through the contacts"
+    finger = FINGERS[line.index(max(line))]
+    return f"the {finger} finger's normal is {angle} off the line through the contacts"
+
+
+def _crease(case: Case) -> str:
+    """Which fingers are on sharp edges, and which normals they may have."""
+    names = [FINGERS[finger] for finger in case.creases]
+    if not names:
+        return "on a sharp edge a finger may have any normal between those of the adjacent faces"
+    if len(names) == 1:
+        return (
+            f"the {names[0]} finger is on a sharp edge and may have any normal between those of "
+            "the adjacent faces"
+        )
+    fingers = f"the {', '.join(names[:-1])} and {names[-1]} fingers"
+    if len(names) == case.model.fingers == PAIR:
+        fingers = "both fingers"
+    return (
+        f"{fingers} are on sharp edges and may have any normals between those of the adjacent faces"
+    )
+
+
+def _stable(case: Case) -> str:
+    angle = angle_text(case.worst, case.stable)
+    cause = _cause(case, case.stable)
+    if not case.smooth:
+        cause = f"{_crease(case)}; for the worst of these normals β* is {angle}"
+    elif " off the line " in cause:
+        cause = f"no contact normal is more than {angle} off the line through the contacts"
+    return (
+        f"{cause}, below {_stable_limit(case)}: the grasp is stable for all true normals within "
+        "the sensor resolution"
+    )
+
+
+def _unstable(case: Case) -> str:
+    grasp = "the best grasp found" if case.mode == "label" else "the grasp"
+    needs = f"{grasp} needs a friction angle above {angle_text(case.best, case.unstable)}"
+    if not case.smooth:
+        edge = "the first finger's sharp edge" if 0 in case.creases else "a sharp edge"
+        needs += f" even with the best normals on {edge}"
+    limit = _unstable_limit(case)
+    if case.model.tilt == 0.0:
+        return f"{needs}, and the friction allows no more than {limit}"
+    return f"{needs}, and no normal within the resolution allows more than {limit}"
+
+
+def _ambiguous(case: Case) -> str:
+    sure = f"surely stable below {_stable_limit(case)}"
+    if case.stable <= 0.0:
+        sure = (
+            "no grasp is surely stable at this resolution, as "
+            f"{_stable_limit(case)} is not above 0°"
+        )
+    limit = _unstable_limit(case)
+    unstable = f"surely unstable from {limit} on"
+    if case.never_unstable:
+        unstable = (
+            f"no grasp of this number of fingers is surely unstable, as {limit} is not below 90°"
+        )
+    if case.smooth:
+        nearer = min((case.stable, case.unstable), key=lambda limit: abs(limit - case.worst))
+        return f"{_cause(case, nearer)}: {sure}, {unstable}"
+    worst = "unbounded" if math.isinf(case.worst) else angle_text(case.worst, case.stable)
+    best = angle_text(case.best, case.unstable)
+    return (
+        f"{_crease(case)}: β* is {worst} for the worst and {best} for the best of these normals; "
+        f"{sure}, {unstable}"
+    )
+
+
+def _unsearched(case: Case) -> str:
+    found = ""
+    if math.isfinite(case.worst):
+        found = f", and the best of them has β* {angle_text(case.worst)}"
+    return (
+        f"Not searched: grasps were searched up to β* {angle_text(case.cone)}{found}; "
+        f"{_unstable_limit(case)} exceeds this limit."
+    )
+
+
+def _no_grasp(case: Case) -> str:
+    pair = case.model.fingers == PAIR
+    points = f"contact points for the {'second finger' if pair else 'other fingers'}"
+    limits = "opening limits" if pair else "distance limits"
+    found = f"no {points} were found within the searched {angle_text(case.cone)}"
+    reasons = {
+        Reason.OPENING: f"all {points} violate the {limits}",
+        Reason.OFF_SURFACE: "no grasp, as the vertex belongs to no face",
+        Reason.SAME_POINT: "no grasp, as a fixed finger is at this point",
+        Reason.NO_PARTNER: found,
+    }
+    return reasons.get(case.reason or Reason.FOUND, f"{found} and the {limits}")

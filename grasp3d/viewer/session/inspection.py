@@ -1,0 +1,195 @@
+"""One vertex and its grasp: numbers, and the reason for its label."""
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.settings import GraspModel
+from grasp3d.stability.thresholds import max_resolution
+from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.epsilon import surface_epsilons
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.viewer.session.explanations import PAIR, Case, explain
+from grasp3d.viewer.session.painting import label_codes, same_settings
+from grasp3d.viewer.subjects.subject import Subject
+
+UNKNOWN = "–"
+
+
+@dataclass(frozen=True, eq=False)
+class Inspection:
+    """The grasp of one vertex, as it is listed and drawn."""
+
+    vertex: int
+    code: int
+    """Label, or `UNSEARCHED`."""
+    points: Floats
+    """Contacts of its grasp, the vertex first; only the vertex if it has no grasp. (n, 3)"""
+    normals: Floats
+    """Inward unit normals at the contacts, (n, 3)."""
+    model: GraspModel
+    """Friction and resolution of the numbers."""
+    numbers: tuple[tuple[str, str], ...]
+    """Names, and values with their units."""
+    reason: str
+    """One sentence: why the vertex is S, M or U."""
+
+
+def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
+    """Inspect one vertex.
+
+    Args:
+        subject: The surface.
+        vertex: Index of the vertex.
+        model: Friction and resolution; fingers as the subject has them.
+    """
+    worst, best = subject.critical_angle[vertex], subject.critical_angle_best[vertex]
+    code = int(label_codes(subject, worst[None], best[None], model)[0])
+    points, normals = _contacts(subject, vertex)
+    off = _off_line(points, normals) if len(points) == PAIR else None
+    case = Case(
+        model=model,
+        mode=subject.mode,
+        code=code,
+        worst=float(worst),
+        best=float(best),
+        cone=subject.cone,
+        reason=_reason(subject, vertex),
+        off_line=off,
+    )
+    if not case.smooth:
+        case = replace(case, creases=_creases(subject, vertex, several=len(points) > 1))
+    return Inspection(
+        vertex, code, points, normals, model, _numbers(subject, vertex, case), explain(case)
+    )
+
+
+def warm_up(subject: Subject) -> Subject:
+    """Inspect one grasp, so that the functions are compiled before the user's first click."""
+    found = np.flatnonzero(subject.reason == Reason.FOUND)
+    if subject.labels is not None and len(found):
+        _epsilons_of(subject.labels, int(found[0]), subject.model)
+    return subject
+
+
+def _contacts(subject: Subject, vertex: int) -> tuple[Floats, Floats]:
+    """Points and normals of a vertex's grasp, (n, 3) each; n = 1 without a grasp."""
+    points, normals = subject.vertices[vertex][None], subject.normals[vertex][None]
+    if subject.partners is None or subject.partner_normals is None:
+        return points, normals
+    others, other_normals = subject.partners[vertex], subject.partner_normals[vertex]
+    if subject.reason[vertex] != Reason.FOUND or not np.isfinite(others).all():
+        return points, normals
+    return np.concatenate([points, others]), np.concatenate([normals, other_normals])
+
+
+def _off_line(points: Floats, normals: Floats) -> tuple[float, float] | None:
+    """Angles of two normals to the line through the contacts [rad], for the better grip."""
+    line = points[1] - points[0]
+    length = np.linalg.norm(line)
+    if not (length > 0.0 and (normals != 0.0).any(axis=1).all()):
+        return None
+    directions = np.stack([line, -line]) / length
+    cosines = np.clip(np.einsum("ij,ij->i", normals, directions), -1.0, 1.0)
+    first, second = (float(angle) for angle in np.arccos(cosines))
+    if max(first, second) <= max(math.pi - first, math.pi - second):
+        return first, second
+    return math.pi - first, math.pi - second
+
+
+def _reason(subject: Subject, vertex: int) -> Reason | None:
+    """Why there is no grasp; None: unknown, as for a limited search stored in a lone file."""
+    reason, sampling = Reason(int(subject.reason[vertex])), subject.sampling
+    limited = sampling is not None and (
+        sampling.min_opening > 0.0
+        or math.isfinite(min(sampling.max_opening, sampling.max_spread))
+        or sampling.min_separation is not None
+    )
+    unnamed = subject.partners is None and reason == Reason.NO_PARTNER
+    return None if unnamed and limited else reason
+
+
+def _numbers(subject: Subject, vertex: int, case: Case) -> tuple[tuple[str, str], ...]:
+    unit = f" {subject.unit}" if subject.unit else ""
+    position = ", ".join(f"{value:.4g}" for value in subject.vertices[vertex])
+    numbers = [("vertex", f"{vertex}"), ("position", f"({position}){unit}")]
+    if math.isinf(case.best):
+        return (*numbers, ("β*", "no grasp"))
+    numbers += [("β*", _critical_angles(case)), ("α*", _max_resolution(case))]
+    names = ("ε", "smallest ε", "largest ε")
+    numbers += zip(names, _epsilon_texts(subject, vertex, case.model), strict=True)
+    opening = subject.opening[vertex]
+    if math.isfinite(opening):
+        numbers.append(("opening", f"{opening:.4g}{unit}"))
+    if case.off_line is not None:
+        first, second = (math.degrees(angle) for angle in case.off_line)
+        numbers.append(("normals off the line", f"{first:.1f}° and {second:.1f}°"))
+    return tuple(numbers)
+
+
+def _critical_angles(case: Case) -> str:
+    worst, best = (f"{math.degrees(angle):.1f}°" for angle in (case.worst, case.best))
+    if worst == best:
+        return worst
+    return f"{worst if math.isfinite(case.worst) else 'none'} (worst), {best} (best normals)"
+
+
+def _max_resolution(case: Case) -> str:
+    coarsest = float(max_resolution(np.array(case.worst), case.model))
+    return f"{math.degrees(coarsest):.1f}°" if coarsest > 0.0 else "no sensor is fine enough"
+
+
+def _epsilon_texts(subject: Subject, vertex: int, model: GraspModel) -> list[str]:
+    """Nominal, smallest and largest epsilon of a vertex's grasp; a dash where unknown."""
+    known, values = subject.epsilons, (math.nan,) * 3
+    if known is not None and same_settings(known.model, model):
+        maximum = known.maximum
+        values = (known.nominal[vertex], known.minimum[vertex],
+                  math.nan if maximum is None else maximum[vertex])  # fmt: skip
+    elif subject.labels is not None and subject.reason[vertex] == Reason.FOUND:
+        values = _epsilons_of(subject.labels, vertex, model)
+    return [f"{value:.3g}" if math.isfinite(value) else UNKNOWN for value in values]
+
+
+def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]:
+    """Fingers that are on sharp edges; without labels only the vertex itself is examined."""
+    labels = subject.labels
+    if several and labels is not None and (labels.partner_points.faces[vertex, 0] >= 0).all():
+        return tuple(int(finger) for finger in np.flatnonzero(_grasp(labels, vertex).on_crease[0]))
+    sides = np.count_nonzero(subject.corner_normals.vertices == vertex)
+    return (0,) if sides > 1 else ()
+
+
+def _grasp(labels: SurfaceLabels, vertex: int) -> SurfaceContacts:
+    """A vertex and the other contacts of its grasp."""
+    mesh, points = labels.mesh, labels.partner_points
+    own = int(mesh.canonical[vertex])
+    face, corner = divmod(int(np.argmax(mesh.faces.ravel() == own)), 3)
+    first = SurfacePoints(np.array([[face]]), np.eye(3)[corner][None, None])
+    return SurfaceContacts(
+        mesh,
+        SurfacePoints(
+            np.concatenate([first.faces, points.faces[vertex, 0][None]], axis=1),
+            np.concatenate([first.weights, points.weights[vertex, 0][None]], axis=1),
+        ),
+    )
+
+
+def _epsilons_of(
+    labels: SurfaceLabels, vertex: int, model: GraspModel
+) -> tuple[float, float, float]:
+    """Nominal, smallest and largest epsilon of one vertex's grasp.
+
+    Sampling the tilts of three or more fingers takes too long for a click: nominal epsilon only.
+    """
+    grasp = _grasp(labels, vertex)
+    nominal_only = model.tilts == "sampled_tilts" and grasp.count > PAIR
+    if nominal_only:
+        model = replace(model, sensor_resolution=0.0, method="exact")
+    found = surface_epsilons(grasp, model, threads=1)
+    values = (float(found.nominal[0]), float(found.minimum[0]), float(found.maximum[0]))
+    return (values[0], math.nan, math.nan) if nominal_only else values

@@ -1,0 +1,152 @@
+"""Texts and numbers beside the picture, shared by the window and the page."""
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+from grasp3d.settings import GraspModel
+from grasp3d.stability.label import MEANING, Label
+from grasp3d.viewer.session.inspection import Inspection
+from grasp3d.viewer.session.painting import (
+    PALETTE,
+    UNSEARCHED,
+    Ramp,
+    area_fractions,
+    labels_at,
+    ramp_of,
+)
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.subjects.subject import Subject
+
+
+@dataclass(frozen=True)
+class LabelFraction:
+    """Area fraction of one label."""
+
+    letter: str
+    text: str
+    """Meaning of the label."""
+    color: str
+    """As #RRGGBB."""
+    fraction: float
+    """Fraction of the area, from 0 to 1."""
+
+
+@dataclass(frozen=True, eq=False)
+class PanelText:
+    """Texts and numbers for the current state of a session."""
+
+    title: str
+    """Name of the object, and its number in the collection."""
+    facts: str
+    """Size and vertices of the object."""
+    rules: tuple[str, ...]
+    """Limits of S and U in the critical friction angle, for each displayed resolution."""
+    fractions: tuple[LabelFraction, ...]
+    """S, M, U, and the unsearched part if any; empty: there are no valid labels now."""
+    other_fractions: tuple[LabelFraction, ...]
+    """The same at the second resolution; empty: there is none."""
+    ramp: Ramp | None
+    """Legend of the colours; None: labels."""
+    inspection: Inspection | None
+    """The inspected vertex."""
+    working: tuple[str, float] | None
+    """Description and finished fraction of the background job."""
+    message: str
+    """The last message."""
+    notes: tuple[str, ...]
+    """Warnings that concern the labels."""
+    stale: bool = False
+    """Whether the surface has other fingers or limits than are chosen; see `Session`."""
+
+
+def panel_text(session: Session) -> PanelText:
+    """Texts and numbers for the current state of a session."""
+    subject, model, other = session.subject, session.model, session.other_model
+    count = len(session.collection.items)
+    title = session.name if count == 1 else f"{session.name} ({session.number + 1} of {count})"
+    stale = session.stale
+    current = None if stale else subject
+    return PanelText(
+        title=title,
+        facts=_facts(subject, len(session.state.fixed), stale=stale) if subject else "",
+        rules=_rules(session),
+        fractions=_fractions(current, model) if current else (),
+        other_fractions=_fractions(current, other) if current and other else (),
+        ramp=ramp_of(subject, session.state.paint, model) if subject else None,
+        inspection=session.inspection,
+        working=session.working,
+        message=session.message,
+        notes=(*_notes(session), *(subject.notes if subject else ()), *session.collection.notes),
+        stale=stale,
+    )
+
+
+def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
+    unit = subject.unit or "(unit not stated)"
+    facts = (
+        f"size {subject.size:.3g} {unit}, {len(subject.vertices):,} vertices, "
+        f"{'closed' if subject.closed else 'open'}"
+    )
+    if subject.mode == "scan" and not stale:
+        count = fixed or subject.model.fingers - 1
+        facts += f", {_fingers(count)} fixed"
+    return facts
+
+
+def _fingers(count: int) -> str:
+    return f"{count} {'finger' if count == 1 else 'fingers'}"
+
+
+def _notes(session: Session) -> Iterator[str]:
+    """Notes on the current choices."""
+    subject, state = session.subject, session.state
+    if subject is None or session.stale:
+        return
+    missing = state.model.fingers - 1 - len(state.fixed)
+    if state.fixed and missing > 0:
+        more = "finger" if missing == 1 else "fingers"
+        yield f"fix {missing} more {more}: these are labels for {len(state.fixed) + 1} fingers"
+    models = [session.model] + [session.other_model] * (session.other_model is not None)
+    if any(model is not None and not subject.covers(model) for model in models):
+        yield (
+            f"grasps were searched up to β* = {math.degrees(subject.cone):.1f}°; grey vertices "
+            "need a wider search"
+        )
+
+
+def _rules(session: Session) -> tuple[str, ...]:
+    """Limits of S and U for the chosen friction and resolutions."""
+    state = session.state
+    fingers = len(state.fixed) + 1 if state.fixed else state.model.fingers
+    model = replace(state.model, fingers=fingers)
+    if state.compare is None:
+        return (f"β*: {_rule(model)}",)
+    other = replace(model, sensor_resolution=state.compare)
+    return tuple(
+        f"α {math.degrees(one.sensor_resolution):.4g}°: {_rule(one)}" for one in (model, other)
+    )
+
+
+def _rule(model: GraspModel) -> str:
+    stable = math.degrees(model.effective_friction_angle)
+    limit = model.unstable_from
+    below = f"S below {stable:.1f}°" if stable > 0.0 else "no S"
+    above = "no U" if math.isinf(limit) else f"U from {math.degrees(limit):.1f}° on"
+    return f"{below}, {above}"
+
+
+def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]:
+    found = area_fractions(subject, labels_at(subject, model))
+    labels = [
+        (label.name, MEANING[subject.mode][label], int(label))
+        for label in sorted(Label, reverse=True)
+    ]
+    if found[UNSEARCHED] > 0.0:
+        labels.append(("–", "not searched", UNSEARCHED))
+    return tuple(
+        LabelFraction(
+            letter, text, "#{:02X}{:02X}{:02X}".format(*PALETTE[code]), float(found[code])
+        )
+        for letter, text, code in labels
+    )

@@ -1,0 +1,240 @@
+"""One visitor of the page: a session, its renderer and the page's state."""
+
+import asyncio
+import contextlib
+import secrets
+import time
+from collections.abc import AsyncIterator
+from importlib.resources import files
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import Any
+
+from aiohttp import web
+from trame.app import get_server
+from trame.app.core import AVAILABLE_SERVERS
+from trame.ui.vuetify3 import VAppLayout
+from trame.widgets import html, rca
+
+from grasp3d.arrays import Bytes
+from grasp3d.errors import GraspError, SettingError
+from grasp3d.viewer.scene.clicks import ClickDetector
+from grasp3d.viewer.scene.pictures import file_name, render_copy
+from grasp3d.viewer.scene.scene import Scene, new_plotter
+from grasp3d.viewer.session.collection import Collection
+from grasp3d.viewer.session.history import History
+from grasp3d.viewer.session.keys import handle_key
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.view_settings import ViewSettings
+from grasp3d.viewer.web.fields import FIELDS, field_values, set_field
+from grasp3d.viewer.web.page_state import constant_state, page_state, progress_state
+from grasp3d.viewer.web.remote_view import MAX_PIXELS, RemoteView
+
+POLL_INTERVAL = 0.1
+"""Time between two polls of the background job [s]."""
+FRAMES = 30.0
+"""Largest number of pictures per second."""
+ZOOMS = {"+": 1.2, "-": 1.0 / 1.2}
+QUALITY, STILL_QUALITY = 70, 95
+"""JPEG quality of the pictures during and after interaction [percent]."""
+STATIC = files("grasp3d.viewer.web") / "static"
+
+
+class Client:
+    """Everything that belongs to one visitor; used only in the thread of the event loop."""
+
+    def __init__(self, collection: Collection, settings: ViewSettings) -> None:
+        self.token = secrets.token_hex(16)
+        self.session = Session(collection, settings)
+        self._plotter = new_plotter(settings, off_screen=True)
+        self._plotter.enable_trackball_style()  # type: ignore[call-arg]
+        self._history = History(self.session)
+        self._scene = Scene(self._plotter, legend=False)
+        self._clicks = ClickDetector(self._plotter, self._click)
+        self._server = get_server(self.token, client_type="vue3")
+        self._wake, self._polled = asyncio.Event(), asyncio.Event()
+        self._saving, self._open = asyncio.Lock(), True
+        self.browser = ""
+        """Identifier of its browser."""
+        self.page_sent = False
+        """Whether the page was sent to a browser."""
+        self._drawn = -1
+        self._connections = 0
+        self._idle_since = time.monotonic()
+        self._remote_view = RemoteView(self._plotter)
+        self._build()
+        self._bound: list[Any] = []
+        self._server.controller.on_server_bind.add(self._bound.append)
+        self._running = self._server.start(
+            exec_mode="task", backend="generic", show_connection_info=False, open_browser=False,
+            disable_logging=True, timeout=0,
+        )  # fmt: skip
+        self._watching = asyncio.create_task(self._watch())
+
+    @property
+    def idle_time(self) -> float:
+        """Time without connections [s]; 0 if there is one."""
+        return 0.0 if self._connections else time.monotonic() - self._idle_since
+
+    @property
+    def folders(self) -> dict[str, Path]:
+        """Folders of the page's static files, by the beginning of their path."""
+        served = {name: Path(folder) for name, folder in self._server.serve.items()}
+        return {**served, "": Path(self._server._www)}  # noqa: SLF001
+
+    @contextlib.asynccontextmanager
+    async def connected(self, socket: web.WebSocketResponse) -> AsyncIterator[Any]:
+        """Connect a browser's socket to trame."""
+        await self._server.ready
+        link = await self._bound[0]["ws"].connect()
+
+        async def send(binary: bool, data: Any) -> None:
+            with contextlib.suppress(ConnectionError):  # the browser disconnected; handled below
+                await (socket.send_bytes(data) if binary else socket.send_str(data))
+
+        link.on_message(send)
+        self._connections += 1
+        try:
+            yield link
+        finally:
+            self._connections -= 1
+            self._idle_since = time.monotonic()
+            await link.close()
+
+    def picture(self) -> tuple[str, Bytes]:
+        """File name and picture of the current view with a legend, shape (height, width, 3).
+
+        Raises:
+            SettingError: The displayed surface does not belong to the current choices yet.
+        """
+        self.session.check_current()
+        name = file_name(self.session, "view", ".png")
+        width, height = self._plotter.render_window.GetSize()  # type: ignore[union-attr]
+        return name, render_copy(self.session, self._scene.camera, width, height)
+
+    async def labels_file(self) -> tuple[str, bytes]:
+        """File name and contents of the labelled PLY.
+
+        Raises:
+            GraspError: There are no labels to save yet.
+        """
+        name = file_name(self.session, "labeled", ".ply")
+        async with self._saving:
+            return name, await self._written(name)
+
+    async def _written(self, name: str) -> bytes:
+        with TemporaryDirectory() as folder:
+            path = Path(folder) / name
+            self.session.save_in_background(path)
+            while self.session.working is not None and not self.session.message and self._open:
+                self._polled.clear()
+                await self._polled.wait()
+            if not path.exists():
+                raise SettingError(self.session.message or "nothing was saved")
+            data = path.read_bytes()
+        self.show_message(f"saved: {name}")
+        return data
+
+    def show_message(self, message: str) -> None:
+        """Display a message on the page."""
+        self.session.show_message(message)
+        self._wake.set()
+
+    async def close(self) -> None:
+        """Release everything that belongs to the visitor."""
+        self._open = False
+        self._polled.set()  # for a request that waits for a file
+        self.session.close()
+        self._watching.cancel()
+        await self._view.close()
+        await self._server.stop()
+        await asyncio.gather(self._watching, self._running, return_exceptions=True)
+        AVAILABLE_SERVERS.pop(self.token, None)
+        self._plotter.close()
+
+    def _build(self) -> None:
+        """Make the page and connect its events."""
+        state, controller = self._server.state, self._server.controller
+        state.update({**constant_state(self.session), **page_state(self.session), "help": False})
+        state.update(progress_state(self.session))
+        with VAppLayout(self._server):
+            html.Div(_template("help.html"))
+            with html.Div(classes="page"):
+                with html.Main(classes="stage", id="stage", aria_label=("`Surface of ${title}`",)):
+                    view = rca.RemoteControlledArea(
+                        name="view", display="image", event_throttle_ms=20
+                    )
+                    html.Div(_template("stage.html"), classes="over")
+                html.Aside(_template("panel.html"), classes="panel", id="panel")
+        self._view = view.create_view_handler(
+            self._remote_view, encoder="jpeg", target_fps=FRAMES, interactive_quality=QUALITY,
+            still_quality=STILL_QUALITY,
+        )  # fmt: skip
+        self._view.max_pixel_count = MAX_PIXELS
+        state.change(*FIELDS)(self._on_change)
+        controller.trigger("key")(self._on_key)
+        controller.trigger("step")(lambda by: self._run(lambda: self.session.step(int(by))))
+        controller.trigger("release")(lambda: self._run(lambda: self.session.change(fixed=())))
+        controller.trigger("reset_view")(self._reset_view)
+
+    def _on_change(self, **state: Any) -> None:
+        """Apply the fields that differ from the session."""
+        values = field_values(self.session)
+        for name in FIELDS:
+            if state[name] != values[name]:
+                self._run(lambda name=name: set_field(self.session, name, state[name]))
+
+    def _run(self, action: Any) -> None:
+        """Run an action of the visitor; after an error the fields are reset."""
+        try:
+            action()
+        except SettingError as error:
+            self.session.show_message(str(error))
+        self._drawn = -1
+        self._wake.set()
+
+    def _on_key(self, key: str) -> None:
+        if key == "z":
+            self._run(self._history.undo)
+        elif key in ZOOMS:
+            self._scene.camera.zoom(ZOOMS[key])
+            self._view.update()
+        else:
+            self._run(lambda: handle_key(self.session, str(key)))
+
+    def _reset_view(self) -> None:
+        self._scene.look(self.session)
+        self._view.update()
+
+    def _click(self, x: float, y: float, inspect: bool) -> None:
+        vertex = self._scene.pick(self.session, x, y)
+        self._run(lambda: self.session.click(vertex, inspect=inspect))
+
+    async def _watch(self) -> None:
+        """Poll the session and update the page, until the client is closed."""
+        while True:
+            with contextlib.suppress(TimeoutError):
+                await asyncio.wait_for(self._wake.wait(), POLL_INTERVAL)
+            self._wake.clear()
+            try:
+                self._refresh()
+            except GraspError as error:
+                self.session.show_message(str(error))
+            self._polled.set()
+
+    def _refresh(self) -> None:
+        self.session.poll()
+        if self.session.revision != self._drawn:
+            self._drawn = self.session.revision
+            self._scene.update(self.session)
+            self._view.update()
+            with self._server.state as state:
+                state.update(page_state(self.session))
+        else:  # nothing changes any more: a step for undo
+            self._history.record()
+        with self._server.state as state:
+            state.update(progress_state(self.session))
+
+
+def _template(name: str) -> str:
+    return (STATIC / name).read_text(encoding="utf-8")

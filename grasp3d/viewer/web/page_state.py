@@ -1,0 +1,156 @@
+"""The displayed state of a session as plain values for the page."""
+
+import math
+from collections.abc import Sequence
+from typing import Any
+
+from grasp3d.stability.label import MEANING, Label
+from grasp3d.viewer.session.inspection import Inspection
+from grasp3d.viewer.session.keys import DRAWING, KEYS, MOUSE
+from grasp3d.viewer.session.painting import PALETTE, RAMP, Ramp
+from grasp3d.viewer.session.panel_text import LabelFraction, PanelText, panel_text
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.web.fields import PAINTS, field_values
+
+STOPS = 16
+"""Colour stops of a ramp's gradient."""
+
+SHORT = 22
+"""Letters of a number and its name that fit into half the panel's width."""
+
+WINDOW_KEYS = frozenset({"q"})
+"""Keys that only a window has."""
+OBJECT_KEYS = frozenset({"n", "p"})
+"""Keys that change the object."""
+
+
+def constant_state(session: Session) -> dict[str, Any]:
+    """State that does not change while the page is open."""
+    names = [item.name for item in session.collection.items]
+    hidden = WINDOW_KEYS if len(names) > 1 else WINDOW_KEYS | OBJECT_KEYS
+    return {
+        "paints": [{"name": name, "text": text} for name, text in PAINTS.items()],
+        "names": names,
+        "keys": [
+            {"key": name, "text": key.text} for name, key in KEYS.items() if name not in hidden
+        ],
+        "mouse": [{"key": name, "text": text} for name, text in MOUSE],
+        "drawing": [{"symbol": symbol, "text": text} for symbol, text in DRAWING],
+    }
+
+
+def page_state(session: Session) -> dict[str, Any]:
+    """State that depends on the session's choices and results."""
+    text, subject = panel_text(session), session.subject
+    return {
+        **field_values(session),
+        "title": text.title,
+        "facts": text.facts,
+        "rules": list(text.rules),
+        **_table(session, text),
+        "ramp": text.ramp and _ramp(text.ramp),
+        "inspection": text.inspection and _inspection(text.inspection),
+        "hint": click_hint(session),
+        "stale": text.stale,
+        "message": text.message,
+        "notes": list(text.notes),
+        "ready": subject is not None,
+        "unit": (subject and subject.unit) or "",
+        "trame__title": f"{session.name} · grasp3d",
+    }
+
+
+def click_hint(session: Session) -> str:
+    """What a click does, or what is being computed before clicks have an effect."""
+    if session.stale and session.working is not None:
+        return f"{session.working[0]} …"
+    count, missing = len(session.state.fixed), session.state.model.fingers - 1
+    fixes = session.state.click == "fix"
+    if not count:
+        if fixes:
+            return "Click the surface to fix a finger there."
+        return "Click the surface to see the best grasp there, and why it is S, M or U."
+    fixed = "One finger is fixed" if count == 1 else f"{count} fingers are fixed"
+    if not fixes:
+        action = "A click shows the best grasp there."
+    elif count < missing:
+        action = "A click fixes another one."
+    else:
+        action = "A click moves it." if count == 1 else "A click moves the last one."
+    return f"{fixed}; the colours are for the contact point of the next one. {action}"
+
+
+def _table(session: Session, text: PanelText) -> dict[str, Any]:
+    """Rows of the area fractions, with a column for each displayed resolution."""
+    headers = []
+    if session.other_model is not None:
+        angles = (session.state.model.sensor_resolution, session.state.compare or 0.0)
+        headers = [f"α {math.degrees(angle):.4g}°" for angle in angles]
+    columns = [text.fractions, text.other_fractions] if headers else [text.fractions]
+    labels = {one.letter: (one.text, one.color) for fractions in columns for one in fractions}
+    if not labels and (text.stale or session.working is not None):
+        labels = _pending_labels(session)
+    rows = [
+        {
+            "letter": letter,
+            "text": meaning,
+            "color": color,
+            "fractions": [_fraction(letter, fractions) for fractions in columns],
+        }
+        for letter, (meaning, color) in labels.items()
+    ]
+    return {"rows": rows, "headers": headers, "columns": len(columns)}
+
+
+def _pending_labels(session: Session) -> dict[str, tuple[str, str]]:
+    """Meanings and colours of the labels whose fractions are being computed."""
+    meaning = MEANING["scan" if session.state.fixed else "label"]
+    return {
+        label.name: (meaning[label], _hex(PALETTE[label])) for label in sorted(Label, reverse=True)
+    }
+
+
+def _fraction(letter: str, fractions: Sequence[LabelFraction]) -> dict[str, Any]:
+    """One number of the table; None: not known yet."""
+    if not fractions:
+        return {"fraction": None, "percent": "…"}
+    found = next((one.fraction for one in fractions if one.letter == letter), 0.0)
+    return {"fraction": found, "percent": f"{100.0 * found:.1f} %"}
+
+
+def progress_state(session: Session) -> dict[str, Any]:
+    """State of the background job."""
+    working = session.working
+    return {
+        "working": "" if working is None else working[0],
+        "percent": 0 if working is None else round(100.0 * working[1]),
+    }
+
+
+def _ramp(ramp: Ramp) -> dict[str, Any]:
+    steps = [int(k * (len(RAMP) - 1) / (STOPS - 1)) for k in range(STOPS)]
+    colors = ", ".join("rgb({}, {}, {})".format(*RAMP[step]) for step in steps)
+    return {
+        "text": ramp.text,
+        "minimum": f"0{ramp.unit}",
+        "maximum": f"{ramp.maximum:.3g}{ramp.unit}",
+        "grey": ramp.grey,
+        "note": ramp.note,
+        "css": f"linear-gradient(to right, {colors})",
+    }
+
+
+def _inspection(inspection: Inspection) -> dict[str, Any]:
+    return {
+        "vertex": inspection.vertex,
+        "color": _hex(PALETTE[inspection.code]),
+        "reason": inspection.reason,
+        "numbers": [
+            {"name": name, "value": value, "wide": len(name) + len(value) > SHORT}
+            for name, value in inspection.numbers
+        ],
+    }
+
+
+def _hex(color: Sequence[int]) -> str:
+    return "#{:02X}{:02X}{:02X}".format(*color)

@@ -1,0 +1,112 @@
+"""Words that this project leaves out, for the reader's sake, and where they stay with a reason.
+
+One word for one thing: the documentation's page on developing lists which. Prints every reason with
+the number of lines that it excuses, then the lines without one; exits with 1 where there are any.
+"""
+
+import re
+import sys
+from collections import Counter
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+
+PLACES = ("grasp3d/**/*.py", "grasp3d/**/*.pyi", "tests/**/*.py", "scripts/*.py", "docs/*.md",
+          "web/src/**/*.*", "web/build.mjs", "*.md", "meshes/*.md", ".ci/run")  # fmt: skip
+"""Files that are searched."""
+
+LEFT_OUT = {
+    "place": "contact point, surface point, position",
+    "spot": "contact point",
+    "mate": "opposing contact",
+    "trial": "candidate",
+    "hands": "multi-finger grasps",
+    "pool": "candidate points",
+    "ground": "candidate points",
+    "settle": "evaluate, decide, classify",
+    "straight": "antipodal",
+    "bench": "workspace",
+    "desk": "workspace",
+    "room": "workspace, layer, package",
+    "share": "area fraction, fraction",
+    "widen": "cone offset",
+    "told": "message, report",
+    "tell": "print, report, return",
+    "doubt": "warning",
+    "crew": "workers",
+    "telling": "message",
+    "recalling": "cache",
+    "standing": "candidate points",
+    "house": "package",
+    "floor": "layer",
+    "door": "module",
+}
+"""Each word in its simplest form, and what is written instead."""
+
+FORMS = {
+    "place": "places?", "spot": "spots?", "mate": "mates?", "trial": "trials?", "pool": "pools?",
+    "settle": "settle[sd]?|settling", "bench": "bench(?:es)?", "room": "rooms?",
+    "share": "shares?", "widen": "widen(?:s|ed|ing)?", "tell": "tells?", "doubt": "doubt(?:s|ed)?",
+    "house": "houses?", "floor": "floors?", "door": "doors?", "desk": "desks?",
+}  # fmt: skip
+
+REASONS = (
+    ("pool", r"(?i)[a-z]*pool", "pools of threads and of processes"),
+    ("floor", r"(?:np|math|Math)\.floor", "rounding down"),
+    (
+        "share",
+        r"(?i)(?:that|they|which|would|nodes|machines|vertices|vertex|bodies|threads) shares?\b",
+        "to have in common, a verb",
+    ),
+    ("share", r"shares? (?:a|an|one|its|their|the|most|vertices)\b", "to have in common, a verb"),
+    ("share", r"/share/", "a path of the system"),
+    ("bench", r"bench_", "benchmark scripts are called so"),
+    ("straight", r"(?i)straight", "straight lines and walks over a surface"),
+    ("place", r"(?i)\bin place\b|Place contact", "in place; to place, a verb"),
+    ("hands", r"most hands", "hands of robots"),
+    ("ground", r"--ground", "the background colour of pages"),
+    ("widen", r"_widened|widen the search", "a range that is made wider, not a cone"),
+    ("tell", r"cannot_tell", "the meaning of M, as labelled files state it"),
+    ("standing", r"standing on z", "an object on a table"),
+)
+"""(word, pattern, reason): a line that matches the pattern may hold the word."""
+
+
+def lines_with(word: str) -> list[tuple[str, str]]:
+    """(file and line, text) of every line that holds a word, in identifiers too."""
+    form = FORMS.get(word, word)
+    pattern = re.compile(rf"(?<![a-z])(?:{form})(?![a-z])", re.IGNORECASE)
+    found = []
+    for glob in PLACES:
+        for path in sorted(ROOT.glob(glob)):
+            if path.stem in {"check_words", "test_words"} or not path.is_file():
+                continue
+            text = path.read_text(encoding="utf-8")
+            for number, line in enumerate(text.splitlines(), 1):
+                if pattern.search(re.sub(r"([a-z])([A-Z])", r"\1_\2", line)):
+                    found.append((f"{path.relative_to(ROOT)}:{number}", line.strip()))
+    return found
+
+
+def main() -> int:
+    """Print the list; returns the exit code."""
+    excused: Counter[tuple[str, str]] = Counter()
+    unexplained = []
+    for word, instead in LEFT_OUT.items():
+        for where, line in lines_with(word):
+            text = f"{where}: {line} {line.replace('_', ' ')}"
+            reasons = (why for w, pattern, why in REASONS if w == word and re.search(pattern, text))
+            reason = next(reasons, None)
+            if reason is None:
+                unexplained.append(f"{where}: '{word}' (write {instead}): {line[:120]}")
+            else:
+                excused[word, reason] += 1
+    for (word, reason), count in sorted(excused.items()):
+        print(f"{word}: {count} lines stay: {reason}")
+    print(*unexplained, sep="\n")
+    print(f"{len(unexplained)} lines without a reason")
+    return 1 if unexplained else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

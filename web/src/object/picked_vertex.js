@@ -1,0 +1,43 @@
+import { byId, element } from "../shared/dom.js";
+import { degrees, digits, length } from "../shared/formatting.js";
+import { graspAt } from "./loading.js";
+import { MEANING, reason } from "./reasons.js";
+
+const DEGREE = Math.PI / 180;
+
+function values(object, vertex, limits) {
+  const { unit } = object;
+  const [worst, best] = [object.worst[vertex], object.best[vertex]];
+  const position = [...object.points.subarray(3 * vertex, 3 * vertex + 3)].map((one) => digits(one, 4));
+  const angle = (value) => (value === Infinity ? "none" : degrees(value / DEGREE));
+  const coarsest = 2 * (limits.beta - worst);
+  return [
+    ["vertex", String(object.numbers?.[vertex] ?? vertex)],
+    ["position", `${position.join(", ")}${unit ? ` ${unit}` : ""}`],
+    ["β*", worst === best ? angle(worst) : `${angle(worst)} (best normals ${angle(best)})`],
+    ["α*", coarsest > 0 ? degrees(coarsest / DEGREE) : "no resolution is fine enough"],
+    ["ε", digits(object.epsilon[vertex])],
+    ["opening", Number.isFinite(object.opening[vertex]) ? length(object.opening[vertex], unit) : "no grasp"],
+  ];
+}
+
+/** Shows a vertex and the reason for its label; returns the contact points of its grasp. */
+export function showVertex(object, vertex, label, limits) {
+  const target = byId("vertex");
+  if (vertex === null) {
+    target.replaceChildren(element("p", { className: "quiet" }, "Click on the surface."));
+    delete target.dataset.vertex;
+    return [];
+  }
+  const [letter, meaning, kind] = MEANING[label];
+  target.dataset.vertex = object.numbers?.[vertex] ?? vertex;
+  target.replaceChildren(
+    element("p", {}, element("i", { className: `dot ${kind}` }), element("b", {}, `${letter} `), meaning),
+    element("p", {}, reason(object, vertex, label, limits)),
+    element("dl", { className: "numbers" }, ...values(object, vertex, limits).flatMap(([name, value]) => [
+      element("dt", {}, name), element("dd", {}, value),
+    ])),
+  );
+  const contacts = graspAt(object, vertex);
+  return contacts.length ? contacts : [[...object.points.subarray(3 * vertex, 3 * vertex + 3)]];
+}
