@@ -11,7 +11,7 @@ from lazy_loader import attach_stub
 
 from grasp3d.system.versions import package_version
 
-# Names are imported when they are first asked for, so that `grasp3d --help` stays quick.
+# Names are imported when they are first used, so that `grasp3d --help` stays quick.
 _public_name, _, __all__ = attach_stub(__name__, __file__)
 __all__ += ["__version__"]
 

@@ -78,6 +78,8 @@ def short_repr(instance: Any) -> str:
 def _short(value: object) -> str:
     if isinstance(value, np.ndarray):
         return f"{value.dtype}[{', '.join(map(str, value.shape))}]"
+    if isinstance(value, np.generic):
+        value = value.item()
     if isinstance(value, float):
         return f"{value:.6g}"
     return type(value).__name__ if is_dataclass(value) else textwrap.shorten(repr(value), 60)

@@ -141,7 +141,7 @@ class GraspModel:
 
     @property
     def tilts(self) -> Tilts:
-        """How epsilon's minimum over all tilts is computed; see `tilting.epsilon_range`.
+        """How epsilon's minimum over all tilts is computed; see `quality.epsilon_range`.
 
         Method extremes samples it, and the maximum, at the combinations that it tests.
         """
@@ -297,6 +297,8 @@ class MeshOptions:
         Raises:
             SettingError: No field has such a name, or a value is outside its range.
         """
+        if not (options is None or isinstance(options, cls)):
+            raise SettingError(f"options must be MeshOptions(...); got {options!r}")
         names = [field.name for field in fields(cls)]
         unknown = [name for name in fields_ if name not in names]
         if unknown:

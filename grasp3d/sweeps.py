@@ -24,7 +24,7 @@ class Sweep:
 
     name: str
     mode: Mode
-    """As in `SurfaceLabels`: whether grasps were searched or given, see `stability.MEANING`."""
+    """As in `SurfaceLabels`: whether grasps were searched or given."""
     friction: Floats
     """Coulomb coefficients, in increasing order, shape (m,)."""
     sensor_resolution: Floats

@@ -73,8 +73,8 @@ def compare(contacts: grasp3d.Contacts, edges: int, few: int) -> dict[str, float
     count = len(contacts.points)
     rows = wrenches(contacts, edges=edges)
     hulls = np.array([qhull(row) for row in rows[:few]])
-    result = grasp3d.epsilon(contacts, edges=edges)
-    ours = best_time(lambda: grasp3d.epsilon(contacts, edges=edges)) / count
+    result = grasp3d.epsilon(contacts, edges=edges, threads=1)
+    ours = best_time(lambda: grasp3d.epsilon(contacts, edges=edges, threads=1)) / count
     theirs = best_time(lambda: [qhull(row) for row in rows[:few]], 3) / len(hulls)
     return {
         "grasps": count,
@@ -92,12 +92,15 @@ def other_times(contacts: grasp3d.Contacts, edges: int) -> dict[str, float]:
     one = best_time(lambda: grasp3d.epsilon(contacts, edges=edges, threads=1))
     two = best_time(lambda: grasp3d.epsilon(contacts, edges=edges, threads=2))
     tasks: dict[str, tuple[grasp3d.Contacts, Callable[[grasp3d.Contacts], object]]] = {
-        "sign_us": (contacts, lambda c: grasp3d.force_closure(c, edges=edges)),
-        "per_finger_us": (few, lambda c: grasp3d.epsilon(c, edges=edges, actuation="per_finger")),
-        "circular_1e-3_us": (few, lambda c: grasp3d.epsilon(c, rtol=1e-3)),
+        "sign_us": (contacts, lambda c: grasp3d.force_closure(c, edges=edges, threads=1)),
+        "per_finger_us": (
+            few,
+            lambda c: grasp3d.epsilon(c, edges=edges, actuation="per_finger", threads=1),
+        ),
+        "circular_1e-3_us": (few, lambda c: grasp3d.epsilon(c, rtol=1e-3, threads=1)),
         "circular_1e-6_us": (
             chosen(few, np.arange(min(len(few.points), 20))),
-            lambda c: grasp3d.epsilon(c, rtol=1e-6),
+            lambda c: grasp3d.epsilon(c, rtol=1e-6, threads=1),
         ),
         "critical_angle_us": (few, grasp3d.critical_friction_angle),
     }

@@ -20,14 +20,19 @@ RIMS = {2: (8, 32), 3: (8, 16), 4: (8,)}
 MESHES = ("mug.glb", "box.obj", "banana.ply")
 
 
+ONE_THREAD = grasp3d.EpsilonOptions(threads=1)
+
+
 def of_grasps(fingers: int) -> None:
     """Print a line for each number of extreme normals."""
     contacts, resolution = random_grasps(fingers, GRASPS[fingers])
-    exact = best_time(lambda: grasp3d.classify(contacts, resolution))
+    exact = best_time(lambda: grasp3d.classify(contacts, resolution, options=ONE_THREAD))
     for count in RIMS[fingers]:
 
         def sampled(count: int = count) -> grasp3d.Stability:
-            return grasp3d.classify(contacts, resolution, method="extremes", extreme_normals=count)
+            return grasp3d.classify(
+                contacts, resolution, method="extremes", extreme_normals=count, options=ONE_THREAD
+            )
 
         seconds, found = best_time(sampled), sampled()
         print(

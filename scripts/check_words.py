@@ -51,7 +51,11 @@ FORMS = {
 }  # fmt: skip
 
 REASONS = (
-    ("pool", r"(?i)[a-z]*pool", "pools of threads and of processes"),
+    (
+        "pool",
+        r"ThreadPool|ProcessPool|pool\.map|^(?:grasp3d|tests)/(?:isolation|reading)/",
+        "pools of threads and of processes",
+    ),
     ("floor", r"(?:np|math|Math)\.floor", "rounding down"),
     (
         "share",
@@ -61,7 +65,11 @@ REASONS = (
     ("share", r"shares? (?:a|an|one|its|their|the|most|vertices)\b", "to have in common, a verb"),
     ("share", r"/share/", "a path of the system"),
     ("bench", r"bench_", "benchmark scripts are called so"),
-    ("straight", r"(?i)straight", "straight lines and walks over a surface"),
+    (
+        "straight",
+        r"(?i)straight (?:walk|line|within|from|on|over|=)|[^ ]straight|STRAIGHT|is straight",
+        "straight lines and walks over a surface",
+    ),
     ("place", r"(?i)\bin place\b|Place contact", "in place; to place, a verb"),
     ("hands", r"most hands", "hands of robots"),
     ("ground", r"--ground", "the background colour of pages"),

@@ -35,5 +35,7 @@ def pytest_configure(config: pytest.Config) -> None:
 
     if not compiled_before() and not os.environ.get("NUMBA_DISABLE_JIT"):
         codes = (COMPILE.format(fingers=fingers) for fingers in (2, 3))
-        for process in [subprocess.Popen([sys.executable, "-c", code]) for code in codes]:
-            process.wait()
+        processes = [subprocess.Popen([sys.executable, "-c", code]) for code in codes]
+        failed = [process.wait() for process in processes]
+        if any(failed):
+            raise pytest.UsageError("the kernels could not be compiled, see above")

@@ -41,6 +41,7 @@ def test_refinement_may_not_exceed_the_memory_limit() -> None:
         mesh_from_arrays(*shapes.box(), max_edge=1e-3, max_memory=0.5)
 
 
+@pytest.mark.slow
 def test_more_fingers_may_not_exceed_the_memory_limit() -> None:
     mesh = mesh_from_arrays(*shapes.box(), max_edge=0.005, max_memory=0.8)
     assert len(mesh.vertices) > 200_000

@@ -44,6 +44,7 @@ def labels() -> SurfaceLabels:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("binary", [True, False])
 def test_ply_contains_exactly_the_documented_properties(tmp_path: Path, binary: bool) -> None:
     plyfile = shapes.reader("plyfile")
@@ -132,6 +133,7 @@ def test_trimesh_reads_the_ply(tmp_path: Path) -> None:
     assert np.array_equal(raw["critical_angle"], np.float32(labels().critical_angle))
 
 
+@pytest.mark.slow
 def test_open3d_reads_the_ply_with_its_fields(tmp_path: Path) -> None:
     open3d = shapes.reader("open3d")
     write_ply(tmp_path / "out.ply", labels())
@@ -177,6 +179,7 @@ def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_
     assert full.field_data["friction"][0] == "0.75"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["tasse\u00e9 \u7269.ply", "two\nlines.ply"])
 def test_names_with_odd_characters_break_no_header(tmp_path: Path, name: str) -> None:
     plyfile = shapes.reader("plyfile")
@@ -211,6 +214,7 @@ def test_npz_contains_every_array(tmp_path: Path) -> None:
         assert str(data["setting_epsilon_min"]) == "exact"
 
 
+@pytest.mark.slow
 def test_coordinates_far_from_the_origin_keep_their_digits(tmp_path: Path) -> None:
     vertices, faces = shapes.sphere(2)
     far = label_surface(mesh_from_arrays(vertices + 1e6, faces), GraspModel(edges=8))

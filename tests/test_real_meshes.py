@@ -64,6 +64,7 @@ def solid_of(points: np.ndarray, faces: np.ndarray) -> manifold3d.Manifold:
     return manifold3d.Manifold.batch_boolean(solid.decompose(), manifold3d.OpType.Add)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REAL or ["meshes"])
 def test_volume_and_centre_of_mass_agree_with_manifold_and_trimesh(name: str) -> None:
     """Manifold makes a solid of the unrepaired file, and trimesh computes its mass properties."""
@@ -86,6 +87,7 @@ def test_volume_and_centre_of_mass_agree_with_manifold_and_trimesh(name: str) ->
     assert np.linalg.norm(mass.center_mass - found) < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REAL or ["meshes"])
 def test_edge_counts_and_watertightness_agree_with_trimesh(name: str) -> None:
     """Against the manifest, whose counts are those of trimesh after merging by position."""

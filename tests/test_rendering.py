@@ -57,6 +57,7 @@ def test_a_process_that_dies_or_hangs_means_no_rendering(
         picture(*shapes.box(), np.zeros((8, 3)))
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(
     sys.platform != "linux" or find_library("OSMesa") is not None, reason="OSMesa draws"
 )
@@ -92,6 +93,7 @@ def seen(image: Image) -> NDArray[np.bool_]:
     return np.asarray((image < 250).any(axis=2))
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize("size", [(SIZE, SIZE), (300, 150), (120, 260)])
 def test_a_picture_is_filled_by_the_whole_surface(size: tuple[int, int]) -> None:
@@ -235,6 +237,7 @@ def test_cutting_keeps_the_area_and_separates_the_sides(
     assert (above[..., 2] >= limit - 1e-12).all()
 
 
+@pytest.mark.slow
 def test_solids_are_closed_and_have_their_size() -> None:
     for mesh, volume, edge in (
         (sphere_mesh(2.0, subdivisions=4), 4.0 / 3.0 * math.pi * 8.0, math.inf),

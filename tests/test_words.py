@@ -6,6 +6,7 @@ import check_words
 import pytest
 
 
+@pytest.mark.slow
 def test_words_left_out_have_a_reason_where_they_stay(capsys: pytest.CaptureFixture[str]) -> None:
     assert check_words.main() == 0, capsys.readouterr().out
 

@@ -4,16 +4,13 @@ import math
 from dataclasses import dataclass, field, replace
 
 from grasp3d.errors import SettingError
-from grasp3d.settings import DEGREE, GraspModel, MeshOptions, Sampling, search_cone
+from grasp3d.settings import ANGLE_ROUNDING, DEGREE, GraspModel, MeshOptions, Sampling, search_cone
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
 """Default sensor resolutions of the grid: 0 to 60 degrees in steps of 5 [rad]."""
 
 MIN_WORKER_MEMORY = 0.5
 """Least memory of a worker process [GB]."""
-
-ROUNDING = 1e-9
-"""Angle by which a requested angle may exceed the searched cone, for rounding [rad]."""
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,7 @@ class BatchSettings:
         if self.best < 0:
             raise SettingError(f"the number of best grasps must be at least 0; got {self.best}")
         given, needed = self.sampling.search_angle, self._needed_search_angle
-        if self.grid != FractionGrid() and given is not None and given < needed - ROUNDING:
+        if self.grid != FractionGrid() and given is not None and given < needed - ANGLE_ROUNDING:
             raise SettingError(
                 "search angle must be at least atan(friction) + alpha/2 for the largest friction "
                 f"and alpha of the grid, {math.degrees(needed):.4g} degrees; "

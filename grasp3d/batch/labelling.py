@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from grasp3d.batch.batch_settings import ROUNDING, BatchSettings
+from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, content_hash, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.plan import Job
@@ -21,7 +21,7 @@ from grasp3d.costs import labelling_cost
 from grasp3d.errors import GraspError, MeshUnreadError, OutputError
 from grasp3d.isolation import NeedsMemory, allowed_memory, call
 from grasp3d.reading.side_files import side_names
-from grasp3d.settings import GraspModel
+from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
 from grasp3d.storage import local_copy
 from grasp3d.system.progress import ignore
 from grasp3d.system.versions import package_version
@@ -245,11 +245,11 @@ def _grid_fractions(labels: "SurfaceLabels", settings: BatchSettings) -> Iterato
     """Area fractions over the grid; M and U only within the searched cone."""
     angles = labels.angle_distribution()
     for friction in settings.frictions:
-        beta = GraspModel(friction=friction).friction_angle
         for resolution in settings.resolutions:
-            stable = float(angles.worst_below(beta - 0.5 * resolution))
+            model = GraspModel(friction=friction, sensor_resolution=resolution)
+            stable = float(angles.worst_below(model.effective_friction_angle))
             ambiguous = unstable = None
-            if min(beta + 0.5 * resolution, math.pi / 2.0) <= angles.limit + ROUNDING:
+            if search_cone(model, Sampling()) <= angles.limit + ANGLE_ROUNDING:
                 fractions = angles.fractions(friction=friction, sensor_resolution=resolution)
                 ambiguous, unstable = fractions["M"], fractions["U"]
             yield AreaFractions(friction, resolution, stable, ambiguous, unstable)

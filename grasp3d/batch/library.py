@@ -63,7 +63,7 @@ def label_library(
 
     Args:
         inputs: Folders, mesh files, globs, lists (.txt), on this machine or any file system that
-            fsspec knows (s3://...).
+            fsspec supports (s3://...).
         output: Folder for the results, on any of these file systems.
         settings: Settings of the labels.
         cluster: Which processes label the meshes.

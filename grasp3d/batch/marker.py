@@ -13,8 +13,8 @@ from grasp3d.system.names import printable
 from grasp3d.system.versions import package_version
 from grasp3d.tables import unpack_records
 
-FORMAT = 1
-"""Version of the store's files; older versions of grasp3d cannot read newer ones."""
+FORMAT = 2
+"""Version of the store's files; other versions of grasp3d may be unable to read them."""
 
 
 def read_marker(output: Folder) -> tuple[bytes | None, bool]:
@@ -27,7 +27,7 @@ def read_marker(output: Folder) -> tuple[bytes | None, bool]:
         (the marker's content, None where there is none; whether it is valid).
 
     Raises:
-        OutputError: A newer version wrote the store, or the folder contains
+        OutputError: Another version wrote the store, or the folder contains
             other files in the folders of a store.
     """
     try:
@@ -40,10 +40,11 @@ def read_marker(output: Folder) -> tuple[bytes | None, bool]:
         found = int(marker["format"])
     except (KeyError, TypeError, ValueError):
         return data, False
-    if found > FORMAT:
+    if found != FORMAT:
+        age, remedy = ("a newer", "update grasp3d, or ") if found > FORMAT else ("an older", "")
         raise OutputError(
-            f"{printable(output.url)}: is a store of a newer version of grasp3d "
-            f"({printable(str(marker.get('version')))}); update grasp3d, or name another folder"
+            f"{printable(output.url)}: is a store of {age} version of grasp3d "
+            f"({printable(str(marker.get('version')))}); {remedy}name another folder"
         )
     return data, True
 

@@ -6,11 +6,17 @@ from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 
-from grasp3d.batch.batch_settings import ROUNDING
 from grasp3d.batch.inputs import MeshFile, find_meshes, real_path
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.planar import Circle, square
-from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings, search_cone
+from grasp3d.settings import (
+    ANGLE_ROUNDING,
+    GraspModel,
+    MeshOptions,
+    Sampling,
+    check_search_settings,
+    search_cone,
+)
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.stability.label import Mode
 from grasp3d.storage import local_copy, local_path
@@ -53,7 +59,7 @@ class SweepSettings:
             GraspModel(sensor_resolution=resolution)
         check_search_settings(self.model, self.sampling)
         given, needed = self.sampling.search_angle, search_cone(self.model, Sampling())
-        if given is not None and given < needed - ROUNDING:
+        if given is not None and given < needed - ANGLE_ROUNDING:
             raise SettingError(
                 "search angle must be at least atan(friction) + alpha/2 for the largest friction "
                 f"and alpha, {math.degrees(needed):.4g} degrees; got {math.degrees(given):.4g}"

@@ -64,7 +64,7 @@ class Batch:
     """File to which a line for each mesh is appended."""
 
     model: ModelOptions = field(default_factory=GraspModel)
-    """Friction and touch."""
+    """Friction, sensor resolution and fingers."""
 
     sampling: SamplingOptions = field(default_factory=Sampling)
     """How candidate grasps are searched."""

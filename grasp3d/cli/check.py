@@ -49,7 +49,7 @@ class Check:
     """Exit code 1 also for meshes whose labels can be trusted with care only."""
 
     model: ModelOptions = field(default_factory=GraspModel)
-    """Friction and touch."""
+    """Friction, sensor resolution and fingers."""
 
     sampling: SamplingOptions = field(default_factory=Sampling)
     """How candidate grasps are searched."""

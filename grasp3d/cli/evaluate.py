@@ -34,7 +34,7 @@ class Evaluate:
     object's size."""
 
     model: ModelOptions = field(default_factory=GraspModel)
-    """Friction and touch; the number of fingers is the number of contacts of a grasp."""
+    """Friction and sensor resolution; the number of fingers is that of a grasp's contacts."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared."""

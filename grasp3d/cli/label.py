@@ -30,7 +30,7 @@ class Label:
     NAME_grasps.png, in the folder of the labelled file."""
 
     model: ModelOptions = field(default_factory=GraspModel)
-    """Friction and touch."""
+    """Friction, sensor resolution and fingers."""
 
     sampling: SamplingOptions = field(default_factory=Sampling)
     """How candidate grasps are searched."""

@@ -43,7 +43,7 @@ def _optional(number: type[int] | type[float]) -> tyro.constructors.PrimitiveCon
 
 
 def _help_texts(settings: type) -> dict[str, str]:
-    """Return what the docstring of a settings class says of its fields, by name."""
+    """Return the texts on the fields in the docstring of a settings class, by name."""
     return {
         item.args[-1]: " ".join((item.description or "").split())
         for item in docstring_parser.parse(settings.__doc__ or "").params
@@ -51,7 +51,7 @@ def _help_texts(settings: type) -> dict[str, str]:
 
 
 def _options_of(settings: type) -> Any:
-    """Return the command-line options of a settings class: angles in degrees, its docstring as help.
+    """Return the command-line options of a settings class, with angles in degrees.
 
     Args:
         settings: A frozen dataclass whose angles are annotated as `Radians`.
@@ -61,7 +61,11 @@ def _options_of(settings: type) -> Any:
         (
             field.name,
             Annotated[
-                (hints[field.name], tyro.conf.arg(help=helps[field.name]), *_parser(hints, field))
+                (
+                    hints[field.name],
+                    tyro.conf.arg(help=helps.get(field.name)),
+                    *_parser(hints, field),
+                )
             ],
             dataclasses.field(default=field.default),
         )
@@ -107,7 +111,7 @@ def _model_option(
         metavar: Placeholder of the value; None: from its type.
         default: Description of the default; None: its value.
     """
-    text = f"{_help_texts(GraspModel)[field]} {note}".strip()
+    text = f"{_help_texts(GraspModel).get(field, '')} {note}".strip()
     return tyro.conf.arg(help=text, metavar=metavar, help_behavior_hint=default)
 
 

@@ -5,9 +5,9 @@ import math
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import SettingError
-from grasp3d.grasps.surface_grasps import SurfaceGrasps, labelled_grasps
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import grasps_at
@@ -54,7 +54,8 @@ def best_grasps(
     kept = _distinct(contacts.points, count, limit)
     found = contacts.take(kept)
     angles = critical_angles(found, threads=labels.threads)
-    return labelled_grasps(found, labels.model, angles, threads=labels.threads)
+    on_surface = locked(np.zeros((found.size, found.count)))
+    return SurfaceGrasps(found, labels.model, on_surface, *angles, threads=labels.threads)
 
 
 def _ranked(labels: SurfaceLabels) -> Ints:

@@ -7,7 +7,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.surface_grasps import SurfaceGrasps, labelled_grasps
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.settings import MAX_FINGERS, GraspModel, with_fingers
@@ -69,7 +69,7 @@ def evaluate_grasps(
     contacts, distances = _on_surface(mesh, given, limit, threads, projecting)
     end = ANGLES_COMPUTED if used.method == "extremes" else 1.0
     angles = critical_angles(contacts, threads=threads, progress=within(report, PROJECTED, end))
-    grasps = labelled_grasps(contacts, used, angles, distance=distances, threads=threads)
+    grasps = SurfaceGrasps(contacts, used, distances, *angles, threads=threads)
     grasps.compute_labels(within(report, end, 1.0))
     report(1.0)
     return grasps

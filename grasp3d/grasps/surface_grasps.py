@@ -1,7 +1,7 @@
 """Whole grasps on a surface with labels and epsilon."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property, partial
 
 import numpy as np
@@ -12,7 +12,7 @@ from grasp3d.quality.closure import force_closure
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles
+from grasp3d.stability.thresholds import label_angles, max_resolution
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.epsilon import grasps_with_normals, surface_epsilons
@@ -34,27 +34,33 @@ class SurfaceGrasps(LabelledGrasps):
     """Friction and sensor resolution; `fingers` is the number of contacts."""
     distance: Floats
     """Distance of each contact from the surface before it was moved there, shape (b, n)."""
-    angles: tuple[Floats, Floats]
-    """`critical_angle` and `critical_angle_best`."""
-    threads: int | None
+    critical_angle: Floats
+    """Critical friction angle over the worst normals of the contacts [rad], shape (b,).
+
+    inf where all contacts are at one point.
+    """
+    critical_angle_best: Floats
+    """The same over the best normals, shape (b,); different only for contacts on creases."""
+    threads: int | None = None
     """Threads for what is computed when it is first read; None: one per processor."""
-    deferred_label: Deferred[Bytes]
-    deferred_epsilon: Deferred[EpsilonRange]
+    deferred_label: Deferred[Bytes] = field(init=False, repr=False)
+    """`label`, which takes an enumeration with method extremes."""
+    deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
+    """`epsilon_range`, which takes a wrench hull and more for each grasp."""
 
     __repr__ = short_repr
 
-    @property
-    def critical_angle(self) -> Floats:
-        """Critical friction angle over the worst normals of the contacts [rad], shape (b,).
+    def __post_init__(self) -> None:
+        angles = self.critical_angle, self.critical_angle_best
+        self._defer(
+            partial(_labels, self.contacts, angles, self.model, self.threads),
+            partial(_epsilons, self.contacts, self.model, self.threads),
+        )
 
-        inf where all contacts are at one point.
-        """
-        return self.angles[0]
-
-    @property
-    def critical_angle_best(self) -> Floats:
-        """The same over the best normals, shape (b,); different only for contacts on creases."""
-        return self.angles[1]
+    @cached_property
+    def max_resolution(self) -> Floats:
+        """Coarsest sensor resolution below which the grasp is S [rad], shape (b,); 0: none."""
+        return locked(max_resolution(self.critical_angle, self.model))
 
     @property
     def size(self) -> int:
@@ -89,36 +95,6 @@ class SurfaceGrasps(LabelledGrasps):
     def separation(self) -> Floats:
         """Smallest distance between any two contacts, shape (b,)."""
         return locked(_distances(self.contacts).min(axis=1, initial=math.inf))
-
-
-def labelled_grasps(
-    contacts: SurfaceContacts,
-    model: GraspModel,
-    angles: tuple[Floats, Floats],
-    *,
-    distance: Floats | None = None,
-    threads: int | None = None,
-) -> SurfaceGrasps:
-    """Labels and epsilon of given grasps, computed when they are first read.
-
-    Args:
-        contacts: Contacts on the surface.
-        model: Friction and sensor resolution.
-        angles: Critical friction angles over the worst and the best normals [rad], shape (b,) each.
-        distance: Distance of each contact from the surface before it was moved there, shape (b, n);
-            None: 0.
-        threads: Threads; None: one per processor.
-    """
-    distances = np.zeros((contacts.size, contacts.count)) if distance is None else distance
-    return SurfaceGrasps(
-        contacts=contacts,
-        model=model,
-        distance=locked(distances),
-        angles=angles,
-        threads=threads,
-        deferred_label=Deferred(partial(_labels, contacts, angles, model, threads)),
-        deferred_epsilon=Deferred(partial(_epsilons, contacts, model, threads)),
-    )
 
 
 def _labels(

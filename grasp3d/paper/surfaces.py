@@ -54,7 +54,7 @@ def surface_table(settings: PaperSettings) -> str:
 def _compared(exact: SurfaceLabels, edges: int | None) -> list[str]:
     """The cells of one row."""
     model = replace(exact.model, method="extremes", edges=edges)
-    hulls = exact.with_model(model)
+    hulls = replace(exact, model=model)
     areas = exact.mesh.vertex_areas
     differ = float(areas[exact.label != hulls.label].sum() / areas.sum())
     wrong = exact.label != hulls.label

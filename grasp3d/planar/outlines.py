@@ -7,7 +7,7 @@ from functools import cached_property
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Floats, locked
+from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import STRAIGHT, OutlineContacts
 from grasp3d.planar.fractions import length_below
@@ -132,9 +132,9 @@ class Polyline(Outline):
     fixed: float
     name: str
 
-    def __init__(
-        self, corners: ArrayLike, fixed: float = 0.0, *, name: str = "polygon"
-    ) -> None:
+    __repr__ = short_repr
+
+    def __init__(self, corners: ArrayLike, fixed: float = 0.0, *, name: str = "polygon") -> None:
         """Check, copy and lock.
 
         Args:

@@ -44,15 +44,16 @@ class Certificate:
     __repr__ = short_repr
 
 
-def certificate_of(results: Results, batch: tuple[int, ...], equilibrium: Floats) -> Certificate:
-    """Certificates of a flat batch, reshaped to the batch's shape."""
-    return Certificate(shaped(results.direction, batch), shaped(equilibrium, batch))
+def certificate_of(contacts: Contacts, results: Results) -> Certificate:
+    """Certificates of contacts in the shape of their batch: directions, and balanced forces.
 
-
-def contact_forces(contacts: Contacts, components: Floats) -> Floats:
-    """Forces and torsional moments (b, n, 4) from their components along the contacts' axes."""
+    The results hold the forces by their components along the contacts' axes.
+    """
+    components = results.forces  # (b, n, 4)
     normals = contacts.normals.reshape(*components.shape[:2], 3)
     axes = np.stack([normals, *tangents(normals)], axis=-2)  # (b, n, 3, 3)
     forces = (components[..., None, :3] @ axes)[..., 0, :]
     moments = components[..., 3] * contacts.torsion_radius.reshape(components.shape[:2])
-    return np.concatenate([forces, moments[..., None]], axis=-1)
+    equilibrium = np.concatenate([forces, moments[..., None]], axis=-1)
+    batch = contacts.batch
+    return Certificate(shaped(results.direction, batch), shaped(equilibrium, batch))

@@ -7,7 +7,7 @@ import numpy as np
 from grasp3d._kernels.wrench_problem import SIGN
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Ints, shaped, short_repr
 from grasp3d.contact.contacts import Contacts, centred
-from grasp3d.quality.certificates import Certificate, certificate_of, contact_forces
+from grasp3d.quality.certificates import Certificate, certificate_of
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrench_problem import WrenchProblem
 
@@ -33,7 +33,7 @@ def force_closure(
     edges: int | None = None,
     cone_offset: ArrayLike = 0.0,
     phase: float = 0.0,
-    threads: int | None = 1,
+    threads: int | None = None,
 ) -> ForceClosure:
     """Whether grasps resist every wrench in the span of their own, with certificates.
 
@@ -66,5 +66,5 @@ def force_closure(
         closed=shaped(results.closed, batch),
         rank=shaped(results.rank, batch),
         status=shaped(results.status, batch),
-        certificate=certificate_of(results, batch, contact_forces(contacts, results.forces)),
+        certificate=certificate_of(contacts, results),
     )

@@ -28,7 +28,7 @@ MAX_CELLS = 1 << 22
 
 
 def critical_friction_angle(
-    contacts: Contacts, *, tolerance: float = 1e-4, threads: int | None = 1
+    contacts: Contacts, *, tolerance: float = 1e-4, threads: int | None = None
 ) -> Floats:
     """Friction angle above which a grasp is force-closed.
 

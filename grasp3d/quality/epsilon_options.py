@@ -3,6 +3,7 @@
 import math
 from dataclasses import dataclass
 
+from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import check_torque_scale
 from grasp3d.settings import Actuation, GraspModel, check_choice
@@ -36,13 +37,17 @@ class EpsilonOptions:
     actuation: Actuation = "total"
     torque_scale: float = 1.0
     rtol: float = 1e-3
-    threads: int | None = 1
+    threads: int | None = None
 
     def __post_init__(self) -> None:
         check_choice("actuation", self.actuation, Actuation)
         check_torque_scale(self.torque_scale)
         if not 0.0 < self.rtol < 1.0:
             raise SettingError(f"rtol must lie between 0 and 1; got {self.rtol}")
+        if self.edges is not None:
+            edge_angles(self.edges)  # raises SettingError
+        if self.threads is not None and self.threads < 1:
+            raise SettingError(f"threads must be at least 1; got {self.threads}")
 
     @classmethod
     def of_model(
@@ -59,5 +64,5 @@ class EpsilonOptions:
     @property
     def goal(self) -> Goal:
         """How close the bounds must be, as `WrenchProblem.solve` takes it."""
-        tolerances = (0.0, 0.0) if self.edges else (self.rtol, UNDECIDED_WITHIN)
+        tolerances = (0.0, 0.0) if self.polygonal else (self.rtol, UNDECIDED_WITHIN)
         return (*tolerances, math.inf, 0.0)

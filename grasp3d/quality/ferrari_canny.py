@@ -9,7 +9,7 @@ from grasp3d._kernels.wrench_problem import Results
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts
 from grasp3d.errors import ContactError
-from grasp3d.quality.certificates import Certificate, Status, certificate_of, contact_forces
+from grasp3d.quality.certificates import Certificate, Status, certificate_of
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Bounded
@@ -79,7 +79,7 @@ def epsilon(
     cone_offset: ArrayLike = 0.0,
     phase: float = 0.0,
     bounded: Bounded = "force",
-    threads: int | None = 1,
+    threads: int | None = None,
 ) -> Epsilon:
     """Grasp quality of Ferrari & Canny (ICRA 1992).
 
@@ -126,11 +126,11 @@ def epsilon_with(
         contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded
     )
     results = problem.solve(options.goal, threads=options.threads)
-    forces = contact_forces(contacts, results.forces)
-    return _as_epsilon(results, contacts.batch, forces, polygonal=options.polygonal)
+    certificate = certificate_of(contacts, results)
+    return _as_epsilon(results, contacts.batch, certificate, polygonal=options.polygonal)
 
 
-def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = 1) -> Epsilon:
+def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = None) -> Epsilon:
     """Epsilon of the convex hull of given wrenches.
 
     Args:
@@ -159,7 +159,9 @@ def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = 1) -> Epsi
     flat = np.zeros((math.prod(batch), rows.shape[-2], 6))
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])
     results = WrenchProblem.of_rows(flat).solve((0.0, 0.0, math.inf, 0.0), threads=threads)
-    return _as_epsilon(results, batch, results.forces[..., 0], polygonal=True)
+    weights = shaped(results.forces[..., 0], batch)
+    certificate = Certificate(shaped(results.direction, batch), weights)
+    return _as_epsilon(results, batch, certificate, polygonal=True)
 
 
 def smallest_epsilon(
@@ -198,18 +200,19 @@ def smallest_epsilon(
     results = problem.solve(
         options.goal, group=contacts.batch[-1], with_forces=False, threads=options.threads
     )
-    candidates = _as_epsilon(results, contacts.batch, results.forces, polygonal=options.polygonal)
-    least = candidates.upper.min(axis=-1, keepdims=True)
+    lower = certified(results, polygonal=options.polygonal).reshape(contacts.batch)
+    upper, status = (values.reshape(contacts.batch) for values in (results.upper, results.status))
+    candidates = lower <= upper.min(axis=-1, keepdims=True)
     return SmallestEpsilon(
-        lower=locked(candidates.lower.min(axis=-1))[()],
-        upper=locked(candidates.upper.min(axis=-1))[()],
-        index=locked(candidates.upper.argmin(axis=-1))[()],
-        status=locked(np.where(candidates.lower <= least, candidates.status, 0).max(axis=-1))[()],
+        lower=locked(lower.min(axis=-1))[()],
+        upper=locked(upper.min(axis=-1))[()],
+        index=locked(upper.argmin(axis=-1))[()],
+        status=locked(np.where(candidates, status, 0).max(axis=-1))[()],
     )
 
 
 def _as_epsilon(
-    results: Results, batch: tuple[int, ...], equilibrium: Floats, *, polygonal: bool
+    results: Results, batch: tuple[int, ...], certificate: Certificate, *, polygonal: bool
 ) -> Epsilon:
     """Results of a flat batch as an `Epsilon` of the batch's shape."""
     return Epsilon(
@@ -218,7 +221,7 @@ def _as_epsilon(
         rank=shaped(results.rank, batch),
         closed=shaped(results.closed, batch),
         status=shaped(results.status, batch),
-        certificate=certificate_of(results, batch, equilibrium),
+        certificate=certificate,
     )
 
 

@@ -30,6 +30,9 @@ CHUNK = 1024
 INITIAL_FACETS = 1 << 11
 """Capacity of a thread's first polytope, in facets."""
 
+THREAD_GRASPS = 256
+"""Grasps that are worth another thread."""
+
 MAX_FACETS = 1 << 18
 """Largest capacity of a polytope; a hull with more facets is not grown further."""
 
@@ -139,7 +142,7 @@ class WrenchProblem:
         )
 
     def solve(
-        self, goal: Goal, *, group: int = 1, with_forces: bool = True, threads: int | None = 1
+        self, goal: Goal, *, group: int = 1, with_forces: bool = True, threads: int | None
     ) -> Results:
         """Epsilon, force closure and certificates of every grasp.
 
@@ -226,7 +229,9 @@ class WrenchProblem:
         self, evaluate: Callable[[slice, Workspace], None], group: int, threads: int | None
     ) -> None:
         """Evaluate chunks of whole groups, in threads if there are several chunks."""
-        workers = available_processors() if threads is None else threads
+        workers = threads
+        if workers is None:  # a few grasps take less time than the start of a thread
+            workers = min(available_processors(), 1 + self.size // THREAD_GRASPS)
         if workers < 1:
             raise SettingError(f"threads must be at least 1; got {threads}")
         step = max(1, min(CHUNK, -(-self.size // (4 * workers))) // group) * group

@@ -9,14 +9,11 @@ from grasp3d.arrays import ArrayLike, Floats, shaped
 from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.errors import SettingError
 from grasp3d.quality.epsilon_options import EpsilonOptions
-from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.settings import MIN_EXTREMES, Method, check_choice, whole_number
 from grasp3d.stability.exact import StabilityProblem, decide
 from grasp3d.stability.label import Label
 from grasp3d.stability.normal_sets import face_normals
 from grasp3d.stability.stability import Stability
-
-NO_GRASPS = Contacts(np.zeros((0, 1, 3)), np.zeros((0, 1, 3)))
 
 
 def classify(
@@ -87,7 +84,6 @@ def classify(
         rings=rings,
         options=options or EpsilonOptions(),
     )
-    epsilon_with(NO_GRASPS, problem.options)  # raises errors of settings that are used only later
     stable, unstable, hulls = decide(problem, method)
     label = np.full(len(stable), Label.M, dtype=np.uint8)
     label[unstable] = Label.U

@@ -37,7 +37,7 @@ GOLDEN_RATIO = 0.6180339887498949
 
 
 @dataclass(frozen=True, eq=False)
-class TestedClosure:
+class ClosureAtNormals:
     """Force closure at tested normals, evaluated until the label of each grasp is decided."""
 
     closing: Bools
@@ -139,7 +139,7 @@ def closure_at(
     options: EpsilonOptions | None = None,
     *,
     cone_offset: ArrayLike = 0.0,
-) -> TestedClosure:
+) -> ClosureAtNormals:
     """Test combinations until a grasp is force-closed at one and not at another, or all are tested.
 
     Args:
@@ -159,11 +159,13 @@ def closure_at(
         normals = tuple(at_contact[chunk] for at_contact in tested)
         enumeration = Enumeration.of(hard.take(chunk), normals, used, cone_offset=offset[chunk])
         found.append(_tested_closure(enumeration))
-    return TestedClosure(*(locked(np.concatenate(values)) for values in zip(*found, strict=True)))
+    return ClosureAtNormals(
+        *(locked(np.concatenate(values)) for values in zip(*found, strict=True))
+    )
 
 
 def _tested_closure(enumeration: Enumeration) -> tuple[Bools, Bools, Ints]:
-    """Fields (closing, failing, hulls) of `TestedClosure`, shape (b,) each."""
+    """Fields (closing, failing, hulls) of `ClosureAtNormals`, shape (b,) each."""
     closing, failing = np.zeros((2, enumeration.problem.size), dtype=np.bool_)
     hulls = np.zeros(enumeration.problem.size, dtype=np.int64)
     undecided = np.arange(enumeration.problem.size)

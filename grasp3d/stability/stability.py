@@ -78,7 +78,7 @@ class Stability:
     def epsilon_min(self) -> Floats:
         """Smallest epsilon over the tilts, shape (...).
 
-        Method exact: over all tilts, see `tilting.epsilon_range`; 0, which then is only a bound,
+        Method exact: over all tilts, see `quality.epsilon_range`; 0, which then is only a bound,
         where tilts exceed friction at some contact. Method extremes: over the combinations of
         extreme normals.
         """

@@ -20,7 +20,7 @@ from grasp3d.stability.label import Label
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.system.progress import Progress
 
-SEARCH_FRACTION = 0.3
+BEFORE_ENUMERATION = 0.3
 """Fraction of the work with method extremes that the search for grasps is expected to take."""
 
 CHUNK = 4096
@@ -44,7 +44,7 @@ def hull_labels(
     grasps: SurfaceContacts,
     model: GraspModel,
     *,
-    threads: int | None = 1,
+    threads: int | None = None,
     progress: Progress | None = None,
 ) -> Bytes:
     """Label grasps by their wrench hulls at extreme normals (Wan & Howe 2018, Sec. III).

@@ -1,9 +1,10 @@
 """Base class of labelled vertices and given grasps: labels and epsilon."""
 
-from grasp3d.arrays import Bytes, Floats, locked
+from collections.abc import Callable
+
+from grasp3d.arrays import Bytes, Floats
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
-from grasp3d.stability.thresholds import max_resolution
 from grasp3d.surface.deferred import Deferred
 from grasp3d.system.progress import Progress
 
@@ -12,26 +13,23 @@ class LabelledGrasps:
     """Grasps on a surface, one for each row of the arrays, with labels and epsilon."""
 
     model: GraspModel
-    """Friction, sensor resolution and fingers."""
     deferred_label: Deferred[Bytes]
-    """`label`; with method extremes it needs an enumeration."""
     deferred_epsilon: Deferred[EpsilonRange]
-    """`epsilon_range`; it needs wrench hulls for each grasp."""
 
-    @property
-    def critical_angle(self) -> Floats:
-        """Critical friction angle over the worst normals of the contacts [rad]."""
-        raise NotImplementedError
+    def _defer(
+        self, label: Callable[[Progress], Bytes], epsilon: Callable[[Progress], EpsilonRange]
+    ) -> None:
+        """Set what is computed later, for the `__post_init__` of frozen dataclasses.
+
+        Functions that refer to the dataclass itself would keep it alive with its copies.
+        """
+        object.__setattr__(self, "deferred_label", Deferred(label))
+        object.__setattr__(self, "deferred_epsilon", Deferred(epsilon))
 
     @property
     def label(self) -> Bytes:
         """`Label` codes by `model.method`: 0 U, 1 M, 2 S."""
         return self.deferred_label.value
-
-    @property
-    def max_resolution(self) -> Floats:
-        """Coarsest sensor resolution below which the grasp is S [rad]; 0: none."""
-        return locked(max_resolution(self.critical_angle, self.model))
 
     @property
     def epsilon_range(self) -> EpsilonRange:

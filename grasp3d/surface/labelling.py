@@ -4,7 +4,7 @@ from grasp3d.costs import check_cost
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel, Sampling, check_search_settings
-from grasp3d.surface.extreme_normals import SEARCH_FRACTION, check_combinations_of
+from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.search import label_multifinger, label_pairs
 from grasp3d.system.processors import available_processors
@@ -49,7 +49,7 @@ def label_surface(
     limit, fingers = mesh.options.max_memory, model.fingers
     check_cost(len(mesh.vertices), limit, mesh.report.source, "use a coarser mesh", fingers)
     find = label_pairs if model.fingers == 2 else label_multifinger
-    searching = within(report, 0.0, SEARCH_FRACTION) if enumerated else report
+    searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
     labels = find(mesh, model, sampling, threads, searching)
-    labels.compute_labels(within(report, SEARCH_FRACTION, 1.0))
+    labels.compute_labels(within(report, BEFORE_ENUMERATION, 1.0))
     return labels

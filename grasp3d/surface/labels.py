@@ -1,15 +1,15 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
 
 import math
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property, partial
 from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import ArrayLike, Bytes, Floats, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bytes, Floats, locked
 from grasp3d.errors import SearchCoverageError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -17,6 +17,7 @@ from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, check_choice, search_cone
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
+from grasp3d.stability.thresholds import max_resolution
 from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.label_table import LEVELS, label_table
@@ -62,13 +63,30 @@ class SurfaceLabels(LabelledGrasps):
     """How grasps were searched for; None in a scan, where they are given."""
     mode: Mode
     search: SearchReport
-    threads: int | None
+    threads: int | None = None
     """Threads for what is computed when it is first read; None: one per processor. The results do
     not depend on it."""
-    deferred_label: Deferred[Bytes]
-    deferred_epsilon: Deferred[EpsilonRange]
+    deferred_label: Deferred[Bytes] = field(init=False, repr=False)
+    """`label`, which takes an enumeration with method extremes."""
+    deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
+    """`epsilon_range`, which takes a wrench hull and more for each vertex."""
 
-    __repr__ = short_repr
+    def __post_init__(self) -> None:
+        self._defer(
+            partial(vertex_labels, self.grasps, self.model, self.threads),
+            partial(vertex_epsilons, self.grasps, self.model, self.threads),
+        )
+
+    def __repr__(self) -> str:
+        model, alpha = self.model, math.degrees(self.model.sensor_resolution)
+        known = model.method == "exact" or self.deferred_label.computed is not None
+        found = self.fractions() if known else {}
+        fractions = (f"{name} {fraction:.1%}" for name, fraction in found.items())
+        return (
+            f"<SurfaceLabels of {self.mesh.report.source}: {len(self.reason):,} vertices, "
+            f"{model.fingers} fingers, friction {model.friction:g}, resolution {alpha:g} degrees; "
+            f"{', '.join(fractions) or 'not labelled yet'}>"
+        )
 
     @property
     def mesh(self) -> ObjectMesh:
@@ -125,6 +143,11 @@ class SurfaceLabels(LabelledGrasps):
         """`Reason` codes, shape (V,)."""
         return self.grasps.reason
 
+    @cached_property
+    def max_resolution(self) -> Floats:
+        """Coarsest sensor resolution below which the grasp is S [rad], shape (V,); 0: none."""
+        return locked(max_resolution(self.critical_angle, self.model))
+
     def relabel(
         self, *, friction: float | None = None, sensor_resolution: float | None = None
     ) -> "SurfaceLabels":
@@ -155,14 +178,7 @@ class SurfaceLabels(LabelledGrasps):
                 f"searched only up to {math.degrees(self.search.cone):.4g}; label the surface "
                 f"again with Sampling(search_angle={needed:.4g})"
             )
-        return self.with_model(model)
-
-    def with_model(self, model: GraspModel) -> "SurfaceLabels":
-        """The same grasps labelled for another model, whatever the search cone; see `relabel`."""
-        return label_grasps(
-            self.grasps, model, sampling=self.sampling, mode=self.mode, search=self.search,
-            threads=self.threads,
-        )  # fmt: skip
+        return replace(self, model=model)
 
     def fractions(self, *, weights: Weights = "area") -> dict[str, float]:
         """Fractions S, M and U of the surface.
@@ -259,34 +275,3 @@ class SurfaceLabels(LabelledGrasps):
 
     def _weights(self, weights: Weights) -> Floats:
         return vertex_weights(self.mesh, weights)
-
-
-def label_grasps(
-    grasps: VertexGrasps,
-    model: GraspModel,
-    *,
-    sampling: Sampling | None,
-    mode: Mode,
-    search: SearchReport,
-    threads: int | None = None,
-) -> SurfaceLabels:
-    """Labels and epsilon of grasps, computed when they are first read.
-
-    Args:
-        grasps: The best grasp of every vertex.
-        model: Friction, sensor resolution and fingers.
-        sampling: How the grasps were searched for; None where they are given.
-        mode: Whether they were searched for, or are given.
-        search: Extent of the search.
-        threads: Threads for labels of method extremes and for epsilon; None: one per processor.
-    """
-    return SurfaceLabels(
-        grasps=grasps,
-        model=model,
-        sampling=sampling,
-        mode=mode,
-        search=search,
-        threads=threads,
-        deferred_label=Deferred(partial(vertex_labels, grasps, model, threads)),
-        deferred_epsilon=Deferred(partial(vertex_epsilons, grasps, model, threads)),
-    )

@@ -13,8 +13,8 @@ from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point
 from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
-from grasp3d.surface.extreme_normals import SEARCH_FRACTION, check_combinations_of
-from grasp3d.surface.labels import SearchReport, SurfaceLabels, label_grasps
+from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
+from grasp3d.surface.labels import SearchReport, SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps, grasps_at
 from grasp3d.system.progress import Progress, ignore, within
 
@@ -56,7 +56,7 @@ def scan_surface(
     faces = np.array([[face for _, face, _ in nearest]])
     weights = np.stack([weights for _, _, weights in nearest])[None]
     fixed_contacts = SurfaceContacts(mesh, SurfacePoints(faces, weights))  # one grasp
-    searched = SEARCH_FRACTION if model.method == "extremes" and len(points) > 1 else 0.0
+    searched = BEFORE_ENUMERATION if model.method == "extremes" and len(points) > 1 else 0.0
     if len(points) == 1:
         angles, grip = _scan_pairs(fixed_contacts, positions[0])
     else:
@@ -77,7 +77,9 @@ def scan_surface(
         reason=np.where(np.isinf(angles[0, canonical]), Reason.SAME_POINT, Reason.FOUND),
     )
     search = SearchReport(cone=math.pi)
-    labels = label_grasps(grasps, model, sampling=None, mode="scan", search=search, threads=threads)
+    labels = SurfaceLabels(
+        grasps, model, sampling=None, mode="scan", search=search, threads=threads
+    )
     labels.compute_labels(within(report, searched, 1.0))
     return labels
 

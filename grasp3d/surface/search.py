@@ -9,13 +9,13 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.labels import SearchReport, SurfaceLabels, label_grasps
+from grasp3d.surface.labels import SearchReport, SurfaceLabels
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps, grasps_at, grasps_differ
 from grasp3d.system.progress import Progress, within
 
-SEARCH_FRACTION = 0.9
+BEFORE_ANGLES = 0.9
 """Fraction of the work for three fingers and more that the search is expected to take."""
 
 
@@ -53,7 +53,7 @@ def label_pairs(
     report = SearchReport(
         cone, rays=grasps.rays, rounds=grasps.rounds, still_falling=grasps.still_falling
     )
-    return label_grasps(
+    return SurfaceLabels(
         vertex_grasps, model, sampling=sampling, mode="label", search=report, threads=threads
     )
 
@@ -75,8 +75,8 @@ def label_multifinger(
     """
     cone, count = search_cone(model, sampling), len(mesh.vertices)
     searching, finishing = (
-        within(progress, 0.0, SEARCH_FRACTION),
-        within(progress, SEARCH_FRACTION, 1.0),
+        within(progress, 0.0, BEFORE_ANGLES),
+        within(progress, BEFORE_ANGLES, 1.0),
     )
     found = search(mesh, model.fingers, sampling, cone, threads=threads, progress=searching)
     points = _both_grasps(found.partner_points)
@@ -104,7 +104,7 @@ def label_multifinger(
     report = SearchReport(
         cone, evaluated=found.evaluated, rounds=found.rounds, still_falling=found.still_falling
     )
-    return label_grasps(
+    return SurfaceLabels(
         vertex_grasps, model, sampling=sampling, mode="label", search=report, threads=threads
     )
 

@@ -36,6 +36,7 @@ def children(nanny: "subprocess.Popen[bytes]", word: str) -> list[psutil.Process
     return [process for process in descendants(nanny.pid) if runs(process, word)]
 
 
+@pytest.mark.slow
 def test_killed_workers_do_not_lose_rows(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     jobs = [Work(f"well-{number}") for number in range(30)]
     jobs[4:4] = [Work("crash"), Work("killed once", tmp_path), Work("raises")]
@@ -72,6 +73,7 @@ for row in run(work, jobs, 0.0, lost=lost, cluster=ClusterSettings(scheduler=sys
 """
 
 
+@pytest.mark.slow
 def test_running_jobs_end_with_their_client(tmp_path: Path) -> None:
     with DaskCluster(tmp_path) as running:
         nanny = running.worker()
@@ -95,6 +97,7 @@ def test_running_jobs_end_with_their_client(tmp_path: Path) -> None:
         assert row.memory == pytest.approx(0.9 * 2.0)
 
 
+@pytest.mark.slow
 def test_a_cluster_without_workers_is_waited_for_but_a_dead_scheduler_is_an_error(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
 ) -> None:
@@ -125,6 +128,7 @@ def test_a_cluster_without_workers_is_waited_for_but_a_dead_scheduler_is_an_erro
     assert "\n" not in str(errors[0])
 
 
+@pytest.mark.slow
 def test_a_wrong_address_is_an_error_within_seconds(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -149,6 +153,7 @@ def test_a_wrong_address_is_an_error_within_seconds(
             assert "\n" not in str(info.value)
 
 
+@pytest.mark.slow
 def test_other_environments_are_an_error_of_one_line(tmp_path: Path) -> None:
     """Workers and scheduler must run the versions of this process."""
     info = tmp_path / "old" / "grasp3d-0.0.1.dist-info"

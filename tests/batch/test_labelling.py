@@ -49,6 +49,7 @@ def labels_of(source: Path, settings: BatchSettings = SETTINGS) -> SurfaceLabels
     return label_surface(mesh, settings.model, sampling=settings.search)
 
 
+@pytest.mark.slow
 def test_a_row_has_the_values_of_labelling_the_file(tmp_path: Path) -> None:
     source = egg(tmp_path)
     row, labels = row_of(job_of(source, tmp_path / "out")), labels_of(source)
@@ -68,6 +69,7 @@ def test_a_row_has_the_values_of_labelling_the_file(tmp_path: Path) -> None:
     assert 0.0 < row.seconds_labelling < row.seconds
 
 
+@pytest.mark.slow
 def test_the_files_contain_the_labels(tmp_path: Path) -> None:
     source = egg(tmp_path)
     row, labels = row_of(job_of(source, tmp_path / "out")), labels_of(source)
@@ -83,6 +85,7 @@ def test_the_files_contain_the_labels(tmp_path: Path) -> None:
     assert np.allclose(angles, labels.critical_angle, rtol=1e-6, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_fractions_over_the_grid_are_those_of_relabelling(tmp_path: Path) -> None:
     source = egg(tmp_path)
     grid = FractionGrid((0.2, 0.6), (0.0, math.radians(10.0), math.radians(50.0)))
@@ -99,6 +102,7 @@ def test_fractions_over_the_grid_are_those_of_relabelling(tmp_path: Path) -> Non
         assert found == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_the_default_grid_does_not_enlarge_the_search(tmp_path: Path) -> None:
     """So labels equal those of `grasp3d label`; M and U beyond the searched cone are empty."""
     row = row_of(job_of(egg(tmp_path), tmp_path / "out"))
@@ -111,6 +115,7 @@ def test_the_default_grid_does_not_enlarge_the_search(tmp_path: Path) -> None:
     assert found[60].stable <= found[20].stable <= found[0].stable
 
 
+@pytest.mark.slow
 def test_the_best_grasps_are_those_of_the_surface(tmp_path: Path) -> None:
     source = egg(tmp_path)
     row, best = row_of(job_of(source, tmp_path / "out")), best_grasps(labels_of(source), 2)
@@ -144,6 +149,7 @@ def test_a_mesh_that_cannot_be_read_is_refused_and_nothing_is_written(tmp_path: 
     assert not (tmp_path / "out").exists()
 
 
+@pytest.mark.slow
 def test_a_result_that_cannot_be_written_is_lost_and_tried_again(tmp_path: Path) -> None:
     (tmp_path / "out").mkdir()
     (tmp_path / "out" / "labels").touch()  # where a folder should be
@@ -152,6 +158,7 @@ def test_a_result_that_cannot_be_written_is_lost_and_tried_again(tmp_path: Path)
     assert "labels" in row.error
 
 
+@pytest.mark.slow
 def test_the_same_content_is_not_labelled_again(tmp_path: Path) -> None:
     source = egg(tmp_path)
     first = row_of(job_of(source, tmp_path / "out"))
@@ -180,6 +187,7 @@ def test_a_lost_mesh_has_its_source_in_the_error(tmp_path: Path) -> None:
     assert row.mesh == "egg.ply"
 
 
+@pytest.mark.slow
 def test_lengths_in_another_unit_are_warnings_of_the_row(tmp_path: Path) -> None:
     trimesh.creation.box((0.04, 0.06, 0.08)).export(tmp_path / "box.stl")
     settings = BatchSettings(sampling=Sampling(rays=8, max_opening=80.0))

@@ -124,6 +124,7 @@ def test_a_mesh_is_identified_by_its_content_not_by_its_date_or_folder(
     assert results == []  # the new dates are stored
 
 
+@pytest.mark.slow
 def test_other_settings_and_force_label_again(tmp_path: Path) -> None:
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     label(source, out)

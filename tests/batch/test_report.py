@@ -98,6 +98,7 @@ def pixels(picture: bytes) -> dict[Label | None, NDArray[np.bool_]]:
     return {None: shown, **{label: shown & (nearest == label) for label in Label}}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["spray", "box"])
 def test_script_contains_the_surface_and_its_values(
     name: str, request: pytest.FixtureRequest

@@ -153,6 +153,7 @@ def picture(page: Any) -> NDArray[np.float64]:
     return np.asarray(Image.open(io.BytesIO(shot)).convert("RGB"), dtype=float)
 
 
+@pytest.mark.slow
 def test_table_sorts_by_numbers_with_rows_without_one_last(page: Any, report: Report) -> None:
     opened(page, report.address())
     assert names(page) == [row.mesh for row in report.rows]
@@ -184,6 +185,7 @@ def test_table_shows_the_values_of_the_rows(page: Any, report: Report) -> None:
     assert sizes == [128] * 4
 
 
+@pytest.mark.slow
 def test_filters_by_name_outcome_and_limits(page: Any, report: Report) -> None:
     opened(page, report.address())
     page.locator("#search").fill("KITCHEN")
@@ -247,6 +249,7 @@ def test_page_without_any_label_opens(page: Any, report: Report, tmp_path: Path)
     assert "no such object" in page.locator("#name").inner_text()
 
 
+@pytest.mark.slow
 def test_ten_thousand_rows_sort_and_scroll(page: Any, report: Report, tmp_path: Path) -> None:
     rows = [
         replace(report.rows[0], mesh=f"{k}.ply", thumbnail="", vertices=(k * 7919) % 10_007)
@@ -263,6 +266,7 @@ def test_ten_thousand_rows_sort_and_scroll(page: Any, report: Report, tmp_path: 
     page.locator("#table").get_by_text(least.mesh, exact=True).wait_for()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["spray", "box", "cone", "cylinder"])
 def test_fractions_follow_the_sliders(page: Any, report: Report, name: str) -> None:
     opened_object(page, report, name)
@@ -279,6 +283,7 @@ def test_fractions_follow_the_sliders(page: Any, report: Report, name: str) -> N
     assert fractions(page) == pytest.approx(expected, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_three_fingers_are_never_surely_unstable_from_90_degrees_on(
     page: Any, report: Report, tmp_path: Path
 ) -> None:
@@ -311,6 +316,7 @@ def test_labels_beyond_the_searched_cone_are_marked(page: Any, report: Report) -
     assert "cannot be distinguished" in page.locator("#unsearched").inner_text()
 
 
+@pytest.mark.slow
 def test_picture_has_the_colours_of_the_labels(page: Any, report: Report) -> None:
     opened_object(page, report, "spray")
     drawn = picture(page)
@@ -350,6 +356,7 @@ def first_hit(
     return int(labels.mesh.faces[face, distances.argmin()])
 
 
+@pytest.mark.slow
 def test_click_picks_the_vertex_nearest_to_the_ray(page: Any, report: Report) -> None:
     opened_object(page, report, "spray")
     labels = report.labels["spray"]
@@ -373,6 +380,7 @@ def test_click_picks_the_vertex_nearest_to_the_ray(page: Any, report: Report) ->
     assert len(picked) > 3
 
 
+@pytest.mark.slow
 def test_drag_rotates_and_does_not_pick(page: Any, report: Report) -> None:
     opened_object(page, report, "spray")
     before = picture(page)
@@ -390,6 +398,7 @@ def test_drag_rotates_and_does_not_pick(page: Any, report: Report) -> None:
     assert np.abs(picture(page) - before).mean() < 0.5
 
 
+@pytest.mark.slow
 def test_keys_rotate_the_view(page: Any, report: Report) -> None:
     opened_object(page, report, "box")
     before = picture(page)
@@ -401,6 +410,7 @@ def test_keys_rotate_the_view(page: Any, report: Report) -> None:
     assert np.abs(picture(page) - turned).mean() > 1.0
 
 
+@pytest.mark.slow
 def test_best_grasps_are_listed_and_drawn(page: Any, report: Report) -> None:
     opened_object(page, report, "box")
     buttons = page.locator("#grasps button")
@@ -413,6 +423,7 @@ def test_best_grasps_are_listed_and_drawn(page: Any, report: Report) -> None:
     assert np.abs(picture(page) - before).max() > 50.0
 
 
+@pytest.mark.slow
 def test_previous_and_next_step_through_the_library(page: Any, report: Report) -> None:
     opened(page, report.address())
     page.locator("#table").get_by_role("link", name=report.rows[0].mesh, exact=True).click()
@@ -436,7 +447,8 @@ def test_a_note_distinguishes_sampled_labels_from_exact_ones(
     page: Any, report: Report, tmp_path: Path
 ) -> None:
     labels, output = report.labels["box"], LocalFolder(tmp_path)
-    sampled = replace(labels, model=replace(MODEL, method="extremes"))  # with the same epsilon
+    sampled = replace(labels, model=replace(MODEL, method="extremes"))
+    object.__setattr__(sampled, "deferred_epsilon", labels.deferred_epsilon)  # it takes long
     output.write("report/objects/box.js", object_script(sampled, "box", ()))
     write_report(output, report.rows[1:2], BatchSettings(sampled.model))
     opened(page, Report(tmp_path).address("object.html#box"))
@@ -445,6 +457,7 @@ def test_a_note_distinguishes_sampled_labels_from_exact_ones(
     assert fractions(page) == pytest.approx(labels.fractions(), abs=1e-3)
 
 
+@pytest.mark.slow
 def test_a_missing_file_of_an_object_is_reported(
     browser: Any, report: Report, tmp_path: Path
 ) -> None:
@@ -460,6 +473,7 @@ def test_addresses_outside_the_library_load_nothing(page: Any, report: Report) -
     assert page.locator("script[src*=evil]").count() == 0
 
 
+@pytest.mark.slow
 def test_without_webgl_the_values_are_shown(driver: Any, report: Report) -> None:
     without_webgl = driver.launch(
         executable_path=BROWSER, args=["--no-sandbox", "--disable-3d-apis"]

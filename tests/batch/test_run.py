@@ -51,6 +51,7 @@ FAULTS = {
 }
 
 
+@pytest.mark.slow
 @posix
 def test_failing_jobs_affect_no_others_and_postponed_jobs_run_alone(tmp_path: Path) -> None:
     names = [f"well-{number}" for number in range(20)]
@@ -158,6 +159,7 @@ else:
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("how", ["file", "command", "thread"])
 def test_a_script_needs_no_main_guard(tmp_path: Path, how: str) -> None:
     (tmp_path / "script.py").write_text(SCRIPT, encoding="ascii")
@@ -194,6 +196,7 @@ except KeyboardInterrupt:
 """
 
 
+@pytest.mark.slow
 @posix
 def test_an_interrupt_ends_all_processes_at_once_and_silently(tmp_path: Path) -> None:
     with started("-c", INTERRUPTED, cwd=tmp_path) as script:

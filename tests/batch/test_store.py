@@ -24,6 +24,7 @@ from grasp3d.batch import shards, store
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import mesh_key
 from grasp3d.batch.inputs import MeshFile
+from grasp3d.batch.marker import FORMAT
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.batch.store import Store, read_summary
 from grasp3d.errors import OutputError
@@ -96,7 +97,7 @@ def test_rows_are_read_as_written(tmp_path: Path) -> None:
     assert Store.open(output, SETTINGS).rows == {row.mesh: row for row in rows}
     assert output.names("journal") == []
     marker = json.loads(output.read("grasp3d.json"))
-    assert (marker["format"], marker["settings"]["model"]["friction"]) == (1, 0.4)
+    assert (marker["format"], marker["settings"]["model"]["friction"]) == (FORMAT, 0.4)
     metadata = json.loads(pq.read_schema(tmp_path / "deep/out" / output.names("summary")[0])
                           .metadata[b"grasp3d"])  # fmt: skip
     assert metadata["model"]["friction"] == 0.4
@@ -217,6 +218,7 @@ def run_again(output: Folder, added: list[Row]) -> None:
     kept.close()
 
 
+@pytest.mark.slow
 def test_a_death_at_any_change_neither_loses_nor_duplicates_rows(
     memory: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -253,6 +255,7 @@ def test_a_death_at_any_change_neither_loses_nor_duplicates_rows(
     assert changes > 15
 
 
+@pytest.mark.slow
 def test_small_shards_are_merged(memory: Folder) -> None:
     names = [f"m{k:02d}" for k in range(shards.MAX_SMALL + 1)]
     for name in names:
@@ -338,9 +341,11 @@ def test_folders_that_are_not_stores_are_refused(tmp_path: Path) -> None:
     store_rows(output, [row_of("a")])
     (tmp_path / "grasp3d.json").unlink()
     assert set(Store.open(output, SETTINGS).rows) == {"a"}  # the summary was written by grasp3d
-    (tmp_path / "grasp3d.json").write_text('{"format": 2, "version": "9.9"}', encoding="ascii")
-    with pytest.raises(OutputError, match=r"a store of a newer version of grasp3d \(9.9\)"):
-        Store.open(output, SETTINGS)
+    for number, age in ((FORMAT - 1, "an older"), (FORMAT + 1, "a newer")):
+        marker = json.dumps({"format": number, "version": "9.9"})
+        (tmp_path / "grasp3d.json").write_text(marker, encoding="ascii")
+        with pytest.raises(OutputError, match=rf"a store of {age} version of grasp3d \(9.9\)"):
+            Store.open(output, SETTINGS)
     (tmp_path / "grasp3d.json").unlink()
     pl.DataFrame({"a": [1]}).write_parquet(tmp_path / "summary" / "part-00009.parquet")
     shutil.rmtree(tmp_path / "labels")
@@ -408,6 +413,7 @@ except OutputError as error: print("error:", error)
 """
 
 
+@pytest.mark.slow
 def test_a_file_that_grows_too_large_is_an_error_without_losing_rows(tmp_path: Path) -> None:
     run = subprocess.run([sys.executable, "-c", LIMITED, tmp_path], check=False, text=True,
                          capture_output=True, cwd=Path(__file__).parents[2])  # fmt: skip
@@ -455,6 +461,7 @@ def test_other_libraries_read_the_tables_in_one_line(tmp_path: Path) -> None:
                 tuple(center) == row.center_mass)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_many_finished_rows_are_read_quickly(tmp_path: Path) -> None:
     output = Folder(str(tmp_path))
     rows = [row_of(f"m{number}") for number in range(5000)]
@@ -462,7 +469,7 @@ def test_many_finished_rows_are_read_quickly(tmp_path: Path) -> None:
     for row in rows:
         (tmp_path / row.labels).write_bytes(b"ply")
     output.write("summary/part-00000.parquet", shards.pack_records(rows, Row, {}))
-    output.write("grasp3d.json", b'{"format": 1}')
+    output.write("grasp3d.json", json.dumps({"format": FORMAT}).encode())
     meshes = [mesh_of(row) for row in rows]
     begun = time.process_time()
     kept = Store.open(output, SETTINGS)
@@ -511,6 +518,7 @@ def test_results_are_removed_with_their_rows(tmp_path: Path) -> None:
     assert output.names("labels") == []
 
 
+@pytest.mark.slow
 def test_a_new_row_survives_two_deaths_while_small_shards_are_merged(
     memory: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -94,6 +94,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return folder
 
 
+@pytest.mark.slow
 def test_without_a_terminal_progress_is_plain_lines(undisturbed: Path) -> None:
     stderr = (undisturbed / "stderr").read_text(encoding="utf-8")
     assert re.fullmatch(r"10 labelled, 0 failed, 0 left, [\d.]+/s", stderr.splitlines()[-1])
@@ -129,6 +130,7 @@ def test_failures_do_not_end_the_batch(tmp_path: Path) -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_same_command_again_labels_nothing(undisturbed: Path) -> None:
     before = summary(undisturbed / "out")
     run = grasp3d("in", "-o", "out", *OPTIONS, cwd=undisturbed)
@@ -238,6 +240,7 @@ def test_the_documented_lines_read_the_results(
         assert len(found) > 0, line
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [

@@ -32,6 +32,7 @@ def library(folder: Path) -> Path:
     return library_folder
 
 
+@pytest.mark.slow
 def test_a_page_reports_the_diagnosis_and_the_cost_of_labelling(folder: Path) -> None:
     """In a process of its own."""
     run = real_grasp3d("check", "box.stl", "--unit", "m", cwd=folder)
@@ -62,6 +63,7 @@ def test_warnings_and_repairs_are_printed(folder: Path) -> None:
     assert run.stderr == ""
 
 
+@pytest.mark.slow
 def test_a_folder_has_a_line_for_each_mesh_after_an_error_too(folder: Path) -> None:
     library(folder)
     run = real_grasp3d("check", "library", "-o", "report.json", cwd=folder)
@@ -103,6 +105,7 @@ def test_a_table_has_a_row_for_each_mesh(folder: Path, suffix: str) -> None:
     assert broken["faces_after"] is None
 
 
+@pytest.mark.slow
 def test_meshes_of_one_file_name_have_different_names(folder: Path) -> None:
     for below in ("a", "b"):
         (folder / below).mkdir()

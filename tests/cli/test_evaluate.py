@@ -1,14 +1,9 @@
 """`grasp3d evaluate` and `grasp3d label --best`, mostly in this process."""
 
-import io
 import json
 import math
-import os
 import re
-import subprocess
-from contextlib import chdir, redirect_stderr, redirect_stdout
 from pathlib import Path
-from unittest import mock
 
 import numpy as np
 import pyarrow.csv as pc
@@ -17,10 +12,10 @@ import pytest
 from PIL import Image
 
 from grasp3d import rendering
-from grasp3d.cli import main
 from tests.cli.test_label import export
 from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
+from tests.helpers.commands import run_here as grasp3d
 from tests.test_rendering import needs_opengl
 
 BOX = (1.0, 0.7, 0.5)
@@ -33,18 +28,6 @@ THREE = [
 TWO_FINGERS = ("--rays", "16", "--max-edge", "0.2")
 
 
-def grasp3d(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run the command in this process; a new one for each would cost seconds."""
-    out, err, words = io.StringIO(), io.StringIO(), list(map(str, arguments))
-    environment = mock.patch.dict(os.environ, COLUMNS="160")
-    with environment, chdir(cwd), redirect_stdout(out), redirect_stderr(err):
-        try:
-            code = main(words)
-        except SystemExit as ended:  # errors of usage
-            code = int(ended.code or 0)
-    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
-
-
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     export(tmp_path / "my box.stl", shapes.box(BOX))
@@ -53,6 +36,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 def test_labels_and_numbers_of_given_grasps(folder: Path) -> None:
     """In a process of its own."""
     run = real_grasp3d(
@@ -198,6 +182,7 @@ def test_fewer_grasps_than_requested_are_reported(
     assert json.loads((folder / "my box_grasps.json").read_text())["grasps"] == []
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_the_best_grasps_are_drawn(folder: Path) -> None:
     run = grasp3d("label", "my box.stl", *TWO_FINGERS, "--best", "2", cwd=folder)

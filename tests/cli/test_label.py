@@ -13,6 +13,7 @@ import pytest
 import trimesh
 
 from tests.helpers import shapes
+from tests.helpers.commands import run_here
 
 COMMAND = Path(sys.executable).with_name("grasp3d")
 
@@ -34,6 +35,7 @@ def export(path: Path, shape: shapes.Surface) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_label_writes_the_ply_and_prints_the_fractions(tmp_path: Path) -> None:
     export(tmp_path / "in" / "my box.stl", shapes.box((0.06, 0.04, 0.1)))
     run = grasp3d("label", "in/my box.stl", "--unit", "m", "--friction", "1", cwd=tmp_path)
@@ -46,6 +48,7 @@ def test_label_writes_the_ply_and_prints_the_fractions(tmp_path: Path) -> None:
     assert sorted(p.name for p in tmp_path.iterdir()) == ["in", "my box_labeled.ply"]
 
 
+@pytest.mark.slow
 def test_angles_are_degrees_on_the_command_line(tmp_path: Path) -> None:
     source = export(tmp_path / "ball.ply", shapes.sphere(2))
     arguments = ("--sensor-resolution", "30", "--friction", "0.2", "--search-angle", "40")
@@ -78,11 +81,12 @@ OPTIONS: dict[str, tuple[list[str], str, dict[str, str]]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OPTIONS)
 def test_epsilon_is_written_and_printed_as_the_options_define(tmp_path: Path, name: str) -> None:
     source = export(tmp_path / "ball.ply", shapes.sphere(2))
     options, minimum, settings = OPTIONS[name]
-    run = grasp3d("label", source, "-o", "out.npz", "--max-edge", "9", *options, cwd=tmp_path)
+    run = run_here("label", source, "-o", "out.npz", "--max-edge", "9", *options, cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")
     numbers = r"(\d\.\d{3}), (\d\.\d{3}), (\d\.\d{3})"
     pattern = f"epsilon, 10/50/90 % of the area: {numbers}; {minimum}: {numbers}"
@@ -96,10 +100,11 @@ def test_epsilon_is_written_and_printed_as_the_options_define(tmp_path: Path, na
         assert float(printed[5]) < float(printed[2])
 
 
+@pytest.mark.slow
 def test_every_output_format_is_written(tmp_path: Path) -> None:
     source = export(tmp_path / "ball.ply", shapes.sphere(2))
     for suffix in ("ply", "glb", "npz", "vtp"):
-        run = grasp3d("label", source, "-o", f"out.{suffix}", "--edges", "8", "-q", cwd=tmp_path)
+        run = run_here("label", source, "-o", f"out.{suffix}", "--edges", "8", "-q", cwd=tmp_path)
         assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
         assert (tmp_path / f"out.{suffix}").stat().st_size > 1000
 
@@ -129,6 +134,7 @@ BAD: dict[str, tuple[list[str], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_prints_one_line_and_writes_nothing(tmp_path: Path, name: str) -> None:
     export(tmp_path / "ball.ply", shapes.sphere(2))
@@ -147,7 +153,7 @@ def test_bad_input_prints_one_line_and_writes_nothing(tmp_path: Path, name: str)
     (tmp_path / "inf.obj").write_text("v 0 0 0\nv 1 0 0\nv 0 inf 0\nf 1 2 3\n", encoding="ascii")
     before = sorted(p for p in tmp_path.rglob("*"))
     arguments, message = BAD[name]
-    run = grasp3d(*arguments, cwd=tmp_path)
+    run = run_here(*arguments, cwd=tmp_path)
     assert run.returncode == 2
     assert message in run.stderr
     assert run.stderr.count("\n") == 1
@@ -157,6 +163,13 @@ def test_bad_input_prints_one_line_and_writes_nothing(tmp_path: Path, name: str)
     assert sorted(p for p in tmp_path.rglob("*")) == before
 
 
+def test_bad_input_of_a_process_is_one_line_as_well(tmp_path: Path) -> None:
+    run = grasp3d("label", "nothing.stl", cwd=tmp_path)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert re.fullmatch(r"grasp3d: .*nothing.stl.*there is no such file.*\n", run.stderr)
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [

@@ -45,6 +45,7 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
     return rows
 
 
+@pytest.mark.slow
 def test_a_file_is_swept_into_a_table_and_a_figure(tmp_path: Path) -> None:
     source = export(tmp_path / "in" / "my blob.stl", shapes.lopsided())
     done = grasp3d("sweep", "in/my blob.stl", "--unit", "cm", "--rays", "16", cwd=tmp_path)
@@ -120,6 +121,7 @@ def test_a_note_about_creases_that_decide_the_required_resolution(tmp_path: Path
         assert ("area includes strips along creases, on box.stl" in done.stdout) == noted
 
 
+@pytest.mark.slow
 def test_a_folder_without_valid_meshes_has_a_table_of_errors(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
@@ -131,6 +133,7 @@ def test_a_folder_without_valid_meshes_has_a_table_of_errors(tmp_path: Path) -> 
     assert "holds no triangles" in row["error"]
 
 
+@pytest.mark.slow
 def test_shapes_have_fractions_in_closed_form(tmp_path: Path) -> None:
     done = grasp3d("sweep", "circle", "square", "sphere", "--fraction", "0.1", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
@@ -151,6 +154,7 @@ def test_shapes_have_fractions_in_closed_form(tmp_path: Path) -> None:
     assert (tmp_path / "sweep.svg").stat().st_size > 10_000
 
 
+@pytest.mark.slow
 def test_a_shape_and_a_folder_of_the_same_name(tmp_path: Path) -> None:
     export(tmp_path / "circle" / "ball.ply", shapes.sphere(2))
     done = grasp3d("sweep", "circle", "-o", "shape.csv", cwd=tmp_path)
@@ -162,6 +166,7 @@ def test_a_shape_and_a_folder_of_the_same_name(tmp_path: Path) -> None:
     assert {row["mode"] for row in rows_of(tmp_path / "ball_sweep.csv")} == {"label"}
 
 
+@pytest.mark.slow
 def test_for_mesh_and_shape_together_the_meaning_of_u_is_printed_for_each(tmp_path: Path) -> None:
     export(tmp_path / "ball.ply", shapes.sphere(2))
     done = grasp3d("sweep", "ball.ply", "sphere", *QUICK, cwd=tmp_path)
@@ -193,6 +198,7 @@ BAD: dict[str, tuple[list[str], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_prints_one_line_and_writes_nothing(tmp_path: Path, name: str) -> None:
     ball = export(tmp_path / "ball.ply", shapes.sphere(1))
@@ -245,6 +251,7 @@ def test_targets_have_different_names(tmp_path: Path) -> None:
         find_targets([str(tmp_path / "square")])
 
 
+@pytest.mark.slow
 def test_the_search_cone_covers_the_sweep(tmp_path: Path) -> None:
     ball = export(tmp_path / "ball.ply", shapes.sphere(2))
     narrow = SweepSettings((0.2,), (0.0, 0.1), Sampling(rays=16))
@@ -285,6 +292,7 @@ def test_a_mesh_whose_process_is_killed_does_not_affect_other_meshes(tmp_path: P
         assert swept.required_resolution(0.5) == pytest.approx(alone.sweep.required_resolution(0.5))
 
 
+@pytest.mark.slow
 def test_the_printed_fractions_are_those_of_the_shape(tmp_path: Path) -> None:
     done = grasp3d("sweep", "sphere", "--friction", "1", cwd=tmp_path)
     (line,) = re.findall(r"^sphere +1 +(.*)$", done.stdout.split("required")[0], re.MULTILINE)

@@ -40,6 +40,7 @@ def box(tmp_path: Path) -> Path:
     return tmp_path
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
     options = ("--width", "401", "--height", "301", "--friction", "0.9", "--paint", "label")
@@ -57,6 +58,7 @@ def test_a_picture_and_a_film_without_a_display(box: Path) -> None:
     assert sorted(p.name for p in box.iterdir()) == ["a.gif", "a.png", "box.stl"]
 
 
+@pytest.mark.slow
 def test_the_error_without_a_display_names_the_alternatives(box: Path) -> None:
     run = view("box.stl", cwd=box)
     assert run.returncode == 2
@@ -100,6 +102,7 @@ def test_a_mistake_is_one_line_and_exit_code_2(
     assert not list(box.glob("a.*"))
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_the_page_is_served_at_a_free_port_until_interrupted(box: Path) -> None:
     with socket.socket() as taken:
@@ -126,6 +129,7 @@ def test_the_page_is_served_at_a_free_port_until_interrupted(box: Path) -> None:
     assert re.fullmatch(r"(compiling .*\n)?grasp3d: interrupted\n", error)
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_the_first_run_prints_a_note_on_compiling(box: Path, tmp_path: Path) -> None:
     command = [str(COMMAND), "view", "box.stl", "--web", "--port", "0"]

@@ -122,6 +122,7 @@ def noise_messages(found: MeshDiagnosis) -> list[str]:
     return [message for message in messages if "the surface is rough" in message]
 
 
+@pytest.mark.slow
 def test_a_rough_surface_has_a_warning_with_a_sufficient_patch_radius(tmp_path: Path) -> None:
     path = written(tmp_path, noisy(shapes.sphere(4), 0.007))
     found = check_mesh(path)

@@ -112,6 +112,7 @@ def test_best_grasps_are_the_grasps_of_vertices(fingers: int) -> None:
         assert found.opening[row] == pytest.approx(labelled.opening[vertex])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fingers", [2, 3])
 def test_evaluated_again_best_grasps_are_the_same(fingers: int) -> None:
     found = best_grasps(labels(fingers), 20)

@@ -90,6 +90,7 @@ def test_the_fields_are_those_of_a_single_grasp_at_the_same_contacts() -> None:
         assert grasps.opening[row] >= grasps.separation[row] > 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fingers", [2, 3, 4])
 def test_neither_the_order_of_grasps_nor_that_of_contacts_matters(fingers: int) -> None:
     points = random_contacts(block(), 24, fingers, fingers)

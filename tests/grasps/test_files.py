@@ -15,7 +15,7 @@ from grasp3d import GraspModel, mesh_from_arrays
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.reading import read_contacts
-from grasp3d.grasps.surface_grasps import SurfaceGrasps, labelled_grasps
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.writing import SUFFIXES, write_grasps
 from tests.helpers import shapes
 
@@ -105,7 +105,7 @@ def test_json_is_valid_and_contains_the_settings(tmp_path: Path) -> None:
 def test_files_without_grasps(tmp_path: Path) -> None:
     none = grasps().contacts.take(np.empty(0, dtype=np.int64))
     empty = np.empty(0)
-    nothing = labelled_grasps(none, grasps().model, (empty, empty))
+    nothing = SurfaceGrasps(none, grasps().model, np.empty((0, 3)), empty, empty)
     for suffix in SUFFIXES:
         write_grasps(tmp_path / f"out{suffix}", nothing)
         with pytest.raises(ContactError, match="no grasps in it"):

@@ -9,7 +9,6 @@ from grasp3d.arrays import Floats
 from grasp3d.batch.report import object_script, thumbnail
 from grasp3d.batch.row import AreaFractions, BestGrasp, Row
 from grasp3d.settings import DEGREE, GraspModel
-from grasp3d.surface.labels import label_grasps
 
 FRICTIONS = (0.3, 0.5)
 RESOLUTIONS = tuple(10.0 * step * DEGREE for step in range(8))
@@ -30,10 +29,9 @@ class LocalFolder:
 def with_critical_angles(labels: SurfaceLabels, angles: Floats) -> SurfaceLabels:
     """The same surface with other critical angles, shape (V,), and the same epsilon."""
     grasps = replace(labels.grasps, critical_angle=angles, critical_angle_best=angles)
-    changed = label_grasps(
-        grasps, labels.model, sampling=labels.sampling, mode=labels.mode, search=labels.search
-    )
-    return replace(changed, deferred_epsilon=labels.deferred_epsilon)
+    changed = replace(labels, grasps=grasps)
+    object.__setattr__(changed, "deferred_epsilon", labels.deferred_epsilon)
+    return changed
 
 
 def best_of(labels: SurfaceLabels, count: int = 4) -> tuple[BestGrasp, ...]:

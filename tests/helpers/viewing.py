@@ -16,7 +16,6 @@ from grasp3d import (
     scan_surface,
 )
 from grasp3d.mesh.object_mesh import MeshReport
-from grasp3d.surface.labels import label_grasps
 from grasp3d.viewer.session.collection import Collection, collection_of
 from grasp3d.viewer.session.session import Session
 from tests.helpers import shapes
@@ -56,9 +55,7 @@ def scan(fingers: int = 2) -> SurfaceLabels:
 def with_report(labels: SurfaceLabels, report: MeshReport) -> SurfaceLabels:
     """The same labels with another report of their mesh."""
     grasps = replace(labels.grasps, mesh=replace(labels.mesh, report=report))
-    return label_grasps(
-        grasps, labels.model, sampling=labels.sampling, mode=labels.mode, search=labels.search
-    )
+    return replace(labels, grasps=grasps)
 
 
 def ready_session(collection: Collection | SurfaceLabels) -> Session:

@@ -161,6 +161,7 @@ FAILURES: dict[str, Case] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("case", FAILURES)
 def test_each_failure_has_its_kind_and_message_and_the_next_call_succeeds(case: str) -> None:
@@ -195,6 +196,7 @@ def test_large_results_and_arguments_are_complete() -> None:
     assert call(bytes.__add__, data, b"end") == data + b"end"
 
 
+@pytest.mark.slow
 def test_a_call_does_not_fail_because_of_memory_of_earlier_calls(tmp_path: Path) -> None:
     first = call(process, memory=1.0)
     call(leak, 0.5, memory=2.0)
@@ -252,6 +254,7 @@ def test_the_child_has_the_working_folder_and_module_path_of_its_parent(
     assert call(environment, "NUMBA_NUM_THREADS", "OMP_NUM_THREADS") == ["1", "1"]
 
 
+@pytest.mark.slow
 @posix
 def test_calls_of_several_threads_have_a_child_each() -> None:
     found: list[int] = []
@@ -297,6 +300,7 @@ time.sleep(60.0)
 """
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("signum", [signal.SIGKILL, signal.SIGINT])
 def test_children_end_with_their_parent_during_a_call(tmp_path: Path, signum: int) -> None:
@@ -321,6 +325,7 @@ def test_ctrl_c_reaches_the_parent_only() -> None:
     assert call(os.getsid, 0) != os.getsid(0)
 
 
+@pytest.mark.slow
 def test_idle_children_end_after_their_idle_time(monkeypatch: pytest.MonkeyPatch) -> None:
     pool = ProcessPool("grasp3d.isolation.child", {}, idle_time=0.2)
     monkeypatch.setattr(calls, "_pool", pool)

@@ -127,6 +127,7 @@ def machine_code(folder: Path) -> dict[Path, int]:
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*.nb[ic]")}
 
 
+@pytest.mark.slow
 def test_a_change_in_one_file_recompiles_its_callers_in_others(package: Package) -> None:
     assert package.run()["value"] == 111
     package.write(step=2)
@@ -134,6 +135,7 @@ def test_a_change_in_one_file_recompiles_its_callers_in_others(package: Package)
     assert (changed["value"], changed["hits"]) == (222, 0)
 
 
+@pytest.mark.slow
 def test_machine_code_is_cached_while_no_file_changes(package: Package) -> None:
     first = package.run()
     stored = machine_code(package.folder)
@@ -144,6 +146,7 @@ def test_machine_code_is_cached_while_no_file_changes(package: Package) -> None:
     assert machine_code(package.folder) == stored
 
 
+@pytest.mark.slow
 def test_the_users_cache_is_used_where_the_package_cannot_be_written(package: Package) -> None:
     package.block()
     assert package.run()["hits"] == 0
@@ -152,6 +155,7 @@ def test_the_users_cache_is_used_where_the_package_cannot_be_written(package: Pa
     assert machine_code(package.home / "cache" / "grasp3d")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "NUMBA_CACHE_DIR"])
 def test_kernels_run_where_no_machine_code_can_be_cached(package: Package, variable: str) -> None:
     package.block()
@@ -160,6 +164,7 @@ def test_kernels_run_where_no_machine_code_can_be_cached(package: Package, varia
     assert not machine_code(package.home)
 
 
+@pytest.mark.slow
 def test_the_folder_set_for_numba_is_preferred(package: Package) -> None:
     chosen = package.home / "chosen"
     report = package.run(NUMBA_CACHE_DIR=str(chosen))
@@ -168,21 +173,25 @@ def test_the_folder_set_for_numba_is_preferred(package: Package) -> None:
     assert machine_code(chosen) == machine_code(package.home)
 
 
+@pytest.mark.slow
 def test_other_packages_keep_their_own_folder(package: Package) -> None:
     assert package.run()["setting"] == ""
     chosen = str(package.home / "chosen")
     assert package.run(NUMBA_CACHE_DIR=chosen)["setting"] == chosen
 
 
+@pytest.mark.slow
 def test_epsilon_is_the_same_without_compilation() -> None:
     env = {**os.environ, "NUMBA_DISABLE_JIT": "1"}
     subprocess.run([sys.executable, "-W", "error", "-c", PURE], check=True, env=env)
 
 
+@pytest.mark.slow
 def test_a_user_without_a_home_folder(package: Package) -> None:
     assert package.run(XDG_CACHE_HOME="", HOME="~")["value"] == 111  # "~": no home folder
 
 
+@pytest.mark.slow
 def test_old_machine_code_is_removed(package: Package) -> None:
     package.run()
     (old,) = package.folder.rglob("grasp3d-kernels-*")

@@ -59,6 +59,7 @@ def test_the_package_computes_the_same_angle(name: str, points: Floats, normals:
     assert np.minimum(expected, LIMIT) == pytest.approx(np.minimum(found, LIMIT), abs=3e-6), name
 
 
+@pytest.mark.slow
 def test_linear_programs_over_polygonal_cones_agree() -> None:
     points, normals = (np.concatenate([f[k] for f in families()[:2]]) for k in (1, 2))
     found = coplanar.critical_angles(points, normals)
@@ -116,6 +117,7 @@ def corners_of_sets(points: Floats, rng: np.random.Generator) -> list[Floats]:
     return found
 
 
+@pytest.mark.slow
 def test_the_worst_of_all_combinations_on_creases() -> None:
     """Single combinations, varied contact by contact, reach the worst angle but never exceed it."""
     rng = np.random.default_rng(5)
@@ -142,6 +144,7 @@ def test_the_worst_of_all_combinations_on_creases() -> None:
     assert np.mean(np.array(shortfalls) < 2e-3) > 0.8
 
 
+@pytest.mark.slow
 def test_all_combinations_on_two_creases() -> None:
     rng = np.random.default_rng(8)
     compared = 0

@@ -96,6 +96,7 @@ def check_neighbours(grown: Grown) -> None:
     assert linked >= grown.dim or grown.dim == 1
 
 
+@pytest.mark.slow
 @given(dimensions, seeds)
 @few
 def test_a_grown_polytope_is_closed_and_convex(dimension: int, seed: int) -> None:

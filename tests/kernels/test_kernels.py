@@ -32,6 +32,7 @@ def polygon(normals: np.ndarray) -> tuple[np.ndarray, int, np.ndarray, float]:
     return rows, int(counts[0]), centres[0], float(radii[0])
 
 
+@pytest.mark.slow
 @given(seeds, st.integers(1, 7), st.floats(0.05, 1.2))
 @settings(max_examples=40, deadline=None)
 def test_smallest_and_largest_angle_to_a_set_of_normals(
@@ -87,6 +88,7 @@ def critical_angle(p1: np.ndarray, n1: np.ndarray, p2: np.ndarray, n2: np.ndarra
     return float(worst[0])
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=100, deadline=None)
 def test_two_fingers_against_the_definition(seed: int) -> None:
@@ -134,6 +136,7 @@ def no_grasps() -> BestPairs:
     )
 
 
+@pytest.mark.slow
 def test_initial_directions_fill_their_cone_and_begin_with_the_normal() -> None:
     normal = np.array([[0.0, 0.0, 1.0]])
     sets = ContactNormals(np.array([0, 1]), np.array([1]), normal)

@@ -28,6 +28,7 @@ def walked(mesh: ObjectMesh, face: int, angle: float, length: float) -> tuple[np
     return weights @ mesh.vertices[mesh.faces[end]], end
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("length", [0.01, 0.3, 1.0, 2.5])
 def test_on_a_ball_a_walk_follows_a_great_circle(length: float) -> None:
     mesh = sphere_mesh(subdivisions=4)

@@ -99,6 +99,7 @@ FLAT = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FLAT)
 def test_sharp_solids_have_no_noise_coarse_or_refined(name: str) -> None:
     assert normal_noise(*FLAT[name]) < HALF_DEGREE
@@ -150,6 +151,7 @@ def test_noise_is_independent_of_size_rotation_and_order(seed: int, exponent: in
     assert again == pytest.approx(normal_noise(points, faces), rel=1e-6)
 
 
+@pytest.mark.slow
 def test_shipped_meshes_are_clean() -> None:
     for path in sorted(shapes.LIBRARY.glob("*.*")):
         if path.suffix not in {".md", ".png"}:

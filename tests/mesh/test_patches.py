@@ -139,6 +139,7 @@ TRUTHS = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", TRUTHS)
 def test_patches_agree_with_a_slow_computation(name: str) -> None:
     surface, radius = TRUTHS[name]()
@@ -201,6 +202,7 @@ def test_a_tiny_patch_weights_faces_by_their_angle(seed: int) -> None:
     assert turns(normals(surface, 1e-3)[expected.vertices], expected.normals).max() < 1e-7
 
 
+@pytest.mark.slow
 @given(seeds, st.floats(0.03, 0.6), st.floats(1e-6, 0.02))
 @settings(max_examples=20, deadline=None)
 def test_the_normal_is_continuous_in_the_radius(seed: int, radius: float, growth: float) -> None:
@@ -210,6 +212,7 @@ def test_the_normal_is_continuous_in_the_radius(seed: int, radius: float, growth
     assert gap.max() < 4.0 * growth
 
 
+@pytest.mark.slow
 @given(seeds, st.floats(0.1, 0.5), st.floats(-3.0, 3.0))
 @settings(max_examples=5, deadline=None)
 def test_patches_are_independent_of_pose_size_and_order(
@@ -223,6 +226,7 @@ def test_patches_are_independent_of_pose_size_and_order(
     assert turns(normals(moved, scale * radius), expected[order]).max() < 1e-6
 
 
+@pytest.mark.slow
 def test_a_finer_mesh_of_the_same_surface_has_the_same_patches() -> None:
     surface = noisy(shapes.sphere(2), 0.02)
     own = slice(0, len(surface[0]))
@@ -434,6 +438,7 @@ def mean_edge(mesh: ObjectMesh) -> float:
     return float(np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).mean())
 
 
+@pytest.mark.slow
 def test_noise_of_a_scan_changes_labels_and_a_patch_restores_them() -> None:
     ball = shapes.sphere(4)
     scan = noisy(ball, 0.012)
@@ -447,6 +452,7 @@ def test_noise_of_a_scan_changes_labels_and_a_patch_restores_them() -> None:
         assert np.degrees(smoothed.angle_quantiles(level)) < after
 
 
+@pytest.mark.slow
 def test_a_patch_restores_labels_of_every_kind() -> None:
     """An ellipsoid that is longer than the gripper's largest opening."""
     vertices, faces = shapes.sphere(4)

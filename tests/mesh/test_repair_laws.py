@@ -180,6 +180,7 @@ def test_one_kind_of_damage_is_repaired(name: str, kind: str) -> None:
     assert_repaired(name, damaged, IDENTITY)
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from(["blob", "ring"]),
     st.sets(st.sampled_from(sorted(DAMAGE))),
@@ -197,6 +198,7 @@ def test_combined_damage_is_repaired_in_any_pose(
     assert_repaired(name, damage(name, kinds, seed), (shapes.rotation(seed), scale, shift))
 
 
+@pytest.mark.slow
 def test_a_mug_is_repaired() -> None:
     damaged = damage("mug", {"with_a_hole", "partly_turned", "jittered_soup", "shuffled"}, 2)
     assert_repaired("mug", damaged, (shapes.rotation(3), 1e-3, np.array([1.0, 2.0, 3.0])))

@@ -133,6 +133,7 @@ def folded_sheet() -> Surface:
     return normalised((points.reshape(-1, 3), faces.reshape(-1, 3)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [two_spheres(), crossing_tube(), folded_sheet()])
 def test_crossings_of_known_shapes_are_found_nearly_all(shape: Surface) -> None:
     found = crossings(*shape)
@@ -178,6 +179,7 @@ def test_clean_surfaces_cross_nowhere_refined_or_rounded(name: str) -> None:
         assert crossings(*shape).count == 0
 
 
+@pytest.mark.slow
 def test_shipped_meshes_cross_nowhere() -> None:
     for path in sorted(shapes.LIBRARY.glob("*.*")):
         if path.suffix not in {".md", ".png"}:
@@ -231,6 +233,7 @@ def test_an_edge_through_many_leaves_crosses_each_of_them() -> None:
     assert {(leaf, 50) for leaf in range(50)} <= {(int(a), int(b)) for a, b in found.pairs}
 
 
+@pytest.mark.slow
 def test_the_shells_of_a_real_mesh_cross_where_they_meet() -> None:
     raw = read_mesh(shapes.shared("meshes", "classic_teapot.obj"))
     surface = repair_surface(raw.vertices, raw.faces, "safe", "teapot")

@@ -89,6 +89,7 @@ def test_the_settings_of_the_paper_are_the_defaults() -> None:
     assert np.degrees(PAPER.sensor_resolutions) == pytest.approx([30.0, 15.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", FIGURES)
 @pytest.mark.parametrize("friction", [1.0, 0.2])
 def test_no_text_of_a_figure_is_hidden(name: str, friction: float) -> None:
@@ -249,6 +250,7 @@ def test_further_sections_are_at_the_end_of_the_page() -> None:
     assert page.endswith("## One\n\n| a table |\n\n## Another\n\n| b |\n")
 
 
+@pytest.mark.slow
 def test_labels_from_hulls_on_solids_differ_only_as_allowed() -> None:
     rows = [line.strip("| ").split(" | ") for line in surface_table(PAPER).splitlines()]
     rows = [row for row in rows if row[0] in {"sphere", "box", "cylinder"}]
@@ -265,6 +267,7 @@ def test_fractions_are_written_in_percent_with_one_decimal() -> None:
     ]  # fmt: skip
 
 
+@pytest.mark.slow
 def test_the_fixed_finger_is_at_a_best_contact_point() -> None:
     vertices, faces = shapes.lopsided()
     mesh = mesh_from_arrays(vertices[:, ::-1], faces[:, ::-1])

@@ -285,6 +285,7 @@ def test_at_alpha_of_twice_beta_nothing_is_surely_stable() -> None:
         assert not found.epsilon_effective.any()
 
 
+@pytest.mark.slow
 @given(st.floats(0.02, 1.5), st.floats(0.0, 3.1))
 @few
 def test_polygons_of_many_sides_approach_the_circle(friction: float, resolution: float) -> None:

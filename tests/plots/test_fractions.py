@@ -86,6 +86,7 @@ def test_the_ceiling_has_a_line_for_each_friction_and_each_sweep() -> None:
     assert one.get_lines()[1].get_ydata() == pytest.approx(100.0 * spheres().accuracy_ceiling[1])
 
 
+@pytest.mark.slow
 def test_nothing_is_cut_off_and_no_panels_overlap() -> None:
     meshes = [surface(f"mesh_{seed}.ply", seed) for seed in range(3)]
     mean = mean_sweep(meshes, name="a rather long name of a folder (mean of 3)")
@@ -126,6 +127,7 @@ def test_one_resolution_is_drawn_as_a_bar(tmp_path: Path) -> None:
     assert (left, right) == pytest.approx((22.1, 23.1))
 
 
+@pytest.mark.slow
 def test_files_are_complete_and_the_same_each_time(tmp_path: Path) -> None:
     for name in ("a", "b"):
         for suffix in ("svg", "png", "pdf"):

@@ -36,6 +36,7 @@ def grasps() -> SurfaceGrasps:
     return best_grasps(labels(), MOST_PICTURES + 1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [1, 2, 4, 7, MOST_PICTURES])
 def test_text_fits_and_vertex_graspsare_numbered(count: int) -> None:
     figure = grasp_figure(labels(), grasps(), [BLANK] * count)
@@ -58,7 +59,7 @@ def test_a_long_name_and_large_numbers_fit() -> None:
     vertex_grasps = replace(labels().grasps, mesh=replace(mesh, report=report))
     named = replace(labels(), grasps=vertex_grasps)
     largest = locked(np.full(grasps().size, math.pi / 2.0))
-    bad = replace(grasps(), angles=(largest, largest))
+    bad = replace(grasps(), critical_angle=largest, critical_angle_best=largest)
     for count in (1, 9):
         figure = grasp_figure(named, bad, [BLANK] * count)
         check_texts(figure)
@@ -90,6 +91,7 @@ def test_fingers_inside_a_tube_are_seen_through_its_end() -> None:
     assert view.elevation > math.radians(30.0)
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_every_grasp_is_drawn_with_its_fingers() -> None:
     progress: list[float] = []

@@ -94,6 +94,7 @@ def test_cones_that_cannot_be_drawn_are_refused(friction: float, degrees: float)
             make(model)
 
 
+@pytest.mark.slow
 @settings(max_examples=8)
 @given(drawable())
 def test_every_combination_shows_whether_the_line_is_in_both_cones(model: GraspModel) -> None:

@@ -85,6 +85,7 @@ def test_no_direction_has_a_larger_angle(count: int, seed: int) -> None:
     assert critical_friction_angle(contacts) >= angles.max() - RIGHT_ANGLE
 
 
+@pytest.mark.slow
 @given(seeds)
 @settings(max_examples=200, deadline=None)
 def test_two_contacts_have_their_closed_form(seed: int) -> None:
@@ -113,6 +114,7 @@ def test_contacts_at_one_point_push_along_their_best_line(seed: int) -> None:
     assert angle == pytest.approx(expected, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(seeds, st.floats(0.05, 1.0))
 @few
 def test_tilts_within_the_margin_keep_force_closure(seed: int, fraction: float) -> None:
@@ -223,6 +225,7 @@ def test_a_known_negative_angle() -> None:
     assert math.degrees(angle) == pytest.approx(-12.23, abs=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "count"), [(0, 16), (1, 14), (2, 16), (3, 20), (5, 12), (8, 30)])
 def test_negative_angles_against_brute_force(seed: int, count: int) -> None:
     contacts = grasps.frictionless_grasp(seed, count)
@@ -271,6 +274,7 @@ def test_contacts_at_one_point_are_force_closed_without_friction() -> None:
     assert angle == pytest.approx(math.acos(1.0 / 3.0) - RIGHT_ANGLE, abs=TOLERANCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [1e-2, 1e-3])
 def test_negative_angles_are_within_the_tolerance_from_above(tolerance: float) -> None:
     contacts = grasps.frictionless_grasp(1)
@@ -300,6 +304,7 @@ def test_a_batch_equals_its_grasps_one_by_one(count: int) -> None:
         angles[...] = 0.0
 
 
+@pytest.mark.slow
 def test_a_batch_may_mix_grasps_with_and_without_frictionless_closure() -> None:
     closed, other = grasps.frictionless_grasp(0), grasps.frictionless_grasp(1)
     parallel = grasps.changed(closed, normals=[[0.0, 0.0, 1.0]] * 16)

@@ -171,6 +171,7 @@ def test_bounds_are_within_the_tolerance(count: int, seed: int, kind: Any, rtol:
     assert result.upper - result.lower <= rtol * result.upper + ROUNDING
 
 
+@pytest.mark.slow
 @given(fingers, seeds, kinds)
 @few
 def test_no_direction_has_a_support_below_the_lower_bound(count: int, seed: int, kind: Any) -> None:
@@ -493,6 +494,7 @@ COUNTS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("shape", "count"), COUNTS, ids=str)
 def test_against_qhull_on_random_grasps(shape: Shape, count: int) -> None:
     contacts = random_contacts(shape, count, seed=7)
@@ -523,6 +525,7 @@ def test_against_qhull_on_regular_grasps(name: str, noise: float) -> None:
     assert failures < 12
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "edges", "soft"), [(2, 4, True), (2, 8, True), (3, 4, False)])
 def test_against_qhull_on_minkowski_sums(count: int, edges: int, soft: bool) -> None:
     contacts = random_contacts(Shape(count, edges, soft=soft), 40, seed=3)
@@ -853,6 +856,7 @@ def test_unit_normal_components_are_refused_at_extreme_friction() -> None:
         epsilon(grasps.regular_on_ball("pair", friction=1e9), bounded="normal")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_degenerate_grasps_have_valid_results(name: str) -> None:
     contacts = DEGENERATE[name]
@@ -867,6 +871,7 @@ def test_degenerate_grasps_have_valid_results(name: str) -> None:
             assert result.lower <= bound * (1.0 + ROUNDING) + 1e-11, case
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", DEGENERATE)
 def test_certificates_of_degenerate_grasps_are_valid(name: str) -> None:
     contacts = DEGENERATE[name]
@@ -891,6 +896,7 @@ def test_just_off_a_line_the_lower_bound_is_certified(gap: float) -> None:
                 assert result.lower <= (rows @ about_the_line).max() + 1e-11, (edges, bounded)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("noise", [0.0, 1e-14, 1e-12, 1e-10, 1e-8, 1e-6, 1e-4])
 @pytest.mark.parametrize("name", grasps.REGULAR_SHAPES)
 def test_regular_grasps_with_noise_have_valid_results_near_the_regular_one(

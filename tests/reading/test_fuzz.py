@@ -162,6 +162,7 @@ KINDS: dict[str, Mutation] = {
 }  # fmt: skip
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", KINDS)
 def test_a_damaged_file_is_a_mesh_or_is_rejected(
     name: str, tmp_path: Path, capfd: pytest.CaptureFixture[str]

@@ -70,6 +70,7 @@ def test_one_process_reads_many_files(tmp_path: Path) -> None:
     assert [process.pid for process in readers()] == [first.pid]
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.skipif(not Path("/proc/self/statm").exists(), reason="limits of Linux")
 def test_a_file_that_needs_more_memory_than_allowed_is_rejected(tmp_path: Path) -> None:
@@ -84,6 +85,7 @@ def test_a_file_that_needs_more_memory_than_allowed_is_rejected(tmp_path: Path) 
     assert is_read(good(tmp_path))
 
 
+@pytest.mark.slow
 def test_a_file_that_takes_too_long_is_rejected(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -114,6 +116,7 @@ def reading(path: Path, errors: list[str]) -> Iterator[None]:
     thread.join()
 
 
+@pytest.mark.slow
 @posix
 def test_a_process_that_is_killed_is_replaced(tmp_path: Path) -> None:
     assert is_read(good(tmp_path))
@@ -129,6 +132,7 @@ def test_a_process_that_is_killed_is_replaced(tmp_path: Path) -> None:
     assert is_read(good(tmp_path))
 
 
+@pytest.mark.slow
 @posix
 def test_after_an_interrupt_the_next_file_gets_its_own_answer(tmp_path: Path) -> None:
     def interrupt(*_: object) -> None:
@@ -198,6 +202,7 @@ print(len(read_mesh(Path(sys.argv[1])).faces))
 """
 
 
+@pytest.mark.slow
 def test_no_process_and_no_warning_remains(tmp_path: Path) -> None:
     script = READ + "import psutil; print(psutil.Process().children()[0].pid)"
     done = run(script, good(tmp_path), flags=("-P", "-W", "error", "-X", "dev"))
@@ -226,6 +231,7 @@ os.kill(os.getpid(), signal.SIGKILL)
 """
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("case", ["idle", "busy", "forked"])
 def test_the_process_ends_when_its_parent_is_killed(tmp_path: Path, case: str) -> None:
@@ -264,6 +270,7 @@ for _ in range(2):  # first while the reader is busy, then while it is idle
 """
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not hasattr(os, "fork"), reason="needs fork")
 def test_a_forked_process_reads_while_its_parent_reads(tmp_path: Path) -> None:
     flags = ("-P", "-X", "dev", "-W", "error::ResourceWarning")
@@ -276,6 +283,7 @@ def test_a_forked_process_reads_while_its_parent_reads(tmp_path: Path) -> None:
 MARKER = "open(__file__ + '.imported', 'w')\n"
 
 
+@pytest.mark.slow
 def test_modules_of_the_working_folder_are_not_imported(tmp_path: Path) -> None:
     for name in ("json", "trimesh", "numpy", "struct", "signal", "typing"):
         written(tmp_path, f"{name}.py", MARKER)
@@ -294,6 +302,7 @@ def test_modules_of_the_working_folder_are_not_imported(tmp_path: Path) -> None:
     assert not list(tmp_path.rglob("*.imported"))
 
 
+@pytest.mark.slow
 @posix
 def test_files_are_read_after_the_working_folder_was_deleted(tmp_path: Path) -> None:
     (tmp_path / "gone").mkdir()
@@ -464,6 +473,7 @@ for name in sys.argv[1:]:
 """
 
 
+@pytest.mark.slow
 @posix
 def test_only_the_files_of_the_mesh_are_opened(tmp_path: Path) -> None:
     folder = make_folder(tmp_path)

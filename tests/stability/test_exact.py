@@ -190,6 +190,7 @@ def test_an_interval_of_friction_on_creases() -> None:
 # Seven contacts and more
 
 
+@pytest.mark.slow
 def test_form_closure_withstands_tilts_that_exceed_friction() -> None:
     """S although the sensor resolution exceeds twice the friction angle."""
     friction, seen = 0.02, set()
@@ -416,6 +417,7 @@ def test_two_fingers_on_creases_follow_the_angles_of_their_sets(corners: int) ->
     assert set(label) == {0, 1, 2}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("fingers", "corners"), [(2, 2), (2, 4), (3, 2)])
 def test_no_normal_of_the_sets_contradicts_an_s_or_a_u(fingers: int, corners: int) -> None:
     size = 60 if fingers == 2 else 40

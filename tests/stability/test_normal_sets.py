@@ -56,6 +56,7 @@ def test_every_normal_of_a_set_is_a_combination_of_samples(
         assert result.fun <= 1.0 / math.cos(STEP / 2.0) + 1e-9
 
 
+@pytest.mark.slow
 @given(st.integers(2, 6), st.floats(0.02, 1.3), seeds)
 @few
 def test_samples_lie_in_the_set_and_include_its_corners(

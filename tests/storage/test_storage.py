@@ -78,6 +78,7 @@ def test_files_are_written_listed_read_and_removed(folder: Folder) -> None:
     assert pickle.loads(pickle.dumps(folder)) == folder  # noqa: S301
 
 
+@pytest.mark.slow
 def test_a_batch_store_works_on_every_file_system(folder: Folder) -> None:
     rows = [row_of("a"), row_of("b")]
     store_rows(folder, rows)

@@ -30,6 +30,7 @@ def exhaustive(mesh: ObjectMesh, vertex: int, cone: float) -> float:
     return float(worst.min())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.torus(), shapes.cone(0.3)])
 def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surface) -> None:
     mesh = mesh_from_arrays(*shape)
@@ -47,6 +48,7 @@ def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surfa
     assert np.median(shortfalls) <= 1e-4
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("grip", ["squeeze", "expand", "both"])
 def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
     """The opposing contact lies on the surface and the critical angle equals the definition's."""
@@ -79,6 +81,7 @@ def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
     assert np.mean(np.array(gaps) < 1e-9) > 0.98
 
 
+@pytest.mark.slow
 def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
     mesh = mesh_from_arrays(*shapes.lopsided())
     one = best_pairs(mesh, Sampling(), 0.7, threads=1)
@@ -88,6 +91,7 @@ def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
     assert one.rays == three.rays
 
 
+@pytest.mark.slow
 def test_more_rays_find_no_worse_grasps() -> None:
     mesh = mesh_from_arrays(*shapes.torus())
     few = best_pairs(mesh, Sampling(rays=16), 0.7).worst
@@ -96,6 +100,7 @@ def test_more_rays_find_no_worse_grasps() -> None:
     assert np.mean(many > few + 2e-3) < 0.01
 
 
+@pytest.mark.slow
 def test_refining_several_grasps_finds_better_ones_than_refining_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
@@ -127,6 +132,7 @@ def test_every_vertex_of_a_regular_ball_has_a_tangent() -> None:
     assert np.linalg.norm(tangents(mesh), axis=1) == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 def test_progress_increases_to_one() -> None:
     fractions: list[float] = []
     best_pairs(mesh_from_arrays(*shapes.lopsided()), Sampling(), 0.7, progress=fractions.append)

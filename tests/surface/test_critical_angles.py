@@ -102,6 +102,7 @@ def test_smooth_contacts_have_one_critical_angle(count: int) -> None:
     assert worst == pytest.approx(expected, abs=TOLERANCE)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("count", "creased"), [(3, 1), (3, 2), (4, 1), (5, 1)])
 def test_angles_are_tight_bounds_for_every_choice_of_normals(count: int, creased: int) -> None:
     contacts = random_grasps(count, 6, 10 * count + creased, creased)
@@ -174,6 +175,7 @@ def test_labels_are_those_of_classify_or_ambiguous() -> None:
     assert agreed / total > 0.95
 
 
+@pytest.mark.slow
 def test_coarser_steps_are_safe(monkeypatch: pytest.MonkeyPatch) -> None:
     contacts = random_grasps(4, 12, 5, creased=2)
     worst, best = critical_angles(contacts)
@@ -246,6 +248,7 @@ def test_negative_angles_of_smooth_contacts() -> None:
     assert (best <= worst).all()
 
 
+@pytest.mark.slow
 def test_threads_do_not_change_results_and_progress_ends_at_1() -> None:
     contacts = random_grasps(4, 20, 6, creased=1)
     fractions: list[float] = []

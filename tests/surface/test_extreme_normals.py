@@ -63,7 +63,7 @@ def labelled(name: str, edges: int | None = None, count: int = 8) -> SurfaceLabe
 
 def with_exact_labels(labels: SurfaceLabels) -> SurfaceLabels:
     """The same grasps with exact labels."""
-    return labels.with_model(replace(labels.model, method="exact"))
+    return replace(labels, model=replace(labels.model, method="exact"))
 
 
 def label_counts(labels: SurfaceLabels) -> np.ndarray:
@@ -145,6 +145,7 @@ def test_scans_differ_from_exact_ones_little_and_only_as_allowed(
     assert len(set(labels.label)) > 1
 
 
+@pytest.mark.slow
 def test_more_normals_on_the_rims_approach_the_exact_labels() -> None:
     exact = with_exact_labels(labelled("blob")).label
     wrong = [int((labelled("blob", None, k).label != exact).sum()) for k in (3, 6, 12, 24)]
@@ -155,6 +156,7 @@ def test_more_normals_on_the_rims_approach_the_exact_labels() -> None:
 # Compared with all combinations, one by one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edges", [None, 6])
 def test_labels_are_those_of_all_combinations_of_extreme_normals(edges: int | None) -> None:
     labels = label_surface(
@@ -171,6 +173,7 @@ def test_labels_are_those_of_all_combinations_of_extreme_normals(edges: int | No
     assert seen == {S, M}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edges", [None, 6])
 @pytest.mark.parametrize("torsion", [0.0, 0.1])
 def test_epsilons_are_those_of_the_enumeration(edges: int | None, torsion: float) -> None:
@@ -197,6 +200,7 @@ def test_epsilons_are_those_of_the_enumeration(edges: int | None, torsion: float
         assert labels.epsilon[vertex] == pytest.approx(found.epsilon, rel=0.011)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "edges"), [("blob", 8), ("coarse box", None), ("box", 6)])
 def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(
     name: str, edges: int | None
@@ -276,6 +280,7 @@ def test_the_better_label_of_two_grasps_is_used() -> None:
         assert number == 1 or distances.max() <= 1e-6
 
 
+@pytest.mark.slow
 def test_duplicates_have_the_label_of_their_position() -> None:
     vertices, faces = shapes.box((1.0, 1.5, 2.0))
     soup = mesh_from_arrays(vertices[faces].reshape(-1, 3), np.arange(faces.size).reshape(-1, 3))
@@ -291,6 +296,7 @@ def test_duplicates_have_the_label_of_their_position() -> None:
 # Other models, threads, progress
 
 
+@pytest.mark.slow
 def test_relabelling_enumerates_when_the_label_is_read() -> None:
     labels = labelled("blob", 8)
     finer = labels.relabel(friction=0.45, sensor_resolution=degrees(10.0))
@@ -308,6 +314,7 @@ def test_relabelling_enumerates_when_the_label_is_read() -> None:
         _ = tiny.label
 
 
+@pytest.mark.slow
 def test_threads_do_not_change_results() -> None:
     model = GraspModel(method="extremes", edges=6, extreme_normals=4)
     one, two = (label_surface(surface("box"), model, threads=n) for n in (1, 2))
@@ -374,6 +381,7 @@ def test_a_ball_with_extreme_settings(friction: float, resolution: float, code: 
 # The command line
 
 
+@pytest.mark.slow
 def test_the_command_labels_by_enumeration(tmp_path: Path) -> None:
     vertices, faces = shapes.box((0.06, 0.04, 0.1))
     trimesh.Trimesh(vertices, faces, process=False).export(tmp_path / "box.stl")

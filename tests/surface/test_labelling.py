@@ -58,6 +58,7 @@ def test_a_box_is_s_on_its_faces_and_not_on_edges_and_corners(friction: float) -
     assert labels.critical_angle[~on_face].min() >= math.pi / 4.0 - 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("half_angle", [5.0, 14.0, 25.0])
 def test_the_critical_angle_of_a_long_cone_is_its_half_angle(half_angle: float) -> None:
     gamma = degrees(half_angle)
@@ -93,6 +94,7 @@ def tube_openings(**limits: float) -> np.ndarray:
     return opening
 
 
+@pytest.mark.slow
 def test_a_hollow_cylinder_is_grasped_across_its_wall_or_its_diameter() -> None:
     assert tube_openings(max_opening=0.95) == pytest.approx(0.1, abs=2e-3)
     assert tube_openings(min_opening=0.95) == pytest.approx(1.0, abs=2e-3)
@@ -100,6 +102,7 @@ def test_a_hollow_cylinder_is_grasped_across_its_wall_or_its_diameter() -> None:
     assert (np.isclose(either, 0.1, atol=2e-3) | np.isclose(either, 1.0, atol=2e-3)).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [0.04, 0.1, 0.3])
 @pytest.mark.parametrize("offset", [0.0, 0.123, 40.0])
 def test_an_opening_equal_to_the_width_fits_at_any_pose(width: float, offset: float) -> None:
@@ -179,6 +182,7 @@ def planar_settings() -> list[tuple[float, float]]:
     return [(case["mu"], degrees(case["alpha_deg"])) for case in cases]
 
 
+@pytest.mark.slow
 def test_scanning_a_ball_gives_the_closed_form_fractions() -> None:
     """40,962 vertices, one finger at a pole: S and M are caps around the antipode."""
     mesh = mesh_from_arrays(*shapes.sphere(6))
@@ -230,6 +234,7 @@ def test_fixed_must_be_finite_points(fixed: object) -> None:
         scan_surface(mesh, fixed=fixed)  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_relabelling_equals_a_new_labelling() -> None:
     mesh = mesh_from_arrays(*shapes.lopsided())
     wide = label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=1.0))
@@ -249,7 +254,7 @@ def blob() -> SurfaceLabels:
 
 def with_model(labels: SurfaceLabels, **changes: Any) -> SurfaceLabels:
     """The same grasps labelled for another model."""
-    return labels.with_model(replace(labels.model, **changes))
+    return replace(labels, model=replace(labels.model, **changes))
 
 
 SOFT_OR_HARD = [
@@ -261,6 +266,7 @@ SOFT_OR_HARD = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("changes", SOFT_OR_HARD, ids=str)
 def test_epsilon_lies_between_its_minimum_and_its_maximum(changes: dict[str, Any]) -> None:
     labels = with_model(blob(), **changes)
@@ -296,6 +302,7 @@ def test_epsilon_is_that_of_the_grasp() -> None:
             assert 0.98 * expected.lower <= value[v] <= expected.upper
 
 
+@pytest.mark.slow
 def test_epsilon_of_a_ball_has_a_closed_form() -> None:
     labels = label_surface(mesh_from_arrays(*shapes.sphere(4), max_edge=9.0))
 
@@ -310,6 +317,7 @@ def test_epsilon_of_a_ball_has_a_closed_form() -> None:
     assert labels.epsilon_max == pytest.approx(closed_form(beta + tilt), rel=0.03)
 
 
+@pytest.mark.slow
 def test_epsilon_does_not_depend_on_the_unit_nor_on_threads() -> None:
     vertices, faces = shapes.lopsided()
     own = label_surface(mesh_from_arrays(vertices, faces), threads=1)
@@ -335,6 +343,7 @@ def test_relabelling_gives_epsilon_of_the_new_model_at_the_same_grasps() -> None
     assert labels.epsilon is before
 
 
+@pytest.mark.slow
 def test_without_a_grasp_there_is_no_epsilon() -> None:
     vertices, faces = shapes.sphere(3)
     more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
@@ -385,6 +394,7 @@ def test_relabelling_beyond_the_search_names_the_needed_search_angle() -> None:
     assert labels.relabel(friction=0.2).model.friction == 0.2
 
 
+@pytest.mark.slow
 def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
     mesh = mesh_from_arrays(*shapes.cone(0.3))
     labels = label_surface(mesh)
@@ -403,6 +413,7 @@ def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
         labels.fractions(weights="face")  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 def test_duplicates_have_the_label_of_their_position_and_strays_are_off_the_surface() -> None:
     vertices, faces = shapes.sphere(3)
     more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])

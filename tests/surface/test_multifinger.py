@@ -65,6 +65,7 @@ def contacts_of(labels: SurfaceLabels, vertices: np.ndarray) -> np.ndarray:
     return np.concatenate([first[:, None], labels.partners[vertices]], axis=1)
 
 
+@pytest.mark.slow
 def test_the_result_does_not_depend_on_threads_and_only_the_seed_changes_it() -> None:
     mesh = wedge()
     sampling = Sampling(candidates=16)
@@ -77,6 +78,7 @@ def test_the_result_does_not_depend_on_threads_and_only_the_seed_changes_it() ->
     assert not np.array_equal(found[0].partner_points.weights, another.partner_points.weights)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["wedge", "tapered"])
 @pytest.mark.parametrize("fingers", [3, 4, 5])
 def test_every_grasp_has_the_angle_of_its_label(shape: str, fingers: int) -> None:
@@ -104,6 +106,7 @@ def test_every_grasp_has_the_angle_of_its_label(shape: str, fingers: int) -> Non
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["wedge", "tapered", "box"])
 def test_more_fingers_never_make_a_vertex_worse(shape: str) -> None:
     """Each finger is added to the best grasp of one finger less."""
@@ -128,6 +131,7 @@ def test_labels_are_monotone_in_friction_and_antitone_in_resolution() -> None:
         assert (finer | ~coarser).all()
 
 
+@pytest.mark.slow
 def test_contacts_keep_the_limits_of_distances() -> None:
     low, high = 0.4, 1.5
     labels = labelled("wedge", 4, min_separation=low, max_spread=high)
@@ -148,6 +152,7 @@ def test_contacts_are_separated_by_default() -> None:
     assert distances[:, *np.triu_indices(5, 1)].min() >= 0.01 * labels.mesh.size - 1e-9
 
 
+@pytest.mark.slow
 def test_with_candidate_points_on_vertices_all_contacts_are_vertices() -> None:
     labels = labelled("tapered", 4, candidate_points="vertices")
     vertices = np.flatnonzero(np.isfinite(labels.critical_angle))
@@ -207,6 +212,7 @@ def tetrahedron() -> ObjectMesh:
     return mesh_from_arrays(corners, faces, max_edge=1e3)
 
 
+@pytest.mark.slow
 def test_more_fingers_than_vertices_are_rejected() -> None:
     tetrahedron_mesh, model = tetrahedron(), GraspModel(fingers=5, friction=2.0)
     with pytest.raises(SettingError, match="5 fingers need as many vertices"):
@@ -215,6 +221,7 @@ def test_more_fingers_than_vertices_are_rejected() -> None:
     assert np.isfinite(found).all()  # five contacts fit on its faces
 
 
+@pytest.mark.slow
 def test_idle_fingers_may_be_placed_on_corners() -> None:
     corners = mesh_from_arrays(*shapes.box((2.0, 1.5, 1.0)), max_edge=1e3)
     sampling = Sampling(candidate_points="vertices", search_angle=SEARCH_ANGLE)
@@ -227,6 +234,7 @@ def test_idle_fingers_may_be_placed_on_corners() -> None:
     assert np.isfinite(angles[2]).all()
 
 
+@pytest.mark.slow
 def test_a_small_spread_reduces_the_default_separation() -> None:
     """The default separation is at most a tenth of the largest spread."""
     mesh = wedge()

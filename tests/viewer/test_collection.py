@@ -92,6 +92,7 @@ def test_addresses_are_refused(address: str) -> None:
 # A labelled PLY
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["cone.off", "box.obj"])
 def test_a_labelled_file_has_the_area_fractions_of_relabel(tmp_path: Path, name: str) -> None:
     """Apart from vertices within the rounding of 32 bits of a threshold."""
@@ -625,7 +626,7 @@ def test_the_labels_in_a_notebook_are_a_table() -> None:
     assert f"{median:.1f}°" in table or math.isinf(median)
     fresh.compute_epsilon(ignore)
     assert f"{fresh.epsilon_quantiles([0.9])[0]:.3g}" in fresh._repr_html_()
-    hulls = labels.with_model(replace(labels.model, method="extremes"))
+    hulls = replace(labels, model=replace(labels.model, method="extremes"))
     assert "%</td>" not in hulls._repr_html_()
     assert hulls.deferred_label.computed is None
     assert "scan" in viewing.scan()._repr_html_()

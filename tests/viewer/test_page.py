@@ -240,6 +240,7 @@ def fractions(labels: SurfaceLabels, friction: float, degrees: float = 20.0) -> 
     return labels.relabel(friction=friction, sensor_resolution=degrees * DEGREE).fractions()
 
 
+@pytest.mark.slow
 def test_surface_has_the_colours_of_its_labels(seen: Visitor, labels: SurfaceLabels) -> None:
     seen.shows(labels.fractions())
     before = hues(seen.picture())
@@ -250,6 +251,7 @@ def test_surface_has_the_colours_of_its_labels(seen: Visitor, labels: SurfaceLab
     seen.until(lambda: hues(seen.picture())["S"] > before["S"] + 0.02)
 
 
+@pytest.mark.slow
 def test_sliders_follow_keyboard_and_mouse(seen: Visitor, labels: SurfaceLabels) -> None:
     seen.page.locator("#friction").focus()
     for _ in range(7):
@@ -267,6 +269,7 @@ def test_sliders_follow_keyboard_and_mouse(seen: Visitor, labels: SurfaceLabels)
     seen.shows(fractions(labels, 0.37, degrees))
 
 
+@pytest.mark.slow
 def test_invalid_values_are_refused_with_a_message(seen: Visitor) -> None:
     for name, value in (("friction", "-1"), ("resolution", "200"), ("opening", "-3")):
         field = seen.page.locator("#opening" if name == "opening" else f"#{name}-number")
@@ -284,6 +287,7 @@ def test_invalid_values_are_refused_with_a_message(seen: Visitor) -> None:
         seen.until(lambda field=field, before=before: field.input_value() == before)
 
 
+@pytest.mark.slow
 def test_second_resolution_is_shown_beside_the_first(seen: Visitor, labels: SurfaceLabels) -> None:
     seen.page.locator("#comparing").check()
     seen.page.locator("#compare-number").fill("50")
@@ -299,6 +303,7 @@ def test_second_resolution_is_shown_beside_the_first(seen: Visitor, labels: Surf
     seen.until(two)
 
 
+@pytest.mark.slow
 def test_a_click_inspects_and_a_drag_rotates(seen: Visitor) -> None:
     rows, columns = np.nonzero(coloured(seen.picture()))
     middle = int(np.argmin(np.hypot(rows - rows.mean(), columns - columns.mean())))
@@ -317,6 +322,7 @@ def test_a_click_inspects_and_a_drag_rotates(seen: Visitor) -> None:
     seen.page.wait_for_selector("#numbers", state="detached")
 
 
+@pytest.mark.slow
 def test_keys_work_except_while_typing(seen: Visitor) -> None:
     page = seen.page
     page.keyboard.press("2")
@@ -343,6 +349,7 @@ def test_keys_work_except_while_typing(seen: Visitor) -> None:
     page.wait_for_function("document.querySelector('#paint').value === 'label'")
 
 
+@pytest.mark.slow
 def test_fields_of_the_section_and_of_the_gripper(seen: Visitor, labels: SurfaceLabels) -> None:
     page = seen.page
     page.locator("#axis-z").click()
@@ -363,6 +370,7 @@ def test_fields_of_the_section_and_of_the_gripper(seen: Visitor, labels: Surface
     seen.until(lambda: label.inner_text() == "largest spread")
 
 
+@pytest.mark.slow
 def test_visitors_have_separate_sessions(
     browser: Any, server: Served, seen: Visitor, labels: SurfaceLabels
 ) -> None:
@@ -380,6 +388,7 @@ def test_visitors_have_separate_sessions(
     other.page.context.close()
 
 
+@pytest.mark.slow
 def test_next_and_previous_object(seen: Visitor) -> None:
     seen.page.locator("#next").click()
     seen.page.wait_for_function("document.querySelector('#title').textContent.includes('2 of 2')")
@@ -390,6 +399,7 @@ def test_next_and_previous_object(seen: Visitor) -> None:
     seen.page.wait_for_function("name => document.title === `${name} · grasp3d`", arg=NAME)
 
 
+@pytest.mark.slow
 def test_downloads(seen: Visitor, labels: SurfaceLabels, tmp_path: Path) -> None:
     seen.page.locator("#friction-number").fill("0.5")
     seen.page.locator("#friction-number").press("Enter")
@@ -413,6 +423,7 @@ def test_downloads(seen: Visitor, labels: SurfaceLabels, tmp_path: Path) -> None
     assert not (shown[corner].max(axis=-1) < 150.0).any()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(1280, 800), (390, 844)])
 def test_layout_is_constant_and_the_inspected_vertex_is_visible(
     browser: Any, server: Served, size: tuple[int, int]
@@ -435,6 +446,7 @@ def test_layout_is_constant_and_the_inspected_vertex_is_visible(
     seen.page.context.close()
 
 
+@pytest.mark.slow
 def test_narrow_page_has_the_scene_above_the_panel(browser: Any, server: Served) -> None:
     seen = visitor(browser, server, 360, 740)
     stage = seen.page.locator("#stage").bounding_box()
@@ -490,6 +502,7 @@ def test_files_outside_the_static_folders_are_not_served(server: Served) -> None
     assert response(server, "/a/unknown/")[0] == 404
 
 
+@pytest.mark.slow
 def test_ctrl_c_stops_the_server() -> None:
     assert ended(started(IDLE), signal.SIGINT) == 130
 
@@ -618,6 +631,7 @@ def test_the_page_shows_what_a_click_does(labels: SurfaceLabels) -> None:
     session.close()
 
 
+@pytest.mark.slow
 def test_fractions_are_not_shown_while_grasps_are_searched(labels: SurfaceLabels) -> None:
     from grasp3d.viewer.web.page_state import click_hint, page_state
 
@@ -638,6 +652,7 @@ def test_fractions_are_not_shown_while_grasps_are_searched(labels: SurfaceLabels
     session.close()
 
 
+@pytest.mark.slow
 def test_help_has_only_available_keys(labels: SurfaceLabels) -> None:
     from grasp3d.viewer.web.page_state import constant_state
 

@@ -138,12 +138,12 @@ def test_rows_of_the_lowest_priority_are_dropped_first(session: Session) -> None
     session.click(3)
     whole = content(session, 380.0)
 
-    def priorities(room: float) -> list[int]:
-        return [row.priority for part in whole.fitted(room) for row in part]
+    def priorities(height: float) -> list[int]:
+        return [row.priority for part in whole.fitted(height) for row in part]
 
     everything = sorted(priorities(5000.0))
-    for room in range(0, 1000, 20):
-        kept = priorities(float(room))
+    for height in range(0, 1000, 20):
+        kept = priorities(float(height))
         assert sorted(kept) == everything[len(everything) - len(kept) :]
     assert set(priorities(0.0)) == {ALWAYS}
 
@@ -176,6 +176,7 @@ def rows_of(session: Session) -> list[Row]:
     return [*rows.upper, *rows.lower]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("compare", [None, 40.0 * DEGREE])
 def test_rows_of_fractions_stay_in_place_during_a_search(
     session: Session, compare: float | None

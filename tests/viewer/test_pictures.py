@@ -75,6 +75,7 @@ def test_epsilon_is_computed_before_it_is_drawn(tmp_path: Path) -> None:
     )  # bright, as epsilon is the same everywhere
 
 
+@pytest.mark.slow
 @needs_opengl
 def test_messages_do_not_prevent_a_picture(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(session, "NOTABLE_DIFFERENCE", -1.0)

@@ -246,6 +246,7 @@ def test_a_search_that_needs_too_much_memory_is_refused(
     assert session.message == ""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("choice", "missing"),
     [
@@ -422,7 +423,7 @@ def test_labels_of_a_scan_can_be_viewed() -> None:
 
 def test_epsilon_is_computed_when_it_is_shown() -> None:
     labels = viewing.box()
-    session = ready_session(labels.with_model(labels.model))
+    session = ready_session(replace(labels, model=labels.model))
     session.change(paint="epsilon_min")
     assert session.working == ("computing ε", 0.0)
     wait_until_idle(session)
@@ -439,11 +440,12 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     assert np.array_equal(subject.critical_angle, labels.critical_angle)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "model", [GraspModel(edges=6), GraspModel(actuation="per_finger", torsion_radius=0.05)]
 )
 def test_epsilon_depends_on_edges_actuation_and_torsion(model: GraspModel) -> None:
-    labels = viewing.box().with_model(model)
+    labels = replace(viewing.box(), model=model)
     session = ready_session(labels)
     session.change(paint="epsilon", friction=0.45)
     wait_until_idle(session)
@@ -702,7 +704,7 @@ def test_the_object_can_be_changed_during_a_job() -> None:
 )
 def test_the_rule_has_the_limits_of_s_and_u(model: GraspModel, rule: str) -> None:
     labels = viewing.box() if model.fingers == 2 else viewing.three_fingers()
-    session = Session(collection_of(labels.with_model(model)))
+    session = Session(collection_of(replace(labels, model=model)))
     assert panel_text(session).rules == (rule,)
     session.close()
 

@@ -40,6 +40,7 @@ def cell_html(client: NotebookClient, number: int) -> str:
     return str(cell.outputs[-1]["data"]["text/html"])
 
 
+@pytest.mark.slow
 def test_notebook_shows_a_page_and_without_the_extra_a_picture() -> None:
     if not (BROWSER and can_render()):
         (pytest.fail if CI else pytest.skip)("needs Chromium and OpenGL")

@@ -138,6 +138,7 @@ def changed(one: Image8, other: Image8) -> float:
     return float((one[:, :690] != other[:, :690]).any(axis=2).mean())
 
 
+@pytest.mark.slow
 def test_sliders_change_colours_and_fractions(window: Window, labels: SurfaceLabels) -> None:
     assert agrees(window.state["fractions"], labels, 0.5, 22.6 * DEGREE)
     before = window.picture()
@@ -158,6 +159,7 @@ def test_sliders_change_colours_and_fractions(window: Window, labels: SurfaceLab
     assert window.state["vertex"] is None
 
 
+@pytest.mark.slow
 def test_a_click_inspects_and_a_drag_does_not(window: Window) -> None:
     before = window.picture()
     x, y = pixel_of_object(before)
@@ -175,6 +177,7 @@ def test_a_click_inspects_and_a_drag_does_not(window: Window) -> None:
     window.until(lambda state: state["vertex"] is None, "nothing")
 
 
+@pytest.mark.slow
 def test_buttons_of_the_panel(window: Window, labels: SurfaceLabels) -> None:
     window.press("key-2")
     window.until(lambda state: state["paint"] == "critical_angle", "colours")
@@ -243,6 +246,7 @@ def test_the_layout_follows_the_size_of_the_window(window: Window) -> None:
         window.until(lambda state, w=width, h=height: fits(state, w, h), "another layout")
 
 
+@pytest.mark.slow
 def test_files_are_saved_under_unused_names(window: Window, labels: SurfaceLabels) -> None:
     for name in ("spray_labeled.ply", "spray_labeled_2.ply"):
         window.key("s")
@@ -266,17 +270,20 @@ def test_files_are_saved_under_unused_names(window: Window, labels: SurfaceLabel
     window.folder.chmod(0o755)
 
 
+@pytest.mark.slow
 def test_the_key_q_closes_the_window(opened_window: Window) -> None:
     opened_window.key("q")
     assert opened_window.ended() == (0, "closed\n", "")
 
 
+@pytest.mark.slow
 def test_the_close_button_closes_the_window(display: str, tmp_path: Path) -> None:
     window = opened(display, tmp_path, "cone.off")
     window.close()
     assert window.ended() == (0, "closed\n", "")
 
 
+@pytest.mark.slow
 def test_the_error_without_a_display_names_the_alternatives(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:

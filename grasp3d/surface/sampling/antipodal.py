@@ -93,7 +93,7 @@ def best_pairs(
     sampling: Sampling,
     cone: float,
     *,
-    threads: int = 1,
+    threads: int,
     progress: Progress | None = None,
 ) -> AntipodalGrasps:
     """Search for the best antipodal grasp through every vertex of the surface.

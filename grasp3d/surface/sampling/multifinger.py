@@ -97,7 +97,7 @@ def search(
     sampling: Sampling,
     cone: float,
     *,
-    threads: int = 1,
+    threads: int,
     progress: Progress | None = None,
 ) -> MultifingerGrasps:
     """Search for the best grasp of three fingers and more through every vertex.

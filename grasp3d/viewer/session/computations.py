@@ -12,7 +12,7 @@ from grasp3d.mesh import ObjectMesh, mesh_from_arrays
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.labelling import label_surface
-from grasp3d.surface.labels import SearchReport, label_grasps
+from grasp3d.surface.labels import SearchReport, SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
 from grasp3d.system.processors import available_processors
@@ -125,7 +125,7 @@ def prepare_labels(subject: Subject, progress: Progress) -> Subject:
         reason=subject.reason,
         opening=subject.opening,
     )
-    labels = label_grasps(
+    labels = SurfaceLabels(
         grasps,
         subject.model,
         sampling=subject.sampling,
@@ -146,7 +146,7 @@ def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> 
     ready = prepare_labels(subject, within(progress, 0.0, PREPARED))
     assert ready.labels is not None
     model = replace(model, fingers=ready.model.fingers)
-    labels = ready.labels.with_model(model)
+    labels = replace(ready.labels, model=model)
     labels.compute_epsilon(within(progress, PREPARED, 1.0))
     found = labels.epsilon_range
     return replace(ready, epsilons=Epsilons(found.nominal, found.minimum, model, found.maximum))

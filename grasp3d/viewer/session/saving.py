@@ -63,7 +63,7 @@ def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Prog
     )
     model = replace(model, fingers=ready.model.fingers)
     if relabelled.model != model:
-        relabelled = relabelled.with_model(model)
+        relabelled = replace(relabelled, model=model)
     relabelled.compute_labels(within(progress, SEARCHED, SEARCHED))
     relabelled.compute_epsilon(within(progress, SEARCHED, COMPUTED))
     writer_for(path)(path, relabelled)
