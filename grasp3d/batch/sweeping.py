@@ -206,7 +206,7 @@ def sweep_mesh(
     mesh: MeshFile,
     settings: SweepSettings,
     *,
-    threads: int | None = 1,
+    threads: int | None = None,
     progress: Progress | None = None,
 ) -> SweptMesh:
     """Label a mesh file once and compute its area fractions at all frictions and resolutions.

@@ -1,6 +1,7 @@
 """The command `grasp3d sweep`: area fractions of labels over friction and sensor resolution."""
 
 from dataclasses import asdict, dataclass, field
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
@@ -146,7 +147,7 @@ class Sweep:
         if len(meshes) == 1 and not any(target.folder for target in targets):
             text = f"labelling {meshes[0].name}"
             with report.progress(text, quiet=self.quiet) as progress:
-                swept = sweep_mesh(meshes[0], settings, threads=None, progress=progress)
+                swept = sweep_mesh(meshes[0], settings, progress=progress)
             if swept.error:
                 raise GraspError(swept.error)
             return [swept]
@@ -156,7 +157,8 @@ class Sweep:
 
         rows = []
         with report.counter("sweeping", len(meshes), quiet=self.quiet) as advance:
-            for row in run(sweep_mesh, meshes, settings, lost=lost_mesh, cluster=self.cluster):
+            one_thread = partial(sweep_mesh, threads=1)  # in as many processes
+            for row in run(one_thread, meshes, settings, lost=lost_mesh, cluster=self.cluster):
                 rows.append(row)
                 advance()
         return sorted(rows, key=lambda row: row.name)

@@ -46,7 +46,7 @@ def nearest_surface_points(
     points: Floats,
     *,
     limit: float = math.inf,
-    threads: int = 1,
+    threads: int | None = None,
     progress: Progress | None = None,
 ) -> tuple[SurfacePoints, Floats, Floats]:
     """Find the surface point that is nearest to each point.
@@ -59,7 +59,7 @@ def nearest_surface_points(
         points: Finite positions in the mesh's frame and unit, shape (k, 3).
         limit: Largest distance to search, in the mesh's unit. Without a limit, points far from the
             surface take long, as much of it is almost equally near.
-        threads: Threads to use.
+        threads: Threads to use; None: one per processor.
         progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
@@ -69,10 +69,11 @@ def nearest_surface_points(
     faces = _Faces.of(mesh.normalized[mesh.faces])
     found, weights = np.full(len(points), -1, dtype=np.int64), np.zeros((len(points), 3))
     reach = limit / mesh.size
+    workers = -1 if threads is None else threads  # as SciPy counts them
     for start in range(0, len(points), POINTS):
         part = slice(start, start + POINTS)
         normalized = (points[part] - mesh.center) / mesh.size
-        found[part], weights[part] = faces.nearest(normalized, reach, threads)
+        found[part], weights[part] = faces.nearest(normalized, reach, workers)
         (progress or ignore)(min(part.stop / len(points), 1.0))
     surface_points = SurfacePoints(found, weights)
     missing = found < 0

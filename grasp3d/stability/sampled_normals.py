@@ -89,7 +89,7 @@ def _distinct_sets(start: Ints, normals: Floats) -> tuple[Ints, Ints]:
 
 
 def angle_bounds(
-    points: Floats, samples: NormalSamples, *, tolerance: float, threads: int | None
+    points: Floats, samples: NormalSamples, *, tolerance: float, threads: int | None = None
 ) -> WorstAndBest:
     """Critical friction angles over the worst and over the best of the combinations.
 

@@ -5,7 +5,7 @@ import pytest
 
 from grasp3d.batch.inputs import find_meshes
 from grasp3d.errors import MeshError
-from tests.cli.test_evaluate import grasp3d
+from tests.helpers.commands import run_here as grasp3d
 
 
 def touch(folder: Path, *names: str) -> None:

@@ -35,7 +35,7 @@ def exhaustive(mesh: ObjectMesh, vertex: int, cone: float) -> float:
 def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surface) -> None:
     mesh = mesh_from_arrays(*shape)
     cone = 1.0
-    grasps = best_pairs(mesh, Sampling(), cone)
+    grasps = best_pairs(mesh, Sampling(), cone, threads=1)
     smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
     chosen = np.random.default_rng(4).choice(smooth, 300, replace=False)
     shortfalls = []
@@ -53,7 +53,7 @@ def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surfa
 def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
     """The opposing contact lies on the surface and the critical angle equals the definition's."""
     mesh = mesh_from_arrays(*shapes.tube())
-    grasps = best_pairs(mesh, Sampling(grip=grip), 0.8)  # type: ignore[arg-type]
+    grasps = best_pairs(mesh, Sampling(grip=grip), 0.8, threads=1)  # type: ignore[arg-type]
     smooth = np.flatnonzero((mesh.normal_sets.counts == 1) & (grasps.reason == 0))
     assert len(smooth) > 1000
     for vertex in smooth[::97]:
@@ -94,8 +94,8 @@ def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
 @pytest.mark.slow
 def test_more_rays_find_no_worse_grasps() -> None:
     mesh = mesh_from_arrays(*shapes.torus())
-    few = best_pairs(mesh, Sampling(rays=16), 0.7).worst
-    many = best_pairs(mesh, Sampling(rays=256), 0.7).worst
+    few = best_pairs(mesh, Sampling(rays=16), 0.7, threads=1).worst
+    many = best_pairs(mesh, Sampling(rays=256), 0.7, threads=1).worst
     assert np.mean(many) <= np.mean(few) + 1e-4
     assert np.mean(many > few + 2e-3) < 0.01
 
@@ -105,9 +105,9 @@ def test_refining_several_grasps_finds_better_ones_than_refining_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
     mesh = load_mesh(shapes.LIBRARY / "banana.ply")
-    several = best_pairs(mesh, Sampling(), 0.66)
+    several = best_pairs(mesh, Sampling(), 0.66, threads=1)
     monkeypatch.setattr(antipodal, "EXPLORING_ROUNDS", 0)
-    one = best_pairs(mesh, Sampling(), 0.66)
+    one = best_pairs(mesh, Sampling(), 0.66, threads=1)
     gain = np.minimum(one.worst, 2.0) - np.minimum(several.worst, 2.0)
     assert gain.mean() > 2e-4
     assert np.mean(gain > 0.01) > 2.0 * np.mean(gain < -0.01)
@@ -135,6 +135,8 @@ def test_every_vertex_of_a_regular_ball_has_a_tangent() -> None:
 @pytest.mark.slow
 def test_progress_increases_to_one() -> None:
     fractions: list[float] = []
-    best_pairs(mesh_from_arrays(*shapes.lopsided()), Sampling(), 0.7, progress=fractions.append)
+    best_pairs(
+        mesh_from_arrays(*shapes.lopsided()), Sampling(), 0.7, progress=fractions.append, threads=1
+    )
     assert fractions == sorted(fractions)
     assert 0.0 < fractions[0] < fractions[-1] == 1.0
