@@ -13,7 +13,7 @@ import pyarrow.parquet as pq
 import pytest
 import trimesh
 
-from grasp3d import GraspModel, check_mesh, label_surface, load_mesh
+from grasp3d import GraspModel, Sampling, check_mesh, label_surface, load_mesh
 from grasp3d.reading import read_mesh
 from tests.helpers import shapes
 
@@ -27,7 +27,7 @@ REAL = sorted(
 def test_a_real_mesh_is_labelled(name: str) -> None:
     path = shapes.shared("meshes", name) if REAL else shapes.shared("meshes")
     mesh = load_mesh(path)
-    labels = label_surface(mesh, GraspModel(friction=0.5))
+    labels = label_surface(mesh, GraspModel(friction=0.5), sampling=Sampling(rays=16))
     assert len(labels.label) == len(mesh.vertices) >= mesh.file_vertices
     fractions = labels.fractions()
     assert sum(fractions.values()) == pytest.approx(1.0)

@@ -1,4 +1,4 @@
-"""`grasp3d sweep` in a process of its own, its targets and its resolutions."""
+"""`grasp3d sweep`, its targets and its resolutions."""
 
 import json
 import math
@@ -32,8 +32,10 @@ from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.sweeps import sweep
-from tests.cli.test_label import export, grasp3d
+from tests.cli.test_label import export
+from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
+from tests.helpers.commands import run_here as grasp3d
 
 QUICK = ("--rays", "16", "--max-edge", "9")
 SETTINGS = SweepSettings((0.2, 1.0), tuple(np.radians([0.0, 30.0])), Sampling(rays=16))
@@ -48,7 +50,7 @@ def rows_of(path: Path) -> list[dict[str, Any]]:
 @pytest.mark.slow
 def test_a_file_is_swept_into_a_table_and_a_figure(tmp_path: Path) -> None:
     source = export(tmp_path / "in" / "my blob.stl", shapes.lopsided())
-    done = grasp3d("sweep", "in/my blob.stl", "--unit", "cm", "--rays", "16", cwd=tmp_path)
+    done = real_grasp3d("sweep", "in/my blob.stl", "--unit", "cm", "--rays", "16", cwd=tmp_path)
     assert (done.returncode, done.stderr) == (0, "")
     names = {path.name for path in tmp_path.iterdir()}
     assert names == {"in", "my blob_sweep.csv", "my blob_sweep.svg"}
@@ -85,7 +87,7 @@ def test_a_folder_with_a_broken_mesh_has_the_mean_of_the_others(
     export(tmp_path / "in" / "ball.ply", shapes.sphere(2))
     export(tmp_path / "in" / "deep" / "box.stl", shapes.box())
     (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
-    done = grasp3d(
+    done = real_grasp3d(
         "sweep", "in", "in/ball.ply", "-o", "out.parquet", "--figure", "out.png",
         "--workers", "2", "--friction", "0.5", "--sensor-resolution", "0", "20", "60", *QUICK,
         cwd=tmp_path,
@@ -125,7 +127,7 @@ def test_a_note_about_creases_that_decide_the_required_resolution(tmp_path: Path
 def test_a_folder_without_valid_meshes_has_a_table_of_errors(tmp_path: Path) -> None:
     (tmp_path / "in").mkdir()
     (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
-    done = grasp3d("sweep", "in", cwd=tmp_path)
+    done = real_grasp3d("sweep", "in", cwd=tmp_path)
     assert done.returncode == 1
     assert "0 swept, 1 failed" in done.stdout
     assert sorted(path.name for path in tmp_path.iterdir()) == ["in", "in_sweep.csv"]

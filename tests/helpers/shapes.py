@@ -32,8 +32,10 @@ def cone(half_angle: float, height: float = 1.0, sections: int = 128) -> Surface
     return arrays(trimesh.creation.cone(height * math.tan(half_angle), height, sections=sections))
 
 
-def tube(inner: float = 0.4, outer: float = 0.5, height: float = 1.0) -> Surface:
-    return arrays(trimesh.creation.annulus(inner, outer, height, sections=128))
+def tube(
+    inner: float = 0.4, outer: float = 0.5, height: float = 1.0, sections: int = 128
+) -> Surface:
+    return arrays(trimesh.creation.annulus(inner, outer, height, sections=sections))
 
 
 def torus(major: float = 1.0, minor: float = 0.25) -> Surface:

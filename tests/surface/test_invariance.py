@@ -59,8 +59,8 @@ def assert_same(expected: SurfaceLabels, found: SurfaceLabels, index: np.ndarray
 
 OBJECTS = {
     "lopsided": shapes.lopsided,
-    "cone": lambda: shapes.cone(0.25),
-    "tube": shapes.tube,
+    "cone": lambda: shapes.cone(0.25, sections=48),
+    "tube": lambda: shapes.tube(sections=48),
     "torus": shapes.torus,
     "box": lambda: shapes.box((1.0, 1.5, 2.0)),
     "mug": lambda: from_library("mug.glb"),
