@@ -33,12 +33,11 @@ def label_pairs(
     """
     cone = search_cone(model, sampling)
     grasps = best_pairs(mesh, sampling, cone, threads=threads, progress=progress)
-    reason = np.where(mesh.on_surface, grasps.reason, Reason.OFF_SURFACE)
     points = SurfacePoints(
         grasps.partner_points.faces[..., None], grasps.partner_points.weights[..., None, :]
     )
-    found = np.flatnonzero(reason == Reason.FOUND)
-    normals = np.full((len(reason), 1, 3), math.nan)
+    found = np.flatnonzero((grasps.reason == Reason.FOUND) & mesh.on_surface)
+    normals = np.full((len(mesh.vertices), 1, 3), math.nan)
     partners = SurfacePoints(points.faces[found, 0], points.weights[found, 0])
     normals[found] = SurfaceContacts(mesh, partners).normals
     vertex_grasps = VertexGrasps.of(
@@ -80,8 +79,7 @@ def label_multifinger(
     )
     found = search(mesh, model.fingers, sampling, cone, threads=threads, progress=searching)
     points = _both_grasps(found.partner_points)
-    reason = np.where(mesh.on_surface, found.reason, Reason.OFF_SURFACE)
-    vertices = np.unique(mesh.canonical[reason == Reason.FOUND])
+    vertices = np.unique(mesh.canonical[(found.reason == Reason.FOUND) & mesh.on_surface])
     grasps = grasps_at(mesh, points, vertices, 0)
     angles = np.full((2, count), math.inf)
     angles[:, vertices] = critical_angles(grasps, threads=threads, progress=finishing)

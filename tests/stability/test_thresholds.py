@@ -1,12 +1,16 @@
 import math
+from typing import Any
 
 import numpy as np
+import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import GraspModel, Label
+from grasp3d.errors import SettingError
+from grasp3d.quality import EpsilonOptions
 from grasp3d.stability import COLORS
-from grasp3d.stability.thresholds import label_angles, max_resolution
+from grasp3d.stability.thresholds import label_angles, max_resolution, unstable_from
 from tests.helpers import oracles
 
 angles = st.floats(-0.5, 2.0)
@@ -126,3 +130,23 @@ def test_colours_of_labels() -> None:
         "M": "#F0E442",
         "U": "#D55E00",
     }
+
+
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_thresholds_of_a_model_are_those_of_arrays(fingers: int) -> None:
+    for friction in (0.2, 0.5, 2.0):
+        for resolution in (0.0, 0.4, 1.2):
+            model = GraspModel(friction, resolution, fingers)
+            limit = unstable_from(math.atan(friction), resolution / 2.0, fingers)
+            assert model.unstable_from == limit
+            assert model.effective_friction_angle == math.atan(friction) - resolution / 2.0
+
+
+@pytest.mark.parametrize(
+    "options",
+    [{"edges": 2}, {"edges": 2.5}, {"threads": 0}, {"rtol": 0.0}, {"torque_scale": -1.0},
+     {"actuation": "all"}],
+)  # fmt: skip
+def test_options_outside_their_range_are_refused(options: dict[str, Any]) -> None:
+    with pytest.raises(SettingError):
+        EpsilonOptions(**options)
