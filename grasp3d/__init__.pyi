@@ -17,7 +17,6 @@ from .grasps.reading import read_contacts as read_contacts
 from .grasps.writing import write_grasps as write_grasps
 from .mesh.object_mesh import ObjectMesh as ObjectMesh
 from .mesh.preparing import load_mesh as load_mesh
-from .mesh.preparing import mesh_from_arrays as mesh_from_arrays
 from .quality.closure import force_closure as force_closure
 from .quality.critical_angle import critical_friction_angle as critical_friction_angle
 from .quality.epsilon_options import EpsilonOptions as EpsilonOptions
@@ -35,5 +34,6 @@ from .surface.labels import SurfaceLabels as SurfaceLabels
 from .surface.scanning import scan_surface as scan_surface
 from .sweeps import sweep as sweep
 from .viewer.view_settings import ViewSettings as ViewSettings
+from .warming_up import warmup as warmup
 
 __version__: str

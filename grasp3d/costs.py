@@ -36,21 +36,20 @@ def labelling_cost(
     Args:
         vertices: Number of vertices after refinement.
         model: Mainly its number of fingers matters.
-        sampling: Its number of rays or candidates matters.
+        sampling: Its number of candidates matters, and that of rays unless two fingers squeeze.
         threads: Number of processors that are used.
     """
     default = Sampling()
     fingers = min(model.fingers, max(SECONDS))
-    effort = sampling.rays / default.rays
     if model.fingers > 2:
         effort = sampling.candidates / default.candidates
+    else:  # the time of branch and bound, which fingers that squeeze have, is not that of the rays
+        effort = 1.0 if sampling.grip == "squeeze" else sampling.rays / default.rays
     two_fingers, per_finger = PER_VERTEX
     return Cost(
         memory=BASE + vertices * (two_fingers + per_finger * (fingers - 2)),
         seconds=vertices * SECONDS[fingers] * effort / threads,
-        more=model.method == "extremes"
-        or model.torsion_radius > 0.0
-        or model.actuation == "per_finger",
+        more=model.method == "extremes" or model.soft or model.actuation == "per_finger",
     )
 
 

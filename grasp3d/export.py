@@ -3,34 +3,27 @@
 Heavy writers are imported when they are used.
 """
 
-import math
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 import trimesh
 
-from grasp3d.arrays import Bytes, Floats
+from grasp3d.conversions import (
+    SETTING,
+    label_colors,
+    labels_to_polydata,
+    labels_to_table,
+    settings_of,
+    vertex_arrays,
+)
 from grasp3d.errors import OutputError
-from grasp3d.stability.label import COLORS, Label
-from grasp3d.surface.epsilon import EPSILON_RTOL
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.files import atomic_write
-from grasp3d.system.versions import package_version
+from grasp3d.system.names import unsupported
 
-_FIELDS = ("label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon",
-           "epsilon_min", "epsilon_max", "opening", "grip", "reason")  # fmt: skip
 _PLY_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
-
-
-def label_colors(labels: SurfaceLabels) -> Bytes:
-    """Colour of each vertex by its label, red, green, blue, shape (V, 3)."""
-    table = np.array([COLORS[label] for label in sorted(COLORS)], dtype=np.uint8)
-    return table[labels.label]
 
 
 def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -> None:
@@ -49,6 +42,15 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
 
     Raises:
         OutputError: The file cannot be written.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> labels = grasp3d.label_surface(ball)
+        >>> grasp3d.write_ply("ball.ply", labels)
+        >>> trimesh.load_mesh("ball.ply").vertices.shape
+        (162, 3)
     """
     mesh = labels.mesh
     outward = -mesh.normals
@@ -96,7 +98,19 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
 
 
 def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
-    """Write a GLB coloured by label, for any 3-D viewer. Raises OutputError."""
+    """Write a GLB coloured by label, for any 3-D viewer. Raises OutputError.
+
+    The settings are in the extras of its asset, as text under `grasp3d`.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> labels = grasp3d.label_surface(ball)
+        >>> grasp3d.write_glb("ball.glb", labels)
+        >>> trimesh.load_scene("ball.glb").to_mesh().visual.vertex_colors.shape
+        (162, 4)
+    """
     srgb = label_colors(labels) / 255.0
     # glTF's vertex colours are linear, the colours of the legend are sRGB.
     linear = np.where(srgb <= 0.04045, srgb / 12.92, ((srgb + 0.055) / 1.055) ** 2.4)
@@ -107,13 +121,33 @@ def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
         vertex_colors=np.round(255.0 * linear).astype(np.uint8),
         process=False,
     )
+    settings = {key: str(value) for key, value in settings_of(labels).items()}
+
+    def add_settings(tree: dict[str, Any]) -> None:
+        tree["asset"]["extras"] = {"grasp3d": settings}
+
+    content = trimesh.exchange.gltf.export_glb(
+        mesh.scene(), include_normals=True, tree_postprocessor=add_settings
+    )
     with atomic_write(Path(path)) as part:
-        part.write_bytes(trimesh.exchange.gltf.export_glb(mesh.scene(), include_normals=True))
+        part.write_bytes(content)
 
 
 def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
-    """Write every array as compressed NumPy, with the settings as strings. Raises OutputError."""
-    settings = {f"setting_{key}": str(value) for key, value in settings_of(labels).items()}
+    """Write every array as compressed NumPy, with the settings as strings. Raises OutputError.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> labels = grasp3d.label_surface(ball)
+        >>> grasp3d.write_npz("ball.npz", labels)
+        >>> import numpy as np
+        >>> stored = np.load("ball.npz")
+        >>> stored["partners"].shape, str(stored["setting_unit"])
+        ((162, 1, 3), 'cm')
+    """
+    settings = {f"{SETTING}{key}": str(value) for key, value in settings_of(labels).items()}
     with atomic_write(Path(path)) as part, part.open("wb") as stream:
         arrays: dict[str, Any] = {
             "vertices": labels.mesh.vertices,
@@ -128,18 +162,20 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
     """Write a VTP for ParaView with every array; nan where there is no grasp. Raises OutputError.
 
     Each of the other fingers has its own arrays: `partner_2`, `partner_2_normal`, and so on.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> labels = grasp3d.label_surface(ball)
+        >>> grasp3d.write_vtp("ball.vtp", labels)
+        >>> import pyvista
+        >>> pyvista.read("ball.vtp").point_data["partner_2"].shape
+        (162, 3)
     """
-    import pyvista
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
-    data = pyvista.PolyData.from_regular_faces(labels.mesh.vertices, labels.mesh.faces.astype(int))
-    for name, values in _by_finger(vertex_arrays(labels)).items():
-        # An infinite value would stretch ParaView's colour map; nan has a separate colour.
-        data.point_data[name] = (
-            np.where(np.isinf(values), math.nan, values) if values.dtype.kind == "f" else values
-        )
-    for key, value in settings_of(labels).items():
-        data.field_data[key] = [str(value)]
+    data = labels_to_polydata(labels)
     # VTK writes to memory: on a full disk its own file output ends the process.
     writer = vtkXMLPolyDataWriter()
     writer.SetInputData(data)
@@ -167,93 +203,21 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
 
     Raises:
         OutputError: The file cannot be written.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> labels = grasp3d.label_surface(ball)
+        >>> grasp3d.write_fields("ball.parquet", labels)
+        >>> import pyarrow.parquet
+        >>> table = pyarrow.parquet.read_table("ball.parquet", columns=["label", "opening"])
+        >>> table.num_rows, table["label"].unique().to_pylist()
+        (162, ['S'])
     """
-    from grasp3d.tables import write_arrays
+    from grasp3d.tables import write_arrow
 
-    arrays = vertex_arrays(labels)
-    columns = _by_axis("", labels.mesh.vertices, "f8") | _by_axis("n", arrays["normal"], "f4")
-    columns["area"] = labels.mesh.vertex_areas.astype("f4")
-    for name in _FIELDS:
-        values = arrays[name]
-        columns[name] = values.astype("f4") if values.dtype.kind == "f" else values
-    for finger in range(labels.partners.shape[1]):
-        head, normals = f"partner_{finger + 2}_", arrays["partner_normals"][:, finger]
-        columns |= _by_axis(head, labels.partners[:, finger], "f8")
-        columns |= _by_axis(f"{head}n", normals, "f4")
-    texts = {
-        "label": [label.name for label in sorted(Label)],
-        "reason": [reason.name.lower() for reason in sorted(Reason)],
-    }
-    write_arrays(Path(path), columns, texts, settings=settings_of(labels))
-
-
-def _by_axis(head: str, vectors: Floats, kind: str) -> dict[str, npt.NDArray[Any]]:
-    """Columns of vectors, shape (V, 3)."""
-    return {f"{head}{axis}": vectors[:, k].astype(kind) for k, axis in enumerate("xyz")}
-
-
-def vertex_arrays(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
-    """Collect all arrays over the vertices by name; normals point outward, as in files.
-
-    `partners` and `partner_normals` have a row for each of the other fingers, (V, n - 1, 3).
-    """
-    return {
-        "normal": -labels.mesh.normals,
-        "color": label_colors(labels),
-        "label": labels.label,
-        "critical_angle": labels.critical_angle,
-        "critical_angle_best": labels.critical_angle_best,
-        "max_resolution": labels.max_resolution,
-        "epsilon": labels.epsilon,
-        "epsilon_min": labels.epsilon_min,
-        "epsilon_max": labels.epsilon_max,
-        "partners": labels.partners,
-        "partner_normals": -labels.partner_normals,
-        "opening": labels.opening,
-        "grip": labels.grip,
-        "reason": labels.reason,
-    }
-
-
-def _by_finger(arrays: dict[str, npt.NDArray[Any]]) -> dict[str, npt.NDArray[Any]]:
-    """Split arrays over fingers into one per finger, as VTK's point data are at most vectors."""
-    split: dict[str, npt.NDArray[Any]] = {}
-    for name, values in arrays.items():
-        if name == "partners":
-            split.update({f"partner_{i}": row for i, row in enumerate(values.swapaxes(0, 1), 2)})
-        elif name == "partner_normals":
-            normals = enumerate(values.swapaxes(0, 1), 2)
-            split.update({f"partner_{i}_normal": row for i, row in normals})
-        else:
-            split[name] = values
-    return split
-
-
-def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
-    """Settings and versions that the labels were computed with; angles in radians."""
-    mesh, search = labels.mesh, labels.search
-    sampling = {} if labels.sampling is None else asdict(labels.sampling)
-    u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
-    return {
-        "version": package_version(),
-        # In a header it must be one line of ASCII characters.
-        "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
-        "mode": labels.mode,
-        **asdict(labels.model),
-        **sampling,
-        **asdict(mesh.options),
-        "unit": mesh.unit or "unknown",
-        "search_angle": search.cone,
-        "rays_traced": search.rays,
-        "candidates_evaluated": search.evaluated,
-        "file_vertices": mesh.file_vertices,
-        "torque_scale": mesh.torque_scale,
-        "epsilon_rank": labels.model.epsilon_rank,
-        "epsilon_rtol": EPSILON_RTOL,
-        "epsilon_min": labels.model.tilts,
-        "epsilon_max": "sampled_tilts" if labels.model.method == "extremes" else "upper_bound",
-        "label_codes": f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)",
-    }
+    write_arrow(Path(path), labels_to_table(labels))
 
 
 WRITERS: dict[str, Callable[[Path, SurfaceLabels], None]] = {
@@ -273,7 +237,5 @@ def writer_for(path: Path) -> Callable[[Path, SurfaceLabels], None]:
     """
     writer = WRITERS.get(path.suffix.lower())
     if writer is None:
-        raise OutputError(
-            f"{path}: no format is called {path.suffix!r}; known: {' '.join(WRITERS)}"
-        )
+        raise OutputError(unsupported(path, WRITERS))
     return writer

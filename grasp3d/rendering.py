@@ -34,8 +34,9 @@ AMBIENT = 0.55
 MARGIN = 1.05
 """Size of the picture relative to what it shows."""
 
-BALL = 0.022
-"""Radius of a finger's ball, as a fraction of the mean of the surface's two largest extents."""
+BALL, RIM = 0.026, 0.007
+"""Radius of a finger's ball and width of its white rim, as fractions of the mean of the surface's
+two largest extents."""
 ARROW = 0.4
 """Length of its arrow, likewise."""
 HIDDEN_OPACITY = 0.55
@@ -126,6 +127,7 @@ def picture(
     view: View | None = None,
     size: tuple[int, int] = (640, 640),
     fingers: Sequence[Finger] = (),
+    span: float | None = None,
 ) -> Bytes:
     """Render a surface with one colour per vertex on white, filling the picture.
 
@@ -140,6 +142,8 @@ def picture(
         view: Direction of the camera; None: from above and the side.
         size: Width and height [pixels].
         fingers: Contacts to mark.
+        span: Height of the picture in the surface's unit, for several pictures at one scale; see
+            `span_of`. None: the surface and the fingers fill the picture.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3).
@@ -158,12 +162,28 @@ def picture(
             )
     check_rendering()
     surface = _Surface(points, np.asarray(faces, np.int64), paint, shading)
-    return _rendered(surface, view or View(), size, fingers)
+    return _rendered(surface, view or View(), size, fingers, span)
 
 
 def extent_of(points: Floats) -> float:
     """Geometric mean of the two largest extents of a surface, the scale of the fingers' marks."""
     return math.sqrt(float(np.sort(np.ptp(points, axis=0))[1:].prod()))
+
+
+def span_of(
+    points: Floats, view: View, size: tuple[int, int], fingers: Sequence[Finger] = ()
+) -> float:
+    """Height of a picture that a surface and its fingers fill, in the surface's unit.
+
+    Args:
+        points: Positions of the surface, shape (V, 3).
+        view: Direction of the camera.
+        size: Width and height of the picture [pixels].
+        fingers: Contacts to mark.
+    """
+    width, height = size
+    across, up, _ = np.ptp(_shown(points, fingers) @ view.axes.T, axis=0)
+    return MARGIN * max(float(up), float(across) * height / width, np.finfo(float).tiny)
 
 
 def choose_window() -> None:
@@ -191,8 +211,19 @@ class _Surface:
         return surface
 
 
+def _shown(points: Floats, fingers: Sequence[Finger]) -> Floats:
+    """Points of a surface and the ends of its fingers' arrows, shape (n, 3)."""
+    length = ARROW * extent_of(points)
+    tails = [finger.point - length * finger.normal for finger in fingers]
+    return np.concatenate([points, *np.reshape(tails, (-1, 1, 3))])
+
+
 def _rendered(
-    surface: _Surface, view: View, size: tuple[int, int], fingers: Sequence[Finger]
+    surface: _Surface,
+    view: View,
+    size: tuple[int, int],
+    fingers: Sequence[Finger],
+    span: float | None = None,
 ) -> Bytes:
     import pyvista
 
@@ -213,9 +244,9 @@ def _rendered(
         extent = extent_of(surface.points)
         for finger in fingers:
             _mark(plotter, finger, extent)
-        tails = [finger.point - ARROW * extent * finger.normal for finger in fingers]
-        shown = np.concatenate([surface.points, *np.reshape(tails, (-1, 1, 3))])
-        _aim_camera(plotter, shown, view)
+        if span is None:
+            span = span_of(surface.points, view, size, fingers)
+        _aim_camera(plotter, _shown(surface.points, fingers), view, span)
         image = _screenshot(plotter)
         if fingers:
             colored.visibility = False
@@ -225,20 +256,18 @@ def _rendered(
     return image
 
 
-def _aim_camera(plotter: "pyvista.Plotter", points: Floats, view: View) -> None:
-    """Aim an orthographic camera so that the points fill the picture up to a margin."""
+def _aim_camera(plotter: "pyvista.Plotter", points: Floats, view: View, span: float) -> None:
+    """Aim an orthographic camera at the middle of the points; `span` is the picture's height."""
     axes = view.axes
     projected = points @ axes.T
     low, high = projected.min(axis=0), projected.max(axis=0)
     middle = 0.5 * (low + high) @ axes
-    width, height = plotter.window_size
-    span = MARGIN * np.maximum(high - low, np.finfo(float).tiny)
     camera = plotter.camera
     camera.parallel_projection = True
     camera.focal_point = tuple(middle)
-    camera.position = tuple(middle + 2.0 * float(np.linalg.norm(span)) * axes[2])
+    camera.position = tuple(middle + 2.0 * (float(np.linalg.norm(high - low)) + span) * axes[2])
     camera.up = tuple(axes[1])
-    camera.parallel_scale = 0.5 * max(span[1], span[0] * height / width)
+    camera.parallel_scale = 0.5 * span
     plotter.reset_camera_clipping_range()
 
 
@@ -254,17 +283,22 @@ def _with_hidden_fingers(image: Bytes, fingers: Bytes) -> Bytes:
 
 
 def _mark(plotter: "pyvista.Plotter", finger: Finger, extent: float) -> None:
+    """Draw a ball with a white rim at a contact, and an arrow that ends at the ball."""
     import pyvista
 
-    length = ARROW * extent
-    ball = pyvista.Sphere(radius=BALL * extent, center=tuple(finger.point))
+    radius, start = BALL * extent, finger.point - ARROW * extent * finger.normal
     arrow = pyvista.Arrow(
-        start=tuple(finger.point - length * finger.normal),
+        start=tuple(start),
         direction=tuple(finger.normal),
-        scale=length,
+        scale=ARROW * extent - radius,
         tip_length=0.3,
         tip_radius=0.085,
         shaft_radius=0.03,
     )
+    ball, rim = (
+        pyvista.Sphere(radius=one, center=tuple(finger.point))
+        for one in (radius, radius + RIM * extent)
+    )
     for part in (ball, arrow):
         plotter.add_mesh(part, color=FINGER_COLOR, smooth_shading=True)
+    plotter.add_mesh(rim, color="white", culling="front", lighting=False)

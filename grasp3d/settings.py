@@ -1,7 +1,8 @@
 """Settings of the Python API, the command line and batch runs, as frozen dataclasses.
 
 Field docstrings are the command line's help. Angles are radians here; the command line
-reads and prints the fields of type `Radians` in degrees.
+reads and prints the fields of type `Radians` in degrees. Fields of type `Length` are numbers in the
+mesh's unit or texts with a unit, such as '80mm'.
 """
 
 import math
@@ -11,11 +12,11 @@ from numbers import Integral
 from typing import Annotated, Any, Literal, get_args
 
 from grasp3d.errors import SettingError
+from grasp3d.lengths import Length, LengthSettings, Unit, comparable, describe_length
 
 ANGLE = "angle"
 Radians = Annotated[float, ANGLE]
 
-Unit = Literal["m", "cm", "mm", "in"]
 Grip = Literal["squeeze", "expand", "both"]
 Actuation = Literal["total", "per_finger"]
 Method = Literal["exact", "extremes"]
@@ -37,8 +38,10 @@ ANGLE_ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
-class GraspModel:
+class GraspModel(LengthSettings):
     """Friction, sensor resolution and fingers, from which a grasp's label follows.
+
+    A length is a number in the mesh's unit, or has a unit: '5mm', '0.005 m', '0.5cm', '0.2in'.
 
     Attributes:
         friction: Coulomb coefficient of friction between fingertip and object, above 0.
@@ -56,9 +59,16 @@ class GraspModel:
             circular ones.
         actuation: Which force epsilon limits to 1. total: the sum of all fingers' forces;
             per_finger: each finger's force.
-        torsion_radius: Soft fingers: largest torsional moment about the normal per normal force, in
-            the mesh's unit; 2/3 x friction x r for an evenly pressed disc of radius r. 0: hard
-            fingers. It affects epsilon only.
+        torsion_radius: Soft fingers: largest torsional moment about the normal per normal force, a
+            length; 2/3 x friction x r for an evenly pressed disc of radius r. 0: hard fingers. It
+            affects epsilon only.
+
+    Example:
+        >>> import math
+        >>> import grasp3d
+        >>> model = grasp3d.GraspModel(friction=0.5, sensor_resolution=math.radians(20.0))
+        >>> print(f"S below {math.degrees(model.effective_friction_angle):.1f} degrees")
+        S below 16.6 degrees
     """
 
     friction: float = 0.5
@@ -68,7 +78,7 @@ class GraspModel:
     extreme_normals: int = 8
     edges: int | None = None
     actuation: Actuation = "total"
-    torsion_radius: float = 0.0
+    torsion_radius: Length[float] = Length(0.0)
 
     def __post_init__(self) -> None:
         if not (self.friction > 0.0 and math.isfinite(self.friction)):
@@ -100,10 +110,7 @@ class GraspModel:
                 f"got {self.edges}"
             )
         check_choice("actuation", self.actuation, Actuation)
-        if not (self.torsion_radius >= 0.0 and math.isfinite(self.torsion_radius)):
-            raise SettingError(
-                f"torsion radius must be a finite length of at least 0; got {self.torsion_radius:g}"
-            )
+        _check_length("torsion radius", self.torsion_radius)
 
     @property
     def friction_angle(self) -> float:
@@ -145,7 +152,7 @@ class GraspModel:
 
         Method extremes samples it, and the maximum, at the combinations that it tests.
         """
-        if self.torsion_radius > 0.0 or self.method == "extremes":
+        if self.soft or self.method == "extremes":
             return "sampled_tilts"
         return "exact" if self.edges is None else "effective_friction"
 
@@ -155,29 +162,36 @@ class GraspModel:
 
         Two hard fingers resist no torque about the line through them.
         """
-        return 6 if self.torsion_radius > 0.0 or self.fingers > 2 else 5
+        return 6 if self.soft or self.fingers > 2 else 5
+
+    @property
+    def soft(self) -> bool:
+        """Whether the fingers are soft: they have a torsion radius, in any unit."""
+        return self.torsion_radius != 0.0
 
 
 @dataclass(frozen=True)
-class Sampling:
+class Sampling(LengthSettings):
     """How candidate grasps are searched for.
+
+    A length is a number in the mesh's unit, or has a unit: '80mm', '0.08 m', '8cm', '3in'.
 
     Attributes:
         rays: Two fingers: directions tested from every vertex before the search is refined, 8 to
-            65536.
+            65536. Fingers that squeeze need few: branch and bound searches the whole surface.
         grip: Two fingers. squeeze: they are outside, pushing toward each other; expand: inside a
             ring or a mug, pushing apart; both: whichever is better.
-        min_opening: Two fingers: smallest distance between the contacts, in the mesh's unit.
-        max_opening: Two fingers: largest distance between the contacts (the gripper's stroke), in
-            the mesh's unit.
+        min_opening: Two fingers: smallest distance between the contacts, a length.
+        max_opening: Two fingers: largest distance between the contacts, a length: the gripper's
+            stroke.
         candidates: Three fingers and more: candidate points for every other finger before the
             search is refined, spread evenly over the surface within reach of a vertex, 8 to 4096.
             If candidate points are vertices, all of them are tested where there are at most four
             times as many.
-        min_separation: Three fingers and more: smallest distance between any two contacts, in the
-            mesh's unit; none: 1/100 of the object's size, but at most 1/10 of max_spread.
-        max_spread: Three fingers and more: largest distance between any two contacts (the reach of
-            the robot's hand), in the mesh's unit.
+        min_separation: Three fingers and more: smallest distance between any two contacts, a
+            length; none: 1/100 of the object's size, but at most 1/10 of max_spread.
+        max_spread: Three fingers and more: largest distance between any two contacts, a length: the
+            reach of the robot's hand.
         candidate_points: Three fingers and more: where the other fingers may be. surface: anywhere
             on it; vertices: at the mesh's vertices only.
         seed: Three fingers and more: random seed of the candidate points and of the search; the
@@ -188,15 +202,27 @@ class Sampling:
             new search, for any friction and resolution with atan(friction) + alpha/2 up to this
             angle. Narrower: a limit to the search.
         tolerance: Step size at which the search around a vertex's best grasp stops.
+
+    Example:
+        A gripper that opens to 80 mm, and a search that is wide enough to label the surface again
+        with a friction of up to 1 and a fine sensor:
+
+        >>> import math
+        >>> import grasp3d
+        >>> sampling = grasp3d.Sampling(max_opening="80mm", search_angle=math.radians(50.0))
+        >>> grasp3d.Sampling(rays=4)
+        Traceback (most recent call last):
+            ...
+        grasp3d.errors.SettingError: rays must be from 8 to 65536; got 4
     """
 
     rays: int = 64
     grip: Grip = "squeeze"
-    min_opening: float = 0.0
-    max_opening: float = math.inf
+    min_opening: Length[float] = Length(0.0)
+    max_opening: Length[float] = Length(math.inf)
     candidates: int = 64
-    min_separation: float | None = None
-    max_spread: float = math.inf
+    min_separation: Length[float | None] = Length(None)
+    max_spread: Length[float] = Length(math.inf)
     candidate_points: CandidatePoints = "surface"
     seed: int = 0
     search_angle: Radians | None = None
@@ -206,23 +232,13 @@ class Sampling:
         if not MIN_RAYS <= self.rays <= MAX_RAYS:
             raise SettingError(f"rays must be from {MIN_RAYS} to {MAX_RAYS}; got {self.rays}")
         check_choice("grip", self.grip, Grip)
-        if not 0.0 <= self.min_opening <= self.max_opening or self.max_opening == 0.0:
-            raise SettingError(
-                "openings must satisfy 0 <= min_opening <= max_opening, and max_opening above 0; "
-                f"got {self.min_opening:g} and {self.max_opening:g}"
-            )
+        _check_limits("openings", "min_opening", "max_opening", self)
         if not MIN_CANDIDATES <= whole_number("candidates", self.candidates, 0) <= MAX_CANDIDATES:
             raise SettingError(
                 f"candidates must be from {MIN_CANDIDATES} to {MAX_CANDIDATES}; "
                 f"got {self.candidates}"
             )
-        closest = self.min_separation or 0.0
-        in_order = 0.0 <= closest <= self.max_spread and math.isfinite(closest)
-        if not in_order or not self.max_spread:
-            raise SettingError(
-                "distances must satisfy 0 <= min_separation <= max_spread, and max_spread above 0; "
-                f"got {closest:g} and {self.max_spread:g}"
-            )
+        _check_limits("distances", "min_separation", "max_spread", self)
         check_choice("candidate points", self.candidate_points, CandidatePoints)
         if whole_number("seed", self.seed, 0) >= SEED_LIMIT:
             raise SettingError(f"seed must be below 2^63; got {self.seed}")
@@ -239,48 +255,58 @@ class Sampling:
 
 
 @dataclass(frozen=True)
-class MeshOptions:
+class MeshOptions(LengthSettings):
     """How a mesh file is read and prepared.
 
+    A length is a number in the mesh's unit, or has a unit: '3mm', '0.003 m', '0.3cm', '0.1in'.
+
     Attributes:
-        unit: Unit of the file's numbers; none: the unit stated in the file, if any. Nothing is
-            scaled: openings and positions stay in this unit.
-        max_edge: Largest edge length, in the mesh's unit; longer edges are divided. none: 1/32 of
-            the object's size.
+        unit: Unit of the mesh's coordinates, and of lengths without a unit; none: the unit that the
+            file states, if any. Nothing is scaled: positions and openings stay in this unit.
+        max_edge: Longest edge of the mesh, a length; longer edges are divided. none: 1/32 of the
+            object's size.
         crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge):
             the faces keep their own normals there. With a patch_radius edges are rounded instead.
         repair: How much of a damaged surface is repaired. none: only faces without area are
             removed; safe: also vertices are welded, faces oriented outward, pinholes closed,
             overlapping bodies united; full: also every hole is closed, and sealed cavities are
             filled.
-        patch_radius: Radius of the fingertip's contact patch, in the mesh's unit: the contact
+        patch_radius: Radius of the fingertip's contact patch, a length: the contact
             normal at a surface point is the average over the surface within this distance along it,
             as a soft fingertip touches an area; at most half of the object's size. 0: the normal at
             the point alone.
         max_memory: Memory that reading and labelling one mesh may take [GB]; files that need more
             are refused before they are processed.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> options = grasp3d.MeshOptions(unit="mm", max_edge=20.0)
+        >>> cube = trimesh.creation.box([40.0, 40.0, 40.0])
+        >>> grasp3d.load_mesh(cube, options).unit
+        'mm'
+        >>> len(grasp3d.load_mesh(cube, options, max_edge=10.0).vertices)
+        194
     """
 
     unit: Unit | None = None
-    max_edge: float | None = None
+    max_edge: Length[float | None] = Length(None)
     crease_angle: Radians = 30.0 * DEGREE
     repair: Repair = "safe"
-    patch_radius: float = 0.0
+    patch_radius: Length[float] = Length(0.0)
     max_memory: float = 2.0
 
     def __post_init__(self) -> None:
         if self.unit is not None:
             check_choice("unit", self.unit, Unit)
-        if self.max_edge is not None and not self.max_edge > 0.0:
-            raise SettingError(f"max_edge must be above 0; got {self.max_edge:g}")
+        edge = comparable(self.max_edge)
+        if self.max_edge is not None and not (edge and edge[0] > 0.0):
+            raise SettingError(f"max_edge must be above 0; got {describe_length(self.max_edge)}")
         if not 0.0 <= self.crease_angle <= math.pi:
             degrees = math.degrees(self.crease_angle)
             raise SettingError(f"crease angle must be from 0 to 180 degrees; got {degrees:g}")
         check_choice("repair", self.repair, Repair)
-        if not (self.patch_radius >= 0.0 and math.isfinite(self.patch_radius)):
-            raise SettingError(
-                f"patch radius must be a finite length of at least 0; got {self.patch_radius:g}"
-            )
+        _check_length("patch radius", self.patch_radius)
         if not self.max_memory >= MIN_MEMORY:
             raise SettingError(
                 f"max memory must be at least {MIN_MEMORY:g} GB; got {self.max_memory:g}"
@@ -305,6 +331,29 @@ class MeshOptions:
             known = ", ".join(names)
             raise SettingError(f"no mesh option is called {unknown[0]!r}; known: {known}")
         return replace(options or cls(), **fields_)
+
+
+def _check_length(name: str, length: float) -> None:
+    """Refuse a length that is negative or not finite; in any unit."""
+    if not all(0.0 <= one < math.inf for one in comparable(length) or ()):
+        raise SettingError(
+            f"{name} must be a finite length of at least 0; got {describe_length(length)}"
+        )
+
+
+def _check_limits(what: str, least: str, most: str, sampling: Sampling) -> None:
+    """Refuse limits of a distance that no distance meets.
+
+    A number and a length with a unit are compared later, when the mesh's unit is known.
+    """
+    given = getattr(sampling, least), getattr(sampling, most)
+    low, high = comparable(*given) or (0.0, math.inf)
+    if not (0.0 <= low <= high and low < math.inf and high > 0.0):
+        low_text, high_text = map(describe_length, given)
+        raise SettingError(
+            f"{what} must satisfy 0 <= {least} <= {most}, and {most} above 0; got {low_text} and "
+            f"{high_text}"
+        )
 
 
 def whole_number(name: str, value: object, minimum: int) -> int:

@@ -66,6 +66,36 @@ class Sweep:
             ]
         )
 
+    def to_table(self, *, fractions: Sequence[float] = ()) -> Any:
+        """Return a `pyarrow.Table` with a row for each friction and resolution.
+
+        The columns are those of `write_sweeps`, without `error`.
+
+        Args:
+            fractions: Required area fractions of S, each above 0 and at most 1.
+
+        Raises:
+            SettingError: A fraction is outside its range.
+        """
+        from grasp3d.tables import table_of_rows
+
+        rows, columns = _rows_of([self], fractions)
+        return table_of_rows(rows, columns, settings={})
+
+    def to_dataframe(self, *, fractions: Sequence[float] = ()) -> Any:
+        """Return `to_table` as a `pandas.DataFrame`.
+
+        Args:
+            fractions: Required area fractions of S, each above 0 and at most 1.
+
+        Raises:
+            SettingError: A fraction is outside its range.
+            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
+        """
+        from grasp3d.tables import data_frame
+
+        return data_frame(self.to_table(fractions=fractions))
+
 
 def sweep(
     distribution: AngleDistribution,
@@ -87,6 +117,25 @@ def sweep(
     Raises:
         SettingError: A value is outside its range.
         SearchCoverageError: The search did not cover the frictions and resolutions.
+
+    Example:
+        A cone, for two frictions and three resolutions:
+
+        >>> import numpy as np
+        >>> import trimesh
+        >>> import grasp3d
+        >>> cone = trimesh.creation.cone(radius=0.03, height=0.1, sections=32)
+        >>> mesh = grasp3d.load_mesh(cone, unit="m", max_edge=0.02)
+        >>> labels = grasp3d.label_surface(mesh, sampling=grasp3d.Sampling(search_angle=1.0))
+        >>> found = grasp3d.sweep(
+        ...     labels.angle_distribution(),
+        ...     friction=[0.3, 0.5],
+        ...     sensor_resolution=np.radians([0.0, 10.0, 30.0]),
+        ... )
+        >>> found.stable.round(2).tolist()
+        [[0.05, 0.0, 0.0], [0.68, 0.68, 0.0]]
+        >>> np.degrees(found.required_resolution(0.5)).round(1).tolist()
+        [0.0, 19.3]
     """
     check_choice("mode", mode, Mode)
     frictions = _in_order(friction, "friction")
@@ -189,13 +238,22 @@ def write_sweeps(
     """
     from grasp3d.tables import write_table
 
+    rows, columns = _rows_of(sweeps, fractions)
+    rows += [{"name": name, "error": reason} for name, reason in (failures or {}).items()]
+    written = [{"error": "", **row} for row in rows]
+    write_table(Path(path), written, {**columns, "error": str}, settings=settings or {})
+
+
+def _rows_of(
+    sweeps: Sequence[Sweep], fractions: Sequence[float]
+) -> tuple[list[dict[str, Any]], dict[str, type]]:
+    """Rows of a table of sweeps, and the types of its columns."""
     required = {f"required_resolution_{100.0 * fraction:g}": fraction for fraction in fractions}
     values = ("stable", "ambiguous", "unstable", "accuracy_ceiling")
     columns = {
         "name": str,
         "mode": str,
         **dict.fromkeys(("friction", "sensor_resolution", *values, *required), float),
-        "error": str,
     }
     rows: list[dict[str, Any]] = []
     for one in sweeps:
@@ -210,11 +268,9 @@ def write_sweeps(
                     "sensor_resolution": float(one.sensor_resolution[column]),
                     **{name: float(value[row, column]) for name, value in written.items()},
                     **{name: float(value[row]) for name, value in needed.items()},
-                    "error": "",
                 }
             )
-    rows += [{"name": name, "error": reason} for name, reason in (failures or {}).items()]
-    write_table(Path(path), rows, columns, settings=settings or {})
+    return rows, columns
 
 
 def _in_order(values: ArrayLike, what: str) -> list[float]:

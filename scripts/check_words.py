@@ -11,8 +11,9 @@ from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
 
-PLACES = ("grasp3d/**/*.py", "grasp3d/**/*.pyi", "tests/**/*.py", "scripts/*.py", "docs/*.md",
-          "web/src/**/*.*", "web/build.mjs", "*.md", "meshes/*.md", ".ci/run")  # fmt: skip
+PLACES = ("grasp3d/**/*.py", "grasp3d/**/*.pyi", "tests/**/*.py", "scripts/*.py", "docs/**/*.md",
+          "docs/**/*.py", "web/src/**/*.*", "web/build.mjs", "*.md", "meshes/*.md",
+          ".ci/run")  # fmt: skip
 """Files that are searched."""
 
 LEFT_OUT = {

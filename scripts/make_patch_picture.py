@@ -16,7 +16,6 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d import GraspModel, ObjectMesh, SurfaceLabels, label_surface, load_mesh
-from grasp3d.mesh import mesh_from_arrays
 from grasp3d.mesh.primitives import sphere_mesh
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
@@ -60,7 +59,7 @@ def columns(mesh: ObjectMesh) -> list[Column]:
     """Label a surface clean, noisy, and noisy with a patch."""
     noisy, edge = scanned(mesh), mean_edge(mesh)
     plain, smoothed = (
-        mesh_from_arrays(noisy, mesh.faces, max_edge=mesh.size, patch_radius=radius)
+        load_mesh((noisy, mesh.faces), max_edge=mesh.size, patch_radius=radius)
         for radius in (0.0, PATCH * edge)
     )
     percent = 100.0 / mesh.size

@@ -35,6 +35,7 @@ def photograph(page: Page, address: str, path: Path) -> None:
     assert box is not None
     page.mouse.click(box["x"] + CLICK[0] * box["width"], box["y"] + CLICK[1] * box["height"])
     page.locator("#reason").wait_for()
+    page.locator("#progress").wait_for(state="detached", timeout=60_000)  # the wider search
     page.wait_for_timeout(1500)
     page.screenshot(path=path)
 

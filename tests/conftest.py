@@ -3,24 +3,11 @@
 import os
 import subprocess
 import sys
+from collections import Counter
 
 import pytest
 
-COMPILE = """
-import numpy as np
-from grasp3d import EpsilonOptions, GraspModel, Sampling, classify, label_surface, scan_surface
-from grasp3d.mesh.primitives import box_mesh
-from grasp3d.system.progress import ignore
-
-box = box_mesh((1.0, 0.8, 0.6), max_edge=0.5)
-fingers = {fingers}
-for method in ("exact", "extremes"):
-    model = GraspModel(fingers=fingers, method=method, extreme_normals=3, edges=3)
-    label_surface(box, model, sampling=Sampling()).compute_epsilon(ignore)
-model = GraspModel(fingers=fingers)
-label_surface(box, model).compute_epsilon(ignore)
-scan_surface(box, fixed=box.vertices[: fingers - 1]).compute_epsilon(ignore)
-"""
+COMPILE = "from grasp3d.warming_up import compile_kernels; compile_kernels({fingers})"
 """What most tests need, for a number of fingers."""
 
 
@@ -31,11 +18,24 @@ def pytest_configure(config: pytest.Config) -> None:
     """
     if hasattr(config, "workerinput") or not config.getoption("numprocesses", None):
         return
-    from grasp3d._kernels.compiling import compiled_before
+    from grasp3d._kernels.machine_code import cache_folder
 
-    if not compiled_before() and not os.environ.get("NUMBA_DISABLE_JIT"):
+    folder = cache_folder()
+    compiled = folder is not None and any(folder.glob("*.nbc"))
+    if not compiled and not os.environ.get("NUMBA_DISABLE_JIT"):
         codes = (COMPILE.format(fingers=fingers) for fingers in (2, 3))
         processes = [subprocess.Popen([sys.executable, "-c", code]) for code in codes]
         failed = [process.wait() for process in processes]
         if any(failed):
             raise pytest.UsageError("the kernels could not be compiled, see above")
+
+
+def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:
+    """Print how many examples of the documentation ran, and why others did not."""
+    reports = [one for kind in ("passed", "failed") for one in terminalreporter.getreports(kind)]
+    properties = [pair for report in reports for pair in getattr(report, "user_properties", ())]
+    blocks = sum(value for name, value in properties if name == "blocks")
+    skipped = Counter(why for name, value in properties if name == "skipped" for why in value)
+    if blocks or skipped:
+        reasons = "".join(f"\n  {count} skipped: {why}" for why, count in skipped.most_common())
+        terminalreporter.write_line(f"{blocks} examples of the documentation ran{reasons}")

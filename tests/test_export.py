@@ -15,7 +15,6 @@ from grasp3d import (
     SurfaceLabels,
     label_surface,
     load_mesh,
-    mesh_from_arrays,
     scan_surface,
     write_glb,
     write_npz,
@@ -37,7 +36,7 @@ FIELDS = (
 @cache
 def labels() -> SurfaceLabels:
     """S, M and U, creases, and vertices without any grasp."""
-    mesh = mesh_from_arrays(*shapes.cone(0.35), unit="cm")
+    mesh = load_mesh(shapes.cone(0.35), unit="cm")
     found = label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening=0.3))
     assert set(found.label) == {0, 1, 2}
     assert np.isinf(found.critical_angle).any()
@@ -92,7 +91,7 @@ def test_ply_comments_contain_the_settings(tmp_path: Path) -> None:
 
 def test_files_state_how_the_minimum_over_the_tilts_is_computed(tmp_path: Path) -> None:
     soft = GraspModel(edges=6, torsion_radius=0.1, actuation="per_finger")
-    mesh = mesh_from_arrays(*shapes.sphere(2), max_edge=9.0)
+    mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
     write_ply(tmp_path / "out.ply", label_surface(mesh, soft))
     header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
     for line in ("edges 6", "torsion_radius 0.1", "actuation per_finger", "epsilon_rank 6"):
@@ -102,7 +101,7 @@ def test_files_state_how_the_minimum_over_the_tilts_is_computed(tmp_path: Path) 
 
 def test_files_state_that_labels_come_from_extreme_normals(tmp_path: Path) -> None:
     model = GraspModel(edges=6, method="extremes", extreme_normals=4)
-    found = label_surface(mesh_from_arrays(*shapes.sphere(1), max_edge=9.0), model)
+    found = label_surface(load_mesh(shapes.sphere(1), max_edge=9.0), model)
     for suffix, write in WRITERS.items():
         write(tmp_path / f"out{suffix}", found)
     header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()
@@ -112,7 +111,7 @@ def test_files_state_that_labels_come_from_extreme_normals(tmp_path: Path) -> No
     ):  # fmt: skip
         assert f"comment grasp3d {line}\n" in header
     full = pyvista.read(tmp_path / "out.vtp")
-    assert full.field_data["method"][0] == "extremes"
+    assert full.field_data["setting_method"][0] == "extremes"
     assert np.array_equal(full.point_data["label"], found.label)
     with np.load(tmp_path / "out.npz") as data:
         assert str(data["setting_epsilon_max"]) == "sampled_tilts"
@@ -174,9 +173,9 @@ def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_
     assert np.isnan(full.point_data["critical_angle"][~found]).all()
     for name in ("epsilon", "epsilon_min", "epsilon_max"):
         assert np.array_equal(full.point_data[name], getattr(labels(), name), equal_nan=True)
-    assert full.field_data["epsilon_min"][0] == "exact"
+    assert full.field_data["setting_epsilon_min"][0] == "exact"
     assert full.point_data["partner_2"].shape == (mesh.n_points, 3)
-    assert full.field_data["friction"][0] == "0.75"
+    assert full.field_data["setting_friction"][0] == "0.75"
 
 
 @pytest.mark.slow
@@ -217,7 +216,7 @@ def test_npz_contains_every_array(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_coordinates_far_from_the_origin_keep_their_digits(tmp_path: Path) -> None:
     vertices, faces = shapes.sphere(2)
-    far = label_surface(mesh_from_arrays(vertices + 1e6, faces), GraspModel(edges=8))
+    far = label_surface(load_mesh((vertices + 1e6, faces)), GraspModel(edges=8))
     write_ply(tmp_path / "far.ply", far)
     mesh = trimesh.load_mesh(tmp_path / "far.ply", process=False)
     assert np.array_equal(mesh.vertices[: len(vertices)], vertices + 1e6)
@@ -236,7 +235,7 @@ def test_a_missing_folder_or_one_with_the_files_name_is_an_error(
 
 
 def test_an_unknown_suffix_names_the_known_ones() -> None:
-    with pytest.raises(OutputError, match=r"known: \.ply \.glb \.npz \.vtp"):
+    with pytest.raises(OutputError, match=r"supported are \.ply \.glb \.npz \.vtp"):
         writer_for(Path("labels.docx"))
 
 

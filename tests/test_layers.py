@@ -21,11 +21,14 @@ ROOT = Path(grasp3d.__file__).parents[1]
 
 LAYERS = [
     "errors arrays",
+    "lengths",
     "settings system _kernels contact isolation",
     "quality reading tables costs rendering",
     "stability mesh storage",
     "surface planar diagnosis sweeps",
-    "grasps export",
+    "grasps conversions",
+    "export stored_settings",
+    "warming_up",
     "plots batch",
     "paper viewer",
     "cli",
@@ -35,21 +38,24 @@ LAYERS = [
 WITHIN = {
     "batch": [
         "batch_settings folders row worker_task",
-        "cluster_client identity inputs journal packed_rows report",
-        "attempts checking cluster marker plan progress shards stored_names sweeping",
+        "cluster_client identity inputs journal packed_rows report summary",
+        (
+            "attempts checking cluster compiling_first marker plan progress shards stored_names "
+            "sweeping"
+        ),
         "check_writing labelling run store",
         "library",
     ],
     "cli": [
-        "design_report options ranges report",
+        "compiling_lines design_report examples existing_files options ranges report streams",
         (
             "batch_progress batch_report check_report design grasp_report paper_report "
-            "sweep_report view"
+            "sweep_report time_limit"
         ),
-        "batch check evaluate label paper sweep",
+        "batch check evaluate label paper sweep view warmup",
     ],
     "diagnosis": [
-        "length_warnings mesh_diagnosis",
+        "mesh_diagnosis",
         "mesh_warnings",
         "diagnosing",
     ],
@@ -64,10 +70,11 @@ WITHIN = {
         "child",
     ],
     "mesh": [
-        "manifolds measures normals ray_tracing units",
+        "manifolds measures normals ray_tracing units work_bounds",
         "noise refinement repair self_intersections",
         "object_mesh patches",
-        "preparing surface_points",
+        "mesh_sources plausible_lengths surface_points",
+        "preparing",
         "primitives",
     ],
     "paper": [
@@ -97,8 +104,9 @@ WITHIN = {
     ],
     "reading": [
         "sources",
-        "declared_sizes gltf_tree isolation obj side_files stl three_mf",
-        "archives gltf off ply",
+        "declared_sizes gltf_data gltf_transforms isolation obj scenes side_files stl three_mf",
+        "archives gltf_tree off ply",
+        "gltf",
         "ply_faces",
         "parsing",
         "child mesh_files",
@@ -135,18 +143,23 @@ WITHIN = {
 """The layers within the packages that have several; kernels call each other freely."""
 
 UPWARD = {
+    ("grasp3d.grasps.surface_grasps", "grasp3d.grasps.writing"),
+    ("grasp3d.grasps.surface_grasps", "grasp3d.viewer.show"),
+    ("grasp3d.mesh.object_mesh", "grasp3d.conversions"),
+    ("grasp3d.mesh.object_mesh", "grasp3d.viewer.show"),
+    ("grasp3d.surface.labels", "grasp3d.conversions"),
     ("grasp3d.surface.labels", "grasp3d.viewer.show"),
     ("grasp3d.isolation.calls", "grasp3d.isolation.child"),
     ("grasp3d.reading.isolation", "grasp3d.reading.child"),
 }
-"""`labels.show()` finds the viewer when it is called, as pandas does with plotting; a child process
-is started by the name of its module."""
+"""`labels.show()`, `labels.to_table()` and the like find the viewer and other libraries when they
+are called, as pandas does with plotting; a child process is started by the name of its module."""
 
 ENGINES = {
     "manifold3d": {"mesh"},
     "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
-    "trimesh": {"mesh", "export", "reading"},
+    "trimesh": {"mesh", "conversions", "export", "reading"},
     "distributed": {"batch"},
     "dask": {"batch"},
     "fsspec": {"storage"},
@@ -154,7 +167,7 @@ ENGINES = {
     "cloudpickle": {"isolation"},
     "pyarrow": {"tables"},
     "matplotlib": {"plots", "viewer"},
-    "pyvista": {"export", "rendering", "viewer"},
+    "pyvista": {"conversions", "stored_settings", "rendering", "viewer"},
     "vtkmodules": {"export", "viewer"},
     "trame": {"viewer"},
     "trame_rca": {"viewer"},

@@ -127,7 +127,7 @@ for name in sys.argv[1:]:
     except GraspError as error:
         row["error"] = str(error)
     print(json.dumps({"file": Path(name).name, "seconds": time.monotonic() - started, **row}))
-process._end_all()
+process.end_all()
 for processes in (resource.RUSAGE_SELF, resource.RUSAGE_CHILDREN):
     print(resource.getrusage(processes).ru_maxrss)
 """

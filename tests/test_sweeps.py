@@ -220,7 +220,7 @@ def test_csv_contains_the_same(tmp_path: Path) -> None:
 
 
 def test_unknown_suffixes_are_refused_and_nothing_is_written(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"known: \.csv \.parquet"):
+    with pytest.raises(OutputError, match=r"supported are \.csv \.parquet"):
         write_sweeps(tmp_path / "sweep.xlsx", [SPHERE])
     with pytest.raises(SettingError, match="fraction must be"):
         write_sweeps(tmp_path / "sweep.csv", [SPHERE], fractions=(2.0,))

@@ -16,7 +16,11 @@ import numpy.typing as npt
 from grasp3d._kernels.compiling import inlined, merged, scratch_kernel
 
 COLLINEAR = 1e-6
-"""Height of a triangle relative to its longest side below which its corners are collinear."""
+"""Sine of the angle between a triangle's shortest and longest sides below which its corners are
+collinear."""
+
+SHORT = 1e-5
+"""Length of a side relative to the longest below which its direction needs care."""
 
 ROUNDING = 1e-13
 """Determinant of three wrenches of size 1 below which they count as coplanar."""
@@ -74,14 +78,20 @@ def set_contact_plane(points, plane):
     p, q, r = points[0], points[1], points[2]
     ax, ay, az = q[0] - p[0], q[1] - p[1], q[2] - p[2]
     bx, by, bz = r[0] - p[0], r[1] - p[1], r[2] - p[2]
-    cx, cy, cz = bx - ax, by - ay, bz - az
+    cx, cy, cz = r[0] - q[0], r[1] - q[1], r[2] - q[2]
     one, two = ax * ax + ay * ay + az * az, bx * bx + by * by + bz * bz
     three = cx * cx + cy * cy + cz * cz
     # The cross product m is normal to the plane; its length is twice the area of the triangle.
     longest = max(one, two, three)
     mx, my, mz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
+    is_last_short = three < SHORT * SHORT * longest
+    if is_last_short:  # the difference of two long sides would lose its direction
+        mx, my, mz = ay * cz - az * cy, az * cx - ax * cz, ax * cy - ay * cx
     area = math.sqrt(mx * mx + my * my + mz * mz)
-    if not area > COLLINEAR * longest or not min(one, two, three) > 0.0:
+    # Differences of nearby points are exact: a short side has a direction however short it is, so
+    # that only a flat angle makes the plane uncertain.
+    shortest = min(one, two, three)
+    if not area > COLLINEAR * math.sqrt(shortest * longest) or not shortest > 0.0:
         return False
     mx, my, mz = mx / area, my / area, mz / area
     length = math.sqrt(one)
@@ -93,6 +103,8 @@ def set_contact_plane(points, plane):
     for k in range(2):
         a = (frame[k, 0] * ax + frame[k, 1] * ay + frame[k, 2] * az) * scale
         b = (frame[k, 0] * bx + frame[k, 1] * by + frame[k, 2] * bz) * scale
+        if is_last_short:
+            b = a + (frame[k, 0] * cx + frame[k, 1] * cy + frame[k, 2] * cz) * scale
         middle = (a + b) / 3.0
         positions[0, k], positions[1, k], positions[2, k] = -middle, a - middle, b - middle
     return True

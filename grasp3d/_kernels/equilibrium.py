@@ -1,12 +1,12 @@
-"""Equilibria: balanced contact forces computed from a polytope that contains the origin."""
+"""Equilibria: balanced contact forces computed from a polytope that contains the origin.
+
+They are a first approximation: whether they prove anything is decided by `force_balance`.
+"""
 
 import math
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.support_functions import ROWS
-
-BALANCED = 1e-9
-"""Largest residual of an equilibrium, relative to the wrenches."""
 
 TIE = 1e-9
 """Relative rounding error in deciding which facet a ray intersects, and of its weights."""
@@ -44,7 +44,7 @@ def _normal_component(planes, f, x):
 
 @scratch_kernel
 def equilibrium(space, dims, polytope, vertices, used, forces):
-    """Write balanced contact forces, all non-zero and strictly inside their friction cones.
+    """Write nearly balanced contact forces, all strictly inside their friction cones.
 
     All vertices of the polytope and every contact's unit normal force sum up to a wrench. The facet
     that the ray along the opposite wrench intersects balances it, by a non-negative combination of
@@ -57,10 +57,7 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
         vertices: Its number of vertices.
         used: Its number of facets.
         forces: Written, each contact's force in its axes (n, 4), or each row's weight in the first
-            column (n, 4); their lengths sum to 1.
-
-    Returns:
-        Whether the residual is at most BALANCED.
+            column (n, 4).
     """
     dim = len(dims)
     points, planes, corners, vectors = (
@@ -118,16 +115,3 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
             for k in range(6):
                 residual[k] -= weight * points[vertex, k]
         break
-    total = 0.0
-    for i in range(count):
-        total += math.sqrt(
-            forces[i, 0] * forces[i, 0] + forces[i, 1] * forces[i, 1] + forces[i, 2] * forces[i, 2]
-        )
-    for i in range(count):
-        for k in range(4):
-            forces[i, k] /= total
-    # Checked, since the weights come from a solve that may be ill-conditioned.
-    largest = 0.0
-    for k in range(dim):
-        largest = max(largest, abs(residual[k]))
-    return largest <= BALANCED * total

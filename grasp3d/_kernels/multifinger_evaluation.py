@@ -40,6 +40,10 @@ MAX_DIRECTIONS = 24
 MAX_FACETS = 1 << 11
 """Most facets of a closure test's hull; a grasp that needs more counts as not force-closed."""
 
+ROUNDING = 1e-11
+"""Distance of the origin from a hull's facets below which rounding errors may have moved it inside.
+Contacts are apart: there is no need for a proof by balanced forces."""
+
 RIGHT_ANGLE = 0.5 * math.pi
 
 
@@ -258,7 +262,7 @@ def _hull_force_closed(candidate, n, angle):
         TOTAL, spherical, soft, candidate.axes[:n], candidate.cones[:n], candidate.rim
     )
     _, lower, _, _, facets = grow(space, SIX, candidate.metric, SIGN, candidate.polytope)
-    if facets > 0 and lower > 0.0:
+    if facets > 0 and lower > ROUNDING:
         return True
     _store_direction(candidate, candidate.polytope.vectors[16])
     return False

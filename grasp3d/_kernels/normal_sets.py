@@ -60,17 +60,22 @@ def _centre(normals, first, count):
 def _hull(points):
     """Corners of the planar convex hull, counter-clockwise (Andrew's monotone chain)."""
     count = points.shape[0]
-    order = np.arange(count)  # insertion sort by x, then y: counts are small
-    for i in range(1, count):
-        j = i
-        while j > 0:
-            a, b = order[j - 1], order[j]
-            if points[a, 0] < points[b, 0] or (
-                points[a, 0] == points[b, 0] and points[a, 1] <= points[b, 1]
-            ):
-                break
-            order[j - 1], order[j] = b, a
-            j -= 1
+    order = np.arange(count)  # Shell sort by x, then y: most counts are small, a few are large
+    gap = 1
+    while 9 * gap < count:
+        gap = 9 * gap // 4 + 1
+    while gap > 0:
+        for i in range(gap, count):
+            j = i
+            while j >= gap:
+                a, b = order[j - gap], order[j]
+                if points[a, 0] < points[b, 0] or (
+                    points[a, 0] == points[b, 0] and points[a, 1] <= points[b, 1]
+                ):
+                    break
+                order[j - gap], order[j] = b, a
+                j -= gap
+        gap = 4 * gap // 9
     chain = np.empty(2 * count, dtype=np.int64)
     size = 0
     for turn in range(2):  # lower chain, then upper chain

@@ -8,7 +8,9 @@ import numpy.typing as npt
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.equilibrium import equilibrium
-from grasp3d._kernels.growing_hull import EXHAUSTED, STALLED, grow
+from grasp3d._kernels.force_balance import LARGEST_SLACK, SMALL_SLACK, balance, clear_slack
+from grasp3d._kernels.growing_hull import CONVERGED, EXHAUSTED, STALLED, UNDECIDED, grow
+from grasp3d._kernels.separation import RESTING, UNPROVEN, separation
 from grasp3d._kernels.support_functions import PER_FINGER, ROWS, TOTAL, WrenchSpace
 from grasp3d._kernels.wrench_span import span
 
@@ -17,6 +19,13 @@ SIX = (0, 0, 0, 0, 0, 0)
 
 SIGN = (0.0, 1e4, 0.0, 1.0)
 """Goal of a closure test; see `grow`."""
+
+CLEAR = 1e-8
+"""Epsilon relative to the largest wrench from which the hull itself proves force closure. Rounding
+errors of less than that may have moved the origin into it."""
+
+AT_REST = 4
+"""Status, in the kernels only: not force-closed if contacts that are close together coincide."""
 
 
 class Workspace(NamedTuple):
@@ -50,6 +59,8 @@ class Results(NamedTuple):
     """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
     forces: npt.NDArray[np.float64]
     """Equilibrium forces, in the contacts' axes (b, n, 4); nan where there is none."""
+    slack: npt.NDArray[np.float64]
+    """As returned by `balance`; 0 where the hull alone proves force closure (b,)."""
 
 
 def make_workspace(kind: int, count: int) -> Workspace:
@@ -169,15 +180,68 @@ def _largest_wrench(workspace):
 
 
 @merged
+def _erase_forces(results, g):
+    """Mark a grasp's forces as missing."""
+    for i in range(results.forces.shape[1]):
+        for k in range(4):
+            results.forces[g, i, k] = math.nan
+
+
+@merged
 def _reset_result(results, g):
     """Write the initial results of a grasp: no force closure, no certificate."""
     results.lower[g] = results.upper[g] = 0.0
     results.rank[g], results.status[g], results.closed[g] = 0, 0, False
     for k in range(6):
         results.direction[g, k] = 1.0 if k == 0 else 0.0
-    for i in range(results.forces.shape[1]):
-        for k in range(4):
-            results.forces[g, i, k] = math.nan
+    results.slack[g] = math.inf
+    _erase_forces(results, g)
+
+
+@merged
+def _is_convex(kind, cones):
+    """Whether all friction cones are narrower than 90 degrees."""
+    if kind == ROWS:
+        return True
+    least = math.inf
+    for i in range(cones.shape[0]):
+        least = min(least, cones[i, 0])
+    return least > 0.0
+
+
+@merged
+def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results, g):
+    """Set the result of a grasp without proof of force closure by whether its direction separates.
+
+    Where it does not, a grasp that is not force-closed becomes UNDECIDED.
+    """
+    kind, _, soft = form
+    found = separation(
+        kind, soft, wrenches, cones, rim, _largest_wrench(workspace), results.direction[g],
+        polytope.vectors,
+    )  # fmt: skip
+    if found == UNPROVEN:
+        if not results.closed[g]:
+            results.status[g] = UNDECIDED
+        return
+    results.status[g] = AT_REST if found == RESTING else CONVERGED
+    results.closed[g] = False
+    results.lower[g] = results.upper[g] = 0.0
+
+
+@scratch_kernel
+def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch, forces):
+    """Correct forces of one grasp (n, 4) found by other means; returns the slack of `balance`."""
+    kind, spherical, soft = form
+    if kind == ROWS:
+        _load_rows(wrenches[:, 0], workspace)
+    else:
+        _load_contacts(wrenches, tangential, soft, workspace)
+    rank = span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
+    total = ROWS if kind == ROWS else TOTAL
+    _project(total, wrenches, workspace, rank)
+    space = WrenchSpace(total, spherical, soft, workspace.axes, cones, rim)
+    return balance(space, rank, workspace.extents, forces, scratch)
 
 
 @scratch_kernel
@@ -187,6 +251,7 @@ def epsilons(
     tangential,
     cones,
     rim,
+    tolerance,
     goal,
     group,
     with_forces,
@@ -203,6 +268,7 @@ def epsilons(
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2).
         rim: As in `WrenchSpace` (m, 2).
+        tolerance: As in `span`.
         goal: As in `grow`; its cutoff is 0 or inf.
         group: Number of consecutive grasps of which only the smallest epsilon is needed; each is
             abandoned when it cannot be smaller than those before it. 1: all are computed.
@@ -232,7 +298,7 @@ def epsilons(
             _load_rows(wrenches[g, :, 0], workspace)
         else:
             _load_contacts(wrenches[g], tangential[g], soft, workspace)
-        rank = span(workspace.rows, workspace.scratch, workspace.basis)
+        rank = span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
         results.rank[g] = rank
         if rank == 0:
             smallest = 0.0
@@ -254,17 +320,30 @@ def epsilons(
         if status != STALLED or closed:
             _write_direction(rank, workspace, polytope, results.direction[g])
         smallest = min(smallest, upper)
-        if with_forces and closed:
+        clear = lower > CLEAR * _largest_wrench(workspace)
+        if closed and clear:
+            results.slack[g] = 0.0
+        if closed and (with_forces or not clear) and _is_convex(kind, cones[g]):
             if kind == PER_FINGER:  # the hull contains the origin where the sum does
                 space = WrenchSpace(TOTAL, spherical, soft, workspace.axes, cones[g], rim)
                 _, _, _, vertices, used = _grow(space, rank, workspace, SIGN, polytope)
-            balanced = used > 0 and equilibrium(
-                space, workspace.dims[:rank], polytope, vertices, used, results.forces[g]
-            )
-            if not balanced:
-                for i in range(results.forces.shape[1]):
-                    for k in range(4):
-                        results.forces[g, i, k] = math.nan
+            slack = math.inf
+            if used > 0:
+                equilibrium(
+                    space, workspace.dims[:rank], polytope, vertices, used, results.forces[g]
+                )
+                extents, scratch = workspace.extents, polytope.vectors
+                if clear and spherical and kind == TOTAL:
+                    slack = clear_slack(space, rank, extents, lower, results.forces[g], scratch[0])
+                if not slack < SMALL_SLACK:
+                    slack = balance(space, rank, extents, results.forces[g], scratch)
+            results.slack[g] = slack
+            if not slack < LARGEST_SLACK:
+                _erase_forces(results, g)
+        # The origin may be outside, or rounding may have moved it: either needs a proof.
+        proven = clear or results.slack[g] < LARGEST_SLACK
+        if group == 1 and not (closed and proven) and status != EXHAUSTED:
+            _examine_separation(form, wrenches[g], cones[g], rim, workspace, polytope, results, g)
         if status == EXHAUSTED:
             return g
     return wrenches.shape[0]

@@ -87,11 +87,12 @@ def _orthonormalise(scratch, basis, max_rank, tolerance):
 
 
 @scratch_kernel
-def span(rows, scratch, basis):
+def span(rows, tolerance, scratch, basis):
     """Find the span of wrenches.
 
     Args:
         rows: Wrenches (n, 6).
+        tolerance: Usually RANK_TOLERANCE.
         scratch: Scratch (n, 6).
         basis: Written, an orthonormal basis of the span, a row per dimension, the direction in
             which the wrenches extend least last (6, 6); the unit vectors where they clearly span
@@ -106,7 +107,7 @@ def span(rows, scratch, basis):
     rank = 6
     # The basis is then taken from the wrenches themselves, as epsilon is measured in their metric.
     if not full:
-        rank = _orthonormalise(scratch, basis, 6, RANK_TOLERANCE)
+        rank = _orthonormalise(scratch, basis, 6, tolerance)
         for i in range(rows.shape[0]):
             for k in range(6):
                 scratch[i, k] = rows[i, k]

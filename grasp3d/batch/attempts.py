@@ -10,6 +10,7 @@ from grasp3d.batch.cluster_client import ClusterClient
 from grasp3d.batch.worker_task import Request, Result, ResultKind, versions
 from grasp3d.isolation import CallFailedError, CallFailure, NeedsMemory, working_folder
 from grasp3d.isolation.pickling import pickle_call, unpickle_result
+from grasp3d.warming_up import compile_kernels
 
 JobT = TypeVar("JobT")
 SettingsT = TypeVar("SettingsT")
@@ -42,8 +43,10 @@ class Attempts(Generic[JobT, SettingsT, RowT]):
         settings: SettingsT,
         lost: Callable[[JobT, str], RowT],
         cluster: ClusterSettings,
+        kernels: int | None = None,
     ) -> None:
         """Start nothing yet; the arguments are those of `run`, and the client of the cluster."""
+        self._preparation = None if kernels is None else pickle_call(compile_kernels, kernels)
         self._client, self._task, self._settings = client, task, settings
         self._lost, self._cluster = lost, cluster
         self._folder = working_folder()
@@ -86,6 +89,7 @@ class Attempts(Generic[JobT, SettingsT, RowT]):
             self._cluster.timeout,
             attempt.alone,
             versions(),
+            self._preparation,
         )
         self._running[self._client.submit(request)] = attempt
 

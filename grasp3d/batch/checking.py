@@ -24,19 +24,20 @@ class CheckedMesh:
         return Trust.NO if self.diagnosis is None else self.diagnosis.trust
 
 
-def check_file(mesh: MeshFile, settings: BatchSettings) -> CheckedMesh:
+def check_file(mesh: MeshFile, settings: BatchSettings, *, force: bool = False) -> CheckedMesh:
     """Diagnose one mesh file.
 
     Args:
         mesh: The file.
         settings: Settings of the labels that the mesh is checked for.
+        force: Accept lengths that cannot be meant for an object of this size.
     """
     # Imported here: the process that plans needs neither ray tracing nor the compiler.
     from grasp3d.diagnosis import diagnose
 
     try:
         with local_copy(mesh.source) as path:
-            found = diagnose(path, settings.model, settings.sampling, settings.mesh)
+            found = diagnose(path, settings.model, settings.sampling, settings.mesh, force=force)
     except GraspError as error:
         return CheckedMesh(mesh.name, mesh.source, refusal=str(error))
     return CheckedMesh(mesh.name, mesh.source, found)

@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import dask
 from distributed import Client, LocalCluster, Security, rpc
@@ -75,18 +76,22 @@ def _local_cluster(settings: ClusterSettings) -> Iterator[Client]:
     Worker processes and nannies between this process and the children would protect nothing more,
     and a script that starts them would need `if __name__ == "__main__"`.
     """
-    with _STARTING:
-        cluster = LocalCluster(
-            n_workers=1,
-            threads_per_worker=local_workers(settings),
-            processes=False,
-            memory_limit=None,
-            # Any free port, on this machine only: the default port may be taken by another run.
-            dashboard_address="127.0.0.1:0",
-            silence_logs=logging.CRITICAL,
-        )
-    with cluster, Client(cluster, set_as_default=False) as client:
-        yield client
+    with (
+        TemporaryDirectory(prefix="grasp3d-dask-", ignore_cleanup_errors=True) as folder,
+        dask.config.set({"temporary-directory": folder}),  # where Dask leaves lock files
+    ):
+        with _STARTING:
+            cluster = LocalCluster(
+                n_workers=1,
+                threads_per_worker=local_workers(settings),
+                processes=False,
+                memory_limit=None,
+                # Any free port, on this machine only: another run may have taken the default port.
+                dashboard_address="127.0.0.1:0",
+                silence_logs=logging.CRITICAL,
+            )
+        with cluster, Client(cluster, set_as_default=False) as client:
+            yield client
 
 
 @contextmanager

@@ -1,11 +1,8 @@
 """Labelling one mesh of a batch: a pure function of the file and the settings."""
 
-import itertools
-import logging
 import math
 import time
 from collections.abc import Iterable, Iterator
-from contextlib import suppress
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,7 +16,7 @@ from grasp3d.batch.plan import Job
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.costs import labelling_cost
 from grasp3d.errors import GraspError, MeshUnreadError, OutputError
-from grasp3d.isolation import NeedsMemory, allowed_memory, call
+from grasp3d.isolation import NeedsMemory, allowed_memory
 from grasp3d.reading.side_files import side_names
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
 from grasp3d.storage import local_copy
@@ -29,15 +26,9 @@ from grasp3d.system.versions import package_version
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
 
-logger = logging.getLogger(__name__)
-
 QUARTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
 DECILES = (0.1, 0.5, 0.9)
 REQUIRED = (0.5, 0.8, 0.9)
-_CUBE = np.array(
-    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
-     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
-)  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -47,12 +38,13 @@ class Unchanged:
     mesh: MeshFile
 
 
-def label_job(job: Job, settings: BatchSettings) -> Row | Unchanged:
+def label_job(job: Job, settings: BatchSettings, *, force: bool = False) -> Row | Unchanged:
     """Label one mesh and write all its results.
 
     Args:
         job: The mesh, and the files for its results.
         settings: Settings of the labels.
+        force: Accept lengths that cannot be meant for an object of this size.
 
     Returns:
         The mesh's row of the summary; of a mesh that cannot be labelled with the reason in `error`.
@@ -72,35 +64,12 @@ def label_job(job: Job, settings: BatchSettings) -> Row | Unchanged:
             stamp = "" if side_names(path) else row.stamp
             key = mesh_key(content, settings)
             row = replace(row, content=content, key=key, stamp=stamp)
-            row = _labelled(path, job, settings, row)
+            row = _labelled(path, job, settings, row, force=force)
     except (OutputError, MeshUnreadError) as error:  # may pass by itself
         row = replace(row, outcome=Outcome.LOST, error=str(error))
     except GraspError as error:
         row = replace(row, outcome=Outcome.REFUSED, error=str(error))
     return replace(row, seconds=time.perf_counter() - begun)
-
-
-def warm_up(settings: BatchSettings) -> None:
-    """Compile the kernels if they are not compiled yet, outside the time limit of a mesh.
-
-    Args:
-        settings: Settings of the labels.
-    """
-    from grasp3d._kernels.compiling import compiled_before
-
-    if not compiled_before():
-        logger.info("compiling; the first run has to do this, and it takes a minute or two")
-        with suppress(GraspError):  # reported for each mesh
-            call(_label_cube, settings)
-
-
-def _label_cube(settings: BatchSettings) -> None:
-    from grasp3d.mesh import mesh_from_arrays
-    from grasp3d.surface.labelling import label_surface
-
-    corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
-    mesh = mesh_from_arrays(corners, _CUBE, max_edge=2.0)
-    label_surface(mesh, settings.model, threads=1).compute_epsilon(ignore)
 
 
 def lost_row(job: Job, reason: str) -> Row:
@@ -138,16 +107,19 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
     )
 
 
-def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
+def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force: bool) -> Row:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
-    from grasp3d.diagnosis.length_warnings import length_warnings
     from grasp3d.mesh import prepare_file
+    from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface
 
-    model, sampling = settings.model, settings.search
     clock = _lap_times()
     next(clock)
     mesh = prepare_file(path, settings.mesh, threads=1)
+    model = settings.model.in_unit(mesh.unit, source=mesh.report.source)
+    sampling = settings.search.in_unit(mesh.unit, source=mesh.report.source)
+    if not force:
+        refuse_lengths(mesh, model.lengths() | sampling.lengths())
     reading = next(clock)
     cost, allowed = labelling_cost(len(mesh.vertices), model, sampling), allowed_memory()
     if allowed is not None and cost.memory > allowed:
@@ -157,7 +129,6 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
     labelling = next(clock)
     grasps = _best_grasps(labels, settings.best)
     _write(labels, job, grasps)
-    warnings = length_warnings(mesh.size, mesh.unit, model, settings.sampling, settings.mesh)
     return replace(
         row,
         labels=job.labels,
@@ -168,7 +139,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row) -> Row:
         **_angle_values(labels),
         fractions=tuple(_grid_fractions(labels, settings)),
         grasps=grasps,
-        warnings="; ".join((*mesh.report.warnings, *warnings)),
+        warnings="; ".join(labels.warnings),
         seconds_reading=reading,
         seconds_labelling=labelling,
         seconds_writing=next(clock),

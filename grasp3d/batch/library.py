@@ -3,12 +3,12 @@
 import time
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from pathlib import Path
 
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.inputs import MeshFile, find_meshes
-from grasp3d.batch.labelling import Unchanged, label_job, lost_row, warm_up
+from grasp3d.batch.labelling import Unchanged, label_job, lost_row
 from grasp3d.batch.plan import Job, plan
 from grasp3d.batch.progress import ProgressCallback, ProgressCounter, ignore_progress
 from grasp3d.batch.report import write_report
@@ -16,6 +16,7 @@ from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.run import run
 from grasp3d.batch.store import Store
 from grasp3d.batch.stored_names import use_stored_names
+from grasp3d.batch.summary import Summary
 from grasp3d.errors import OutputError
 from grasp3d.storage import Folder, local_path
 
@@ -43,6 +44,11 @@ class LibraryLabels:
         """Rows of meshes that were not labelled."""
         return tuple(row for row in self.rows.values() if row.outcome != Outcome.LABELLED)
 
+    @property
+    def summary(self) -> Summary:
+        """The rows as a list, with `to_table` (Arrow) and `to_dataframe` (pandas)."""
+        return Summary(self.rows.values())
+
 
 def label_library(
     inputs: Iterable[str | Path],
@@ -50,6 +56,7 @@ def label_library(
     settings: BatchSettings | None = None,
     *,
     cluster: ClusterSettings | None = None,
+    overwrite: bool = False,
     force: bool = False,
     report: bool = True,
     progress: ProgressCallback = ignore_progress,
@@ -67,7 +74,10 @@ def label_library(
         output: Folder for the results, on any of these file systems.
         settings: Settings of the labels.
         cluster: Which processes label the meshes.
-        force: Label all meshes again.
+        overwrite: Label all meshes again, and remove labels of other meshes that were made with
+            other settings.
+        force: Accept lengths that cannot be meant for an object of a mesh's size; without it such
+            a mesh fails.
         report: Write the report.
         progress: Called with the progress whenever a mesh is started or finished.
 
@@ -76,19 +86,37 @@ def label_library(
         SettingError: The cluster cannot be reached.
         OutputError: The results cannot be written, or `output` contains other meshes with other
             settings.
+
+    Example:
+        A library of one mesh, labelled in this process:
+
+        >>> from pathlib import Path
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.batch import ClusterSettings
+        >>> Path("parts").mkdir()
+        >>> _ = trimesh.creation.box([0.08, 0.05, 0.03]).export("parts/box.stl")
+        >>> settings = grasp3d.BatchSettings(mesh=grasp3d.MeshOptions(unit="m", max_edge=0.02))
+        >>> done = grasp3d.label_library(
+        ...     ["parts"], "results", settings, cluster=ClusterSettings(workers=0), report=False
+        ... )
+        >>> print(f"{done.rows['box.stl'].stable:.1%} surely stable, {len(done.failed)} failed")
+        67.4% surely stable, 0 failed
+        >>> sorted(path.name for path in Path("results/labels").iterdir())
+        ['box.ply']
     """
     settings, folder = settings or BatchSettings(), Folder(str(output))
     if not str(output):
         raise OutputError("no folder for the results: name one")
     found = find_meshes(map(str, inputs), results=folder.url)
-    store = Store.open(folder, settings, force=force)
+    store = Store.open(folder, settings, overwrite=overwrite)
     try:
         meshes = use_stored_names(found, store.rows)
-        jobs, finished = _jobs_to_run(meshes, store, force=force)
+        jobs, finished = _jobs_to_run(meshes, store, overwrite=overwrite, force=force)
         store.begin(job.mesh.name for job in jobs)
         stale = sum(1 for job in jobs if store.is_stale(job.mesh.name))
         counter = ProgressCounter([job.mesh for job in jobs], finished, stale, progress)
-        for row in _rows(jobs, settings, cluster or ClusterSettings(), store, counter):
+        for row in _rows(jobs, settings, cluster or ClusterSettings(), store, counter, force=force):
             store.add(row)
             counter.finish(row)
     finally:  # also when interrupted
@@ -99,14 +127,29 @@ def label_library(
     return LibraryLabels(folder.url, store.rows_of(names), finished, tuple(store.warnings))
 
 
-def _jobs_to_run(meshes: Sequence[MeshFile], store: Store, *, force: bool) -> tuple[list[Job], int]:
-    """Jobs for the unfinished meshes, the largest first, and the number of finished meshes."""
+def _jobs_to_run(
+    meshes: Sequence[MeshFile], store: Store, *, overwrite: bool, force: bool
+) -> tuple[list[Job], int]:
+    """Jobs for the unfinished meshes, the largest first, and the number of finished meshes.
+
+    A mesh that was refused, perhaps for its lengths, is tried again if these are accepted now.
+    """
     jobs = plan(meshes, store.output, taken=_stems(store.rows))
-    if not force:
-        jobs = [job for job in jobs if not store.finished(job.mesh)]
-        jobs = [replace(job, known_content=store.known_content(job.mesh)) for job in jobs]
+    if not overwrite:
+        again = _refused(store.rows) if force else set()
+        jobs = [job for job in jobs if job.mesh.name in again or not store.finished(job.mesh)]
+        jobs = [
+            job
+            if job.mesh.name in again
+            else replace(job, known_content=store.known_content(job.mesh))
+            for job in jobs
+        ]
     jobs.sort(key=lambda job: (-job.mesh.size, job.mesh.name))
     return jobs, len(meshes) - len(jobs)
+
+
+def _refused(rows: Mapping[str, Row]) -> set[str]:
+    return {name for name, row in rows.items() if row.outcome is Outcome.REFUSED}
 
 
 def _rows(
@@ -115,18 +158,19 @@ def _rows(
     cluster: ClusterSettings,
     store: Store,
     counter: ProgressCounter,
+    *,
+    force: bool,
 ) -> Iterator[Row]:
     """Label the meshes; yields each row when it is finished."""
     check_shared_folder = cluster.scheduler is not None
-    if jobs and cluster.workers != 0 and not check_shared_folder:
-        warm_up(settings)
     for result in run(
-        label_job,
+        partial(label_job, force=True) if force else label_job,
         jobs,
         settings,
         lost=lost_row,
         cluster=cluster,
         started=lambda job: counter.start(job.mesh),
+        kernels=settings.model.fingers,
     ):
         row = _row_of(result, store.rows)
         if check_shared_folder and row.labels:

@@ -6,6 +6,7 @@ from typing import TypeVar
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.isolation import NeedsMemory, describe_unexpected
+from grasp3d.warming_up import compile_kernels
 
 JobT = TypeVar("JobT")
 SettingsT = TypeVar("SettingsT")
@@ -24,6 +25,7 @@ def run(
     lost: Callable[[JobT, str], RowT],
     cluster: ClusterSettings,
     started: Callable[[JobT], None] = _ignore_start,
+    kernels: int | None = None,
 ) -> Iterator[RowT]:
     """Run a task for every job and yield each row when it is finished.
 
@@ -38,25 +40,33 @@ def run(
         lost: Makes the row of a job that failed without one, from the reason.
         cluster: Which processes run the jobs, and the limits of a job.
         started: Called with each job that is taken.
+        kernels: Number of fingers for which kernels are compiled before the jobs, outside their
+            limits and times; 0: only meshes are prepared; None: no job needs kernels.
 
     Raises:
         SettingError: No cluster runs at the given address.
         GraspError: The cluster's scheduler is gone, or its workers cannot run the jobs.
     """
-    if cluster.workers == 0:
-        for job in jobs:
-            started(job)
-            yield _run_here(task, job, settings, lost)
-        return
     jobs = iter(jobs)
     first = list(islice(jobs, 1))
     if not first:
         return
+    if cluster.workers == 0:
+        if kernels is not None:
+            compile_kernels(kernels)
+        for job in chain(first, jobs):
+            started(job)
+            yield _run_here(task, job, settings, lost)
+        return
     from grasp3d.batch.attempts import Attempts
     from grasp3d.batch.cluster import open_cluster
+    from grasp3d.batch.compiling_first import compile_first
 
+    if kernels is not None and cluster.scheduler is None:
+        compile_first(kernels)
+        kernels = None
     with open_cluster(cluster) as client:
-        attempts = Attempts(client, task, settings, lost, cluster)
+        attempts = Attempts(client, task, settings, lost, cluster, kernels)
         yield from attempts.rows(chain(first, jobs), started)
 
 

@@ -16,6 +16,7 @@ from grasp3d.batch.marker import marker_content, read_marker, set_aside
 from grasp3d.batch.packed_rows import PackedRows
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.shards import Shards, read_journal, read_shards
+from grasp3d.batch.summary import Summary
 from grasp3d.errors import OutputError
 from grasp3d.storage import Folder, Lock
 from grasp3d.system.names import as_unicode, printable
@@ -44,12 +45,12 @@ class Store:
     time may remove each other's rows.
     """
 
-    def __init__(self, output: Folder, settings: BatchSettings, *, force: bool = False) -> None:
+    def __init__(self, output: Folder, settings: BatchSettings, *, overwrite: bool = False) -> None:
         self.output = output
         self.settings = settings
         self.warnings: list[str] = []
         """Sentences on damaged files."""
-        self._force = force
+        self._overwrite = overwrite
         self._run = secrets.token_hex(4)
         self._entry_files: list[str] = []
         self._replacement_files: list[str] = []
@@ -63,20 +64,20 @@ class Store:
         self._rows = PackedRows()
 
     @classmethod
-    def open(cls, output: Folder, settings: BatchSettings, *, force: bool = False) -> "Store":
+    def open(cls, output: Folder, settings: BatchSettings, *, overwrite: bool = False) -> "Store":
         """Open the store in a folder, or make one.
 
         Args:
             output: The folder; it need not exist.
             settings: Settings of the labels.
-            force: Whether rows of other settings may be removed even if this run does not label
+            overwrite: Whether rows of other settings may be removed even if this run does not label
                 their meshes.
 
         Raises:
             OutputError: The folder cannot be written to, contains another summary, or is a store
                 of a newer version.
         """
-        store = cls(output, settings, force=force)
+        store = cls(output, settings, overwrite=overwrite)
         store._recover()
         return store
 
@@ -142,14 +143,14 @@ class Store:
             self._marker = marker
 
     def _check_removable(self, others: Iterable[str]) -> None:
-        """Refuse to remove labels that this run does not make again, unless it is forced to."""
+        """Refuse to remove labels that this run does not make again, unless that is wanted."""
         labelled = [name for name in others if self._rows[name].outcome is Outcome.LABELLED]
-        if labelled and not self._force:
+        if labelled and not self._overwrite:
             raise OutputError(
                 f"{printable(self.output.url)}: contains labels of meshes that are not among these "
                 "inputs, made with other settings or by another version of the method "
                 f"({len(labelled)}, such as {printable(min(labelled))}); name another folder, or "
-                "remove them with --force"
+                "remove them with --overwrite"
             )
 
     def add(self, row: Row) -> None:
@@ -298,14 +299,14 @@ def _result_files(row: Row) -> list[str]:
     return [name for name in (row.labels, row.fields, row.view, row.thumbnail) if name]
 
 
-def read_summary(results: str | Path) -> list[Row]:
+def read_summary(results: str | Path) -> Summary:
     """Read the rows of a store, including those in the journal, without changing it.
 
     Args:
         results: Folder of the store, or its address.
 
     Returns:
-        In alphabetical order of the meshes.
+        A list in alphabetical order of the meshes, with `to_table` and `to_dataframe`.
 
     Raises:
         OutputError: There is no store, or it is damaged.
@@ -322,4 +323,4 @@ def read_summary(results: str | Path) -> list[Row]:
         )
     rows = shards.rows()
     rows.update({row.mesh: row for entry in entries.values() for row in entry.rows})
-    return [rows[name] for name in sorted(rows)]
+    return Summary(rows[name] for name in sorted(rows))

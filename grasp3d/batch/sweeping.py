@@ -206,6 +206,7 @@ def sweep_mesh(
     mesh: MeshFile,
     settings: SweepSettings,
     *,
+    force: bool = False,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SweptMesh:
@@ -214,6 +215,7 @@ def sweep_mesh(
     Args:
         mesh: The file.
         settings: Frictions, sensor resolutions, and how to label.
+        force: Accept lengths that cannot be meant for an object of this size.
         threads: Threads to use; None: one per processor.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -221,30 +223,30 @@ def sweep_mesh(
         The sweep, or the reason why the mesh cannot be labelled.
     """
     # Imported here: the process that plans needs neither ray tracing nor the compiler.
-    from grasp3d.diagnosis import length_warnings
     from grasp3d.mesh import prepare_file
+    from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface
 
     begun = time.perf_counter()
     try:
         with local_copy(mesh.source) as path:
             surface = prepare_file(path, settings.mesh, threads=threads)
+        sampling = settings.sampling.in_unit(surface.unit, source=surface.report.source)
+        if not force:
+            refuse_lengths(surface, sampling.lengths())
         labels = label_surface(
             surface,
             settings.model,
-            sampling=settings.sampling,
+            sampling=sampling,
             threads=threads,
             progress=progress,
         )
     except GraspError as error:
         return SweptMesh(mesh.name, error=str(error), seconds=time.perf_counter() - begun)
-    warnings = length_warnings(
-        surface.size, surface.unit, settings.model, settings.sampling, settings.mesh
-    )
     return SweptMesh(
         mesh.name,
         _swept(mesh.name, labels.angle_distribution(), settings, mode=labels.mode),
-        warnings=(*surface.report.warnings, *warnings),
+        warnings=labels.warnings,
         crease_fraction=surface.crease_fraction,
         seconds=time.perf_counter() - begun,
     )

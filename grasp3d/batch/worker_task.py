@@ -1,7 +1,9 @@
 """The task of a Dask worker: run one job in a child process and watch it."""
 
 import platform
+import threading
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import dataclass
 from enum import StrEnum, auto
 from functools import cache
@@ -18,6 +20,9 @@ USABLE_MEMORY = 0.9
 """Fraction of the memory that jobs may take; the rest is for the system and for Dask."""
 
 _ENDING = {Status.closing, Status.closed, Status.failed}
+
+_preparing = threading.Lock()
+_prepared: set[bytes] = set()
 
 
 @dataclass(frozen=True)
@@ -37,6 +42,8 @@ class Request:
     """Whether the job may take all memory of the worker, since no other job runs there."""
     versions: str
     """Versions of the sender."""
+    preparation: bytes | None = None
+    """A packed call that is made once per worker, outside the limits of jobs; none: none needed."""
 
 
 class ResultKind(StrEnum):
@@ -77,14 +84,16 @@ def run_request(request: Request) -> Result:
     memory = _memory_limit(request, worker)
     if request.alone:
         end_idle()  # the memory of idle children is part of what the job may take
+    cancelled = _cancelled(worker, worker.get_current_task())
     try:
+        prepare(request, cancelled)
         value = call(
             run_pickled_call,
             request.work,
             request.folder,
             memory=memory,
             seconds=request.seconds,
-            cancelled=_cancelled(worker, worker.get_current_task()),
+            cancelled=cancelled,
         )
     except CallFailedError as failure:
         return Result(ResultKind.LOST, failure, memory)
@@ -93,6 +102,21 @@ def run_request(request: Request) -> Result:
     except Exception as error:  # noqa: BLE001, a bug met by one mesh must not end the others
         return Result(ResultKind.FAILED, describe_unexpected(error))
     return Result(ResultKind.RETURNED, value)
+
+
+def prepare(request: Request, cancelled: Callable[[], bool]) -> None:
+    """Make the call that prepares a worker, if it was not made yet; other jobs wait meanwhile.
+
+    Args:
+        request: The next job.
+        cancelled: Whether the job is no longer needed; the call is then made with another one.
+    """
+    with _preparing:
+        if request.preparation is None or request.preparation in _prepared:
+            return
+        with suppress(CallFailedError):  # jobs report the same failure
+            call(run_pickled_call, request.preparation, request.folder, cancelled=cancelled)
+            _prepared.add(request.preparation)
 
 
 @cache

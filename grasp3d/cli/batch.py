@@ -5,19 +5,30 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
-from pathlib import Path
 from types import FrameType
 from typing import Annotated
 
 import tyro
 
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings, FractionGrid
-from grasp3d.cli.options import ClusterOptions, ModelOptions, SamplingOptions, SurfaceOptions
+from grasp3d.cli.options import (
+    ClusterOptions,
+    Flag,
+    Force,
+    Inputs,
+    ModelOptions,
+    OutputFile,
+    Quiet,
+    SamplingOptions,
+    SurfaceOptions,
+    command,
+)
 from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 
+@command
 @dataclass(frozen=True)
 class Batch:
     """Label every mesh of a library, and write a summary and a report.
@@ -26,33 +37,30 @@ class Batch:
     are not labelled again.
     """
 
-    inputs: Annotated[
-        tuple[str, ...],
-        tyro.conf.Positional,
-        tyro.conf.arg(metavar="FOLDER|FILE|GLOB|LIST.txt|URL"),
-    ]
-    """Folders, which are searched recursively, mesh files, globs in quotes, lists of these (.txt,
-    one per line); also on an object store (s3://BUCKET/FOLDER)."""
+    inputs: Inputs
 
-    output: Annotated[str, tyro.conf.arg(aliases=["-o"])]
+    output: Annotated[str, tyro.conf.arg(aliases=["-o"], metavar="FOLDER")]
     """Folder for the results: labels/, fields/, summary/ and report/; also on an object store."""
 
     cluster: ClusterOptions = field(default_factory=ClusterSettings)
     """Which processes label the meshes."""
 
-    force: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
-    """Label all meshes again."""
+    overwrite: Flag = False
+    """Label all meshes again, and remove labels of other meshes made with other settings."""
 
-    grid_friction: tuple[float, ...] = ()
-    """Coulomb coefficients at which area fractions are computed besides the labels; none: the
-    model's."""
+    force: Force = False
+
+    grid_friction: Annotated[tuple[float, ...], tyro.conf.arg(help_behavior_hint="")] = ()
+    """Coulomb coefficients at which area fractions are computed besides the labels (default: the
+    model's)."""
 
     grid_sensor_resolution: Annotated[
-        tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP [...]")
+        tuple[str, ...],
+        tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP", help_behavior_hint=""),
     ] = ()
     """Sensor resolutions in degrees at which area fractions are computed: numbers, and ranges that
-    include both ends; none: 0:60:5 and the model's, with M and U only within the searched cone. A
-    grid that is given makes the searched cone large enough for all of it."""
+    include both ends (default: 0:60:5 and the model's, with M and U only within the searched cone).
+    A grid that is given makes the searched cone large enough for all of it."""
 
     best: int = 5
     """Number of best distinct grasps in the summary of each mesh; 0: none."""
@@ -60,20 +68,20 @@ class Batch:
     report: bool = True
     """Write report/index.html."""
 
-    log: Path | None = None
+    log: OutputFile = None
     """File to which a line for each mesh is appended."""
 
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers."""
 
     sampling: SamplingOptions = field(default_factory=Sampling)
-    """How candidate grasps are searched."""
+    """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
+    80mm, 8cm, 0.08m, 3in."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
-    """How the mesh is read and prepared."""
+    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
-    quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
-    """Print nothing but errors."""
+    quiet: Quiet = False
 
     def __post_init__(self) -> None:
         if not self.inputs:
@@ -94,6 +102,7 @@ class Batch:
                     self.output,
                     settings,
                     cluster=self.cluster,
+                    overwrite=self.overwrite,
                     force=self.force,
                     report=self.report,
                     progress=progress,
@@ -109,8 +118,10 @@ class Batch:
     @property
     def _how_to_resume(self) -> str:
         """How to resume an interrupted run."""
-        if self.force:
-            return "labelled meshes are stored; the same command without --force labels the others"
+        if self.overwrite:
+            return (
+                "labelled meshes are stored; the same command without --overwrite labels the others"
+            )
         return "labelled meshes are stored; the same command labels the others"
 
 

@@ -12,8 +12,10 @@ from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn, Ti
 
 from grasp3d.batch.progress import BatchProgress
 from grasp3d.batch.row import Outcome, Row
+from grasp3d.cli.compiling_lines import COMPILING
 from grasp3d.cli.report import escaped
 from grasp3d.errors import OutputError
+from grasp3d.system.counts import counted
 from grasp3d.system.names import printable
 
 LINE_INTERVAL = 10.0
@@ -52,20 +54,20 @@ class ProgressDisplay:
         if self._progress is None:
             return "no mesh was started"
         done = self._progress.finished + self._progress.labelled + self._progress.failed
-        return f"{done} of {done + self._progress.left} meshes are done"
+        total = done + self._progress.left
+        return f"{done} of {counted(total, 'meshes')} {'is' if total == 1 else 'are'} done"
 
     def _start(self, progress: BatchProgress, now: float) -> None:
         self._started = self._last_line = now
         self._bar.reset(self._task)
-        _log.info("%d meshes to label, %d finished before", progress.left, progress.finished)
+        what = counted(progress.left, "meshes")
+        _log.info("%s to label, %d finished before", what, progress.finished)
         if self._lines is not None:
-            self._lines.print(
-                f"{progress.left} meshes to label, {progress.finished} finished before"
-            )
+            self._lines.print(f"{what} to label, {progress.finished} finished before")
         if progress.stale:
             self._bar.console.print(
-                f"[yellow]warning:[/] {progress.stale} of them have labels of other settings, "
-                "which are replaced"
+                "[yellow]warning:[/] labels made with other settings are replaced: "
+                f"{counted(progress.stale, 'meshes')}"
             )
 
     def _status(self, now: float) -> str:
@@ -154,5 +156,6 @@ class _ConsoleHandler(logging.Handler):
 
     def emit(self, record: logging.LogRecord) -> None:
         """Print the line."""
-        mark = "[yellow]warning:[/] " if record.levelno >= logging.WARNING else ""
+        warning = record.levelno >= logging.WARNING and record.name != COMPILING
+        mark = "[yellow]warning:[/] " if warning else ""
         self._console.print(f"{mark}{escaped(record.getMessage())}")

@@ -9,6 +9,7 @@ from grasp3d.batch.library import REPORT, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.report import CHECK_HINT, angle_text, escaped
 from grasp3d.stability.label import MEANING
+from grasp3d.system.counts import noun
 
 MAX_ROWS = 60
 """Meshes up to which each of them is printed."""
@@ -56,10 +57,9 @@ def print_failed(library: LibraryLabels) -> None:
 def _print_some(console: Console, mark: str, lines: Sequence[str], what: str) -> None:
     for line in lines[:MAX_MESSAGES]:
         console.print(f"{mark} {line}", soft_wrap=True)
-    if len(lines) > MAX_MESSAGES:
-        console.print(
-            f"{mark} {len(lines) - MAX_MESSAGES} more {what}: see the summary or the report"
-        )
+    more = len(lines) - MAX_MESSAGES
+    if more > 0:
+        console.print(f"{mark} {more} more {noun(more, what)}: see the summary or the report")
 
 
 def _print_table(console: Console, rows: Collection[Row]) -> None:
@@ -73,13 +73,13 @@ def _print_table(console: Console, rows: Collection[Row]) -> None:
     legend = ", ".join(f"{code.name} {meaning}" for code, meaning in MEANING["label"].items())
     console.print(
         f"{legend}; area fractions; β* critical friction angle; "
-        "ε_min: smallest epsilon over the tilts, at half of the area"
+        "ε_min: median over the area of the smallest epsilon over the tilts; s: seconds"
     )
 
 
 def _cells(row: Row) -> list[str]:
     if row.outcome != Outcome.LABELLED:
-        return [escaped(row.mesh), f"[red]{row.outcome}[/]", *[""] * 5, f"{row.seconds:.1f}"]
+        return [escaped(row.mesh), "[red]failed[/]", *[""] * 5, f"{row.seconds:.1f}"]
     fractions = (row.stable, row.ambiguous, row.no_grasp_found)
     angles = (row.critical_angle_p10, row.critical_angle_p50, row.critical_angle_p90)
     return [

@@ -1,7 +1,7 @@
 """The command `grasp3d check`: diagnoses meshes before they are labelled."""
 
 from dataclasses import dataclass, field
-from pathlib import Path
+from functools import partial
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
@@ -9,10 +9,16 @@ import tyro
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
     ClusterOptions,
+    Flag,
+    Force,
+    Inputs,
     ModelOptions,
+    OutputFile,
+    Overwrite,
     Quiet,
     SamplingOptions,
     SurfaceOptions,
+    command,
 )
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
@@ -23,42 +29,42 @@ if TYPE_CHECKING:
     from grasp3d.batch.inputs import MeshFile
 
 
+@command
 @dataclass(frozen=True)
 class Check:
-    """Diagnose meshes: unit, holes, orientation, bodies, self-intersections, noise, and repairs.
+    """Diagnose meshes: unit, holes, orientation, bodies, self-intersections, noise.
 
     With the options of label it reports whether labels can be trusted. Exit code 0: for all
     meshes, at least with care; 1: not for all meshes, or some cannot be read.
     """
 
-    inputs: Annotated[
-        tuple[str, ...],
-        tyro.conf.Positional,
-        tyro.conf.arg(metavar="FILE|FOLDER|GLOB|LIST.txt|URL"),
-    ]
-    """Mesh files, folders, which are searched recursively, globs in quotes such as 'lib/**/*.stl',
-    lists of these (.txt, one per line); also on an object store (s3://BUCKET/FOLDER)."""
+    inputs: Inputs
 
-    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
+    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
     """Report: .json with all results, .csv or .parquet with one row per mesh."""
 
-    json: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    json: Flag = False
     """Print JSON instead of tables."""
 
-    strict: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    strict: Flag = False
     """Exit code 1 also for meshes whose labels can be trusted with care only."""
 
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers."""
 
     sampling: SamplingOptions = field(default_factory=Sampling)
-    """How candidate grasps are searched."""
+    """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
+    80mm, 8cm, 0.08m, 3in."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
-    """How the mesh is read and prepared."""
+    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
     cluster: ClusterOptions = field(default_factory=ClusterSettings)
     """Which processes check the meshes, if there are several."""
+
+    force: Force = False
+
+    overwrite: Overwrite = False
 
     quiet: Quiet = False
 
@@ -72,6 +78,7 @@ class Check:
         from grasp3d.batch.check_writing import SUFFIXES, json_of, write_checks
         from grasp3d.batch.inputs import find_meshes
         from grasp3d.cli import check_report
+        from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.diagnosis.mesh_diagnosis import Trust
         from grasp3d.storage import local_path
         from grasp3d.system.files import check_suffix, check_writable
@@ -81,6 +88,7 @@ class Check:
             check_suffix(self.output, SUFFIXES, "report")
             for file in files:
                 check_writable(self.output, source=local_path(file.source))
+            check_replaceable(self.output, overwrite=self.overwrite)
         settings = BatchSettings(self.model, self.sampling, self.mesh)
         meshes = self._checked(files, settings)
         if self.output is not None:
@@ -99,12 +107,14 @@ class Check:
         from grasp3d.cli import report
 
         if len(files) == 1:
-            return [check_file(files[0], settings)]
+            return [check_file(files[0], settings, force=self.force)]
         from grasp3d.batch.run import run
 
         rows = []
         with report.counter("checking", len(files), quiet=self.quiet) as advance:
-            for row in run(check_file, files, settings, lost=lost_check, cluster=self.cluster):
+            check = partial(check_file, force=self.force)
+            checks = run(check, files, settings, lost=lost_check, cluster=self.cluster, kernels=0)
+            for row in checks:
                 rows.append(row)
                 advance()
         return sorted(rows, key=lambda row: row.name)

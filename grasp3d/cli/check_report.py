@@ -9,6 +9,7 @@ from rich.table import Table
 from grasp3d.batch.checking import CheckedMesh
 from grasp3d.cli.report import escaped
 from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis, SurfaceMeasures, Trust
+from grasp3d.system.counts import counted, noun
 
 MAX_PAGES = 3
 """Largest number of meshes with a page each."""
@@ -36,13 +37,14 @@ def print_checks(meshes: Sequence[CheckedMesh], *, named: bool) -> None:
 def _print_page(console: Console, mesh: CheckedMesh) -> None:
     found = mesh.diagnosis
     if found is None:
-        console.print(f"[red]refused:[/] {escaped(mesh.refusal)}", soft_wrap=True)
+        console.print(f"[red]failed:[/] {escaped(mesh.refusal)}", soft_wrap=True)
         return
     console.print(f"[bold]{escaped(found.mesh)}[/]: {found.format.upper()}, {_bytes(found)}")
     console.print(f"unit: {escaped(_unit(found))}", soft_wrap=True)
     extents = " x ".join(f"{extent:.4g}" for extent in found.extents)
+    unit = f" {found.unit}" if found.unit else ""
     console.print(
-        f"extents {extents}; size {found.size:.4g} (diameter of the bounding sphere)",
+        f"extents {extents}{unit}; size {found.size:.4g}{unit} (diameter of the bounding sphere)",
         soft_wrap=True,
     )
     console.print(_measures(found))
@@ -53,7 +55,7 @@ def _print_page(console: Console, mesh: CheckedMesh) -> None:
         f"{math.degrees(found.noise):.1f}°; manifold: {_manifold(found)}"
     )
     console.print(
-        f"labelling: {found.label_vertices:,} vertices, "
+        f"labelling: {counted(found.label_vertices, 'vertices')}, "
         f"{'several times' if found.cost.more else 'about'} {_seconds(found.cost.seconds)} and "
         f"{found.cost.memory:.1f} GB"
     )
@@ -87,13 +89,21 @@ def _measures(found: MeshDiagnosis) -> Table:
         "watertight": [_closed(m) for m in (before, after)],
     }.items():
         table.add_row(name, *cells, "")
+    length, area, volume = (f", {found.unit}{power}" if found.unit else "" for power in ("", *"²³"))
     table.add_row(
-        "area", f"{before.area:.5g}", f"{after.area:.5g}", _change(before.area, after.area)
+        f"area{area}",
+        f"{before.area:.5g}",
+        f"{after.area:.5g}",
+        _change(before.area, after.area),
     )
-    table.add_row("volume", *(_volume(m) for m in (before, after)), _volume_change(before, after))
+    table.add_row(
+        f"volume{volume}",
+        *(_volume(m) for m in (before, after)),
+        _volume_change(before, after),
+    )
     shift = found.center_shift if before.closed and after.closed else 0.0
     table.add_row(
-        "centre of mass",
+        f"centre of mass{length}",
         *(_center(m, found.size) for m in (before, after)),
         f"{100.0 * shift:.2g} % of the size" if shift > _MIN_CHANGE else "",
     )
@@ -107,9 +117,9 @@ def _closed(measured: SurfaceMeasures) -> str:
     if not measured.closed and not measured.boundary_edges:
         words.append("inconsistent orientation")
     if measured.boundary_edges:
-        words.append(f"{measured.boundary_edges} edges with one face")
+        words.append(f"{counted(measured.boundary_edges, 'edges')} with one face")
     if measured.crowded_edges:
-        words.append(f"{measured.crowded_edges} with more than two")
+        words.append(f"{measured.crowded_edges:,} with more than two")
     return ", ".join(words)
 
 
@@ -136,14 +146,17 @@ def _change(before: float, after: float) -> str:
         return ""
     if before * after < 0.0:
         return "inverted"
-    return f"{100.0 * (after / before - 1.0):+.2g} %" if before else "new"
+    if not before:
+        return "new"
+    percent = 100.0 * (after / before - 1.0)
+    return f"{percent:+.2g} %" if abs(percent) < 99.5 else f"{percent:+,.0f} %"
 
 
 def _bytes(found: MeshDiagnosis) -> str:
-    size = float(found.file_bytes)
+    size = float(found.file_bytes or 0)
     for unit in ("bytes", "kB", "MB"):
         if size < 1000.0:
-            return f"{size:.3g} {unit}"
+            return f"{size:.3g} {noun(int(size), unit)}"
         size /= 1000.0
     return f"{size:.3g} GB"
 
@@ -157,15 +170,14 @@ def _seconds(seconds: float) -> str:
 
 def _print_lines(console: Console, meshes: Sequence[CheckedMesh]) -> None:
     """Print a line for each mesh, then the errors and the warnings."""
-    table = Table(box=None, pad_edge=False)
-    table.add_column("mesh", overflow="fold")
-    table.add_column("labels")
+    table = Table(box=None, pad_edge=False, padding=(0, 1, 0, 0))
+    table.add_column("mesh", overflow="fold", min_width=12)
+    table.add_column("labels", no_wrap=True)
     for heading in (
         "faces",
         "size",
-        "unit",
         "bodies",
-        "watertight",
+        "closed",
         "repairs",
         "crossing",
         "noise",
@@ -176,11 +188,12 @@ def _print_lines(console: Console, meshes: Sequence[CheckedMesh]) -> None:
     console.print(table)
     console.print(
         "labels: whether they can be trusted; size: with the stated unit, or with ? the unit that "
-        "it suggests; watertight: in the file > after repair; crossing: self-intersecting faces"
+        "it suggests; closed: watertight, in the file > after repair; repairs: kinds of repair; "
+        "crossing: self-intersecting faces; noise: of the normals"
     )
     for mesh in meshes:
         if mesh.diagnosis is None:
-            console.print(f"[red]refused:[/] {escaped(mesh.refusal)}", soft_wrap=True)
+            console.print(f"[red]failed:[/] {escaped(mesh.refusal)}", soft_wrap=True)
             continue
         for warning in mesh.diagnosis.warnings:
             text = escaped(f"{mesh.name}: {warning.message}")
@@ -188,16 +201,16 @@ def _print_lines(console: Console, meshes: Sequence[CheckedMesh]) -> None:
     trusts = [mesh.diagnosis.trust for mesh in meshes if mesh.diagnosis is not None]
     counts = [f"{trusts.count(trust)} {trust}" for trust in Trust]
     console.print(
-        f"{len(trusts)} meshes; labels can be trusted: {', '.join(counts)}; "
-        f"refused: {len(meshes) - len(trusts)}"
+        f"{counted(len(meshes), 'meshes')}; labels can be trusted: {', '.join(counts)}; "
+        f"{len(meshes) - len(trusts)} failed"
     )
 
 
 def _cells(mesh: CheckedMesh) -> list[str]:
     found = mesh.diagnosis
     if found is None:
-        return [escaped(mesh.name), "[red]refused[/]", *[""] * 7]
-    closed = {True: "yes", False: "no"}
+        return [escaped(mesh.name), "[red]failed[/]", *[""] * 7]
+    before, after = ("yes" if one.closed else "no" for one in (found.before, found.after))
     unit = found.unit or (f"{found.guess.unit}?" if found.guess.unit else "?")
     return [
         escaped(mesh.name),
@@ -205,7 +218,7 @@ def _cells(mesh: CheckedMesh) -> list[str]:
         f"{found.after.faces:,}",
         f"{found.size:.3g} {unit}",
         str(found.bodies),
-        f"{closed[found.before.closed]} > {closed[found.after.closed]}",
+        before if before == after else f"{before} > {after}",
         str(len(found.repairs)),
         str(found.crossing_faces),
         f"{math.degrees(found.noise):.1f}°",

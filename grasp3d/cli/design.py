@@ -6,22 +6,23 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import Frictions, SensorResolution
+from grasp3d.cli.options import Flag, Frictions, LengthOption, SensorResolution, command
 from grasp3d.contact.sensor import Sensor, radius_of, resolution_limit
 from grasp3d.errors import SettingError
-from grasp3d.settings import Unit
+from grasp3d.lengths import Unit, length_in_unit
 
 DEFAULT_FRICTIONS = tuple(step / 10.0 for step in range(1, 11))
 DEFAULT_RADIUS: dict[Unit, float] = {"m": 0.01, "cm": 1.0, "mm": 10.0, "in": 10.0 / 25.4}
 """Radius of a fingertip of 2 cm diameter, as in Wan & Howe 2018."""
 
 _NO_DEFAULT = tyro.conf.arg(help_behavior_hint="")
-_NUMBER = tyro.conf.arg(metavar="FLOAT", help_behavior_hint="")
+_CURVATURE = tyro.conf.arg(metavar="FLOAT", help_behavior_hint="")
 
 
+@command
 @dataclass(frozen=True)
 class Design:
-    """Compute the sensor that a friction requires, or the friction that a sensor requires.
+    """Compute the sensor for a friction, or the friction for a sensor.
 
     With --friction: the coarsest sensor for surely stable grasps. With a sensor, given by
     --receptive-field or --sensor-resolution: the least friction. With both: whether the sensor is
@@ -30,27 +31,28 @@ class Design:
 
     friction: Annotated[Frictions, _NO_DEFAULT] = ()
 
-    fingertip_radius: Annotated[float | None, _NUMBER] = None
-    """Radius of a hemispherical fingertip; default: 10 mm."""
+    fingertip_radius: LengthOption = None
+    """Radius of a hemispherical fingertip (default: 10mm)."""
 
-    curvature: Annotated[float | None, _NUMBER] = None
-    """Curvature of the fingertip instead of its radius: 1 / radius, 0 for a flat fingertip."""
+    curvature: Annotated[float | None, _CURVATURE] = None
+    """Curvature of the fingertip instead of its radius: 1 / radius, in 1 / --print-unit; 0 for a
+    flat fingertip."""
 
-    flat: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    flat: Flag = False
     """The fingertip is flat."""
 
-    receptive_field: Annotated[float | None, _NUMBER] = None
+    receptive_field: LengthOption = None
     """Sensor: length of the arc on the fingertip within which it cannot distinguish contacts."""
 
     sensor_resolution: SensorResolution = None
-    """Sensor, by its resolution [rad] instead."""
+    """Sensor, by its resolution in degrees instead."""
 
-    object_size: Annotated[float | None, _NUMBER] = None
+    object_size: LengthOption = None
     """Distance between two opposing fingers; with it the uncertainty of contact locations is
     included."""
 
-    unit: Unit = "mm"
-    """Unit of all lengths."""
+    print_unit: Unit = "mm"
+    """Unit of the printed lengths, and of lengths without a unit."""
 
     def __post_init__(self) -> None:
         fingertip = {
@@ -67,16 +69,15 @@ class Design:
             )
         for friction in self.friction:
             resolution_limit(friction)  # raises an error before anything is printed
-        if self.object_size is not None and not 0.0 < self.object_size < math.inf:
-            raise SettingError(
-                f"object size must be a finite length above 0; got {self.object_size:g}"
-            )
+        size = self._length("object_size")
+        if size is not None and not 0.0 < size < math.inf:
+            raise SettingError(f"object size must be a finite length above 0; got {size:g}")
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
         from grasp3d.cli import design_report as report
 
-        setup = report.Setup(self.radius, self.object_size, self.unit)
+        setup = report.Setup(self.radius, self._length("object_size"), self.print_unit)
         sensor = self.sensor
         if sensor is None:
             frictions = self.friction or DEFAULT_FRICTIONS
@@ -94,15 +95,20 @@ class Design:
             return math.inf
         if self.curvature is not None:
             return radius_of(self.curvature)
-        if self.fingertip_radius is not None:
-            return self.fingertip_radius
-        return DEFAULT_RADIUS[self.unit]
+        radius = self._length("fingertip_radius")
+        return DEFAULT_RADIUS[self.print_unit] if radius is None else radius
 
     @property
     def sensor(self) -> Sensor | None:
         """The sensor of the options; None: the options define none."""
-        if self.receptive_field is not None:
-            return Sensor(self.receptive_field, self.radius)
+        field = self._length("receptive_field")
+        if field is not None:
+            return Sensor(field, self.radius)
         if self.sensor_resolution is not None:
             return Sensor.for_resolution(self.sensor_resolution, self.radius)
         return None
+
+    def _length(self, name: str) -> float | None:
+        """A length in the printed unit."""
+        length: float | None = length_in_unit(name, getattr(self, name), self.print_unit)
+        return length

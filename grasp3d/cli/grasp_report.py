@@ -12,6 +12,7 @@ from grasp3d.cli.report import angle_text, escaped
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.stability.label import COLORS, MEANING, Label
+from grasp3d.system.counts import counted
 
 MAX_ROWS = 10
 """Largest number of evaluated grasps in the table."""
@@ -21,8 +22,8 @@ LEVELS = (0.1, 0.5, 0.9)
 _PERCENTS = "/".join(f"{100.0 * level:.0f}" for level in LEVELS)
 
 _LEGEND = (
-    "β*: critical friction angle; α*: with any finer sensor the grasp is surely stable; "
-    "ε_min: smallest epsilon over the tilts"
+    "β*: critical friction angle; α*: the grasp is surely stable at any smaller sensor resolution; "
+    "ε_min: smallest epsilon over the tilts; lengths in "
 )
 
 
@@ -53,7 +54,7 @@ def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
     if grasps.size > MAX_ROWS:
         console.print(f"the first {MAX_ROWS} of {grasps.size}:")
     console.print(_table(grasps, MAX_ROWS, distances=True))
-    console.print(_LEGEND, soft_wrap=True)
+    console.print(_legend(grasps), soft_wrap=True)
     _print_written(console, output)
 
 
@@ -70,9 +71,10 @@ def print_best(grasps: SurfaceGrasps, requested: int, output: Path, *, drawn: bo
     if not grasps.size:
         console.print("best grasps: none found")
     else:
-        console.print(f"the {grasps.size} best distinct grasps:")
+        what = "best distinct grasp" if grasps.size == 1 else f"{grasps.size} best distinct grasps"
+        console.print(f"the {what}:")
         console.print(_table(grasps, grasps.size))
-        console.print(_LEGEND, soft_wrap=True)
+        console.print(_legend(grasps), soft_wrap=True)
         if grasps.size < requested:
             console.print(f"{requested} were requested; all others are similar to one of these")
     if grasps.size and not drawn:
@@ -86,11 +88,15 @@ def print_best(grasps: SurfaceGrasps, requested: int, output: Path, *, drawn: bo
 def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
     mesh, model = grasps.mesh, grasps.model
     console.print(
-        f"[bold]{escaped(mesh.report.source)}[/]: {grasps.size} "
-        f"{'grasp' if grasps.size == 1 else 'grasps'} of {model.fingers} fingers; friction "
+        f"[bold]{escaped(mesh.report.source)}[/]: "
+        f"{counted(grasps.size, 'grasps')} of {model.fingers} fingers; friction "
         f"{model.friction:g}, sensor resolution {math.degrees(model.sensor_resolution):.4g}°",
         soft_wrap=True,
     )
+
+
+def _legend(grasps: SurfaceGrasps) -> str:
+    return f"{_LEGEND}{grasps.mesh.unit or 'the unit of the mesh, which is not stated'}"
 
 
 def _print_written(console: Console, *outputs: Path) -> None:

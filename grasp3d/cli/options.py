@@ -1,17 +1,39 @@
 """Command-line options of the settings: the same dataclasses, with angles in degrees."""
 
+import ast
 import dataclasses
+import inspect
 import math
-from typing import TYPE_CHECKING, Annotated, Any, get_args, get_origin, get_type_hints
+import textwrap
+from pathlib import Path
+from types import NoneType
+from typing import (
+    TYPE_CHECKING,
+    Annotated,
+    Any,
+    TypeVar,
+    get_args,
+    get_origin,
+    get_type_hints,
+)
 
 import docstring_parser
 import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d.errors import SettingError
+from grasp3d.lengths import Length, parse_length
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
 from grasp3d.viewer.view_settings import ViewSettings
 
 _NONE = "none"
+_METAVARS = {
+    "max_memory": "GB", "worker_memory": f"GB|{_NONE}", "timeout": f"SECONDS|{_NONE}",
+    "width": "PIXELS", "height": "PIXELS", "scheduler": "ADDRESS|FILE",
+}  # fmt: skip
+"""Placeholders of the values of some settings; others have one by their type."""
+
+CommandT = TypeVar("CommandT")
 
 
 def _radians(words: list[str]) -> float | None:
@@ -31,7 +53,30 @@ _DEGREES = tyro.constructors.PrimitiveConstructorSpec(
 )
 
 
-def _optional(number: type[int] | type[float]) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
+def _length(*, optional: bool) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
+    """Return the parser of a length, or of `none` if that is allowed."""
+    none = f"|{_NONE}" if optional else ""
+
+    def parse(words: list[str]) -> float | str | None:
+        if optional and words[0].lower() == _NONE:
+            return None
+        try:
+            return parse_length("it", words[0])  # type: ignore[no-any-return]
+        except SettingError as error:
+            raise ValueError(str(error)) from error
+
+    return tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=f"LENGTH{none}",
+        instance_from_str=parse,
+        is_instance=lambda value: value is None or isinstance(value, float | str),
+        str_from_instance=lambda value: [_NONE if value is None else f"{value:g}"],
+    )
+
+
+def optional_number(
+    number: type[int] | type[float],
+) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
     """Return the parser of a number or `none`."""
     return tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
@@ -62,9 +107,13 @@ def _options_of(settings: type) -> Any:
             field.name,
             Annotated[
                 (
-                    hints[field.name],
-                    tyro.conf.arg(help=helps.get(field.name)),
-                    *_parser(hints, field),
+                    _value_type(hints[field.name]),
+                    tyro.conf.arg(
+                        help=helps.get(field.name),
+                        metavar=_METAVARS.get(field.name),
+                        help_behavior_hint=_default_text(field.default),
+                    ),
+                    *_parser(hints[field.name]),
                 )
             ],
             dataclasses.field(default=field.default),
@@ -85,12 +134,23 @@ def _options_of(settings: type) -> Any:
     return Annotated[settings, tyro.conf.arg(constructor=options)]
 
 
-def _parser(hints: dict[str, Any], field: "dataclasses.Field[Any]") -> tuple[Any, ...]:
-    """Return the parser of a field, or nothing if tyro parses its type as needed."""
-    hint = hints[field.name]
+def _value_type(hint: Any) -> Any:
+    """Return the type of a field's values: those of a length are numbers, texts or none."""
+    return float | str | None if get_origin(hint) is Length else hint
+
+
+def _default_text(default: object) -> str | None:
+    """Return the text on a default that tyro would write as `None`; None: tyro's own text."""
+    return f"(default: {_NONE})" if default is None else None
+
+
+def _parser(hint: Any) -> tuple[Any, ...]:
+    """Return the parser of a type of field, or nothing if tyro parses it as needed."""
     if _is_angle(hint):
         return (_DEGREES,)
-    return tuple(_optional(number) for number in (int, float) if hint == number | None)
+    if get_origin(hint) is Length:
+        return (_length(optional=NoneType in get_args(get_args(hint)[0])),)
+    return tuple(optional_number(number) for number in (int, float) if hint == number | None)
 
 
 def _is_angle(hint: Any) -> bool:
@@ -143,12 +203,70 @@ SensorResolutionRanges = Annotated[
 Fingers = Annotated[int, _model_option("fingers")]
 """A number of fingers."""
 
-Quiet = Annotated[
-    bool,
-    tyro.conf.arg(aliases=["-q"], help="Print nothing but errors."),
-    tyro.conf.FlagCreatePairsOff,
+LengthOption = Annotated[
+    float | str | None, _length(optional=True), tyro.conf.arg(help_behavior_hint="")
 ]
+"""A length: a number, a text with a unit, or none."""
+
+Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(help_behavior_hint="")]
+"""An option without a value."""
+
+Quiet = Annotated[Flag, tyro.conf.arg(aliases=["-q"], help="Print nothing but errors.")]
 """Whether a command prints errors only."""
+
+Force = Annotated[
+    Flag,
+    tyro.conf.arg(
+        help="Accept lengths that cannot be meant, such as an opening 500 times the object's size."
+    ),
+]
+"""Whether lengths are accepted that are most likely in another unit."""
+
+Overwrite = Annotated[
+    Flag,
+    tyro.conf.arg(
+        help="Replace existing files, also those made with other settings or by other programs."
+    ),
+]
+"""Whether existing files are replaced that this command would not write again just so."""
+
+InputFile = Annotated[Path, tyro.conf.arg(metavar="FILE")]
+"""A file to read."""
+
+OutputFile = Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")]
+"""A file to write; None: the name that the option's help gives."""
+
+Inputs = Annotated[
+    tuple[str, ...],
+    tyro.conf.Positional,
+    tyro.conf.arg(
+        metavar="PATH [PATH ...]",
+        help_behavior_hint="",
+        help="Mesh files, folders, which are searched recursively, globs in quotes such as "
+        "'lib/**/*.stl', lists of these (.txt, one per line); also on an object store "
+        "(s3://BUCKET/FOLDER).",
+    ),
+]
+"""Meshes, as `batch.inputs.find_meshes` takes them."""
+
+
+def command(kind: type[CommandT]) -> type[CommandT]:
+    """Give a command's options their docstrings as help, without the line breaks of the source.
+
+    Args:
+        kind: A dataclass whose fields are options, with docstrings.
+    """
+    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
+    assert isinstance(tree, ast.ClassDef)
+    for field, text in zip(tree.body, tree.body[1:], strict=False):
+        if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
+            continue
+        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
+            helped = tyro.conf.arg(help=" ".join(str(text.value.value).split()))
+            hints = kind.__annotations__
+            hints[field.target.id] = Annotated[hints[field.target.id], helped]
+    return kind
+
 
 if TYPE_CHECKING:
     ModelOptions = GraspModel

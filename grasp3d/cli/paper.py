@@ -6,32 +6,35 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import Friction, Quiet, SensorResolutions
+from grasp3d.cli.options import Friction, Quiet, SensorResolutions, command
 from grasp3d.settings import DEGREE
 
 
+@command
 @dataclass(frozen=True)
 class Paper:
-    """Recompute Wan & Howe 2018: figures 5 to 11, their counterparts in 3-D, and the numbers.
+    """Recompute Wan & Howe 2018: figures 5 to 11, their 3-D counterparts, numbers.
 
     Without options friction and sensor resolutions are those of the paper.
     """
 
-    output: Annotated[Path, tyro.conf.arg(aliases=["-o"])]
+    output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FOLDER")]
     """Folder for figure_05 to figure_11 and surface_..., each as .svg and .png, and numbers.md;
     created if it is missing. Figures 5 and 6 are drawings, always for friction 1 and 30 degrees."""
 
     friction: Friction = 1.0
 
     sensor_resolution: SensorResolutions = (30.0 * DEGREE, 15.0 * DEGREE)
-    """One or two sensor resolutions [rad], each with a column of the figures."""
+    """One or two sensor resolutions in degrees, each with a column of the figures."""
 
-    object: Annotated[Path | None, tyro.conf.arg(metavar="FILE")] = None
-    """Mesh of a real object to scan as well; none: sphere, box and cylinder only."""
+    object: Annotated[Path | None, tyro.conf.arg(metavar="FILE", help_behavior_hint="")] = None
+    """Mesh of a real object to scan as well (default: sphere, box and cylinder only)."""
 
-    fixed: Annotated[tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z")] = None
-    """Position of the fixed finger on the object, in the file's frame; none: a contact of the
-    two-finger grasp with the largest maximum sensor resolution."""
+    fixed: Annotated[
+        tuple[float, float, float] | None, tyro.conf.arg(metavar="X Y Z", help_behavior_hint="")
+    ] = None
+    """Position of the fixed finger on the object, in the mesh's frame and unit (default: a contact
+    of the two-finger grasp with the largest maximum sensor resolution)."""
 
     quiet: Quiet = False
 

@@ -12,20 +12,20 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
-from grasp3d._kernels.compiling import compiled_before
-from grasp3d.diagnosis.length_warnings import length_warnings
+from grasp3d.lengths import Unit
 from grasp3d.settings import Sampling, Tilts
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.stability.label import Label as Code
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.counts import counted
 from grasp3d.system.names import printable
 from grasp3d.system.progress import Progress as ProgressFunction
 
 _REASONS = {
     Reason.NO_PARTNER: "no opposing contacts within the search cone give force closure",
-    Reason.OPENING: "all opposing contacts are outside the limits of distances",
-    Reason.OFF_SURFACE: "they belong to no face; their label is U, and their area is 0",
+    Reason.OPENING: "all opposing contacts are closer or farther than the limits allow",
+    Reason.OFF_SURFACE: "in no face, so their label is U and their area 0",
 }
 """Explanations of vertices without a grasp."""
 
@@ -40,13 +40,6 @@ _MINIMUM: dict[Tilts, str] = {
 def escaped(text: str) -> str:
     """Return a text for the console: one line, with markup characters escaped."""
     return escape(printable(text))
-
-
-def print_compiling_note() -> None:
-    """Print a note if the kernels must be compiled, which makes the first run slow."""
-    if not compiled_before():
-        line = "compiling for the first run; this takes a minute or two"
-        Console(stderr=True, soft_wrap=True).print(line)
 
 
 @contextmanager
@@ -83,20 +76,22 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     console = Console(emoji=False)
     mesh, model = labels.mesh, labels.model
     console.print(
-        f"[bold]{escaped(mesh.report.source)}[/]: {len(mesh.vertices)} vertices, "
-        f"size {mesh.size:.4g} {mesh.unit or '(unit not stated)'}; friction {model.friction:g}, "
+        f"[bold]{escaped(mesh.report.source)}[/]: "
+        f"{counted(len(mesh.vertices), 'vertices')}, "
+        f"size {length_with_unit(mesh.size, mesh.unit)}; friction {model.friction:g}, "
         f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
-        + ("" if model.fingers == 2 else f", {model.fingers} fingers")
+        + ("" if model.fingers == 2 else f", {model.fingers} fingers"),
+        soft_wrap=True,
     )
     if model.method == "extremes":
         console.print(
-            f"labels by enumeration: {model.extreme_normals} extreme normals per contact, cones "
-            f"{'circular' if model.edges is None else f'with {model.edges} edges'}"
+            f"labels from wrench hulls at {model.extreme_normals} extreme normals per contact, "
+            f"{'circular cones' if model.edges is None else f'cones of {model.edges} edges'}"
         )
-    if labels.sampling is not None and (differences := _differences(labels.sampling)):
+    if labels.sampling is not None and (differences := _differences(labels)):
         console.print("search settings: " + differences)
     if labels.search.evaluated:
-        console.print(f"{labels.search.evaluated:,} candidate grasps evaluated")
+        console.print(f"{counted(labels.search.evaluated, 'candidate grasps')} evaluated")
     table = Table("label", "", "area fraction", box=None, pad_edge=False)
     for name, fraction in labels.fractions().items():
         code = Code[name]
@@ -107,17 +102,15 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         "critical friction angle, 10/50/90 % of the area: "
         + ", ".join(angle_text(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
     )
-    console.print(_epsilon_text(labels))
+    console.print(_epsilon_text(labels), soft_wrap=True)
     counts = np.bincount(labels.reason, minlength=len(Reason))
     for reason, explanation in _REASONS.items():
         if counts[reason]:
-            console.print(f"{counts[reason]} vertices: {explanation}")
+            console.print(f"{counted(int(counts[reason]), 'vertices')}: {explanation}")
     for step in mesh.report.repairs:
         console.print(f"repaired: {escaped(str(step))}")
-    sampling = labels.sampling or Sampling()
-    warnings = length_warnings(mesh.size, mesh.unit, model, sampling, mesh.options)
-    for line in (*mesh.report.warnings, *warnings):
-        console.print(f"[yellow]warning:[/] {escaped(line)}")
+    for line in labels.warnings:
+        console.print(f"[yellow]warning:[/] {escaped(line)}", soft_wrap=True)
     if mesh.report.warnings:
         console.print(CHECK_HINT)
     console.print(f"written: {escaped(str(output))}", soft_wrap=True)
@@ -132,14 +125,26 @@ def _epsilon_text(labels: SurfaceLabels) -> str:
     return f"epsilon, 10/50/90 % of the area: {nominal}; {_MINIMUM[labels.model.tilts]}: {minimum}"
 
 
-def _differences(sampling: Sampling) -> str:
+def _differences(labels: SurfaceLabels) -> str:
     """Return the settings of the search that differ from their defaults."""
-    defaults, angles = asdict(Sampling()), ("search_angle", "tolerance")
+    given, defaults = labels.sampling or Sampling(), asdict(Sampling())
+    angles, lengths = ("search_angle", "tolerance"), given.length_names()
+
+    def text(name: str, value: float) -> str:
+        if name in angles:
+            return f"{math.degrees(value):.4g}°"
+        return length_with_unit(value, labels.mesh.unit) if name in lengths else f"{value}"
+
     return ", ".join(
-        f"{name} {math.degrees(value):.4g}°" if name in angles else f"{name} {value}"
-        for name, value in asdict(sampling).items()
+        f"{name} {text(name, value)}"
+        for name, value in asdict(given).items()
         if value != defaults[name]
     )
+
+
+def length_with_unit(length: float, unit: Unit | None) -> str:
+    """Format a length in the mesh's unit."""
+    return f"{length:.4g} {unit or '(unit not stated)'}"
 
 
 def angle_text(angle: float) -> str:

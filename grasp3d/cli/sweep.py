@@ -11,11 +11,16 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
     ClusterOptions,
     Fingers,
+    Force,
     Frictions,
+    Inputs,
+    OutputFile,
+    Overwrite,
     Quiet,
     SamplingOptions,
     SensorResolutionRanges,
     SurfaceOptions,
+    command,
 )
 from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import GraspError, SettingError
@@ -26,6 +31,7 @@ if TYPE_CHECKING:
     from grasp3d.batch.sweeping import SweepSettings, SweptMesh, Target
 
 
+@command
 @dataclass(frozen=True)
 class Sweep:
     """Compute area fractions of S, M and U over friction and sensor resolution.
@@ -34,41 +40,42 @@ class Sweep:
     labelled once; for a folder the mean over its meshes is added. Writes a table and a figure.
     """
 
-    targets: Annotated[
-        tuple[str, ...],
-        tyro.conf.Positional,
-        tyro.conf.arg(metavar="FILE|FOLDER|GLOB|LIST.txt|URL|circle|square|sphere"),
-    ]
+    targets: Annotated[Inputs, tyro.conf.arg(metavar="PATH|circle|square|sphere [...]")]
     """To be given before the options. Mesh files, folders, which are searched recursively, globs in
     quotes such as 'lib/**/*.stl', lists of these (.txt, one per line); also on an object store
     (s3://BUCKET/FOLDER). Shapes in closed form with one finger fixed: circle, square (in the middle
     of a side) and sphere; ./circle is a file or folder. Shapes have two fingers."""
 
-    output: Annotated[Path | None, tyro.conf.arg(aliases=["-o"])] = None
-    """Table (.csv or .parquet); none: NAME_sweep.csv in this folder, sweep.csv for several
-    targets."""
+    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    """Table (.csv or .parquet) (default: NAME_sweep.csv in this folder, sweep.csv for several
+    targets)."""
 
-    figure: Path | None = None
-    """Figure (.svg, .png or .pdf); none: the name of the table with the suffix .svg."""
+    figure: OutputFile = None
+    """Figure (.svg, .png or .pdf) (default: the name of the table with the suffix .svg)."""
 
     friction: Frictions = (0.2, 0.5, 1.0)
 
     sensor_resolution: SensorResolutionRanges = ("0:60:1", "22.6")
 
     fraction: tuple[float, ...] = (0.5, 0.9)
-    """Area fractions of S, above 0 and at most 1: for each the required sensor resolution is
-    printed; with any finer sensor at least this fraction is S."""
+    """Area fractions of S, above 0 and at most 1. For each the required sensor resolution is
+    printed: at any smaller one at least this fraction of the surface is S."""
 
     fingers: Fingers = 2
 
     sampling: SamplingOptions = field(default_factory=Sampling)
-    """How candidate grasps are searched."""
+    """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
+    80mm, 8cm, 0.08m, 3in."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
-    """How the mesh is read and prepared."""
+    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
     cluster: ClusterOptions = field(default_factory=ClusterSettings)
     """Which processes label the meshes, if there are several."""
+
+    force: Force = False
+
+    overwrite: Overwrite = False
 
     quiet: Quiet = False
 
@@ -121,6 +128,7 @@ class Sweep:
     def _outputs(self, targets: list["Target"]) -> tuple[Path, Path]:
         """Return the paths of table and figure, checked to be writable and not to be meshes."""
         from grasp3d.batch.sweeping import meshes_of
+        from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.plots.formats import METADATA
         from grasp3d.storage import local_path
         from grasp3d.system.files import check_suffix, check_writable
@@ -133,9 +141,9 @@ class Sweep:
         figure = self.figure or table.with_suffix(".svg")
         check_suffix(figure, METADATA, "figure")
         for path in (table, figure):
-            check_writable(path)
             for mesh in meshes_of(targets):
                 check_writable(path, source=local_path(mesh.source))
+            check_replaceable(path, overwrite=self.overwrite)
         return table, figure
 
     def _swept(self, targets: list["Target"], settings: "SweepSettings") -> list["SweptMesh"]:
@@ -147,7 +155,7 @@ class Sweep:
         if len(meshes) == 1 and not any(target.folder for target in targets):
             text = f"labelling {meshes[0].name}"
             with report.progress(text, quiet=self.quiet) as progress:
-                swept = sweep_mesh(meshes[0], settings, progress=progress)
+                swept = sweep_mesh(meshes[0], settings, force=self.force, progress=progress)
             if swept.error:
                 raise GraspError(swept.error)
             return [swept]
@@ -157,8 +165,12 @@ class Sweep:
 
         rows = []
         with report.counter("sweeping", len(meshes), quiet=self.quiet) as advance:
-            one_thread = partial(sweep_mesh, threads=1)  # in as many processes
-            for row in run(one_thread, meshes, settings, lost=lost_mesh, cluster=self.cluster):
+            one_thread = partial(sweep_mesh, force=self.force, threads=1)  # in as many processes
+            sweeps = run(
+                one_thread, meshes, settings, lost=lost_mesh, cluster=self.cluster,
+                kernels=self.fingers,
+            )  # fmt: skip
+            for row in sweeps:
                 rows.append(row)
                 advance()
         return sorted(rows, key=lambda row: row.name)

@@ -40,8 +40,8 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
     console.print(escaped(_legend(shown)), soft_wrap=True)
     if fractions:
         console.print(
-            "\nrequired resolution: with any finer sensor this fraction of the surface is S (none: "
-            "no sensor is fine enough)",
+            "\nrequired resolution: below it at least this fraction of the surface is S "
+            "(none: at no resolution)",
             soft_wrap=True,
         )
         every = dict.fromkeys(sweep for target in targets for sweep in target.sweeps)

@@ -6,7 +6,24 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from grasp3d.cli.options import ModelOptions, SamplingOptions, SurfaceOptions, ViewOptions
+from grasp3d.cli.options import (
+    Flag,
+    Force,
+    ModelOptions,
+    OutputFile,
+    Overwrite,
+    Quiet,
+    SamplingOptions,
+    SurfaceOptions,
+    ViewOptions,
+    command,
+)
+from grasp3d.cli.time_limit import (
+    DEFAULT_TIMEOUT,
+    Timeout,
+    check_timeout,
+    time_limit,
+)
 from grasp3d.errors import GraspError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.names import printable
@@ -16,27 +33,28 @@ if TYPE_CHECKING:
     from grasp3d.viewer.session.collection import Collection
 
 
+@command
 @dataclass(frozen=True)
 class View:
-    """View an object: rotate it, change friction and sensor resolution, click to see reasons."""
+    """View an object: rotate it, change friction and resolution, click for reasons."""
 
-    target: tyro.conf.Positional[Path]
+    target: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="PATH")]
     """A mesh, a labelled PLY, or the folder of results of `grasp3d batch`."""
 
-    web: Annotated[bool, tyro.conf.FlagCreatePairsOff] = False
+    web: Flag = False
     """Serve a page for a browser instead of opening a window; each visitor has a view of their
     own."""
 
-    host: str = "127.0.0.1"
+    host: Annotated[str, tyro.conf.arg(metavar="ADDRESS")] = "127.0.0.1"
     """Address of the page; at 127.0.0.1 only this computer can connect."""
 
-    port: int = 8080
+    port: Annotated[int, tyro.conf.arg(metavar="PORT")] = 8080
     """Port of the page; if it is in use, the next free one."""
 
-    screenshot: Path | None = None
+    screenshot: OutputFile = None
     """Write a picture (.png) instead; needs no display."""
 
-    turntable: Path | None = None
+    turntable: OutputFile = None
     """Write a film of one full turn (.gif or .mp4) instead; needs no display."""
 
     view: ViewOptions = field(default_factory=ViewSettings)
@@ -51,25 +69,21 @@ class View:
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How a mesh is read and prepared; likewise from a labelled file."""
 
-    quiet: Annotated[bool, tyro.conf.arg(aliases=["-q"]), tyro.conf.FlagCreatePairsOff] = False
-    """Print nothing but errors."""
+    timeout: Timeout = DEFAULT_TIMEOUT
+
+    force: Force = False
+
+    overwrite: Overwrite = False
+
+    quiet: Quiet = False
+
+    def __post_init__(self) -> None:
+        check_timeout(self.timeout)
 
     def run(self) -> int:
         """Run the command; returns the exit code."""
-        from grasp3d.cli import report
-        from grasp3d.viewer.session.collection import open_collection
-
-        collection = open_collection(self.target, self.model, self.sampling, self.mesh)
-        self._check()
-        if not self.quiet:
-            report.print_compiling_note()
-        first = collection.items[0]
-        try:
-            with report.progress(f"opening {first.name}", quiet=self.quiet) as progress:
-                first.open(progress)
-        except GraspError:
-            if len(collection.items) == 1:
-                raise  # with several objects the viewer shows the error of the first one
+        with time_limit(self.timeout, printable(str(self.target))):
+            collection = self._opened()
         self._write(collection)
         if self.web:
             self._serve(collection)
@@ -80,15 +94,36 @@ class View:
             show_window(Session(collection, self.view))
         return 0
 
+    def _opened(self) -> "Collection":
+        """The collection, with its first object opened."""
+        from grasp3d.cli import report
+        from grasp3d.viewer.session.collection import open_collection
+
+        collection = open_collection(
+            self.target, self.model, self.sampling, self.mesh, force=self.force
+        )
+        self._check()
+        first = collection.items[0]
+        try:
+            with report.progress(f"opening {first.name}", quiet=self.quiet) as progress:
+                first.open(progress)
+        except GraspError:
+            if len(collection.items) == 1:
+                raise  # with several objects the viewer shows the error of the first one
+        return collection
+
     def _check(self) -> None:
         """Check that the output is possible, before the work begins."""
+        from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.viewer.scene.pictures import check_film, check_picture
         from grasp3d.viewer.window.display import check_display
 
         if self.screenshot:
             check_picture(self.screenshot)
+            check_replaceable(self.screenshot, overwrite=self.overwrite)
         if self.turntable:
             check_film(self.turntable)
+            check_replaceable(self.turntable, overwrite=self.overwrite)
         if self.web:
             from grasp3d.viewer.web.page import check_page
 

@@ -17,6 +17,15 @@ class Contacts:
     """Point contacts of one grasp, or of many with the same number of fingers.
 
     Leading axes (...) are a batch; results have one value per grasp.
+
+    Example:
+        Two fingers on opposite sides of a cube with edges of length 2:
+
+        >>> import grasp3d
+        >>> points, normals = [[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]]
+        >>> contacts = grasp3d.Contacts(points, normals, friction=0.5)
+        >>> contacts.count, contacts.batch, contacts.friction_angle.round(3).tolist()
+        (2, (), [0.464, 0.464])
     """
 
     points: Floats
@@ -167,8 +176,12 @@ def centred(points: Floats) -> tuple[Floats, Floats, Floats]:
         (points, mean (..., 1, 3), size (..., 1, 1)); the size is the largest distance from the
         mean, or 1 where that is 0.
     """
-    mean = points.mean(axis=-2, keepdims=True)
-    offsets = points - mean
+    # Differences of nearby points are exact; the mean of points far from the origin is not.
+    first = points[..., :1, :]
+    offsets = points - first
+    middle = offsets.mean(axis=-2, keepdims=True)
+    offsets -= middle
+    mean = first + middle
     size = np.linalg.norm(offsets, axis=-1, keepdims=True).max(axis=-2, keepdims=True, initial=0.0)
     size = np.where(size > 0.0, size, 1.0)
     return offsets / size, mean, size

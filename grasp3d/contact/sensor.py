@@ -47,7 +47,20 @@ def resolution_limit(friction: float) -> float:
 
 @dataclass(frozen=True)
 class Sensor:
-    """A tactile fingertip, hemispherical or flat, and the size of its receptive field."""
+    """A tactile fingertip, hemispherical or flat, and the size of its receptive field.
+
+    Example:
+        A fingertip of 10 mm radius that cannot distinguish contacts within 4 mm:
+
+        >>> import math
+        >>> import grasp3d
+        >>> sensor = grasp3d.Sensor(receptive_field=4.0, fingertip_radius=10.0)
+        >>> angle = math.degrees(sensor.resolution)
+        >>> print(f"{angle:.1f} degrees, {sensor.sensors_by_discs} sensors on the fingertip")
+        22.9 degrees, 50 sensors on the fingertip
+        >>> print(f"grasps can be surely stable above a friction of {sensor.required_friction:.2f}")
+        grasps can be surely stable above a friction of 0.20
+    """
 
     receptive_field: float
     """Length of the arc within which contact points cannot be distinguished, above 0 and below half

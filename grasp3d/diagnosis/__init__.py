@@ -1,13 +1,13 @@
 """Diagnosis of meshes: defects, results of repair, and whether labels can be trusted."""
 
 from grasp3d.diagnosis.diagnosing import check_mesh, diagnose
-from grasp3d.diagnosis.length_warnings import length_warnings
 from grasp3d.diagnosis.mesh_diagnosis import (
     MeshDiagnosis,
     MeshWarning,
     SurfaceMeasures,
     Trust,
 )
+from grasp3d.mesh.plausible_lengths import length_warnings
 
 __all__ = [
     "MeshDiagnosis",

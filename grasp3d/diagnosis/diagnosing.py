@@ -1,15 +1,13 @@
-"""Diagnosis of a mesh file, before and after repair, with warnings about its labels."""
+"""Diagnosis of a mesh, before and after repair, with warnings about its labels."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import replace
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, first_at_position
 from grasp3d.costs import labelling_cost
-from grasp3d.diagnosis.length_warnings import length_warnings
 from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis, MeshWarning, SurfaceMeasures, Trust
 from grasp3d.diagnosis.mesh_warnings import (
     body_warnings,
@@ -21,6 +19,7 @@ from grasp3d.diagnosis.mesh_warnings import (
     self_intersection_warnings,
     stray_warnings,
 )
+from grasp3d.errors import SettingError
 from grasp3d.mesh.manifolds import manifold_status
 from grasp3d.mesh.measures import (
     edge_counts,
@@ -28,52 +27,82 @@ from grasp3d.mesh.measures import (
     is_closed,
     signed_volumes,
 )
+from grasp3d.mesh.mesh_sources import MeshSource, read_source
 from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.mesh.plausible_lengths import length_warnings, refuse_lengths
 from grasp3d.mesh.preparing import check_and_repair, refined_mesh
 from grasp3d.mesh.repair import RepairedSurface
 from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.self_intersections import crossings
-from grasp3d.mesh.units import guess_unit
-from grasp3d.reading import RawMesh, read_mesh
+from grasp3d.mesh.units import guess_unit, impossible_size
+from grasp3d.reading import RawMesh
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
-from grasp3d.system.names import printable
 from grasp3d.system.processors import available_processors
 
 
 def check_mesh(
-    path: str | Path,
+    source: MeshSource,
     *,
     model: GraspModel | None = None,
     sampling: Sampling | None = None,
     options: MeshOptions | None = None,
     **fields: Any,
 ) -> MeshDiagnosis:
-    """Diagnose a mesh file before labelling: defects, repairs, and the cost of labelling.
+    """Diagnose a mesh before labelling: defects, repairs, and the cost of labelling.
 
     Args:
-        path: The file.
+        source: A path, or an object as in `load_mesh`. An `ObjectMesh`, which is repaired already,
+            is diagnosed as it is.
         model: Model for labelling; used for the cost, and to find lengths in a wrong unit.
         sampling: Settings of the grasp search; used in the same way.
-        options: How the file is read and prepared; None: the defaults.
+        options: How the mesh is read and prepared; None: the defaults.
         fields: Fields of `MeshOptions` that differ from `options`, as in `load_mesh`.
 
+    Returns:
+        Measures before and after repair, warnings, whether labels can be trusted, and the time and
+        memory that labelling takes. Lengths are in the mesh's unit.
+
     Raises:
-        MeshError: The file cannot be read, for the same reasons as in `load_mesh`.
+        MeshError: The mesh cannot be read, for the same reasons as in `load_mesh`.
         SettingError: An option is outside its range.
+
+    Example:
+        A box of which one of twelve faces is missing:
+
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.1, 0.06, 0.04])
+        >>> found = grasp3d.check_mesh((box.vertices, box.faces[1:]), unit="m")
+        >>> found.before.closed, found.after.closed, found.trust.value
+        (False, False, 'with care')
+        >>> print(found.warnings[1].message)
+        holes: 1, ...: grasps with contacts there are not found; repair full (--repair full) ...
     """
-    chosen = MeshOptions.of(options, fields)
-    return diagnose(Path(path), model or GraspModel(), sampling or Sampling(), chosen)
+    given = source.options if isinstance(source, ObjectMesh) else None
+    chosen = MeshOptions.of(options or given, fields)
+    return diagnose(source, model or GraspModel(), sampling or Sampling(), chosen)
 
 
 def diagnose(
-    path: Path, model: GraspModel, sampling: Sampling, options: MeshOptions
+    source: MeshSource,
+    model: GraspModel,
+    sampling: Sampling,
+    options: MeshOptions,
+    *,
+    force: bool = False,
 ) -> MeshDiagnosis:
-    """Diagnose a mesh file, as `check_mesh` does, with all settings given."""
-    where = printable(str(path))
-    raw = read_mesh(path, max_memory=options.max_memory)
+    """Diagnose a mesh, as `check_mesh` does, with all settings given.
+
+    With `force` lengths that cannot be meant for an object of this size are accepted.
+    """
+    given = read_source(source, max_memory=options.max_memory)
+    raw, where = given.raw, given.where
     surface = check_and_repair(raw, options, where)
-    mesh = refined_mesh(raw, surface, options, name=path.name, where=where)
+    mesh = refined_mesh(raw, surface, options, name=given.name, where=where)
+    model = model.in_unit(mesh.unit, source=given.name)
+    sampling = sampling.in_unit(mesh.unit, source=given.name)
+    lengths = model.lengths() | sampling.lengths() | mesh.options.lengths()
     points = (surface.vertices - mesh.center) / mesh.size
     crossing = crossings(points, surface.faces)
     areas = face_areas(points, surface.faces)
@@ -81,24 +110,21 @@ def diagnose(
     noise = normal_noise(points, surface.faces)
     bodies, cavities = count_parts(points, surface.faces)
     warnings = (
-        *(MeshWarning(Trust.CARE, message) for message in mesh.report.warnings),
+        *_report_warnings(mesh),
         *interior_warnings(mesh),
         *_hole_warnings(raw, surface, options, where),
         *self_intersection_warnings(int(crossing.faces.sum()), fraction),
         *body_warnings(bodies),
         *stray_warnings(points, surface.faces),
         *noise_warnings(points, surface.faces, mesh, noise),
-        *(
-            MeshWarning(Trust.CARE, message)
-            for message in length_warnings(mesh.size, mesh.unit, model, sampling, options)
-        ),
+        *_length_warnings(mesh, lengths, force=force),
     )
     corners = surface.vertices[surface.faces].reshape(-1, 3)
     extents = np.ptp(corners, axis=0).tolist()
     return MeshDiagnosis(
-        mesh=path.name,
+        mesh=given.name,
         format=raw.format,
-        file_bytes=path.stat().st_size,
+        file_bytes=given.file_bytes,
         unit=mesh.unit,
         guess=guess_unit(max(extents)),
         size=mesh.size,
@@ -145,6 +171,27 @@ def _measure(points: Floats, faces: Ints, mesh: ObjectMesh) -> SurfaceMeasures:
         volume=volume * mesh.size**3 if closed else None,
         center_mass=(x, y, z),
     )
+
+
+def _report_warnings(mesh: ObjectMesh) -> Iterator[MeshWarning]:
+    """Warnings of the preparation; an object of an impossible size is not the one that is meant."""
+    impossible = impossible_size(mesh.size, mesh.unit)
+    for message in mesh.report.warnings:
+        yield MeshWarning(Trust.NO if message == impossible else Trust.CARE, message)
+
+
+def _length_warnings(
+    mesh: ObjectMesh, lengths: Mapping[str, float | None], *, force: bool
+) -> Iterator[MeshWarning]:
+    """Warn about lengths that are probably in another unit; some of them cannot be meant."""
+    try:
+        if not force:
+            refuse_lengths(mesh, lengths)
+    except SettingError as error:
+        yield MeshWarning(Trust.NO, str(error))
+        return
+    for message in length_warnings(lengths, mesh.size, mesh.unit):
+        yield MeshWarning(Trust.CARE, message)
 
 
 def _hole_warnings(

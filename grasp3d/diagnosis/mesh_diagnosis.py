@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from grasp3d.costs import Cost
+from grasp3d.lengths import Unit
 from grasp3d.mesh.repair import RepairStep
 from grasp3d.mesh.units import UnitGuess
-from grasp3d.settings import Unit
 
 
 class Trust(StrEnum):
@@ -51,13 +51,14 @@ class SurfaceMeasures:
 
 @dataclass(frozen=True)
 class MeshDiagnosis:
-    """Diagnosis of a mesh file; lengths are in the file's unit, angles in radians."""
+    """Diagnosis of a mesh; lengths are in the file's unit, angles in radians."""
 
     mesh: str
-    """Name of the file."""
+    """Name of the file, the type of another library's object, or 'arrays'."""
     format: str
-    """File suffix without its dot, in lower case."""
-    file_bytes: int
+    """File suffix without its dot, in lower case; else the other library, or 'arrays'."""
+    file_bytes: int | None
+    """Size of the file; None: the mesh is not from a file."""
     unit: Unit | None
     """Unit stated by the file or the user; None: not stated."""
     guess: UnitGuess
@@ -71,7 +72,7 @@ class MeshDiagnosis:
     cavities: int
     """Closed parts that are oriented inward."""
     before: SurfaceMeasures
-    """The surface as stored in the file."""
+    """The surface as it was given."""
     after: SurfaceMeasures
     """The surface after repair, before long edges are divided."""
     repairs: tuple[RepairStep, ...]

@@ -10,7 +10,8 @@ from grasp3d.diagnosis.mesh_diagnosis import MeshWarning, Trust
 from grasp3d.mesh.measures import face_areas, is_closed, part_volumes, parts_of
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.patches import patch_areas, surface_net
-from grasp3d.mesh.repair.holes import close_hole, holes_of
+from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
+from grasp3d.mesh.work_bounds import WorkBoundError
 
 MISSING = 0.05
 """Area fraction of holes above which labels cannot be trusted."""
@@ -52,7 +53,13 @@ def interior_warnings(mesh: ObjectMesh) -> Iterator[MeshWarning]:
 def missing_fraction(points: Floats, faces: Ints) -> tuple[int, float]:
     """Return the number of holes, and their area fraction of the closed surface."""
     holes = holes_of(faces)
-    lids = sum(float(face_areas(points, close_hole(points, hole)).sum()) for hole in holes)
+    lids = 0.0
+    try:
+        closing = close_holes(points, holes)
+    except WorkBoundError:
+        lids = sum(fan_area(points, hole) for hole in holes)
+    else:
+        lids = sum(float(face_areas(points, lid).sum()) for lid in closing)
     return len(holes), lids / (lids + float(face_areas(points, faces).sum()))
 
 

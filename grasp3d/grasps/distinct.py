@@ -43,6 +43,15 @@ def best_grasps(
 
     Raises:
         SettingError: A count below 1, or a distance that is not a finite length.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
+        >>> grasps = grasp3d.best_grasps(labels, 3)
+        >>> grasps.contacts.points.shape, grasps.opening.round(3).tolist()
+        ((3, 2, 3), [0.08, 0.08, 0.08])
     """
     if count < 1:
         raise SettingError(f"the number of best grasps must be at least 1; got {count}")

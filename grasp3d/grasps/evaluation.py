@@ -8,7 +8,8 @@ from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.mesh import ObjectMesh
+from grasp3d.lengths import length_in_unit
+from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.settings import MAX_FINGERS, GraspModel, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
@@ -27,11 +28,11 @@ PROJECTED, ANGLES_COMPUTED = 0.5, 0.9
 
 
 def evaluate_grasps(
-    mesh: ObjectMesh,
+    mesh: MeshSource,
     points: ArrayLike,
     model: GraspModel | None = None,
     *,
-    max_distance: float | None = None,
+    max_distance: float | str | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SurfaceGrasps:
@@ -41,25 +42,50 @@ def evaluate_grasps(
     contacts of a grasp does not matter.
 
     Args:
-        mesh: The object's surface.
+        mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
+            PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
         points: Contacts in the mesh's frame and unit, shape (b, n, 3), or (n, 3) for one grasp;
             n is 2 to 32 for every grasp.
-        model: Friction and sensor resolution; its number of fingers, unless it is the default 2,
-            must be that of `points`.
-        max_distance: Largest distance of a contact from the surface, in the mesh's unit; None:
-            1/100 of the object's size.
+        model: Friction and sensor resolution [rad]; its number of fingers, unless it is the default
+            2, must be that of `points`.
+        max_distance: Largest distance of a contact from the surface, in the mesh's unit or with a
+            unit; None: 1/100 of the object's size.
         threads: Threads to use; None: one per processor. The result does not depend on it.
         progress: Called with the fraction of the work done, from 0 to 1.
 
+    Returns:
+        The grasps in their order, with `label`, `critical_angle` [rad] and `epsilon`, shape (b,)
+        each, and the contacts on the surface, shape (b, n, 3).
+
     Raises:
+        MeshError: It is no mesh.
         ContactError: Points of another shape, values that are not finite, or contacts off the
             surface.
         SettingError: A setting outside its range.
+
+    Example:
+        Two fingers opposite to each other, and two that are not:
+
+        >>> import numpy as np
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> top, bottom, beside = [0.0, 0.0, 0.015], [0.0, 0.0, -0.015], [0.012, 0.0, -0.015]
+        >>> grasps = grasp3d.evaluate_grasps(box, [[top, bottom], [top, beside]])
+        >>> [grasp3d.Label(code).name for code in grasps.label]
+        ['S', 'M']
+        >>> np.degrees(grasps.critical_angle).round(1).tolist()
+        [0.0, 21.8]
+        >>> grasps.epsilon.round(3).tolist(), grasps.epsilon_min.round(3).tolist()
+        ([0.13, 0.025], [0.076, 0.0])
     """
     report = progress or ignore
-    given = _checked(points)
-    used = with_fingers(model or GraspModel(), given.shape[1])
-    limit = OFF_SURFACE * mesh.size if max_distance is None else max_distance
+    mesh, given = load_mesh(mesh), _checked(points)
+    used = (model or GraspModel()).in_unit(mesh.unit, source=mesh.report.source)
+    used = with_fingers(used, given.shape[1])
+    limit = length_in_unit("max_distance", max_distance, mesh.unit, source=mesh.report.source)
+    if limit is None:
+        limit = OFF_SURFACE * mesh.size
     if not (limit >= 0.0 and math.isfinite(limit)):
         raise SettingError(f"max_distance must be a finite length of at least 0; got {limit:g}")
     threads = available_processors() if threads is None else threads

@@ -13,6 +13,7 @@ import numpy.typing as npt
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
 from grasp3d.settings import MAX_FINGERS
+from grasp3d.system.names import unsupported
 
 SUFFIXES = (".csv", ".parquet", ".json")
 
@@ -42,13 +43,18 @@ def read_contacts(path: str | Path) -> Floats:
 
     Raises:
         ContactError: The file is missing, or contains no such contacts.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import grasp3d
+        >>> _ = Path("grasps.json").write_text("[[[0, 0, 0.015], [0, 0, -0.015]]]")
+        >>> grasp3d.read_contacts("grasps.json").tolist()
+        [[[0.0, 0.0, 0.015], [0.0, 0.0, -0.015]]]
     """
     path = Path(path)
     suffix = path.suffix.lower()
     if suffix not in SUFFIXES:
-        raise ContactError(
-            f"{path}: contacts are read from {', '.join(SUFFIXES)}; got {path.suffix!r}"
-        )
+        raise ContactError(unsupported(path, SUFFIXES, "contacts"))
     if not path.is_file():
         problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
         raise ContactError(f"{path}: {problem}")

@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass, field
 from functools import cached_property, partial
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
@@ -26,6 +28,17 @@ class SurfaceGrasps(LabelledGrasps):
     """Whole grasps on a surface, one for each row.
 
     The grasps are given, not searched for: S means surely stable, U surely unstable.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
+        >>> grasps = grasp3d.best_grasps(labels, 2)
+        >>> grasps.to_dataframe()[["grasp", "label", "rank", "opening"]].round(3)
+           grasp label  rank  opening
+        0      1     S     5     0.08
+        1      2     S     5     0.08
     """
 
     contacts: SurfaceContacts
@@ -95,6 +108,34 @@ class SurfaceGrasps(LabelledGrasps):
     def separation(self) -> Floats:
         """Smallest distance between any two contacts, shape (b,)."""
         return locked(_distances(self.contacts).min(axis=1, initial=math.inf))
+
+    def to_table(self) -> Any:
+        """Return a `pyarrow.Table` with a row for each grasp: the columns of `write_grasps`."""
+        return import_module("grasp3d.grasps.writing").grasps_to_table(self)
+
+    def to_dataframe(self) -> Any:
+        """Return `to_table` as a `pandas.DataFrame`.
+
+        Raises:
+            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
+        """
+        from grasp3d.tables import data_frame
+
+        return data_frame(self.to_table())
+
+    def show(self, **options: Any) -> Any:
+        """Show each grasp on the surface: in a notebook below the cell, elsewhere in a window.
+
+        The colours are the labels that the first finger would have elsewhere, with the others as
+        they are. The viewer's buttons for the next and the previous object lead to other grasps.
+
+        Args:
+            options: As in `grasp3d.viewer.show.show`: settings, height, proxy.
+
+        Raises:
+            OutputError: Nothing can be shown in this environment.
+        """
+        return import_module("grasp3d.viewer.show").show(self, **options)
 
 
 def _labels(

@@ -34,6 +34,15 @@ def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
 
     Raises:
         OutputError: No format has that suffix, or the file cannot be written.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
+        >>> grasp3d.write_grasps("box.csv", grasp3d.best_grasps(labels, 3))
+        >>> grasp3d.read_contacts("box.csv").shape
+        (3, 2, 3)
     """
     path = Path(path)
     check_suffix(path, SUFFIXES, "table")
@@ -42,11 +51,23 @@ def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
         return
     from grasp3d.tables import write_columns
 
+    write_columns(path, _columns(grasps), settings=_settings(grasps))
+
+
+def grasps_to_table(grasps: SurfaceGrasps) -> Any:
+    """Arrow table with a row for each grasp, as in the file that `write_grasps` writes."""
+    from grasp3d.tables import table_of_columns
+
+    return table_of_columns(_columns(grasps), settings=_settings(grasps))
+
+
+def _columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
+    """Columns of a table, shape (b,)."""
     columns = _grasp_columns(grasps)
     for number in range(grasps.contacts.count):
         for name, values in _contact_columns(grasps).items():
             columns[f"{name}{number + 1}"] = values[:, number]
-    write_columns(path, columns, settings=_settings(grasps))
+    return columns
 
 
 def _contact_columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:

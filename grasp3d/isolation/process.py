@@ -201,8 +201,8 @@ def _paths() -> list[str]:
     return []
 
 
-def _end_all() -> None:
-    """End all children when this process ends."""
+def end_all() -> None:
+    """End all children, as when this process ends."""
     for child in list(_children):
         child.close()
 
@@ -216,6 +216,6 @@ def _detach_all() -> None:
         pool.reset()
 
 
-atexit.register(_end_all)
+atexit.register(end_all)
 if hasattr(os, "register_at_fork"):
     os.register_at_fork(after_in_child=_detach_all)

@@ -2,16 +2,19 @@
 
 from dataclasses import dataclass
 from functools import cached_property
+from importlib import import_module
+from typing import Any
 
 import numpy as np
 
 from grasp3d._kernels.normal_sets import ContactNormals
 from grasp3d._kernels.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.lengths import Unit
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins
 from grasp3d.mesh.repair import RepairStep
-from grasp3d.settings import MeshOptions, Unit
+from grasp3d.settings import MeshOptions
 
 
 @dataclass(frozen=True)
@@ -19,9 +22,9 @@ class MeshReport:
     """What a mesh file contained and how it was repaired."""
 
     source: str
-    """Name of the file, or 'arrays'."""
+    """Name of the file, the type of another library's object ('trimesh.Trimesh'), or 'arrays'."""
     format: str
-    """Suffix of the file, or 'arrays'."""
+    """Suffix of the file, name of the other library ('trimesh'), or 'arrays'."""
     unit: Unit | None
     """Unit of positions and openings; None if neither the file nor the user states it."""
     file_vertices: int
@@ -46,6 +49,15 @@ class ObjectMesh:
     """An object's surface, with the normals that a contact may have at each surface point.
 
     Positions are in the file's own unit and frame; normals point into the object.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> mesh = grasp3d.load_mesh(trimesh.creation.box([4.0, 3.0, 2.0]), unit="cm", max_edge=9.0)
+        >>> mesh.vertices.shape, mesh.faces.shape, round(mesh.volume, 6), mesh.unit
+        ((8, 3), (12, 3), 24.0, 'cm')
+        >>> mesh.to_trimesh().units
+        'cm'
     """
 
     vertices: Floats
@@ -132,6 +144,25 @@ class ObjectMesh:
             normals=corners.normals,
             twins=crease_twins(self.faces, corners.corners),
         )
+
+    def to_trimesh(self) -> Any:
+        """Return the prepared surface as a `trimesh.Trimesh`, with outward normals and its unit."""
+        return import_module("grasp3d.conversions").mesh_to_trimesh(self)
+
+    def to_polydata(self) -> Any:
+        """Return the prepared surface as a `pyvista.PolyData`, with outward normals as `normal`."""
+        return import_module("grasp3d.conversions").mesh_to_polydata(self)
+
+    def show(self, **options: Any) -> Any:
+        """Label the surface and show it: in a notebook below the cell, elsewhere in a window.
+
+        Args:
+            options: As in `grasp3d.viewer.show.show`: settings, height, proxy, model, sampling.
+
+        Raises:
+            OutputError: Nothing can be shown in this environment.
+        """
+        return import_module("grasp3d.viewer.show").show(self, **options)
 
     def from_normalized(self, points: Floats) -> Floats:
         """Transform points (..., 3) of the normalised frame to the file's frame and unit."""

@@ -1,30 +1,39 @@
-"""Preparation of an ObjectMesh from a file or arrays: repair, mass properties, refinement."""
+"""Preparation of an ObjectMesh from any source: repair, mass properties, refinement."""
 
 import math
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Floats, Ints, locked
+from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.costs import check_cost
 from grasp3d.errors import MeshError
+from grasp3d.lengths import Unit
 from grasp3d.mesh.measures import face_areas, rounding_of, signed_volumes
+from grasp3d.mesh.mesh_sources import GivenMesh, MeshSource, read_source
 from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.patches import fingertip_normals
 from grasp3d.mesh.refinement import refine, refined_faces
 from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, repair_surface
-from grasp3d.mesh.units import unit_warning
-from grasp3d.reading import RawMesh, check_finite, read_mesh
-from grasp3d.settings import MeshOptions, Unit
+from grasp3d.mesh.units import impossible_size, unit_warning
+from grasp3d.mesh.work_bounds import bounds_of, cell_counts
+from grasp3d.reading import RawMesh, check_finite
+from grasp3d.settings import MeshOptions
 from grasp3d.system.names import printable
+from grasp3d.system.steps import begin_step
 
 DEFAULT_EDGE = 1.0 / 32.0
 """Longest edge as a fraction of the object's size."""
 
 LARGEST = 1e60
 """Largest coordinate, and reciprocal of the smallest size, whose powers stay finite."""
+
+APART = 1e-5
+"""Distance above which vertices are not joined, as a fraction of the size."""
+
+TINY = float(np.finfo(np.float64).tiny)
 
 MANY = 1e15
 """Upper bound of estimated face counts, so that they fit an integer."""
@@ -33,67 +42,68 @@ FLAT_VOLUME = 1e-9
 """Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
 
 
-def load_mesh(path: str | Path, options: MeshOptions | None = None, **fields: Any) -> ObjectMesh:
-    """Read a mesh file and prepare its surface for contacts.
+def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: Any) -> ObjectMesh:
+    """Read a mesh, and prepare its surface for contacts.
 
-    The file's own vertices keep their order and come first. Nothing is scaled or moved.
+    The source's own vertices keep their order and come first. Nothing is scaled or moved.
 
     Args:
-        path: A file in any format that is read: STL, OBJ, PLY, OFF, GLB, glTF, 3MF, ...
-        options: How the file is read and prepared; None: the defaults.
+        source: A path (STL, OBJ, PLY, OFF, GLB, glTF, 3MF, ...), a trimesh `Trimesh` or `Scene`, a
+            PyVista `PolyData`, an Open3D `TriangleMesh`, a pair (vertices, faces) of arrays of
+            shapes (V, 3) and (F, 3), or an `ObjectMesh`; see `MeshSource`. An `ObjectMesh` is
+            returned as it is; with other options than its own, its surface is prepared again,
+            without removing vertices that were added to divide edges.
+        options: How the mesh is read and prepared; None: the defaults.
         fields: Fields of `MeshOptions` that differ from `options`: unit, max_edge, crease_angle,
             repair, patch_radius, max_memory.
 
+    Returns:
+        The mesh, with a report of what was read, repaired and doubtful in `report`. Positions are
+        in the source's own unit and frame, normals point into the object.
+
     Raises:
         MeshError: The file is missing, damaged, too large, of an unknown format, or contains no
-            surface.
+            surface; or the object is no mesh.
         SettingError: An option is outside its range.
+
+    Example:
+        A cube of 40 mm as arrays, and as an object of trimesh:
+
+        >>> import trimesh
+        >>> import grasp3d
+        >>> cube = trimesh.creation.box([40.0, 40.0, 40.0])
+        >>> mesh = grasp3d.load_mesh((cube.vertices, cube.faces), unit="mm")
+        >>> mesh.report.source, mesh.unit, mesh.report.closed
+        ('arrays', 'mm', True)
+        >>> print(f"{mesh.volume:.0f}, {mesh.file_vertices} of {len(mesh.vertices):,} vertices")
+        64000, 8 of 6,146 vertices
+        >>> coarse = grasp3d.load_mesh(cube, max_edge=20.0)
+        >>> coarse.report.source, coarse.unit, len(coarse.vertices)
+        ('trimesh.Trimesh', None, 50)
     """
-    return prepare_file(Path(path), MeshOptions.of(options, fields))
-
-
-def mesh_from_arrays(
-    vertices: ArrayLike,
-    faces: ArrayLike,
-    options: MeshOptions | None = None,
-    **fields: Any,
-) -> ObjectMesh:
-    """Prepare a surface given as arrays; the options are those of `load_mesh`.
-
-    Args:
-        vertices: Positions (V, 3).
-        faces: Indices of the corners (F, 3), counter-clockwise from outside.
-        options: How the surface is prepared; None: the defaults.
-        fields: Fields of `MeshOptions` that differ from `options`.
-
-    Raises:
-        MeshError: The arrays are not a surface.
-        SettingError: An option is outside its range.
-    """
+    if isinstance(source, ObjectMesh):
+        chosen = MeshOptions.of(options or source.options, fields)
+        return source if chosen == source.options else _prepared(read_source(source), chosen)
     chosen = MeshOptions.of(options, fields)
-    points, corners = np.asarray(vertices), np.asarray(faces)
-    for name, array, kinds in (("vertices", points, "fiu"), ("faces", corners, "iu")):
-        if array.ndim != 2 or array.shape[1] != 3:
-            raise MeshError(f"{name} must have shape (n, 3); got {array.shape}")
-        if array.dtype.kind not in kinds and array.size:
-            raise MeshError(f"{name} must be numbers of the right kind; got {array.dtype}")
-    raw = RawMesh(points.astype(np.float64), corners.astype(np.int64), "arrays", None)
-    surface = check_and_repair(raw, chosen, "arrays")
-    return refined_mesh(raw, surface, chosen, name="arrays", where="arrays")
+    return _prepared(read_source(source, max_memory=chosen.max_memory), chosen)
 
 
 def prepare_file(path: Path, options: MeshOptions, *, threads: int | None = None) -> ObjectMesh:
-    """Like `load_mesh`, with the options in one object.
+    """Like `load_mesh` for a file, with the options in one object.
 
     Args:
         path: The file.
         options: How it is read and prepared.
         threads: Threads to use; None: one per processor.
     """
-    where = printable(str(path))
-    raw = read_mesh(path, max_memory=options.max_memory)
-    surface = check_and_repair(raw, options, where)
-    return refined_mesh(raw, surface, options, name=path.name, where=where, threads=threads)
+    return _prepared(read_source(path, max_memory=options.max_memory), options, threads)
+
+
+def _prepared(given: GivenMesh, options: MeshOptions, threads: int | None = None) -> ObjectMesh:
+    surface = check_and_repair(given.raw, options, given.where)
+    return refined_mesh(
+        given.raw, surface, options, name=given.name, where=given.where, threads=threads
+    )
 
 
 def check_and_repair(raw: RawMesh, options: MeshOptions, where: str) -> RepairedSurface:
@@ -107,10 +117,12 @@ def check_and_repair(raw: RawMesh, options: MeshOptions, where: str) -> Repaired
     Raises:
         MeshError: It is not a surface, or too large.
     """
+    begin_step("repairing the surface")
     _check_numbers(raw, where)
     _check_magnitude(raw, where)
-    check_cost(len(raw.faces) // 2, options.max_memory, where, "simplify the mesh")
-    return repair_surface(raw.vertices, raw.faces, options.repair, where)
+    check_cost(_fewest_vertices(raw), options.max_memory, where, "simplify the mesh")
+    with bounds_of(where):
+        return repair_surface(raw.vertices, raw.faces, options.repair, where)
 
 
 def refined_mesh(
@@ -134,20 +146,25 @@ def refined_mesh(
 
     Raises:
         MeshError: It would become too large.
+        SettingError: A length has a unit, but that of the mesh is not known.
     """
+    begin_step("refining the mesh")
+    unit = options.unit or raw.unit
+    options = options.in_unit(unit, source=name)
     center, size = surface_extent(surface.vertices, surface.faces)
     points = (surface.vertices - center) / size
     normals = corner_normals(points, surface.faces, options.crease_angle)
     edge = DEFAULT_EDGE if options.max_edge is None else options.max_edge / size
-    expected = int(min(refined_faces(points, surface.faces, edge), MANY))
-    check_cost(expected // 2, options.max_memory, where, "give a longer max_edge (--max-edge)")
+    added = int(min(refined_faces(points, surface.faces, edge), MANY)) - len(surface.faces)
+    expected = max(len(np.unique(surface.faces)), len(surface.faces) // 2) + added // 2
+    check_cost(expected, options.max_memory, where, "give a longer max_edge (--max-edge)")
     rounding = min(rounding_of(raw.vertices) / size, MOST_ROUNDING)
-    refined = refine(points, surface.faces, normals, edge, rounding)
+    with bounds_of(where):
+        refined = refine(points, surface.faces, normals, edge, rounding)
     normals, patch_warnings = fingertip_normals(surface, refined, size, options, threads=threads)
-    added = refined.vertices[len(points) :] * size + center
-    vertices = np.concatenate([surface.vertices, added])
+    new = refined.vertices[len(points) :] * size + center
+    vertices = np.concatenate([surface.vertices, new])
     center_mass, volume = _mass(points, surface)
-    unit = options.unit or raw.unit
     report = MeshReport(
         source=name,
         format=raw.format,
@@ -161,7 +178,7 @@ def refined_mesh(
         center_mass_from="surface" if math.isnan(volume) else "volume",
         repairs=surface.steps,
         warnings=(
-            *_warnings(surface, volume, size, unit, raw.unit),
+            *_warnings(surface, volume, size, unit, raw),
             *surface.warnings,
             *patch_warnings,
         ),
@@ -227,6 +244,17 @@ def surface_extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
     return middle + offset, float(2.0 * radius)
 
 
+def _fewest_vertices(raw: RawMesh) -> int:
+    """Estimate the least number of vertices after repair: those within rounding count once."""
+    fewest = len(raw.faces) // 2
+    corners = np.unique(raw.faces)
+    if len(corners) <= 2 * fewest:
+        return fewest
+    points = raw.vertices[corners]
+    points = (points - points.min(axis=0)) / max(float(np.ptp(points, axis=0).max()), TINY)
+    return max(fewest, len(cell_counts(points, APART)))
+
+
 def _mass(points: Floats, surface: RepairedSurface) -> tuple[Floats, float]:
     """Centre of mass and volume in the normalised frame; the surface's centre and nan if open."""
     if surface.closed:
@@ -243,7 +271,7 @@ def _warnings(
     volume: float,
     size: float,
     unit: Unit | None,
-    declared: Unit | None,
+    raw: RawMesh,
 ) -> tuple[str, ...]:
     warnings = []
     if not surface.closed:
@@ -255,8 +283,14 @@ def _warnings(
         warnings.append(
             "the surface is closed but encloses no volume; the centre of mass is the surface's"
         )
-    if declared not in {None, unit}:
-        warnings.append(f"the file states the unit {declared}, but {unit} was requested")
-    if unit is not None and (implausible := unit_warning(size, unit)):
+    if raw.unit not in {None, unit}:
+        warnings.append(f"the mesh states the unit {raw.unit}, but {unit} was requested")
+    if raw.unknown_unit and unit is None:
+        warnings.append(
+            f"the mesh states the unit {printable(raw.unknown_unit)!r}, which is none of "
+            f"{', '.join(get_args(Unit))}: its unit is taken as not stated (--unit)"
+        )
+    implausible = impossible_size(size, unit) or (unit and unit_warning(size, unit))
+    if implausible:
         warnings.append(implausible)
     return tuple(warnings)

@@ -4,7 +4,7 @@ import numpy as np
 import trimesh
 
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.preparing import mesh_from_arrays
+from grasp3d.mesh.preparing import load_mesh
 
 DEFAULT_EDGE = 1.0 / 64.0
 """Longest edge, as a fraction of the largest extent."""
@@ -71,6 +71,6 @@ def cylinder_mesh(
 
 
 def _prepared(mesh: trimesh.Trimesh, *, max_edge: float) -> ObjectMesh:
-    return mesh_from_arrays(
-        np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64), max_edge=max_edge
+    return load_mesh(
+        (np.asarray(mesh.vertices, np.float64), np.asarray(mesh.faces, np.int64)), max_edge=max_edge
     )

@@ -6,11 +6,11 @@ import numpy as np
 import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, paired_edges
+from grasp3d.mesh.work_bounds import close_pairs
 
 MAX_ROUNDS = 40
 
@@ -48,7 +48,8 @@ def refine(
     count = len(normals.vertices)
     first = first_at_position(rows[:, :3])  # the two sides of a crease make the same midpoints
     if len(paired_edges(faces)[0]) * 2 < faces.size:
-        first = _first_nearby(rows[:, :3], count, 8.0 * max(rounding, np.finfo(np.float64).eps))
+        tolerance = 8.0 * max(rounding, np.finfo(np.float64).eps)
+        first = _first_nearby(rows[:, :3], first, count, tolerance)
     own = (first == np.arange(len(rows))) & (np.arange(len(rows)) >= count)
     number = np.concatenate([normals.vertices, len(vertices) + np.cumsum(own)[count:] - 1])
     vertex_of_row = number[first]
@@ -59,14 +60,19 @@ def refine(
     )
 
 
-def _first_nearby(points: Floats, given: int, tolerance: float) -> Ints:
+def _first_nearby(points: Floats, same: Ints, given: int, tolerance: float) -> Ints:
     """First point within a tolerance of each added point, shape (n,).
 
-    At a T-junction one face has a vertex in the middle of another's edge, and the midpoints of the
-    one lie on those of the other only up to rounding.
+    `same` is the first point at each point's position. At a T-junction one face has a vertex in the
+    middle of another's edge, and the midpoints of the one lie on those of the other only up to
+    rounding.
     """
-    pairs = cKDTree(points).query_pairs(tolerance, output_type="ndarray")
-    links = coo_array((np.ones(len(pairs)), pairs.T), shape=(len(points),) * 2)
+    distinct = np.flatnonzero(same == np.arange(len(points)))  # any number may be at one position
+    pairs = distinct[close_pairs(points[distinct], tolerance)]
+    ends = np.concatenate([pairs.T, [np.arange(len(points)), same]], axis=1)
+    links = coo_array(
+        (np.ones(ends.shape[1], dtype=np.int8), tuple(ends)), shape=(len(points),) * 2
+    )
     _, part = connected_components(links, directed=False)
     _, first, inverse = np.unique(part, return_index=True, return_inverse=True)
     result = first[inverse]

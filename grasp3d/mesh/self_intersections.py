@@ -15,6 +15,12 @@ the face's border, in the unit of the points: less may be the rounding of a file
 MOST_ROUNDS = 256
 """Most faces that are found along one edge."""
 
+MOST_RAYS = 20_000_000
+"""Most rays along all edges: then no farther faces are searched."""
+
+MOST_PAIRS = 5_000_000
+"""Most pairs of faces, of which the first are reported."""
+
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
@@ -79,8 +85,10 @@ def _met(points: Floats, corners: Ints, edges: Ints) -> tuple[Ints, Ints]:
     along = np.full(len(edges), STEP)
     step = np.full(len(edges), STEP)
     met = [(active[:0], active[:0])]
+    traced = 0
     for _ in range(MOST_ROUNDS):
-        if len(active) == 0:
+        traced += len(active)
+        if len(active) == 0 or traced > max(MOST_RAYS, len(edges)):
             break
         starts = origins[active] + along[active, None] * directions[active]
         hits_found = rays.hits(
@@ -115,6 +123,8 @@ def _passes(edges: Floats, triangles: Floats) -> Bools:
 def _pairs(edges: Ints, faces: Ints, owners: Ints, first: Ints) -> Ints:
     """Pair each face that an edge passes through with the faces at that edge, (P, 2), each once."""
     counts = first[edges + 1] - first[edges]
+    some = np.cumsum(counts) <= MOST_PAIRS
+    edges, faces, counts = edges[some], faces[some], counts[some]
     offsets = np.arange(counts.sum()) - np.repeat(np.cumsum(counts) - counts, counts)
     around = owners[np.repeat(first[edges], counts) + offsets]
     pairs = np.sort(np.column_stack([np.repeat(faces, counts), around]), axis=1)

@@ -4,12 +4,13 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
-from grasp3d.settings import Unit
-
-METRES: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
+from grasp3d.lengths import METRES, Unit
 
 PLAUSIBLE = (0.002, 2.0)
 """Sizes of objects that a hand can hold [m]."""
+
+POSSIBLE = (2e-6, 2e3)
+"""Sizes beyond which a wrong unit is no explanation [m]: the units differ by up to 1000."""
 
 USUAL = (0.01, 0.5)
 """Sizes of most such objects [m]."""
@@ -67,6 +68,26 @@ def unit_warning(size: float, unit: Unit) -> str:
         return f"{text}; no unit (m, cm, mm, in) makes it one that a hand may hold"
     sizes = _listed([length_text(size * METRES[other]) for other in better])
     return f"{text}: is the unit right? If its unit were {_listed(better)} it would be {sizes}"
+
+
+def impossible_size(size: float, unit: Unit | None) -> str:
+    """Warning that an object cannot have a size; empty where it can.
+
+    Args:
+        size: Size of the object, in its unit.
+        unit: The unit; None: not stated.
+    """
+    if any(_possible(size, known) for known in ((unit,) if unit else get_args(Unit))):
+        return ""
+    shown = length_text(size * METRES[unit]) if unit else f"{size:.2g} in any unit"
+    return (
+        f"the object is {shown} large: no object to grasp is; is the transform of a part or a "
+        "vertex of the file wrong?"
+    )
+
+
+def _possible(size: float, unit: Unit) -> bool:
+    return POSSIBLE[0] <= size * METRES[unit] <= POSSIBLE[1]
 
 
 def length_text(metres: float) -> str:

@@ -5,11 +5,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from grasp3d.arrays import Bools
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.paper.convergence import ALLOWED
 from grasp3d.paper.markdown import fraction_cells, table
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.settings import DEGREE, GraspModel
+from grasp3d.stability.label import Label
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
@@ -21,6 +23,8 @@ EDGE = 1.0 / 8.0
 SUBDIVISIONS = 4
 """Subdivisions of the sphere: 2,562 vertices."""
 EDGES = (None, 8)
+ROUNDED = 1e-9
+"""Distance of a critical angle from a threshold that rounding errors explain [rad]."""
 SEARCHED = GraspModel(friction=0.2, sensor_resolution=15.0 * DEGREE)
 """Model for searched grasps: low friction, so that not all vertices are S."""
 
@@ -47,7 +51,8 @@ def surface_table(settings: PaperSettings) -> str:
         "normals and the perceived one; at creases those of every face, and the bisecting normal. "
         "The meshes are coarser than above, so the area fractions differ a little. 'Vertices not "
         "allowed' are those whose labels differ in a way that neither an untested tilt nor a "
-        "polygon inside its cone explains.\n\n" + table(head, rows, left=2)
+        "polygon inside its cone nor rounding at the threshold of U explains.\n\n"
+        + table(head, rows, left=2)
     )
 
 
@@ -57,7 +62,7 @@ def _compared(exact: SurfaceLabels, edges: int | None) -> list[str]:
     hulls = replace(exact, model=model)
     areas = exact.mesh.vertex_areas
     differ = float(areas[exact.label != hulls.label].sum() / areas.sum())
-    wrong = exact.label != hulls.label
+    wrong = (exact.label != hulls.label) & ~_left_open(exact, hulls)
     for pair in ALLOWED["circular" if edges is None else "polygonal"]:
         wrong &= (exact.label != pair[0]) | (hulls.label != pair[1])
     return [
@@ -69,3 +74,14 @@ def _compared(exact: SurfaceLabels, edges: int | None) -> list[str]:
         f"{100.0 * differ:.2f} %",
         str(int(np.count_nonzero(wrong))),
     ]
+
+
+def _left_open(exact: SurfaceLabels, hulls: SurfaceLabels) -> Bools:
+    """Whether a grasp at the threshold of U is U exactly, and rounding leaves its hulls open, (V,).
+
+    What rounding leaves open is M.
+    """
+    threshold = exact.model.friction_angle + exact.model.tilt
+    near = np.abs(exact.critical_angle_best - threshold) < ROUNDED
+    tied: Bools = near & (exact.label == Label.U) & (hulls.label == Label.M)
+    return tied

@@ -10,7 +10,7 @@ from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import PAGE, as_text, label_patches, new_figure, styled
 from grasp3d.plots.views import views_of
-from grasp3d.rendering import Finger, extent_of
+from grasp3d.rendering import Finger, extent_of, span_of
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.progress import Progress, ignore
@@ -37,6 +37,8 @@ def draw_grasps(
 ) -> list[Bytes]:
     """Render the labelled surface with the fingers of each grasp, at most `MOST_PICTURES` of them.
 
+    All pictures have the same scale, and arrows of the same length.
+
     Args:
         labels: The labelled surface.
         grasps: Grasps on it.
@@ -49,12 +51,17 @@ def draw_grasps(
         OutputError: OpenGL is not available.
     """
     shown = grasps.contacts.take(slice(MOST_PICTURES))
-    views = views_of(shown, extent_of(labels.mesh.vertices))
+    surface = labels.mesh.vertices[labels.mesh.on_surface]
+    views = views_of(shown, extent_of(surface))
+    marked = [
+        [Finger(point, normal) for point, normal in zip(points, normals, strict=True)]
+        for points, normals in zip(shown.points, shown.normals, strict=True)
+    ]
+    of_all = list(zip(views, marked, strict=True))
+    span = max(span_of(surface, view, PIXELS, fingers) for view, fingers in of_all)
     pictures = []
-    for number, view in enumerate(views):
-        marks = zip(shown.points[number], shown.normals[number], strict=True)
-        fingers = [Finger(point, normal) for point, normal in marks]
-        pictures.append(paint_labels(labels, view=view, size=PIXELS, fingers=fingers))
+    for number, (view, fingers) in enumerate(of_all):
+        pictures.append(paint_labels(labels, view=view, size=PIXELS, fingers=fingers, span=span))
         (progress or ignore)((number + 1) / len(views))
     return pictures
 

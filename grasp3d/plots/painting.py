@@ -26,6 +26,7 @@ def paint_labels(
     view: View | None = None,
     size: tuple[int, int] = (640, 640),
     fingers: Sequence[Finger] = (),
+    span: float | None = None,
 ) -> Bytes:
     """Render a surface in the colours of its labels.
 
@@ -37,6 +38,7 @@ def paint_labels(
         view: Direction of view.
         size: Width and height [pixels].
         fingers: Contacts to mark.
+        span: Height of the picture in the mesh's unit; None: as `rendering.span_of` gives it.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3).
@@ -55,6 +57,7 @@ def paint_labels(
         view=view,
         size=size,
         fingers=fingers,
+        span=span,
     )
 
 

@@ -49,6 +49,16 @@ def force_closure(
 
     Raises:
         SettingError: A setting outside its range.
+
+    Example:
+        Two opposing fingers, and two that push in the same direction:
+
+        >>> import grasp3d
+        >>> points = [[-1, 0, 0], [1, 0, 0]]
+        >>> normals = [[[1, 0, 0], [-1, 0, 0]], [[1, 0, 0], [1, 0, 0]]]
+        >>> found = grasp3d.force_closure(grasp3d.Contacts([points, points], normals))
+        >>> found.closed.tolist(), found.rank.tolist()
+        ([True, False], [5, 5])
     """
     points, mean, size = centred(contacts.points)  # far from the origin precision is lost
     torsion = contacts.torsion_radius / size[..., 0]

@@ -50,6 +50,15 @@ def critical_friction_angle(
 
     Raises:
         SettingError: A tolerance that is not above 0.
+
+    Example:
+        The second of two opposing fingers is beside the line of the first:
+
+        >>> import numpy as np
+        >>> import grasp3d
+        >>> contacts = grasp3d.Contacts([[-1, 0, 0], [1, 0.6, 0]], [[1, 0, 0], [-1, 0, 0]])
+        >>> print(f"{np.degrees(grasp3d.critical_friction_angle(contacts)):.1f} degrees")
+        16.7 degrees
     """
     if not tolerance > 0.0:
         raise SettingError(f"tolerance must be above 0; got {tolerance}")
@@ -81,7 +90,9 @@ def _of_pairs(points: Floats, normals: Floats) -> Floats:
 def _of_triples(points: Floats, normals: Floats, tolerance: float, threads: int | None) -> Floats:
     """Three contacts, in the plane through them; contacts on one line are bracketed."""
     angles = np.empty(len(points))
-    scaled, _, _ = centred(points)
+    # Scaled by powers of 2, which keeps the differences of nearby points exact.
+    _, _, size = centred(points)
+    scaled = np.ldexp(points, -np.frexp(size)[1])
     critical_of_three(scaled, np.ascontiguousarray(normals), tolerance, make_plane(), angles)
     on_line = np.flatnonzero(np.isnan(angles))
     angles[on_line] = _bracketed(points[on_line], normals[on_line], tolerance, threads)
@@ -144,5 +155,7 @@ def _closure_at(
     lower = angles_between(velocities, normals).min(axis=1) - RIGHT_ANGLE
     tangential = np.hypot(results.forces[..., 1], results.forces[..., 2])
     upper = np.arctan2(tangential, results.forces[..., 0]).max(axis=1)
+    # Exactly balanced forces are off by up to `slack` times the sine of the angle to the cone.
+    upper += 0.5 * math.pi * results.slack * (angles - upper)
     lower = np.where(results.status == Status.UNDECIDED, angles, lower)
     return results.closed, lower, np.where(np.isnan(upper), angles, upper)

@@ -31,6 +31,16 @@ class EpsilonOptions:
 
     Raises:
         SettingError: An option outside its range.
+
+    Example:
+        Polygonal cones of eight edges, with each finger's force limited:
+
+        >>> import grasp3d
+        >>> contacts = grasp3d.Contacts([[-1, 0, 0], [1, 0, 0]], [[1, 0, 0], [-1, 0, 0]])
+        >>> options = grasp3d.EpsilonOptions(edges=8, actuation="per_finger")
+        >>> found = grasp3d.classify(contacts, 0.4, options=options)
+        >>> print(f"{found.epsilon:.3f}")
+        0.489
     """
 
     edges: int | None = None

@@ -108,6 +108,20 @@ def epsilon(
 
     Raises:
         SettingError: A setting outside its range.
+
+    Example:
+        Three fingers around a disc of radius 1, at 120 degrees from each other:
+
+        >>> import numpy as np
+        >>> import grasp3d
+        >>> angle = np.radians([0.0, 120.0, 240.0])
+        >>> points = np.stack([np.cos(angle), np.sin(angle), np.zeros(3)], axis=1)
+        >>> contacts = grasp3d.Contacts(points, -points, friction=0.5)
+        >>> found = grasp3d.epsilon(contacts)
+        >>> print(f"{found.lower:.3f} to {found.upper:.3f}, rank {found.rank}, {found.closed}")
+        0.264 to 0.264, rank 6, True
+        >>> print(f"{grasp3d.epsilon(contacts, edges=8, actuation='per_finger').value:.3f}")
+        0.600
     """
     options = EpsilonOptions(edges, actuation, torque_scale, rtol, threads)
     return epsilon_with(contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded)
@@ -143,6 +157,15 @@ def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = None) -> E
 
     Raises:
         ContactError: Another shape, or values that are not finite.
+
+    Example:
+        The corners of an octahedron, in the plane: forces along x and y, and torques:
+
+        >>> import numpy as np
+        >>> import grasp3d
+        >>> wrenches = np.concatenate([np.eye(3), -np.eye(3)])
+        >>> print(f"{grasp3d.epsilon_of_wrenches(wrenches).value:.4f}")
+        0.5774
     """
     try:
         rows = np.asarray(wrenches, dtype=np.float64)

@@ -11,12 +11,21 @@ import numpy as np
 from scipy.optimize import nnls
 
 from grasp3d._kernels import wrench_problem as kernels
-from grasp3d._kernels.equilibrium import BALANCED
-from grasp3d._kernels.growing_hull import UNDECIDED
-from grasp3d._kernels.polytope import Polytope, make_polytope
+from grasp3d._kernels.force_balance import LARGEST_SLACK
+from grasp3d._kernels.growing_hull import CONVERGED, UNDECIDED
+from grasp3d._kernels.polytope import SCRATCH_ROWS, Polytope, make_polytope
 from grasp3d._kernels.support_functions import PER_FINGER, ROWS, TOTAL
-from grasp3d._kernels.wrench_problem import Results, Workspace, make_workspace
-from grasp3d.arrays import ArrayLike, Bools, Floats
+from grasp3d._kernels.wrench_problem import (
+    AT_REST,
+    SIGN,
+    Results,
+    Workspace,
+    make_workspace,
+    verify,
+)
+from grasp3d._kernels.wrench_span import RANK_TOLERANCE
+from grasp3d.arrays import ArrayLike, Bools, Floats, Ints
+from grasp3d.contact.coincidence import clearly_placed
 from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
@@ -35,6 +44,9 @@ THREAD_GRASPS = 256
 
 MAX_FACETS = 1 << 18
 """Largest capacity of a polytope; a hull with more facets is not grown further."""
+
+NO_TOLERANCE = 2e-15
+"""Rank tolerance that is as small as rounding errors allow."""
 
 TINIEST = 1e-300
 """Least divisor, which replaces a size of 0."""
@@ -75,6 +87,11 @@ class WrenchProblem:
     tilts_exceed_friction: Bools
     """Whether the half-angle of some cone is negative, so that its contact was replaced by a
     frictionless one (b,)."""
+    points: Floats | None = None
+    """Contact points (b, n, 3), which distinguish nearly coinciding contacts from coinciding ones.
+    None: the wrenches are taken as they are."""
+    rank_tolerance: float = RANK_TOLERANCE
+    """As in `wrench_span.span`."""
 
     @classmethod
     def of_rows(cls, rows: Floats) -> "WrenchProblem":
@@ -130,6 +147,21 @@ class WrenchProblem:
             cones=cones.reshape(-1, contacts.count, 2),
             rim=np.stack([np.cos(rim_angles), np.sin(rim_angles)], axis=-1),
             tilts_exceed_friction=(contacts.friction_angle + offset < 0.0).any(axis=-1).reshape(-1),
+            points=points,
+        )
+
+    def take(self, grasps: Ints) -> "WrenchProblem":
+        """The problem of chosen grasps (g,), in their order."""
+        chosen = [self.wrenches_of(slice(g, g + 1)) for g in grasps]
+        wrenches = np.concatenate(chosen)
+        return replace(
+            self,
+            size=len(grasps),
+            wrenches_of=lambda chunk: np.ascontiguousarray(wrenches[chunk]),
+            tangential=self.tangential[grasps],
+            cones=self.cones[grasps],
+            tilts_exceed_friction=self.tilts_exceed_friction[grasps],
+            points=None if self.points is None else self.points[grasps],
         )
 
     def at_angles(self, angles: Floats) -> "WrenchProblem":
@@ -155,6 +187,28 @@ class WrenchProblem:
         Raises:
             SettingError: Fewer than one thread.
         """
+        results = self._grown(goal, group=group, with_forces=with_forces, threads=threads)
+        # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
+        convex = (self.cones[..., 0] > 0.0).all(axis=-1)
+        results.forces[~convex] = math.nan
+        unproven = results.closed & ~(results.slack < LARGEST_SLACK)
+        for g in np.flatnonzero(unproven & convex):
+            results.forces[g], results.slack[g] = self._equilibrium(int(g))
+        unproven &= ~(results.slack < LARGEST_SLACK)
+        # Where tilts exceed friction, closure without friction, which seven contacts can have, may
+        # be lost by the rest of the tilt. Closure within rounding errors has no equilibrium forces.
+        undecided = results.closed & self.tilts_exceed_friction | unproven
+        at_rest = np.flatnonzero(results.status == AT_REST)
+        results.status[at_rest] = CONVERGED
+        undecided[at_rest] = ~self._clearly_placed(at_rest)
+        thin = np.flatnonzero(results.closed & (results.rank < 6) & ~undecided)
+        undecided[thin] = ~self._closed_at_any_rank(thin, results, threads)
+        results.lower[undecided], results.closed[undecided] = 0.0, False
+        results.status[undecided], results.forces[undecided] = UNDECIDED, math.nan
+        return results
+
+    def _grown(self, goal: Goal, *, group: int, with_forces: bool, threads: int | None) -> Results:
+        """Results of the growing hulls; see `solve`."""
         results = _make_results(self.size, self.count)
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
@@ -165,53 +219,75 @@ class WrenchProblem:
                 len(wrenches),
                 lambda first, polytope: kernels.epsilons(
                     (self.kind, self.spherical, self.soft), wrenches, self.tangential[chunk],
-                    self.cones[chunk], self.rim, goal, group, with_forces, first, workspace,
-                    polytope, written,
+                    self.cones[chunk], self.rim, self.rank_tolerance, goal, group, with_forces,
+                    first, workspace, polytope, written,
                 ),
             )  # fmt: skip
 
         self._in_chunks(evaluate, group, threads)
-        # Cones of 90 degrees or more are not convex: sums of forces inside them may lie outside.
-        convex = (self.cones[..., 0] > 0.0).all(axis=-1)
-        results.forces[~convex] = math.nan
-        without_forces = results.closed & np.isnan(results.forces[:, 0, 0]) & convex & with_forces
-        for g in np.flatnonzero(without_forces):
-            results.forces[g] = self._equilibrium(slice(g, g + 1))
-        # Where tilts exceed friction, closure without friction, which seven contacts can have, may
-        # be lost by the rest of the tilt. Closure within rounding errors has no equilibrium forces.
-        unproven = without_forces & np.isnan(results.forces[:, 0, 0])
-        undecided = results.closed & self.tilts_exceed_friction | unproven
-        results.lower[undecided], results.closed[undecided] = 0.0, False
-        results.status[undecided], results.forces[undecided] = UNDECIDED, math.nan
         return results
 
-    def _equilibrium(self, one: slice) -> Floats:
+    def _clearly_placed(self, grasps: Ints) -> Bools:
+        """Whether contacts of chosen grasps are at one point, or on one line, exactly or not."""
+        if self.points is None:
+            return np.ones(len(grasps), dtype=np.bool_)
+        return clearly_placed(self.points[grasps])
+
+    def _closed_at_any_rank(self, grasps: Ints, results: Results, threads: int | None) -> Bools:
+        """Whether force closure in fewer than six dimensions does not depend on rounding, (g,).
+
+        Contacts nearly on a line span a sixth dimension that the rank leaves out as too thin, but
+        in which forces must balance as well. Force closure counts where it holds in both.
+        """
+        if self.soft or not grasps.size:
+            return np.ones(len(grasps), dtype=np.bool_)
+        closed = self._clearly_placed(grasps)
+        doubtful = np.flatnonzero(~closed)
+        if doubtful.size:
+            chosen = replace(self.take(grasps[doubtful]), points=None, rank_tolerance=NO_TOLERANCE)
+            in_full = chosen.solve(SIGN, threads=threads)
+            closed[doubtful] = in_full.closed & (in_full.rank == 6)
+            results.forces[grasps[doubtful]] = in_full.forces
+            results.slack[grasps[doubtful]] = in_full.slack
+            still_open = doubtful[~in_full.closed]
+            results.direction[grasps[still_open]] = in_full.direction[~in_full.closed]
+        return closed
+
+    def _equilibrium(self, g: int) -> tuple[Floats, float]:
         """Equilibrium forces of one grasp, (n, 4), where the hull is too thin to yield them.
 
         Nonnegative least squares find the forces that balance a unit normal force at every contact.
-        nan where there are none.
+
+        Returns:
+            The forces and their slack, inf where they prove nothing.
         """
-        axes = self.wrenches_of(one)[0]  # (n, 4 or 1, 6)
+        axes = self.wrenches_of(slice(g, g + 1))[0]  # (n, 4 or 1, 6)
+        wrenches, cones = axes, self.cones[g]
         if self.kind == ROWS:
             components = np.array([[1.0, 0.0, 0.0, 0.0]])
             axes = np.pad(axes, ((0, 0), (0, 3), (0, 0)))
         else:
             angles = np.arctan2(*self.rim.T[::-1]) if len(self.rim) else edge_angles(32)
-            normal, tangential = self.cones[one][0, :, :1], self.cones[one][0, :, 1:]
+            normal, tangential = cones[:, :1], cones[:, 1:]
             normals = np.tile(normal, len(angles))
             first, second = tangential * np.cos(angles), tangential * np.sin(angles)
             components = np.stack(
                 [normals, first, second, np.zeros_like(normals)], axis=-1
             )  # (n, m, 4)
-        wrenches = components @ axes  # (n, m, 6)
-        size = np.abs(wrenches).max(axis=(0, 1), initial=TINIEST)
+        rows = components @ axes  # (n, m, 6)
+        size = np.abs(rows).max(axis=(0, 1), initial=TINIEST)
         missing = -axes[:, 0].sum(axis=0)
-        weights, residual = nnls((wrenches.reshape(-1, 6) / size).T, missing / size)
-        if residual > BALANCED * len(axes):
-            return np.full((len(axes), 4), math.nan)
-        forces = (weights.reshape(len(axes), -1, 1) * components).sum(axis=1)
+        weights, _ = nnls((rows.reshape(-1, 6) / size).T, missing / size)
+        forces = np.ascontiguousarray(
+            (weights.reshape(len(axes), -1, 1) * components).sum(axis=1), dtype=np.float64
+        )
         forces[:, 0] += 1.0
-        return np.asarray(forces / np.linalg.norm(forces[:, :3], axis=1).sum())
+        slack = verify(
+            (self.kind, self.spherical, self.soft), wrenches, self.tangential[g], cones, self.rim,
+            self.rank_tolerance, make_workspace(self.kind, self.count),
+            np.zeros((SCRATCH_ROWS, 8)), forces,
+        )  # fmt: skip
+        return (forces if slack < LARGEST_SLACK else np.full_like(forces, math.nan)), float(slack)
 
     def _with_polytope(self, size: int, run: Callable[[int, Polytope], int]) -> None:
         """Call `run(first grasp, polytope)`, again with a larger polytope where it stops early."""
@@ -257,4 +333,5 @@ def _make_results(size: int, count: int) -> Results:
         closed=np.zeros(size, dtype=np.bool_),
         direction=np.zeros((size, 6)),
         forces=np.full((size, count, 4), math.nan),
+        slack=np.full(size, math.inf),
     )

@@ -9,6 +9,7 @@ from typing import Literal
 
 import numpy as np
 
+from grasp3d._kernels.wrench_span import RANK_TOLERANCE
 from grasp3d._kernels.wrench_span import span as span_kernel
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import Contacts
@@ -145,5 +146,5 @@ def span(rows: ArrayLike) -> Floats:
     if given.ndim != 2 or given.shape[1] != 6 or not np.isfinite(given).all():
         raise ContactError(f"wrenches must be finite and of shape (k, 6); got {given.shape}")
     basis = np.zeros((6, 6))
-    rank = span_kernel(given, np.zeros_like(given), basis)
+    rank = span_kernel(given, RANK_TOLERANCE, np.zeros_like(given), basis)
     return basis[:rank]

@@ -61,7 +61,12 @@ def _answer(request: Mapping[str, Any], answers: BinaryIO) -> None:
     except MemoryError:
         _write(answers, {"memory": True})
         return
-    head = {"vertices": len(raw.vertices), "faces": len(raw.faces), "unit": raw.unit}
+    head = {
+        "vertices": len(raw.vertices),
+        "faces": len(raw.faces),
+        "unit": raw.unit,
+        "unknown_unit": raw.unknown_unit,
+    }
     _write(answers, head, *arrays)
 
 

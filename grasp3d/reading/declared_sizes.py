@@ -15,6 +15,22 @@ STL_HEADER, STL_FACE = 84, 50
 LONGEST_HEADER = 65_536
 
 
+OFF_HEADER = re.compile(
+    rb"(?:\xef\xbb\xbf)?\s*(?:(?:ST)?C?N?OFF|off)\s+(?P<vertices>-?\d+)\s+(?P<faces>-?\d+)"
+    rb"(?:[ \t]+-?\d[^\r\n]*|\s+\d+[ \t]*(?=[\r\n]))?(?=\s|$)"
+)
+"""Header of a text OFF without comments: the counts on one line or on several. The third, of edges,
+is often left out; alone on a line it cannot be a vertex."""
+
+_OTHER_OFF = re.compile(rb"\s*(?:(?:ST)?C?N?(?:4n?|n)OFF|(?:ST)?C?N?OFF\s+BINARY)\b")
+"""Headers of the kinds of OFF that are not read."""
+
+
+def without_comments(text: bytes) -> bytes:
+    """Return the text of an OFF without its comments, which end with their line."""
+    return re.sub(rb"#[^\r\n]*", b"", text) if b"#" in text else text
+
+
 def check_memory(source: Source, size: int, per_byte: float) -> None:
     """Reject a file that needs more memory to read than is allowed.
 
@@ -104,11 +120,19 @@ def off_counts(source: Source) -> tuple[int, int]:
     Raises:
         MeshError: It is not an OFF, or declares more than it can contain.
     """
-    head = re.sub(rb"#[^\r\n]*", b"", source.head(LONGEST_HEADER))
-    found = re.match(rb"\s*(?:ST)?C?N?OFF\s+(-?\d+)\s+(-?\d+)", head)
+    for size in (LONGEST_HEADER, source.size):  # a comment may be longer than a header
+        head = without_comments(source.head(size))
+        if found := OFF_HEADER.match(head):
+            break
     if found is None:
+        if kind := _OTHER_OFF.match(head):
+            name = kind[0].strip().decode("ascii")
+            raise MeshError(
+                f"{source.where}: is of the kind {name!r}; of OFF only text with vertices of three "
+                "coordinates is read: export it so, or as STL"
+            )
         raise MeshError(f"{source.where}: cannot be read as OFF: no counts; {source.hint}")
-    vertices, faces = int(found[1][:18]), int(found[2][:18])
+    vertices, faces = int(found["vertices"][:18]), int(found["faces"][:18])
     check_count(source, "vertices", vertices, len("0 0 0\n"), source.size)
     check_count(source, "faces", faces, len("3 0 1 2\n"), source.size)
     return vertices, faces

@@ -34,8 +34,18 @@ def stripped_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
         for number, buffer in enumerate(buffers if isinstance(buffers, list) else [])
         if isinstance(buffer, dict) and "uri" in buffer
     }
-    size = len(binary) + sum(map(len, side_files.values()))
-    stripped = stripped_tree(source, tree, size)
+    count = len(buffers) if isinstance(buffers, list) else 0
+    sizes = [
+        len(side_files[name]) if (name := f"buffer{number}") in side_files else None
+        for number in range(count)
+    ]
+    if binary and sizes and sizes[0] is None:
+        sizes[0] = len(binary)
+    stripped = stripped_tree(source, tree, sizes)
+    for number, size in enumerate(sizes):
+        if size is None:  # no mesh uses it
+            buffers[number]["uri"] = f"buffer{number}"
+            side_files[f"buffer{number}"] = b""
     for number, buffer in enumerate(stripped.get("buffers", [])):
         if "uri" in buffer:  # trimesh must not open another file
             buffer["uri"] = f"buffer{number}"
@@ -46,8 +56,13 @@ def stripped_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
 def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
     """Return the JSON and the binary data of a GLB."""
     magic, version, length = struct.unpack_from("<4sII", data.ljust(12, b"\0"))
-    if magic != b"glTF" or version != 2:
-        raise MeshError(f"{source.where}: cannot be read as GLB, version 2; {source.hint}")
+    if magic != b"glTF":
+        raise MeshError(f"{source.where}: does not begin as a GLB, with glTF; {source.hint}")
+    if version != 2:
+        raise MeshError(
+            f"{source.where}: is GLB of version {version}, and only version 2 is read; export it "
+            "as glTF 2.0"
+        )
     found: dict[int, bytes] = {}
     start, end = 12, min(length, len(data))
     while start + 8 <= end:

@@ -3,14 +3,14 @@
 from typing import Any
 
 from grasp3d.errors import MeshError
+from grasp3d.reading.gltf_data import check_whole, checked_accessor
+from grasp3d.reading.gltf_transforms import check_transforms
 from grasp3d.reading.sources import Source
 
 Tree = dict[str, Any]
 
 LISTS = ("scenes", "nodes", "meshes", "accessors", "bufferViews", "buffers")
 _NODE_KEYS = ("children", "matrix", "translation", "rotation", "scale", "mesh")
-_VIEW_NUMBERS = ("buffer", "byteOffset", "byteLength", "byteStride")
-_ACCESSOR_NUMBERS = ("bufferView", "byteOffset", "count", "componentType")
 
 _SUPPORTED_EXTENSIONS = (
     "KHR_mesh_quantization", "KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_",
@@ -24,13 +24,13 @@ _LINES = (0, 1, 2, 3)
 _TRIANGLES = (4, 5)
 
 
-def stripped_tree(source: Source, tree: Tree, size: int) -> Tree:
+def stripped_tree(source: Source, tree: Tree, sizes: list[int | None]) -> Tree:
     """Return the tree without images, materials, animations and cameras.
 
     Args:
         source: The file.
         tree: Its JSON.
-        size: Size of all its buffers [bytes].
+        sizes: Size of each of its buffers [bytes]; None: its data are missing.
 
     Raises:
         MeshError: It needs an unsupported feature, or its numbers are inconsistent.
@@ -39,9 +39,8 @@ def stripped_tree(source: Source, tree: Tree, size: int) -> Tree:
         found = tree.get(key, [])
         if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
             raise MeshError(f"{source.where}: its {key} are not a list of objects; {source.hint}")
+    _check_version(source, tree)
     _check_extensions(source, tree)
-    for number, view in enumerate(tree.get("bufferViews", [])):
-        _check_integers(source, f"bufferView {number}", view, _VIEW_NUMBERS)
     nodes = [_node(source, number, node) for number, node in enumerate(tree.get("nodes", []))]
     _check_nodes(source, nodes, tree)
     kept: dict[int, int] = {}
@@ -49,10 +48,29 @@ def stripped_tree(source: Source, tree: Tree, size: int) -> Tree:
         {"primitives": _primitives(source, f"mesh {number}", tree, mesh, kept)}
         for number, mesh in enumerate(tree.get("meshes", []))
     ]
-    accessors = [_accessor(source, tree, number, size) for number in kept]
-    names = ("asset", "scene", "scenes", "bufferViews", "buffers")
-    read = {"nodes": nodes, "meshes": meshes, "accessors": accessors}
+    _check_meshes(source, nodes, meshes)
+    used = [checked_accessor(source, tree, number, sizes) for number in kept]
+    accessors = [accessor | {"bufferView": row} for row, (accessor, _) in enumerate(used)]
+    _check_corners(source, meshes, accessors)
+    names = ("scene", "scenes", "buffers")
+    read = {
+        "asset": {"version": "2.0"},
+        "nodes": nodes,
+        "meshes": meshes,
+        "accessors": accessors,
+        "bufferViews": [view for _, view in used],
+    }
     return {name: tree[name] for name in names if name in tree} | read
+
+
+def _check_version(source: Source, tree: Tree) -> None:
+    asset = tree.get("asset", {})
+    version = asset.get("version", "2.0") if isinstance(asset, dict) else asset
+    if not str(version).startswith("2"):
+        raise MeshError(
+            f"{source.where}: is glTF of version {ascii(version)[:20]}, and only version 2 is "
+            "read; export it as glTF 2.0"
+        )
 
 
 def _check_extensions(source: Source, tree: Tree) -> None:
@@ -65,20 +83,12 @@ def _check_extensions(source: Source, tree: Tree) -> None:
             )
 
 
-def _check_integers(source: Source, what: str, entry: Tree, names: tuple[str, ...]) -> None:
-    for name in names:
-        value = entry.get(name, 0)
-        if type(value) is not int or value < 0:
-            raise MeshError(
-                f"{source.where}: {name} of {what} is not a whole number; export the mesh again"
-            )
-
-
 def _node(source: Source, number: int, node: Tree) -> Tree:
     """Return a node with its transform, children and mesh only."""
-    _check_integers(source, f"node {number}", node, ("mesh",))
+    check_whole(source, f"node {number}", node, ("mesh",))
+    extensions = node.get("extensions")
     posed = "skin" in node or _is_posed(node)
-    instanced = "EXT_mesh_gpu_instancing" in (node.get("extensions") or {})
+    instanced = isinstance(extensions, dict) and "EXT_mesh_gpu_instancing" in extensions
     if "mesh" in node and (posed or instanced):
         raise MeshError(
             f"{source.where}: node {number} is {'posed by a skeleton' if posed else 'instanced'}, "
@@ -89,14 +99,16 @@ def _node(source: Source, number: int, node: Tree) -> Tree:
 
 def _is_posed(entry: Tree) -> bool:
     """Return whether morph targets move the vertices."""
-    return any(entry.get("weights") or [])
+    weights = entry.get("weights")
+    return any(weights) if isinstance(weights, list) else bool(weights)
 
 
 def _check_nodes(source: Source, nodes: list[Tree], tree: Tree) -> None:
     """Reject cycles and nodes with two parents; the format requires trees."""
     roots = dict.fromkeys(range(len(nodes)))
     for node in nodes:
-        for child in node.get("children", []):
+        children = node.get("children", [])
+        for child in children if isinstance(children, list) else [None]:
             if type(child) is not int or child not in roots:
                 name = child if type(child) is int else "of a child"
                 raise MeshError(
@@ -104,8 +116,14 @@ def _check_nodes(source: Source, nodes: list[Tree], tree: Tree) -> None:
                     "mesh again"
                 )
             del roots[child]
-    for scene in tree.get("scenes", []):
+    top = list(roots)
+    for number, scene in enumerate(tree.get("scenes", [])):
         found = scene.get("nodes", [])
+        if not isinstance(found, list) or not all(type(node) is int for node in found):
+            raise MeshError(
+                f"{source.where}: the nodes of scene {number} are not a list of whole numbers; "
+                "export the mesh again"
+            )
         if len(set(found)) < len(found) or not set(found) <= roots.keys():
             raise MeshError(
                 f"{source.where}: a scene has a node that does not exist or has a parent; export "
@@ -117,6 +135,36 @@ def _check_nodes(source: Source, nodes: list[Tree], tree: Tree) -> None:
         queue += nodes[queue.pop()].get("children", [])
     if reached < len(nodes):
         raise MeshError(f"{source.where}: its nodes form a cycle; export the mesh again")
+    check_whole(source, "the file", tree, ("scene",))
+    if "scene" in tree and tree["scene"] >= len(tree.get("scenes", [])):
+        raise MeshError(
+            f"{source.where}: there is no scene {tree['scene']}, which it names as the one to "
+            "show; export the mesh again"
+        )
+    check_transforms(source, nodes, top)
+
+
+def _check_meshes(source: Source, nodes: list[Tree], meshes: list[Tree]) -> None:
+    """Refuse nodes with a mesh that does not exist."""
+    for number, node in enumerate(nodes):
+        if node.get("mesh", -1) >= len(meshes):
+            raise MeshError(
+                f"{source.where}: node {number} uses mesh {node['mesh']}, but there are "
+                f"{len(meshes)}; export the mesh again"
+            )
+
+
+def _check_corners(source: Source, meshes: list[Tree], accessors: list[Tree]) -> None:
+    """Refuse triangles whose corners are not a multiple of three."""
+    for number, mesh in enumerate(meshes):
+        for part in mesh["primitives"]:
+            corners = part.get("indices", part["attributes"]["POSITION"])
+            count = accessors[corners]["count"]
+            if part["mode"] == _TRIANGLES[0] and count % 3:
+                raise MeshError(
+                    f"{source.where}: mesh {number} has triangles with {count:,} corners, which is "
+                    "no multiple of three; is the file complete?"
+                )
 
 
 def _primitives(
@@ -128,14 +176,21 @@ def _primitives(
             f"{source.where}: {where} is moved by morph targets, which is not supported; export "
             "the mesh in its pose, without"
         )
+    found = mesh.get("primitives", [])
+    if not isinstance(found, list) or not all(isinstance(part, dict) for part in found):
+        raise MeshError(
+            f"{source.where}: the primitives of {where} are not a list of objects; {source.hint}"
+        )
     parts = []
-    for part in mesh.get("primitives", []):
+    for part in found:
         mode = part.get("mode", _TRIANGLES[0])
         if mode in _LINES:
             continue
         if mode not in _TRIANGLES:
             raise MeshError(f"{source.where}: {where} has triangle fans; export it as triangles")
-        uses = {"POSITION": part.get("attributes", {}).get("POSITION"), "indices": None}
+        attributes = part.get("attributes")
+        position = attributes.get("POSITION") if isinstance(attributes, dict) else None
+        uses = {"POSITION": position, "indices": None}
         if "indices" in part:
             uses["indices"] = part["indices"]
         for name, number in uses.items():
@@ -166,14 +221,3 @@ def _check_use(source: Source, where: str, tree: Tree, name: str, number: object
             f"{source.where}: {name} of {where} are {encoding}, which is not supported; export "
             "the mesh without"
         )
-
-
-def _accessor(source: Source, tree: Tree, number: int, size: int) -> Tree:
-    accessor: Tree = tree["accessors"][number]
-    _check_integers(source, f"accessor {number}", accessor, _ACCESSOR_NUMBERS)
-    if accessor.get("count", 0) > size:
-        raise MeshError(
-            f"{source.where}: accessor {number} declares {accessor['count']:,} entries, but the "
-            f"buffers have {size:,} bytes; is the file complete?"
-        )
-    return accessor

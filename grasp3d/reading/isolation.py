@@ -76,7 +76,7 @@ def read_in_child(source: Source, unpacked: int) -> RawMesh:
     split = 24 * answer["vertices"]
     vertices = np.frombuffer(data, np.float64, offset=0, count=split // 8).reshape(-1, 3)
     faces = np.frombuffer(data, np.int64, offset=split).reshape(-1, 3)
-    return RawMesh(vertices, faces, source.kind, answer["unit"])
+    return RawMesh(vertices, faces, source.kind, answer["unit"], answer["unknown_unit"])
 
 
 def _answer(source: Source, seconds: float) -> tuple[dict[str, Any], bytearray]:

@@ -1,10 +1,9 @@
 """Normalisation of OFF files for trimesh: without comments, faces of at most four corners."""
 
-import re
 from itertools import pairwise
 
 from grasp3d.errors import MeshError
-from grasp3d.reading.declared_sizes import off_counts
+from grasp3d.reading.declared_sizes import OFF_HEADER, off_counts, without_comments
 from grasp3d.reading.obj import MOST_CORNERS
 from grasp3d.reading.sources import Source
 
@@ -18,10 +17,10 @@ def plain_off(source: Source, data: bytes) -> bytes:
         MeshError: A face has fewer corners than it declares.
     """
     vertices, faces = off_counts(source)
-    if b"#" in data:
-        data = re.sub(rb"#[^\r\n]*", b"", data)
-    lines = [line for line in data.splitlines() if line.strip()]
-    start = vertices + (1 if len(lines[0].split()) > 1 else 2)
+    data = without_comments(data)
+    header = OFF_HEADER.match(data)
+    data = data[header.end() if header else 0 :]
+    start, lines = vertices, [line for line in data.splitlines() if line.strip()]
     kept: list[bytes] = []
     for number, line in enumerate(lines[start : start + faces]):
         words = line.split()
@@ -38,4 +37,4 @@ def plain_off(source: Source, data: bytes) -> bytes:
             first, *rest = words[1 : count + 1]
             kept += [b"3 %s %s %s" % (first, a, b) for a, b in pairwise(rest)]
     head = b"OFF\n%d %d 0" % (vertices, len(kept))
-    return b"\n".join([head, *lines[start - vertices : start], *kept])
+    return b"\n".join([head, *lines[:start], *kept])

@@ -18,20 +18,13 @@ from grasp3d.reading.obj import check_obj_lines, plain_obj
 from grasp3d.reading.off import plain_off
 from grasp3d.reading.ply import read_ply_header
 from grasp3d.reading.ply_faces import plain_ply
+from grasp3d.reading.scenes import flattened, stated_unit
 from grasp3d.reading.sources import RawMesh, Source, check_finite
 from grasp3d.reading.stl import plain_stl
 from grasp3d.reading.three_mf import count_parts
-from grasp3d.settings import Unit
 
 # Without a handler, Python prints the messages of trimesh's logger to the terminal.
 logging.getLogger("trimesh").addHandler(logging.NullHandler())
-
-_UNIT_NAMES: dict[str, Unit] = {
-    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
-    "cm": "cm", "centimeter": "cm", "centimeters": "cm",
-    "mm": "mm", "millimeter": "mm", "millimeters": "mm",
-    "in": "in", "inch": "in", "inches": "in",
-}  # fmt: skip
 
 _lock = threading.Lock()
 """One file at a time, since warning filters apply to all threads."""
@@ -63,7 +56,12 @@ def parse(source: Source) -> RawMesh:
     except (MeshError, MemoryError, RecursionError):
         raise
     except Exception as error:  # each reader raises its own classes of errors
-        reason = " ".join(str(error).split()) or type(error).__name__
+        if source.kind in {"glb", "gltf"}:
+            raise MeshError(
+                f"{source.where}: its nodes, meshes and buffers do not fit together; export the "
+                "mesh again"
+            ) from error
+        reason = " ".join(str(error).split()) or "its content is not as expected"
         if isinstance(error, KeyError):
             reason += " is missing"
         raise MeshError(
@@ -164,12 +162,7 @@ _READERS = {
 
 
 def _flattened(source: Source, scene: trimesh.Scene) -> RawMesh:
-    for part in scene.geometry.values():
-        _check_part(source, part)
-    mesh = scene.to_mesh()
-    vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
-    faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
-    check_finite(vertices, source.where)
+    vertices, faces = flattened(scene, source.where)
     if len(faces) == 0:
         raise MeshError(
             f"{source.where}: holds no triangles; is it a complete {source.kind.upper()} file "
@@ -178,19 +171,5 @@ def _flattened(source: Source, scene: trimesh.Scene) -> RawMesh:
     if source.kind == "stl":  # each face has its own vertices: merge those at equal positions
         first, faces = np.unique(first_at_position(vertices)[faces], return_inverse=True)
         vertices, faces = vertices[first], faces.reshape(-1, 3)
-    declared = "m" if source.kind in {"glb", "gltf"} else str(scene.units or "").lower()
-    return RawMesh(vertices, faces, source.kind, _UNIT_NAMES.get(declared))
-
-
-def _check_part(source: Source, part: trimesh.Trimesh | trimesh.PointCloud) -> None:
-    """Reject invalid positions and vertex numbers, before parts are concatenated."""
-    vertices = np.asarray(part.vertices, dtype=np.float64)
-    check_finite(vertices, source.where)
-    faces = np.asarray(getattr(part, "faces", ()), dtype=np.int64).reshape(-1, 3)
-    bad = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
-    if len(bad):
-        corner = faces[bad[0]][(faces[bad[0]] < 0) | (faces[bad[0]] >= len(vertices))][0]
-        raise MeshError(
-            f"{source.where}: face {bad[0]} uses vertex {corner}, but there are {len(vertices)} "
-            "vertices; export the mesh again"
-        )
+    declared = "m" if source.kind in {"glb", "gltf"} else scene.units
+    return RawMesh(vertices, faces, source.kind, *stated_unit(declared))

@@ -9,7 +9,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, short_repr
 from grasp3d.errors import MeshError
-from grasp3d.settings import Unit
+from grasp3d.lengths import Unit
 from grasp3d.system.names import printable
 
 DIRECT_FORMATS = ("stl", "ply", "obj", "off")
@@ -34,16 +34,18 @@ _SIGNATURES = (
 
 @dataclass(frozen=True, eq=False)
 class RawMesh:
-    """The surface as stored in a mesh file."""
+    """The surface as stored in a mesh file, or given as an object of another library."""
 
     vertices: Floats
     """Positions, shape (V, 3), in the order and unit of the file; of an STL, each position once."""
     faces: Ints
     """Vertex numbers of the triangles, shape (F, 3)."""
     format: str
-    """File suffix without its dot, in lower case."""
+    """File suffix without its dot, in lower case; else the library, or 'arrays'."""
     unit: Unit | None
     """Unit that the file declares; None: it declares none."""
+    unknown_unit: str = ""
+    """Name of the declared unit if it is none of `Unit`."""
 
     __repr__ = short_repr
 
@@ -124,7 +126,7 @@ def find_source(path: Path, max_memory: float) -> Source:
         raise MeshError(f"{where}: its name has no suffix for its format, such as .stl")
     if suffix not in mesh_suffixes():
         known = " ".join(sorted(mesh_suffixes()))
-        raise MeshError(f"{where}: files named *{suffix} are not read; known: {known}")
+        raise MeshError(f"{where}: unsupported format {suffix}: supported are {known}")
     if not status.st_size:
         raise MeshError(f"{where}: the file is empty; export the mesh again")
     source = Source(path, suffix.removeprefix("."), status.st_size, max_memory, where)

@@ -66,6 +66,17 @@ def classify(
     Raises:
         SettingError: A setting outside its range, friction 0, or too many combinations.
         ContactError: Creases that do not match the contacts.
+
+    Example:
+        Three grasps of two fingers, felt with a resolution of 20 degrees:
+
+        >>> import math
+        >>> import grasp3d
+        >>> points = [[[-1, 0, 0], [1, y, 0]] for y in (0.0, 0.6, 1.5)]
+        >>> contacts = grasp3d.Contacts(points, [[[1, 0, 0], [-1, 0, 0]]] * 3, friction=0.5)
+        >>> found = grasp3d.classify(contacts, math.radians(20.0))
+        >>> [grasp3d.Label(code).name for code in found.label]
+        ['S', 'M', 'U']
     """
     check_choice("method", method, Method)
     if rings is not None:

@@ -16,6 +16,7 @@ import numpy as np
 from grasp3d._kernels.wrench_problem import SIGN
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, centred, per_contact
+from grasp3d.quality.certificates import Status
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import certified
 from grasp3d.quality.wrench_problem import WrenchProblem
@@ -41,9 +42,9 @@ class ClosureAtNormals:
     """Force closure at tested normals, evaluated until the label of each grasp is decided."""
 
     closing: Bools
-    """Whether the grasp is force-closed at some combination, shape (b,)."""
+    """Whether the grasp is force-closed at some combination, or that is undecided, shape (b,)."""
     failing: Bools
-    """Whether the grasp is not force-closed at some combination, shape (b,)."""
+    """Whether it is not force-closed at some combination, or that is undecided, shape (b,)."""
     hulls: Ints
     """Number of combinations tested, shape (b,)."""
 
@@ -123,14 +124,21 @@ class Enumeration(NamedTuple):
             tangential=whole.tangential[repeated],
             cones=whole.cones[repeated],
             tilts_exceed_friction=whole.tilts_exceed_friction[repeated],
+            points=None if whole.points is None else whole.points[repeated],
         )
 
-    def closed_at(self, grasps: Ints, numbers: Ints) -> Bools:
-        """Force closure of chosen grasps at chosen combinations, shape (g, c)."""
+    def closed_at(self, grasps: Ints, numbers: Ints) -> tuple[Bools, Bools]:
+        """Force closure of chosen grasps at chosen combinations.
+
+        Returns:
+            (surely force-closed, surely not force-closed), shape (g, c) each.
+        """
         results = self.at(grasps, numbers).solve(
             SIGN, with_forces=False, threads=self.options.threads
         )
-        return results.closed.reshape(len(grasps), len(numbers))
+        shape = len(grasps), len(numbers)
+        closed = results.closed.reshape(shape)
+        return closed, ~closed & (results.status != Status.UNDECIDED).reshape(shape)
 
 
 def closure_at(
@@ -173,8 +181,8 @@ def _tested_closure(enumeration: Enumeration) -> tuple[Bools, Bools, Ints]:
         if undecided.size == 0:
             break
         for grasps in _groups(undecided, len(numbers)):
-            closed = enumeration.closed_at(grasps, numbers)
-            closing[grasps] |= closed.any(axis=1)
+            closed, failed = enumeration.closed_at(grasps, numbers)
+            closing[grasps] |= ~failed.all(axis=1)
             failing[grasps] |= ~closed.all(axis=1)
             hulls[grasps] += len(numbers)
         undecided = undecided[~(closing[undecided] & failing[undecided])]

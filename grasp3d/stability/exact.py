@@ -9,6 +9,7 @@ from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, uni
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import turned
 from grasp3d.errors import ContactError
+from grasp3d.quality.certificates import Status
 from grasp3d.quality.closure import force_closure
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
@@ -147,7 +148,8 @@ def _by_closure(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     contacts, threads = problem.hard, problem.threads
     worst = force_closure(contacts, cone_offset=problem.inner_offset, threads=threads)
     stable = np.array(worst.closed)
-    unstable = ~force_closure(contacts, cone_offset=problem.outer_offset, threads=threads).closed
+    best = force_closure(contacts, cone_offset=problem.outer_offset, threads=threads)
+    unstable = ~best.closed & (best.status != Status.UNDECIDED)
     unstable &= (problem.widest_angle < RIGHT_ANGLE).all(axis=1)
     narrowest = problem.narrowest_angle
     exceeding = np.flatnonzero((narrowest < 0.0).any(axis=1))  # tilts exceed friction

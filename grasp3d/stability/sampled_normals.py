@@ -9,6 +9,7 @@ from grasp3d._kernels.coplanar_contacts import critical_of_sets, make_fans, make
 from grasp3d._kernels.wrench_problem import SIGN
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts
+from grasp3d.quality.certificates import Status
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrench_problem import WrenchProblem
@@ -174,7 +175,8 @@ class _CombinationProblem(NamedTuple):
             limit = np.maximum(found, 0.0)[grasps] + sign * self.tolerance
             possible = (limit > 0.0) & (limit < RIGHT_ANGLE)
             grasps, numbers, limit = grasps[possible], numbers[possible], limit[possible]
-            better = self.closed_at(grasps, numbers, limit) == (sign < 0)
+            closed, failed = self.closed_at(grasps, numbers, limit)
+            better = ~failed if sign < 0 else ~closed  # undecided ones are not excluded
             grasps, numbers = grasps[better], numbers[better]
             which, first = np.unique(grasps, return_index=True)
             angles = self.angles(which, numbers[first])
@@ -191,9 +193,14 @@ class _CombinationProblem(NamedTuple):
             critical_friction_angle(contacts, tolerance=self.tolerance, threads=self.threads)
         )
 
-    def closed_at(self, grasps: Ints, numbers: Ints, angles: Floats) -> Bools:
-        """Force closure of grasps (m,), each at its combination and friction angle (m,)."""
+    def closed_at(self, grasps: Ints, numbers: Ints, angles: Floats) -> tuple[Bools, Bools]:
+        """Force closure of grasps (m,), each at its combination and friction angle (m,).
+
+        Returns:
+            (surely force-closed, surely not force-closed), shape (m,) each.
+        """
         contacts = Contacts(self.points[grasps], self.samples.at(grasps, numbers), friction=0.0)
         problem = WrenchProblem.of_contacts(contacts, EpsilonOptions())
         at_angles = problem.at_angles(angles)
-        return at_angles.solve(SIGN, with_forces=False, threads=self.threads).closed
+        results = at_angles.solve(SIGN, with_forces=False, threads=self.threads)
+        return results.closed, ~results.closed & (results.status != Status.UNDECIDED)

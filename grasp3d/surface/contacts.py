@@ -135,8 +135,9 @@ class _NormalSets(NamedTuple):
 
 def _normal_sets_at(mesh: ObjectMesh, surface_points: SurfacePoints) -> _NormalSets:
     """Sets of normals at surface points: stored at vertices, computed on faces and edges."""
-    faces = np.ascontiguousarray(surface_points.faces).ravel()
-    weights = np.ascontiguousarray(surface_points.weights).reshape(-1, 3)
+    # Copies: the kernel would be compiled again for arrays that cannot be written.
+    faces = np.array(surface_points.faces).ravel()
+    weights = np.array(surface_points.weights).reshape(-1, 3)
     sets = mesh.contact_normals
     counts, vertices = np.empty((2, len(faces)), dtype=np.int64)
     found = np.zeros((len(faces), 2, 3))

@@ -11,7 +11,8 @@ from collections.abc import Iterator
 import numpy as np
 
 from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
-from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, locked
+from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, locked
+from grasp3d.contact.coincidence import clearly_placed
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
 from grasp3d.quality.critical_angle import critical_friction_angle
@@ -38,6 +39,9 @@ MAX_COMBINATIONS = 2048
 CHUNK = 1 << 14
 """Combinations, or smooth grasps, that are evaluated at once."""
 
+MAX_EXAMINED = 8
+"""Most contacts of a grasp that is examined for contacts that nearly coincide."""
+
 AMBIGUOUS = (RIGHT_ANGLE, 0.0)
 """Worst and best angle of a grasp of three contacts and more that is not evaluated: neither S nor
 U."""
@@ -56,7 +60,10 @@ def critical_angles(
     angle. If some are on creases, their sets of normals are sampled, in steps of 5 degrees, or of
     more where combinations are many, with a margin for the normals between the samples: the worst
     is never too small and the best never too large by more than the tolerance. If the set of a
-    contact spans every direction, the grasp is neither surely stable nor surely unstable.
+    contact spans every direction, the grasp is neither surely stable nor surely unstable. Contacts
+    that are all at one point are no grasp, but at an edge they may push against each other: their
+    best angle is a lower bound. Of three contacts and more that nearly coincide, or are nearly on a
+    line, it is 0: no U is proven.
 
     Args:
         contacts: Grasps on a surface.
@@ -66,7 +73,8 @@ def critical_angles(
 
     Returns:
         (worst, best) [rad], shape (b,) each. For two contacts up to pi; for more, pi/2 where the
-        grasp is force-closed at no friction. inf where all contacts are at the same point.
+        grasp is force-closed at no friction. The worst is inf where all contacts are at the same
+        point.
 
     Raises:
         SettingError: A tolerance that is not above 0.
@@ -77,14 +85,41 @@ def critical_angles(
     report = progress or ignore
     distances = np.linalg.norm(contacts.points - contacts.points[:, :1], axis=2)
     separate = (distances > SAME_POINT * contacts.mesh.size).any(axis=1)
-    done = contacts.size - int(separate.sum())
+    together = np.flatnonzero(~separate)
+    found[1, together] = _best_at_one_point(contacts, together, tolerance, threads)
+    done = len(together)
     for rows, angles in _evaluated(contacts, separate, tolerance, threads):
         if not len(rows):
             continue
         found[:, rows] = angles
+        if 3 <= contacts.count <= MAX_EXAMINED:
+            points, _, _ = centred(contacts.points[rows])
+            found[1, rows[~clearly_placed(points)]] = 0.0
         done += len(rows)
         report(done / contacts.size)
     return locked(found[0]), locked(found[1])
+
+
+def _best_at_one_point(
+    contacts: SurfaceContacts, rows: Ints, tolerance: float, threads: int | None
+) -> Floats:
+    """Lower bounds of the best angles (b,) of grasps with all contacts at the same point.
+
+    Forces there balance only if they do not all lie in one half-space. With normals within r of a
+    common direction that takes friction of at least 90 degrees - r.
+    """
+    best = np.zeros(len(rows))
+    smooth = ~contacts.on_crease[rows].any(axis=1)
+    chosen = contacts.normals[rows[smooth]]
+    at_origin = Contacts(np.zeros(chosen.shape), chosen, friction=0.0)
+    best[smooth] = critical_friction_angle(at_origin, tolerance=tolerance, threads=threads)
+    start, count = contacts.set_start, contacts.count
+    for g in np.flatnonzero(~smooth & ~contacts.any_normal[rows].any(axis=1)):
+        first = count * rows[g]
+        normals = contacts.set_normals[start[first] : start[first + count]]
+        middle = normals.sum(axis=0)
+        best[g] = max(0.0, RIGHT_ANGLE - float(angles_between(normals, middle).max()))
+    return best
 
 
 def _evaluated(

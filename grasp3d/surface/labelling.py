@@ -2,17 +2,18 @@
 
 from grasp3d.costs import check_cost
 from grasp3d.errors import SettingError
-from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.settings import GraspModel, Sampling, check_search_settings
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.search import label_multifinger, label_pairs
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.steps import begin_step
 
 
 def label_surface(
-    mesh: ObjectMesh,
+    mesh: MeshSource,
     model: GraspModel | None = None,
     *,
     sampling: Sampling | None = None,
@@ -26,18 +27,50 @@ def label_surface(
     from the wrench hulls at extreme normals alone, as in Wan & Howe 2018.
 
     Args:
-        mesh: The object's surface.
-        model: Friction, sensor resolution and number of fingers, 2 to 5.
-        sampling: How grasps are searched for.
+        mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
+            PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
+        model: Friction, sensor resolution [rad] and number of fingers, 2 to 5; None: the defaults.
+        sampling: How grasps are searched for, with limits in the mesh's unit; None: the defaults.
         threads: Threads to use; None: one per processor. The result does not depend on it.
         progress: Called with the fraction of the work done, from 0 to 1.
 
+    Returns:
+        The labels. Their arrays have a row for each of the V vertices of `labels.mesh`, of which
+        those of the file or of the given arrays come first, in their order: `label` (V,), 0 U, 1 M,
+        2 S; `critical_angle` (V,) [rad]; `partners` (V, n - 1, 3), the opposing contacts in the
+        mesh's unit and frame; `partner_normals` (V, n - 1, 3), pointing into the object; and more.
+
     Raises:
-        SettingError: The settings contradict each other, there are too many extreme normals, or
-            the mesh has fewer vertices than fingers.
-        MeshError: Labels for so many fingers would need more memory than the mesh's options allow.
+        SettingError: The settings contradict each other, there are too many extreme normals, a
+            length has a unit but the mesh has none, or it has fewer vertices than fingers.
+        MeshError: It is no mesh, or labels for so many fingers would need more memory than the
+            mesh's options allow.
+
+    Example:
+        A box of 80 x 50 x 30 mm, most of which can be grasped reliably:
+
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
+        >>> labels = grasp3d.label_surface(mesh)
+        >>> labels
+        <SurfaceLabels of trimesh.Trimesh: 146 vertices, 2 fingers, friction 0.5, ...; S 67.4%, ...>
+        >>> labels.label.shape, labels.partners.shape
+        ((146,), (146, 1, 3))
+
+        With a gripper that opens to 35 mm, and a finer sensor:
+
+        >>> import math
+        >>> model = grasp3d.GraspModel(sensor_resolution=math.radians(10.0))
+        >>> sampling = grasp3d.Sampling(max_opening=0.035)
+        >>> labels = grasp3d.label_surface(mesh, model, sampling=sampling)
+        >>> {name: round(fraction, 2) for name, fraction in labels.fractions().items()}
+        {'S': 0.36, 'M': 0.28, 'U': 0.36}
     """
-    model, sampling = model or GraspModel(), sampling or Sampling()
+    mesh, model, sampling = load_mesh(mesh), model or GraspModel(), sampling or Sampling()
+    model = model.in_unit(mesh.unit, source=mesh.report.source)
+    sampling = sampling.in_unit(mesh.unit, source=mesh.report.source)
     check_search_settings(model, sampling)
     threads = available_processors() if threads is None else threads
     if threads < 1:
@@ -48,8 +81,11 @@ def label_surface(
         check_combinations_of(model)
     limit, fingers = mesh.options.max_memory, model.fingers
     check_cost(len(mesh.vertices), limit, mesh.report.source, "use a coarser mesh", fingers)
+    begin_step("searching for grasps")
     find = label_pairs if model.fingers == 2 else label_multifinger
     searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
     labels = find(mesh, model, sampling, threads, searching)
+    if enumerated:
+        begin_step("labelling at the extreme normals")
     labels.compute_labels(within(report, BEFORE_ENUMERATION, 1.0))
     return labels

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from grasp3d.arrays import ArrayLike, Bytes, Floats, locked
 from grasp3d.errors import SearchCoverageError
 from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, check_choice, search_cone
@@ -54,6 +55,18 @@ class SurfaceLabels(LabelledGrasps):
     `partners` are the opposing contacts, and the critical angle of that grasp is exact (on creases,
     for three fingers and more, it is not too small). In mode 'label' a U means that no grasp was
     found; in mode 'scan', where the grasp is given, that it is surely unstable.
+
+    Example:
+        Export of the labels of a coarse ball to other libraries:
+
+        >>> import trimesh
+        >>> import grasp3d
+        >>> ball = trimesh.creation.icosphere(1)
+        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(ball, max_edge=9.0))
+        >>> [grasp3d.Label(code).name for code in labels.label[:3]]
+        ['S', 'S', 'S']
+        >>> labels.to_dataframe().shape, labels.to_trimesh(), labels.to_polydata().n_points
+        ((42, 23), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
     """
 
     grasps: VertexGrasps
@@ -92,6 +105,21 @@ class SurfaceLabels(LabelledGrasps):
     def mesh(self) -> ObjectMesh:
         """The surface."""
         return self.grasps.mesh
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """What may make the labels wrong, one sentence each.
+
+        Warnings of the mesh, and lengths that are probably in another unit than the mesh. The
+        command line refuses those that cannot be meant, unless it is given `--force`.
+        """
+        lengths = self.model.lengths() | self.mesh.options.lengths()
+        if self.sampling is not None:
+            lengths |= self.sampling.lengths()
+        return (
+            *self.mesh.report.warnings,
+            *length_warnings(lengths, self.mesh.size, self.mesh.unit),
+        )
 
     @property
     def critical_angle(self) -> Floats:
@@ -163,6 +191,16 @@ class SurfaceLabels(LabelledGrasps):
         Raises:
             SearchCoverageError: The search cone was too narrow for the new values.
             SettingError: A value is outside its range.
+
+        Example:
+            >>> import trimesh
+            >>> import grasp3d
+            >>> cone = trimesh.creation.cone(radius=0.03, height=0.1, sections=32)
+            >>> labels = grasp3d.label_surface(grasp3d.load_mesh(cone, unit="m", max_edge=0.02))
+            >>> labels
+            <SurfaceLabels of trimesh.Trimesh: 482 ...; S 0.0%, M 100.0%, U 0.0%>
+            >>> labels.relabel(sensor_resolution=0.1)
+            <SurfaceLabels of trimesh.Trimesh: 482 ...; S 68.0%, M 20.8%, U 11.1%>
         """
         model = replace(
             self.model,
@@ -185,6 +223,14 @@ class SurfaceLabels(LabelledGrasps):
 
         Args:
             weights: 'area': each vertex is weighted by the area around it; 'vertex': all equally.
+
+        Example:
+            >>> import trimesh
+            >>> import grasp3d
+            >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+            >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
+            >>> {name: round(fraction, 2) for name, fraction in labels.fractions().items()}
+            {'S': 0.67, 'M': 0.33, 'U': 0.0}
         """
         return {
             label.name: float(self._weights(weights)[self.label == label].sum())
@@ -243,6 +289,56 @@ class SurfaceLabels(LabelledGrasps):
         values = np.nan_to_num(getattr(self.epsilon_range, of))
         return quantiles(values, levels, self._weights(weights))
 
+    def to_table(self) -> Any:
+        """Return a `pyarrow.Table` with a row for each vertex: the columns of `write_fields`.
+
+        Computes epsilon, which takes a wrench hull and more for each vertex.
+
+        Example:
+            >>> import trimesh
+            >>> import grasp3d
+            >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1), max_edge=9.0)
+            >>> table = grasp3d.label_surface(ball).to_table()
+            >>> table.num_rows, table.column_names[:7]
+            (42, ['x', 'y', 'z', 'nx', 'ny', 'nz', 'area'])
+            >>> table["label"].unique().to_pylist()
+            ['S']
+        """
+        return import_module("grasp3d.conversions").labels_to_table(self)
+
+    def to_dataframe(self) -> Any:
+        """Return `to_table` as a `pandas.DataFrame`; labels and reasons are categories.
+
+        Raises:
+            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
+
+        Example:
+            >>> import trimesh
+            >>> import grasp3d
+            >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1), max_edge=9.0)
+            >>> frame = grasp3d.label_surface(ball).to_dataframe()
+            >>> frame["label"].value_counts().to_dict()
+            {'S': 42, 'U': 0, 'M': 0}
+        """
+        from grasp3d.tables import data_frame
+
+        return data_frame(self.to_table())
+
+    def to_trimesh(self) -> Any:
+        """Return a `trimesh.Trimesh` coloured by label.
+
+        Every array is in its `vertex_attributes`: those of the file that `write_npz` writes, with
+        `partner_2`, `partner_2_normal` and so on for the other fingers. Computes epsilon.
+        """
+        return import_module("grasp3d.conversions").labels_to_trimesh(self)
+
+    def to_polydata(self) -> Any:
+        """Return a `pyvista.PolyData` with the arrays of the file that `write_vtp` writes.
+
+        nan where there is no grasp. Computes epsilon.
+        """
+        return import_module("grasp3d.conversions").labels_to_polydata(self)
+
     def show(self, **options: Any) -> Any:
         """Show the surface: in a notebook as a page below the cell, elsewhere in a window.
 
@@ -255,7 +351,7 @@ class SurfaceLabels(LabelledGrasps):
             OutputError: Nothing can be shown in this environment.
         """
         # The viewer belongs to a higher layer and is slow to import, so it is imported by name when
-        # it is needed, as pandas does with its plotting backends.
+        # it is needed, as pandas does with its plotting backends; so are the conversions above.
         return import_module("grasp3d.viewer.show").show(self, **options)
 
     def _repr_html_(self) -> str:
@@ -270,7 +366,7 @@ class SurfaceLabels(LabelledGrasps):
             fractions=self.fractions() if labelled else {},
             angles=self.angle_quantiles(LEVELS),
             epsilons=self.epsilon_quantiles(LEVELS) if has_epsilon else None,
-            warnings=self.mesh.report.warnings,
+            warnings=self.warnings,
         )
 
     def _weights(self, weights: Weights) -> Floats:

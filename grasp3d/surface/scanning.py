@@ -8,7 +8,7 @@ import numpy.typing as npt
 from grasp3d._kernels.scanning import scan
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import SettingError
-from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point
 from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
@@ -20,7 +20,7 @@ from grasp3d.system.progress import Progress, ignore, within
 
 
 def scan_surface(
-    mesh: ObjectMesh,
+    mesh: MeshSource,
     model: GraspModel | None = None,
     *,
     fixed: ArrayLike,
@@ -34,20 +34,39 @@ def scan_surface(
     be external or internal.
 
     Args:
-        mesh: The object's surface.
-        model: Friction and sensor resolution; the number of fingers, unless it is the default 2,
-            must be one more than are fixed.
-        fixed: Positions of the fixed fingers, shape (3,) or (k, 3), moved to the nearest surface
-            points.
+        mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
+            PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
+        model: Friction and sensor resolution [rad]; the number of fingers, unless it is the default
+            2, must be one more than are fixed.
+        fixed: Positions of the fixed fingers in the mesh's unit and frame, shape (3,) or (k, 3),
+            moved to the nearest surface points.
         threads: Threads; None: one per processor. The result does not depend on it.
         progress: Called with the fraction of the work done, from 0 to 1.
 
+    Returns:
+        Labels in mode 'scan', with arrays as in `label_surface`; `partners` are the fixed fingers.
+
     Raises:
+        MeshError: It is no mesh.
         SettingError: `fixed` are not finite points, or there are too many of them or of extreme
             normals.
+
+    Example:
+        One finger in the middle of a box's top; the vertices opposite to it are surely stable:
+
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
+        >>> scan = grasp3d.scan_surface(mesh, fixed=(0.0, 0.0, 0.015))
+        >>> {name: round(fraction, 2) for name, fraction in scan.fractions().items()}
+        {'S': 0.01, 'M': 0.08, 'U': 0.91}
+        >>> mesh.vertices[scan.label == grasp3d.Label.S, 2].tolist()
+        [-0.015]
     """
-    points = _fixed_points(fixed)
-    model = with_fingers(model or GraspModel(), len(points) + 1)
+    mesh, points = load_mesh(mesh), _fixed_points(fixed)
+    model = (model or GraspModel()).in_unit(mesh.unit, source=mesh.report.source)
+    model = with_fingers(model, len(points) + 1)
     if model.method == "extremes":
         check_combinations_of(model)
     count, report = len(mesh.vertices), progress or ignore
@@ -63,6 +82,8 @@ def scan_surface(
         searching = within(report, 0.0, searched or 1.0)
         angles = _scan_multifinger(fixed_contacts, positions, threads, searching)
         grip = np.zeros(count, dtype=np.int8)
+    # No finger fits where another one is, whatever their normals.
+    angles[1, np.isinf(angles[0])] = math.inf
     canonical = mesh.canonical
     partners = np.tile(mesh.from_normalized(positions), (count, 1, 1))
     grasps = VertexGrasps.of(

@@ -7,6 +7,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from grasp3d.errors import OutputError
+from grasp3d.system.names import unsupported
 
 TEMPORARY_PREFIX = ".grasp3d-"
 """Start of the names of temporary files, which hold incomplete output."""
@@ -78,9 +79,7 @@ def check_suffix(path: Path, known: Iterable[str], what: str) -> None:
     """
     suffixes = tuple(known)
     if path.suffix.lower() not in suffixes:
-        raise OutputError(
-            f"{path}: no {what} is called {path.suffix!r}; known: {' '.join(suffixes)}"
-        )
+        raise OutputError(unsupported(path, suffixes, what))
 
 
 def _umask() -> int:

@@ -3,6 +3,8 @@
 import hashlib
 import re
 import unicodedata
+from collections.abc import Iterable
+from pathlib import Path
 
 LONGEST = 150
 """Longest name [bytes of UTF-8]; suffixes still fit in the 255 bytes of most file systems."""
@@ -43,6 +45,19 @@ def safe_stem(name: str) -> str:
         return stem
     short = stem.encode()[: LONGEST - DIGITS - 1].decode(errors="ignore")
     return f"{short.rstrip('. ')}-{short_hash(name)}"
+
+
+def unsupported(path: Path, known: Iterable[str], what: str = "") -> str:
+    """Return the message that a file's format is not supported.
+
+    Args:
+        path: The file, or its name.
+        known: The suffixes of supported formats.
+        what: What the file contains: a table, a figure.
+    """
+    kind = f"{what} format" if what else "format"
+    problem = f"unsupported {kind} {path.suffix}" if path.suffix else "has no suffix"
+    return printable(f"{path}: {problem}: supported are {' '.join(known)}")
 
 
 def short_hash(text: str, digits: int = DIGITS) -> str:

@@ -1,19 +1,25 @@
-"""CSV and Parquet tables of columns."""
+"""Tables of columns: in memory as Arrow tables, and as CSV and Parquet files."""
 
 import json
 from collections.abc import Mapping, Sequence
+from importlib.util import find_spec
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy.typing as npt
 import pyarrow as pa
 import pyarrow.csv as pc
 import pyarrow.parquet as pq
 
+from grasp3d.errors import OutputError
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import as_unicode
 
+if TYPE_CHECKING:
+    import pandas as pd
+
 SUFFIXES = (".csv", ".parquet")
+"""Endings of the files that tables are written to."""
 
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 
@@ -36,9 +42,21 @@ def write_table(
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
     """
-    check_suffix(path, SUFFIXES, "table")
-    schema = pa.schema([(name, _TYPES[kind]) for name, kind in columns.items()])
-    _write(path, pa.Table.from_pylist([_unicode(row) for row in rows], schema=schema), settings)
+    _write(path, table_of_rows(rows, columns, settings=settings))
+
+
+def table_of_rows(
+    rows: Sequence[Mapping[str, Any]],
+    columns: Mapping[str, type],
+    *,
+    settings: Mapping[str, Any],
+) -> pa.Table:
+    """Make a table of rows; see `write_table`."""
+    schema = pa.schema(
+        [(name, _TYPES[kind]) for name, kind in columns.items()],
+        metadata={"grasp3d": json.dumps(settings)},
+    )
+    return pa.Table.from_pylist([_unicode(row) for row in rows], schema=schema)
 
 
 def write_columns(
@@ -54,28 +72,29 @@ def write_columns(
     Raises:
         OutputError: The suffix is unknown, or the file cannot be written.
     """
-    check_suffix(path, SUFFIXES, "table")
+    _write(path, table_of_columns(columns, settings=settings))
+
+
+def table_of_columns(
+    columns: Mapping[str, npt.NDArray[Any]], *, settings: Mapping[str, Any]
+) -> pa.Table:
+    """Make a table of columns; nan leaves the cell empty. See `write_columns`."""
     arrays = {name: pa.array(values, from_pandas=True) for name, values in columns.items()}
-    _write(path, pa.table(arrays), settings)
+    return pa.table(arrays, metadata={"grasp3d": json.dumps(settings)})
 
 
-def write_arrays(
-    path: Path,
+def table_of_arrays(
     columns: Mapping[str, npt.NDArray[Any]],
     categories: Mapping[str, Sequence[str]],
     *,
     settings: Mapping[str, Any],
-) -> None:
-    """Write columns to compressed Parquet; nan and inf are kept.
+) -> pa.Table:
+    """Make a table of columns; nan and inf are kept.
 
     Args:
-        path: File to create or replace.
-        columns: Values of each column, shape (rows,), in the order of the file.
-        categories: For columns of codes 0, 1, ...: the text of each code, which is written.
+        columns: Values of each column, shape (rows,), in the order of the table.
+        categories: For columns of codes 0, 1, ...: the text of each code, which is stored.
         settings: As in `write_table`.
-
-    Raises:
-        OutputError: The file cannot be written.
     """
     arrays = {
         name: pa.DictionaryArray.from_arrays(pa.array(values.astype("i1")), list(categories[name]))
@@ -83,14 +102,48 @@ def write_arrays(
         else pa.array(values)
         for name, values in columns.items()
     }
-    metadata = {"grasp3d": json.dumps(settings)}
-    with atomic_write(path) as temporary:
-        pq.write_table(
-            pa.table(arrays, metadata=metadata),
-            temporary,
-            compression="zstd",
-            use_dictionary=list(categories),  # numbers seldom repeat
-        )
+    return pa.table(arrays, metadata={"grasp3d": json.dumps(settings)})
+
+
+def write_arrow(path: Path, table: pa.Table) -> None:
+    """Write a table to compressed Parquet.
+
+    Args:
+        path: File to create or replace.
+        table: The table; its columns of texts with codes are stored as such.
+
+    Raises:
+        OutputError: The file cannot be written.
+    """
+    texts = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
+    with atomic_write(path) as temporary:  # numbers seldom repeat
+        pq.write_table(table, temporary, compression="zstd", use_dictionary=texts)
+
+
+def data_frame(table: pa.Table) -> "pd.DataFrame":
+    """Convert a table to a data frame of pandas; columns of texts with codes become categories.
+
+    Raises:
+        OutputError: pandas is not installed.
+    """
+    if find_spec("pandas") is None:
+        raise OutputError("a data frame needs pandas: pip install 'grasp3d[pandas]'")
+    frame: pd.DataFrame = table.to_pandas()
+    return frame
+
+
+def read_settings(path: Path) -> dict[str, Any] | None:
+    """Read the settings of a Parquet file.
+
+    Returns:
+        The settings as they were written, or None where it is no Parquet file or holds none.
+    """
+    try:
+        metadata = pq.read_schema(path).metadata or {}
+        found = json.loads(metadata[b"grasp3d"])
+    except (OSError, ValueError, KeyError):  # pyarrow's errors are ValueErrors
+        return None
+    return found if isinstance(found, dict) else None
 
 
 def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
@@ -121,13 +174,13 @@ def read_columns(path: Path) -> dict[str, npt.NDArray[Any]]:
         raise ValueError(str(error).splitlines()[0]) from error
 
 
-def _write(path: Path, table: pa.Table, settings: Mapping[str, Any]) -> None:
+def _write(path: Path, table: pa.Table) -> None:
+    check_suffix(path, SUFFIXES, "table")
     with atomic_write(path) as temporary:
         if path.suffix.lower() == ".csv":
             pc.write_csv(table, temporary)
         else:
-            metadata = {"grasp3d": json.dumps(settings)}
-            pq.write_table(table.replace_schema_metadata(metadata), temporary)
+            pq.write_table(table, temporary)
 
 
 def _unicode(row: Mapping[str, Any]) -> dict[str, Any]:

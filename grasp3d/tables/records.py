@@ -30,16 +30,23 @@ def pack_records(
         kind: The dataclass; only fields of plain values may be None.
         settings: Stored as JSON in the schema's metadata under `grasp3d`.
     """
+    table = table_of_records(records, kind, settings)
+    sink = pa.BufferOutputStream()
+    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
+    return bytes(sink.getvalue())
+
+
+def table_of_records(
+    records: Sequence[RecordT], kind: type[RecordT], settings: Mapping[str, Any]
+) -> pa.Table:
+    """Return records as a table, whose schema depends on the dataclass only; see `pack_records`."""
     hints = get_type_hints(kind)
     arrays = [_array([getattr(record, name) for record in records], hints[name]) for name in hints]
     schema = pa.schema(
         [(name, _type(hint)) for name, hint in hints.items()],
         metadata={"grasp3d": json.dumps(settings)},
     )
-    sink = pa.BufferOutputStream()
-    table = pa.Table.from_arrays(arrays, schema=schema)
-    pq.write_table(table, sink, compression="zstd", write_page_checksum=True)
-    return bytes(sink.getvalue())
+    return pa.Table.from_arrays(arrays, schema=schema)
 
 
 def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], bool]:

@@ -1,4 +1,4 @@
-"""`labels.show()`: the viewer in a notebook or in a window."""
+"""`labels.show()`, `grasps.show()`, `mesh.show()`: the viewer in a notebook or in a window."""
 
 import asyncio
 import base64
@@ -14,9 +14,18 @@ from importlib import import_module
 
 from PIL import Image
 
+from grasp3d.errors import SettingError
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.mesh import MeshSource, load_mesh
+from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.progress import ignore
-from grasp3d.viewer.session.collection import Collection, collection_of
+from grasp3d.viewer.session.collection import (
+    Collection,
+    collection_of,
+    collection_of_grasps,
+    collection_of_mesh,
+)
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.page import (
@@ -51,20 +60,25 @@ class NotebookView:
 
 
 def show(
-    labels: SurfaceLabels,
+    shown: SurfaceLabels | SurfaceGrasps | MeshSource,
     settings: ViewSettings | None = None,
     *,
+    model: GraspModel | None = None,
+    sampling: Sampling | None = None,
     height: int = 640,
     proxy: str | None = None,
 ) -> NotebookView | None:
-    """View a labelled surface, in a notebook below the cell, otherwise in a window.
+    """View a labelled surface, grasps or a mesh: in a notebook below the cell, else in a window.
 
     In a notebook the kernel serves a page at a port of its machine. If the browser runs on another
     machine, forward that port, or use jupyter-server-proxy.
 
     Args:
-        labels: The labels.
+        shown: Labels; grasps, of which one is shown at a time; or a mesh, as in `load_mesh`, which
+            is labelled first.
         settings: Initial view; None: the defaults.
+        model: For a mesh: friction, sensor resolution and fingers of its labels.
+        sampling: For a mesh: how grasps are searched for.
         height: Height of the page in a notebook [pixels].
         proxy: Path at which a proxy serves the ports of the kernel's machine, such as '/proxy/' or
             '/user/name/proxy/' for jupyter-server-proxy; None: the path that JupyterHub gives, if
@@ -74,10 +88,12 @@ def show(
         The view that a notebook displays; None after a window was closed.
 
     Raises:
+        MeshError: It is no mesh.
+        SettingError: There are no grasps, or a model is given for labels or grasps.
         OutputError: Nothing can be rendered here.
     """
     settings = settings or ViewSettings()
-    collection = collection_of(labels)
+    collection = _collection(shown, model, sampling)
     if not in_notebook():
         import_module("grasp3d.viewer.window.desktop").show_window(Session(collection, settings))
         return None
@@ -89,6 +105,18 @@ def show(
         f'<iframe src="{source}" title="grasp3d: {name}" width="100%" height="{height}" '
         'style="border: 1px solid #d9dee2; border-radius: 6px" allowfullscreen></iframe>'
     )
+
+
+def _collection(
+    shown: SurfaceLabels | SurfaceGrasps | MeshSource,
+    model: GraspModel | None,
+    sampling: Sampling | None,
+) -> Collection:
+    if not isinstance(shown, SurfaceLabels | SurfaceGrasps):
+        return collection_of_mesh(load_mesh(shown), model, sampling)
+    if not (model is None and sampling is None):
+        raise SettingError("labels and grasps have a model already; give one for a mesh only")
+    return collection_of(shown) if isinstance(shown, SurfaceLabels) else collection_of_grasps(shown)
 
 
 def in_notebook() -> bool:

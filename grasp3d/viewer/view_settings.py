@@ -10,6 +10,30 @@ from grasp3d.settings import DEGREE, Radians, check_choice
 Paint = Literal["label", "critical_angle", "max_resolution", "epsilon", "epsilon_min"]
 MIN_WIDTH, MIN_HEIGHT, MAX_PIXELS = 320, 240, 7680
 
+_ALIKE: dict[Paint, str] = {
+    "critical_angle": "β* does not depend on the sensor resolution",
+    "max_resolution": "α* does not depend on the sensor resolution",
+    "epsilon": "ε does not depend on the sensor resolution",
+    "epsilon_min": "the smallest ε is computed for one sensor resolution at a time",
+}
+"""Why a second sensor resolution would have the same colours."""
+
+
+def comparison_problem(paint: Paint) -> str:
+    """Why two sensor resolutions cannot be compared in some colours; empty if they can."""
+    reason = _ALIKE.get(paint)
+    return f"{reason}: two resolutions are compared in the colours S, M, U" if reason else ""
+
+
+def check_comparison(paint: Paint) -> None:
+    """Check that the colours of two sensor resolutions differ.
+
+    Raises:
+        SettingError: They do not, as the quantity does not depend on the resolution.
+    """
+    if problem := comparison_problem(paint):
+        raise SettingError(problem)
+
 
 @dataclass(frozen=True)
 class ViewSettings:
@@ -19,7 +43,8 @@ class ViewSettings:
         paint: Quantity that colours show. label: S, M, U; critical_angle: beta* of the best grasp;
             max_resolution: alpha*, the coarsest resolution at which it is S; epsilon and
             epsilon_min: Ferrari-Canny epsilon, and its smallest value over the tilts.
-        compare: A second sensor resolution, shown beside the first; none: no second one.
+        compare: A second sensor resolution, shown beside the first, in the colours S, M, U; none:
+            no second one.
         azimuth: Azimuth of the camera about the z-axis, from the x-axis.
         elevation: Elevation of the camera above the xy-plane, from -90 to 90 degrees.
         width: Width of the window or picture [pixels].
@@ -40,6 +65,8 @@ class ViewSettings:
             raise SettingError(
                 f"compare must be at least 0 and below 180 degrees; got {degrees:g} degrees"
             )
+        if self.compare is not None:
+            check_comparison(self.paint)
         if not math.isfinite(self.azimuth) or not abs(self.elevation) <= math.pi / 2.0:
             raise SettingError(
                 "azimuth must be finite and elevation from -90 to 90 degrees; got "

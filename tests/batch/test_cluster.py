@@ -248,8 +248,8 @@ def check_run(command: list[str], folder: Path) -> None:
 
 @pytest.mark.slow
 def test_the_script_of_the_guide_runs_in_one_job(slurm: Path) -> None:
-    guide = (ROOT / "docs" / "clusters.md").read_text(encoding="utf-8")
-    (block,) = re.findall(r"```bash\n(#!/bin/bash\n.*?)```", guide, flags=re.DOTALL)
+    guide = (ROOT / "docs" / "guide" / "libraries.md").read_text(encoding="utf-8")
+    (block,) = re.findall(r"```sh\n(#!/bin/bash\n.*?)```", guide, flags=re.DOTALL)
     (slurm / "job.sh").write_text(block.replace(".venv/bin/activate", "/dev/null"))
     check_run(["bash", "job.sh"], slurm)
 

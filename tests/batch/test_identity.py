@@ -6,14 +6,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp3d import GraspModel, MeshOptions, Sampling, label_surface, mesh_from_arrays
+from grasp3d import GraspModel, MeshOptions, Sampling, label_surface, load_mesh
 from grasp3d.batch import identity
 from grasp3d.batch.batch_settings import BatchSettings, FractionGrid
 from grasp3d.batch.identity import content_hash, mesh_key, settings_key, settings_text
 from grasp3d.errors import MeshError
 from tests.helpers import shapes
 
-GOLDEN = "a08a31adde91340d"
+GOLDEN = "b3f406bd5c689276"
 
 
 def test_labels_are_those_of_this_version_of_the_method() -> None:
@@ -28,7 +28,7 @@ def test_labels_are_those_of_this_version_of_the_method() -> None:
         "three": (shapes.sphere(1), GraspModel(fingers=3), Sampling(candidates=16)),
     }
     for name, (surface, model, sampling) in surfaces.items():
-        labels = label_surface(mesh_from_arrays(*surface, max_edge=0.5), model, sampling=sampling)
+        labels = label_surface(load_mesh(surface, max_edge=0.5), model, sampling=sampling)
         angles = np.where(np.isinf(labels.critical_angle), 9.0, labels.critical_angle)
         rounded = (np.round(angles, 3) + 0.0).tolist()
         lines.append(f"{name} {labels.label.tolist()} {rounded}")

@@ -136,7 +136,7 @@ def test_commands_take_patterns_and_lists(tmp_path: Path) -> None:
     (tmp_path / "list.txt").write_text("lib/a.stl\n", encoding="ascii")
     (tmp_path / "bad.txt").write_text("lib/c.stl\n", encoding="ascii")
     run = grasp3d("check", "list.txt", "-o", "report.json", cwd=tmp_path)
-    assert (run.returncode, "refused: lib/a.stl: " in run.stdout) == (1, True)
+    assert (run.returncode, "failed: lib/a.stl: " in run.stdout) == (1, True)
     run = grasp3d("sweep", "lib/*.off", cwd=tmp_path)
     assert (run.returncode, "a pattern names mesh files" in run.stderr) == (2, True)
     run = grasp3d("sweep", "bad.txt", cwd=tmp_path)

@@ -188,8 +188,14 @@ def test_a_lost_mesh_has_its_source_in_the_error(tmp_path: Path) -> None:
 
 
 @pytest.mark.slow
-def test_lengths_in_another_unit_are_warnings_of_the_row(tmp_path: Path) -> None:
+def test_lengths_in_another_unit_are_refused_or_warnings_of_the_row(tmp_path: Path) -> None:
     trimesh.creation.box((0.04, 0.06, 0.08)).export(tmp_path / "box.stl")
     settings = BatchSettings(sampling=Sampling(rays=8, max_opening=80.0))
-    row = row_of(job_of(tmp_path / "box.stl", tmp_path / "out"), settings)
-    assert "max_opening 80 is" in row.warnings
+    job = job_of(tmp_path / "box.stl", tmp_path / "out")
+    row = row_of(job, settings)
+    assert (row.outcome, row.labels) == (Outcome.REFUSED, "")
+    assert "max_opening is 80, " in row.error
+    forced = label_job(job, settings, force=True)
+    assert isinstance(forced, Row)
+    assert forced.outcome == Outcome.LABELLED
+    assert "max_opening" in forced.warnings

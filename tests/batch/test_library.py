@@ -15,7 +15,6 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, MeshOptions, Sampling
-from grasp3d._kernels import compiling
 from grasp3d.batch import labelling, library, read_summary, worker_task
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.labelling import Unchanged, label_job
@@ -80,6 +79,7 @@ def test_every_mesh_has_a_row_and_its_files(tmp_path: Path) -> None:
             assert bool(name) == (row.outcome == Outcome.LABELLED)
             assert not name or (tmp_path / "out" / name).stat().st_size > 0
     assert values(read_summary(tmp_path / "out")) == values(done.rows.values())
+    assert done.summary.to_table()["mesh"].to_pylist() == list(done.rows)
     assert (tmp_path / "out" / "report" / "index.html").is_file()
     assert not list((tmp_path / "out" / "journal").glob("*"))
 
@@ -128,7 +128,7 @@ def test_a_mesh_is_identified_by_its_content_not_by_its_date_or_folder(
 def test_other_settings_and_force_label_again(tmp_path: Path) -> None:
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     label(source, out)
-    assert len(label(source, out, force=True)[1]) == 5
+    assert len(label(source, out, overwrite=True)[1]) == 5
     other = replace(QUICK, model=GraspModel(friction=0.8))
     done, labelled = label(source, out, other)
     assert len(labelled) == 5
@@ -157,7 +157,7 @@ def test_libraries_with_the_same_settings_grow_together_others_are_refused(tmp_p
     with pytest.raises(OutputError, match="other settings"):
         label(two, out, other)
     assert [row.mesh for row in read_summary(out)] == ["cup.ply", "mug.ply"]
-    label(two, out, other, force=True)
+    label(two, out, other, overwrite=True)
     assert [row.mesh for row in read_summary(out)] == ["cup.ply"]
 
 
@@ -373,19 +373,6 @@ def test_results_that_a_worker_writes_elsewhere_are_an_error(
     assert read_summary(tmp_path / "out") == []
     monkeypatch.setattr(library, "run", run_at(str(tmp_path / "out")))
     assert not label(source, tmp_path / "out", cluster=cluster)[0].failed
-
-
-def test_kernels_are_compiled_before_the_first_mesh(
-    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture
-) -> None:
-    done: list[object] = []
-    monkeypatch.setattr(labelling, "call", lambda task, settings: done.append(task(settings)))
-    caplog.set_level("INFO", logger="grasp3d")
-    for compiled in (True, False):
-        monkeypatch.setattr(compiling, "compiled_before", lambda known=compiled: known)
-        labelling.warm_up(QUICK)
-    assert len(done) == 1  # and the call succeeded
-    assert [record.getMessage()[:9] for record in caplog.records] == ["compiling"]
 
 
 def test_labels_of_other_settings_are_counted(tmp_path: Path) -> None:

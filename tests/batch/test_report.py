@@ -25,12 +25,11 @@ from grasp3d import (
     SurfaceLabels,
     label_surface,
     load_mesh,
-    mesh_from_arrays,
 )
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, thumbnail, write_report
 from grasp3d.batch.report.library import COLUMNS, library_data
-from grasp3d.batch.report.settings_text import describe_settings
+from grasp3d.batch.report.settings_text import describe_settings, summarise_settings
 from grasp3d.batch.report.thumbnails import HEIGHT, WIDTH
 from grasp3d.batch.report.views import ELEVATIONS
 from grasp3d.batch.row import AreaFractions, Outcome, Row
@@ -158,7 +157,7 @@ def test_labels_in_the_page_are_those_of_relabel(
 def test_vertices_without_faces_are_left_out_and_the_others_keep_their_numbers() -> None:
     ball = sphere_mesh(subdivisions=2)
     vertices = np.concatenate([[[9.0, 9.0, 9.0]], ball.vertices])
-    mesh = mesh_from_arrays(vertices, ball.faces + 1, max_edge=10.0)
+    mesh = load_mesh((vertices, ball.faces + 1), max_edge=10.0)
     labels = label_surface(mesh, MODEL, sampling=COARSE, threads=1)
     header, arrays = decoded(object_script(labels, "ball", ()))
     assert arrays["numbers"].tolist() == list(range(1, len(vertices)))
@@ -231,7 +230,7 @@ def test_thumbnail_shows_needles_and_plates(extents: tuple[float, float, float])
 
 def test_thumbnail_shows_open_surfaces_from_behind() -> None:
     square = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 1.0, 0.0]])
-    mesh = mesh_from_arrays(square, np.array([[0, 2, 1], [0, 3, 2]]), max_edge=0.3)
+    mesh = load_mesh((square, np.array([[0, 2, 1], [0, 3, 2]])), max_edge=0.3)
     assert not mesh.report.closed
     assert pixels(thumbnail(painted(mesh, np.ones(len(mesh.vertices), bool))))[None].sum() > 2000
 
@@ -281,7 +280,7 @@ def test_describe_settings() -> None:
     assert text["Sensor resolution"] == "α 22.6°"
     assert text["Grip"] == "squeeze"
     assert text["Labels"].endswith("exact")
-    assert "Opening" not in text
+    assert text["Opening"] == "without limits"
     limited = BatchSettings(
         GraspModel(method="extremes", edges=8, actuation="per_finger", torsion_radius=0.01),
         Sampling(min_opening=0.01, max_opening=0.08, grip="both", search_angle=1.0),
@@ -299,6 +298,29 @@ def test_describe_settings() -> None:
     text = dict(describe_settings(three_fingers))
     assert text["Distances between contacts"] == "at most 0.12 (in each mesh's unit)"
     assert "Grip" not in text
+    for sampling, expected in (
+        (Sampling(min_opening=5.0, max_opening="8cm"), "5 (in each mesh's unit) and at most 8 cm"),
+        (
+            Sampling(min_opening="5mm", max_opening=0.1),
+            "5 mm and at most 0.1 (in each mesh's unit)",
+        ),
+        (Sampling(min_opening="5mm", max_opening="8cm"), "5 mm and at most 8 cm"),
+    ):
+        text = dict(describe_settings(BatchSettings(sampling=sampling)))
+        assert text["Opening"] == f"at least {expected}"
+
+
+def test_the_header_has_the_limits_of_the_search() -> None:
+    assert summarise_settings(BatchSettings()) == [
+        "Friction μ 0.5 (cone of β 26.57°)", "Sensor resolution α 22.6°", "2 fingers",
+        "Grip squeeze", "Opening without limits",
+    ]  # fmt: skip
+    soft = GraspModel(fingers=3, torsion_radius=0.01)
+    limited = BatchSettings(soft, Sampling(max_spread=0.12, search_angle=1.0))
+    assert summarise_settings(limited)[2:] == [
+        "3 soft fingers", "Distances between contacts at most 0.12 (in each mesh's unit)",
+        "Search grasps with β* up to 57.3°",
+    ]  # fmt: skip
 
 
 def test_report_is_a_folder_of_four_files(tmp_path: Path, box: SurfaceLabels) -> None:

@@ -52,6 +52,16 @@ FAULTS = {
 
 
 @pytest.mark.slow
+def test_nothing_is_left_in_the_temporary_folder(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
+    rows = list(run(work, [Work("well")], 0.0, lost=lost, cluster=ClusterSettings(workers=1)))
+    assert [row.reason for row in rows] == [""]
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
 @posix
 def test_failing_jobs_affect_no_others_and_postponed_jobs_run_alone(tmp_path: Path) -> None:
     names = [f"well-{number}" for number in range(20)]

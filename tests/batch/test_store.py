@@ -22,7 +22,7 @@ import pytest
 from grasp3d import GraspModel
 from grasp3d.batch import shards, store
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.identity import mesh_key
+from grasp3d.batch.identity import METHOD, mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.marker import FORMAT
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
@@ -93,7 +93,9 @@ def test_rows_are_read_as_written(tmp_path: Path) -> None:
     rows = [row_of(name) for name in ("b.stl", "a/open.obj", "c.ply")]
     rows.append(Row("lost.ply", outcome=Outcome.LOST, error="died"))
     store_rows(output, rows)
-    assert read_summary(output.url) == sorted(rows, key=lambda row: row.mesh)
+    read = read_summary(output.url)
+    assert read == sorted(rows, key=lambda row: row.mesh)
+    assert read.to_table()["mesh"].to_pylist() == [row.mesh for row in read]
     assert Store.open(output, SETTINGS).rows == {row.mesh: row for row in rows}
     assert output.names("journal") == []
     marker = json.loads(output.read("grasp3d.json"))
@@ -136,7 +138,7 @@ def test_a_new_version_of_the_method_makes_all_rows_stale(
     memory: Folder, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     store_rows(memory, [row_of("a")])
-    monkeypatch.setattr("grasp3d.batch.identity.METHOD", 2)
+    monkeypatch.setattr("grasp3d.batch.identity.METHOD", METHOD + 1)
     assert Store.open(memory, SETTINGS).known_content(mesh_of(row_of("a"))) == ""
 
 
@@ -153,7 +155,7 @@ def test_rows_of_other_settings_are_labelled_again_or_refused(memory: Folder) ->
     assert json.loads(memory.read("grasp3d.json"))["settings"]["model"]["friction"] == 0.5
     kept.close()
     store_rows(memory, [row_of("a", settings=OTHER), row_of("b", settings=OTHER)], OTHER)
-    forced = Store.open(memory, SETTINGS, force=True)
+    forced = Store.open(memory, SETTINGS, overwrite=True)
     forced.begin(["a"])
     assert set(forced.rows) == {"a", "lost"}
     same = Store.open(memory, OTHER)
@@ -513,7 +515,7 @@ def test_results_are_removed_with_their_rows(tmp_path: Path) -> None:
     kept.add(Row("a", outcome=Outcome.REFUSED, content="x", key=mesh_key("x", SETTINGS)))
     assert output.names("labels") == ["labels/b.ply"]
     kept.close()
-    forced = Store.open(output, OTHER, force=True)
+    forced = Store.open(output, OTHER, overwrite=True)
     forced.begin(["a"])
     assert output.names("labels") == []
 

@@ -59,7 +59,8 @@ def test_warnings_and_repairs_are_printed(folder: Path) -> None:
     assert "not stated; largest extent 100: " in run.stdout
     assert "10 cm if mm" in run.stdout
     assert "labels can be trusted: no" in run.stdout
-    assert "• max_opening 0.08 is 1/1,323 of the object's size" in run.stdout
+    assert "• max_opening is 0.08, 1/1,323 of the size of ball.ply" in run.stdout
+    assert "give --unit mm and --max-opening 0.08m" in run.stdout
     assert run.stderr == ""
 
 
@@ -69,9 +70,9 @@ def test_a_folder_has_a_line_for_each_mesh_after_an_error_too(folder: Path) -> N
     run = real_grasp3d("check", "library", "-o", "report.json", cwd=folder)
     assert run.returncode == 1
     assert "Traceback" not in run.stderr
-    assert re.search(r"refused: library/broken\.stl: cannot be read as STL", run.stdout)
+    assert re.search(r"failed: library/broken\.stl: cannot be read as STL", run.stdout)
     assert "below/open [red].ply: the surface is open" in run.stdout.replace("\n", " ")
-    assert "labels can be trusted: 1 yes, 1 with care, 0 no; refused: 1" in run.stdout
+    assert "labels can be trusted: 1 yes, 1 with care, 0 no; 1 failed" in run.stdout
     report = json.loads((folder / "report.json").read_text(encoding="utf-8"))
     assert [(mesh["mesh"], mesh["trust"]) for mesh in report["meshes"]] == [
         ("below/open [red].ply", "with care"),
@@ -149,7 +150,7 @@ def test_quiet_prints_nothing(folder: Path) -> None:
     [
         (["nothing.stl"], "there is no such file or folder"),
         (["."], ""),
-        (["box.stl", "-o", "report.txt"], "no report is called '.txt'"),
+        (["box.stl", "-o", "report.txt"], "unsupported report format .txt"),
         (["box.stl", "-o", "missing/report.json"], "cannot be written"),
         (["box.stl", "--workers", "-1"], "workers must be at least 0"),
         (["box.stl", "--repair", "all"], "invalid"),
@@ -179,7 +180,22 @@ def test_a_report_never_replaces_a_mesh(folder: Path) -> None:
     assert (folder / "box.stl").read_bytes() == before
 
 
-def test_label_warns_about_lengths_in_another_unit(folder: Path) -> None:
-    run = grasp3d("label", "box.stl", "--max-opening", "80", "--max-edge", "0.04", cwd=folder)
-    assert run.returncode == 0
-    assert re.search(r"warning: max_opening 80 is [\d.,]+ times the object's size", run.stdout)
+def test_lengths_that_cannot_be_meant_are_accepted_with_force(folder: Path) -> None:
+    run = grasp3d("check", "box.stl", "--max-opening", "80", cwd=folder)
+    assert (run.returncode, "labels can be trusted: no" in run.stdout) == (1, True)
+    run = grasp3d("check", "box.stl", "--max-opening", "80", "--force", cwd=folder)
+    assert (run.returncode, "labels can be trusted: with care" in run.stdout) == (0, True)
+    assert re.search(r"max_opening is 80, [\d.,]+ times the object's size", run.stdout)
+
+
+def test_the_table_of_meshes_fits_80_columns(folder: Path) -> None:
+    long_name = "a name of a mesh that is much longer than a table is wide, as in some libraries"
+    (folder / "lib").mkdir()
+    export(folder / "lib" / f"{long_name}.stl", shapes.box((0.04, 0.06, 0.08)))
+    export(folder / "lib" / "box.stl", shapes.box((0.04, 0.06, 0.08)))
+    done = grasp3d("check", "lib", "--unit", "m", "--workers", "0", cwd=folder, columns=80)
+    heading, *lines = done.stdout.partition("labels: whether")[0].splitlines()
+    assert heading.split()[:4] == ["mesh", "labels", "faces", "size"]
+    assert max(map(len, [heading, *lines])) <= 80
+    assert [line.split()[-1] for line in lines if line.endswith("°")] == ["0.0°", "0.0°"]
+    assert "…" not in done.stdout

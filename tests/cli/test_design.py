@@ -172,9 +172,21 @@ def test_no_friction_can_be_sufficient() -> None:
     assert rows(text)[1][1] == "no"
 
 
+def test_lengths_have_units_of_their_own() -> None:
+    given = ("--fingertip-radius", "0.8cm", "--receptive-field", "3mm", "--object-size", "2in")
+    plain = ("--fingertip-radius", 8, "--receptive-field", 3, "--object-size", 50.8)
+    assert printed(*given) == printed(*plain)
+    assert facts(printed(*given, "--print-unit", "cm"))["receptive field"] == "0.3 cm"
+    error = design("--object-size", "2ft").stderr
+    assert "must be a length: a number, or a number with a unit (m, cm, mm, in)" in " ".join(
+        error.replace("│", " ").split()
+    )
+    assert "mesh" not in error
+
+
 @pytest.mark.parametrize(("unit", "radius"), [("cm", "1 cm"), ("m", "0.01 m"), ("in", "0.3937 in")])
 def test_the_default_fingertip_is_the_same_in_every_unit(unit: str, radius: str) -> None:
-    text = printed("--unit", unit, "--friction", 0.2)
+    text = printed("--print-unit", unit, "--friction", 0.2)
     assert f"fingertip: radius {radius}" in text
     assert f"below, {unit} " in text
     assert rows(text)[0][2:] == ["22.62°", "52", "52"]
@@ -245,7 +257,7 @@ def test_bad_settings_print_one_line_with_exit_code_2(name: str) -> None:
     assert run.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("arguments", [("--friction", "high"), ("--unit", "km"), ("mug.stl",)])
+@pytest.mark.parametrize("arguments", [("--friction", "high"), ("--unit", "mm"), ("mug.stl",)])
 def test_bad_usage_has_exit_code_2_and_refers_to_the_help(arguments: tuple[str, ...]) -> None:
     run = design(*arguments)
     assert run.returncode == 2

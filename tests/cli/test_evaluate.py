@@ -87,9 +87,15 @@ def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
 BAD: dict[str, tuple[list[str], str]] = {
     "no contacts": (["evaluate", "my box.stl", "no.csv"], "no.csv: there is no such file"),
     "no mesh": (["evaluate", "no.stl", "pair.json"], "there is no such file"),
-    "suffix": (["evaluate", "my box.stl", "my box.stl"], "contacts are read from .csv"),
+    "suffix": (
+        ["evaluate", "my box.stl", "my box.stl"],
+        "unsupported contacts format .stl: supported are .csv",
+    ),
     "columns": (["evaluate", "my box.stl", "bad.csv"], "found a b c"),
-    "format": (["evaluate", "my box.stl", "pair.json", "-o", "x.xlsx"], "known: .csv"),
+    "format": (
+        ["evaluate", "my box.stl", "pair.json", "-o", "x.xlsx"],
+        "unsupported table format .xlsx",
+    ),
     "output": (["evaluate", "my box.stl", "pair.json", "-o", "no/x.csv"], "cannot be written"),
     "onto the contacts": (
         ["evaluate", "my box.stl", "pair.json", "-o", "pair.json"],
@@ -174,7 +180,7 @@ def test_fewer_grasps_than_requested_are_reported(
     count = len(json.loads((folder / "my box_grasps.json").read_text())["grasps"])
     assert f"the {count} best distinct grasps" in run.stdout
     assert "5000 were requested; all others are similar to one of these" in run.stdout
-    few = ("--max-opening", "0.01", "--best", "3")
+    few = ("--max-opening", "0.01", "--best", "3", "--overwrite")
     run = grasp3d("label", "my box.stl", *TWO_FINGERS, *few, cwd=folder)
     assert run.returncode == 0
     assert "best grasps: none found" in run.stdout

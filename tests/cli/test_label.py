@@ -123,7 +123,10 @@ BAD: dict[str, tuple[list[str], str]] = {
     "coarse": (["label", "ball.ply", "--sensor-resolution", "180"], "below 180 degrees"),
     "edges": (["label", "ball.ply", "--edges", "2"], "edges must be from 3 to 360"),
     "torsion": (["label", "ball.ply", "--torsion-radius", "-1"], "torsion radius must be"),
-    "format": (["label", "ball.ply", "-o", "x.docx"], "known: .ply"),
+    "format": (
+        ["label", "ball.ply", "-o", "x.docx"],
+        "unsupported format .docx: supported are .ply",
+    ),
     "output": (["label", "ball.ply", "-o", "no/where.ply"], "cannot be written"),
     "no input": (["batch", "-o", "out"], "no input"),
     "no mesh": (["batch", "void", "-o", "out"], "no mesh in it"),

@@ -11,7 +11,6 @@ from grasp3d import GraspModel, Sampling, check_mesh
 from grasp3d.diagnosis import MeshDiagnosis, Trust, length_warnings
 from grasp3d.diagnosis.mesh_warnings import self_intersection_warnings
 from grasp3d.errors import MeshError
-from grasp3d.settings import MeshOptions
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
 
@@ -174,9 +173,9 @@ def test_stray_parts_that_enlarge_the_object_have_a_warning(
 @pytest.mark.parametrize(
     ("lengths", "expected"),
     [
-        ({"max_opening": 80.0}, "max_opening 80 is 1,000 times the object's size"),
-        ({"max_opening": 0.0004}, "max_opening 0.0004 is 1/200 of"),
-        ({"min_opening": 0.1}, "min_opening 0.1 is 1.25 times"),
+        ({"max_opening": 80.0}, "max_opening is 80 m, 1,000 times the object's size"),
+        ({"max_opening": 0.0004}, "max_opening is 0.0004 m, 1/200 of"),
+        ({"min_opening": 0.1}, "min_opening is 0.1 m, 1.25 times"),
         ({"max_opening": 0.05}, ""),
         ({"max_opening": 0.3}, ""),
         ({}, ""),
@@ -184,18 +183,18 @@ def test_stray_parts_that_enlarge_the_object_have_a_warning(
 )
 def test_lengths_in_another_unit_have_a_warning(lengths: dict[str, float], expected: str) -> None:
     sampling = Sampling(**lengths)  # type: ignore[arg-type]
-    messages = length_warnings(0.08, "m", GraspModel(), sampling, MeshOptions())
+    messages = length_warnings(sampling.lengths(), 0.08, "m")
     if not expected:
         assert not messages
         return
     (message,) = messages
     assert expected in message
-    assert "in m;" in message
+    assert "are in m" in message
 
 
 def test_warnings_about_lengths_mention_an_unstated_unit() -> None:
     model = GraspModel(torsion_radius=5.0)
-    (message,) = length_warnings(0.08, None, model, Sampling(), MeshOptions())
+    (message,) = length_warnings(model.lengths(), 0.08, None)
     assert "which is not stated" in message
 
 

@@ -11,7 +11,7 @@ from grasp3d import (
     Sampling,
     SurfaceLabels,
     label_surface,
-    mesh_from_arrays,
+    load_mesh,
     scan_surface,
 )
 from grasp3d.errors import SettingError
@@ -31,7 +31,7 @@ def labels(fingers: int) -> SurfaceLabels:
     vertices, faces = shapes.sphere(2)
     x, y, z = vertices.T
     blob = vertices * (1.0 + 0.25 * x * y + 0.15 * z**3)[:, None] * (1.0, 0.8, 1.3)
-    mesh = mesh_from_arrays(blob, faces, unit="cm", max_edge=9.0)
+    mesh = load_mesh((blob, faces), unit="cm", max_edge=9.0)
     sampling = Sampling(rays=16) if fingers == 2 else Sampling(candidates=8)
     return label_surface(mesh, GraspModel(fingers=fingers), sampling=sampling)
 
@@ -39,7 +39,7 @@ def labels(fingers: int) -> SurfaceLabels:
 @cache
 def box_labels() -> SurfaceLabels:
     """Labels of a box, with creases and many equally good grasps."""
-    mesh = mesh_from_arrays(*shapes.box((1.0, 0.7, 0.5)), max_edge=0.2)
+    mesh = load_mesh(shapes.box((1.0, 0.7, 0.5)), max_edge=0.2)
     return label_surface(mesh, GraspModel(), sampling=Sampling(rays=16))
 
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from grasp3d import GraspModel, classify, mesh_from_arrays
+from grasp3d import GraspModel, classify, load_mesh
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluation import OFF_SURFACE, evaluate_grasps
@@ -26,17 +26,17 @@ FIELDS = (
 
 @cache
 def ball() -> ObjectMesh:
-    return mesh_from_arrays(*shapes.sphere(3), unit="m", max_edge=9.0)
+    return load_mesh(shapes.sphere(3), unit="m", max_edge=9.0)
 
 
 @cache
 def blob() -> ObjectMesh:
-    return mesh_from_arrays(*shapes.lopsided(), max_edge=9.0)
+    return load_mesh(shapes.lopsided(), max_edge=9.0)
 
 
 @cache
 def block() -> ObjectMesh:
-    return mesh_from_arrays(*shapes.box((2.0, 1.0, 0.5)), max_edge=0.25)
+    return load_mesh(shapes.box((2.0, 1.0, 0.5)), max_edge=0.25)
 
 
 def random_contacts(mesh: ObjectMesh, grasps: int, fingers: int, seed: int) -> Floats:
@@ -111,7 +111,7 @@ def test_moving_object_and_contacts_together_does_not_change_results(fingers: in
     vertices, faces = shapes.lopsided()
     points = random_contacts(blob(), 30, fingers, 11)
     rotation, shift, scale = shapes.rotation(4), np.array([3.0, -20.0, 7.0]), 40.0
-    moved = mesh_from_arrays(scale * vertices @ rotation.T + shift, faces, max_edge=999.0)
+    moved = load_mesh((scale * vertices @ rotation.T + shift, faces), max_edge=999.0)
     grasps = evaluate_grasps(blob(), points)
     other = evaluate_grasps(moved, scale * points @ rotation.T + shift)
     smooth = ~grasps.contacts.on_crease.any(axis=1)
@@ -141,6 +141,9 @@ def test_contacts_at_one_point_are_no_grasp() -> None:
     grasps = evaluate_grasps(ball(), np.tile(TRIANGLE[0], (1, 3, 1)))
     assert np.isinf(grasps.critical_angle).all()
     assert (grasps.label == 0).all()
+    corner = evaluate_grasps(block(), [[[0.5, 0.5, 0.5]] * 2], GraspModel(1.2), max_distance=1.0)
+    assert corner.label[0] == 1  # two faces' normals may be opposed by enough friction
+    assert np.isinf(corner.critical_angle).all()
     assert grasps.max_resolution[0] == grasps.epsilon[0] == grasps.opening[0] == 0.0
 
 

@@ -11,7 +11,7 @@ import pyarrow as pa
 import pyarrow.parquet as pq
 import pytest
 
-from grasp3d import GraspModel, mesh_from_arrays
+from grasp3d import GraspModel, load_mesh
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.reading import read_contacts
@@ -35,7 +35,7 @@ CONTACT_COLUMNS = ["x", "y", "z", "nx", "ny", "nz", "distance", "on_crease"]
 @cache
 def grasps() -> SurfaceGrasps:
     """Grasps on faces and on a crease, and one with all its contacts at one point."""
-    mesh = mesh_from_arrays(*shapes.box(), unit="cm", max_edge=0.5)
+    mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
     found = evaluate_grasps(mesh, GRASPS, GraspModel(0.9, edges=8), max_distance=0.1)
     assert np.isinf(found.critical_angle).tolist() == [False, False, True]
     assert found.contacts.on_crease.any()
@@ -113,7 +113,7 @@ def test_files_without_grasps(tmp_path: Path) -> None:
 
 
 def test_paths_that_cannot_be_written_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"known: \.csv \.parquet \.json"):
+    with pytest.raises(OutputError, match=r"supported are \.csv \.parquet \.json"):
         write_grasps(tmp_path / "out.xlsx", grasps())
     for suffix in SUFFIXES:
         with pytest.raises(OutputError, match="cannot be written"):
@@ -216,7 +216,7 @@ def test_files_that_cannot_be_read_are_refused_in_one_line(tmp_path: Path) -> No
         ("nothing.csv", "there is no such file"),
         ("nothing.parquet", "there is no such file"),
         ("nothing.json", "there is no such file"),
-        ("contacts.txt", "contacts are read from .csv, .parquet, .json; got '.txt'"),
+        ("contacts.txt", "unsupported contacts format .txt: supported are .csv .parquet .json"),
     ):
         with pytest.raises(ContactError, match=re.escape(expected)) as caught:
             read_contacts(tmp_path / name)

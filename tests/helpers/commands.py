@@ -10,10 +10,12 @@ from unittest import mock
 from grasp3d.cli import main
 
 
-def run_here(*arguments: str | Path, cwd: Path) -> subprocess.CompletedProcess[str]:
+def run_here(
+    *arguments: str | Path, cwd: Path, columns: int = 160
+) -> subprocess.CompletedProcess[str]:
     """Run the command in a folder; a new process for each would cost seconds."""
     out, err, words = io.StringIO(), io.StringIO(), list(map(str, arguments))
-    environment = mock.patch.dict(os.environ, COLUMNS="160")
+    environment = mock.patch.dict(os.environ, COLUMNS=str(columns))
     with environment, chdir(cwd), redirect_stdout(out), redirect_stderr(err):
         try:
             code = main(words)

@@ -50,6 +50,17 @@ def lopsided() -> Surface:
     return vertices * radius[:, None] * (1.0, 0.8, 1.3), faces
 
 
+def finned() -> Surface:
+    """A bumpy ball with three thin fins, which are seen under small solid angles."""
+    parts = [trimesh.Trimesh(*lopsided())]
+    for k, angle in enumerate((0.3, 2.0, 4.1)):
+        fin = trimesh.creation.box((0.02, 1.2, 0.3))
+        fin.apply_translation((0.0, 1.2, 0.0))
+        fin.apply_transform(trimesh.transformations.rotation_matrix(angle, (1.0, 0.4 * k, 0.0)))
+        parts.append(fin)
+    return arrays(trimesh.boolean.union(parts, engine="manifold"))
+
+
 def rotation(seed: int) -> NDArray[np.float64]:
     rotated: NDArray[np.float64] = trimesh.transformations.random_rotation_matrix(
         np.random.default_rng(seed).random(3)

@@ -12,7 +12,7 @@ from grasp3d import (
     Sampling,
     SurfaceLabels,
     label_surface,
-    mesh_from_arrays,
+    load_mesh,
     scan_surface,
 )
 from grasp3d.mesh.object_mesh import MeshReport
@@ -26,7 +26,7 @@ TIMEOUT = 120.0
 @cache
 def labels() -> SurfaceLabels:
     """A cone with all labels, sharp edges, a tip, and vertices without a grasp."""
-    mesh = mesh_from_arrays(*shapes.cone(0.35, sections=24), unit="cm", max_edge=0.2)
+    mesh = load_mesh(shapes.cone(0.35, sections=24), unit="cm", max_edge=0.2)
     found = label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening=0.3))
     assert set(found.label) == {0, 1, 2}
     assert np.isinf(found.critical_angle).any()
@@ -35,13 +35,13 @@ def labels() -> SurfaceLabels:
 
 @cache
 def box() -> SurfaceLabels:
-    return label_surface(mesh_from_arrays(*shapes.box(), max_edge=0.5))
+    return label_surface(load_mesh(shapes.box(), max_edge=0.5))
 
 
 @cache
 def three_fingers() -> SurfaceLabels:
     """Labels of a sphere for three fingers."""
-    mesh = mesh_from_arrays(*shapes.sphere(1), max_edge=9.0)
+    mesh = load_mesh(shapes.sphere(1), max_edge=9.0)
     return label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8))
 
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from grasp3d._kernels import compiling
+from grasp3d._kernels import compiling, machine_code
 
 CALLEE = """
 from small.compiling import inlined, kernel, merged
@@ -40,12 +40,12 @@ REPORT = """
 import json
 import numba
 from small.caller import climb
-from small.compiling import cache_folder
+from small.machine_code import cache_folder
 print(json.dumps({
     "value": climb(0),
     "hits": sum(climb.stats.cache_hits.values()),
     "folder": str(cache_folder()),
-    "setting": numba.config.CACHE_DIR,
+    "settings": [numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES],
 }))
 """
 
@@ -117,14 +117,29 @@ def package(tmp_path: Path) -> Package:
     made.folder.mkdir()
     (made.folder / "__init__.py").touch()
     (made.folder / "caller.py").write_text(CALLER, encoding="utf-8")
-    shutil.copy(compiling.__file__, made.folder / "compiling.py")
+    for module in (compiling, machine_code):
+        source = Path(str(module.__file__))
+        text = source.read_text(encoding="utf-8").replace("grasp3d._kernels", "small")
+        (made.folder / source.name).write_text(text, encoding="utf-8")
     made.write(step=1)
     return made
 
 
-def machine_code(folder: Path) -> dict[Path, int]:
+def files(folder: Path) -> dict[Path, int]:
     """Modification time of each file of compiled kernels."""
     return {path: path.stat().st_mtime_ns for path in folder.rglob("*.nb[ic]")}
+
+
+def refuse_writing(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
+    """Refuse temporary files in a folder, by which it is tested."""
+    original = machine_code.tempfile.TemporaryFile
+
+    def temporary_file(*, dir: Path) -> Any:  # noqa: A002, its name
+        if dir == folder:
+            raise PermissionError
+        return original(dir=dir)
+
+    monkeypatch.setattr(machine_code.tempfile, "TemporaryFile", temporary_file)
 
 
 @pytest.mark.slow
@@ -138,30 +153,54 @@ def test_a_change_in_one_file_recompiles_its_callers_in_others(package: Package)
 @pytest.mark.slow
 def test_machine_code_is_cached_while_no_file_changes(package: Package) -> None:
     first = package.run()
-    stored = machine_code(package.folder)
+    stored = files(package.home / "cache" / "grasp3d")
     assert stored
     assert first["hits"] == 0
     second = package.run()
     assert (second["value"], second["hits"]) == (111, 1)
-    assert machine_code(package.folder) == stored
+    assert files(package.home) == stored
 
 
 @pytest.mark.slow
-def test_the_users_cache_is_used_where_the_package_cannot_be_written(package: Package) -> None:
-    package.block()
-    assert package.run()["hits"] == 0
-    second = package.run()
-    assert (second["value"], second["hits"]) == (111, 1)
-    assert machine_code(package.home / "cache" / "grasp3d")
+def test_copies_of_the_sources_share_their_machine_code(package: Package, tmp_path: Path) -> None:
+    """An installed package and its checkout."""
+    package.run()
+    copy = Package(tmp_path / "elsewhere")
+    shutil.copytree(package.folder, copy.folder)
+    report = copy.run(XDG_CACHE_HOME=str(package.home / "cache"))
+    assert (report["value"], report["hits"]) == (111, 1)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("variable", ["XDG_CACHE_HOME", "NUMBA_CACHE_DIR"])
-def test_kernels_run_where_no_machine_code_can_be_cached(package: Package, variable: str) -> None:
+def test_the_package_keeps_the_machine_code_where_the_user_has_no_folder(package: Package) -> None:
+    unusable = str(package.folder / "caller.py" / "below")
+    assert package.run(XDG_CACHE_HOME=unusable)["hits"] == 0
+    assert package.run(XDG_CACHE_HOME=unusable)["hits"] == 1
+    assert files(package.folder / "__pycache__")
+
+
+@pytest.mark.slow
+def test_kernels_run_where_no_machine_code_can_be_cached(package: Package) -> None:
     package.block()
-    report = package.run(**{variable: str(package.folder / "caller.py" / "below")})
+    report = package.run(XDG_CACHE_HOME=str(package.folder / "caller.py" / "below"))
     assert (report["value"], report["folder"]) == (111, "None")
-    assert not machine_code(package.home)
+    assert not files(package.home)
+
+
+@pytest.mark.slow
+def test_machine_code_that_only_another_user_can_write_is_copied(
+    package: Package, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """An administrator may write everywhere, so the roots stand for folders without permission."""
+    package.run(NUMBA_CACHE_DIR=str(package.home / "image"))
+    (compiled,) = (package.home / "image").iterdir()
+    written, name = package.home / "cache", compiled.name.removeprefix("grasp3d-kernels-")
+    monkeypatch.setattr(machine_code, "_possible_roots", lambda: [package.home / "image", written])
+    monkeypatch.setattr(machine_code, "fingerprint", lambda _: name)
+    refuse_writing(monkeypatch, compiled)
+    assert machine_code.cache_folder.__wrapped__() == written / compiled.name
+    names = {path.name for path in files(package.home / "image")}
+    assert {path.name for path in files(written)} == names != set()
 
 
 @pytest.mark.slow
@@ -169,15 +208,15 @@ def test_the_folder_set_for_numba_is_preferred(package: Package) -> None:
     chosen = package.home / "chosen"
     report = package.run(NUMBA_CACHE_DIR=str(chosen))
     assert Path(report["folder"]).parent == chosen
-    assert machine_code(chosen)
-    assert machine_code(chosen) == machine_code(package.home)
+    assert files(chosen)
+    assert files(chosen) == files(package.home)
 
 
 @pytest.mark.slow
 def test_other_packages_keep_their_own_folder(package: Package) -> None:
-    assert package.run()["setting"] == ""
+    assert package.run()["settings"] == ["", ""]
     chosen = str(package.home / "chosen")
-    assert package.run(NUMBA_CACHE_DIR=chosen)["setting"] == chosen
+    assert package.run(NUMBA_CACHE_DIR=chosen)["settings"] == [chosen, ""]
 
 
 @pytest.mark.slow
@@ -194,7 +233,7 @@ def test_a_user_without_a_home_folder(package: Package) -> None:
 @pytest.mark.slow
 def test_old_machine_code_is_removed(package: Package) -> None:
     package.run()
-    (old,) = package.folder.rglob("grasp3d-kernels-*")
+    (old,) = package.home.rglob("grasp3d-kernels-*")
     os.utime(old, (0.0, 0.0))
     package.write(step=2)
     package.run()

@@ -8,7 +8,7 @@ import pytest
 from numpy.typing import NDArray
 from random_grasps import Shape, random_contacts, regular_contacts
 
-from grasp3d import Contacts, critical_friction_angle, force_closure, mesh_from_arrays
+from grasp3d import Contacts, critical_friction_angle, force_closure, load_mesh
 from grasp3d.mesh.primitives import box_mesh
 from tests.helpers import coplanar, grasps, oracles, shapes
 
@@ -168,7 +168,7 @@ def test_the_exhaustive_search_misses_no_grasp(shape: str) -> None:
     """Compared with the angles of all triples of a very coarse mesh."""
     if shape == "ball":
         vertices, faces = shapes.sphere(1)
-        mesh = mesh_from_arrays(vertices * (1.0, 0.8, 1.3), faces, max_edge=10.0)
+        mesh = load_mesh((vertices * (1.0, 0.8, 1.3), faces), max_edge=10.0)
     else:
         mesh = box_mesh((2.0, 1.6, 1.0), max_edge=1.3)
     limit = math.radians(80.0)

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from grasp3d import ObjectMesh, mesh_from_arrays
+from grasp3d import ObjectMesh, load_mesh
 from grasp3d._kernels.surface_walks import walk
 from grasp3d.mesh.normals import paired_edges
 from grasp3d.mesh.primitives import sphere_mesh
@@ -42,7 +42,7 @@ def test_on_a_ball_a_walk_follows_a_great_circle(length: float) -> None:
 
 
 def test_a_walk_over_an_edge_of_a_box_is_straight_on_the_unfolded_faces() -> None:
-    mesh = mesh_from_arrays(*shapes.box((2.0, 2.0, 2.0)), max_edge=0.3)
+    mesh = load_mesh(shapes.box((2.0, 2.0, 2.0)), max_edge=0.3)
     rng = np.random.default_rng(0)
     for face in rng.integers(0, len(mesh.faces), 40):
         start = mesh.vertices[mesh.faces[face]].mean(axis=0)
@@ -64,7 +64,7 @@ def test_a_walk_over_an_edge_of_a_box_is_straight_on_the_unfolded_faces() -> Non
 def test_a_walk_ends_at_the_border_of_the_surface() -> None:
     vertices, faces = shapes.box((2.0, 2.0, 2.0))
     top = np.flatnonzero((vertices[faces][:, :, 2] > 0.9).all(axis=1))
-    mesh = mesh_from_arrays(vertices, faces[top], max_edge=0.5)
+    mesh = load_mesh((vertices, faces[top]), max_edge=0.5)
     for angle in np.linspace(0.0, 6.0, 9):
         end, _ = walked(mesh, 0, float(angle), 10.0)
         assert np.abs(end[:2]).max() == pytest.approx(1.0, abs=1e-3)

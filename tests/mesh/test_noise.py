@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import ConvexHull
 
-from grasp3d import mesh_from_arrays
+from grasp3d import load_mesh
 from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.normals import corner_normals
 from grasp3d.mesh.repair import repair_surface
@@ -103,7 +103,7 @@ FLAT = {
 @pytest.mark.parametrize("name", FLAT)
 def test_sharp_solids_have_no_noise_coarse_or_refined(name: str) -> None:
     assert normal_noise(*FLAT[name]) < HALF_DEGREE
-    mesh = mesh_from_arrays(*FLAT[name])
+    mesh = load_mesh(FLAT[name])
     assert normal_noise(mesh.vertices, mesh.faces) < HALF_DEGREE
 
 
@@ -124,7 +124,7 @@ def test_errors_of_normals_of_a_coarse_mesh_count_as_noise() -> None:
 
 
 def test_creases_do_not_hide_noise_nor_add_to_it() -> None:
-    box = mesh_from_arrays(*shapes.box(), max_edge=0.05)
+    box = load_mesh(shapes.box(), max_edge=0.05)
     inner = box.normal_sets.counts == 1
     for sigma in (0.02, 0.1, 0.3):
         points = noisy((box.vertices, box.faces), sigma)

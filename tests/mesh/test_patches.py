@@ -9,7 +9,7 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d import GraspModel, ObjectMesh, Sampling, SurfaceLabels, label_surface, mesh_from_arrays
+from grasp3d import GraspModel, ObjectMesh, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d._kernels.patches import make_front, measure_distances, reset_front
 from grasp3d.arrays import unit_rows
 from grasp3d.errors import SettingError
@@ -120,7 +120,7 @@ def test_on_a_ball_distances_follow_great_circles(surface: Surface) -> None:
 
 def divided(surface: Surface, edge: float) -> Surface:
     """The same surface with a longest edge."""
-    mesh = mesh_from_arrays(*surface, max_edge=edge)
+    mesh = load_mesh(surface, max_edge=edge)
     return mesh.vertices, mesh.faces
 
 
@@ -172,7 +172,7 @@ def test_an_edge_is_rounded_within_the_patch_radius(offset: float, radius: float
 
 def test_an_edge_and_a_corner_of_a_box_have_one_normal_in_the_middle() -> None:
     box = shapes.box()
-    mesh = mesh_from_arrays(*box, max_edge=0.12, patch_radius=0.2)
+    mesh = load_mesh(box, max_edge=0.12, patch_radius=0.2)
     assert (mesh.normal_sets.counts == 1).all()
     assert mesh.crease_fraction == 0.0
     assert (mesh.contact_surface.twins == -1).all()
@@ -188,7 +188,7 @@ def test_an_edge_and_a_corner_of_a_box_have_one_normal_in_the_middle() -> None:
 
 def test_no_patch_changes_nothing() -> None:
     surface = noisy(shapes.sphere(2), 0.02)
-    plain, off = mesh_from_arrays(*surface), mesh_from_arrays(*surface, patch_radius=0.0)
+    plain, off = load_mesh(surface), load_mesh(surface, patch_radius=0.0)
     assert np.array_equal(plain.corner_normals.normals, off.corner_normals.normals)
     assert np.array_equal(plain.corner_normals.corners, off.corner_normals.corners)
     assert plain.report == off.report
@@ -232,8 +232,7 @@ def test_a_finer_mesh_of_the_same_surface_has_the_same_patches() -> None:
     own = slice(0, len(surface[0]))
     for radius, most in ((0.4, 1.0), (0.8, 0.5)):
         coarse, fine = (
-            mesh_from_arrays(*surface, max_edge=edge, patch_radius=radius)
-            for edge in (COARSE, 0.12)
+            load_mesh(surface, max_edge=edge, patch_radius=radius) for edge in (COARSE, 0.12)
         )
         assert len(fine.vertices) > 4 * len(coarse.vertices)
         gap = turns(coarse.normals[own], fine.normals[own])
@@ -281,7 +280,7 @@ def test_on_a_ring_a_patch_tilts_the_normal_according_to_the_curvature(radius: f
 
 def test_the_two_sides_of_a_plate_are_not_mixed() -> None:
     vertices, faces = shapes.box((2.0, 2.0, 0.01))
-    mesh = mesh_from_arrays(vertices, faces, max_edge=0.1, patch_radius=0.3)
+    mesh = load_mesh((vertices, faces), max_edge=0.1, patch_radius=0.3)
     inner = (np.abs(mesh.vertices[:, :2]) < 0.69).all(axis=1)
     assert inner.sum() > 300
     sides = np.column_stack([np.zeros((inner.sum(), 2)), -np.sign(mesh.vertices[inner, 2])])
@@ -292,7 +291,7 @@ def test_the_two_sides_of_a_plate_are_not_mixed() -> None:
 
 def test_the_inside_and_the_outside_of_a_wall_are_not_mixed() -> None:
     tube = trimesh.creation.annulus(0.45, 0.5, 1.0, sections=48)
-    mesh = mesh_from_arrays(tube.vertices, tube.faces, max_edge=0.1, patch_radius=0.15)
+    mesh = load_mesh((tube.vertices, tube.faces), max_edge=0.1, patch_radius=0.15)
     wall = np.abs(mesh.vertices[:, 2]) < 0.33
     radial = mesh.vertices[wall] * (1.0, 1.0, 0.0)
     outside = np.linalg.norm(radial, axis=1) > 0.47
@@ -303,8 +302,8 @@ def test_the_inside_and_the_outside_of_a_wall_are_not_mixed() -> None:
 def test_where_normals_cancel_a_vertex_keeps_its_normals() -> None:
     """The rim of a plate and the tip of a needle; a blunter tip is rounded."""
     plate = shapes.box((2.0, 2.0, 0.01))
-    kept = mesh_from_arrays(*plate, max_edge=0.2, patch_radius=0.3)
-    plain = mesh_from_arrays(*plate, max_edge=0.2)
+    kept = load_mesh(plate, max_edge=0.2, patch_radius=0.3)
+    plain = load_mesh(plate, max_edge=0.2)
     rim = (np.abs(plain.vertices[:, :2]) == 1.0).any(axis=1)
     assert np.array_equal(kept.normal_sets.counts[rim], plain.normal_sets.counts[rim])
     assert (kept.normal_sets.counts[rim] > 1).sum() > 40
@@ -312,9 +311,7 @@ def test_where_normals_cancel_a_vertex_keeps_its_normals() -> None:
     assert np.array_equal(kept.normals[rim], plain.normals[rim])
     assert (kept.contact_surface.twins >= 0).any()
     for half_angle, single in ((0.05, False), (0.3, True)):
-        pointed = mesh_from_arrays(
-            *shapes.cone(half_angle, sections=16), max_edge=0.2, patch_radius=0.3
-        )
+        pointed = load_mesh(shapes.cone(half_angle, sections=16), max_edge=0.2, patch_radius=0.3)
         tip = int(np.argmax(pointed.vertices[:, 2]))
         assert (pointed.normal_sets.counts[tip] == 1) == single
         if single:
@@ -365,14 +362,14 @@ def test_a_patch_includes_all_faces_at_an_edge_whose_vertices_keep_their_normals
 def test_joined_vertices_share_their_patch() -> None:
     vertices, faces = shapes.box()
     twice = np.vstack([vertices, vertices]), np.vstack([faces[:6], faces[6:] + 8])
-    one = mesh_from_arrays(vertices, faces, max_edge=0.2, patch_radius=0.3)
-    two = mesh_from_arrays(*twice, max_edge=0.2, patch_radius=0.3)
+    one = load_mesh((vertices, faces), max_edge=0.2, patch_radius=0.3)
+    two = load_mesh(twice, max_edge=0.2, patch_radius=0.3)
     assert two.normals[:8] == pytest.approx(one.normals[:8], abs=1e-3)
     assert np.array_equal(two.normals[:8], two.normals[8:16])
 
 
 def test_corners_and_sets_agree() -> None:
-    mesh = mesh_from_arrays(*noisy(shapes.sphere(2), 0.03), max_edge=0.2, patch_radius=0.3)
+    mesh = load_mesh(noisy(shapes.sphere(2), 0.03), max_edge=0.2, patch_radius=0.3)
     corners = mesh.corner_normals
     assert (corners.vertices[corners.corners] == mesh.faces).all()
     assert np.linalg.norm(corners.normals, axis=1) == pytest.approx(1.0)
@@ -383,21 +380,19 @@ def test_corners_and_sets_agree() -> None:
 
 def test_a_patch_that_would_reach_around_the_object_is_refused() -> None:
     with pytest.raises(SettingError, match=r"patch_radius is 1.1, but the object's size is 2") as e:
-        mesh_from_arrays(*shapes.sphere(2), patch_radius=1.1)
+        load_mesh(shapes.sphere(2), patch_radius=1.1)
     assert "\n" not in str(e.value)
     assert (
-        mesh_from_arrays(
-            *shapes.sphere(2), max_edge=COARSE, patch_radius=0.99
-        ).normal_sets.counts.max()
+        load_mesh(shapes.sphere(2), max_edge=COARSE, patch_radius=0.99).normal_sets.counts.max()
         == 1
     )
 
 
 def test_patches_that_would_take_hours_are_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(patches, "MOST_VISITS", 1e6)
-    mesh_from_arrays(*shapes.sphere(3), patch_radius=0.1)
+    load_mesh(shapes.sphere(3), patch_radius=0.1)
     with pytest.raises(SettingError, match="would take hours; give a smaller one"):
-        mesh_from_arrays(*shapes.sphere(3), patch_radius=0.9)
+        load_mesh(shapes.sphere(3), patch_radius=0.9)
 
 
 def test_a_patch_smaller_than_a_facet_gives_a_warning() -> None:
@@ -405,7 +400,7 @@ def test_a_patch_smaller_than_a_facet_gives_a_warning() -> None:
     width = 2.0 * 0.5 * math.sin(math.pi / 16.0)
     assert facet_width(prism.vertices, prism.faces, 0.5) == pytest.approx(width, rel=1e-6)
     small, enough = (
-        mesh_from_arrays(prism.vertices, prism.faces, max_edge=0.1, patch_radius=radius)
+        load_mesh((prism.vertices, prism.faces), max_edge=0.1, patch_radius=radius)
         for radius in (0.9 * width, 1.1 * width)
     )
     assert "less than the mean width of the mesh's facets, 0.195" in small.report.warnings[0]
@@ -415,9 +410,9 @@ def test_a_patch_smaller_than_a_facet_gives_a_warning() -> None:
 def test_a_patch_smaller_than_the_edges_gives_a_warning_and_a_box_has_no_facets() -> None:
     vertices, faces = shapes.box()
     assert facet_width(vertices, faces, math.radians(30.0)) == 0.0
-    (warning,) = mesh_from_arrays(vertices, faces, max_edge=0.2, patch_radius=0.05).report.warnings
+    (warning,) = load_mesh((vertices, faces), max_edge=0.2, patch_radius=0.05).report.warnings
     assert "less than the mean edge of the refined mesh" in warning
-    assert mesh_from_arrays(vertices, faces, max_edge=0.1, patch_radius=0.1).report.warnings == ()
+    assert load_mesh((vertices, faces), max_edge=0.1, patch_radius=0.1).report.warnings == ()
 
 
 def agreement(one: SurfaceLabels, two: SurfaceLabels) -> float:
@@ -429,7 +424,7 @@ def agreement(one: SurfaceLabels, two: SurfaceLabels) -> float:
 def labels_of(
     surface: Surface, radius: float = 0.0, sampling: Sampling | None = None
 ) -> SurfaceLabels:
-    mesh = mesh_from_arrays(*surface, max_edge=COARSE, patch_radius=radius)
+    mesh = load_mesh(surface, max_edge=COARSE, patch_radius=radius)
     return label_surface(mesh, GraspModel(), sampling=sampling)
 
 

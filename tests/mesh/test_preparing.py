@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from grasp3d import ObjectMesh, load_mesh, mesh_from_arrays
+from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import has_area, is_closed, rounding_of, signed_volumes
 from grasp3d.mesh.normals import corner_normals, crease_twins, paired_edges
@@ -14,7 +14,7 @@ from tests.helpers.shapes import Surface
 
 def test_a_box_is_closed_with_a_volume_and_refined() -> None:
     vertices, faces = shapes.box((1.0, 2.0, 3.0))
-    mesh = mesh_from_arrays(vertices + 10.0, faces, unit="cm")
+    mesh = load_mesh((vertices + 10.0, faces), unit="cm")
     assert mesh.report.closed
     assert mesh.report.warnings == mesh.report.repairs == ()
     assert mesh.volume == pytest.approx(6.0)
@@ -33,7 +33,7 @@ def edges(vertices: np.ndarray, faces: np.ndarray) -> np.ndarray:
 
 
 def test_the_volume_and_centre_of_mass_of_a_cone() -> None:
-    mesh = mesh_from_arrays(*shapes.cone(0.3, height=2.0, sections=256))
+    mesh = load_mesh(shapes.cone(0.3, height=2.0, sections=256))
     radius = 2.0 * math.tan(0.3)
     assert mesh.volume == pytest.approx(math.pi * radius**2 * 2.0 / 3.0, rel=1e-3)
     assert mesh.center_mass == pytest.approx([0.0, 0.0, 0.5], abs=1e-9)
@@ -41,18 +41,18 @@ def test_the_volume_and_centre_of_mass_of_a_cone() -> None:
 
 def test_far_from_the_origin_precision_is_kept() -> None:
     vertices, faces = shapes.sphere(3)
-    near, far = mesh_from_arrays(vertices, faces), mesh_from_arrays(vertices + 1e6, faces)
+    near, far = load_mesh((vertices, faces)), load_mesh((vertices + 1e6, faces))
     assert far.volume == pytest.approx(near.volume, rel=1e-8)
     assert far.center_mass - 1e6 == pytest.approx(near.center_mass, abs=1e-8)
     assert far.size == pytest.approx(near.size, rel=1e-8)
 
 
 def test_smooth_normals_are_interpolated_and_creases_have_sets() -> None:
-    mesh = mesh_from_arrays(*shapes.sphere(3))
+    mesh = load_mesh(shapes.sphere(3))
     assert (mesh.normal_sets.counts == 1).all()
     gap = [oracles.angle(n, -v) for n, v in zip(mesh.normals, mesh.vertices, strict=True)]
     assert max(gap) < math.radians(0.5)
-    box = mesh_from_arrays(*shapes.box())
+    box = load_mesh(shapes.box())
     middle = np.abs(box.vertices).max(axis=1) == 0.5
     extreme = (np.abs(box.vertices) == 0.5).sum(axis=1)
     assert middle.all()
@@ -62,7 +62,7 @@ def test_smooth_normals_are_interpolated_and_creases_have_sets() -> None:
 def test_a_coarse_round_surface_stays_round_when_refined() -> None:
     """Normals inside the long facets of a cylinder are continuous from facet to facet."""
     cylinder = trimesh.creation.cylinder(0.5, 2.0, sections=32)
-    mesh = mesh_from_arrays(cylinder.vertices, cylinder.faces)
+    mesh = load_mesh((cylinder.vertices, cylinder.faces))
     side = np.abs(mesh.vertices[:, 2]) < 0.9
     radial = mesh.vertices[side] * (-1.0, -1.0, 0.0)
     gap = [oracles.angle(n, r) for n, r in zip(mesh.normals[side], radial, strict=True)]
@@ -71,7 +71,7 @@ def test_a_coarse_round_surface_stays_round_when_refined() -> None:
 
 
 def test_the_tip_of_a_cone_has_many_normals() -> None:
-    mesh = mesh_from_arrays(*shapes.cone(0.3))
+    mesh = load_mesh(shapes.cone(0.3))
     tip = int(np.argmax(mesh.vertices[:, 2]))
     assert mesh.normal_sets.counts[tip] > 10
     assert mesh.normal_sets.centres[tip] == pytest.approx([0.0, 0.0, -1.0], abs=1e-6)
@@ -80,15 +80,15 @@ def test_the_tip_of_a_cone_has_many_normals() -> None:
 
 def test_the_crease_angle_decides_what_is_smooth() -> None:
     prism = trimesh.creation.cylinder(0.5, 1.0, sections=8)  # edges of 45 degrees
-    sharp = mesh_from_arrays(prism.vertices, prism.faces)
-    smooth = mesh_from_arrays(prism.vertices, prism.faces, crease_angle=math.radians(50.0))
+    sharp = load_mesh((prism.vertices, prism.faces))
+    smooth = load_mesh((prism.vertices, prism.faces), crease_angle=math.radians(50.0))
     for mesh, counts in ((sharp, {1, 2}), (smooth, {1})):
         side = np.abs(mesh.vertices[:, 2]) < 0.4
         assert set(mesh.normal_sets.counts[side]) == counts
 
 
 def test_twins_are_across_each_crease() -> None:
-    mesh = mesh_from_arrays(*shapes.box(), max_edge=0.3)
+    mesh = load_mesh(shapes.box(), max_edge=0.3)
     corners = mesh.corner_normals
     twins = crease_twins(mesh.faces, corners.corners)
     along = 0
@@ -115,7 +115,7 @@ def duplicated() -> Surface:
 
 def test_vertices_at_one_position_are_joined_and_keep_their_rows() -> None:
     vertices, faces = duplicated()
-    mesh = mesh_from_arrays(vertices, faces)
+    mesh = load_mesh((vertices, faces))
     assert mesh.report.closed
     assert mesh.file_vertices == 16
     assert np.array_equal(mesh.vertices[:16], vertices)
@@ -127,7 +127,7 @@ def test_vertices_at_one_position_are_joined_and_keep_their_rows() -> None:
 
 def test_unused_vertices_stay_where_they_are() -> None:
     vertices, faces = shapes.box()
-    mesh = mesh_from_arrays(np.insert(vertices, 3, [9.0, 9.0, 9.0], axis=0), faces + (faces >= 3))
+    mesh = load_mesh((np.insert(vertices, 3, [9.0, 9.0, 9.0], axis=0), faces + (faces >= 3)))
     assert not mesh.on_surface[3]
     assert mesh.on_surface.sum() == len(mesh.vertices) - 1
     assert mesh.size == pytest.approx(math.sqrt(3.0))
@@ -139,7 +139,7 @@ def test_degenerate_and_repeated_faces_are_left_out_and_counted() -> None:
     vertices = np.vstack([vertices, middle])
     needle = [faces[0][0], 8, faces[0][1]]
     extra = [faces[3][[1, 2, 0]], [0, 0, 1], needle]
-    mesh = mesh_from_arrays(vertices, np.vstack([faces, extra]))
+    mesh = load_mesh((vertices, np.vstack([faces, extra])))
     assert [step.count for step in mesh.report.repairs] == [1, 1, 1]
     assert mesh.vertex_areas.sum() == pytest.approx(6.0)
 
@@ -157,8 +157,8 @@ def test_faces_without_area_are_found_by_the_rounding_of_the_coordinates() -> No
 @pytest.mark.parametrize("shape", [shapes.sphere(2), shapes.box(), shapes.tube(), shapes.torus()])
 def test_an_inside_out_mesh_is_turned_and_reported(shape: Surface) -> None:
     vertices, faces = shape
-    mesh = mesh_from_arrays(vertices, faces[:, ::-1])
-    good = mesh_from_arrays(vertices, faces)
+    mesh = load_mesh((vertices, faces[:, ::-1]))
+    good = load_mesh((vertices, faces))
     assert mesh.volume == pytest.approx(good.volume)
     assert f"{len(faces)} faces turned: they were inside out" in map(str, mesh.report.repairs)
     own = slice(0, len(vertices))
@@ -169,18 +169,18 @@ def test_mixed_winding_is_made_consistent() -> None:
     vertices, faces = shapes.sphere(2)
     mixed = faces.copy()
     mixed[::5] = mixed[::5, ::-1]
-    mesh = mesh_from_arrays(vertices, mixed)
+    mesh = load_mesh((vertices, mixed))
     assert mesh.report.closed
-    assert mesh.volume == pytest.approx(mesh_from_arrays(vertices, faces).volume)
+    assert mesh.volume == pytest.approx(load_mesh((vertices, faces)).volume)
     assert "turned to agree with neighbours" in " ".join(map(str, mesh.report.repairs))
 
 
 def test_one_inside_out_body_beside_another_is_turned() -> None:
     vertices, faces = shapes.sphere(2)
     both = np.vstack([vertices, vertices + [5.0, 0.0, 0.0]])
-    mesh = mesh_from_arrays(both, np.vstack([faces, faces[:, ::-1] + len(vertices)]))
+    mesh = load_mesh((both, np.vstack([faces, faces[:, ::-1] + len(vertices)])))
     assert mesh.report.bodies == 2
-    assert mesh.volume == pytest.approx(2.0 * mesh_from_arrays(vertices, faces).volume)
+    assert mesh.volume == pytest.approx(2.0 * load_mesh((vertices, faces)).volume)
 
 
 def ball_at(center: list[float], radius: float) -> Surface:
@@ -205,9 +205,9 @@ def outward_fraction(mesh: ObjectMesh, first: int, middle: list[float]) -> float
 def test_an_inside_out_ball_in_the_hole_of_a_ring_is_no_cavity() -> None:
     ring = shapes.torus(1.0, 0.3)
     vertices, faces = ball_at([0.0, 0.0, 0.0], 0.2)
-    mesh = mesh_from_arrays(*joined(ring, (vertices, faces[:, ::-1])))
+    mesh = load_mesh(joined(ring, (vertices, faces[:, ::-1])))
     assert outward_fraction(mesh, len(ring[0]), [0.0, 0.0, 0.0]) == 1.0
-    good = mesh_from_arrays(*joined(ring, (vertices, faces)))
+    good = load_mesh(joined(ring, (vertices, faces)))
     assert mesh.volume == pytest.approx(good.volume)
 
 
@@ -215,21 +215,21 @@ def test_a_closed_body_beside_an_open_one_is_oriented_by_itself() -> None:
     bowl, rim = shapes.sphere(3)
     rim = rim[bowl[rim].mean(axis=1)[:, 2] < 0.0]
     vertices, faces = ball_at([5.0, 0.0, 0.0], 1.0)
-    mesh = mesh_from_arrays(*joined((bowl, rim), (vertices, faces[:, ::-1])))
+    mesh = load_mesh(joined((bowl, rim), (vertices, faces[:, ::-1])))
     assert not mesh.report.closed
     assert outward_fraction(mesh, len(bowl), [5.0, 0.0, 0.0]) == 1.0
 
 
 def test_a_body_within_another_and_wound_alike_gives_a_warning() -> None:
-    mesh = mesh_from_arrays(*joined(shapes.sphere(3), ball_at([0.1, 0.0, 0.0], 0.5)))
+    mesh = load_mesh(joined(shapes.sphere(3), ball_at([0.1, 0.0, 0.0], 0.5)))
     assert "1 body within others" in mesh.report.warnings[0]
-    assert mesh.volume == pytest.approx(mesh_from_arrays(*shapes.sphere(3)).volume)
+    assert mesh.volume == pytest.approx(load_mesh(shapes.sphere(3)).volume)
 
 
 def test_a_tray_is_not_closed_to_a_box() -> None:
     vertices, faces = shapes.box()
     top = (vertices[faces][:, :, 2] == 0.5).all(axis=1)
-    mesh = mesh_from_arrays(vertices, faces[~top])
+    mesh = load_mesh((vertices, faces[~top]))
     assert not mesh.report.closed
     assert mesh.report.repairs == ()
     assert "open" in mesh.report.warnings[0]
@@ -250,7 +250,7 @@ def test_a_needle_in_a_flat_face_makes_no_crease() -> None:
     bent = np.vstack([faces[1:], cut])
     for seed in range(20):
         turned = np.float64(np.float32(points @ shapes.rotation(seed).T))
-        mesh = mesh_from_arrays(turned, bent)
+        mesh = load_mesh((turned, bent))
         sharp = mesh.normal_sets.counts >= 2
         back = np.abs(mesh.vertices @ shapes.rotation(seed))
         assert ((np.abs(back[sharp] - 0.05) < 1e-6).sum(axis=1) >= 2).all()
@@ -258,7 +258,7 @@ def test_a_needle_in_a_flat_face_makes_no_crease() -> None:
 
 def test_a_sheet_with_two_sides_has_normals_whatever_the_crease_angle() -> None:
     vertices = np.array([[0.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-    mesh = mesh_from_arrays(vertices, [[0, 1, 2], [0, 2, 1]], crease_angle=math.pi)
+    mesh = load_mesh((vertices, [[0, 1, 2], [0, 2, 1]]), crease_angle=math.pi)
     assert np.linalg.norm(mesh.corner_normals.normals, axis=1) == pytest.approx(1.0)
 
 
@@ -266,16 +266,16 @@ def test_a_sheet_with_two_sides_has_normals_whatever_the_crease_angle() -> None:
 def test_sizes_out_of_range_are_refused(scale: float) -> None:
     vertices, faces = shapes.box()
     with pytest.raises(MeshError, match="scale the mesh"):
-        mesh_from_arrays(vertices * scale, faces)
+        load_mesh((vertices * scale, faces))
 
 
 def test_a_cavity_stays_a_cavity() -> None:
     vertices, faces = shapes.sphere(3)
     both = np.vstack([vertices, 0.5 * vertices])
     wound = np.vstack([faces, faces[:, ::-1] + len(vertices)])
-    full = mesh_from_arrays(vertices, faces).volume
+    full = load_mesh((vertices, faces)).volume
     for winding in (wound, wound[:, ::-1]):
-        mesh = mesh_from_arrays(both, winding)
+        mesh = load_mesh((both, winding))
         assert mesh.volume == pytest.approx(full * 7.0 / 8.0)
         inner = np.linalg.norm(mesh.vertices, axis=1) < 0.6
         outward = np.einsum("ij,ij->i", -mesh.normals, mesh.vertices)
@@ -285,10 +285,10 @@ def test_a_cavity_stays_a_cavity() -> None:
 
 def test_a_missing_triangle_is_filled_and_a_large_hole_is_reported() -> None:
     vertices, faces = shapes.sphere(2)
-    repaired = mesh_from_arrays(vertices, faces[1:])
+    repaired = load_mesh((vertices, faces[1:]))
     assert repaired.report.closed
     assert "1 face added to close holes" in " ".join(map(str, repaired.report.repairs))
-    opened = mesh_from_arrays(vertices, faces[vertices[faces].mean(axis=1)[:, 2] < 0.5])
+    opened = load_mesh((vertices, faces[vertices[faces].mean(axis=1)[:, 2] < 0.5]))
     assert not opened.report.closed
     assert opened.report.center_mass_from == "surface"
     assert math.isnan(opened.volume)
@@ -299,7 +299,7 @@ def test_an_open_mesh_inside_out_is_turned_by_its_outermost_faces() -> None:
     vertices, faces = shapes.sphere(3)
     opened = faces[vertices[faces].mean(axis=1)[:, 2] < 0.5]
     for winding in (opened, opened[:, ::-1]):
-        mesh = mesh_from_arrays(vertices, winding)
+        mesh = load_mesh((vertices, winding))
         used = mesh.on_surface
         assert (np.einsum("ij,ij->i", mesh.normals[used], mesh.vertices[used]) < 0.0).all()
 
@@ -307,7 +307,7 @@ def test_an_open_mesh_inside_out_is_turned_by_its_outermost_faces() -> None:
 def test_two_boxes_that_share_an_edge_are_closed() -> None:
     vertices, faces = shapes.box()
     both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
-    mesh = mesh_from_arrays(both, np.vstack([faces, faces + 8]))
+    mesh = load_mesh((both, np.vstack([faces, faces + 8])))
     assert mesh.report.closed
     assert mesh.volume == pytest.approx(2.0)
 
@@ -353,32 +353,32 @@ def test_normals_are_averaged_by_angle_for_any_tessellation() -> None:
         ([[0, 0, 0], [1, 0, 0]], np.empty((0, 3)), "holds no faces"),
         ([[0, 0], [1, 0]], [[0, 1, 1]], "vertices must have shape"),
         ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0, 1, -1]], "uses vertex -1"),
-        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0.9, 1.2, 2.7]], "numbers of the right kind"),
-        ([["a", "b", "c"]], [[0, 0, 0]], "numbers of the right kind"),
+        ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], [[0.9, 1.2, 2.7]], "faces must be whole numbers"),
+        ([["a", "b", "c"]], [[0, 0, 0]], "vertices must be real numbers"),
     ],
 )
 def test_arrays_that_are_no_surface_are_refused(
     vertices: list[list[float]], faces: list[list[int]], message: str
 ) -> None:
     with pytest.raises(MeshError, match=message):
-        mesh_from_arrays(vertices, faces)
+        load_mesh((vertices, faces))
 
 
 def test_a_max_edge_that_would_fill_the_memory_is_refused() -> None:
     with pytest.raises(MeshError, match="give a longer max_edge"):
-        mesh_from_arrays(*shapes.box(), max_edge=1e-5)
+        load_mesh(shapes.box(), max_edge=1e-5)
 
 
 @pytest.mark.parametrize(("unit", "implausible"), [("m", True), ("mm", False), ("cm", False)])
 def test_an_implausible_size_for_its_unit_gives_a_warning(unit: str, implausible: bool) -> None:
     vertices, faces = shapes.box((80.0, 60.0, 90.0))
-    mesh = mesh_from_arrays(vertices, faces, unit=unit)  # type: ignore[arg-type]
+    mesh = load_mesh((vertices, faces), unit=unit)  # type: ignore[arg-type]
     assert bool(mesh.report.warnings) == implausible
     assert mesh.size == pytest.approx(math.sqrt(80.0**2 + 60.0**2 + 90.0**2))
 
 
 def test_results_cannot_be_written_to() -> None:
-    mesh = mesh_from_arrays(*shapes.box())
+    mesh = load_mesh(shapes.box())
     with pytest.raises(ValueError, match="read-only"):
         mesh.vertices[0] = 0.0
 
@@ -393,8 +393,6 @@ def test_load_mesh_reads_what_the_file_has(tmp_path) -> None:  # type: ignore[no
 
 
 def test_creases_take_less_area_on_a_finer_mesh() -> None:
-    coarse, fine = (
-        mesh_from_arrays(*shapes.box(), max_edge=edge).crease_fraction for edge in (0.1, 0.05)
-    )
+    coarse, fine = (load_mesh(shapes.box(), max_edge=edge).crease_fraction for edge in (0.1, 0.05))
     assert 0.3 * coarse < fine < 0.7 * coarse < 0.2
-    assert mesh_from_arrays(*shapes.sphere()).crease_fraction == 0.0
+    assert load_mesh(shapes.sphere()).crease_fraction == 0.0

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from grasp3d import mesh_from_arrays
+from grasp3d import load_mesh
 from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
 from grasp3d._kernels.ray_tracing import STEP, Rays
 from grasp3d.mesh.ray_tracing import SurfaceRays
@@ -15,7 +15,7 @@ def exits_found(shape: Surface, seed: int, count: int) -> tuple[int, int]:
     Each ray is limited to the opening of one exit after another, so that the grasp found
     identifies the crossing.
     """
-    mesh = mesh_from_arrays(*shape)
+    mesh = load_mesh(shape)
     surface, sets = mesh.contact_surface, mesh.contact_normals
     tracer = SurfaceRays(surface, sets)
     rng = np.random.default_rng(seed)

@@ -6,7 +6,7 @@ import pytest
 import trimesh
 from scipy.spatial import ConvexHull
 
-from grasp3d import ObjectMesh, Sampling, label_surface, mesh_from_arrays
+from grasp3d import ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d.arrays import first_at_position
 from grasp3d.errors import MeshError
 from grasp3d.mesh.measures import (
@@ -34,7 +34,7 @@ def repaired(surface: Surface, level: Repair = "safe") -> RepairedSurface:
 
 
 def prepared(surface: Surface, level: Repair = "safe") -> ObjectMesh:
-    return mesh_from_arrays(*surface, max_edge=COARSE, repair=level)
+    return load_mesh(surface, max_edge=COARSE, repair=level)
 
 
 def counts(surface: RepairedSurface | ObjectMesh) -> dict[str, int]:
@@ -238,19 +238,19 @@ def test_three_overlapping_balls_have_the_volume_of_their_union() -> None:
 def test_a_chain_of_boxes_is_one_bar_with_its_labels() -> None:
     boxes = [moved(shapes.box((1.2, 1.0, 1.0)), (float(k), 0.0, 0.0)) for k in range(5)]
     surface = joined(*boxes)
-    mesh = mesh_from_arrays(*surface)
+    mesh = load_mesh(surface)
     assert mesh.report.bodies == 1
     assert counts(mesh) == {"united": 5}
     assert mesh.volume == pytest.approx(5.2)
     assert mesh.center_mass == pytest.approx([2.0, 0.0, 0.0], abs=1e-8)
     labels = label_surface(mesh, sampling=Sampling(rays=16))
-    bar = mesh_from_arrays(*moved(shapes.box((5.2, 1.0, 1.0)), (2.0, 0.0, 0.0)))
+    bar = load_mesh(moved(shapes.box((5.2, 1.0, 1.0)), (2.0, 0.0, 0.0)))
     expected = label_surface(bar, sampling=Sampling(rays=16)).fractions()
     assert labels.fractions() == pytest.approx(expected, abs=0.05)
 
 
 def test_an_enclosed_vertex_belongs_to_no_face() -> None:
-    mesh = mesh_from_arrays(*joined(shapes.box(), moved(shapes.box(), (0.4, 0.3, 0.2))))
+    mesh = load_mesh(joined(shapes.box(), moved(shapes.box(), (0.4, 0.3, 0.2))))
     labels = label_surface(mesh, sampling=Sampling(rays=16))
     swallowed = labels.reason[:16] == Reason.OFF_SURFACE
     assert swallowed.sum() == 2

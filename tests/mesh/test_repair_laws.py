@@ -11,7 +11,7 @@ import trimesh
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh, mesh_from_arrays
+from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
 
@@ -129,7 +129,7 @@ SOUND: dict[str, Callable[[], Surface]] = {"blob": blob, "ring": ring, "mug": mu
 
 
 def labelled(vertices: np.ndarray, faces: np.ndarray) -> SurfaceLabels:
-    mesh = mesh_from_arrays(vertices, faces, max_edge=COARSE * np.ptp(vertices))
+    mesh = load_mesh((vertices, faces), max_edge=COARSE * np.ptp(vertices))
     return label_surface(mesh, MODEL, sampling=Sampling(rays=16))
 
 
@@ -208,7 +208,7 @@ def test_a_mug_is_repaired() -> None:
 @pytest.mark.parametrize("level", ["none", "safe", "full"])
 def test_a_sound_surface_is_not_changed(name: str, level: str) -> None:
     vertices, faces = SOUND[name]()
-    mesh = mesh_from_arrays(vertices, faces, max_edge=COARSE, repair=level)  # type: ignore[arg-type]
+    mesh = load_mesh((vertices, faces), max_edge=COARSE, repair=level)  # type: ignore[arg-type]
     assert mesh.report.repairs == mesh.report.warnings == ()
     assert np.array_equal(mesh.faces, faces)
     assert np.array_equal(mesh.vertices, vertices)

@@ -10,8 +10,8 @@ from grasp3d.mesh.measures import signed_volumes
 from grasp3d.mesh.repair import RepairedSurface, boxes, repair_surface
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.repair.boxes import enclosed, overlap_groups, overlapping
-from grasp3d.mesh.repair.records import counted
 from grasp3d.mesh.repair.seams import without_slits
+from grasp3d.system.counts import counted
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
 

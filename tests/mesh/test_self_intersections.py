@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from grasp3d import mesh_from_arrays
+from grasp3d import load_mesh
 from grasp3d.mesh.repair import repair_surface
 from grasp3d.mesh.self_intersections import Crossings, crossings
 from grasp3d.reading import read_mesh
@@ -172,7 +172,7 @@ CLEAN = {
 @pytest.mark.parametrize("name", CLEAN)
 def test_clean_surfaces_cross_nowhere_refined_or_rounded(name: str) -> None:
     points, faces = normalised(CLEAN[name])
-    mesh = mesh_from_arrays(points, faces)
+    mesh = load_mesh((points, faces))
     turned = points @ shapes.rotation(3).T
     rounded = (turned + 0.3).astype(np.float32).astype(np.float64) - 0.3
     for shape in ((points, faces), (mesh.normalized, mesh.faces), (rounded, faces)):

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from grasp3d import load_mesh, mesh_from_arrays
+from grasp3d import load_mesh
 from grasp3d.mesh import ObjectMesh, surface_points
 from grasp3d.mesh.surface_points import nearest_surface_point, nearest_surface_points
 from tests.helpers import shapes
@@ -19,14 +19,14 @@ def sliver_and_specks() -> ObjectMesh:
     plate, plate_faces = shapes.box((2.0, 1.0, 1e-4))
     vertices = np.concatenate([plate, ball + (0.9, 0.0, 0.2)])
     surface = np.concatenate([plate_faces, faces + len(plate)])
-    return mesh_from_arrays(vertices, surface, max_edge=2.0)
+    return load_mesh((vertices, surface), max_edge=2.0)
 
 
 MESHES = {
     "mug": lambda: load_mesh(shapes.LIBRARY / "mug.glb", max_edge=1.0),
-    "lopsided": lambda: mesh_from_arrays(*shapes.lopsided(), max_edge=9.0),
+    "lopsided": lambda: load_mesh(shapes.lopsided(), max_edge=9.0),
     "slivers": sliver_and_specks,
-    "box": lambda: mesh_from_arrays(*shapes.box((1.0, 2.0, 3.0))),
+    "box": lambda: load_mesh(shapes.box((1.0, 2.0, 3.0))),
 }
 
 
@@ -71,7 +71,7 @@ def test_points_on_borders_have_exact_coordinates() -> None:
 
 
 def test_points_beyond_the_limit_have_no_surface_point() -> None:
-    mesh = mesh_from_arrays(*shapes.sphere(3), max_edge=9.0)
+    mesh = load_mesh(shapes.sphere(3), max_edge=9.0)
     away = np.array([1.0, 1.009, 1.011, 1.1, 50.0, 0.9, 0.0])
     points = away[:, None] * mesh.vertices[7]
     found, positions, distances = nearest_surface_points(mesh, points, limit=0.01)

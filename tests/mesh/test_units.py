@@ -5,9 +5,17 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d import mesh_from_arrays
-from grasp3d.mesh.units import METRES, PLAUSIBLE, USUAL, guess_unit, length_text, unit_warning
-from grasp3d.settings import Unit
+from grasp3d import check_mesh, load_mesh
+from grasp3d.diagnosis.mesh_diagnosis import Trust
+from grasp3d.lengths import METRES, Unit
+from grasp3d.mesh.units import (
+    PLAUSIBLE,
+    USUAL,
+    guess_unit,
+    impossible_size,
+    length_text,
+    unit_warning,
+)
 from tests.helpers import shapes
 
 EQUALLY, NONE = "these are equally plausible", "no hand holds any of these"
@@ -73,11 +81,11 @@ def test_the_warning_lists_plausible_units() -> None:
 
 def test_a_mesh_has_a_warning_about_its_unit() -> None:
     vertices, faces = shapes.sphere(1)
-    mesh = mesh_from_arrays(60.0 * vertices, faces, unit="m")
+    mesh = load_mesh((60.0 * vertices, faces), unit="m")
     assert mesh.report.warnings == (unit_warning(mesh.size, "m"),)
     assert "If its unit were mm it would be 12 cm" in mesh.report.warnings[0]
-    assert mesh_from_arrays(60.0 * vertices, faces, unit="mm").report.warnings == ()
-    assert mesh_from_arrays(60.0 * vertices, faces).report.warnings == ()
+    assert load_mesh((60.0 * vertices, faces), unit="mm").report.warnings == ()
+    assert load_mesh((60.0 * vertices, faces)).report.warnings == ()
 
 
 @pytest.mark.parametrize(
@@ -101,3 +109,31 @@ def test_units_of_real_meshes_are_guessed_or_undecided() -> None:
         assert guess.unit in {None, unit}
         assert guess.unit or unit == "arbitrary" or f" if {unit}" in guess.reason
     assert hits >= len(rows) - 2
+
+
+@pytest.mark.parametrize(
+    ("size", "unit", "possible"),
+    [
+        (8.7e36, "m", False), (2100.0, "m", False), (1900.0, "m", True), (2.1e6, "mm", False),
+        (1.9e6, "mm", True), (1e-6, "m", False), (1.9e6, None, True), (1e7, None, False),
+        (1e-5, None, True), (1e-7, None, False),
+    ],
+)  # fmt: skip
+def test_a_size_that_no_unit_explains_is_impossible(
+    size: float, unit: Unit | None, *, possible: bool
+) -> None:
+    assert (impossible_size(size, unit) == "") == possible
+
+
+@pytest.mark.parametrize(("scale", "unit"), [(1e36, "m"), (1e36, None), (1e-12, "m")])
+def test_labels_of_an_object_of_an_impossible_size_are_not_trusted(
+    scale: float, unit: Unit | None
+) -> None:
+    vertices, faces = shapes.sphere(1)
+    mesh = load_mesh((scale * vertices, faces), unit=unit)
+    assert any("no object to grasp is" in line for line in mesh.report.warnings)
+    found = check_mesh((scale * vertices, faces), unit=unit)
+    assert found.trust is Trust.NO
+    assert [item.message for item in found.warnings if item.trust is Trust.NO] == [
+        impossible_size(mesh.size, unit)
+    ]

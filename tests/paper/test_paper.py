@@ -13,7 +13,7 @@ import pytest
 from matplotlib.image import AxesImage
 from PIL import Image
 
-from grasp3d import GraspModel, critical_friction_angle, mesh_from_arrays
+from grasp3d import GraspModel, critical_friction_angle, load_mesh
 from grasp3d.cli import main
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
@@ -270,7 +270,7 @@ def test_fractions_are_written_in_percent_with_one_decimal() -> None:
 @pytest.mark.slow
 def test_the_fixed_finger_is_at_a_best_contact_point() -> None:
     vertices, faces = shapes.lopsided()
-    mesh = mesh_from_arrays(vertices[:, ::-1], faces[:, ::-1])
+    mesh = load_mesh((vertices[:, ::-1], faces[:, ::-1]))
     model = GraspModel(friction=0.6, sensor_resolution=math.radians(20.0))
     point = best_contact_point(mesh, model)
     scanned = real_object(mesh, "blob", PaperSettings(0.6, (model.sensor_resolution,)))
@@ -286,7 +286,7 @@ def test_the_fixed_finger_is_at_a_best_contact_point() -> None:
 
 
 def test_an_object_without_a_grasp_needs_a_contact_point() -> None:
-    sheet = mesh_from_arrays([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]], [[0, 1, 2]])
+    sheet = load_mesh(([[0, 0, 0], [1, 0, 0], [0, 1, 0.0]], [[0, 1, 2]]))
     with pytest.raises(SettingError, match="--fixed"):
         best_contact_point(sheet, GraspModel())
     scanned = real_object(sheet, "sheet", PAPER, fixed=(0.1, 0.1, 0.0))

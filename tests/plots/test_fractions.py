@@ -148,6 +148,6 @@ def test_files_are_complete_and_the_same_each_time(tmp_path: Path) -> None:
 
 
 def test_other_formats_are_refused(tmp_path: Path) -> None:
-    with pytest.raises(OutputError, match=r"known: \.svg \.png \.pdf"):
+    with pytest.raises(OutputError, match=r"supported are \.svg \.png \.pdf"):
         save_as(sweep_figure([spheres()]), tmp_path / "a.docx")
     assert list(tmp_path.iterdir()) == []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, mesh_from_arrays
+from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.arrays import locked
 from grasp3d.grasps.distinct import best_grasps
 from grasp3d.grasps.evaluation import evaluate_grasps
@@ -17,7 +17,8 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.plots.grasps import MOST_PICTURES, PIXELS, draw_grasps, grasp_figure
 from grasp3d.plots.painting import PALETTE, paint_labels
 from grasp3d.plots.views import views_of
-from grasp3d.rendering import can_render, extent_of
+from grasp3d.rendering import ARROW, Finger, View, can_render, extent_of, span_of
+from grasp3d.rendering import picture as rendered
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts, drawn_texts
 from tests.test_rendering import needs_opengl
@@ -27,7 +28,7 @@ BLANK = np.full((8, 8, 3), 255, dtype=np.uint8)
 
 @cache
 def labels() -> SurfaceLabels:
-    mesh = mesh_from_arrays(*shapes.box((1.0, 0.7, 0.5)), unit="m", max_edge=0.2)
+    mesh = load_mesh(shapes.box((1.0, 0.7, 0.5)), unit="m", max_edge=0.2)
     return label_surface(mesh, GraspModel(), sampling=Sampling(rays=16))
 
 
@@ -85,10 +86,65 @@ def test_fingers_are_seen_from_their_own_side() -> None:
 
 
 def test_fingers_inside_a_tube_are_seen_through_its_end() -> None:
-    mesh = mesh_from_arrays(*shapes.tube(0.4, 0.5, 0.5), max_edge=9.0)
+    mesh = load_mesh(shapes.tube(0.4, 0.5, 0.5), max_edge=9.0)
     found = evaluate_grasps(mesh, [[0.4, 0.0, 0.15], [-0.4, 0.0, 0.15]])
     (view,) = views_of(found.contacts, extent_of(mesh.vertices))
     assert view.elevation > math.radians(30.0)
+
+
+def test_pictures_of_a_sheet_have_one_scale(monkeypatch: pytest.MonkeyPatch) -> None:
+    spans: list[float | None] = []
+
+    def noted(*_: object, span: float | None = None, **__: object) -> NDArray[np.uint8]:
+        spans.append(span)
+        return BLANK
+
+    monkeypatch.setattr("grasp3d.plots.grasps.paint_labels", noted)
+    points = [[[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]], [[0.0, 0.0, 0.25], [0.0, 0.0, -0.25]]]
+    mesh = labels().mesh
+    given = evaluate_grasps(mesh, points)
+    draw_grasps(labels(), given)
+    own = [
+        span_of(
+            mesh.vertices, view, PIXELS, [Finger(*one) for one in zip(points, normals, strict=True)]
+        )
+        for view, points, normals in zip(
+            views_of(given.contacts, extent_of(mesh.vertices)),
+            given.contacts.points, given.contacts.normals, strict=True,
+        )
+    ]  # fmt: skip
+    assert own[0] != own[1]
+    assert spans == [max(own)] * 2
+
+
+@pytest.mark.slow
+@needs_opengl
+def test_contacts_are_visible_and_the_scale_is_the_given_one() -> None:
+    mesh = load_mesh(shapes.box((1.0, 1.0, 1.0)), max_edge=9.0)
+    finger = Finger(np.array([0.0, 0.0, 0.5]), np.array([0.0, 0.0, -1.0]))
+    green = np.tile(PALETTE[2], (len(mesh.vertices), 1))
+    size, view = (300, 300), View(0.3, math.radians(60.0))
+    for span in (3.0, 6.0):
+        image = rendered(
+            mesh.vertices, mesh.faces, green, view=view, size=size, fingers=[finger], span=span
+        ).astype(int)
+        surface = np.abs(image - PALETTE[2]).max(axis=2) < 130
+        surface &= image.max(axis=2) - image.min(axis=2) > 60
+        width = np.ptp(np.flatnonzero(surface.any(axis=0)))
+        across = np.ptp(mesh.vertices @ view.axes[0])
+        assert width == pytest.approx(300.0 * across / span, rel=0.03)
+    large, span = (900, 900), 2.0
+    image = rendered(
+        mesh.vertices, mesh.faces, green, view=view, size=large, fingers=[finger], span=span
+    )
+    tail = finger.point - ARROW * extent_of(mesh.vertices) * finger.normal
+    seen = np.concatenate([mesh.vertices, [tail]]) @ view.axes.T
+    middle = 0.5 * (seen.min(axis=0) + seen.max(axis=0))
+    x, y, _ = 900.0 / span * (view.axes @ finger.point - middle)
+    column, row = round(450.0 + x), round(450.0 - y)
+    near = image[row - 25 : row + 26, column - 25 : column + 26].astype(int)
+    assert (near.max(axis=2) < 60).sum() > 300  # the ball
+    assert (near.min(axis=2) > 240).sum() >= 5  # what is outside the surface of its white rim
 
 
 @pytest.mark.slow

@@ -312,7 +312,8 @@ def test_a_batch_may_mix_grasps_with_and_without_frictionless_closure() -> None:
     many = grasps.stacked([closed, parallel, arbitrary, other])
     angles = critical_friction_angle(many)
     for i in range(4):
-        assert angles[i] == critical_friction_angle(grasps.one(many, i))
+        # The normals of one grasp are scaled to length 1 again, which may change their last bit.
+        assert angles[i] == pytest.approx(critical_friction_angle(grasps.one(many, i)), abs=1e-12)
     assert angles[0] < 0.0
     assert angles[3] < 0.0
 

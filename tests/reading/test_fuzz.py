@@ -45,6 +45,12 @@ NUMBERS = (
     True,
 )
 
+EXCEPTION = re.compile(
+    r"\b[A-Za-z]+(Error|Exception)\b|cannot be read as GL|do not fit together|not iterable|"
+    r"has no attribute|must be integers"
+)
+"""Texts of Python's exceptions, and messages that do not say what is wrong with a glTF."""
+
 Mutation = Callable[[random.Random], bytes]
 
 
@@ -186,4 +192,5 @@ def test_a_damaged_file_is_a_mesh_or_is_rejected(
     assert errors  # otherwise nothing was damaged
     assert len(errors) + loaded == COUNT
     assert [text for text in errors if not text.isprintable()] == []
+    assert [text for text in errors if EXCEPTION.search(text)] == []
     assert capfd.readouterr().err == ""

@@ -14,7 +14,6 @@ from grasp3d import (
     critical_friction_angle,
     label_surface,
     load_mesh,
-    mesh_from_arrays,
     scan_surface,
 )
 from grasp3d.errors import SearchCoverageError, SettingError
@@ -208,7 +207,7 @@ def test_the_sphere_agrees_with_random_pairs_on_it() -> None:
 
 
 def test_the_sphere_agrees_with_a_scan_of_one() -> None:
-    scan = scan_surface(mesh_from_arrays(*shapes.sphere(5)), fixed=(0.0, 0.0, 1.0))
+    scan = scan_surface(load_mesh(shapes.sphere(5)), fixed=(0.0, 0.0, 1.0))
     sampled_sphere = scan.angle_distribution()
     for friction in FRICTIONS:
         for resolution in RESOLUTIONS:

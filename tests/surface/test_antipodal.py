@@ -2,8 +2,13 @@ import math
 
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
-from grasp3d import ObjectMesh, Sampling, load_mesh, mesh_from_arrays
+from grasp3d import ObjectMesh, Sampling, load_mesh
+from grasp3d._kernels.antipodal_descent import _angle_at, _lower_bound
+from grasp3d._kernels.face_tree import face_tree
+from grasp3d.settings import Grip
 from grasp3d.surface.sampling import antipodal
 from grasp3d.surface.sampling.antipodal import best_pairs, tangents
 from tests.helpers import oracles, shapes
@@ -31,9 +36,11 @@ def exhaustive(mesh: ObjectMesh, vertex: int, cone: float) -> float:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.torus(), shapes.cone(0.3)])
+@pytest.mark.parametrize(
+    "shape", [shapes.lopsided(), shapes.torus(), shapes.cone(0.3), shapes.finned()]
+)
 def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surface) -> None:
-    mesh = mesh_from_arrays(*shape)
+    mesh = load_mesh(shape)
     cone = 1.0
     grasps = best_pairs(mesh, Sampling(), cone, threads=1)
     smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
@@ -44,7 +51,7 @@ def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surfa
         if oracle < cone:
             shortfalls.append(grasps.worst[vertex] - oracle)
     assert len(shortfalls) > 200
-    assert np.mean(np.array(shortfalls) < 5e-3) >= 0.99
+    assert max(shortfalls) < antipodal.GAIN
     assert np.median(shortfalls) <= 1e-4
 
 
@@ -52,7 +59,7 @@ def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surfa
 @pytest.mark.parametrize("grip", ["squeeze", "expand", "both"])
 def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
     """The opposing contact lies on the surface and the critical angle equals the definition's."""
-    mesh = mesh_from_arrays(*shapes.tube())
+    mesh = load_mesh(shapes.tube())
     grasps = best_pairs(mesh, Sampling(grip=grip), 0.8, threads=1)  # type: ignore[arg-type]
     smooth = np.flatnonzero((mesh.normal_sets.counts == 1) & (grasps.reason == 0))
     assert len(smooth) > 1000
@@ -83,7 +90,7 @@ def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
 
 @pytest.mark.slow
 def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
-    mesh = mesh_from_arrays(*shapes.lopsided())
+    mesh = load_mesh(shapes.lopsided())
     one = best_pairs(mesh, Sampling(), 0.7, threads=1)
     three = best_pairs(mesh, Sampling(), 0.7, threads=3)
     for name in ("worst", "best", "partner", "grip", "reason"):
@@ -92,10 +99,14 @@ def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
 
 
 @pytest.mark.slow
-def test_more_rays_find_no_worse_grasps() -> None:
-    mesh = mesh_from_arrays(*shapes.torus())
-    few = best_pairs(mesh, Sampling(rays=16), 0.7, threads=1).worst
-    many = best_pairs(mesh, Sampling(rays=256), 0.7, threads=1).worst
+@pytest.mark.parametrize(
+    ("shape", "grip"), [(shapes.torus(), "squeeze"), (shapes.tube(), "expand")]
+)
+def test_more_rays_find_no_worse_grasps(shape: shapes.Surface, grip: Grip) -> None:
+    mesh = load_mesh(shape)
+    few = best_pairs(mesh, Sampling(rays=16, grip=grip), 0.7, threads=1).worst
+    many = best_pairs(mesh, Sampling(rays=256, grip=grip), 0.7, threads=1).worst
+    few, many = np.minimum(few, 0.7), np.minimum(many, 0.7)  # inf: no grasp
     assert np.mean(many) <= np.mean(few) + 1e-4
     assert np.mean(many > few + 2e-3) < 0.01
 
@@ -104,21 +115,47 @@ def test_more_rays_find_no_worse_grasps() -> None:
 def test_refining_several_grasps_finds_better_ones_than_refining_one(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    mesh = load_mesh(shapes.LIBRARY / "banana.ply")
-    several = best_pairs(mesh, Sampling(), 0.66, threads=1)
+    mesh = load_mesh(shapes.LIBRARY / "mug.glb")
+    several = best_pairs(mesh, Sampling(grip="expand"), 0.66, threads=1)
     monkeypatch.setattr(antipodal, "EXPLORING_ROUNDS", 0)
-    one = best_pairs(mesh, Sampling(), 0.66, threads=1)
+    one = best_pairs(mesh, Sampling(grip="expand"), 0.66, threads=1)
     gain = np.minimum(one.worst, 2.0) - np.minimum(several.worst, 2.0)
     assert gain.mean() > 2e-4
     assert np.mean(gain > 0.01) > 2.0 * np.mean(gain < -0.01)
+
+
+@pytest.mark.slow
+@settings(deadline=None)
+@given(
+    st.integers(0, 2**32 - 1), st.sampled_from([shapes.lopsided(), shapes.box(), shapes.cone(0.3)])
+)
+def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: shapes.Surface) -> None:
+    """At every node the bound is below the angles of grasps with random points on its faces."""
+    rng = np.random.default_rng(seed)
+    mesh = load_mesh(shape)
+    surface, sets = mesh.contact_surface, mesh.contact_normals
+    tree = face_tree(surface)
+    level = int(rng.integers(tree.depth + 1))
+    number, faces = int(rng.integers(1 << level)), len(tree.order)
+    node = (1 << level) - 1 + number
+    inside = tree.order[faces * number >> level : faces * (number + 1) >> level]
+    for _ in range(20):
+        vertex, face = int(rng.integers(len(mesh.vertices))), int(rng.choice(inside))
+        weights = rng.dirichlet(np.full(3, 0.5))
+        for worst in (True, False):
+            angle = _angle_at(face, weights, vertex, worst, surface, sets, (0.0, math.inf))
+            bound = _lower_bound(
+                node, vertex, worst, tree, surface, sets, (0.0, math.inf), math.inf
+            )
+            assert bound <= angle + 1e-9
 
 
 def test_search_directions_turn_with_the_object() -> None:
     vertices, faces = shapes.lopsided()
     turn = shapes.rotation(7)
     original, rotated = (
-        mesh_from_arrays(vertices, faces),
-        mesh_from_arrays(vertices @ turn.T, faces),
+        load_mesh((vertices, faces)),
+        load_mesh((vertices @ turn.T, faces)),
     )
     assert tangents(rotated) == pytest.approx(tangents(original) @ turn.T, abs=1e-9)
     assert np.einsum("ij,ij->i", tangents(original), original.normals) == pytest.approx(
@@ -128,15 +165,15 @@ def test_search_directions_turn_with_the_object() -> None:
 
 
 def test_every_vertex_of_a_regular_ball_has_a_tangent() -> None:
-    mesh = mesh_from_arrays(*shapes.sphere(3))
+    mesh = load_mesh(shapes.sphere(3))
     assert np.linalg.norm(tangents(mesh), axis=1) == pytest.approx(1.0)
 
 
 @pytest.mark.slow
 def test_progress_increases_to_one() -> None:
     fractions: list[float] = []
-    best_pairs(
-        mesh_from_arrays(*shapes.lopsided()), Sampling(), 0.7, progress=fractions.append, threads=1
-    )
+    best_pairs(load_mesh(shapes.lopsided()), Sampling(), 0.7, progress=fractions.append, threads=1)
     assert fractions == sorted(fractions)
     assert 0.0 < fractions[0] < fractions[-1] == 1.0
+    # Branch and bound takes most of the time: a user who cancels must not wait for its end.
+    assert sum(0.45 < fraction < 0.65 for fraction in fractions) >= antipodal.CHUNKS - 1

@@ -6,7 +6,7 @@ import pytest
 from numpy.typing import NDArray
 from scipy.spatial import cKDTree
 
-from grasp3d import ObjectMesh, mesh_from_arrays
+from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
@@ -56,7 +56,7 @@ def one_sided_density() -> ObjectMesh:
         ]
     flat = np.concatenate(vertices)
     points = np.column_stack([flat, np.zeros(len(flat))])
-    return mesh_from_arrays(points, np.concatenate(faces), max_edge=10.0)
+    return load_mesh((points, np.concatenate(faces)), max_edge=10.0)
 
 
 @pytest.mark.parametrize("count", [64, 500])
@@ -139,14 +139,14 @@ def test_the_same_seed_gives_the_same_samples() -> None:
 
 def test_neither_unit_nor_position_changes_the_samples() -> None:
     vertices, faces = shapes.sphere(3)
-    original = spread_points(mesh_from_arrays(vertices, faces), 40)
-    moved = spread_points(mesh_from_arrays(1024.0 * vertices + 4096.0, faces), 40)
+    original = spread_points(load_mesh((vertices, faces)), 40)
+    moved = spread_points(load_mesh((1024.0 * vertices + 4096.0, faces)), 40)
     assert np.array_equal(original.faces, moved.faces)
 
 
 @pytest.mark.parametrize("count", [1, 2, 3])
 def test_a_few_samples_fit_on_a_single_triangle(count: int) -> None:
-    mesh = mesh_from_arrays(np.eye(3), [[0, 1, 2]], max_edge=10.0)
+    mesh = load_mesh((np.eye(3), [[0, 1, 2]]), max_edge=10.0)
     samples = spread_points(mesh, count)
     assert samples.faces.tolist() == [0] * count
     assert spread_vertices(mesh, count).shape == (count,)
@@ -154,7 +154,7 @@ def test_a_few_samples_fit_on_a_single_triangle(count: int) -> None:
 
 
 def test_many_samples_fit_on_a_tiny_mesh() -> None:
-    mesh = mesh_from_arrays(*shapes.box(), max_edge=10.0)
+    mesh = load_mesh(shapes.box(), max_edge=10.0)
     points = positions(mesh, 300, 0)
     assert nearest(points).min() > 0.55 * widest(300, 6.0)
 
@@ -171,7 +171,7 @@ def test_chosen_vertices_are_distinct_canonical_and_spread() -> None:
 def test_duplicates_and_loose_vertices_are_never_chosen() -> None:
     vertices, faces = shapes.box()
     split = np.vstack([vertices[faces].reshape(-1, 3), [[9.0, 9.0, 9.0]]])
-    mesh = mesh_from_arrays(split, np.arange(3 * len(faces)).reshape(-1, 3), max_edge=10.0)
+    mesh = load_mesh((split, np.arange(3 * len(faces)).reshape(-1, 3)), max_edge=10.0)
     chosen = spread_vertices(mesh, 50)
     assert sorted(chosen.tolist()) == np.unique(mesh.faces).tolist()
     assert len(chosen) == 8
@@ -189,7 +189,7 @@ def test_dense_vertices_are_thinned_without_computing_every_pair() -> None:
     vertices, faces = shapes.sphere(5)
     knob = vertices[:, 2] > -0.8
     vertices[knob] = (0.0, 0.0, -0.8) + 0.03 * (vertices[knob] - (0.0, 0.0, -0.8))
-    mesh = mesh_from_arrays(vertices, faces, max_edge=10.0)
+    mesh = load_mesh((vertices, faces), max_edge=10.0)
     started = time.perf_counter()
     chosen = spread_vertices(mesh, 10**6)
     assert time.perf_counter() - started < 20.0  # 40 million pairs within reach of each other

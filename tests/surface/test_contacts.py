@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from grasp3d import GraspModel, mesh_from_arrays
+from grasp3d import GraspModel, load_mesh
 from grasp3d.errors import ContactError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -14,7 +14,7 @@ from tests.helpers import shapes
 
 
 def box() -> ObjectMesh:
-    return mesh_from_arrays(*shapes.box((1.0, 1.5, 2.0)), max_edge=0.6)
+    return load_mesh(shapes.box((1.0, 1.5, 2.0)), max_edge=0.6)
 
 
 def at_vertices(mesh: ObjectMesh, vertices: object) -> SurfaceContacts:
@@ -28,7 +28,7 @@ def normals_of(contacts: SurfaceContacts, contact: int) -> np.ndarray:
 
 @pytest.mark.parametrize("shape", [shapes.sphere(2), shapes.box(), shapes.cone(0.3, sections=16)])
 def test_a_vertex_has_its_own_position_and_set_on_any_of_its_faces(shape: shapes.Surface) -> None:
-    mesh = mesh_from_arrays(*shape, max_edge=9.0)
+    mesh = load_mesh(shape, max_edge=9.0)
     corners = np.eye(3)[np.tile(np.arange(3), (len(mesh.faces), 1))]
     points = SurfacePoints(np.repeat(np.arange(len(mesh.faces))[:, None], 3, axis=1), corners)
     contacts = SurfaceContacts(mesh, points)
@@ -43,7 +43,7 @@ def test_a_vertex_has_its_own_position_and_set_on_any_of_its_faces(shape: shapes
 
 def test_duplicates_have_the_surface_point_of_their_position_and_strays_none() -> None:
     vertices, faces = shapes.sphere(2)
-    mesh = mesh_from_arrays(np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]]), faces)
+    mesh = load_mesh((np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]]), faces))
     count = len(vertices)
     points = vertex_surface_points(mesh, np.arange(count + 6))
     np.testing.assert_array_equal(points.faces[count : count + 5], points.faces[:5])
@@ -54,7 +54,7 @@ def test_duplicates_have_the_surface_point_of_their_position_and_strays_none() -
 
 
 def test_inside_a_face_the_normal_is_interpolated_between_its_corners() -> None:
-    mesh = mesh_from_arrays(*shapes.sphere(2), max_edge=9.0)
+    mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
     rng = np.random.default_rng(0)
     faces, weights = rng.integers(len(mesh.faces), size=(50, 3)), rng.dirichlet(np.ones(3), (50, 3))
     contacts = SurfaceContacts(mesh, SurfacePoints(faces, weights))
@@ -70,7 +70,7 @@ def test_inside_a_face_the_normal_is_interpolated_between_its_corners() -> None:
 
 
 def test_sets_of_normals_on_an_edge_and_at_a_corner() -> None:
-    mesh = mesh_from_arrays(*shapes.box(), max_edge=9.0)
+    mesh = load_mesh(shapes.box(), max_edge=9.0)
     face = int(np.flatnonzero((mesh.vertices[mesh.faces][:, :, 2] == 0.5).all(axis=1))[0])
     corners = mesh.vertices[mesh.faces[face]]
     edges = 0
@@ -99,7 +99,7 @@ def test_sets_of_normals_on_an_edge_and_at_a_corner() -> None:
 def test_an_edge_of_four_faces_may_have_any_normal() -> None:
     vertices, faces = shapes.box()
     both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
-    mesh = mesh_from_arrays(both, np.vstack([faces, faces + 8]), max_edge=9.0)
+    mesh = load_mesh((both, np.vstack([faces, faces + 8])), max_edge=9.0)
     middle = np.array([0.5, 0.5, 0.0])
     shared = (mesh.vertices[mesh.faces] == [0.5, 0.5, 0.5]).all(axis=2) | (
         mesh.vertices[mesh.faces] == [0.5, 0.5, -0.5]
@@ -118,14 +118,14 @@ def test_the_common_tip_of_two_pyramids_has_the_normals_of_all_faces() -> None:
     faces = np.array([[0, 1, 4], [1, 2, 4], [2, 3, 4], [3, 0, 4], [0, 2, 1], [0, 3, 2]])
     both = np.vstack([low, -low[:4]])
     upper = np.where(faces == 4, 4, faces + 5)[:, ::-1]
-    mesh = mesh_from_arrays(both, np.vstack([faces, upper]), max_edge=9.0)
+    mesh = load_mesh((both, np.vstack([faces, upper])), max_edge=9.0)
     contacts = at_vertices(mesh, [[4]])
     assert contacts.any_normal.all()
     assert len(contacts.set_normals) == 8
 
 
 def test_contacts_are_relative_to_the_centre_of_mass_with_the_friction_of_the_model() -> None:
-    mesh = mesh_from_arrays(shapes.sphere(2)[0] + [1.0, 2.0, 3.0], shapes.sphere(2)[1])
+    mesh = load_mesh((shapes.sphere(2)[0] + [1.0, 2.0, 3.0], shapes.sphere(2)[1]))
     contacts = at_vertices(mesh, [[0, 1, 2], [3, 4, 5]])
     made = contacts.contacts(GraspModel(friction=0.3, torsion_radius=0.1))
     assert made.points == pytest.approx(mesh.vertices[[[0, 1, 2], [3, 4, 5]]] - [1.0, 2.0, 3.0])
@@ -151,8 +151,8 @@ def test_normals_that_cancel_out_are_refused_as_contacts() -> None:
     """A sheet of zero thickness with two sides: normals at the rim are opposite."""
     square = np.array([[0.0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]])
     faces = np.array([[0, 1, 2], [0, 2, 3]])
-    mesh = mesh_from_arrays(
-        np.vstack([square, square]), np.vstack([faces, faces[:, ::-1] + 4]), max_edge=9.0
+    mesh = load_mesh(
+        (np.vstack([square, square]), np.vstack([faces, faces[:, ::-1] + 4])), max_edge=9.0
     )
     weights = np.array([[[0.5, 0.5, 0.0]], [[0.2, 0.3, 0.5]]])
     contacts = SurfaceContacts(mesh, SurfacePoints(np.zeros((2, 1), dtype=np.int64), weights))

@@ -13,7 +13,7 @@ from grasp3d import (
     Label,
     classify,
     critical_friction_angle,
-    mesh_from_arrays,
+    load_mesh,
     scan_surface,
 )
 from grasp3d.errors import SettingError
@@ -33,7 +33,7 @@ TOLERANCE = 1e-4
 
 @cache
 def box() -> ObjectMesh:
-    return mesh_from_arrays(*shapes.box((1.0, 1.4, 2.0)), max_edge=0.5)
+    return load_mesh(shapes.box((1.0, 1.4, 2.0)), max_edge=0.5)
 
 
 def random_grasps(count: int, size: int, seed: int, creased: int) -> SurfaceContacts:
@@ -72,7 +72,10 @@ def test_two_contacts_agree_with_a_scan() -> None:
         )
         worst, best = critical_angles(SurfaceContacts(mesh, pairs))
         assert worst == pytest.approx(scan.critical_angle[vertices], abs=1e-9)
-        assert best == pytest.approx(scan.critical_angle_best[vertices], abs=1e-9)
+        # In a scan no finger fits where another one is, whatever their normals.
+        apart = np.isfinite(worst)
+        assert best[apart] == pytest.approx(scan.critical_angle_best[vertices][apart], abs=1e-9)
+        assert np.isinf(scan.critical_angle_best[vertices][~apart]).all()
         assert (worst > best).any()
 
 
@@ -193,7 +196,7 @@ def test_coarser_steps_are_safe(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_contacts_with_any_normal_are_ambiguous() -> None:
     vertices, faces = shapes.box()
     both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
-    mesh = mesh_from_arrays(both, np.vstack([faces, faces + 8]), max_edge=0.6)
+    mesh = load_mesh((both, np.vstack([faces, faces + 8])), max_edge=0.6)
     shared = (np.abs(mesh.vertices - [0.5, 0.5, 0.0]) < [1e-9, 1e-9, 0.4]).all(axis=1)
     edge = int(np.flatnonzero(shared)[0])
     smooth = np.flatnonzero(mesh.normal_sets.counts == 1)
@@ -210,13 +213,15 @@ def test_contacts_at_one_point_are_no_grasp(count: int) -> None:
     corner = int(np.flatnonzero(box().normal_sets.counts == 3)[0])
     smooth = int(np.flatnonzero(box().normal_sets.counts == 1)[0])
     grasps = np.array([[corner] * count, [smooth] * count])
-    for angles in critical_angles(SurfaceContacts(box(), vertex_surface_points(box(), grasps))):
-        assert np.isinf(angles).all()
+    worst, best = critical_angles(SurfaceContacts(box(), vertex_surface_points(box(), grasps)))
+    assert np.isinf(worst).all()
+    # Friction may let them push against each other at a corner, where normals differ.
+    assert best == pytest.approx([math.pi / 2.0 - math.acos(math.sqrt(1.0 / 3.0)), math.pi / 2.0])
 
 
 def test_a_duplicated_contact_does_not_change_the_angle() -> None:
     """Three contacts, two of them at one point, equal the grasp of two."""
-    mesh = mesh_from_arrays(*shapes.sphere(2), max_edge=9.0)
+    mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
     rng = np.random.default_rng(0)
     pairs = rng.integers(len(mesh.vertices), size=(60, 2))
     pairs = pairs[pairs[:, 0] != pairs[:, 1]]
@@ -228,7 +233,7 @@ def test_a_duplicated_contact_does_not_change_the_angle() -> None:
 
 def test_negative_angles_of_smooth_contacts() -> None:
     """Angles of form-closed grasps are negative if all contacts are smooth, else 0."""
-    mesh = mesh_from_arrays(*shapes.lopsided(), max_edge=9.0)
+    mesh = load_mesh(shapes.lopsided(), max_edge=9.0)
     rng = np.random.default_rng(3)
     grasps = rng.integers(len(mesh.vertices), size=(3, 9))
     worst, best = critical_angles(
@@ -236,7 +241,7 @@ def test_negative_angles_of_smooth_contacts() -> None:
     )
     assert (worst < 0.0).any()
     np.testing.assert_array_equal(worst, best)
-    cube = mesh_from_arrays(*shapes.box(), max_edge=0.3)
+    cube = load_mesh(shapes.box(), max_edge=0.3)
     smooth = np.flatnonzero(cube.normal_sets.counts == 1)
     edge = np.flatnonzero(cube.normal_sets.counts == 2)
     many = np.column_stack([rng.choice(edge, 1), rng.choice(smooth, (1, 12))])

@@ -6,7 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from grasp3d import SurfaceLabels, label_surface, mesh_from_arrays
+from grasp3d import SurfaceLabels, label_surface, load_mesh
 from grasp3d.grasps import best_grasps
 from grasp3d.surface.deferred import Deferred
 from grasp3d.system.progress import Progress
@@ -14,7 +14,7 @@ from tests.helpers import shapes
 
 
 def labels() -> SurfaceLabels:
-    return label_surface(mesh_from_arrays(*shapes.sphere(1), max_edge=9.0))
+    return label_surface(load_mesh(shapes.sphere(1), max_edge=9.0))
 
 
 def test_threads_compute_a_value_once() -> None:

@@ -17,7 +17,6 @@ from grasp3d import (
     SurfaceLabels,
     label_surface,
     load_mesh,
-    mesh_from_arrays,
 )
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
@@ -76,7 +75,7 @@ def from_library(name: str) -> Surface:
 def prepared(vertices: np.ndarray, faces: np.ndarray) -> ObjectMesh:
     """A mesh with edges of the same length in all representations: a part of the area's root."""
     area = trimesh.Trimesh(vertices - vertices.mean(axis=0), faces, process=False).area
-    return mesh_from_arrays(vertices, faces, max_edge=0.0531 * math.sqrt(area))
+    return load_mesh((vertices, faces), max_edge=0.0531 * math.sqrt(area))
 
 
 @pytest.mark.slow
@@ -97,7 +96,7 @@ def test_labels_do_not_depend_on_the_file_format(tmp_path: Path) -> None:
     """Coordinates are exact in 32 bits, so that every format stores the same values."""
     vertices, faces = shapes.lopsided()
     vertices = np.float64(np.float32(vertices))
-    expected = label_surface(mesh_from_arrays(vertices, faces), MODEL)
+    expected = label_surface(load_mesh((vertices, faces)), MODEL)
     mesh = trimesh.Trimesh(vertices, faces, process=False)
     for suffix in ("stl", "ply", "off", "obj", "glb", "3mf"):
         path = tmp_path / f"same.{suffix}"

@@ -15,7 +15,7 @@ from grasp3d import (
     SurfaceLabels,
     epsilon,
     label_surface,
-    mesh_from_arrays,
+    load_mesh,
     scan_surface,
 )
 from grasp3d.errors import SearchCoverageError, SettingError
@@ -27,7 +27,7 @@ degrees = math.radians
 
 @cache
 def ball() -> SurfaceLabels:
-    mesh = mesh_from_arrays(*shapes.sphere(5))
+    mesh = load_mesh(shapes.sphere(5))
     return label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=math.pi / 2.0))
 
 
@@ -49,7 +49,7 @@ def test_a_ball_is_m_if_the_tilt_exceeds_the_friction_angle(
 
 @pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
 def test_a_box_is_s_on_its_faces_and_not_on_edges_and_corners(friction: float) -> None:
-    mesh = mesh_from_arrays(*shapes.box((1.0, 1.5, 2.0)))
+    mesh = load_mesh(shapes.box((1.0, 1.5, 2.0)))
     labels = label_surface(mesh, GraspModel(friction=friction, sensor_resolution=degrees(10.0)))
     on_face = mesh.normal_sets.counts == 1
     assert (labels.label[on_face] == Label.S).all()
@@ -62,7 +62,7 @@ def test_a_box_is_s_on_its_faces_and_not_on_edges_and_corners(friction: float) -
 @pytest.mark.parametrize("half_angle", [5.0, 14.0, 25.0])
 def test_the_critical_angle_of_a_long_cone_is_its_half_angle(half_angle: float) -> None:
     gamma = degrees(half_angle)
-    mesh = mesh_from_arrays(*shapes.cone(gamma, height=1.0, sections=256))
+    mesh = load_mesh(shapes.cone(gamma, height=1.0, sections=256))
     labels = label_surface(mesh, GraspModel(friction=math.tan(gamma + 0.1)))
     flank = (mesh.vertices[:, 2] > 0.4) & (mesh.vertices[:, 2] < 0.8)
     assert flank.sum() > 100
@@ -72,7 +72,7 @@ def test_the_critical_angle_of_a_long_cone_is_its_half_angle(half_angle: float) 
 
 
 def test_a_ring_has_internal_grasps_without_friction() -> None:
-    mesh = mesh_from_arrays(*shapes.tube(0.4, 0.5, 0.2))
+    mesh = load_mesh(shapes.tube(0.4, 0.5, 0.2))
     labels = label_surface(mesh, GraspModel(), sampling=Sampling(grip="expand"))
     radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
     inside = (radius < 0.41) & (np.abs(mesh.vertices[:, 2]) < 0.08)
@@ -85,7 +85,7 @@ def test_a_ring_has_internal_grasps_without_friction() -> None:
 
 
 def tube_openings(**limits: float) -> np.ndarray:
-    mesh = mesh_from_arrays(*shapes.tube(0.4, 0.5, 1.0))
+    mesh = load_mesh(shapes.tube(0.4, 0.5, 1.0))
     labels = label_surface(mesh, GraspModel(), sampling=Sampling(**limits))  # type: ignore[arg-type]
     radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
     outside = (radius > 0.49) & (np.abs(mesh.vertices[:, 2]) < 0.3)
@@ -107,9 +107,9 @@ def test_a_hollow_cylinder_is_grasped_across_its_wall_or_its_diameter() -> None:
 @pytest.mark.parametrize("offset", [0.0, 0.123, 40.0])
 def test_an_opening_equal_to_the_width_fits_at_any_pose(width: float, offset: float) -> None:
     vertices, faces = shapes.box((width, 1.5 * width, 2.0 * width))
-    sides = np.abs(np.abs(mesh_from_arrays(vertices, faces).vertices[:, 0]) - width / 2.0) < 1e-9
+    sides = np.abs(np.abs(load_mesh((vertices, faces)).vertices[:, 0]) - width / 2.0) < 1e-9
     for rotation in (np.eye(3), shapes.rotation(1), shapes.rotation(2)):
-        mesh = mesh_from_arrays(vertices @ rotation.T + offset, faces)
+        mesh = load_mesh((vertices @ rotation.T + offset, faces))
         sampling = Sampling(max_opening=width, min_opening=width)
         labels = label_surface(mesh, sampling=sampling)
         inside = sides & (mesh.normal_sets.counts == 1)
@@ -121,7 +121,7 @@ def test_internal_grasps_end_at_the_first_surface() -> None:
     """A ring within a ring: fingers inside the small one do not reach the large one."""
     inner, faces = shapes.tube(0.2, 0.3, 0.2)
     outer, more = shapes.tube(0.4, 0.5, 0.2)
-    mesh = mesh_from_arrays(np.vstack([inner, outer]), np.vstack([faces, more + len(inner)]))
+    mesh = load_mesh((np.vstack([inner, outer]), np.vstack([faces, more + len(inner)])))
     sampling = Sampling(grip="expand", min_opening=0.5)
     labels = label_surface(mesh, sampling=sampling)
     radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
@@ -135,7 +135,7 @@ def test_internal_grasps_end_at_the_first_surface() -> None:
 def test_a_contact_on_an_edge_of_four_faces_may_have_any_normal() -> None:
     vertices, faces = shapes.box()
     both = np.vstack([vertices, vertices + [1.0, 1.0, 0.0]])
-    mesh = mesh_from_arrays(both, np.vstack([faces, faces + 8]))
+    mesh = load_mesh((both, np.vstack([faces, faces + 8])))
     scan = scan_surface(mesh, GraspModel(friction=1.0), fixed=(0.5, 0.5, 0.03))
     assert scan.fractions()["S"] == 0.0
     others = scan.reason == Reason.FOUND
@@ -159,7 +159,7 @@ def test_a_vertex_on_an_edge_of_one_face_only_is_on_a_crease() -> None:
             (np.roll(face, -k) for k in range(3) if (np.roll(face, -k)[:2] == (a, b)).all()), None
         )
         split += [face] if turned is None else [[a, cut, turned[2]], [cut, b, turned[2]]]
-    mesh = mesh_from_arrays(vertices, np.array(split))
+    mesh = load_mesh((vertices, np.array(split)))
     assert len(np.unique(mesh.vertices.round(12), axis=0)) == len(mesh.vertices)
     labels = label_surface(mesh, GraspModel(friction=0.9))
     on_edge = (np.abs(mesh.vertices) == 0.5).sum(axis=1) >= 2
@@ -167,7 +167,7 @@ def test_a_vertex_on_an_edge_of_one_face_only_is_on_a_crease() -> None:
 
 
 def test_the_reason_is_the_opening_if_no_grasp_fits() -> None:
-    mesh = mesh_from_arrays(*shapes.sphere(3))
+    mesh = load_mesh(shapes.sphere(3))
     labels = label_surface(mesh, sampling=Sampling(max_opening=0.5))
     assert (labels.label == Label.U).all()
     assert (labels.reason == Reason.OPENING).all()
@@ -185,7 +185,7 @@ def planar_settings() -> list[tuple[float, float]]:
 @pytest.mark.slow
 def test_scanning_a_ball_gives_the_closed_form_fractions() -> None:
     """40,962 vertices, one finger at a pole: S and M are caps around the antipode."""
-    mesh = mesh_from_arrays(*shapes.sphere(6))
+    mesh = load_mesh(shapes.sphere(6))
     scan = scan_surface(mesh, fixed=(0.0, 0.0, 1.0))
     for friction, resolution in planar_settings():
         beta, tilt = math.atan(friction), resolution / 2.0
@@ -197,7 +197,7 @@ def test_scanning_a_ball_gives_the_closed_form_fractions() -> None:
 
 
 def test_a_scan_equals_the_definition_on_an_irregular_shape() -> None:
-    mesh = mesh_from_arrays(*shapes.lopsided())
+    mesh = load_mesh(shapes.lopsided())
     start = mesh.vertices[100]
     scan = scan_surface(mesh, fixed=start + 0.01 * mesh.normals[100])
     point, normal = scan.partners[0, 0], scan.partner_normals[0, 0]
@@ -209,7 +209,7 @@ def test_a_scan_equals_the_definition_on_an_irregular_shape() -> None:
 
 
 def test_scans_from_a_corner_a_face_and_an_edge() -> None:
-    mesh = mesh_from_arrays(*shapes.box())
+    mesh = load_mesh(shapes.box())
     scan = scan_surface(mesh, fixed=mesh.vertices[0])
     assert scan.reason[0] == Reason.SAME_POINT
     assert scan.label[0] == Label.U
@@ -229,14 +229,14 @@ def test_scans_from_a_corner_a_face_and_an_edge() -> None:
 
 @pytest.mark.parametrize("fixed", [(0.0, 0.0), [], [[[0, 0, 1]]], "ab", (math.nan, 0.0, 0.0)])
 def test_fixed_must_be_finite_points(fixed: object) -> None:
-    mesh = mesh_from_arrays(*shapes.box())
+    mesh = load_mesh(shapes.box())
     with pytest.raises(SettingError, match="one point or more, each of three finite numbers"):
         scan_surface(mesh, fixed=fixed)  # type: ignore[arg-type]
 
 
 @pytest.mark.slow
 def test_relabelling_equals_a_new_labelling() -> None:
-    mesh = mesh_from_arrays(*shapes.lopsided())
+    mesh = load_mesh(shapes.lopsided())
     wide = label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=1.0))
     for friction, resolution in ((0.3, 0.2), (0.8, 0.5), (0.1, 0.0)):
         model = GraspModel(friction=friction, sensor_resolution=resolution)
@@ -249,7 +249,7 @@ def test_relabelling_equals_a_new_labelling() -> None:
 
 @cache
 def blob() -> SurfaceLabels:
-    return label_surface(mesh_from_arrays(*shapes.lopsided()), sampling=Sampling(search_angle=1.0))
+    return label_surface(load_mesh(shapes.lopsided()), sampling=Sampling(search_angle=1.0))
 
 
 def with_model(labels: SurfaceLabels, **changes: Any) -> SurfaceLabels:
@@ -304,7 +304,7 @@ def test_epsilon_is_that_of_the_grasp() -> None:
 
 @pytest.mark.slow
 def test_epsilon_of_a_ball_has_a_closed_form() -> None:
-    labels = label_surface(mesh_from_arrays(*shapes.sphere(4), max_edge=9.0))
+    labels = label_surface(load_mesh(shapes.sphere(4), max_edge=9.0))
 
     def closed_form(angle: float) -> float:
         tangential = math.sqrt(2.0) * math.tan(angle / 2.0)
@@ -320,8 +320,8 @@ def test_epsilon_of_a_ball_has_a_closed_form() -> None:
 @pytest.mark.slow
 def test_epsilon_does_not_depend_on_the_unit_nor_on_threads() -> None:
     vertices, faces = shapes.lopsided()
-    own = label_surface(mesh_from_arrays(vertices, faces), threads=1)
-    inches = label_surface(mesh_from_arrays(vertices / 25.4, faces), threads=2)
+    own = label_surface(load_mesh((vertices, faces)), threads=1)
+    inches = label_surface(load_mesh((vertices / 25.4, faces)), threads=2)
     same = np.isclose(own.critical_angle, inches.critical_angle, atol=1e-6)
     assert same.mean() > 0.99
     for name in ("epsilon", "epsilon_min", "epsilon_max"):
@@ -347,7 +347,7 @@ def test_relabelling_gives_epsilon_of_the_new_model_at_the_same_grasps() -> None
 def test_without_a_grasp_there_is_no_epsilon() -> None:
     vertices, faces = shapes.sphere(3)
     more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
-    labels = label_surface(mesh_from_arrays(more, faces), GraspModel(edges=8))
+    labels = label_surface(load_mesh((more, faces)), GraspModel(edges=8))
     count = len(vertices)
     assert np.array_equal(labels.epsilon[count : count + 5], labels.epsilon[:5])
     assert np.isnan(labels.epsilon[count + 5])
@@ -356,7 +356,7 @@ def test_without_a_grasp_there_is_no_epsilon() -> None:
     for values in (narrow.epsilon, narrow.epsilon_min, narrow.epsilon_max):
         assert np.isnan(values).all()
     assert narrow.epsilon_quantiles([0.5]) == [0.0]
-    box = mesh_from_arrays(*shapes.box())
+    box = load_mesh(shapes.box())
     scan = scan_surface(box, GraspModel(edges=8), fixed=box.vertices[0])
     assert np.isnan(scan.epsilon[0])
     assert np.isfinite(scan.epsilon[scan.reason == Reason.FOUND]).all()
@@ -384,7 +384,7 @@ def test_quantiles_of_epsilon() -> None:
 
 
 def test_relabelling_beyond_the_search_names_the_needed_search_angle() -> None:
-    labels = label_surface(mesh_from_arrays(*shapes.sphere(2)), GraspModel(friction=0.3))
+    labels = label_surface(load_mesh(shapes.sphere(2)), GraspModel(friction=0.3))
     with pytest.raises(SearchCoverageError, match=r"Sampling\(search_angle="):
         labels.relabel(friction=0.5)
     with pytest.raises(SearchCoverageError, match="searched only up to"):
@@ -396,7 +396,7 @@ def test_relabelling_beyond_the_search_names_the_needed_search_angle() -> None:
 
 @pytest.mark.slow
 def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
-    mesh = mesh_from_arrays(*shapes.cone(0.3))
+    mesh = load_mesh(shapes.cone(0.3))
     labels = label_surface(mesh)
     for weights in ("area", "vertex"):
         fractions = labels.fractions(weights=weights)  # type: ignore[arg-type]
@@ -417,9 +417,9 @@ def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
 def test_duplicates_have_the_label_of_their_position_and_strays_are_off_the_surface() -> None:
     vertices, faces = shapes.sphere(3)
     more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
-    mesh = mesh_from_arrays(more, faces)
+    mesh = load_mesh((more, faces))
     labels = label_surface(mesh)
-    plain = label_surface(mesh_from_arrays(vertices, faces))
+    plain = label_surface(load_mesh((vertices, faces)))
     count = len(vertices)
     assert np.array_equal(labels.critical_angle[count : count + 5], labels.critical_angle[:5])
     assert labels.reason[count + 5] == Reason.OFF_SURFACE
@@ -429,7 +429,7 @@ def test_duplicates_have_the_label_of_their_position_and_strays_are_off_the_surf
 
 
 def test_the_search_reports_its_extent() -> None:
-    search = label_surface(mesh_from_arrays(*shapes.lopsided())).search
+    search = label_surface(load_mesh(shapes.lopsided())).search
     assert search.rays > 64 * 2562
     assert search.rounds > 3
     assert 0.0 <= search.still_falling < 0.01

@@ -17,7 +17,7 @@ from grasp3d import (
     SurfaceLabels,
     classify,
     label_surface,
-    mesh_from_arrays,
+    load_mesh,
 )
 from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
@@ -39,13 +39,13 @@ def wedge() -> ObjectMesh:
     for i in range(3):
         j = (i + 1) % 3
         faces += [[i, j, j + 3], [i, j + 3, i + 3]]
-    return mesh_from_arrays(vertices, np.array(faces), max_edge=0.22)
+    return load_mesh((vertices, np.array(faces)), max_edge=0.22)
 
 
 @cache
 def tapered() -> ObjectMesh:
     """A cone."""
-    return mesh_from_arrays(*shapes.cone(math.radians(25.0), sections=24), max_edge=0.3)
+    return load_mesh(shapes.cone(math.radians(25.0), sections=24), max_edge=0.3)
 
 
 @cache
@@ -209,7 +209,7 @@ def tetrahedron() -> ObjectMesh:
     """A tetrahedron of four vertices."""
     corners = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]])
     faces = np.array([[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]])
-    return mesh_from_arrays(corners, faces, max_edge=1e3)
+    return load_mesh((corners, faces), max_edge=1e3)
 
 
 @pytest.mark.slow
@@ -223,7 +223,7 @@ def test_more_fingers_than_vertices_are_rejected() -> None:
 
 @pytest.mark.slow
 def test_idle_fingers_may_be_placed_on_corners() -> None:
-    corners = mesh_from_arrays(*shapes.box((2.0, 1.5, 1.0)), max_edge=1e3)
+    corners = load_mesh(shapes.box((2.0, 1.5, 1.0)), max_edge=1e3)
     sampling = Sampling(candidate_points="vertices", search_angle=SEARCH_ANGLE)
     angles = [
         label_surface(corners, GraspModel(fingers=n), sampling=sampling).critical_angle_best

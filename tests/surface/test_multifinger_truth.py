@@ -8,7 +8,7 @@ import pytest
 import trimesh
 from numpy.typing import NDArray
 
-from grasp3d import GraspModel, ObjectMesh, Sampling, label_surface, mesh_from_arrays
+from grasp3d import GraspModel, ObjectMesh, Sampling, label_surface, load_mesh
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.settings import CandidatePoints
 from tests.helpers import coplanar, shapes
@@ -32,7 +32,7 @@ def cylinder() -> ObjectMesh:
     profile = [(0, -1.5), (0.5, -1.5), (1, -1.5), (1, -0.75), (1, 0), (1, 0.75)]
     profile += [(1, 1.5), (0.5, 1.5), (0, 1.5)]
     turned = trimesh.creation.revolve(np.array(profile, dtype=np.float64), sections=16)
-    return mesh_from_arrays(*shapes.arrays(turned), max_edge=UNDIVIDED)
+    return load_mesh(shapes.arrays(turned), max_edge=UNDIVIDED)
 
 
 def mug(sections: int) -> ObjectMesh:
@@ -50,7 +50,7 @@ def mug(sections: int) -> ObjectMesh:
     handle.apply_translation((44.0, 0.0, 47.5))
     filled = trimesh.boolean.union([body, handle], engine="manifold")
     made = trimesh.boolean.difference([filled, hollow], engine="manifold")
-    return mesh_from_arrays(*shapes.arrays(made), max_edge=UNDIVIDED)
+    return load_mesh(shapes.arrays(made), max_edge=UNDIVIDED)
 
 
 SHAPES = {

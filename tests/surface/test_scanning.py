@@ -16,7 +16,7 @@ from grasp3d import (
     SurfaceLabels,
     classify,
     label_surface,
-    mesh_from_arrays,
+    load_mesh,
     scan_surface,
 )
 from grasp3d.errors import SettingError
@@ -39,12 +39,12 @@ degrees = math.radians
 
 @cache
 def ball() -> ObjectMesh:
-    return mesh_from_arrays(*shapes.sphere(3), max_edge=9.0)
+    return load_mesh(shapes.sphere(3), max_edge=9.0)
 
 
 @cache
 def box() -> ObjectMesh:
-    return mesh_from_arrays(*shapes.box((1.0, 1.4, 2.0)), max_edge=0.3)
+    return load_mesh(shapes.box((1.0, 1.4, 2.0)), max_edge=0.3)
 
 
 def on_equator(angle: float) -> tuple[float, float, float]:
@@ -55,7 +55,7 @@ def on_equator(angle: float) -> tuple[float, float, float]:
 
 
 def test_three_fingers_around_a_ball_are_force_closed_at_any_friction() -> None:
-    mesh = mesh_from_arrays(*shapes.sphere(4), max_edge=9.0)
+    mesh = load_mesh(shapes.sphere(4), max_edge=9.0)
     scan = scan_surface(
         mesh, GraspModel(friction=0.2), fixed=[on_equator(120.0), on_equator(240.0)]
     )
@@ -69,7 +69,7 @@ def test_three_fingers_around_a_ball_are_force_closed_at_any_friction() -> None:
 
 @pytest.mark.parametrize("count", [2, 3])
 def test_labels_of_a_scan_are_those_of_classify(count: int) -> None:
-    mesh = mesh_from_arrays(*shapes.lopsided(), max_edge=9.0)
+    mesh = load_mesh(shapes.lopsided(), max_edge=9.0)
     corners = [(-0.6, 0.9, 0.0), (-0.6, -0.9, 0.1), (-0.5, -0.8, 0.3)][:count]
     fixed = mesh.vertices[[np.argmax(mesh.vertices @ corner) for corner in corners]]
     model = GraspModel(friction=0.5, sensor_resolution=0.3)
@@ -100,9 +100,7 @@ def test_a_finger_fixed_twice_equals_one_finger() -> None:
 
 def test_vertices_at_a_fixed_finger_have_no_grasp() -> None:
     vertices, faces = shapes.sphere(2)
-    mesh = mesh_from_arrays(
-        np.vstack([vertices, vertices[:3], [[9.0, 9.0, 9.0]]]), faces, max_edge=9.0
-    )
+    mesh = load_mesh((np.vstack([vertices, vertices[:3], [[9.0, 9.0, 9.0]]]), faces), max_edge=9.0)
     scan = scan_surface(mesh, fixed=vertices[[0, 5]])
     count = len(vertices)
     same = np.flatnonzero(scan.reason == Reason.SAME_POINT)
@@ -134,7 +132,7 @@ def test_a_scan_reports_progress() -> None:
     assert fractions[-1] == 1.0
     fractions.clear()
     model = GraspModel(method="extremes", edges=6, extreme_normals=3)
-    mesh = mesh_from_arrays(*shapes.sphere(1), max_edge=9.0)
+    mesh = load_mesh(shapes.sphere(1), max_edge=9.0)
     scan_surface(mesh, model, fixed=[on_equator(0.0), on_equator(100.0)], progress=fractions.append)
     assert fractions == sorted(fractions)
     assert fractions[-1] == 1.0
@@ -142,7 +140,7 @@ def test_a_scan_reports_progress() -> None:
 
 
 def test_extreme_normals_of_three_fingers_never_contradict_the_exact_labels() -> None:
-    mesh = mesh_from_arrays(*shapes.sphere(2), max_edge=9.0)
+    mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
     fixed = [on_equator(60.0), on_equator(180.0)]
     settings: dict[str, Any] = {"friction": 0.5, "sensor_resolution": 0.2}
     model = GraspModel(**settings, method="extremes", extreme_normals=4)
@@ -252,7 +250,7 @@ def grasps_with_partners(mesh: ObjectMesh, others: Any) -> MultifingerGrasps:
 
 def test_labels_evaluate_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPatch) -> None:
     vertices, faces = shapes.box((1.0, 1.4, 2.0))
-    mesh = mesh_from_arrays(np.vstack([vertices, vertices[:2]]), faces, max_edge=0.7)
+    mesh = load_mesh((np.vstack([vertices, vertices[:2]]), faces), max_edge=0.7)
     count, rng = len(mesh.vertices), np.random.default_rng(0)
     used = np.unique(mesh.faces)
     smooth = used[mesh.normal_sets.counts[used] == 1]

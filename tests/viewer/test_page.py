@@ -304,6 +304,50 @@ def test_second_resolution_is_shown_beside_the_first(seen: Visitor, labels: Surf
 
 
 @pytest.mark.slow
+def test_colours_without_a_resolution_are_not_compared(seen: Visitor) -> None:
+    page = seen.page
+    page.locator("#comparing").check()
+    page.wait_for_selector("#compare")
+    page.locator("#paint").select_option("max_resolution")
+    page.wait_for_selector("#uncompared")
+    assert "α* does not depend on the sensor resolution" in page.locator("#uncompared").inner_text()
+    assert page.locator("#comparing").is_disabled()
+    assert page.locator("#compare").count() == 0
+    assert page.locator("#fractions li").first.locator("output").count() == 1
+    page.locator("#paint").select_option("label")
+    page.wait_for_selector("#compare")
+
+
+@pytest.mark.slow
+def test_nothing_moves_while_a_slider_is_dragged(browser: Any, server: Served) -> None:
+    seen = visitor(browser, server, 800, 520)
+    seen.click_middle()
+    seen.page.wait_for_selector("#numbers")
+    seen.page.locator("#resolution-number").fill("88")  # the explanation has more lines
+    seen.page.locator("#resolution-number").press("Enter")
+    rows = seen.page.locator("#rows")
+    seen.page.wait_for_timeout(300)
+    hidden = "one => one.scrollHeight - one.clientHeight"
+    seen.page.set_viewport_size({"width": 800, "height": 460 + rows.evaluate(hidden)})
+    seen.page.wait_for_timeout(700)  # 60 pixels are hidden
+    rows.evaluate("one => one.scrollTo(0, one.scrollHeight)")
+    assert rows.evaluate("one => one.scrollTop") > 20
+    left, top, right, bottom = seen.box("#resolution")
+    y = 0.5 * (top + bottom)
+    seen.page.mouse.move(left + 0.96 * (right - left), y)
+    seen.page.mouse.down()
+    tops = set()
+    for part in (0.95, 0.6, 0.3, 0.02, 0.1):
+        seen.page.mouse.move(left + part * (right - left), y, steps=3)
+        seen.page.wait_for_timeout(150)
+        tops.add((seen.box("#resolution")[1], rows.evaluate("one => one.scrollTop")))
+    assert len(tops) == 1
+    seen.page.mouse.up()
+    assert not seen.errors
+    seen.page.context.close()
+
+
+@pytest.mark.slow
 def test_a_click_inspects_and_a_drag_rotates(seen: Visitor) -> None:
     rows, columns = np.nonzero(coloured(seen.picture()))
     middle = int(np.argmin(np.hypot(rows - rows.mean(), columns - columns.mean())))

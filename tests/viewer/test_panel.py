@@ -22,7 +22,7 @@ from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section
 from grasp3d.viewer.window.desktop import MAX_PANEL, NARROWEST, PANEL, WIDEST
 from grasp3d.viewer.window.help_overlay import help_image
-from grasp3d.viewer.window.panel import ALWAYS, Content, panel_content
+from grasp3d.viewer.window.panel import Content, panel_content
 from grasp3d.viewer.window.panel_widget import PanelWidget, row_width
 from grasp3d.viewer.window.rows import (
     ButtonRow,
@@ -38,7 +38,7 @@ from grasp3d.viewer.window.rows import (
 )
 from grasp3d.viewer.window.sliders import Ranges, sliders_of
 
-SIZES = [(900, 600), (1000, 1000), (1280, 800), (1920, 1200)]
+SIZES = [(800, 520), (900, 600), (1000, 1000), (1280, 800), (1920, 1200)]
 WORDS = st.text(st.characters(codec="utf-8", exclude_categories=["C", "Z"]), min_size=1)
 
 
@@ -113,39 +113,94 @@ def test_long_names_keep_both_ends(name: str, width: float) -> None:
 
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("crowded", [False, True])
-def test_rows_do_not_overlap_and_fit_into_the_panel(
+def test_areas_do_not_overlap_and_all_are_reached_by_scrolling(
     session: Session, size: tuple[int, int], crowded: bool
 ) -> None:
     if crowded:
-        session.change(compare=40.0 * DEGREE, section=Section(), paint="critical_angle")
+        session.change(compare=40.0 * DEGREE, section=Section())
         session.click(3)
-    widget = laid_out(session, size)
-    boxes = [one.box for one in widget.hit_areas]
-    width = panel_width(size[0])
-    for number, (left, top, right, bottom) in enumerate(boxes):
-        assert 0.0 <= left < right <= width
-        assert 0.0 <= top < bottom <= size[1]
-        for other in boxes[:number]:
-            apart = right <= other[0] or other[2] <= left or bottom <= other[1] or other[3] <= top
-            assert apart, (boxes[number], other)
-    fitted = content(session, width).fitted(size[1] - 24.0)
-    assert sum(row.height for rows in fitted for row in rows) <= size[1] - 24.0
-    assert {one.name for one in widget.hit_areas} >= {"friction", "sensor_resolution", "key-2"}
+    widget, width = laid_out(session, size), panel_width(size[0])
+    seen: set[str] = set()
+    widget.turn_wheel(100.0, 5.0, 99)
+    for _ in range(20):
+        widget.turn_wheel(100.0, 5.0, -1)
+        widget.show(content(session, width), width, size[1], 1.0)
+        boxes = [one.box for one in widget.hit_areas]
+        for number, (left, top, right, bottom) in enumerate(boxes):
+            assert 0.0 <= left < right <= width
+            assert 0.0 <= top < bottom <= size[1]
+            for other in boxes[:number]:
+                apart = right <= other[0] or other[2] <= left
+                assert apart or bottom <= other[1] or other[3] <= top, (boxes[number], other)
+        seen |= {one.name for one in widget.hit_areas}
+    whole = content(session, width)
+    assert seen - {"scroll"} == {
+        area.name for row in whole.upper for area in row.hit_areas((18.0, 0.0, 300.0, row.height))
+    }
+    needed = sum(row.height for part in whole.fitted(size[1]) for row in part) + 24.0 > size[1]
+    assert ("scroll" in seen) == needed
 
 
-def test_rows_of_the_lowest_priority_are_dropped_first(session: Session) -> None:
-    session.change(paint="critical_angle")
+def scrolled(session: Session, by: int) -> PanelWidget:
+    """A low panel, scrolled down by steps of the wheel."""
+    widget = laid_out(session, (800, 520))
+    assert widget.turn_wheel(100.0, 5.0, -by)
+    assert widget.show(content(session, 300.0), 300.0, 520.0, 1.0)
+    return widget
+
+
+def test_the_scroll_bar_is_dragged(session: Session) -> None:
+    widget = laid_out(session, (800, 520))
+    before = middle(area_of(widget, "friction"))[1]
+    x = middle(area_of(widget, "scroll"))[0]
+    widget.press(x, 10.0)
+    assert widget.move(x, 10.0 + 60.0)
+    widget.release(x, 10.0 + 60.0)
+    widget.show(content(session, 300.0), 300.0, 520.0, 1.0)
+    assert middle(area_of(widget, "friction"))[1] < before - 60.0
+    assert not widget.turn_wheel(100.0, 5.0, 99) or widget.mouse_state[2] == 0.0
+
+
+def test_a_click_scrolls_to_the_numbers_of_the_vertex(session: Session) -> None:
+    widget = laid_out(session, (800, 520))
     session.click(3)
-    whole = content(session, 380.0)
+    widget.show(content(session, 300.0), 300.0, 520.0, 1.0)
+    assert isinstance(widget.mouse_state[2], float)
+    assert widget.mouse_state[2] > 100.0
+    widget.turn_wheel(100.0, 5.0, 99)
+    widget.show(content(session, 300.0), 300.0, 520.0, 1.0)
+    assert widget.mouse_state[2] == 0.0  # only once
 
-    def priorities(height: float) -> list[int]:
-        return [row.priority for part in whole.fitted(height) for row in part]
 
-    everything = sorted(priorities(5000.0))
-    for height in range(0, 1000, 20):
-        kept = priorities(float(height))
-        assert sorted(kept) == everything[len(everything) - len(kept) :]
-    assert set(priorities(0.0)) == {ALWAYS}
+@pytest.mark.parametrize("size", [(800, 520), (1280, 800)])
+@pytest.mark.parametrize("compare", [None, 40.0 * DEGREE])
+def test_no_row_moves_while_a_slider_is_dragged(
+    session: Session, size: tuple[int, int], compare: float | None
+) -> None:
+    session.change(compare=compare)
+    session.click(3)
+    width = panel_width(size[0])
+    widget = PanelWidget(vtkRenderer())
+
+    def tops(**changes: Any) -> dict[str, float]:
+        text = replace(panel_text(session), **changes)
+        press = lambda key: handle_key(session, key)  # noqa: E731
+        shown = panel_content(session, text, Ranges(), row_width(width), press=press)
+        widget.show(shown, width, size[1], 1.0)
+        return {one.name: one.box[1] for one in widget.hit_areas}
+
+    tops()
+    widget.turn_wheel(100.0, 5.0, 99)
+    widget.turn_wheel(100.0, 5.0, -1)
+    before = tops(message="saved: a.ply", working=None)
+    widget.press(*middle(area_of(widget, "sensor_resolution")))
+    for degrees in (0.0, 88.8, 5.0, 60.0):
+        session.change(sensor_resolution=degrees * DEGREE)
+        after = tops(working=("searching grasps", 0.5))
+        common = before.keys() & after.keys()
+        assert "sensor_resolution" in common
+        assert {key: after[key] for key in common} == {key: before[key] for key in common}
+    session.close()
 
 
 def test_the_panel_shows_the_current_choices(session: Session) -> None:
@@ -227,13 +282,31 @@ def test_a_failed_search_is_reported_in_place_of_fractions(
     assert session.message in texts
 
 
-def test_messages_are_right_below_the_buttons(session: Session) -> None:
+def test_messages_and_progress_are_always_visible(session: Session) -> None:
     session.change(friction=2.0)  # a wider search
     session.show_message("saved: a.ply")
-    rows = rows_of(session)
-    last = max(at for at, row in enumerate(rows) if isinstance(row, ButtonRow))
-    after = [type(row) for row in rows[last + 1 : last + 4]]
-    assert after == [Gap, TextRow, ProgressRow]
+    text, press = panel_text(session), lambda key: handle_key(session, key)
+    rows = panel_content(session, text, Ranges(), 344.0, press=press).lower
+    assert [type(row) for row in rows] == [Gap, TextRow, ProgressRow]
+    session.close()
+
+
+@pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon", "epsilon_min"])
+def test_colours_without_a_resolution_are_not_compared(session: Session, paint: Any) -> None:
+    session.change(compare=40.0 * DEGREE)
+    assert session.other_model is not None
+    session.change(paint=paint)
+    assert session.other_model is None
+    assert len(next(row for row in rows_of(session) if isinstance(row, FractionRow)).percents) == 1
+    before = session.state
+    assert handle_key(session, "c")
+    assert session.message.endswith("two resolutions are compared in the colours S, M, U")
+    assert session.state == before
+    buttons = [one for row in rows_of(session) if isinstance(row, ButtonRow) for one in row.buttons]
+    assert [one.muted for one in buttons if one.name == "key-c"] == [True]
+    session.change(paint="label")
+    assert session.other_model is not None
+    assert session.state.compare == pytest.approx(40.0 * DEGREE)
     session.close()
 
 
@@ -351,6 +424,9 @@ def test_the_wheel_moves_a_slider(session: Session) -> None:
     widget.turn_wheel(*middle(area_of(widget, "opening")), -2)
     widget.turn_wheel(1.0, 1.0, 2)
     assert session.state == before
+    low = scrolled(session, 3)
+    low.turn_wheel(*middle(area_of(low, "opening")), 2)
+    assert session.state == before  # the wheel scrolls where not everything is visible
 
 
 def test_undo_restores_states_step_by_step(session: Session) -> None:

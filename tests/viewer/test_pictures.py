@@ -1,3 +1,4 @@
+import inspect
 import math
 import os
 import subprocess
@@ -22,9 +23,18 @@ from grasp3d import (
 from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
 from grasp3d.rendering import can_render
+from grasp3d.stability.label import COLORS, Label
 from grasp3d.system.progress import Progress
 from grasp3d.viewer.scene import pictures
-from grasp3d.viewer.scene.pictures import open_renderer, save_picture, save_turntable
+from grasp3d.viewer.scene.pictures import (
+    FRAMES,
+    SECONDS,
+    _durations,
+    _palette,
+    open_renderer,
+    save_picture,
+    save_turntable,
+)
 from grasp3d.viewer.session import session
 from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
 from grasp3d.viewer.subjects.subject import Subject
@@ -136,8 +146,26 @@ def test_the_error_without_ffmpeg_names_the_extra(
 def test_the_error_for_other_suffixes_lists_the_known_ones(
     save: Callable[..., None], name: str, kind: str, tmp_path: Path
 ) -> None:
-    with pytest.raises(OutputError, match=rf"no {kind} is called '\.\w+'; known: \."):
+    with pytest.raises(OutputError, match=rf"unsupported {kind} format \.\w+: supported are \."):
         save(collection_of(held_box()), SMALL, tmp_path / name)
+
+
+def test_films_have_25_frames_per_second() -> None:
+    assert FRAMES / SECONDS == 25.0
+    assert set(_durations(FRAMES, SECONDS)) == {40}
+    parameters = inspect.signature(save_turntable).parameters
+    assert (parameters["frames"].default, parameters["seconds"].default) == (FRAMES, SECONDS)
+
+
+def test_a_film_keeps_the_colours_of_small_areas() -> None:
+    picture = np.full((100, 100, 3), 255, dtype=np.uint8)
+    ramp = np.linspace(0, 255, 95).astype(np.uint8)
+    picture[:95] = np.stack([0 * ramp, ramp, ramp // 2], axis=1)[:, None]
+    picture[97, :6] = COLORS[Label.U]
+    palette = _palette(iter([picture]))
+    shown = Image.fromarray(picture).quantize(palette=palette, dither=Image.Dither.NONE)
+    found = np.asarray(shown.convert("RGB"))[97, 0].astype(int)
+    assert np.abs(found - COLORS[Label.U]).max() < 12
 
 
 @pytest.mark.parametrize(

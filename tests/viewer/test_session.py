@@ -8,14 +8,33 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from grasp3d import GraspError, GraspModel, Label, Sampling, label_surface, scan_surface, write_ply
+from grasp3d import (
+    GraspError,
+    GraspModel,
+    Label,
+    Sampling,
+    SurfaceLabels,
+    label_surface,
+    load_mesh,
+    scan_surface,
+    write_ply,
+)
 from grasp3d.errors import MeshError, OutputError, SettingError
+from grasp3d.settings import MeshOptions
 from grasp3d.surface import Reason
 from grasp3d.system.progress import Progress, ignore
+from grasp3d.viewer.scene.captions import Captions
+from grasp3d.viewer.scene.layout import TextArea, TextLine
 from grasp3d.viewer.session import planning, saving
 from grasp3d.viewer.session.background import Cancelled, Job, Worker
 from grasp3d.viewer.session.collection import Collection, Item, collection_of, open_collection
-from grasp3d.viewer.session.computations import compute_epsilon, mesh_of, prepare_labels
+from grasp3d.viewer.session.computations import (
+    compute_epsilon,
+    mesh_of,
+    prepare_labels,
+    scan_with_fixed,
+)
+from grasp3d.viewer.session.keys import DRAWING, handle_key
 from grasp3d.viewer.session.painting import UNSEARCHED
 from grasp3d.viewer.session.panel_text import panel_text
 from grasp3d.viewer.session.session import Session
@@ -42,7 +61,7 @@ def file(tmp_path: Path) -> Path:
 
 
 def test_a_session_begins_with_its_settings() -> None:
-    session = Session(collection_of(viewing.labels()), ViewSettings(paint="epsilon", compare=0.1))
+    session = Session(collection_of(viewing.labels()), ViewSettings(compare=0.1))
     assert session.working is not None
     assert session.subject is None
     assert panel_text(session).fractions == ()
@@ -134,7 +153,11 @@ def test_more_friction_than_searched_starts_a_wider_search() -> None:
     assert len(panel_text(session).fractions) == 3
     wide = replace(viewing.labels().sampling or Sampling(), search_angle=math.pi / 2)
     expected = label_surface(viewing.labels().mesh, session.model, sampling=wide)
-    assert np.array_equal(subject.critical_angle, expected.critical_angle)
+    known = viewing.labels().critical_angle
+    kept = known <= cone
+    assert np.array_equal(subject.critical_angle[kept], known[kept])
+    best = np.minimum(known, expected.critical_angle)
+    assert np.array_equal(subject.critical_angle[~kept], best[~kept])
     session.change(friction=0.3)
     assert session.working is None  # the widest search covers every model
 
@@ -145,6 +168,36 @@ def test_the_second_resolution_can_start_a_wider_search() -> None:
     assert session.working is not None
     wait_until_idle(session)
     assert len(panel_text(session).other_fractions) == 3
+
+
+def test_a_wider_search_does_not_change_known_fractions() -> None:
+    session = ready_session(viewing.labels())
+    before = {one.letter: one.fraction for one in panel_text(session).fractions}
+    handle_key(session, "c")
+    session.change(compare=1.5)
+    wait_until_idle(session)
+    assert session.subject is not None
+    assert session.subject.cone == math.pi / 2
+    after = {one.letter: one.fraction for one in panel_text(session).fractions}
+    assert after == before
+    assert session.subject.labels is not None
+    grasps, labels = session.subject.labels, viewing.labels()
+    kept = labels.critical_angle <= labels.search.cone
+    assert np.array_equal(grasps.partners[kept], labels.partners[kept])
+    assert np.array_equal(grasps.opening[kept], labels.opening[kept])
+    assert np.array_equal(np.isinf(grasps.critical_angle), grasps.reason != Reason.FOUND)
+
+
+def test_a_wider_search_of_a_file_keeps_its_partners() -> None:
+    model, sampling = viewing.labels().model, viewing.labels().sampling or Sampling()
+    session = ready_session(Collection((Item("a", lambda _: _batched()),), model, sampling))
+    before = {one.letter: one.fraction for one in panel_text(session).fractions}
+    session.change(compare=1.5)
+    wait_until_idle(session)
+    assert session.message == ""
+    assert session.subject is not None
+    assert session.subject.cone == math.pi / 2
+    assert {one.letter: one.fraction for one in panel_text(session).fractions} == before
 
 
 def test_another_opening_is_searched_once() -> None:
@@ -375,6 +428,53 @@ def test_a_click_fixes_a_finger_and_another_moves_it() -> None:
     assert session.subject.mode == "label"
 
 
+def plate() -> SurfaceLabels:
+    """A thin plate with a vertex (8) in the middle of its upper side, and none below it."""
+    corners = [(x, y, z) for z in (0.0, 0.05) for x, y in ((0, 0), (1, 0), (1, 1), (0, 1))]
+    lower = [(0, 2, 1), (0, 3, 2)]
+    sides = [(k, (k + 1) % 4, k + 4) for k in range(4)]
+    sides += [((k + 1) % 4, (k + 1) % 4 + 4, k + 4) for k in range(4)]
+    upper = [(k + 4, (k + 1) % 4 + 4, 8) for k in range(4)]
+    vertices = np.array([*corners, (0.6, 0.45, 0.05)], dtype=float)
+    mesh = load_mesh((vertices, np.array(lower + sides + upper)), max_edge=math.inf, repair="none")
+    return label_surface(mesh)
+
+
+def test_contacts_between_vertices_are_tested_for_a_fixed_finger() -> None:
+    session = ready_session(plate())
+    session.click(8)
+    inspected = session.inspection
+    assert inspected is not None
+    assert (inspected.code, len(inspected.points)) == (Label.S, 2)
+    session.click(None)
+    session.change(click="fix")
+    session.click(8)
+    wait_until_idle(session)
+    found = session.inspection
+    assert found is not None
+    assert (found.vertex, found.code) == (None, Label.S)
+    assert found.points == pytest.approx(np.array([[0.6, 0.45, 0.0], [0.6, 0.45, 0.05]]), abs=1e-3)
+    assert ("location", "between vertices") in found.numbers
+    percents = {one.letter: one.percent for one in panel_text(session).fractions}
+    assert percents == {"S": "<0.1 %", "M": "0.0 %", "U": ">99.9 %"}
+    session.change(fixed=())
+    wait_until_idle(session)
+    assert session.inspection is None
+
+
+def test_the_best_contact_of_the_last_finger_is_not_worse_than_the_vertices() -> None:
+    for labels, fixed in ((viewing.labels(), (30,)), (viewing.three_fingers(), (3, 20))):
+        points = tuple(
+            (float(x), float(y), float(z)) for x, y, z in labels.mesh.vertices[list(fixed)]
+        )
+        model = replace(labels.model, fingers=len(fixed) + 1)
+        found = scan_with_fixed(subject_of(labels), model, points, ignore)
+        assert found.last_contact is not None
+        assert found.last_contact.worst <= found.critical_angle.min() + 1e-9
+        assert found.last_contact.best <= found.critical_angle_best.min() + 1e-9
+        assert len(found.last_contact.points) == len(fixed) + 1
+
+
 def test_two_of_three_fingers_are_fixed_one_after_the_other() -> None:
     session = ready_session(viewing.three_fingers())
     session.change(click="fix")
@@ -457,6 +557,27 @@ def test_epsilon_depends_on_edges_actuation_and_torsion(model: GraspModel) -> No
 
 
 # Files
+
+
+def test_a_given_unit_is_shown_for_a_file_without_one(tmp_path: Path) -> None:
+    write_ply(tmp_path / "box.ply", viewing.box())
+    for unit in (None, "mm"):
+        collection = open_collection(tmp_path / "box.ply", options=MeshOptions(unit=unit))
+        session = ready_session(collection)
+        assert session.subject is not None
+        assert session.subject.unit == unit
+        texts = [
+            one.text
+            for one in Captions.of(session, legend=True).items(TextArea(600, 400, 12), 0, 0.01)
+            if isinstance(one, TextLine)
+        ]
+        assert ("0.5 mm" in texts) == (unit is not None)
+        assert ("0.5" in texts) == (unit is None)
+
+
+def test_arrows_are_described_as_the_direction_of_the_push() -> None:
+    meaning = dict(DRAWING)["arrow"]
+    assert meaning == "inward contact normal, along which the finger pushes"
 
 
 def test_a_click_on_a_file_searches_its_grasps(file: Path) -> None:
@@ -620,7 +741,7 @@ def test_files_are_saved_in_the_background(tmp_path: Path, file: Path) -> None:
     wait_until_idle(session)
     assert "none" in session.message
     assert not session.message.startswith("saved")
-    with pytest.raises(OutputError, match="no format is called"):
+    with pytest.raises(OutputError, match="unsupported format"):
         session.save_in_background(tmp_path / "a.txt")
 
 

@@ -184,6 +184,9 @@ def test_buttons_of_the_panel(window: Window, labels: SurfaceLabels) -> None:
     window.press("section-y")
     window.until(lambda state: state["section"] == "y", "a section")
     window.press("key-c")
+    window.until(lambda state: "does not depend" in state["message"], "a refusal")
+    window.press("key-1")
+    window.press("key-c")
     state = window.until(lambda state: state["compare"], "two resolutions")
     assert agrees(state["fractions"], labels, state["friction"], state["resolution"])
     assert agrees(state["other"], labels, state["friction"], state["compare"])
@@ -244,6 +247,23 @@ def test_the_layout_follows_the_size_of_the_window(window: Window) -> None:
     for width, height in ((1200, 900), (900, 600), (WIDTH, HEIGHT)):
         window.do("windowsize", window.number, width, height)
         window.until(lambda state, w=width, h=height: fits(state, w, h), "another layout")
+
+
+def test_a_low_window_is_scrolled(window: Window) -> None:
+    window.key("x", "c")
+    window.until(lambda state: state["section"] and state["compare"], "more rows")
+    window.do("windowsize", window.number, 800, 520)
+    state = window.until(lambda state: "scroll" in state["areas"], "a scroll bar")
+    assert "friction" in state["areas"]
+    assert "key-s" not in state["areas"]
+    window.do("mousemove", "--window", window.number, 700, 200)
+    window.do("click", "--repeat", 12, 5)
+    window.until(lambda state: "key-s" in state["areas"], "the last buttons")
+    window.do("click", "--repeat", 12, 4)
+    window.until(lambda state: "key-s" not in state["areas"], "the first rows")
+    window.key("c", "z", "z")
+    window.do("windowsize", window.number, WIDTH, HEIGHT)
+    window.until(lambda state: "scroll" not in state["areas"], "all rows")
 
 
 @pytest.mark.slow

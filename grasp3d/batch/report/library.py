@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.report.settings_text import describe_settings
+from grasp3d.batch.report.settings_text import describe_settings, summarise_settings
 from grasp3d.batch.row import AreaFractions, Row
 
 VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
@@ -52,6 +52,7 @@ def library_data(rows: Collection[Row], settings: BatchSettings) -> dict[str, An
     return {
         "friction": model.friction,
         "resolution": _rounded(math.degrees(model.sensor_resolution)),
+        "summary": summarise_settings(settings),
         "settings": describe_settings(settings),
         "columns": COLUMNS,
         "rows": [_values(row) for row in rows],

@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.lengths import describe_length
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 
@@ -14,6 +15,19 @@ def describe_settings(settings: BatchSettings) -> list[tuple[str, str]]:
         settings: Settings of the batch; some are left out where they have their default value.
     """
     return [*_model(settings.model), *_search(settings), *_mesh(settings.mesh)]
+
+
+def summarise_settings(settings: BatchSettings) -> list[str]:
+    """The settings on which every label depends, for the header: friction, sensor, search limits.
+
+    Args:
+        settings: Settings of the batch.
+    """
+    model, search = settings.model, dict(_search(settings))
+    texts = [f"Friction μ {model.friction:.4g} (cone of β {_degrees(model.friction_angle)})"]
+    texts.append(f"Sensor resolution α {_degrees(model.sensor_resolution)}")
+    texts.append(f"{model.fingers} {'soft ' if model.torsion_radius else ''}fingers")
+    return texts + [f"{name} {value}" for name, value in search.items()]
 
 
 def _degrees(angle: float) -> str:
@@ -32,35 +46,46 @@ def _model(model: GraspModel) -> Iterator[tuple[str, str]]:
     forces = "all fingers' forces" if model.actuation == "total" else "each finger's force"
     yield "Epsilon", f"{cones}, {forces} at most 1"
     if model.torsion_radius:
-        yield "Torsion radius", f"{model.torsion_radius:.4g} (in each mesh's unit)"
+        yield "Torsion radius", _length(model.torsion_radius)
 
 
 def _search(settings: BatchSettings) -> Iterator[tuple[str, str]]:
     search: Sampling = settings.search
     if settings.model.fingers == 2:
         yield "Grip", {"both": "squeeze or expand"}.get(search.grip, search.grip)
-        if limits := _range(search.min_opening, search.max_opening):
-            yield "Opening", limits
-    elif limits := _range(search.min_separation or 0.0, search.max_spread):
-        yield "Distances between contacts", limits
+        yield "Opening", _range(search.min_opening, search.max_opening)
+    else:
+        yield "Distances between contacts", _range(search.min_separation or 0.0, search.max_spread)
     if search.search_angle is not None:
         yield "Search", f"grasps with β* up to {_degrees(search.search_angle)}"
 
 
 def _range(least: float, most: float) -> str:
-    """Limits of a length as text; empty where there are none."""
-    limits = [f"at least {least:.4g}"] if least else []
-    limits += [f"at most {most:.4g}"] if math.isfinite(most) else []
-    return f"{' and '.join(limits)} (in each mesh's unit)" if limits else ""
+    """Limits of a length as text."""
+    named = [("at least", least)] if least else []
+    named += [("at most", most)] if most != math.inf else []
+    numbers = not any(isinstance(length, str) for _, length in named)
+    last = len(named) - 1
+    limits = [
+        f"{name} {describe_length(length) if numbers and at < last else _length(length)}"
+        for at, (name, length) in enumerate(named)
+    ]
+    return " and ".join(limits) or "without limits"
+
+
+def _length(length: float) -> str:
+    """A length as it was given: with its unit, or in that of each mesh."""
+    text = describe_length(length)
+    return text if isinstance(length, str) else f"{text} (in each mesh's unit)"
 
 
 def _mesh(options: MeshOptions) -> Iterator[tuple[str, str]]:
     yield "Repair", options.repair
     if options.patch_radius:
-        yield "Patch radius", f"{options.patch_radius:.4g} (in each mesh's unit)"
+        yield "Patch radius", _length(options.patch_radius)
     else:
         yield "Sharp edges", f"faces that meet at more than {_degrees(options.crease_angle)}"
     if options.max_edge is not None:
-        yield "Longest edge", f"{options.max_edge:.4g} (in each mesh's unit)"
+        yield "Longest edge", _length(options.max_edge)
     if options.unit is not None:
         yield "Unit of the files", options.unit

@@ -1,5 +1,6 @@
 """The bodies of a surface: copies of one another, orientation, nesting."""
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -9,6 +10,7 @@ from grasp3d.arrays import Bools, Floats, Ints, unit_rows
 from grasp3d.mesh.measures import edges_of, face_areas, part_volumes, parts_of
 from grasp3d.mesh.repair.cleaning import sheets_of
 from grasp3d.mesh.repair.nesting import boxes_of, nested
+from grasp3d.mesh.work_bounds import BODY_COPIES, pairs_in_cells
 
 CLEAR_VOTE = 0.5
 """An open body is flipped when its hull vote is below minus this; see `_hull_vote`."""
@@ -19,6 +21,15 @@ own."""
 
 NO_VOLUME = 1e-10
 """Volume below which a body is a sheet with two sides, in units of its area to the power 3/2."""
+
+MOST_ON_HULL = 4096
+"""Vertices of the largest open body of which the whole convex hull is computed."""
+
+DIRECTIONS = 512
+"""Directions in which the corners of the hull of a larger body are searched."""
+
+FLAT = 1e-18
+"""Least variance of a body's vertices, as a fraction of the largest, that is not flat."""
 
 TOUCH = 1e-10
 """Distance within which bodies touch, as a fraction of the size, unless rounding is larger."""
@@ -143,14 +154,20 @@ class Bodies:
         found: dict[int, tuple[Ints, Ints]] = {}
         for size in np.unique(sizes):
             alike = np.flatnonzero(sizes == size)
-            boxes = np.hstack([self.lower[alike], self.upper[alike]])
-            for i, j in _near(boxes, distance):
+            rows = np.hstack([self.lower[alike], self.upper[alike], self._middles[alike]])
+            for i, j in _near(rows, distance):
                 if alike[i] in found or alike[j] in found:
                     continue
                 matched = self._matched(int(alike[i]), int(alike[j]), distance)
                 if matched is not None:
                     found[int(alike[j])] = matched
         return found
+
+    @cached_property
+    def _middles(self) -> Floats:
+        """Mean corner of each body's faces, shape (B, 3)."""
+        sums = [np.bincount(self.body, self.points[self.faces, k].sum(axis=1)) for k in range(3)]
+        return np.stack(sums, axis=1) / (3.0 * np.bincount(self.body))[:, None]
 
     def _matched(self, one: int, two: int, distance: float) -> tuple[Ints, Ints] | None:
         """Vertices of the second body and corresponding ones of the first, if it is a copy."""
@@ -165,9 +182,12 @@ class Bodies:
         return (new, old[near]) if np.array_equal(here, there) else None
 
 
-def _near(boxes: Floats, distance: float) -> list[tuple[int, int]]:
+def _near(rows: Floats, distance: float) -> list[tuple[int, int]]:
     """Pairs of rows that differ by at most a distance in each column, the earlier first."""
-    pairs = cKDTree(boxes).query_pairs(distance * (1.0 + 1e-9), p=np.inf, output_type="ndarray")
+    reach = distance * (1.0 + 1e-9)
+    if len(rows) ** 2 > BODY_COPIES.most:
+        BODY_COPIES.check(pairs_in_cells(rows, reach))
+    pairs = cKDTree(rows).query_pairs(reach, p=np.inf, output_type="ndarray")
     return sorted(map(tuple, np.sort(pairs, axis=1).tolist()))
 
 
@@ -177,16 +197,46 @@ def _hull_vote(points: Floats, faces: Ints) -> float:
     An open surface has no volume whose sign gives its orientation, but its faces on the convex hull
     must point outward. 0 if it is flat.
     """
+    if len(faces) == 1:
+        return 0.0
     used, corners = np.unique(faces, return_inverse=True)
     own, local = points[used], corners.reshape(-1, 3)
-    try:
-        hull = ConvexHull(own)
-    except QhullError:
-        return 0.0
-    outward = np.zeros_like(own)
-    for k in range(3):
-        np.add.at(outward, hull.simplices[:, k], hull.equations[:, :3])
+    outward = _outward_at_hull(own) if len(own) <= MOST_ON_HULL else _outward_at_extremes(own)
     a, b, c = own[local[:, 0]], own[local[:, 1]], own[local[:, 2]]
     doubled = np.cross(b - a, c - a)
     votes = np.einsum("fi,fki->fk", doubled, unit_rows(outward)[local])
     return float(votes.sum() / max(np.abs(votes).sum(), np.finfo(np.float64).tiny))
+
+
+def _outward_at_hull(points: Floats) -> Floats:
+    """Sum of the convex hull's normals at each of its corners, 0 elsewhere, shape (n, 3)."""
+    outward = np.zeros_like(points)
+    try:
+        hull = ConvexHull(points)
+    except QhullError:
+        return outward
+    for k in range(3):
+        np.add.at(outward, hull.simplices[:, k], hull.equations[:, :3])
+    return outward
+
+
+def _outward_at_extremes(points: Floats) -> Floats:
+    """Like `_outward_at_hull`, at the corners that are the farthest in some of many directions.
+
+    Its time is linear: that of a hull grows with the square for points on a circle or a sphere.
+    """
+    outward = np.zeros_like(points)
+    spread = np.linalg.eigvalsh(np.cov(points.T))
+    if spread[0] <= FLAT * spread[2]:
+        return outward
+    for direction in _directions():
+        outward[np.argmax(points @ direction)] += direction
+    return outward
+
+
+def _directions() -> Floats:
+    """Directions spread evenly over the sphere, shape (DIRECTIONS, 3)."""
+    number = np.arange(DIRECTIONS) + 0.5
+    height, turn = 1.0 - 2.0 * number / DIRECTIONS, np.pi * (1.0 + math.sqrt(5.0)) * number
+    across = np.sqrt(1.0 - height**2)
+    return np.stack([across * np.cos(turn), across * np.sin(turn), height], axis=1)

@@ -7,9 +7,16 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Floats, Ints
+from grasp3d.mesh.work_bounds import BODY_BOXES
 
 AT_ONCE = 1 << 22
 """Pairs that are compared at once, to bound memory."""
+
+SAMPLED = 1 << 23
+"""Pairs of boxes that are compared to estimate the number of overlaps."""
+
+FEWEST_SAMPLES = 32
+"""Least number of boxes that are compared with all others."""
 
 
 def overlapping(lower: Floats, upper: Floats) -> Iterator[tuple[Ints, Ints]]:
@@ -24,6 +31,9 @@ def overlapping(lower: Floats, upper: Floats) -> Iterator[tuple[Ints, Ints]]:
 
     Yields:
         Some of the pairs, each pair once: the first and the second box, shape (k,) each.
+
+    Raises:
+        WorkBoundError: There are too many boxes to compare.
     """
     count = len(lower)
     orders = np.argsort(lower, axis=0, kind="stable")
@@ -33,6 +43,7 @@ def overlapping(lower: Floats, upper: Floats) -> Iterator[tuple[Ints, Ints]]:
     ]
     axis = int(np.argmin([end.sum() for end in ends]))
     order, later = orders[:, axis], ends[axis] - np.arange(1, count + 1)
+    BODY_BOXES.check(int(later.sum()))
     total = np.cumsum(later)
     begin = 0
     while begin < count:
@@ -71,3 +82,23 @@ def overlap_groups(lower: Floats, upper: Floats) -> list[Ints]:
     order = np.argsort(first, kind="stable")
     groups = np.split(order, np.flatnonzero(np.diff(first[order])) + 1)
     return [members for members in groups if len(members) > 1]
+
+
+def estimated_overlaps(lower: Floats, upper: Floats, group: Ints) -> float:
+    """Estimate the number of pairs of boxes of different groups that overlap.
+
+    Evenly chosen boxes are compared with all others: all of them if there are few.
+
+    Args:
+        lower: Lower corner of each box (n, 3).
+        upper: Upper corner of each box (n, 3).
+        group: Group of each box (n,).
+    """
+    count = len(lower)
+    samples = min(count, max(FEWEST_SAMPLES, SAMPLED // count))
+    chosen = np.linspace(0, count - 1, samples).astype(np.int64)
+    found = 0
+    for box in chosen.tolist():
+        meet = ((lower <= upper[box]) & (lower[box] <= upper)).all(axis=1)
+        found += int((meet & (group != group[box])).sum())
+    return found / samples * count / 2.0

@@ -6,6 +6,7 @@ import numpy as np
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.mesh.repair.boxes import enclosed
 from grasp3d.mesh.repair.solids import Solid, marked, solids_of
+from grasp3d.mesh.work_bounds import NESTED_BODIES
 
 
 def nested(
@@ -31,6 +32,8 @@ def nested(
     inner, outer = enclosed(lower, upper)
     if not len(inner):
         return inner, outer
+    sizes = np.bincount(body)
+    NESTED_BODIES.check(int((sizes[inner] + sizes[outer]).sum()))
     turned = np.where((volumes < 0.0)[body][:, None], faces[:, ::-1], faces)
     grown = _solids(points, turned, body, np.unique(inner), margin)
     shrunk = _solids(points, turned, body, np.unique(outer), -margin)

@@ -9,6 +9,10 @@ from grasp3d.arrays import Floats, Ints, unit_rows
 from grasp3d.mesh.measures import has_area
 from grasp3d.mesh.normals import paired_edges
 from grasp3d.mesh.repair.cleaning import first_alike, from_least_corner, is_face
+from grasp3d.mesh.work_bounds import NEAR_FACES, POINTS_ON_FACES
+
+MOST_FLIPS = 100
+"""Most rounds in which faces without an area are removed."""
 
 
 def put_on_surface(points: Floats, faces: Ints, loose: Ints, distance: float) -> Ints:
@@ -28,13 +32,16 @@ def put_on_surface(points: Floats, faces: Ints, loose: Ints, distance: float) ->
     corners = points[faces]
     middles = corners.mean(axis=1)
     radii = np.linalg.norm(corners - middles[:, None], axis=2).max(axis=1)
-    near = cKDTree(points[loose]).query_ball_point(middles, radii + distance, return_sorted=True)
-    counts = np.array([len(found) for found in near])
+    tree, reach = cKDTree(points[loose]), radii + distance
+    counts = tree.query_ball_point(middles, reach, return_length=True)
+    NEAR_FACES.check(int(counts.sum()))
+    near = tree.query_ball_point(middles, reach, return_sorted=True)
     face = np.repeat(np.arange(len(faces)), counts)
     vertex = loose[np.fromiter(chain.from_iterable(near), np.int64, int(counts.sum()))]
     across = unit_rows(np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]))
     off = np.einsum("ij,ij->i", points[vertex] - corners[face, 0], across[face])
     on = np.abs(off) <= distance
+    POINTS_ON_FACES.check(int((np.bincount(face[on], minlength=1) ** 2).sum()))
     pieces: dict[int, list[tuple[int, ...]]] = {}
     for number, point in zip(face[on].tolist(), vertex[on].tolist(), strict=True):
         own = pieces.setdefault(number, [tuple(faces[number].tolist())])
@@ -103,7 +110,7 @@ def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:
         The faces; those whose longest edge does not have exactly two faces are kept.
     """
     faces, fewest = faces.copy(), len(faces) + 1
-    while True:
+    for _ in range(MOST_FLIPS):
         flat = np.flatnonzero(~has_area(points, faces, rounding))
         if not 0 < len(flat) < fewest:
             return faces
@@ -113,6 +120,7 @@ def without_slivers(points: Floats, faces: Ints, rounding: float) -> Ints:
         twins = _twins(faces)[3 * flat + (longest + 2) % 3]
         _flip_edges(faces, 3 * flat + (longest + 2) % 3, twins)
         faces = faces[is_face(faces)]
+    return faces
 
 
 def _twins(faces: Ints) -> Ints:

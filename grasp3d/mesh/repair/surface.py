@@ -3,6 +3,7 @@
 from grasp3d.arrays import Floats, Ints
 from grasp3d.mesh.repair.records import RepairedSurface
 from grasp3d.mesh.repair.work import Work
+from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.settings import Repair
 
 
@@ -17,12 +18,17 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
 
     Raises:
         MeshError: No face remains.
+        WorkBoundError: A step would take too long.
     """
     work = Work(vertices, faces, where, apart=level != "none")
     if level == "none":
         work.leave_out_flat()
-        safe = repair_surface(vertices, faces, "safe", where)
         done = {str(step) for step in work.steps}
+        try:
+            safe = repair_surface(vertices, faces, "safe", where)
+        except WorkBoundError as error:
+            work.warnings = [f"not repaired, as requested; repair 'safe' would be refused: {error}"]
+            return work.result()
         work.warnings = [
             f"not repaired, as requested; repair 'safe' would do this: {step}"
             for step in safe.steps

@@ -9,11 +9,12 @@ import numpy.typing as npt
 from grasp3d.arrays import Floats, Ints, first_at_position
 from grasp3d.mesh.measures import has_area
 from grasp3d.mesh.repair.bodies import Bodies
-from grasp3d.mesh.repair.boxes import overlap_groups
+from grasp3d.mesh.repair.boxes import estimated_overlaps, overlap_groups
 from grasp3d.mesh.repair.cleaning import from_least_corner
 from grasp3d.mesh.repair.seams import put_on_surface, without_slits, without_slivers
 from grasp3d.mesh.repair.solids import Solid, solids_of
 from grasp3d.mesh.repair.welding import WELDS, clusters
+from grasp3d.mesh.work_bounds import UNITED_BODIES
 
 NEAR = 4.0
 """Distance within which vertices are merged after faces were offset, in units of the offset."""
@@ -78,7 +79,8 @@ def unite(bodies: Bodies) -> United:
         outer[group]
         for group in overlap_groups(bodies.lower[outer] - touch, bodies.upper[outer] + touch)
     ]
-    unions, unchanged, refused = [], np.ones(bodies.count, dtype=bool), 0
+    _check_work(bodies, owner, groups)
+    unions, joined, refused = [], [outer[:0]], 0
     for group, solids in zip(groups, _solids(bodies, owner, groups), strict=True):
         whole = manifold3d.Manifold.batch_boolean(
             [solid.manifold for solid in solids], manifold3d.OpType.Add
@@ -87,9 +89,25 @@ def unite(bodies: Bodies) -> United:
             refused += len(group)
         elif _has_less_area(whole, solids, touch):
             unions.append(_union(points, whole, solids, touch))
-            unchanged[np.isin(owner, group)] = False
+            joined.append(group)
+    unchanged = ~np.isin(owner, np.concatenate(joined))
     united = _put_together(points, bodies.faces[unchanged[bodies.body]], unions)
     return replace(united, refused=refused, rounding=touch if unions else 0.0)
+
+
+def _check_work(bodies: Bodies, owner: Ints, groups: list[Ints]) -> None:
+    """Refuse bodies with too many faces that may cross; some faces are compared with all others.
+
+    Raises:
+        WorkBoundError: There are too many.
+    """
+    if not groups:
+        return
+    of_face = owner[bodies.body]
+    chosen = np.isin(of_face, np.concatenate(groups))
+    corners = bodies.points[bodies.faces[chosen]]
+    lower, upper = corners.min(axis=1), corners.max(axis=1)
+    UNITED_BODIES.check(estimated_overlaps(lower, upper, of_face[chosen]))
 
 
 def _solids(bodies: Bodies, owner: Ints, groups: list[Ints]) -> list[list[Solid]]:

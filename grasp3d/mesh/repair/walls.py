@@ -1,11 +1,14 @@
 """Removal of walls inside an object, between bodies that share vertices."""
 
+from collections import Counter
+
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.mesh.measures import edges_of, face_areas, part_volumes, parts_of
 from grasp3d.mesh.repair.bodies import NO_VOLUME
 from grasp3d.mesh.repair.cleaning import PAIR, sheets_of
+from grasp3d.mesh.work_bounds import INNER_WALLS, MATCHED_WALLS
 
 HALF = 0.5
 """Threshold between the winding numbers outside, 0, and inside, 1."""
@@ -34,6 +37,7 @@ def without_inner_walls(points: Floats, faces: Ints, rounding: float) -> Bools:
         return kept
     corners, rows = points[faces[~wall]], np.flatnonzero(wall)
     part = parts_of(faces[rows])
+    INNER_WALLS.check((int(part.max(initial=-1)) + 1) * len(corners))
     for number in range(int(part.max(initial=-1)) + 1):
         own = rows[part == number]
         middle = points[faces[own[np.argmax(face_areas(points, faces[own]))]]].mean(axis=0)
@@ -60,11 +64,13 @@ def _back_to_back(points: Floats, faces: Ints, rounding: float) -> Bools:
     borders = _borders(faces, sheet)
     flat = np.abs(volumes) <= _volume_rounding(areas, rounding)
     flat[list(borders)] = False
+    MATCHED_WALLS.check(_alike(borders))
+    faces_of = np.split(faces[np.argsort(sheet, kind="stable")], np.cumsum(np.bincount(sheet))[:-1])
     unmatched: dict[tuple[int, ...], list[int]] = {}
     for number, border in borders.items():
         others = unmatched.setdefault(tuple(-edge for edge in border), [])
         for other in others:
-            both = faces[(sheet == number) | (sheet == other)]
+            both = np.concatenate([faces_of[number], faces_of[other]])
             volume = part_volumes(points, both, np.zeros(len(both), dtype=np.int64))[0]
             if abs(volume) <= _volume_rounding(areas[number] + areas[other], rounding):
                 flat[[number, other]] = True
@@ -73,6 +79,17 @@ def _back_to_back(points: Floats, faces: Ints, rounding: float) -> Bools:
         else:
             unmatched.setdefault(border, []).append(number)
     return np.asarray(flat[sheet])
+
+
+def _alike(borders: dict[int, tuple[int, ...]]) -> int:
+    """Number of pairs of sheets whose borders are the same in opposite directions."""
+    times = Counter(borders.values())
+    return (
+        sum(
+            count * times.get(tuple(-edge for edge in border), 0) for border, count in times.items()
+        )
+        // 2
+    )
 
 
 def _volume_rounding(areas: Floats, rounding: float) -> Floats:

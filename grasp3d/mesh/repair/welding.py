@@ -3,11 +3,11 @@
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
-from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.mesh.measures import Edges, edges_of, has_area, parts_of
 from grasp3d.mesh.repair.cleaning import PAIR, first_alike, is_face
+from grasp3d.mesh.work_bounds import close_pairs
 
 WELDS = (1e-9, 1e-8, 1e-7, 1e-6)
 """Distances within which the borders of open surfaces are joined, as fractions of the size."""
@@ -61,7 +61,7 @@ def clusters(
         loose: Points (V,) to and from which steps may be longer.
         reach: Longest such step.
     """
-    pairs = cKDTree(points).query_pairs(max(distance, reach), output_type="ndarray")
+    pairs = close_pairs(points, max(distance, reach))
     if loose is not None:
         length = np.linalg.norm(points[pairs[:, 0]] - points[pairs[:, 1]], axis=1)
         pairs = pairs[(length <= distance) | loose[pairs].any(axis=1)]

@@ -14,12 +14,13 @@ from grasp3d.mesh.measures import (
 )
 from grasp3d.mesh.repair.bodies import TOUCH, Bodies
 from grasp3d.mesh.repair.cleaning import is_face, is_first, without_mirrored
-from grasp3d.mesh.repair.holes import SMALL, close_hole, holes_of
-from grasp3d.mesh.repair.records import RepairedSurface, RepairStep, counted, noun
+from grasp3d.mesh.repair.holes import SMALL, close_holes, holes_of
+from grasp3d.mesh.repair.records import RepairedSurface, RepairStep
 from grasp3d.mesh.repair.union import unite
 from grasp3d.mesh.repair.walls import without_inner_walls
 from grasp3d.mesh.repair.welding import first_of_body, first_of_linked, weld_nearby
 from grasp3d.mesh.repair.winding import disagreeing
+from grasp3d.system.counts import counted, noun
 
 MOST_ROUNDING = 1e-6
 """Largest rounding assumed, as a fraction of the size: integers are exact in 32 bits as well."""
@@ -125,7 +126,7 @@ class Work:
             holes = [h for h in holes if len(h) <= SMALL and tuple(np.sort(h)) not in alone]
         if not holes:
             return
-        added = np.concatenate([close_hole(self.points, hole) for hole in holes])
+        added = np.concatenate(close_holes(self.points, holes))
         area = face_areas(self.points, self.faces).sum()
         fraction = face_areas(self.points, added).sum() / max(area, np.finfo(np.float64).tiny)
         if only_small and fraction > SMALL_HOLES:

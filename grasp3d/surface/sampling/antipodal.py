@@ -1,9 +1,11 @@
 """The best antipodal grasp through every vertex.
 
-Rays from a vertex find the surface points opposite to it. The critical friction angle of each pair
-of contacts is exact, so the search may miss a grasp, but every grasp that it returns is real. The
-best candidates are then refined: by ever narrower rings of rays about their closing directions, and
-by rays to the opposing contacts of neighbouring vertices.
+Fingers that squeeze: branch and bound over the whole surface, from the best of a few rays. Fingers
+that expand: rays from a vertex find the surface points opposite to it, since what lies between is
+in the way. The critical friction angle of each pair of contacts is exact, so the search may miss a
+grasp, but every grasp that it returns is real. The best candidates are then refined: by ever
+narrower rings of rays about their closing directions, and by rays to the opposing contacts of
+neighbouring vertices.
 """
 
 import math
@@ -18,9 +20,11 @@ import numpy as np
 from scipy.sparse import coo_array
 
 from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
+from grasp3d._kernels.antipodal_descent import descend
 from grasp3d._kernels.antipodal_directions import Frames, seed_rays
 from grasp3d._kernels.antipodal_neighbours import neighbour_rays
 from grasp3d._kernels.antipodal_refinement import RAYS_PER_ROUND, exploring_rays, refining_rays
+from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.ray_tracing import Rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
@@ -33,18 +37,38 @@ from grasp3d.system.progress import Progress, ignore
 CHUNK = 100_000
 """Rays that a thread traces at once: bounds the memory and fits into the processor's cache."""
 
+DESCENDING = 1000
+"""Vertices for which a thread runs branch and bound at once, so that progress is reported and a
+search can be cancelled."""
+
+CHUNKS = 4
+"""Chunks per thread, which balance the load."""
+
 SEED_BATCHES = (0.0, 0.125, 0.375, 1.0)
 """Fractions of the initial directions at which batches begin: the more grasps are known, the fewer
 of the following directions need a ray."""
+
+FEW = 16
+"""Divisor of the number of rays before branch and bound, which needs an upper bound only."""
+
+GAIN, GAIN_BEST = math.radians(0.25), math.radians(1.0)
+"""Decrease of the critical angle over the worst normals, and over the best ones, from which branch
+and bound replaces a grasp; refinement finds smaller ones."""
 
 STARTS = 3
 """Clearly different grasps per vertex that are cached and refined."""
 
 EXPLORING_ROUNDS = 3
-"""Rounds in which all cached grasps are refined, before the best one alone is."""
+"""Rounds in which all cached grasps are refined, before the best one alone is, where grasps were
+found by rays only."""
 
-SWEEPS = 3
-"""Rounds in which the neighbours' opposing contacts are evaluated and improved grasps refined."""
+FIRST_RING, FOUND_RING = 0.5, 0.125
+"""Radii of the first rings about the best grasp, relative to the spacing of the rays: where rays
+found it, and where branch and bound did."""
+
+SWEEPS, FOUND_SWEEPS = 3, 2
+"""Rounds in which the neighbours' opposing contacts are evaluated and improved grasps refined:
+where rays found the grasps, and where branch and bound did."""
 
 MAX_ROUNDS = 30
 """Most rounds of refinement in one sweep; rings shrink to the tolerance in fewer."""
@@ -201,21 +225,54 @@ class _Search:
         )
 
     def run(self) -> AntipodalGrasps:
-        """Trace initial rays, refine several grasps per vertex, then the best one only."""
-        spacing = self.spacing
-        self._seed(fraction=0.5)
-        for number in range(EXPLORING_ROUNDS):
-            self._explore(spacing / 2.0 ** (number + 1), turn=0.5 * (number % 2))
-        radii = np.full(len(self.mesh.vertices), 0.5 * spacing)
+        """Find grasps over the whole surface, refine them, and try those of neighbours."""
+        squeezing, by_rays = self.sampling.grip != "expand", self.sampling.grip != "squeeze"
+        if by_rays:
+            self._seed(self.vertices, self.sampling.rays, -1, (0.0, 0.4))
+            for number in range(EXPLORING_ROUNDS):
+                self._explore(self.spacing / 2.0 ** (number + 1), turn=0.5 * (number % 2))
+        if squeezing:
+            self._seed(self.vertices, max(self.sampling.rays // FEW, 1), 1, (0.4, 0.45))
+            self._descend()
+            missing = self.vertices[self.grasps.reason[self.vertices] != FOUND]
+            self._seed(missing, self.sampling.rays, 1, (0.85, 0.85))  # why there is no grasp
+        ring, sweeps = (FIRST_RING, SWEEPS) if by_rays else (FOUND_RING, FOUND_SWEEPS)
+        radii = np.full(len(self.mesh.vertices), ring * self.spacing)
         rounds, improving = 0, 0.0
-        for sweep in range(SWEEPS):
+        for sweep in range(sweeps):
             improved = self._improved(self._try_neighbours)
             improving = float(improved.sum()) / len(self.vertices)
             if sweep:
-                radii[improved] = 0.25 * spacing
+                radii[improved] = 0.25 * self.spacing
             rounds += self._refine_all(radii)
-            self.progress(0.5 + 0.5 * (sweep + 1) / SWEEPS)
+            self.progress(0.85 + 0.15 * (sweep + 1) / sweeps)
         return self._result(rounds, improving)
+
+    def _descend(self) -> None:
+        """Search the whole surface by branch and bound; at creases for the best normals too."""
+        tree = face_tree(self.surface)
+        vertices = self._unfinished()
+        creases = vertices[self.sets.counts[vertices] != 1]
+        for chosen, worst, start in ((vertices, True, 0.45), (creases, False, 0.65)):
+            number = max(-(-len(chosen) // DESCENDING), CHUNKS * self.threads)
+            chunks = np.array_split(chosen, number)
+            descents = self.executor.map(partial(self._descend_at, tree, worst), chunks)
+            for done, _ in enumerate(descents, start=1):
+                self.progress(start + 0.2 * done / number)
+
+    def _descend_at(self, tree: FaceTree, worst: bool, vertices: Ints) -> None:
+        descend(
+            vertices,
+            worst,
+            GAIN if worst else GAIN_BEST,
+            self.cone,
+            tree,
+            self.frames.centres,
+            self.surface,
+            self.sets,
+            self.limits,
+            self.grasps,
+        )
 
     def _refine_all(self, radii: Floats) -> int:
         """Refine the best grasps, halving the rings without improvement; returns the rounds."""
@@ -240,24 +297,31 @@ class _Search:
         margin = MIN_GAIN * self.sampling.tolerance
         return (self.grasps.worst < worst - margin) | (self.grasps.best < best - margin)
 
-    def _seed(self, fraction: float) -> None:
-        """Trace the initial directions; those near the normal first, as they may exclude others."""
-        count = self.sampling.rays
-        signs = {"squeeze": (1,), "expand": (-1,), "both": (1, -1)}[self.sampling.grip]
-        batch_ends = [round(count * fraction_end) for fraction_end in SEED_BATCHES]
-        tasks = [(batch, sign) for batch in pairwise(batch_ends) for sign in signs]
-        for number, (batch, sign) in enumerate(tasks):
+    def _seed(self, vertices: Ints, count: int, sign: int, progress: tuple[float, float]) -> None:
+        """Trace directions spread over the cone; those near the normal first, as they exclude some.
+
+        Args:
+            vertices: Vertices (n,).
+            count: Directions per vertex.
+            sign: +1 squeeze, -1 expand.
+            progress: Fractions of the work done before and after.
+        """
+        ends = [round(count * fraction) for fraction in SEED_BATCHES]
+        batches = [batch for batch in pairwise(ends) if batch[1] > batch[0]]
+        first, last = progress
+        step = (last - first) / len(batches)
+        for number, batch in enumerate(batches):
             self._trace(
-                self.vertices,
-                partial(self._seed_rays, batch, sign),
+                vertices,
+                partial(self._seed_rays, count, batch, sign),
                 batch[1] - batch[0],
-                (fraction * number / len(tasks), fraction / len(tasks)),
+                (first + number * step, step),
             )
 
-    def _seed_rays(self, batch: tuple[int, int], sign: int, vertices: Ints) -> Rays:
+    def _seed_rays(self, count: int, batch: tuple[int, int], sign: int, vertices: Ints) -> Rays:
         rays: Rays = seed_rays(
             vertices,
-            self.sampling.rays,
+            count,
             batch,
             self.cone,
             sign,
@@ -316,8 +380,7 @@ class _Search:
         progress: tuple[float, float] | None = None,
     ) -> None:
         """Make and trace the rays of all vertices, in chunks distributed over the threads."""
-        # Several chunks per thread balance the load.
-        evenly = -(-len(vertices) // (4 * self.threads))
+        evenly = -(-len(vertices) // (CHUNKS * self.threads))
         size = max(1, min(CHUNK // rays_per_vertex, evenly))
         chunks = [vertices[i : i + size] for i in range(0, len(vertices), size)]
 

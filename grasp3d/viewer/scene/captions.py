@@ -154,8 +154,7 @@ def _limit(session: Session) -> tuple[str, ...]:
 
 
 def _entry(fraction: LabelFraction) -> LegendEntry:
-    percent = f"{100.0 * fraction.fraction:.1f} %"
-    return LegendEntry(fraction.color, fraction.letter, fraction.text, percent)
+    return LegendEntry(fraction.color, fraction.letter, fraction.text, fraction.percent)
 
 
 def _centred(area: TextArea, sentence: str) -> list[OverlayItem]:

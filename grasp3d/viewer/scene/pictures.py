@@ -10,6 +10,7 @@ from pathlib import Path
 import numpy as np
 import pyvista
 from PIL import Image
+from PIL.PngImagePlugin import PngInfo
 
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, OutputError, SettingError
@@ -21,6 +22,9 @@ from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
+
+SOFTWARE = "grasp3d"
+"""Name in the metadata of pictures and films."""
 
 OVERSAMPLING = 2
 """Rendered pixels per pixel of a picture, in each direction; they are averaged."""
@@ -37,6 +41,8 @@ POLL_INTERVAL = 0.02
 VIDEO = ".mp4"
 PICTURE_SUFFIXES, FILM_SUFFIXES = (".png",), (".gif", VIDEO)
 MAX_FRAMES, MAX_SECONDS = 3600, 600.0
+FRAMES, SECONDS = 150, 6.0
+"""Frames and duration of a film: 25 frames per second, whose durations a GIF can store."""
 SAMPLES = 6
 """Frames from which the colour palette of a GIF is chosen."""
 
@@ -99,7 +105,7 @@ def save_picture(
     with open_renderer(collection, settings, within(progress, 0.0, 0.95)) as renderer:
         picture = Image.fromarray(renderer.picture())
         with atomic_write(path) as part:
-            picture.save(part, format="PNG", optimize=True)
+            picture.save(part, format="PNG", optimize=True, pnginfo=_written_by())
     progress(1.0)
 
 
@@ -108,8 +114,8 @@ def save_turntable(
     settings: ViewSettings,
     path: Path,
     *,
-    frames: int = 72,
-    seconds: float = 6.0,
+    frames: int = FRAMES,
+    seconds: float = SECONDS,
     progress: Progress = ignore,
 ) -> None:
     """Write a film of one turn of a collection's first object, as a GIF or an MP4.
@@ -242,9 +248,20 @@ def _durations(frames: int, seconds: float) -> list[int]:
     return [int(10 * step) for step in np.diff(ends)]
 
 
+def _written_by() -> PngInfo:
+    """Metadata of a picture that name the program."""
+    metadata = PngInfo()
+    metadata.add_text("Software", SOFTWARE)
+    return metadata
+
+
 def _palette(pictures: Iterator[Bytes]) -> Image.Image:
-    """One palette for all frames, so that constant parts do not flicker."""
-    return Image.fromarray(np.concatenate(list(pictures))).quantize(256)
+    """One palette for all frames, so that constant parts do not flicker.
+
+    An octree keeps the colours of labels with a small area.
+    """
+    samples = Image.fromarray(np.concatenate(list(pictures)))
+    return samples.quantize(256, Image.Quantize.FASTOCTREE)
 
 
 def _write_gif(
@@ -255,8 +272,9 @@ def _write_gif(
         for picture in pictures
     )
     next(frames).save(
-        path, format="GIF", save_all=True, append_images=frames, duration=durations, loop=0
-    )
+        path, format="GIF", save_all=True, append_images=frames, duration=durations, loop=0,
+        comment=SOFTWARE,
+    )  # fmt: skip
 
 
 def _check_video() -> None:
@@ -277,6 +295,7 @@ def _write_video(path: Path, pictures: Iterator[Bytes], rate: float) -> None:
     writer = imageio_ffmpeg.write_frames(
         str(path), (width, height), fps=rate, codec="libx264", pix_fmt_out="yuv420p", quality=8,
         macro_block_size=2, ffmpeg_log_level="error",
+        output_params=["-metadata", f"comment={SOFTWARE}"],
     )  # fmt: skip
     try:
         writer.send(None)

@@ -1,31 +1,39 @@
 """The objects that a viewer can open: a mesh, a labelled PLY, the results of a batch."""
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, fields, replace
 from functools import partial
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeAlias, TypeVar
+
+import numpy as np
 
 from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.mesh import prepare_file
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.lengths import Unit
+from grasp3d.mesh import ObjectMesh, prepare_file
+from grasp3d.mesh.mesh_sources import read_source
+from grasp3d.mesh.plausible_lengths import check_lengths, refuse_lengths
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.scanning import scan_surface
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.subjects.file_settings import FileSettings
 from grasp3d.viewer.subjects.labelled_file import settings_of_file
 from grasp3d.viewer.subjects.results import labelled_rows, read_result, settings_of_results
-from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
+from grasp3d.viewer.subjects.subject import LastContact, Subject, read_subject, subject_of
 from grasp3d.viewer.subjects.subject_cache import SubjectCache
 
 READ = 0.2
 """Fraction of the work of opening a mesh after which it is read and prepared."""
 
 SettingsT = TypeVar("SettingsT")
+Lengths: TypeAlias = Mapping[str, float | None]
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +67,54 @@ def collection_of(labels: SurfaceLabels) -> Collection:
     return Collection((item,), labels.model, labels.sampling or Sampling())
 
 
+def collection_of_mesh(
+    mesh: ObjectMesh, model: GraspModel | None = None, sampling: Sampling | None = None
+) -> Collection:
+    """Collection of one mesh, which is labelled when it is opened.
+
+    Args:
+        mesh: The prepared mesh.
+        model: Grasp model; None: the default.
+        sampling: Search settings; None: the default.
+
+    Raises:
+        SettingError: The settings contradict each other.
+    """
+    settings = model or GraspModel(), sampling or Sampling()
+    model, sampling = _in_unit(settings, mesh.unit, mesh.report.source)
+    check_search_settings(model, sampling)
+    return _single(mesh.report.source, partial(_label_mesh, mesh, model, sampling), model, sampling)
+
+
+def collection_of_grasps(grasps: SurfaceGrasps) -> Collection:
+    """Collection of grasps on one surface, an item for each.
+
+    The surface has the labels that the first finger would have at every vertex, with the others
+    fixed; the grasp itself is shown until a vertex is inspected.
+
+    Raises:
+        SettingError: There are no grasps.
+    """
+    if not grasps.size:
+        raise SettingError("there are no grasps to view")
+    cache, source = SubjectCache(), as_unicode(grasps.mesh.report.source)
+    items = tuple(
+        Item(
+            f"{source}, grasp {row + 1}",
+            cache.cached(partial(_scan_grasp, grasps, row)),
+        )
+        for row in range(grasps.size)
+    )
+    return Collection(items, grasps.model, Sampling())
+
+
 def open_collection(
     target: Path,
     model: GraspModel | None = None,
     sampling: Sampling | None = None,
     options: MeshOptions | None = None,
+    *,
+    force: bool = True,
 ) -> Collection:
     """Collection of the objects at a path.
 
@@ -75,10 +126,13 @@ def open_collection(
         target: A mesh, a labelled PLY, or the folder of a batch's results.
         model: Grasp model; None: as in the file, else the default.
         sampling: Search settings; None: as in the file, else the default.
-        options: How a mesh is read; only the memory limit applies to labelled files.
+        options: How a mesh is read; of labelled files only the memory limit is used, and the unit
+            if the file states none.
+        force: Accept lengths that cannot be meant for an object of this size.
 
     Raises:
-        GraspError: The path holds no object to view.
+        GraspError: The path holds no object to view, or a length has a unit, but that of the
+            objects is not known, or not the same.
     """
     where, options = printable(str(target)), options or MeshOptions()
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", str(target)):
@@ -86,15 +140,22 @@ def open_collection(
     if not target.exists():
         raise MeshError(f"{where}: no such file or folder")
     if target.is_dir():
-        return _batch_collection(target, model, sampling, options)
+        return _batch_collection(target, model, sampling, options, force=force)
     stored = settings_of_file(target, options.max_memory)
     if stored is not None:
-        settings = _merged(stored, model, sampling)
+        unit = stored.unit or options.unit
+        settings = _in_unit(_merged(stored, model, sampling), unit, target.name)
         _check(*settings, scan=stored.mode == "scan")
-        return _single(target.name, partial(_open_labelled, target, options.max_memory), *settings)
+        lengths = {} if force else _given_lengths(model, sampling, unit, target.name)
+        read = partial(_open_labelled, target, options, lengths)
+        return _single(target.name, read, *settings)
     settings = model or GraspModel(), sampling or Sampling()
+    if any(isinstance(length, str) for one in settings for length in one.lengths().values()):
+        unit = options.unit or read_source(target, max_memory=options.max_memory).raw.unit
+        settings = _in_unit(settings, unit, target.name)
     _check(*settings, scan=False)
-    return _single(target.name, partial(_open_mesh, target, *settings, options), *settings)
+    read = partial(_open_mesh, target, *settings, options, force)
+    return _single(target.name, read, *settings)
 
 
 def _single(
@@ -104,7 +165,12 @@ def _single(
 
 
 def _batch_collection(
-    folder: Path, model: GraspModel | None, sampling: Sampling | None, options: MeshOptions
+    folder: Path,
+    model: GraspModel | None,
+    sampling: Sampling | None,
+    options: MeshOptions,
+    *,
+    force: bool,
 ) -> Collection:
     """All labelled meshes of a batch, in the order of their names."""
     rows, left_out = labelled_rows(folder)
@@ -112,12 +178,17 @@ def _batch_collection(
     settings = model or GraspModel(), sampling or Sampling()
     if stored is not None:
         settings = _merged(stored, model, sampling)
+    units: set[Any] = {row.unit or options.unit for row in rows}
+    unit = units.pop() if len(units) == 1 else None
+    source = f"all meshes of {printable(str(folder))}"
+    settings = _in_unit(settings, unit, source)
+    lengths = {} if force else _given_lengths(model, sampling, unit, source)
     _check(*settings, scan=False)
     cache = SubjectCache()
     items = tuple(
         Item(
             as_unicode(row.mesh),
-            cache.cached(partial(_open_result, folder, row, options.max_memory)),
+            cache.cached(partial(_open_result, folder, row, options, lengths)),
         )
         for row in rows
     )
@@ -126,23 +197,85 @@ def _batch_collection(
     return Collection(items, *settings, (note,) if left_out else ())
 
 
-def _open_result(folder: Path, row: Row, max_memory: float, progress: Progress) -> Subject:
+def _open_result(
+    folder: Path, row: Row, options: MeshOptions, lengths: Lengths, progress: Progress
+) -> Subject:
     progress(0.0)
-    return read_result(folder, row, max_memory)
+    return _checked(read_result(folder, row, options.max_memory), options, lengths)
 
 
-def _open_labelled(path: Path, max_memory: float, progress: Progress) -> Subject:
+def _open_labelled(
+    path: Path, options: MeshOptions, lengths: Lengths, progress: Progress
+) -> Subject:
     progress(0.0)
-    return read_subject(path, max_memory)
+    return _checked(read_subject(path, options.max_memory), options, lengths)
+
+
+def _checked(subject: Subject, options: MeshOptions, lengths: Lengths) -> Subject:
+    """The subject with its unit, if the lengths that the user gave can be meant for it."""
+    if subject.unit is None and options.unit is not None:
+        subject = replace(subject, unit=options.unit)
+    check_lengths(lengths, subject.size, subject.unit, subject.name)
+    return subject
 
 
 def _open_mesh(
-    path: Path, model: GraspModel, sampling: Sampling, options: MeshOptions, progress: Progress
+    path: Path,
+    model: GraspModel,
+    sampling: Sampling,
+    options: MeshOptions,
+    force: bool,
+    progress: Progress,
 ) -> Subject:
     mesh = prepare_file(path, options)
+    if not force:
+        refuse_lengths(mesh, model.lengths() | sampling.lengths())
     progress(READ)
-    labels = label_surface(mesh, model, sampling=sampling, progress=within(progress, READ, 1.0))
-    return warm_up(subject_of(labels, path.name))
+    return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0))
+
+
+def _label_mesh(
+    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, progress: Progress
+) -> Subject:
+    labels = label_surface(mesh, model, sampling=sampling, progress=progress)
+    return warm_up(subject_of(labels))
+
+
+def _scan_grasp(grasps: SurfaceGrasps, row: int, progress: Progress) -> Subject:
+    """The surface with all fingers of a grasp fixed but the first."""
+    contacts = grasps.contacts.take(slice(row, row + 1))
+    labels = scan_surface(
+        grasps.mesh,
+        grasps.model,
+        fixed=contacts.points[0, 1:],
+        threads=grasps.threads,
+        progress=progress,
+    )
+    shown = LastContact(
+        points=contacts.points[0],
+        normals=contacts.normals[0],
+        worst=float(grasps.critical_angle[row]),
+        best=float(grasps.critical_angle_best[row]),
+        between=bool(contacts.surface_points.weights[0, 0].max() < 1.0),
+        creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
+    )
+    return warm_up(replace(subject_of(labels), last_contact=shown))
+
+
+def _in_unit(
+    settings: tuple[GraspModel, Sampling], unit: Unit | None, source: str
+) -> tuple[GraspModel, Sampling]:
+    """Settings with lengths as numbers in a unit, as the viewer has them."""
+    model, sampling = settings
+    return model.in_unit(unit, source=source), sampling.in_unit(unit, source=source)
+
+
+def _given_lengths(
+    model: GraspModel | None, sampling: Sampling | None, unit: Unit | None, source: str
+) -> Lengths:
+    """The lengths that the user gave, and defaults, by name."""
+    settings = _in_unit((model or GraspModel(), sampling or Sampling()), unit, source)
+    return {name: length for one in settings for name, length in one.lengths().items()}
 
 
 def _merged(

@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.mesh import ObjectMesh, mesh_from_arrays
+from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.labelling import label_surface
@@ -17,7 +17,9 @@ from grasp3d.surface.scanning import scan_surface
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, within
+from grasp3d.viewer.session.explanations import PAIR
 from grasp3d.viewer.session.inspection import warm_up
+from grasp3d.viewer.session.last_contact import best_last_contact
 from grasp3d.viewer.session.painting import labels_at
 from grasp3d.viewer.session.state import FixedPoints
 from grasp3d.viewer.subjects.subject import Epsilons, Subject, subject_of
@@ -27,8 +29,8 @@ WIDEST = math.pi / 2.0
 _meshes: WeakKeyDictionary[Subject, ObjectMesh] = WeakKeyDictionary()
 """Meshes prepared for subjects that were read from files."""
 
-PREPARED = 0.2
-"""Fraction of the work after which the mesh of a file is prepared."""
+PREPARED, SCANNED = 0.2, 0.8
+"""Fractions of the work after which the mesh of a file is prepared, and the vertices scanned."""
 
 
 def mesh_of(subject: Subject) -> ObjectMesh:
@@ -49,10 +51,10 @@ def mesh_of(subject: Subject) -> ObjectMesh:
 
 def _prepared_mesh(subject: Subject) -> ObjectMesh:
     options = replace(subject.options, max_edge=math.inf)
-    mesh = mesh_from_arrays(subject.vertices, subject.faces, **asdict(options))
+    mesh = load_mesh((subject.vertices, subject.faces), **asdict(options))
     if len(mesh.vertices) != len(subject.vertices):
         options = replace(options, repair="none")
-        mesh = mesh_from_arrays(subject.vertices, subject.faces, **asdict(options))
+        mesh = load_mesh((subject.vertices, subject.faces), **asdict(options))
     if len(mesh.vertices) != len(subject.vertices):
         raise MeshError(f"{subject.name}: its mesh cannot be prepared; label the mesh again")
     report = replace(mesh.report, source=subject.name, unit=subject.unit)
@@ -90,13 +92,29 @@ def search_grasps(
 def scan_with_fixed(
     subject: Subject, model: GraspModel, fixed: FixedPoints, progress: Progress
 ) -> Subject:
-    """Label every vertex as the contact of one more finger besides the fixed ones."""
+    """Label every vertex as the contact of one more finger, and search the best contact for it."""
     start = 0.0 if subject.labels is not None else PREPARED
     mesh = mesh_of(subject)
     progress(start)
     model = replace(model, fingers=len(fixed) + 1)
-    labels = scan_surface(mesh, model, fixed=np.array(fixed), progress=within(progress, start, 1.0))
-    return warm_up(subject_of(labels, subject.name))
+    labels = scan_surface(
+        mesh, model, fixed=np.array(fixed), progress=within(progress, start, SCANNED)
+    )
+    found = best_last_contact(
+        labels, _opposing_contacts(subject, fixed), within(progress, SCANNED, 1.0)
+    )
+    return warm_up(replace(subject_of(labels, subject.name), last_contact=found))
+
+
+def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
+    """Opposing contacts of one fixed finger's own best grasps, shape (c,); else none."""
+    labels, none = subject.labels, SurfacePoints(np.empty(0, dtype=np.int64), np.empty((0, 3)))
+    if labels is None or labels.mode != "label" or labels.model.fingers != PAIR or len(fixed) != 1:
+        return none
+    nearest = int(np.argmin(((subject.vertices - np.array(fixed[0])) ** 2).sum(axis=1)))
+    faces, weights = labels.partner_points.faces[nearest], labels.partner_points.weights[nearest]
+    known = faces[:, 0] >= 0
+    return SurfacePoints(faces[known, 0], weights[known, 0])
 
 
 def prepare_labels(subject: Subject, progress: Progress) -> Subject:

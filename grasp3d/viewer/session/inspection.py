@@ -1,4 +1,4 @@
-"""One vertex and its grasp: numbers, and the reason for its label."""
+"""One vertex, or the best contact of the last finger: numbers, and the reason for its label."""
 
 import math
 from dataclasses import dataclass, replace
@@ -14,7 +14,7 @@ from grasp3d.surface.epsilon import surface_epsilons
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.session.explanations import PAIR, Case, explain
-from grasp3d.viewer.session.painting import label_codes, same_settings
+from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.subjects.subject import Subject
 
 UNKNOWN = "–"
@@ -24,11 +24,13 @@ UNKNOWN = "–"
 class Inspection:
     """The grasp of one vertex, as it is listed and drawn."""
 
-    vertex: int
+    vertex: int | None
+    """None: the best contact found for the last finger, or a given grasp."""
     code: int
     """Label, or `UNSEARCHED`."""
     points: Floats
-    """Contacts of its grasp, the vertex first; only the vertex if it has no grasp. (n, 3)"""
+    """Contacts of its grasp, the vertex or last finger first; only the vertex if it has no grasp.
+    (n, 3)"""
     normals: Floats
     """Inward unit normals at the contacts, (n, 3)."""
     model: GraspModel
@@ -36,7 +38,7 @@ class Inspection:
     numbers: tuple[tuple[str, str], ...]
     """Names, and values with their units."""
     reason: str
-    """One sentence: why the vertex is S, M or U."""
+    """One sentence: why it is S, M or U."""
 
 
 def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
@@ -66,6 +68,40 @@ def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
     return Inspection(
         vertex, code, points, normals, model, _numbers(subject, vertex, case), explain(case)
     )
+
+
+def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | None:
+    """Inspect the best contact found for the last finger; None: no fingers are fixed.
+
+    Args:
+        subject: The surface.
+        model: Friction and resolution; fingers as the subject has them.
+    """
+    found = subject.last_contact
+    if found is None:
+        return None
+    code = int(label_codes(subject, np.array([found.worst]), np.array([found.best]), model)[0])
+    off = _off_line(found.points, found.normals) if len(found.points) == PAIR else None
+    case = Case(
+        model=model,
+        mode=subject.mode,
+        code=code,
+        worst=found.worst,
+        best=found.best,
+        cone=subject.cone,
+        reason=Reason.FOUND,
+        off_line=off,
+        creases=found.creases,
+    )
+    unit = f" {subject.unit}" if subject.unit else ""
+    numbers = [("position", _position(found.points[0], subject.size, unit))]
+    if found.between:
+        numbers.append(("location", "between vertices"))
+    numbers += [("β*", _critical_angles(case)), ("α*", _max_resolution(case))]
+    gaps = np.linalg.norm(found.points[:, None] - found.points, axis=2)
+    numbers.append(("opening", f"{gaps.max():.4g}{unit}"))
+    numbers += _off_line_text(case)
+    return Inspection(None, code, found.points, found.normals, model, tuple(numbers), explain(case))
 
 
 def warm_up(subject: Subject) -> Subject:
@@ -115,8 +151,8 @@ def _reason(subject: Subject, vertex: int) -> Reason | None:
 
 def _numbers(subject: Subject, vertex: int, case: Case) -> tuple[tuple[str, str], ...]:
     unit = f" {subject.unit}" if subject.unit else ""
-    position = ", ".join(f"{value:.4g}" for value in subject.vertices[vertex])
-    numbers = [("vertex", f"{vertex}"), ("position", f"({position}){unit}")]
+    position = _position(subject.vertices[vertex], subject.size, unit)
+    numbers = [("vertex", f"{vertex}"), ("position", position)]
     if math.isinf(case.best):
         return (*numbers, ("β*", "no grasp"))
     numbers += [("β*", _critical_angles(case)), ("α*", _max_resolution(case))]
@@ -125,10 +161,21 @@ def _numbers(subject: Subject, vertex: int, case: Case) -> tuple[tuple[str, str]
     opening = subject.opening[vertex]
     if math.isfinite(opening):
         numbers.append(("opening", f"{opening:.4g}{unit}"))
-    if case.off_line is not None:
-        first, second = (math.degrees(angle) for angle in case.off_line)
-        numbers.append(("normals off the line", f"{first:.1f}° and {second:.1f}°"))
-    return tuple(numbers)
+    return (*numbers, *_off_line_text(case))
+
+
+def _position(point: Floats, size: float, unit: str) -> str:
+    """Coordinates with four digits; rounding errors of 0 are 0."""
+    rounded = np.where(np.abs(point) < ROUNDING * size, 0.0, point)
+    coordinates = ", ".join(f"{value:.4g}" for value in rounded)
+    return f"({coordinates}){unit}"
+
+
+def _off_line_text(case: Case) -> list[tuple[str, str]]:
+    if case.off_line is None:
+        return []
+    first, second = (math.degrees(angle) for angle in case.off_line)
+    return [("normals off the line", f"{first:.1f}° and {second:.1f}°")]
 
 
 def _critical_angles(case: Case) -> str:

@@ -8,7 +8,7 @@ from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Axis, Section
-from grasp3d.viewer.view_settings import Paint
+from grasp3d.viewer.view_settings import Paint, check_comparison
 
 FRICTION_STEP, RESOLUTION_STEP = 0.05, 2.0 * DEGREE
 SECTION_STEP = 0.05
@@ -62,6 +62,7 @@ def _set_paint(paint: Paint) -> Callable[[Session], None]:
 
 
 def _toggle_compare(session: Session) -> None:
+    check_comparison(session.state.paint)
     session.change(compare=DEFAULT_COMPARED if session.state.compare is None else None)
 
 

@@ -4,6 +4,8 @@ import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
+import numpy as np
+
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspection import Inspection
@@ -12,11 +14,16 @@ from grasp3d.viewer.session.painting import (
     UNSEARCHED,
     Ramp,
     area_fractions,
+    label_codes,
     labels_at,
     ramp_of,
 )
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import Subject
+
+NOTHING, EVERYTHING = "0.0 %", "100.0 %"
+ROUNDING = 1e-9
+"""Rounding error of sums of area fractions."""
 
 
 @dataclass(frozen=True)
@@ -30,6 +37,20 @@ class LabelFraction:
     """As #RRGGBB."""
     fraction: float
     """Fraction of the area, from 0 to 1."""
+    occurs: bool = False
+    """Whether a contact between the vertices has it, although its area may be counted as 0."""
+    alone: bool = True
+    """Whether no contact between the vertices has another label."""
+
+    @property
+    def percent(self) -> str:
+        """The fraction as text; bounds where rounding would hide a label."""
+        text = f"{100.0 * self.fraction:.1f} %"
+        if text == NOTHING and (self.occurs or self.fraction > 0.0):
+            return "<0.1 %"
+        if text == EVERYTHING and not (self.alone and self.fraction > 1.0 - ROUNDING):
+            return ">99.9 %"
+        return text
 
 
 @dataclass(frozen=True, eq=False)
@@ -120,9 +141,9 @@ def _rules(session: Session) -> tuple[str, ...]:
     state = session.state
     fingers = len(state.fixed) + 1 if state.fixed else state.model.fingers
     model = replace(state.model, fingers=fingers)
-    if state.compare is None:
+    if state.compared is None:
         return (f"β*: {_rule(model)}",)
-    other = replace(model, sensor_resolution=state.compare)
+    other = replace(model, sensor_resolution=state.compared)
     return tuple(
         f"α {math.degrees(one.sensor_resolution):.4g}°: {_rule(one)}" for one in (model, other)
     )
@@ -138,6 +159,7 @@ def _rule(model: GraspModel) -> str:
 
 def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]:
     found = area_fractions(subject, labels_at(subject, model))
+    between = _label_between(subject, model)
     labels = [
         (label.name, MEANING[subject.mode][label], int(label))
         for label in sorted(Label, reverse=True)
@@ -146,7 +168,17 @@ def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]
         labels.append(("–", "not searched", UNSEARCHED))
     return tuple(
         LabelFraction(
-            letter, text, "#{:02X}{:02X}{:02X}".format(*PALETTE[code]), float(found[code])
+            letter, text, "#{:02X}{:02X}{:02X}".format(*PALETTE[code]), float(found[code]),
+            occurs=between == code, alone=between in {None, code},
         )
         for letter, text, code in labels
-    )
+    )  # fmt: skip
+
+
+def _label_between(subject: Subject, model: GraspModel) -> int | None:
+    """Label of the best contact of the last finger, if it is between vertices."""
+    found = subject.last_contact
+    if found is None or not found.between:
+        return None
+    worst, best = np.array([found.worst]), np.array([found.best])
+    return int(label_codes(subject, worst, best, model)[0])

@@ -17,6 +17,7 @@ from grasp3d.viewer.session.computations import (
 from grasp3d.viewer.session.painting import same_settings
 from grasp3d.viewer.session.saving import write_labels
 from grasp3d.viewer.session.state import FixedPoints, ViewState
+from grasp3d.viewer.session.wider_search import search_wider
 from grasp3d.viewer.subjects.subject import Subject
 
 if TYPE_CHECKING:
@@ -61,8 +62,8 @@ def next_job(
 ) -> SubjectJob | None:
     """The next job; None: everything is computed.
 
-    The first word of a job's key is its kind: open, save, scan, search, grasps or epsilon; the rest
-    is all that its result depends on.
+    The first word of a job's key is its kind: open, save, scan, search, wider, grasps or epsilon;
+    the rest is all that its result depends on.
 
     Args:
         viewed: The current object.
@@ -81,13 +82,11 @@ def next_job(
             run = partial(scan_with_fixed, subject, state.model, state.fixed)
             return Job(("scan", number, state.fixed), "scanning", run)
         return _epsilon_job(viewed.scan, state, number)
-    search = limited_sampling(sampling, state)
-    wide = not _covers(subject, state)
-    if wide or needs_search(subject, state, sampling):
-        key = ("search", number, state.model.fingers, search, wide)
-        run = partial(search_grasps, subject, state.model, search, wide=wide)
-        return Job(key, "searching grasps", run, DELAY)
-    return _grasps_job(subject, state, number) or _epsilon_job(subject, state, number)
+    return (
+        _search_job(subject, state, sampling, number)
+        or _grasps_job(subject, state, number)
+        or _epsilon_job(subject, state, number)
+    )
 
 
 def needs_search(subject: Subject, state: ViewState, sampling: Sampling) -> bool:
@@ -159,9 +158,25 @@ def limited_sampling(sampling: Sampling, state: ViewState) -> Sampling:
 
 def _covers(subject: Subject, state: ViewState) -> bool:
     """Whether the search went far enough for all displayed resolutions."""
-    compared = state.model.sensor_resolution if state.compare is None else state.compare
+    compared = state.model.sensor_resolution if state.compared is None else state.compared
     other = replace(state.model, sensor_resolution=compared)
     return subject.covers(state.model) and subject.covers(other)
+
+
+def _search_job(
+    subject: Subject, state: ViewState, sampling: Sampling, number: int
+) -> SubjectJob | None:
+    """Search for other fingers or limits, or a wider cone."""
+    search = limited_sampling(sampling, state)
+    wide = not _covers(subject, state)
+    if needs_search(subject, state, sampling):
+        key = ("search", number, state.model.fingers, search, wide)
+        run = partial(search_grasps, subject, state.model, search, wide=wide)
+        return Job(key, "searching grasps", run, DELAY)
+    if wide:
+        run = partial(search_wider, subject, state.model, search)
+        return Job(("wider", number, search), "searching grasps", run, DELAY)
+    return None
 
 
 def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:

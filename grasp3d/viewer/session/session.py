@@ -10,7 +10,7 @@ from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.session.background import Finished, Worker
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.computations import difference
-from grasp3d.viewer.session.inspection import Inspection, inspect
+from grasp3d.viewer.session.inspection import Inspection, inspect, inspect_last_contact
 from grasp3d.viewer.session.planning import (
     SaveRequest,
     SubjectJob,
@@ -94,7 +94,7 @@ class Session:
     @property
     def other_model(self) -> GraspModel | None:
         """The same at the second resolution; None: there is none."""
-        resolution = self.state.compare
+        resolution = self.state.compared
         return None if resolution is None else replace(self.model, sensor_resolution=resolution)
 
     @property
@@ -116,9 +116,16 @@ class Session:
 
     @property
     def inspection(self) -> Inspection | None:
-        """The inspected vertex; None: none is chosen, or its grasp is not known yet."""
+        """The inspected vertex, or with fixed fingers the best contact found for the last one.
+
+        None: no vertex is chosen, or its grasp is not known yet.
+        """
         subject, vertex, model = self.subject, self.state.vertex, self.model
-        if subject is None or vertex is None or vertex >= len(subject.vertices) or self.stale:
+        if subject is None or self.stale:
+            return None
+        if vertex is None:
+            return inspect_last_contact(subject, model)
+        if vertex >= len(subject.vertices):
             return None
         last = self._last_inspection
         if last is None or last[0] is not subject or last[1:3] != (vertex, model):
@@ -273,7 +280,7 @@ class Session:
             self._failed[finished.job.key] = finished.error or "it cannot be computed"
         elif kind == "scan":
             self._viewed = replace(self._viewed, scan=result, fixed=self.state.fixed)
-        elif kind == "grasps":
+        elif kind == "grasps" or (kind == "wider" and not self._has_grasps):
             self._viewed = replace(self._viewed, subject=self._with_difference(result))
         elif kind == "epsilon":
             self._replace(result)
@@ -286,6 +293,12 @@ class Session:
         if before is not None and self.stale:
             self._cache.add(before)
         self._viewed = replace(self._viewed, subject=subject)
+
+    @property
+    def _has_grasps(self) -> bool:
+        """Whether the surface was opened with its grasps, and not only with critical angles."""
+        subject = self._viewed.subject
+        return subject is not None and (subject.labels is not None or subject.partners is not None)
 
     def _replace(self, subject: Subject) -> None:
         """Replace the displayed surface."""

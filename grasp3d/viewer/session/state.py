@@ -10,7 +10,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, check_choice
-from grasp3d.viewer.view_settings import Paint
+from grasp3d.viewer.view_settings import Paint, comparison_problem
 
 Axis = Literal["x", "y", "z"]
 Click = Literal["inspect", "fix"]
@@ -58,7 +58,7 @@ class ViewState:
     the largest spread for more."""
     paint: Paint = "label"
     compare: float | None = None
-    """A second sensor resolution, shown beside the first [rad]."""
+    """A second sensor resolution, shown beside the first in the colours S, M, U [rad]."""
     section: Section | None = None
     click: Click = "inspect"
     """Action of a click on the surface: inspect a vertex, or fix a finger there."""
@@ -80,6 +80,15 @@ class ViewState:
         points = np.asarray(self.fixed or np.zeros((1, 3)), dtype=np.float64)
         if points.ndim != 2 or points.shape[1] != 3 or not np.isfinite(points).all():
             raise SettingError("fixed fingers must be points of three finite coordinates each")
+
+    @property
+    def compared(self) -> float | None:
+        """The second resolution that is shown now [rad]; None: none.
+
+        Colours that do not depend on the resolution are shown once; with S, M, U the chosen second
+        resolution returns.
+        """
+        return None if comparison_problem(self.paint) else self.compare
 
 
 def changed_state(state: ViewState, changes: Mapping[str, Any]) -> ViewState:

@@ -4,10 +4,11 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from types import NoneType
-from typing import Any, TypeVar, get_args, get_type_hints
+from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
 from grasp3d.errors import GraspError
-from grasp3d.settings import GraspModel, MeshOptions, Sampling, Unit
+from grasp3d.lengths import Length, Unit
+from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.stability.label import Mode
 
 COMMENT = "comment grasp3d "
@@ -77,6 +78,8 @@ def _parsed(kind: type[SettingsT], values: Mapping[str, str]) -> SettingsT:
 
 def _value(text: str, hint: Any) -> Any:
     """Convert a text to the type of a hint; raises ValueError if that fails."""
+    if get_origin(hint) is Length:
+        (hint,) = get_args(hint)
     kinds = get_args(hint) or (hint,)
     if text == "None" and NoneType in kinds:
         return None

@@ -10,11 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints, first_at_position, locked, short_repr
+from grasp3d.lengths import Unit
 from grasp3d.mesh.measures import face_areas, is_closed
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.preparing import surface_extent
 from grasp3d.mesh.ray_tracing import FaceRays
-from grasp3d.settings import GraspModel, MeshOptions, Sampling, Unit, search_cone
+from grasp3d.settings import GraspModel, MeshOptions, Sampling, search_cone
 from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
@@ -35,6 +36,26 @@ class Epsilons:
     """Model for which epsilon was computed."""
     maximum: Floats | None = None
     """Largest over the tilts. (V,)"""
+
+    __repr__ = short_repr
+
+
+@dataclass(frozen=True, eq=False)
+class LastContact:
+    """The best contact found for the last finger when the others are fixed."""
+
+    points: Floats
+    """The contact and the fixed ones, shape (n, 3)."""
+    normals: Floats
+    """Inward unit normals there, (n, 3)."""
+    worst: float
+    """Smallest critical friction angle over the worst normals of the contacts [rad]; inf: none."""
+    best: float
+    """The same over the best normals, possibly of another contact."""
+    between: bool
+    """Whether the contact is between vertices, which are the only points with a colour."""
+    creases: tuple[int, ...] = ()
+    """Indices of the fingers that are on sharp edges (creases), from 0."""
 
     __repr__ = short_repr
 
@@ -89,6 +110,8 @@ class Subject:
     """Inward unit normals at the partners, (V, n - 1, 3)."""
     grip: npt.NDArray[np.int8] | None = None
     """Two fingers: grip codes as in `SurfaceLabels`. (V,)"""
+    last_contact: LastContact | None = None
+    """With fixed fingers: the best contact found for the last one; None: unknown."""
 
     __repr__ = short_repr
 

@@ -2,15 +2,16 @@
 
 import asyncio
 import contextlib
+import logging
 import secrets
 import time
-from collections.abc import AsyncIterator
+from collections.abc import AsyncIterator, Awaitable, Callable
 from importlib.resources import files
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
-from aiohttp import web
+from aiohttp import WSMessage, web
 from trame.app import get_server
 from trame.app.core import AVAILABLE_SERVERS
 from trame.ui.vuetify3 import VAppLayout
@@ -27,8 +28,11 @@ from grasp3d.viewer.session.keys import handle_key
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.fields import FIELDS, field_values, set_field
+from grasp3d.viewer.web.messages import MessageError, check_message, guarded, one_line
 from grasp3d.viewer.web.page_state import constant_state, page_state, progress_state
 from grasp3d.viewer.web.remote_view import MAX_PIXELS, RemoteView
+
+LOG = logging.getLogger(__name__)
 
 POLL_INTERVAL = 0.1
 """Time between two polls of the background job [s]."""
@@ -37,6 +41,8 @@ FRAMES = 30.0
 ZOOMS = {"+": 1.2, "-": 1.0 / 1.2}
 QUALITY, STILL_QUALITY = 70, 95
 """JPEG quality of the pictures during and after interaction [percent]."""
+Receive = Callable[[WSMessage], Awaitable[None]]
+"""Handles a message; raises MessageError if it is malformed."""
 STATIC = files("grasp3d.viewer.web") / "static"
 
 
@@ -60,6 +66,7 @@ class Client:
         """Whether the page was sent to a browser."""
         self._drawn = -1
         self._connections = 0
+        self._guarded, self._failure = False, ""
         self._idle_since = time.monotonic()
         self._remote_view = RemoteView(self._plotter)
         self._build()
@@ -83,23 +90,46 @@ class Client:
         return {**served, "": Path(self._server._www)}  # noqa: SLF001
 
     @contextlib.asynccontextmanager
-    async def connected(self, socket: web.WebSocketResponse) -> AsyncIterator[Any]:
-        """Connect a browser's socket to trame."""
+    async def connected(self, socket: web.WebSocketResponse) -> AsyncIterator[Receive]:
+        """Connect a browser's socket to trame; yields a function that handles its messages."""
         await self._server.ready
-        link = await self._bound[0]["ws"].connect()
+        endpoint = self._bound[0]["ws"]
+        self._guard(endpoint)
+        link = await endpoint.connect()
 
         async def send(binary: bool, data: Any) -> None:
             with contextlib.suppress(ConnectionError):  # the browser disconnected; handled below
                 await (socket.send_bytes(data) if binary else socket.send_str(data))
 
+        async def receive(message: WSMessage) -> None:
+            check_message(message, endpoint.functionMap)
+            await link.send(True, message)  # noqa: FBT003
+            if self._failure:
+                failure, self._failure = self._failure, ""
+                raise MessageError(failure)
+
         link.on_message(send)
         self._connections += 1
         try:
-            yield link
+            yield receive
         finally:
             self._connections -= 1
             self._idle_since = time.monotonic()
             await link.close()
+
+    def _guard(self, endpoint: Any) -> None:
+        """Report exceptions of the methods that browsers call in one line."""
+        if self._guarded:
+            return
+        self._guarded = True
+
+        def report(reason: str) -> None:
+            self._failure = reason
+
+        methods = endpoint.functionMap
+        methods.update(
+            {name: (one, guarded(call, report)) for name, (one, call) in methods.items()}
+        )
 
     def picture(self) -> tuple[str, Bytes]:
         """File name and picture of the current view with a legend, shape (height, width, 3).
@@ -172,6 +202,7 @@ class Client:
         )  # fmt: skip
         self._view.max_pixel_count = MAX_PIXELS
         state.change(*FIELDS)(self._on_change)
+        controller.on_error.add(lambda text: LOG.warning("error in a page: %s", one_line(text)))
         controller.trigger("key")(self._on_key)
         controller.trigger("step")(lambda by: self._run(lambda: self.session.step(int(by))))
         controller.trigger("release")(lambda: self._run(lambda: self.session.change(fixed=())))

@@ -10,6 +10,7 @@ from grasp3d.settings import DEGREE
 from grasp3d.viewer.session.keys import DEFAULT_COMPARED
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section
+from grasp3d.viewer.view_settings import check_comparison
 
 PAINTS = {
     "label": "S, M, U",
@@ -73,6 +74,12 @@ def _resolution(session: Session, value: Any) -> None:
     session.change(sensor_resolution=_number(value, below=COARSEST) * DEGREE)
 
 
+def _comparing(session: Session, value: Any) -> None:
+    if value:
+        check_comparison(session.state.paint)
+    session.change(compare=DEFAULT_COMPARED if value else None)
+
+
 def _compare(session: Session, value: Any) -> None:
     if session.state.compare is not None:
         session.change(compare=_number(value, below=COARSEST) * DEGREE)
@@ -123,7 +130,7 @@ def _flipped(session: Session, value: Any) -> None:
 _SETTERS: dict[str, Callable[[Session, Any], None]] = {
     "friction": _friction,
     "resolution": _resolution,
-    "comparing": lambda session, value: session.change(compare=DEFAULT_COMPARED if value else None),
+    "comparing": _comparing,
     "compare": _compare,
     "paint": lambda session, value: session.change(paint=value),
     "axis": _axis,

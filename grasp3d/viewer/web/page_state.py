@@ -8,8 +8,9 @@ from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.keys import DRAWING, KEYS, MOUSE
 from grasp3d.viewer.session.painting import PALETTE, RAMP, Ramp
-from grasp3d.viewer.session.panel_text import LabelFraction, PanelText, panel_text
+from grasp3d.viewer.session.panel_text import NOTHING, LabelFraction, PanelText, panel_text
 from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.view_settings import comparison_problem
 from grasp3d.viewer.web.fields import PAINTS, field_values
 
 STOPS = 16
@@ -52,6 +53,7 @@ def page_state(session: Session) -> dict[str, Any]:
         "inspection": text.inspection and _inspection(text.inspection),
         "hint": click_hint(session),
         "stale": text.stale,
+        "uncompared": comparison_problem(session.state.paint),
         "message": text.message,
         "notes": list(text.notes),
         "ready": subject is not None,
@@ -84,7 +86,7 @@ def _table(session: Session, text: PanelText) -> dict[str, Any]:
     """Rows of the area fractions, with a column for each displayed resolution."""
     headers = []
     if session.other_model is not None:
-        angles = (session.state.model.sensor_resolution, session.state.compare or 0.0)
+        angles = (session.state.model.sensor_resolution, session.state.compared or 0.0)
         headers = [f"α {math.degrees(angle):.4g}°" for angle in angles]
     columns = [text.fractions, text.other_fractions] if headers else [text.fractions]
     labels = {one.letter: (one.text, one.color) for fractions in columns for one in fractions}
@@ -114,8 +116,10 @@ def _fraction(letter: str, fractions: Sequence[LabelFraction]) -> dict[str, Any]
     """One number of the table; None: not known yet."""
     if not fractions:
         return {"fraction": None, "percent": "…"}
-    found = next((one.fraction for one in fractions if one.letter == letter), 0.0)
-    return {"fraction": found, "percent": f"{100.0 * found:.1f} %"}
+    for one in fractions:
+        if one.letter == letter:
+            return {"fraction": one.fraction, "percent": one.percent}
+    return {"fraction": 0.0, "percent": NOTHING}
 
 
 def progress_state(session: Session) -> dict[str, Any]:

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from urllib.parse import quote, urlsplit
 
-from aiohttp import WSMsgType, web
+from aiohttp import WSCloseCode, web
 from aiohttp.typedefs import Handler
 from PIL import Image
 
@@ -19,6 +19,7 @@ from grasp3d.errors import GraspError
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.client import STATIC, Client
+from grasp3d.viewer.web.messages import MAX_MESSAGE_BYTES, MessageError
 
 LOG = logging.getLogger(__name__)
 
@@ -27,8 +28,8 @@ IDLE_TIMEOUT = 60.0
 """How long a client is kept without connections [s]."""
 COOKIE = "grasp3d"
 """Cookie that identifies a browser; another browser with the same address gets its own client."""
-MAX_MESSAGE_BYTES = 1 << 20
-"""Largest message from a browser; these are mouse events [bytes]."""
+CLOSE_TIMEOUT = 0.3
+"""Longest wait for a browser to confirm that its connection is closed [s]."""
 
 FULL = "The viewer has too many visitors. Try again in a minute."
 ASSETS = re.compile(r'<script type="module"[^>]*></script>|<link rel="stylesheet"[^>]*>')
@@ -154,12 +155,17 @@ class ViewerServer:
         client = self._client(request)
         if not _is_same_origin(request):
             raise web.HTTPForbidden(text="Connections from other sites are not allowed.")
-        socket = web.WebSocketResponse(max_msg_size=MAX_MESSAGE_BYTES, heartbeat=30.0)
+        socket = web.WebSocketResponse(
+            max_msg_size=MAX_MESSAGE_BYTES, heartbeat=30.0, timeout=CLOSE_TIMEOUT
+        )
         await socket.prepare(request)
-        async with client.connected(socket) as link:
-            async for message in socket:
-                if message.type == WSMsgType.BINARY:
-                    await link.send(True, message)  # noqa: FBT003
+        async with client.connected(socket) as receive:
+            try:
+                async for message in socket:
+                    await receive(message)
+            except MessageError as error:
+                LOG.warning("a connection was closed after a malformed message: %s", error)
+                await socket.close(code=WSCloseCode.POLICY_VIOLATION)
         return socket
 
     async def _labels(self, request: web.Request) -> web.StreamResponse:

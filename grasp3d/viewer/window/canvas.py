@@ -9,6 +9,7 @@ from grasp3d.arrays import Bytes
 from grasp3d.viewer.scene.text_layout import SIZE, font_of
 
 INK, QUIET, LINE = "#1F2328", "#626C77", "#D3D9E0"
+MUTED, THUMB = "#9AA3AD", "#AAB3BC"
 BACKGROUND, WHITE, HOVER = "#F6F7F9", "#FFFFFF", "#E3EAF2"
 ACCENT, WARNING = "#1F5FA8", "#9A4A00"
 

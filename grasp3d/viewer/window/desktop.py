@@ -258,8 +258,8 @@ class Window:
 
     def _on_wheel(self, steps: int) -> bool:
         position = self._panel_position()
-        if position is not None:
-            self._panel.turn_wheel(*position, steps)
+        if position is not None and self._panel.turn_wheel(*position, steps):
+            self._needs_render = True
         return position is not None
 
     def _on_click(self, x: float, y: float, shift: bool) -> None:

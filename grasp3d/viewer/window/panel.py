@@ -10,10 +10,10 @@ from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.scene.text_layout import ELLIPSIS, text_width
 from grasp3d.viewer.session.inspection import UNKNOWN
 from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED
-from grasp3d.viewer.session.panel_text import PanelText
+from grasp3d.viewer.session.panel_text import NOTHING, PanelText
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Axis, Section
-from grasp3d.viewer.view_settings import Paint
+from grasp3d.viewer.view_settings import Paint, comparison_problem
 from grasp3d.viewer.window.canvas import QUIET, WARNING
 from grasp3d.viewer.window.rows import (
     Button,
@@ -24,6 +24,7 @@ from grasp3d.viewer.window.rows import (
     Gap,
     ProgressRow,
     RampRow,
+    ReservedRow,
     Row,
     SliderRow,
     TextRow,
@@ -36,19 +37,32 @@ PAINTS: dict[Paint, str] = {
     "epsilon_min": "smallest ε",
 }  # fmt: skip
 FINGERS = (2, 3, 4, 5)
-MAX_NOTES = 2
+ROWS = 4
+"""Rows of area fractions for which there is always space: S, M, U, not searched."""
+STATUS = 22.0
+"""Height of the progress at the bottom [pixels]."""
+WIDEST_RULE = "α 88.88°: S below 88.8°, U from 88.8° on"
+"""As wide as the limits of S and U at any second resolution."""
 
-FIRST_NUMBERS = 4
-"""How many numbers of the inspected vertex have a higher priority than the others."""
+LOW = 820.0
+"""Height of a panel below which its rows are less high [pixels]."""
 
-# Priorities of rows in a low window. First the rows become less high, then those of the lowest
-# priority are dropped: gaps, notes, facts, further numbers of the inspected vertex from the last
-# one up, rules, buttons that have a key, the first numbers, the ramp, bars, other buttons. Title,
-# area fractions, friction, resolution and progress are never dropped.
-GAPS, NOTES, FACTS, NUMBERS, RULE, KEYED, FIRST, RAMPS, BARS, EXTRA, VERTEX, ALWAYS = range(12)
-
-REDUCED: dict[type, float] = {SliderRow: 33.0, ButtonRow: 27.0, FractionRow: 17.0}
+REDUCED: dict[type, float] = {
+    SliderRow: 33.0, ButtonRow: 27.0, FractionRow: 17.0, ReservedRow: 17.0,
+}  # fmt: skip
 """Reduced heights of rows [pixels]."""
+
+
+@dataclass(frozen=True)
+class Focus:
+    """Rows that are to be visible when they are new."""
+
+    key: int
+    """Identifies what they show."""
+    start: int
+    """Index of the first row."""
+    end: int
+    """Index after the last row."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,29 +70,28 @@ class Content:
     """Contents of a panel for one state."""
 
     upper: tuple[Row, ...]
+    """Rows that are scrolled if there is too little space."""
     lower: tuple[Row, ...]
-    """Rows at the bottom of the panel."""
+    """Rows at the bottom of the panel, always visible: message and progress."""
     actions: dict[str, Callable[[], None]]
     """Actions of the buttons."""
     sliders: dict[str, Slider]
+    focus: Focus | None = None
+    """What a click has just shown."""
 
     def fitted(self, height: float) -> tuple[tuple[Row, ...], tuple[Row, ...]]:
-        """Upper and lower rows that fit into a height [pixels], by priority."""
-        kept = [*((row, 0) for row in self.upper), *((row, 1) for row in self.lower)]
-        if sum(row.height for row, _ in kept) > height:
-            kept = [(_reduced(row), part) for row, part in kept]
-        while kept and sum(row.height for row, _ in kept) > height:
-            lowest = min(row.priority for row, _ in kept)
-            if lowest == ALWAYS:
-                break
-            last = max(at for at, (row, _) in enumerate(kept) if row.priority == lowest)
-            del kept[last]
-        return tuple(r for r, part in kept if part == 0), tuple(r for r, part in kept if part == 1)
+        """Upper and lower rows for a panel's height [pixels].
+
+        Heights do not depend on the content, so that rows stay in place while a slider is dragged.
+        """
+        if height >= LOW:
+            return self.upper, self.lower
+        return tuple(map(_reduced, self.upper)), self.lower
 
 
 def _reduced(row: Row) -> Row:
     """The same row with less height."""
-    if isinstance(row, SliderRow | ButtonRow | FractionRow):
+    if isinstance(row, SliderRow | ButtonRow | FractionRow | ReservedRow):
         return replace(row, height=REDUCED[type(row)])
     return row
 
@@ -102,17 +115,25 @@ def panel_content(
     upper = [
         *_title(session, text, width),
         *_fractions(session, text, width),
-        Gap(GAPS),
+        Gap(),
         *(_slider(slider, dragged) for slider in sliders.values()),
-        Gap(GAPS, 6),
+        Gap(6),
         *_buttons(session),
-        Gap(GAPS, 6),
-        *_status(text, width),
+        Gap(6),
         *_ramp(text, width),
-        Gap(GAPS, 14, ruled=True),
-        *_vertex(session, text, width),
+        Gap(14, ruled=True),
     ]
-    return Content(tuple(upper), tuple(_notes(text, width)), {**keys, **_actions(session)}, sliders)
+    vertex = _vertex(session, text, width)
+    focus = None
+    if session.state.vertex is not None:
+        focus = Focus(session.state.vertex, len(upper), len(upper) + len(vertex))
+    return Content(
+        (*upper, *vertex, *_notes(text, width)),
+        tuple(_status(text, width)),
+        {**keys, **_actions(session)},
+        sliders,
+        focus,
+    )
 
 
 def _actions(session: Session) -> dict[str, Callable[[], None]]:
@@ -133,13 +154,13 @@ def _cut_across(session: Session, axis: Axis) -> None:
 
 
 def _title(session: Session, text: PanelText, width: float) -> list[Row]:
-    rows: list[Row] = [TextRow(ALWAYS, text.title, width, 16, bold=True)]
+    rows: list[Row] = [TextRow(text.title, width, 16, bold=True)]
     if text.facts:
-        rows.append(TextRow(FACTS, text.facts, width, color=QUIET, max_lines=2))
+        rows.append(TextRow(text.facts, width, color=QUIET, max_lines=2))
     if len(session.collection.items) > 1:
         steps = (Button("key-p", "previous object"), Button("key-n", "next object"))
-        rows.append(ButtonRow(EXTRA, "", steps))
-    return [*rows, Gap(GAPS)]
+        rows.append(ButtonRow("", steps))
+    return [*rows, Gap()]
 
 
 def _fractions(session: Session, text: PanelText, width: float) -> list[Row]:
@@ -150,24 +171,27 @@ def _fractions(session: Session, text: PanelText, width: float) -> list[Row]:
     headers: tuple[str, ...] = ("",)
     if session.other_model is not None:
         both.append(text.other_fractions)
-        angles = (session.state.model.sensor_resolution, session.state.compare or 0.0)
+        angles = (session.state.model.sensor_resolution, session.state.compared or 0.0)
         headers = tuple(f"α {math.degrees(angle):.4g}°" for angle in angles)
     rows: list[Row] = []
     for header, fractions in zip(headers, both, strict=True):
         parts = tuple((one.color, one.fraction) for one in fractions)
-        rows.append(FractionBar(BARS, parts, header))
+        rows.append(FractionBar(parts, header))
     if text.stale and text.working is not None:
         rows[0] = _progress(*text.working, FractionBar.height)
     if session.other_model is not None:
-        rows.append(FractionHeader(ALWAYS, headers))
+        rows.append(FractionHeader(headers))
     if text.stale:
         rows += _pending_fractions(session, text, len(both))
     labels = {one.letter: one for fractions in both for one in fractions}
     for letter, label in labels.items():
-        found = [next((s.fraction for s in one if s.letter == letter), 0.0) for one in both]
-        percents = tuple(f"{100.0 * fraction:.1f} %" for fraction in found)
-        rows.append(FractionRow(ALWAYS, label.color, letter, label.text, percents))
-    return [*rows, *(_rule(rule, width) for rule in text.rules)]
+        percents = tuple(
+            next((one.percent for one in fractions if one.letter == letter), NOTHING)
+            for fractions in both
+        )
+        rows.append(FractionRow(label.color, letter, label.text, percents))
+    missing = ROWS - sum(isinstance(row, FractionRow) for row in rows)
+    return [*rows, *[ReservedRow()] * missing, *(_rule(rule, width) for rule in text.rules)]
 
 
 def _pending_fractions(session: Session, text: PanelText, columns: int) -> list[Row]:
@@ -175,17 +199,17 @@ def _pending_fractions(session: Session, text: PanelText, columns: int) -> list[
     meaning = MEANING["scan" if session.state.fixed else "label"]
     percent = ELLIPSIS if text.working is not None else UNKNOWN
     return [
-        FractionRow(ALWAYS, _color(label), label.name, meaning[label], (percent,) * columns)
+        FractionRow(_color(label), label.name, meaning[label], (percent,) * columns)
         for label in sorted(Label, reverse=True)
     ]
 
 
 def _rule(rule: str, width: float) -> Row:
     """The limits of S and U, with the symbol of their quantity if there is space."""
-    longer = f"β* at {rule}"
-    if rule.startswith("α") and text_width(longer) <= width:
-        rule = longer
-    return TextRow(RULE, rule, width, color=QUIET, max_lines=2)
+    several = rule.startswith("α")
+    before = "β* at " if several and text_width(f"β* at {WIDEST_RULE}") <= width else ""
+    widest = f"{before}{WIDEST_RULE}" if several else ""
+    return TextRow(f"{before}{rule}", width, color=QUIET, max_lines=2, widest=widest)
 
 
 def _slider(slider: Slider, dragged: tuple[str, float] | None) -> Row:
@@ -193,8 +217,7 @@ def _slider(slider: Slider, dragged: tuple[str, float] | None) -> Row:
     if dragged is not None and dragged[0] == slider.name:
         position = dragged[1]
         value = slider.value_at(position)
-    priority = ALWAYS if slider.name in {"friction", "sensor_resolution"} else EXTRA
-    return SliderRow(priority, slider.name, slider.text, value, position)
+    return SliderRow(slider.name, slider.text, value, position)
 
 
 def _buttons(session: Session) -> list[Row]:
@@ -218,18 +241,21 @@ def _buttons(session: Session) -> list[Row]:
     ]
     if section is not None:
         sections.append(Button("key-i", "flip", section.flipped))
-    compare = "side by side" if state.compare is not None else "with a second α"
+    compare = "side by side" if state.compared is not None else "with a second α"
+    comparison = Button(
+        "key-c", compare, state.compared is not None, muted=bool(comparison_problem(state.paint))
+    )
     others = (
         Button("key-s", "save PLY"), Button("key-g", "picture"), Button("key-r", "reset view"),
         Button("key-z", "undo"), Button("key-h", "help"),
     )  # fmt: skip
     return [
-        ButtonRow(EXTRA, "fingers", fingers),
-        ButtonRow(EXTRA, "colour", paints),
-        ButtonRow(KEYED, "click", tuple(clicks)),
-        ButtonRow(KEYED, "section", tuple(sections)),
-        ButtonRow(KEYED, "compare", (Button("key-c", compare, state.compare is not None),)),
-        ButtonRow(EXTRA, "", others),
+        ButtonRow("fingers", fingers),
+        ButtonRow("colour", paints),
+        ButtonRow("click", tuple(clicks)),
+        ButtonRow("section", tuple(sections)),
+        ButtonRow("compare", (comparison,)),
+        ButtonRow("", others),
     ]
 
 
@@ -238,27 +264,31 @@ def _ramp(text: PanelText, width: float) -> list[Row]:
     if ramp is None:
         return []
     maximum = ELLIPSIS if text.stale else f"{ramp.maximum:.3g}{ramp.unit}"
-    row = RampRow(RAMPS, ramp.text, f"0{ramp.unit}", maximum, "" if text.stale else ramp.grey)
-    note = [TextRow(NOTES, ramp.note, width, 11, color=QUIET, max_lines=3)] if ramp.note else []
+    row = RampRow(ramp.text, f"0{ramp.unit}", maximum, "" if text.stale else ramp.grey)
+    note = [TextRow(ramp.note, width, 11, color=QUIET, max_lines=3)] if ramp.note else []
     return [row, *note]
 
 
 def _vertex(session: Session, text: PanelText, width: float) -> list[Row]:
     """The inspected vertex, or what a click would do."""
     if text.stale and session.state.vertex is not None:
-        return [TextRow(VERTEX, _pending_vertex(text), width, max_lines=3)]
+        return [TextRow(_pending_vertex(text), width, max_lines=3)]
     found = text.inspection
     if found is None:
-        return [TextRow(NOTES, _hint(session, text), width, color=QUIET, max_lines=3)]
+        return [TextRow(_hint(session, text), width, color=QUIET)]
     letter = "–" if found.code == UNSEARCHED else Label(found.code).name
     meaning = next((one.text for one in text.fractions if one.letter == letter), "not searched")
+    before: list[Row] = []
+    if found.vertex is None and session.state.fixed:
+        before = [TextRow(_hint(session, text), width, color=QUIET), Gap(6)]
+        meaning = f"best contact found: {meaning}"
     return [
-        TextRow(VERTEX, meaning, width, 13, bold=True, dot=_color(found.code)),
-        Gap(GAPS, 3),
-        TextRow(VERTEX, found.reason, width, max_lines=6),
-        Gap(GAPS, 4),
-        *(ValueRow(FIRST, name, value) for name, value in found.numbers[:FIRST_NUMBERS]),
-        *(ValueRow(NUMBERS, name, value) for name, value in found.numbers[FIRST_NUMBERS:]),
+        *before,
+        TextRow(meaning, width, 13, bold=True, dot=_color(found.code)),
+        Gap(3),
+        TextRow(found.reason, width),
+        Gap(4),
+        *(ValueRow(name, value) for name, value in found.numbers),
     ]
 
 
@@ -286,22 +316,21 @@ def _hint(session: Session, text: PanelText) -> str:
 
 
 def _status(text: PanelText, width: float) -> list[Row]:
-    """Message and progress; the height of one row is reserved if there is neither."""
+    """Message and progress, with space for the progress if there is none."""
     rows: list[Row] = []
     if text.message:
-        rows.append(TextRow(ALWAYS, text.message, width, max_lines=4))
+        rows.append(TextRow(text.message, width, max_lines=4))
     if text.working is not None and not text.stale:
-        rows.append(_progress(*text.working, ProgressRow.height))
-    return [*rows, Gap(GAPS, max(0.0, ProgressRow.height - sum(row.height for row in rows)))]
+        rows.append(_progress(*text.working, STATUS))
+    else:
+        rows.append(Gap(STATUS))
+    return [Gap(4), *rows]
 
 
 def _progress(text: str, fraction: float, height: float) -> Row:
-    return ProgressRow(ALWAYS, text, round(100.0 * fraction), height)
+    return ProgressRow(text, round(100.0 * fraction), height)
 
 
 def _notes(text: PanelText, width: float) -> list[Row]:
-    rows: list[Row] = [
-        TextRow(NOTES, note, width, 11, color=WARNING, max_lines=2)
-        for note in text.notes[:MAX_NOTES]
-    ]
-    return [Gap(GAPS, 8), *rows] if rows else []
+    rows: list[Row] = [TextRow(note, width, 11, color=WARNING) for note in text.notes]
+    return [Gap(10), *rows] if rows else []

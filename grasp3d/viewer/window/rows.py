@@ -20,6 +20,7 @@ from grasp3d.viewer.window.canvas import (
     HOVER,
     INK,
     LINE,
+    MUTED,
     QUIET,
     WHITE,
     Box,
@@ -58,10 +59,6 @@ class Row(Protocol):
     def height(self) -> float:
         """Height of the row [pixels]."""
 
-    @property
-    def priority(self) -> int:
-        """Rows with the lowest priority are dropped first if there is too little space."""
-
     def draw(self, canvas: Canvas, box: Box, hovered: str | None) -> None:
         """Draw the row; `hovered` names the hit area under the mouse."""
 
@@ -72,8 +69,6 @@ class Row(Protocol):
 @dataclass(frozen=True)
 class StaticRow:
     """A row that does not react to the mouse."""
-
-    priority: int
 
     def hit_areas(self, box: Box) -> tuple[HitArea, ...]:  # noqa: ARG002
         """There are none."""
@@ -107,6 +102,8 @@ class TextRow(StaticRow):
     """Largest number of lines."""
     dot: str | None = None
     """Colour of a dot before the text."""
+    widest: str = ""
+    """A text for whose lines there is space, so that rows below stay in place."""
 
     @property
     def _indent(self) -> float:
@@ -121,7 +118,9 @@ class TextRow(StaticRow):
     @property
     def height(self) -> float:
         """Height of all lines [pixels]."""
-        return float(len(self._lines) * line_height(self.size))
+        space = self._indent
+        reserved = wrapped(self.widest, self.width - space, self.size) if self.widest else ()
+        return float(max(len(self._lines), len(reserved)) * line_height(self.size))
 
     def draw(self, canvas: Canvas, box: Box, hovered: str | None) -> None:  # noqa: ARG002
         """Draw dot and text."""
@@ -211,6 +210,16 @@ class FractionRow(StaticRow):
 
 
 @dataclass(frozen=True)
+class ReservedRow(StaticRow):
+    """Space of a `FractionRow` that may appear, so that rows below stay in place."""
+
+    height: float = 19
+
+    def draw(self, canvas: Canvas, box: Box, hovered: str | None) -> None:
+        """Draw nothing."""
+
+
+@dataclass(frozen=True)
 class RampRow(StaticRow):
     """Legend of a continuous quantity."""
 
@@ -260,7 +269,6 @@ class ProgressRow(StaticRow):
 class SliderRow:
     """A slider with its name and value."""
 
-    priority: int
     name: str
     text: str
     value: str
@@ -305,13 +313,14 @@ class Button:
     name: str
     text: str
     active: bool = False
+    muted: bool = False
+    """Whether it only explains why its action is not possible now."""
 
 
 @dataclass(frozen=True)
 class ButtonRow:
     """Buttons side by side, after an optional caption."""
 
-    priority: int
     caption: str
     buttons: tuple[Button, ...]
     height: float = BUTTON_HEIGHT + 6
@@ -324,6 +333,7 @@ class ButtonRow:
             left, top, right, bottom = area.box
             color = HOVER if hovered == button.name else WHITE
             color, ink = (ACCENT, WHITE) if button.active else (color, INK)
+            ink = MUTED if button.muted else ink
             canvas.box(area.box, color, radius=5, border=ACCENT if button.active else "#B9C2CC")
             text = shortened(button.text, right - left - 6)
             canvas.text(0.5 * (left + right), 0.5 * (top + bottom), text, color=ink, anchor="m")

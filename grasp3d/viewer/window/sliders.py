@@ -44,7 +44,7 @@ class Ranges:
 
     def include(self, session: Session) -> None:
         """Extend the ranges to the current values."""
-        model, other = session.state.model, session.state.compare or 0.0
+        model, other = session.state.model, session.state.compared or 0.0
         self.friction = max(self.friction, model.friction)
         coarsest = math.degrees(max(model.sensor_resolution, other))
         if coarsest > self.resolution:
@@ -56,7 +56,7 @@ def sliders_of(session: Session, ranges: Ranges) -> tuple[Slider, ...]:
     ranges.include(session)
     state = session.state
     found = [_friction(session, ranges), _resolution(session, ranges, "sensor_resolution")]
-    if state.compare is not None:
+    if state.compared is not None:
         found.append(_resolution(session, ranges, "compare"))
     if state.section is not None:
         found.append(_section(session))

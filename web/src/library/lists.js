@@ -35,13 +35,15 @@ export function showLists(rows, filters, table) {
   const neverMostlyStable = labelled.filter((row) => row.resolution80 === 0);
   const failed = rows.filter((row) => row.outcome !== "labelled");
   byId("lists").append(
-    list("Finest sensor required", "Sensor resolution α below which 80 % of the surface is S.", finest,
+    list("Finest sensor required", "Sensor resolution α below which 80 % of the surface is S; the most demanding objects first.", finest,
       (row) => ` ${degrees(row.resolution80)}`,
       () => {
         filters.only("labelled", (row) => row.resolution80 > 0);
         table.setSort("resolution80", "asc");
       }),
-    list("Below 80 % S with any sensor", "Less than 80 % of the surface is S at every sensor resolution.", neverMostlyStable,
+    list("Less than 80 % of the surface is S with any sensor",
+      "At no sensor resolution, however fine, is 80 % of the surface S. The best grasps of such an object may still be S.",
+      neverMostlyStable,
       () => "", () => filters.only("labelled", (row) => row.resolution80 === 0)),
     list("Not labelled", "Refused: cannot be labelled unless the mesh or the settings change. Lost: the next run tries again.",
       failed, (row) => ` ${row.outcome}: ${row.error}`, () => filters.only("refused or lost")),

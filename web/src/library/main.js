@@ -20,8 +20,7 @@ function unpacked({ columns, rows }) {
 }
 
 function showHeader(data, rows) {
-  const settings = data.settings.slice(0, 3).map(([name, value]) => `${name} ${value}`);
-  byId("summary").textContent = `${settings.join(" · ")}.`;
+  byId("summary").textContent = data.summary.join(" · ");
   byId("counts").append(
     ...OUTCOMES.map((outcome) => {
       const count = rows.filter((row) => row.outcome === outcome).length;

@@ -74,7 +74,7 @@ function resolution(percentage) {
   return numeric(field, `α for ${percentage} %`, meaning, (row) => {
     if (row[field] === null) return "";
     return row[field] > 0 ? degrees(row[field]) : "none";
-  }, 80);
+  }, 72);
 }
 
 function picture(cell) {
@@ -117,38 +117,39 @@ function bar(cell) {
 function columns() {
   const frozen = window.innerWidth > NARROW;
   return [
-    { title: "", field: "thumbnail", width: 104, headerSort: false, formatter: picture, frozen, print: false },
+    { title: "", field: "thumbnail", width: 98, headerSort: false, formatter: picture, frozen, print: false },
     {
       ...headed("Name", "Path of the mesh; the link opens its page"),
       field: "name",
-      width: frozen ? 180 : 150,
+      width: frozen ? 158 : 150,
       frozen,
       formatter: nameCell,
       sorter: (a, b) => order.compare(a, b),
       formatterPrint: (cell) => text(cell.getValue()),
     },
-    { ...numeric("stable", "S / M / U", "Area fractions of S, M and U", () => "", 176), hozAlign: "left", formatter: bar },
+    { ...numeric("stable", "S / M / U", "Area fractions of S, M and U", () => "", 166), hozAlign: "left", formatter: bar },
     numeric("angle", "β* median", "Median critical friction angle over the surface, weighted by area", (row) => {
       if (row.outcome !== "labelled") return "";
       return row.angle === null ? "no grasp" : degrees(row.angle);
-    }, 94),
+    }, 84),
     resolution(50),
     resolution(80),
     resolution(90),
     numeric("epsilon", "ε median", "Median epsilon over the surface, weighted by area", (row) =>
-      row.epsilon === null ? "" : digits(row.epsilon), 94),
+      row.epsilon === null ? "" : digits(row.epsilon), 84),
     {
       ...numeric("size", "Size", "Diameter of the surface's bounding sphere; sorted in metres", (row) =>
-        row.size === null ? "" : length(row.size, row.unit), 82),
+        row.size === null ? "" : length(row.size, row.unit), 80),
       sorter: byNumber((row) => (row.size === null ? null : row.size * (IN_METRES[row.unit] ?? 1))),
     },
     numeric("vertices", "Vertices", "Vertices of the refined surface", (row) =>
-      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 106),
-    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 106),
+      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 90),
+    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 90),
     {
       ...headed("Warnings", "Warnings about the labels, or why there are none"),
       field: "warnings",
-      minWidth: 130,
+      minWidth: 120,
+      maxInitialWidth: 120, // stretched to what is left, also if its texts are long
       sorter: (a, b, rowA, rowB) => order.compare(message(rowA.getData()), message(rowB.getData())),
       formatter: (cell) => {
         const content = message(cell.getData());

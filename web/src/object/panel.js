@@ -43,7 +43,7 @@ export class Panel {
     this.vertex = null;
     byId("body").hidden = false;
     byId("facts").textContent = [
-      `size ${length(object.size, object.unit)}`,
+      `size ${length(object.size, object.unit || "(unit not stated)")}`,
       `${plural(object.count, "vertex", "vertices")}, ${plural(object.faces.length / 3, "face")}`,
       object.closed ? "closed" : "open",
     ].join(" · ");
@@ -137,7 +137,7 @@ export class Panel {
   drawGrasp(grasp) {
     this.vertex = null;
     this.showVertex();
-    this.view.mark(grasp.points);
+    this.view.showGrasp(grasp.points, grasp.normals);
   }
 
   showDetails() {

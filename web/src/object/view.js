@@ -2,7 +2,7 @@ import { AmbientLight, Box3, DirectionalLight, OrthographicCamera, Raycaster, Sc
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { byId } from "../shared/dom.js";
 import { length } from "../shared/formatting.js";
-import { disposeMarks, graspMarks } from "./marks.js";
+import { arrowTails, disposeMarks, graspMarks } from "./marks.js";
 import { PaintedSurface } from "./surface.js";
 
 const AMBIENT = 0.55;
@@ -11,6 +11,7 @@ const CLICK_MOVE = 4; // pixels that the pointer may move during a click
 const FROM = new Vector3(0.55, -0.75, 0.55);
 const [WHITE, BLACK] = [0xffffff, 0x1a1a1a];
 const MAX_SCALE_BAR = 110; // pixels
+const VISIBLE = 0.96; // of the picture's half width and height, for arrows
 
 /** Opens the 3-D view; without WebGL it shows a message, and the rest of the page works. */
 export function openView(stage) {
@@ -20,7 +21,7 @@ export function openView(stage) {
     byId("message").textContent = "The 3-D view needs WebGL, which is not available in this browser; the values beside it are complete.";
     byId("scale").hidden = true;
     const nothing = () => {};
-    return { show: nothing, paint: nothing, mark: nothing, reset: nothing, onPick: nothing };
+    return { show: nothing, paint: nothing, mark: nothing, showGrasp: nothing, reset: nothing, onPick: nothing };
   }
 }
 
@@ -67,25 +68,43 @@ class View {
   paint(colors, sharp) {
     this.surface.paint(colors, sharp);
     this.lightMarks = !sharp; // colour ramps begin dark
-    this.mark(this.contacts);
+    this.mark(...this.marked);
   }
 
-  /** Draws a grasp instead of the previous one; no contacts: none. */
-  mark(contacts) {
+  /** Draws a grasp instead of the previous one; no contacts: none. Outward normals add arrows. */
+  mark(points, outward = null) {
     if (this.marks) {
       this.scene.remove(this.marks);
       disposeMarks(this.marks);
     }
-    this.contacts = contacts;
+    this.marked = [points, outward];
     this.marks = null;
-    if (contacts.length) {
+    if (points.length) {
       const light = this.lightMarks || matchMedia("(prefers-color-scheme: dark)").matches;
       const [core, rim] = light ? [WHITE, BLACK] : [BLACK, WHITE];
-      const positions = contacts.map((one) => new Vector3(...one).sub(this.centre));
-      this.marks = graspMarks(positions, this.object.size, { core, rim });
+      const contacts = points.map((one) => new Vector3(...one).sub(this.centre));
+      const normals = outward?.map((one) => new Vector3(...one));
+      this.marks = graspMarks({ contacts, normals }, this.object.size, { core, rim });
       this.scene.add(this.marks);
     }
     this.draw();
+  }
+
+  /** Draws a grasp with arrows, and zooms out if they do not fit into the picture. */
+  showGrasp(points, outward) {
+    const contacts = points.map((one) => new Vector3(...one).sub(this.centre));
+    const tails = arrowTails(contacts, outward.map((one) => new Vector3(...one)), this.object.size);
+    this.camera.updateMatrixWorld();
+    this.camera.updateProjectionMatrix();
+    const reach = Math.max(...tails.map((one) => {
+      const seen = one.clone().project(this.camera);
+      return Math.max(Math.abs(seen.x), Math.abs(seen.y));
+    }));
+    if (reach > VISIBLE) {
+      this.camera.zoom *= VISIBLE / reach;
+      this.camera.updateProjectionMatrix();
+    }
+    this.mark(points, outward);
   }
 
   reset() {

@@ -34,6 +34,17 @@
     else if (down > 0) rows.scrollBy({ top: down, behavior: "smooth" });
   };
 
+  // While a slider is dragged the contents keep their height, so that nothing moves below the pointer.
+  addEventListener("pointerdown", (event) => {
+    const content = document.getElementById("content");
+    if (content && event.target.matches?.("#rows input[type=range]")) {
+      content.style.minHeight = `${content.offsetHeight}px`;
+    }
+  });
+  for (const end of ["pointerup", "pointercancel"]) {
+    addEventListener(end, () => document.getElementById("content")?.style.removeProperty("min-height"));
+  }
+
   let clicked = null;
   const watchClicks = () => {
     if (!window.trame?.state) {

@@ -1,0 +1,60 @@
+"""Settings of the documentation site, which is read from a folder, without a network."""
+
+import sys
+from pathlib import Path
+
+from grasp3d import __version__
+
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
+
+project = "grasp3d"
+author = "The grasp3d authors"
+project_copyright = author
+release = version = __version__
+html_title = f"grasp3d {release}"
+
+extensions = [
+    "myst_parser",
+    "sphinx.ext.autodoc",
+    "sphinx.ext.napoleon",
+    "sphinx_copybutton",
+    "command_page",
+    "docstrings",
+    "offline_math",
+    "public_names",
+]
+exclude_patterns = ["_build", "_ext"]
+smartquotes_action = "D"  # dashes; quotes stay as they are
+
+myst_enable_extensions = ["amsmath", "attrs_block", "attrs_inline", "colon_fence", "deflist",
+                          "dollarmath", "fieldlist"]  # fmt: skip
+myst_heading_anchors = 4
+myst_dmath_double_inline = True
+
+autodoc_default_options = {"members": True, "member-order": "bysource"}
+autodoc_typehints_format = "short"
+autodoc_preserve_defaults = True
+napoleon_numpy_docstring = False
+napoleon_use_ivar = False
+python_maximum_signature_line_length = 80
+
+default_role = "py:obj"  # a name in a docstring is a link where it is public
+
+nitpicky = True
+nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
+    ("py:.*", r"(collections|numpy|pathlib|pyarrow|pandas|pd|pyvista|trimesh)\..*"),
+    ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
+    ("py:class", r".*\.\w*T"),  # type variables
+    ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem"),  # inside results
+    ("py:obj", r".*"),  # parameters, and words in backticks
+]
+
+pygments_dark_style = "github-dark"
+html_theme = "furo"
+html_static_path = ["_static"]
+html_css_files = ["site.css"]
+html_math_renderer = "mathml"
+html_copy_source = False
+html_show_sourcelink = False
+html_show_search_summary = False  # it would have to read pages, which file:// does not allow
+copybutton_prompt_text = "$ "

@@ -1,0 +1,84 @@
+"""Examples at the end of every command's help."""
+
+EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
+    "label": (
+        ("Label a mug for a gripper that opens 60 mm", "label meshes/mug.glb --max-opening 60mm"),
+        (
+            "The best grasps of three fingers, for a mesh whose file states no unit",
+            "label meshes/box.obj --unit m --fingers 3 --max-spread 12cm --best 4",
+        ),
+    ),
+    "check": (
+        ("Diagnose one mesh", "check meshes/mug.glb"),
+        (
+            "Diagnose all meshes of a folder, and write a table",
+            "check meshes --unit m --max-opening 60mm -o meshes.csv",
+        ),
+    ),
+    "evaluate": (
+        (
+            "Evaluate the grasps in a table, in the unit of the mesh",
+            "evaluate meshes/mug.glb grasps.csv --friction 0.8",
+        ),
+        (
+            "Accept contacts up to 5 mm from the surface",
+            "evaluate meshes/mug.glb grasps.csv --max-distance 5mm -o evaluated.json",
+        ),
+    ),
+    "batch": (
+        ("Label all meshes of a folder", "batch meshes -o results"),
+        (
+            "Only GLB files, which state their unit, with two processes",
+            "batch 'meshes/*.glb' -o results_glb --max-opening 80mm --workers 2",
+        ),
+    ),
+    "sweep": (
+        ("The circle of the paper and a mug", "sweep circle meshes/mug.glb --friction 0.5"),
+        (
+            "How fine a sensor half of a folder's surfaces require",
+            "sweep 'meshes/*.glb' --friction 0.5 --fraction 0.5 --max-opening 80mm -o glb.csv",
+        ),
+    ),
+    "design": (
+        ("The coarsest sensor for two frictions", "design --friction 0.2 0.5"),
+        (
+            "The friction that a sensor requires, on an object of 5 cm",
+            "design --fingertip-radius 8mm --receptive-field 3mm --object-size 5cm",
+        ),
+    ),
+    "view": (
+        ("Open a window", "view meshes/mug.glb"),
+        (
+            "Write a picture instead, which needs no display",
+            "view meshes/mug.glb --paint max_resolution --screenshot mug.png",
+        ),
+    ),
+    "warmup": (
+        ("Compile the kernels for two fingers", "warmup"),
+        ("Also those for three, four and five fingers", "warmup --fingers 3"),
+    ),
+    "paper": (
+        ("All figures and numbers", "paper -o paper"),
+        (
+            "For another friction, with a mesh of your own",
+            "paper -o paper_mug --friction 0.5 --object meshes/mug.glb",
+        ),
+    ),
+}
+"""What they do, and the words after `grasp3d`, by the name of the command. The folder `meshes` is
+the one that comes with the package, `grasps.csv` a table with columns x1 y1 z1 x2 y2 z2."""
+
+_OF_ALL = (
+    ("Label a mesh, and write it", EXAMPLES["label"][0][1]),
+    ("The options of a command", "label --help"),
+)
+
+
+def print_examples(command: str) -> None:
+    """Print the examples of a command, or those of the program.
+
+    Args:
+        command: Name of the command; another word: the program.
+    """
+    lines = [f"  # {text}\n  grasp3d {words}" for text, words in EXAMPLES.get(command, _OF_ALL)]
+    print("\n".join(["examples:", *lines]))  # noqa: T201

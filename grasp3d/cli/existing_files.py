@@ -1,0 +1,140 @@
+"""Existing files at an output's path: which of them a command replaces without being asked.
+
+It replaces its own results. Files of other programs, and labels made with other settings, are
+replaced only with `--overwrite`.
+"""
+
+import math
+import re
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from grasp3d.errors import OutputError
+from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.system.files import check_writable
+
+if TYPE_CHECKING:
+    from grasp3d.mesh import ObjectMesh
+
+MARK, MARKED = b"grasp3d", 2**16
+"""The name that other results contain, and how many bytes from their start or end it is."""
+
+_HEADS = re.compile(rb'"(grasp","label","critical_angle|mesh","source","refusal|name","mode",)')
+"""How tables as CSV begin, which hold no name."""
+
+_MESHES = frozenset({".ply", ".glb", ".npz", ".vtp"})
+"""Formats of which other programs also write files, perhaps from a labelled one."""
+
+_ANGLES = frozenset({"sensor_resolution", "search_angle", "tolerance", "crease_angle"})
+_LENGTHS = frozenset(
+    name for kind in (GraspModel, Sampling, MeshOptions) for name in kind.length_names()
+)
+_WITHOUT_EFFECT = frozenset({"max_memory"})
+
+ROUNDING = 1e-9
+"""Fraction by which two numbers differ that are the same."""
+
+
+def check_replaceable(path: Path, *, overwrite: bool, source: Path | None = None) -> None:
+    """Check before a long computation that an output can be written to a path.
+
+    Args:
+        path: File to create or replace.
+        overwrite: Whether any existing file may be replaced.
+        source: A file that it must not replace.
+
+    Raises:
+        OutputError: It cannot be written, or a file is there that is no result of grasp3d.
+    """
+    check_writable(path, source=source)
+    if overwrite or not path.exists() or is_result(path):
+        return
+    raise OutputError(
+        f"{path}: exists and is no result of grasp3d; name another file, or replace it with "
+        "--overwrite"
+    )
+
+
+def check_same_settings(
+    path: Path, mesh: "ObjectMesh", model: GraspModel, sampling: Sampling, *, overwrite: bool
+) -> None:
+    """Check that labels which a file holds were made of such a mesh with the same settings.
+
+    Meshes are compared by name, number of vertices and size (the scale of torques), not by shape.
+
+    Args:
+        path: File to create or replace.
+        mesh: The mesh to be labelled.
+        model: With lengths in the mesh's unit.
+        sampling: With lengths in the mesh's unit.
+        overwrite: Whether other labels may be replaced.
+
+    Raises:
+        OutputError: It holds other labels.
+    """
+    from grasp3d.conversions import chosen_settings
+    from grasp3d.settings import search_cone
+    from grasp3d.stored_settings import stored_settings
+
+    stored = None if overwrite or not path.exists() else stored_settings(path)
+    if stored is None:
+        return
+    chosen = chosen_settings(mesh, model, sampling, "label")
+    chosen["search_angle"] = search_cone(model, sampling)
+    of_mesh = {"file_vertices": mesh.file_vertices, "torque_scale": mesh.torque_scale}
+    differing = [
+        name
+        for name, value in (chosen | of_mesh).items()
+        if name not in _WITHOUT_EFFECT and not _is_same(stored.get(name, str(value)), str(value))
+    ]
+    if differing:
+        name = differing[0]
+        reason = f"of another mesh called {mesh.report.source}"
+        if name not in of_mesh:
+            unit = f" {mesh.unit or ''}".rstrip()
+            there, here = (_text(name, value, unit) for value in (stored[name], str(chosen[name])))
+            reason = f"{name} {there}, not {here}"
+        raise OutputError(
+            f"{path}: exists with labels made otherwise ({reason}); name another file with -o, or "
+            "replace it with --overwrite"
+        )
+
+
+def is_result(path: Path) -> bool:
+    """Whether a file is a result of grasp3d, by its metadata or its columns."""
+    from grasp3d.stored_settings import stored_settings
+
+    try:
+        with path.open("rb") as stream:
+            start = stream.read(MARKED)
+            stream.seek(max(0, path.stat().st_size - MARKED))
+            end = stream.read()
+    except OSError:
+        return False
+    suffix = path.suffix.lower()
+    if suffix == ".csv":
+        return _HEADS.match(start) is not None
+    if suffix in _MESHES:
+        return stored_settings(path) is not None
+    return MARK in start or MARK in end
+
+
+def _is_same(there: str, here: str) -> bool:
+    """Whether two texts are one value: 80 and 80.0 are, and numbers with a rounding error."""
+    if there == here or (there.isdecimal() and here.isdecimal()):
+        return there == here
+    try:
+        return math.isclose(float(there), float(here), rel_tol=ROUNDING)
+    except ValueError:
+        return False
+
+
+def _text(name: str, value: str, unit: str) -> str:
+    """A setting's value for a message, angles in degrees, lengths with their unit."""
+    try:
+        number = float(value)
+    except ValueError:
+        return value
+    if name in _ANGLES:
+        return f"{math.degrees(number):.4g}°"
+    return f"{number:.4g}{unit if name in _LENGTHS else ''}"

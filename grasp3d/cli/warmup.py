@@ -1,0 +1,36 @@
+"""The command `grasp3d warmup`: compiles kernels ahead."""
+
+import time
+from dataclasses import dataclass
+from typing import Annotated
+
+import tyro
+
+from grasp3d.cli.options import Quiet, command
+
+
+@command
+@dataclass(frozen=True)
+class Warmup:
+    """Compile the kernels ahead, so that no later command or Python program waits for it.
+
+    They are compiled when they are first needed, once per installation: use it to make the image of
+    a container, or on the machines of a cluster.
+    """
+
+    fingers: Annotated[int, tyro.conf.arg(metavar="INT")] = 2
+    """Largest number of fingers, 2 to 5; the kernels for three serve four and five as well."""
+
+    quiet: Quiet = False
+
+    def run(self) -> int:
+        """Run the command, and return the exit code."""
+        from grasp3d.warming_up import warmup
+
+        begun = time.perf_counter()
+        compiled = warmup(self.fingers)
+        if not self.quiet:
+            seconds = time.perf_counter() - begun
+            done = f"compiled in {seconds:.0f} s: {', '.join(compiled)}"
+            print(done if compiled else "already compiled")  # noqa: T201
+        return 0

@@ -1,0 +1,132 @@
+"""Lengths in settings that are probably in another unit than the mesh, or cannot be meant."""
+
+import math
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
+
+from grasp3d.errors import SettingError
+from grasp3d.lengths import METRES, Unit
+from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.mesh.units import guess_unit
+
+
+@dataclass(frozen=True)
+class PlausibleRange:
+    """Range of a length, as fractions of the object's size."""
+
+    least: float
+    """A smaller one cannot be meant."""
+    small: float
+    """A smaller one is probably in another unit."""
+    most: float
+    """A larger one cannot be meant."""
+    usual: float
+    """An ordinary one, to guess the unit by."""
+    example: str
+    """One with a unit, for errors."""
+
+
+LIMIT = PlausibleRange(1.0 / 500.0, 0.01, 100.0, usual=0.5, example="80mm")
+PART = PlausibleRange(0.0, 0.01, 1.0, usual=0.05, example="5mm")
+RANGES = {
+    "max_opening": LIMIT,
+    "min_opening": PART,
+    "max_spread": LIMIT,
+    "min_separation": PART,
+    "torsion_radius": PART,
+    "patch_radius": PART,
+    "max_distance": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),
+}
+"""Ranges by the name of the setting; others may have any length."""
+
+LIKELY = 20.0
+"""Factor from an ordinary length up to which a unit is likely."""
+
+
+def length_warnings(
+    lengths: Mapping[str, float | None], size: float, unit: Unit | None
+) -> tuple[str, ...]:
+    """Return a message for each length that is probably not in the mesh's unit.
+
+    Args:
+        lengths: Lengths in the mesh's unit, by the name of the setting.
+        size: Diameter of the object, in the mesh's unit.
+        unit: The mesh's unit; None: not known.
+    """
+    own = f" {unit}" if unit else ""
+    stated = f"in {unit}" if unit else "in the mesh's unit, which is not stated"
+    return tuple(
+        f"{name} is {length:.4g}{own}, {_times(length / size)} the object's size, {size:.4g}{own}: "
+        f"is it in another unit? Lengths without a unit are {stated}"
+        for name, length, limits in _given(lengths)
+        if not limits.small <= length / size <= limits.most
+    )
+
+
+def check_lengths(
+    lengths: Mapping[str, float | None], size: float, unit: Unit | None, source: str
+) -> None:
+    """Refuse a length that cannot be meant for an object of this size.
+
+    Args:
+        lengths: Lengths in the mesh's unit, by the name of the setting.
+        size: Diameter of the object, in the mesh's unit.
+        unit: The mesh's unit; None: not known.
+        source: Name of the mesh.
+
+    Raises:
+        SettingError: There is such a length; the message names the unit that is likely.
+    """
+    for name, length, limits in _given(lengths):
+        if limits.least <= length / size <= limits.most:
+            continue
+        own = f" {unit}" if unit else ""
+        remedy = _remedy(name, length, size, unit, limits)
+        raise SettingError(
+            f"{name} is {length:.4g}{own}, {_times(length / size)} the size of {source}, "
+            f"{size:.4g}{own}: {remedy}, or accept it with --force "
+            "(in Python force=True)"
+        )
+
+
+def refuse_lengths(mesh: ObjectMesh, lengths: Mapping[str, float | None]) -> None:
+    """Refuse lengths, and a patch radius, that cannot be meant for a mesh. See `check_lengths`."""
+    check_lengths({**lengths, **mesh.options.lengths()}, mesh.size, mesh.unit, mesh.report.source)
+
+
+def _given(lengths: Mapping[str, float | None]) -> Iterator[tuple[str, float, PlausibleRange]]:
+    """Name, length and plausible range of the lengths that are set and have one."""
+    for name, limits in RANGES.items():
+        length = lengths.get(name)
+        if length and 0.0 < length < math.inf:
+            yield name, length, limits
+
+
+def _remedy(
+    name: str, length: float, size: float, unit: Unit | None, limits: PlausibleRange
+) -> str:
+    """What to write instead."""
+    of_mesh = unit or guess_unit(size).unit
+    likely = None if of_mesh is None else _likely_unit(length, limits.usual * size, of_mesh)
+    if likely is None:
+        return f"give it with its unit, such as {limits.example}"
+    written = f"--{name.replace('_', '-')} {length:g}{likely}"
+    if unit is None:
+        return (
+            f"if the mesh is in {of_mesh} and the length in {likely}, give --unit {of_mesh} and "
+            f"{written}"
+        )
+    return f"if it is in {likely}, give {written}"
+
+
+def _likely_unit(length: float, usual: float, unit: Unit) -> Unit | None:
+    """The unit in which a length is nearest to an ordinary one; None: there is none."""
+    ratios = {other: length * METRES[other] / (usual * METRES[unit]) for other in METRES}
+    nearest = min(ratios, key=lambda other: abs(math.log(ratios[other])))
+    return nearest if 1.0 / LIKELY <= ratios[nearest] <= LIKELY else None
+
+
+def _times(ratio: float) -> str:
+    if ratio >= 100.0:
+        return f"{ratio:,.0f} times"
+    return f"{ratio:.3g} times" if ratio > 1.0 else f"1/{1.0 / ratio:,.0f} of"

@@ -1,0 +1,84 @@
+"""Settings in labelled files: what an existing file was made with."""
+
+import json
+import struct
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp3d.conversions import SETTING
+from grasp3d.tables import read_settings
+
+LONGEST_HEADER = 2**16
+"""Bytes of a PLY in which its comments are."""
+
+_COMMENT = b"comment grasp3d "
+_GLB_HEAD = struct.Struct("<4sIIII")
+
+
+def stored_settings(path: Path) -> dict[str, str] | None:
+    """Read the settings in a labelled file, or in a file of grasps.
+
+    Args:
+        path: An existing file, of any format and content.
+
+    Returns:
+        The values by name, as text; None: it was not written by grasp3d, or is damaged.
+    """
+    read = _READERS.get(path.suffix.lower())
+    try:
+        found = None if read is None else read(path)
+    except (OSError, ValueError, KeyError, TypeError, struct.error, zipfile.BadZipFile):
+        return None
+    return {str(name): str(value) for name, value in found.items()} if found else None
+
+
+def _from_ply(path: Path) -> dict[str, str]:
+    with path.open("rb") as stream:
+        header = stream.read(LONGEST_HEADER).partition(b"end_header")[0]
+    lines = [line.decode("ascii") for line in header.splitlines() if line.startswith(_COMMENT)]
+    pairs = (line[len(_COMMENT) :].partition(" ") for line in lines)
+    return {name: value for name, _, value in pairs}
+
+
+def _from_npz(path: Path) -> dict[str, str]:
+    with path.open("rb") as stream, np.load(stream) as arrays:
+        names = [name for name in arrays.files if name.startswith(SETTING)]
+        return {name.removeprefix(SETTING): str(arrays[name]) for name in names}
+
+
+def _from_glb(path: Path) -> dict[str, Any]:
+    with path.open("rb") as stream:
+        length = _GLB_HEAD.unpack(stream.read(_GLB_HEAD.size))[3]
+        tree = json.loads(stream.read(length))
+    return dict(tree["asset"]["extras"]["grasp3d"])
+
+
+def _from_json(path: Path) -> dict[str, Any]:
+    """Settings in the first line of a file of grasps."""
+    with path.open(encoding="utf-8") as stream:
+        return dict(json.loads(stream.readline().rstrip().removesuffix(",") + "}")["grasp3d"])
+
+
+def _from_vtp(path: Path) -> dict[str, str]:
+    import pyvista
+
+    with path.open("rb") as stream:
+        if b"VTKFile" not in stream.read(LONGEST_HEADER):  # VTK prints its errors
+            return {}
+    fields = pyvista.read(path).field_data
+    names = [name for name in fields.keys() if name.startswith(SETTING)]  # noqa: SIM118
+    return {name.removeprefix(SETTING): str(fields[name][0]) for name in names}
+
+
+_READERS: dict[str, Callable[[Path], dict[str, Any] | None]] = {
+    ".ply": _from_ply,
+    ".npz": _from_npz,
+    ".glb": _from_glb,
+    ".vtp": _from_vtp,
+    ".parquet": read_settings,
+    ".json": _from_json,
+}

@@ -1,0 +1,142 @@
+"""The best contact point of the last finger when the others are fixed.
+
+A scan labels the vertices. The contact that decides whether the fixed fingers can hold the object
+may lie between them: therefore the opposing contacts that inspecting the fixed finger shows are
+tested as well, and the faces about the best vertices in ever finer grids.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
+from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.progress import Progress
+from grasp3d.viewer.subjects.subject import LastContact
+
+BEST_VERTICES = 12
+"""Vertices of the scan whose faces are searched."""
+STEPS = 5
+"""Divisions of a face's side in a grid."""
+KEPT = 3
+"""Points about which the next, finer grid is laid."""
+ROUNDS = 4
+"""Grids, each finer than the one before."""
+FINER = 0.3
+"""Size of a grid relative to the one before."""
+INSIDE = 0.98
+"""Size of the first grid relative to its face, whose edges may be sharp."""
+
+_STEPS = [(i, j, STEPS - i - j) for i in range(STEPS + 1) for j in range(STEPS + 1 - i)]
+GRID = INSIDE * (np.array(_STEPS) / STEPS - 1.0 / 3.0)
+"""Barycentric coordinates of a grid's points, relative to its middle, shape (g, 3)."""
+MIDDLE = np.full(3, 1.0 / 3.0)
+
+
+def best_last_contact(
+    scan: SurfaceLabels, tested: SurfacePoints, progress: Progress
+) -> LastContact | None:
+    """Search the best contact of the last finger over the whole surface.
+
+    Args:
+        scan: Labels of every vertex as the contact of the last finger.
+        tested: Further candidate points, shape (c,).
+        progress: Called with the finished fraction of the work, from 0 to 1.
+
+    Returns:
+        The best contact found, at a vertex or between vertices; None: there is no grasp.
+    """
+    mesh = scan.mesh
+    used = np.flatnonzero(np.isfinite(scan.critical_angle_best))
+    order = used[np.lexsort((scan.critical_angle_best[used], scan.critical_angle[used]))]
+    if not len(order):
+        return None
+    near = np.append(order[:BEST_VERTICES], used[np.argmin(scan.critical_angle_best[used])])
+    leading = _Candidates.of(scan, vertex_surface_points(mesh, near))
+    leading = leading.joined(_Candidates.of(scan, tested))
+    faces = np.flatnonzero(np.isin(mesh.faces, mesh.canonical[near]).any(axis=1))
+    faces = np.concatenate([faces, tested.faces])
+    grids = SurfacePoints(faces, np.tile(MIDDLE, (len(faces), 1)))
+    for number in range(ROUNDS):
+        found = _Candidates.of(scan, _grid_points(grids, FINER**number)).leading()
+        leading, grids = leading.joined(found), found.points
+        progress((number + 1) / ROUNDS)
+    return leading.best(scan)
+
+
+@dataclass(frozen=True, eq=False)
+class _Candidates:
+    """Points on the surface as contacts of the last finger."""
+
+    points: SurfacePoints
+    """Shape (c,)."""
+    worst: Floats
+    """Critical friction angles of the grasps over the worst normals [rad], (c,)."""
+    smallest: Floats
+    """The same over the best normals, (c,)."""
+
+    @classmethod
+    def of(cls, scan: SurfaceLabels, points: SurfacePoints) -> "_Candidates":
+        """Evaluate points (c,)."""
+        return cls(points, *critical_angles(_grasps(scan, points)))
+
+    def leading(self) -> "_Candidates":
+        """Those with the smallest angles over the worst and over the best normals."""
+        rows = [np.argsort(one, kind="stable")[:KEPT] for one in (self.worst, self.smallest)]
+        return self._take(np.unique(np.concatenate(rows)))
+
+    def joined(self, other: "_Candidates") -> "_Candidates":
+        """These candidates and others."""
+        points = SurfacePoints(
+            np.concatenate([self.points.faces, other.points.faces]),
+            np.concatenate([self.points.weights, other.points.weights]),
+        )
+        return _Candidates(
+            points,
+            np.concatenate([self.worst, other.worst]),
+            np.concatenate([self.smallest, other.smallest]),
+        )
+
+    def best(self, scan: SurfaceLabels) -> LastContact:
+        """The best of all, over the worst normals if that is bounded."""
+        row = int(np.lexsort((self.smallest, self.worst))[0])
+        if np.isinf(self.worst[row]):
+            row = int(np.argmin(self.smallest))
+        chosen = self._take(np.array([row]))
+        grasp = _grasps(scan, chosen.points)
+        return LastContact(
+            points=locked(grasp.points[0]),
+            normals=locked(grasp.normals[0]),
+            worst=float(self.worst.min()),
+            best=float(self.smallest.min()),
+            between=bool(chosen.points.weights.max() < 1.0),
+            creases=tuple(int(finger) for finger in np.flatnonzero(grasp.on_crease[0])),
+        )
+
+    def _take(self, rows: Ints) -> "_Candidates":
+        points = SurfacePoints(self.points.faces[rows], self.points.weights[rows])
+        return _Candidates(points, self.worst[rows], self.smallest[rows])
+
+
+def _grid_points(middles: SurfacePoints, size: float) -> SurfacePoints:
+    """Grids about points (m,), of a size relative to their faces, shape (m * g,)."""
+    weights = np.clip(middles.weights[:, None] + size * GRID, 0.0, 1.0)
+    weights /= weights.sum(axis=2, keepdims=True)
+    return SurfacePoints(np.repeat(middles.faces, len(GRID)), weights.reshape(-1, 3))
+
+
+def _grasps(scan: SurfaceLabels, points: SurfacePoints) -> SurfaceContacts:
+    """Grasps (c, n) of a last finger at points (c,) and the fixed fingers of a scan."""
+    fixed, count = scan.partner_points, len(points.faces)
+    faces = np.broadcast_to(fixed.faces[0, 0], (count, *fixed.faces.shape[2:]))
+    weights = np.broadcast_to(fixed.weights[0, 0], (count, *fixed.weights.shape[2:]))
+    return SurfaceContacts(
+        scan.mesh,
+        SurfacePoints(
+            np.concatenate([points.faces[:, None], faces], axis=1),
+            np.concatenate([points.weights[:, None], weights], axis=1),
+        ),
+    )

@@ -1,0 +1,104 @@
+"""A wider search that keeps the grasps found in the narrower cone.
+
+The rays of a wider cone are further apart and may miss a grasp that the narrower search has found.
+As those grasps are kept, labels and area fractions at the resolutions that were already searched
+do not change.
+"""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats
+from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.settings import GraspModel, Sampling
+from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
+from grasp3d.system.progress import Progress, within
+from grasp3d.viewer.session.computations import WIDEST, mesh_of, prepare_labels
+from grasp3d.viewer.session.inspection import warm_up
+from grasp3d.viewer.session.painting import ROUNDING
+from grasp3d.viewer.subjects.subject import Subject, subject_of
+
+KNOWN = 0.5
+"""Fraction of the work after which the known grasps of a file are available."""
+
+
+def search_wider(
+    subject: Subject, model: GraspModel, sampling: Sampling, progress: Progress
+) -> Subject:
+    """Search the widest cone for the vertices that have no grasp within the searched cone.
+
+    Args:
+        subject: The surface; grasps that its file does not contain are searched first.
+        model: Grasp model.
+        sampling: Settings of the search, the same as before apart from the cone.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+
+    Raises:
+        GraspError: The mesh cannot be prepared or searched.
+    """
+    start = 0.0 if subject.labels is not None else KNOWN
+    known = _known_labels(subject, sampling, within(progress, 0.0, start))
+    wide = label_surface(
+        known.mesh, replace(model, fingers=known.model.fingers),
+        sampling=replace(sampling, search_angle=WIDEST), progress=within(progress, start, 1.0),
+    )  # fmt: skip
+    return warm_up(subject_of(with_known_grasps(wide, known), subject.name))
+
+
+def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabels:
+    """Labels of a wider search, with the grasps that a narrower one found within its cone.
+
+    Args:
+        wide: Labels of the wider search.
+        known: Labels of the narrower search on the same mesh.
+    """
+    new, old = wide.grasps, known.grasps
+    beyond = known.search.cone + ROUNDING
+    worst = (old.critical_angle > beyond) & (new.critical_angle < old.critical_angle)
+    best = (old.critical_angle_best > beyond) | worst
+    best &= new.critical_angle_best < old.critical_angle_best
+    missing = old.reason != Reason.FOUND
+    taken = np.stack([worst, best], axis=1)  # (V, 2): both grasps of a vertex
+    points, others = new.partner_points, old.partner_points
+    partner_points = SurfacePoints(
+        np.where(taken[..., None], points.faces, others.faces),
+        np.where(taken[..., None, None], points.weights, others.weights),
+    )
+    grasps = VertexGrasps.of(
+        new.mesh,
+        angles=(
+            np.where(worst, new.critical_angle, old.critical_angle),
+            np.where(best, new.critical_angle_best, old.critical_angle_best),
+        ),
+        partners=_chosen(worst, new.partners, old.partners),
+        partner_normals=_chosen(worst, new.partner_normals, old.partner_normals),
+        partner_points=partner_points,
+        grip=np.where(worst, new.grip, old.grip),
+        reason=np.where(missing, new.reason, old.reason),
+        opening=np.where(worst, new.opening, old.opening),
+    )
+    return replace(wide, grasps=grasps)
+
+
+def _chosen(which: Bools, new: Floats, old: Floats) -> Floats:
+    """Rows (V, n - 1, 3) of the new grasps where `which`, else of the old ones."""
+    return np.where(which[:, None, None], new, old)
+
+
+def _known_labels(subject: Subject, sampling: Sampling, progress: Progress) -> SurfaceLabels:
+    """Labels with the grasps that are displayed; those of a file without partners are searched."""
+    if subject.labels is not None:
+        return subject.labels
+    if subject.partners is not None:
+        labels = prepare_labels(subject, progress).labels
+        assert labels is not None
+        return labels
+    cone = min(subject.cone, math.pi / 2.0)
+    return label_surface(
+        mesh_of(subject), subject.model, sampling=replace(sampling, search_angle=cone),
+        progress=progress,
+    )  # fmt: skip

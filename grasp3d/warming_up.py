@@ -1,0 +1,105 @@
+"""Compiling kernels ahead, so that no later run waits for it."""
+
+import itertools
+from functools import cache
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from grasp3d.errors import SettingError
+from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel, Sampling, whole_number
+from grasp3d.system.progress import ignore
+
+if TYPE_CHECKING:
+    from grasp3d.mesh import ObjectMesh
+
+PAIR = 2
+
+_FACES = np.array(
+    [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
+     [2, 3, 7], [2, 7, 6], [0, 2, 6], [0, 6, 4], [1, 5, 7], [1, 7, 3]]
+)  # fmt: skip
+"""Faces of a cube with its corners in lexicographic order; those of the solid are distorted."""
+
+
+def warmup(fingers: int = PAIR) -> tuple[str, ...]:
+    """Compile the kernels for two fingers, or for that and more, unless they are compiled already.
+
+    Kernels are compiled when they are first needed, once per installation, and a line about it
+    goes to the logger `grasp3d.compiling`: to standard error, where no logging is configured.
+    Compiling ahead serves images of containers, and clusters.
+
+    Args:
+        fingers: Largest number of fingers of the grasps, 2 to 5; three, four and five fingers have
+            the same kernels.
+
+    Returns:
+        What the compiled kernels do, such as 'meshes' and 'two fingers'; empty: all of them were
+        compiled before.
+
+    Raises:
+        SettingError: The number of fingers is outside its range.
+
+    Example:
+        >>> import grasp3d
+        >>> compiled = grasp3d.warmup()
+        >>> grasp3d.warmup()
+        ()
+    """
+    if not PAIR <= whole_number("fingers", fingers, PAIR) <= MAX_SEARCHED_FINGERS:
+        raise SettingError(f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {fingers}")
+    from grasp3d._kernels.announcing import announcer
+
+    before = len(announcer.compiled)
+    for count in sorted({PAIR, fingers}):
+        compile_kernels(count)
+    return tuple(phase.work for phase in announcer.compiled[before:])
+
+
+def announcement(fingers: int) -> str:
+    """Line to print before `compile_kernels`; empty: all kernels are compiled.
+
+    Args:
+        fingers: As in `compile_kernels`.
+    """
+    from grasp3d._kernels import announcing
+
+    if announcing.all_compiled(lambda: compile_kernels(fingers)):
+        return ""
+    phases = {0: announcing.MESHES, PAIR: announcing.TWO_FINGERS}
+    work = phases.get(fingers, announcing.MORE_FINGERS).work
+    return announcing.announcement(work, announcing.seconds_missing(fingers))
+
+
+@cache
+def compile_kernels(fingers: int) -> None:
+    """Call every kernel that commands and functions need for a number of fingers.
+
+    Args:
+        fingers: Number of fingers of the grasps; 0: only meshes are prepared.
+    """
+    solid = _solid()
+    if not fingers:
+        return
+    from grasp3d.grasps.distinct import best_grasps
+    from grasp3d.grasps.evaluation import evaluate_grasps
+    from grasp3d.surface.labelling import label_surface
+    from grasp3d.surface.scanning import scan_surface
+
+    _solid(patch_radius=0.1)
+    model = GraspModel(fingers=fingers)
+    sampling = Sampling(grip="both") if fingers == PAIR else Sampling()
+    labels = label_surface(solid, model, sampling=sampling, threads=1)
+    labels.compute_epsilon(ignore)
+    contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
+    evaluate_grasps(solid, contacts, model, threads=1)
+    scan_surface(solid, model, fixed=contacts[1:], threads=1).compute_epsilon(ignore)
+
+
+def _solid(patch_radius: float = 0.0) -> "ObjectMesh":
+    """A small solid without symmetry, whose best grasps are found by refinement alone."""
+    from grasp3d.mesh import load_mesh
+
+    corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
+    corners += 0.1 * np.sin(np.arange(24.0)).reshape(8, 3)
+    return load_mesh((corners, _FACES), max_edge=0.6, patch_radius=patch_radius)

@@ -1,0 +1,190 @@
+"""Run the examples of pages: blocks of Python and shell, compared with what they print.
+
+The blocks of a page run in order, in one folder that contains `meshes/` and with the same
+variables. A block of `text` that follows, with at most one line such as "prints" between, is the
+expected output, in which `...` matches anything. `<!-- skip: next "the reason" -->` skips a block.
+
+    python scripts/run_examples.py [--write] [PAGE ...]
+
+prints what differs, or writes the outputs into the pages, where a change of results is meant.
+"""
+
+import argparse
+import doctest
+import io
+import os
+import re
+import shutil
+import subprocess
+import sys
+import traceback
+from collections.abc import Iterator
+from contextlib import chdir, redirect_stdout
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from unittest import SkipTest
+
+from sybil import Document, Example, Region
+from sybil.evaluators.python import PythonEvaluator
+from sybil.example import SybilFailure
+from sybil.parsers.markdown import SkipParser
+from sybil.parsers.markdown.lexers import FencedCodeBlockLexer
+from sybil.region import Lexeme
+
+ROOT = Path(__file__).parents[1]
+LIBRARY = ROOT / "meshes"
+PAGES = (
+    ROOT / "README.md",
+    LIBRARY / "README.md",
+    *(page for page in sorted((ROOT / "docs").rglob("*.md")) if "_build" not in page.parts),
+)
+
+OUTPUT = re.compile(
+    r"\n(?:\s*\n[^\n`#|<>]{1,80}\n)?\s*\n```text\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
+)
+FLAGS = doctest.ELLIPSIS | doctest.REPORT_NDIFF
+MOST_SECONDS = 300.0
+
+
+@dataclass
+class Block:
+    """A block of a page."""
+
+    source: Lexeme
+    expected: re.Match[str] | None
+    """What it prints, where the page shows it."""
+    printed: str = ""
+
+    def difference(self) -> str | None:
+        """What differs from the expected output, or None."""
+        if self.expected is None:
+            return None
+        want, got = unpadded(self.expected["text"]), unpadded(self.printed)
+        checker = doctest.OutputChecker()
+        if checker.check_output(want, got, FLAGS):
+            return None
+        flags = FLAGS | doctest.DONT_ACCEPT_BLANKLINE
+        lines = checker.output_difference(doctest.Example("", want), got, flags)
+        return f"printed something else\n{lines}"
+
+
+@dataclass
+class Ran:
+    """What became of the blocks of a page."""
+
+    blocks: int = 0
+    skipped: list[str] = field(default_factory=list)
+    """Reasons."""
+    failures: list[str] = field(default_factory=list)
+
+
+def read_page(path: Path) -> Document:
+    """A page, whose examples are its blocks, and comments on skipping them."""
+    return Document.parse(str(path), blocks_of, SkipParser())
+
+
+def blocks_of(document: Document) -> Iterator[Region]:
+    """The blocks of a page that are run."""
+    for language, evaluate in (("python", run_python), ("sh", run_shell)):
+        for found in FencedCodeBlockLexer(language)(document):
+            expected = OUTPUT.match(document.text, found.end)
+            block = Block(found.lexemes["source"], expected)
+            yield Region(found.start, expected.end() if expected else found.end, block, evaluate)
+
+
+def run_page(document: Document) -> Ran:
+    """Run the blocks of a page in this folder, up to one of Python that raises an exception."""
+    ran = Ran()
+    document.namespace["__name__"] = "page"
+    for example in document.examples():
+        where = f"{Path(example.path).name}:{example.line}"
+        try:
+            example.evaluate()
+        except SkipTest as reason:
+            ran.skipped.append(str(reason))
+        except SybilFailure as failure:
+            ran.failures.append(f"{where}: {failure.result}")
+        except Exception:  # noqa: BLE001, whatever an example raises
+            ran.failures.append(f"{where} raised\n{traceback.format_exc(limit=-3)}")
+            break
+        else:
+            ran.blocks += isinstance(example.parsed, Block)
+    return ran
+
+
+def run_python(example: Example) -> str | None:
+    """Run a block with the variables of the page; returns what differs."""
+    block: Block = example.parsed
+    out = io.StringIO()
+    code = Example(example.document, example.line, example.column, example.region, {})
+    code.parsed, code.namespace = block.source, example.namespace
+    with redirect_stdout(out):
+        PythonEvaluator()(code)
+    block.printed = out.getvalue()
+    return block.difference()
+
+
+def run_shell(example: Example) -> str | None:
+    """Run a block as bash does, up to the first command that fails; returns what differs.
+
+    A command may fail where the page shows what it prints, on standard error too.
+    """
+    block: Block = example.parsed
+    done = subprocess.run(  # noqa: S603, pages of this project
+        [shutil.which("bash") or "bash", "-e", "-c", block.source],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=MOST_SECONDS,
+        env={**os.environ, "PATH": path_with_commands(), "COLUMNS": "80", "NO_COLOR": "1"},
+    )
+    block.printed = done.stdout if done.returncode == 0 else done.stdout + done.stderr
+    if done.returncode and block.expected is None:
+        return f"ended with exit code {done.returncode} and printed\n{block.printed}"
+    return block.difference()
+
+
+def path_with_commands() -> str:
+    """The search path of programs, with those of this environment first."""
+    return os.pathsep.join([str(Path(sys.executable).parent), os.environ["PATH"]])
+
+
+def unpadded(text: str) -> str:
+    """Text without spaces at the ends of lines, and with one newline at its end."""
+    return "\n".join(line.rstrip() for line in text.strip("\n").splitlines()) + "\n"
+
+
+def with_outputs(document: Document) -> str:
+    """The text of a page in which outputs that differ are replaced."""
+    text = document.text
+    for example in reversed(list(document.examples())):
+        block = example.parsed
+        if isinstance(block, Block) and block.expected and block.printed and block.difference():
+            start, end = block.expected.span("text")
+            text = text[:start] + unpadded(block.printed) + text[end:]
+    return text
+
+
+def main() -> int:
+    """Run the examples of pages; returns the exit code."""
+    parser = argparse.ArgumentParser(description=__doc__.partition("\n")[0] if __doc__ else "")
+    parser.add_argument("pages", nargs="*", type=Path, default=PAGES)
+    parser.add_argument("--write", action="store_true", help="write outputs into the pages")
+    options = parser.parse_args()
+    failures = 0
+    for page in options.pages:
+        document = read_page(page.resolve())
+        with TemporaryDirectory() as folder, chdir(folder):
+            shutil.copytree(LIBRARY, "meshes")
+            ran = run_page(document)
+        print(f"{page}: {ran.blocks} blocks ran, {len(ran.skipped)} skipped")
+        print(*ran.failures, sep="\n", end="\n" if ran.failures else "")
+        failures += len(ran.failures)
+        if options.write:
+            page.write_text(with_outputs(document), encoding="utf-8")
+    return 1 if failures else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,112 @@
+"""Lengths with units on the command line, and lengths that cannot be meant."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from tests.cli.test_label import export
+from tests.helpers import shapes
+from tests.helpers.commands import run_here as grasp3d
+
+COARSE = ("--max-edge", "inf", "--rays", "8")
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
+    (tmp_path / "pair.json").write_text(json.dumps([[[-20, 0, 0], [20, 0, 0]]]), encoding="utf-8")
+    return tmp_path
+
+
+def settings_in(path: Path) -> dict[str, str]:
+    with np.load(path) as data:
+        return {name: str(data[name]) for name in data.files if name.startswith("setting_")}
+
+
+def test_a_length_with_a_unit_is_written_as_a_number_in_the_unit_of_the_mesh(folder: Path) -> None:
+    for name, length in (("text", "7cm"), ("number", "70")):
+        done = grasp3d(
+            "label", "box.stl", "--unit", "mm", "--max-opening", length, *COARSE,
+            "-o", f"{name}.npz", cwd=folder,
+        )  # fmt: skip
+        assert (done.returncode, done.stderr) == (0, "")
+        assert "max_opening 70 mm" in done.stdout
+    text, number = (settings_in(folder / f"{name}.npz") for name in ("text", "number"))
+    assert text == number
+    assert (text["setting_max_opening"], text["setting_unit"]) == ("70.0", "mm")
+
+
+ACCEPTING: dict[str, list[str]] = {
+    "label": ["label", "box.stl", "--max-opening", "LENGTH", *COARSE, "-o", "out.ply"],
+    "sweep": ["sweep", "box.stl", "--max-opening", "LENGTH", *COARSE, "-o", "out.csv"],
+    "evaluate": ["evaluate", "box.stl", "pair.json", "--max-distance", "LENGTH", "-o", "out.csv"],
+    "view": ["view", "box.stl", "--max-opening", "LENGTH", *COARSE, "--screenshot", "out.png"],
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ACCEPTING)
+def test_without_the_unit_of_the_mesh_a_unit_is_refused(folder: Path, command: str) -> None:
+    words = [word.replace("LENGTH", "70mm") for word in ACCEPTING[command]]
+    before = sorted(folder.iterdir())
+    done = grasp3d(*words, cwd=folder)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "is 70 mm, but the unit of box.stl is not known: give the unit" in done.stderr
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("command", ACCEPTING)
+def test_a_length_that_cannot_be_meant_is_refused_before_any_work(
+    folder: Path, command: str
+) -> None:
+    words = [word.replace("LENGTH", "70000") for word in ACCEPTING[command]]
+    before = sorted(folder.iterdir())
+    done = grasp3d(*words, "--unit", "mm", cwd=folder)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "is 7e+04 mm, 650 times the size of box.stl, 107.7 mm" in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.slow
+def test_it_is_accepted_with_force(folder: Path) -> None:
+    for command in ("label", "evaluate", "sweep"):
+        words = [word.replace("LENGTH", "70000") for word in ACCEPTING[command]]
+        done = grasp3d(*words, "--unit", "mm", "--force", cwd=folder)
+        assert (done.returncode, done.stderr) == (0, "")
+        if command != "evaluate":
+            assert "is 7e+04 mm, 650 times the object's size" in done.stdout
+
+
+def test_what_is_no_length_names_the_option_and_the_units(folder: Path) -> None:
+    done = grasp3d("label", "box.stl", "--max-opening", "70km", cwd=folder)
+    assert done.returncode == 2
+    assert "Error parsing --max-opening: it must be a length" in done.stderr
+    assert "(m, cm, mm, in)" in done.stderr
+
+
+@pytest.mark.slow
+def test_a_batch_uses_the_unit_of_each_mesh_and_fails_where_a_length_cannot_be_meant(
+    folder: Path,
+) -> None:
+    (folder / "lib").mkdir()
+    export(folder / "lib" / "small.glb", shapes.box((0.04, 0.06, 0.08)))
+    export(folder / "lib" / "large.glb", shapes.box((4.0, 6.0, 8.0)))
+    words = ("batch", "lib", "-o", "out", "--workers", "0", *COARSE)
+    done = grasp3d(*words, "--max-opening", "1cm", cwd=folder)
+    assert done.returncode == 1
+    assert "1 labelled, 1 failed" in done.stdout
+    assert "failed: max_opening is 0.01 m, 1/1,077 of the size of large.glb" in done.stdout
+    assert "max_opening 0.01\n" in (folder / "out/labels/small.ply").read_bytes()[:4096].decode(
+        "ascii", "replace"
+    )
+    done = grasp3d(*words, "--max-opening", "1cm", cwd=folder)
+    assert "0 to label" not in done.stdout
+    assert "; 2 of them were finished before" in done.stdout
+    done = grasp3d(*words, "--max-opening", "1cm", "--force", cwd=folder)
+    assert done.returncode == 0
+    assert "2 labelled, 0 failed; 1 of them were finished before" in done.stdout
+    assert "max_opening is 0.01 m, 1/1,077 of the object's size" in done.stdout

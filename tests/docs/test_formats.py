@@ -1,0 +1,164 @@
+"""The page on file formats has every field that is written, and no other."""
+
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import asdict, fields
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv as pc
+import pyarrow.parquet as pq
+import pytest
+import pyvista
+
+from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh, sweep
+from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.check_writing import write_checks
+from grasp3d.batch.checking import check_file
+from grasp3d.batch.inputs import MeshFile
+from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
+from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_vtp
+from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.grasps.writing import write_grasps
+from grasp3d.mesh.repair import RepairStep
+from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.sweeps import write_sweeps
+from tests.helpers import shapes
+
+PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
+Names = set[str]
+
+
+def sections() -> dict[str, str]:
+    """Text of each section without its subsections, by title."""
+    parts = re.split(r"^#+ (.+)$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+    return dict(zip(parts[1::2], parts[2::2], strict=True))
+
+
+def tables(title: str) -> list[Names]:
+    """Names in the first column of each table of a section."""
+    rows = re.findall(r"(?:^\|.*\n)+", sections()[title], re.MULTILINE)
+    return [
+        {
+            name
+            for row in table.splitlines()[2:]
+            for name in re.findall("`(.+?)`", row.split("|")[1])
+        }
+        for table in rows
+    ]
+
+
+@cache
+def labels() -> SurfaceLabels:
+    mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
+    return label_surface(mesh, GraspModel(), sampling=Sampling(rays=8))
+
+
+@cache
+def grasps() -> SurfaceGrasps:
+    points = [[[0.5, 0.1, 0.2], [-0.5, 0.1, 0.1]]]
+    return evaluate_grasps(labels().mesh, points, GraspModel())
+
+
+def metadata(path: Path) -> Names:
+    """Names of the settings in a Parquet file."""
+    return set(json.loads(pq.read_schema(path).metadata[b"grasp3d"]))
+
+
+def test_labelled_ply(tmp_path: Path) -> None:
+    write_ply(tmp_path / "out.ply", labels())
+    header = (tmp_path / "out.ply").read_bytes().partition(b"end_header")[0].decode()
+    properties = set(re.findall(r"^property .* (\w+)$", header, re.MULTILINE))
+    assert properties == tables("Labelled PLY")[0]
+    settings = set(re.findall(r"^comment grasp3d (\w+)", header, re.MULTILINE))
+    assert settings == tables("Settings")[0]
+
+
+def test_npz(tmp_path: Path) -> None:
+    write_npz(tmp_path / "out.npz", labels())
+    with np.load(tmp_path / "out.npz") as arrays:
+        written = {name for name in arrays.files if not name.startswith("setting_")}
+        settings = {name.removeprefix("setting_") for name in set(arrays.files) - written}
+    assert written | {"setting_NAME"} == tables("NPZ")[0]
+    assert settings == tables("Settings")[0]
+
+
+def test_vtp(tmp_path: Path) -> None:
+    write_vtp(tmp_path / "out.vtp", labels())
+    data = pyvista.read(tmp_path / "out.vtp")
+    assert {*data.point_data, "setting_NAME"} == tables("VTP")[0]
+    settings = {f"setting_{name}" for name in tables("Settings")[0]}
+    assert set(data.field_data) == settings
+
+
+def test_glb(tmp_path: Path) -> None:
+    write_glb(tmp_path / "out.glb", labels())
+    content = (tmp_path / "out.glb").read_bytes()
+    length = int.from_bytes(content[12:16], "little")  # of the first chunk, which is JSON
+    settings = json.loads(content[20 : 20 + length])["asset"]["extras"]["grasp3d"]
+    assert set(settings) == tables("Settings")[0]
+
+
+def test_table_of_vertices(tmp_path: Path) -> None:
+    write_fields(tmp_path / "out.parquet", labels())
+    assert set(pq.read_schema(tmp_path / "out.parquet").names) == tables("Table of vertices")[0]
+    assert metadata(tmp_path / "out.parquet") == tables("Settings")[0]
+    assert {reason.name.lower() for reason in Reason} == tables("Reasons")[0]
+    for reason in Reason:
+        assert f"| `{reason.name.lower()}` | {reason:d} |" in sections()["Reasons"]
+
+
+def first_finger(names: Iterable[str]) -> Names:
+    """Columns without those of the fingers after the first."""
+    return {name for name in names if not re.search(r"[2-9]$", name)}
+
+
+@pytest.mark.parametrize("suffix", [".csv", ".parquet", ".json"])
+def test_grasps(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"out{suffix}"
+    write_grasps(path, grasps())
+    whole, of_contact, in_json, settings = tables("Grasps")
+    if suffix == ".json":
+        written = json.loads(path.read_text())
+        assert set(written) == {"grasp3d", "grasps"}
+        assert set(written["grasps"][0]) == {*whole, "contacts"}
+        assert set(written["grasps"][0]["contacts"][0]) == in_json
+        assert set(written["grasp3d"]) == settings
+        return
+    table = pc.read_csv(path) if suffix == ".csv" else pq.read_table(path)
+    assert first_finger(table.column_names) == whole | of_contact
+    assert suffix == ".csv" or metadata(path) == settings
+
+
+def test_sweeps(tmp_path: Path) -> None:
+    swept = sweep(labels().angle_distribution(), friction=0.5, sensor_resolution=0.2)
+    write_sweeps(tmp_path / "out.csv", [swept], fractions=[0.5, 0.9])
+    written = pc.read_csv(tmp_path / "out.csv").column_names
+    assert set(written) == tables("Tables of sweeps")[0]
+
+
+def test_reports_of_check(tmp_path: Path) -> None:
+    checked = check_file(MeshFile("box.obj", str(shapes.LIBRARY / "box.obj")), BatchSettings())
+    columns, keys = tables("Reports of check")
+    for suffix in ("csv", "json"):
+        write_checks(tmp_path / f"out.{suffix}", [checked], BatchSettings())
+    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns
+    (mesh,) = json.loads((tmp_path / "out.json").read_text())["meshes"]
+    assert set(mesh) == keys
+    explained = sections()["Reports of check"]
+    parts = {key: mesh[key] for key in ("before", "after", "guess", "cost")}
+    for key, names in {**parts, "repairs": RepairStep.__annotations__}.items():
+        (row,) = re.findall(rf"^\|.*`{key}`.*\|(.*)\|$", explained, re.MULTILINE)[-1:]
+        assert set(re.findall("`(.+?)`", row)) == set(names)
+
+
+def test_summary() -> None:
+    columns, fractions, best = tables("Summary")
+    assert set(asdict(Row("mug"))) == columns
+    assert {field.name for field in fields(AreaFractions)} == fractions
+    assert {field.name for field in fields(BestGrasp)} == best
+    for outcome in Outcome:
+        assert f"`{outcome}`" in sections()["Summary"]

@@ -1,0 +1,109 @@
+"""The examples of README and documentation: every block runs and prints what the page shows."""
+
+import re
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from run_examples import LIBRARY, PAGES, ROOT, Block, read_page, run_page, with_outputs
+from sybil import Document
+from sybil.parsers.markdown.lexers import FencedCodeBlockLexer
+
+SHOWN = {"text", "bibtex", "json", "toml", "yaml", "markdown", "dockerfile"}
+"""Languages of blocks that are not run."""
+
+
+def name_of(page: Path) -> str:
+    return str(page.relative_to(ROOT))
+
+
+def has_blocks(page: Path) -> bool:
+    return any(isinstance(one.parsed, Block) for one in read_page(page).examples())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("page", list(filter(has_blocks, PAGES)), ids=name_of)
+def test_blocks_print_what_the_page_shows(
+    page: Path,
+    tmp_path: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    record_property: Callable[[str, object], None],
+) -> None:
+    shutil.copytree(LIBRARY, tmp_path / "meshes")
+    monkeypatch.chdir(tmp_path)
+    ran = run_page(read_page(page))
+    record_property("blocks", ran.blocks)
+    record_property("skipped", ran.skipped)
+    if ran.failures:
+        pytest.fail("\n".join(ran.failures), pytrace=False)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=name_of)
+def test_blocks_that_are_not_run_are_no_examples(page: Path) -> None:
+    """Those in `bash` are scripts for a cluster."""
+    document = Document(page.read_text(encoding="utf-8"), str(page))
+    for block in FencedCodeBlockLexer(r"[^\n{]*")(document):
+        language, source = block.lexemes["language"], block.lexemes["source"]
+        script = language == "bash" and source.startswith("#!")
+        assert language in {"python", "sh"} | SHOWN or script, document.line_column(block.start)
+
+
+def page_with(folder: Path, text: str) -> Document:
+    page = folder / "page.md"
+    page.write_text(text, encoding="utf-8")
+    return read_page(page)
+
+
+def test_a_block_that_prints_something_else_is_reported(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    text = "```{}\n{}\n```\n\nprints\n\n```text\none\ntwo\n```\n"
+    monkeypatch.chdir(tmp_path)
+    for language, source in (("python", 'print("one\\nthree")'), ("sh", "echo one; echo three")):
+        ran = run_page(page_with(tmp_path, text.format(language, source)))
+        assert ran.blocks == 0
+        assert re.search(
+            r"page\.md:1: .*\n +one\n +- two\n +\+ three\n", ran.failures[0], re.DOTALL
+        )
+
+
+def test_a_block_that_fails_is_reported_unless_its_output_is_shown(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    failing = "```sh\necho missing >&2; false; echo more\n```\n"
+    assert "missing" in run_page(page_with(tmp_path, failing)).failures[0]
+    shown = f"{failing}\n```text\nmissing\n```\n"
+    assert not run_page(page_with(tmp_path, shown)).failures
+    raising = "```python\n1 / 0\n```\n\n```python\nprint()\n```\n"
+    ran = run_page(page_with(tmp_path, raising))
+    assert ran.blocks == 0
+    assert "ZeroDivisionError" in ran.failures[0]
+
+
+def test_blocks_of_a_page_go_on_from_each_other(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (
+        '```python\nfrom pathlib import Path\nPath("file").write_text("here 12.5 s")\n```\n'
+        '<!-- skip: next "needs a window" -->\n\n```sh\nfalse\n```\n'
+        "```sh\ncat file\n```\n\n```text\nhere ... s\n```\n"
+        '```python\nprint(Path("file").name)\n```\n\n```text\nfile\n```\n'
+    )
+    ran = run_page(page_with(tmp_path, text))
+    assert (ran.blocks, ran.skipped, ran.failures) == (3, ["needs a window"], [])
+
+
+def test_outputs_that_differ_can_be_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    text = (
+        '```python\nprint("new")\n```\n\n```text\nold\n```\n'
+        "```sh\necho 3 s\n```\n\n```text\n... s\n```\n"
+    )
+    document = page_with(tmp_path, text)
+    assert len(run_page(document).failures) == 1
+    assert with_outputs(document) == text.replace("old", "new")

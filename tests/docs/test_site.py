@@ -1,0 +1,132 @@
+"""The built site: complete, without dead links, and without anything from a network."""
+
+import re
+from collections.abc import Iterator
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+from urllib.parse import unquote, urlsplit
+
+import pytest
+from command_help import commands, printed_help
+from lxml import html
+from markdown_it import MarkdownIt
+
+from tests.helpers.public_names import public_names
+
+ROOT = Path(__file__).parents[2]
+EXTERNAL = {"http", "https", "mailto"}
+LOADED = {("script", "src"), ("link", "href"), ("img", "src"), ("source", "src"), ("iframe", "src")}
+"""What a browser loads by itself."""
+
+pytestmark = pytest.mark.slow
+
+
+@cache
+def parsed(page: Path) -> html.HtmlElement:
+    return html.document_fromstring(page.read_bytes())
+
+
+@cache
+def anchors(page: Path) -> frozenset[str]:
+    return frozenset(parsed(page).xpath("//@id | //a/@name"))
+
+
+def pages(site: Path) -> list[Path]:
+    return sorted(site.rglob("*.html"))
+
+
+def links(page: Path) -> Iterator[tuple[str, str, str]]:
+    """(element, attribute, address) of everything that a page refers to."""
+    for element, attribute, address, _ in parsed(page).iterlinks():
+        yield str(element.tag), str(attribute), address
+
+
+def test_it_is_built_without_warnings(site: Path) -> None:
+    assert site.with_suffix(".log").read_text() == "exit code 0"
+
+
+def test_links_and_anchors_exist(site: Path) -> None:
+    dead = []
+    for page in pages(site):
+        for _, _, address in links(page):
+            parts = urlsplit(address)
+            if parts.scheme in {*EXTERNAL, "data"}:
+                continue
+            target = (page.parent / unquote(parts.path)).resolve() if parts.path else page
+            known = target.is_file() and (
+                not parts.fragment or target.suffix != ".html" or parts.fragment in anchors(target)
+            )
+            if not known:
+                dead.append(f"{page.relative_to(site)}: {address}")
+    assert len(pages(site)) > 30
+    assert not dead
+
+
+def test_external_links_are_well_formed(site: Path) -> None:
+    found = [(page, address) for page in pages(site) for _, _, address in links(page)
+             if urlsplit(address).scheme in EXTERNAL - {"mailto"}]  # fmt: skip
+    assert found
+    for page, address in found:
+        host = urlsplit(address).hostname or ""
+        assert re.fullmatch(r"(localhost|127\.0\.0\.1|[\w-]+(\.[\w-]+)+)", host), (page, address)
+        assert " " not in address, page
+
+
+def test_nothing_is_loaded_from_a_network(site: Path) -> None:
+    for page in pages(site):
+        for element, attribute, address in links(page):
+            if (element, attribute) in LOADED:
+                assert urlsplit(address).scheme in {"", "data"}, (page, address)
+                assert not address.startswith("//"), (page, address)
+    for sheet in site.rglob("*.css"):
+        text = sheet.read_text(encoding="utf-8")
+        assert not re.search(r"url\(\s*[\"']?(https?:)?//|@import", text), sheet
+
+
+def test_every_public_name_is_documented(site: Path) -> None:
+    documented = set().union(*(anchors(page) for page in (site / "api").glob("*.html")))
+    missing = set(public_names()) - documented
+    assert not missing - {"grasp3d.__version__", "grasp3d.planar"}
+
+
+def test_every_command_and_option_is_on_its_page(site: Path) -> None:
+    known = anchors(site / "commands.html")
+    assert "label" in commands()
+    for name in commands():
+        options = re.findall(
+            r"^│ (?:-\w[^-]*, )?(--[a-z][a-z0-9-]*)", printed_help(name), re.MULTILINE
+        )
+        assert "--help" in options
+        for option in options:
+            assert f"cmdoption-grasp3d-{name}-{option.lstrip('-')}" in known, (name, option)
+
+
+def test_formulas_are_drawn_by_the_browser(site: Path) -> None:
+    page = parsed(site / "theory/thresholds.html")
+    assert page.xpath("//math//mfrac")
+    assert not [one for one in page.xpath("//script/@src") if "math" in one.lower()]
+    assert not re.search(r"\\(?:frac|beta|min)", page.text_content())
+
+
+def headings(page: Path) -> set[str]:
+    """Anchors of the headings of a Markdown page, as Git hosts make them."""
+    tokens = MarkdownIt("commonmark").parse(page.read_text(encoding="utf-8"))
+    texts = (after.content for one, after in pairwise(tokens) if one.type == "heading_open")
+    return {re.sub(r"[^\w -]", "", text.lower()).replace(" ", "-") for text in texts}
+
+
+@pytest.mark.parametrize(
+    "name", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "meshes/README.md"]
+)
+def test_links_of_pages_beside_the_site_exist(name: str) -> None:
+    page = ROOT / name
+    tokens = MarkdownIt("commonmark").enable("table").parse(page.read_text(encoding="utf-8"))
+    parts = (part for token in tokens for part in token.children or ())
+    for address in (part.attrGet("href") or part.attrGet("src") for part in parts):
+        split = urlsplit(str(address or "#"))
+        if split.scheme in EXTERNAL or address is None:
+            continue
+        target = (page.parent / unquote(split.path)).resolve() if split.path else page
+        assert target.exists(), address
+        assert not split.fragment or split.fragment in headings(target), address

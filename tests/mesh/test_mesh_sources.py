@@ -1,0 +1,295 @@
+"""Files, arrays and objects of other libraries give one mesh, through one set of checks."""
+
+import subprocess
+import sys
+from collections.abc import Callable
+from operator import attrgetter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import pyvista
+import trimesh
+
+from grasp3d import (
+    MeshOptions,
+    ObjectMesh,
+    Sampling,
+    SurfaceLabels,
+    check_mesh,
+    evaluate_grasps,
+    label_surface,
+    load_mesh,
+    scan_surface,
+)
+from grasp3d.errors import MeshError
+from grasp3d.reading import RawMesh, read_mesh
+from tests.helpers import shapes
+
+MESHES = Path(__file__).parents[2] / "meshes"
+FILE = MESHES / "nut.obj"
+
+
+def legacy_open3d(raw: RawMesh) -> Any:
+    open3d = shapes.reader("open3d")
+    vertices = open3d.utility.Vector3dVector(raw.vertices)
+    triangles = open3d.utility.Vector3iVector(raw.faces.astype(np.int32))
+    return open3d.geometry.TriangleMesh(vertices, triangles)
+
+
+def tensor_open3d(raw: RawMesh) -> Any:
+    open3d = shapes.reader("open3d")
+    return open3d.t.geometry.TriangleMesh(
+        open3d.core.Tensor(raw.vertices), open3d.core.Tensor(raw.faces)
+    )
+
+
+def as_trimesh(raw: RawMesh) -> trimesh.Trimesh:
+    return trimesh.Trimesh(raw.vertices, raw.faces, process=False)
+
+
+SOURCES: dict[str, Callable[[RawMesh], Any]] = {
+    "nut.obj": lambda _: str(FILE),
+    "arrays": lambda raw: (raw.vertices, raw.faces),
+    "trimesh.Trimesh": as_trimesh,
+    "trimesh.Scene": lambda raw: as_trimesh(raw).scene(),
+    "pyvista.PolyData": lambda raw: pyvista.PolyData.from_regular_faces(raw.vertices, raw.faces),
+    "open3d.geometry.TriangleMesh": legacy_open3d,
+    "open3d.t.geometry.TriangleMesh": tensor_open3d,
+}
+SLOW = pytest.mark.slow  # Open3D takes seconds to import
+
+
+def each(names: dict[str, Any]) -> list[Any]:
+    return [pytest.param(name, marks=SLOW if "open3d" in name else ()) for name in names]
+
+
+@pytest.fixture(scope="module")
+def raw() -> RawMesh:
+    return read_mesh(FILE)
+
+
+@pytest.fixture(scope="module")
+def expected() -> SurfaceLabels:
+    return labels_of(FILE)
+
+
+def labels_of(source: Any) -> SurfaceLabels:
+    return label_surface(load_mesh(source, max_edge=1.0), sampling=Sampling(rays=8))
+
+
+@pytest.mark.parametrize("name", each(SOURCES))
+def test_every_kind_of_mesh_has_the_same_labels_as_the_file(
+    name: str, raw: RawMesh, expected: SurfaceLabels
+) -> None:
+    found = labels_of(SOURCES[name](raw))
+    assert found.mesh.report.source == name
+    np.testing.assert_array_equal(found.mesh.vertices, expected.mesh.vertices)
+    np.testing.assert_array_equal(found.mesh.faces, expected.mesh.faces)
+    np.testing.assert_array_equal(found.label, expected.label)
+    np.testing.assert_array_equal(found.critical_angle, expected.critical_angle)
+    np.testing.assert_array_equal(found.partners, expected.partners)
+
+
+@pytest.mark.parametrize("name", each(SOURCES))
+def test_every_kind_of_mesh_has_the_same_report_and_diagnosis(name: str, raw: RawMesh) -> None:
+    broken = RawMesh(raw.vertices, raw.faces[:-1, ::-1], "", None)  # inside out, with a hole
+    source = SOURCES[name](broken)
+    if name == "nut.obj":
+        source = (broken.vertices, broken.faces)
+        name = "arrays"
+    options = MeshOptions(max_edge=1.0, unit="m")
+    expected = load_mesh((broken.vertices, broken.faces), options).report
+    found = load_mesh(source, options).report
+    assert found.source == name
+    assert found.format == name.partition(".")[0]
+    assert [str(step) for step in found.repairs] == [str(step) for step in expected.repairs] != []
+    assert found.warnings == expected.warnings
+    diagnosis = check_mesh(source, options=options)
+    assert (diagnosis.mesh, diagnosis.format, diagnosis.file_bytes) == (name, found.format, None)
+    assert diagnosis.before.closed is False
+    assert diagnosis.before.faces == len(broken.faces)
+
+
+def test_natural_loads_of_a_scene_are_the_file() -> None:
+    loaded = trimesh.load_scene(MESHES / "mug.glb")
+    mesh, expected = load_mesh(loaded, max_edge=1.0), load_mesh(MESHES / "mug.glb", max_edge=1.0)
+    assert mesh.unit == expected.unit == "m"
+    np.testing.assert_array_equal(mesh.vertices, expected.vertices)
+    np.testing.assert_array_equal(mesh.faces, expected.faces)
+
+
+def test_transforms_of_a_scene_are_applied() -> None:
+    scene, box = trimesh.Scene(), as_trimesh(RawMesh(*shapes.box(), "", None))
+    for x in (0.0, 5.0):
+        scene.add_geometry(box, transform=trimesh.transformations.translation_matrix([x, 0, 0]))
+    mesh = load_mesh(scene, max_edge=9.0)
+    assert mesh.report.bodies == 2
+    assert np.ptp(mesh.vertices[:, 0]) == pytest.approx(6.0)
+
+
+def test_a_transform_that_flattens_a_part_of_a_scene_is_refused() -> None:
+    box = as_trimesh(RawMesh(*shapes.box(), "", None))
+    scene = trimesh.Scene()
+    scene.add_geometry(box, node_name="plate", transform=np.diag([1.0, 1.0, 0.0, 1.0]))
+    with pytest.raises(MeshError, match=r"trimesh\.Scene: node 'plate' flattens its mesh: "):
+        load_mesh(scene, max_edge=9.0)
+
+
+@pytest.mark.parametrize(
+    ("stated", "unit"),
+    [("millimeters", "mm"), ("Inches", "in"), ("meter", "m"), ("cm", "cm"), ("feet", None)],
+)
+def test_the_unit_of_a_trimesh_is_that_of_the_mesh(stated: str, unit: str | None) -> None:
+    box = trimesh.creation.box([0.1, 0.1, 0.1])
+    box.units = stated
+    for source in (box, box.scene()):
+        mesh = load_mesh(source, max_edge=9.0)
+        assert mesh.unit == unit
+        reported = any(
+            "'feet', which is none of m, cm, mm, in" in one for one in mesh.report.warnings
+        )
+        assert reported == (unit is None)
+        assert load_mesh(source, max_edge=9.0, unit="m").unit == "m"
+
+
+def test_parts_of_a_scene_with_different_units_are_reported() -> None:
+    parts = trimesh.creation.box(), trimesh.creation.box()
+    parts[0].units = "mm"
+    mesh = load_mesh(trimesh.Scene(parts), max_edge=9.0)
+    assert mesh.unit is None
+    assert "the unit 'mm and none'" in mesh.report.warnings[0]
+
+
+def test_faces_with_more_corners_are_divided_into_triangles() -> None:
+    cube = pyvista.Cube().clean()
+    assert not cube.is_all_triangles
+    mesh = load_mesh(cube, max_edge=9.0)
+    assert mesh.report.file_faces == 12
+    assert mesh.volume == pytest.approx(1.0)
+    strips = pyvista.Sphere(theta_resolution=8, phi_resolution=8).strip()
+    assert load_mesh(strips, max_edge=9.0).report.closed
+
+
+def test_a_prepared_mesh_stays_unless_other_options_are_given() -> None:
+    mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
+    assert load_mesh(mesh) is mesh
+    assert load_mesh(mesh, mesh.options) is mesh
+    again = load_mesh(mesh, patch_radius=0.1)
+    assert (again.unit, again.options.patch_radius, again.options.max_edge) == ("cm", 0.1, 0.5)
+    np.testing.assert_array_equal(again.vertices, mesh.vertices)
+    diagnosis = check_mesh(mesh)
+    assert diagnosis.after.volume == pytest.approx(1.0)
+    assert diagnosis.label_vertices == len(mesh.vertices)
+
+
+def test_functions_on_surfaces_take_any_mesh() -> None:
+    vertices, faces = shapes.sphere(1)
+    mesh = load_mesh((vertices, faces))
+    poles = np.array([[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]])
+    given = trimesh.Trimesh(vertices, faces, process=False)
+    found, expected = (evaluate_grasps(one, poles, max_distance=0.2) for one in (given, mesh))
+    np.testing.assert_array_equal(found.critical_angle, expected.critical_angle)
+    scans = [scan_surface(one, fixed=poles[0]) for one in (given, mesh)]
+    np.testing.assert_array_equal(scans[0].critical_angle, scans[1].critical_angle)
+    labels = [label_surface(one, sampling=Sampling(rays=8)) for one in (given, mesh)]
+    np.testing.assert_array_equal(labels[0].partners, labels[1].partners)
+
+
+class Tensor:
+    """Stands for a tensor of PyTorch, which is not installed."""
+
+    __module__ = "torch"
+
+    def __array__(self, *_: object) -> object:
+        raise TypeError("can't convert cuda:0 device type tensor to numpy")
+
+
+def open3d_object(kind: str) -> Any:
+    return attrgetter(kind)(shapes.reader("open3d"))()
+
+
+def quads() -> Any:
+    return shapes.box()[0], np.zeros((6, 4), dtype=int)
+
+
+WRONG: dict[str, tuple[Callable[[], Any], str]] = {
+    "nothing": (lambda: None, "None is no mesh; give a path, an ObjectMesh, a trimesh"),
+    "a number": (lambda: 3, "an object of type int is no mesh; give"),
+    "a list of paths": (lambda: ["a.stl", "b.stl"], r"2 items \(str\) .* one path at a time"),
+    "a path alone in a list": (lambda: [FILE], "one path at a time"),
+    "two numbers": (lambda: (1, 2), r"a tuple of 2 items \(int\) is no mesh"),
+    "vertices alone": (lambda: shapes.box()[0], r"an array of shape \(8, 3\) is no mesh"),
+    "three arrays": (lambda: (*shapes.box(), 3), "a tuple of 3 items .* is no mesh"),
+    "two meshes": (lambda: [trimesh.creation.box()] * 2, r"2 items \(trimesh.Trimesh\)"),
+    "a dictionary": (lambda: {"vertices": []}, "an object of type dict"),
+    "quadrilaterals": (quads, r"faces must be triangles.* got \(6, 4\): divide each"),
+    "float faces": (lambda: (shapes.box()[0], np.ones((12, 3))), "whole numbers.* got float64"),
+    "ragged faces": (lambda: (shapes.box()[0], [[0, 1], [2]]), "faces must be an array of num"),
+    "a tensor": (Tensor, "an object of type torch.Tensor is no mesh"),
+    "tensors elsewhere": (lambda: (Tensor(), Tensor()), r"vertices must be an array .*cuda:0"),
+    "a point cloud": (lambda: trimesh.PointCloud(np.eye(3)), "type trimesh.PointCloud is no mesh"),
+    "a path of lines": (lambda: trimesh.load_path(np.eye(3)), "type trimesh.Path3D is no mesh"),
+    "an empty scene": (trimesh.Scene, "trimesh.Scene: holds no triangles"),
+    "an empty PolyData": (pyvista.PolyData, "pyvista.PolyData: holds no triangles; a mesh needs"),
+    "points": (lambda: pyvista.PolyData(np.eye(3)), "pyvista.PolyData: holds no triangles"),
+    "lines": (lambda: pyvista.lines_from_points(np.eye(3)), "points and lines are not enough"),
+    "a volume": (pyvista.ImageData, r"type pyvista.ImageData is no mesh \(extract_surface"),
+    "bad corners": (
+        lambda: trimesh.Trimesh(np.eye(3), [[0, 1, 7]], process=False),
+        "trimesh.Trimesh: face 0 uses vertex 7, but there are 3",
+    ),
+    "nan": (
+        lambda: pyvista.PolyData.from_regular_faces(np.full((3, 3), np.nan), [[0, 1, 2]]),
+        "pyvista.PolyData: vertex 0 has a coordinate that is not a finite number",
+    ),
+    "open3d: a point cloud": (
+        lambda: open3d_object("geometry.PointCloud"),
+        "type open3d.geometry.PointCloud is no mesh",
+    ),
+    "open3d: empty": (
+        lambda: open3d_object("geometry.TriangleMesh"),
+        "open3d.geometry.TriangleMesh: holds no triangles",
+    ),
+    "open3d: no tensors": (
+        lambda: open3d_object("t.geometry.TriangleMesh"),
+        "open3d.t.geometry.TriangleMesh: holds no triangles",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", each(WRONG))
+def test_what_is_no_mesh_is_refused_with_a_sentence(name: str) -> None:
+    make, message = WRONG[name]
+    source = make()
+    for function in (load_mesh, check_mesh, label_surface):
+        with pytest.raises(MeshError, match=message):
+            function(source)
+
+
+def test_an_object_that_cannot_be_read_is_refused() -> None:
+    broken = trimesh.creation.box()
+    broken.__dict__["_data"] = None
+    with pytest.raises(MeshError, match=r"trimesh.Trimesh: its surface cannot be read"):
+        load_mesh(broken)
+
+
+@pytest.mark.slow
+def test_other_libraries_are_not_imported() -> None:
+    code = (
+        "import sys, numpy, grasp3d\n"
+        "mesh = grasp3d.load_mesh((numpy.eye(3), [[0, 1, 2]]), max_edge=9.0)\n"
+        "assert isinstance(mesh, grasp3d.ObjectMesh)\n"
+        "try: grasp3d.load_mesh(object())\n"
+        "except grasp3d.GraspError: print(*sys.modules)"
+    )
+    command = [sys.executable, "-c", code]
+    loaded = subprocess.run(command, check=True, capture_output=True, text=True).stdout.split()
+    assert not {"pyvista", "open3d", "torch", "pandas"} & set(loaded)
+
+
+def test_the_name_of_an_object_mesh_is_that_of_its_source() -> None:
+    mesh = load_mesh(FILE, max_edge=1.0)
+    assert isinstance(mesh, ObjectMesh)
+    assert load_mesh(mesh, crease_angle=0.1).report.source == "nut.obj"

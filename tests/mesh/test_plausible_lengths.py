@@ -1,0 +1,45 @@
+import math
+from typing import Any
+
+import pytest
+
+from grasp3d.errors import SettingError
+from grasp3d.mesh.plausible_lengths import check_lengths, length_warnings
+
+REFUSED: dict[str, tuple[dict[str, float], float, Any, str]] = {
+    "mm for m": ({"max_opening": 80.0}, 0.144, "m", "if it is in mm, give --max-opening 80mm"),
+    "m for mm": ({"max_spread": 0.1}, 144.0, "mm", "if it is in m, give --max-spread 0.1m"),
+    "radius": ({"torsion_radius": 3.0}, 0.144, "m", "if it is in mm, give --torsion-radius 3mm"),
+    "no unit": ({"max_opening": 80.0}, 0.144, None, "give --unit m and --max-opening 80mm"),
+    "distance": ({"max_distance": 5.0}, 0.144, "m", "if it is in mm, give --max-distance 5mm"),
+    "no guess": ({"max_opening": 1e9}, 0.144, "m", "give it with its unit, such as 80mm"),
+    "no guess, tip": ({"torsion_radius": 1e9}, 0.144, "m", "with its unit, such as 5mm, or"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_a_length_that_cannot_be_meant_is_refused_with_the_likely_unit(name: str) -> None:
+    lengths, size, unit, remedy = REFUSED[name]
+    with pytest.raises(SettingError) as caught:
+        check_lengths(lengths, size, unit, "mug.glb")
+    message = str(caught.value)
+    assert remedy in message
+    assert "of mug.glb, " in message or "the size of mug.glb" in message
+    assert message.endswith("or accept it with --force (in Python force=True)")
+
+
+@pytest.mark.parametrize(
+    "lengths",
+    [
+        {"max_opening": 0.001}, {"max_opening": 5.0}, {"max_opening": math.inf},
+        {"torsion_radius": 1e-5}, {"min_separation": 1e-6}, {"min_opening": 0.0},
+        {"min_separation": None}, {"max_edge": 1e9}, {"max_distance": 1e-9},
+    ],
+)  # fmt: skip
+def test_lengths_that_somebody_may_mean_are_accepted(lengths: dict[str, float | None]) -> None:
+    check_lengths(lengths, 0.144, "m", "mug.glb")
+
+
+def test_a_length_that_is_refused_has_a_warning_as_well() -> None:
+    for lengths, size, unit, _ in REFUSED.values():
+        assert len(length_warnings(lengths, size, unit)) == 1

@@ -1,0 +1,171 @@
+"""Contacts that coincide, nearly coincide or lie on a line, against oracles from the definition."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import Contacts, classify, epsilon, force_closure
+from grasp3d.contact.coincidence import clearly_placed
+from grasp3d.quality import Status, critical_friction_angle
+from tests.helpers.degenerate import (
+    KINDS,
+    RIGHT,
+    critical_angle_by_programs,
+    critical_angles,
+    force_closed_by_programs,
+    random_grasps,
+    unproven_certificates,
+)
+
+X, Y, Z = np.eye(3)
+CASES = [(kind, count) for kind, counts in KINDS.items() for count in counts if count > 2]
+EXACT = [case for case in CASES if "close" not in case[0] and "cluster" not in case[0]]
+
+
+def at_angle(toward: np.ndarray, across: np.ndarray, degrees: float) -> np.ndarray:
+    angle = math.radians(degrees)
+    return np.asarray(math.cos(angle) * toward + math.sin(angle) * across)
+
+
+SLANTED = at_angle(-X, Y, 60.0)
+"""A normal 60 degrees off the line to the other contacts."""
+
+REFERENCE = {
+    "opposed pair": ([[0, 0, 0], [0, 0, 0], [1, 0, 0]], [Z, -Z, SLANTED], 60.0),
+    "opposed pair, other order": ([[1, 0, 0], [0, 0, 0], [0, 0, 0]], [SLANTED, Z, -Z], 60.0),
+    "opposed pair off the origin": (
+        [[0.1, 0.7, 0.3], [0.1, 0.7, 0.3], [0.9, 0.7, 0.3]], [Z, -Z, SLANTED], 60.0,
+    ),
+    "two opposed pairs": (
+        [[0, 0, 0], [0, 0, 0], [1, 0, 0], [1, 0, 0]], [Z, -Z, SLANTED, SLANTED], 60.0,
+    ),
+    "three around a point and one": (
+        [[0, 0, 0], [0, 0, 0], [0, 0, 0], [1, 0, 0]],
+        [Y, at_angle(Y, Z, 120.0), at_angle(Y, Z, 240.0), SLANTED], 60.0,
+    ),
+    "opposed pair, two apart": (
+        [[0, 0, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0]],
+        [Z, -Z, at_angle(-X, Z, 40.0), at_angle(-Y, Z, 70.0)], 70.0,
+    ),
+}  # fmt: skip
+"""Points, normals and the critical angle in degrees: contacts at one point that squeeze each other
+can balance any force there; it is that of the others, which must not turn the object about it."""
+
+
+@pytest.mark.parametrize("name", REFERENCE)
+def test_opposed_contacts_at_one_point_do_not_help_the_others(name: str) -> None:
+    points, normals, degrees = REFERENCE[name]
+    expected = math.radians(degrees)
+    contacts = Contacts(points, normals)
+    oracle, proven = critical_angles(
+        contacts.points[None], contacts.normals[None], np.zeros(1, dtype=np.bool_)
+    )
+    assert proven.all()
+    assert oracle[0] == pytest.approx(expected, abs=1e-5)
+    found = float(critical_friction_angle(contacts))
+    assert expected - 1e-6 <= found <= expected + 1e-4
+    for change in (-0.2, -0.01, 0.01, 0.2):
+        given_friction = math.tan(expected + change)
+        closure = force_closure(Contacts(points, normals, friction=given_friction))
+        assert closure.closed == (change > 0.0), change
+        assert (closure.status == Status.CONVERGED) or change < 0.0
+        assert epsilon(Contacts(points, normals, friction=given_friction)).closed == (change > 0.0)
+    label = classify(Contacts(points, normals, friction=math.tan(expected - 0.2)), 0.2).label
+    assert label != 2
+
+
+def contradictions(kind: str, count: int, seed: int, size: int) -> dict[str, int]:
+    """Numbers of wrong results of random grasps of one kind."""
+    rng = np.random.default_rng(seed)
+    grasps = random_grasps(kind, count, size, rng)
+    angle, proven = critical_angles(grasps.points, grasps.normals, grasps.on_line)
+    assert proven.all()
+    beta = np.clip(
+        angle + rng.choice([-1.0, 1.0], size) * 10.0 ** rng.uniform(-4, 0, size), 0.02, 1.5
+    )
+    tilt = rng.uniform(0.0, 0.2, size)
+    contacts = Contacts(
+        grasps.points, grasps.normals, friction=np.tan(beta)[:, None] * np.ones(count)
+    )
+    closure = force_closure(contacts)
+    label = classify(contacts, 2.0 * tilt[:, None] * np.ones(count)).label
+    found = np.asarray(critical_friction_angle(contacts))
+    return {
+        "too small": int((found < angle - 1e-4).sum()),
+        "closed": int((closure.closed & (angle > beta + 1e-5)).sum()),
+        "surely open": int(
+            (~closure.closed & (closure.status != Status.UNDECIDED) & (angle < beta - 1e-5)).sum()
+        ),
+        "S": int(((label == 2) & (angle > beta - tilt + 1e-5)).sum()),
+        "U": int(((label == 0) & (angle < beta + tilt - 1e-5)).sum()),
+        "certificates": len(unproven_certificates(contacts, closure, grasps.on_line)),
+    }
+
+
+@given(st.sampled_from(CASES), st.integers(0, 2**32 - 1))
+@settings(max_examples=25, deadline=None)
+def test_nothing_is_claimed_of_degenerate_grasps_that_does_not_hold(
+    case: tuple[str, int], seed: int
+) -> None:
+    assert not any(contradictions(*case, seed, 6).values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]}, {case[1]}")
+def test_many_degenerate_grasps_are_decided_as_by_their_definition(case: tuple[str, int]) -> None:
+    assert not any(contradictions(*case, 7, 60).values())
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", EXACT, ids=lambda case: f"{case[0]}, {case[1]}")
+def test_the_oracles_agree_and_exact_degeneracy_costs_no_accuracy(case: tuple[str, int]) -> None:
+    grasps = random_grasps(*case, 30, np.random.default_rng(3))
+    angle, proven = critical_angles(grasps.points, grasps.normals, grasps.on_line)
+    assert proven.all()
+    found = np.asarray(critical_friction_angle(Contacts(grasps.points, grasps.normals)))
+    assert found == pytest.approx(angle, abs=2e-4)
+    for g in range(2):
+        on_line = bool(grasps.on_line[g])
+        low, high = critical_angle_by_programs(
+            grasps.points[g], grasps.normals[g], on_line=on_line, edges=32
+        )
+        true = min(max(float(angle[g]), 0.0), RIGHT - 1e-3)
+        assert low - 3e-4 <= true <= high + 3e-4
+
+
+def test_linear_programs_decide_the_reference_cases() -> None:
+    points, normals, degrees = REFERENCE["opposed pair"]
+    for change, closed in ((-0.05, False), (0.05, True)):
+        beta = math.radians(degrees) + change
+        decided = force_closed_by_programs(np.array(points, float), np.array(normals), beta)
+        assert decided is closed
+
+
+def test_contacts_hardly_apart_are_not_taken_for_coinciding_ones() -> None:
+    """Rotations of the pair about itself decide: no S and no U is claimed beyond rounding."""
+    for gap in (1e-15, 1e-13, 1e-9, 1e-6):
+        points = np.array([[0, 0, 0], [0, 0, 0], [1, 0, 0], [0, 1, 0]], dtype=float)
+        points[1, 0] = gap
+        normals = [Z, -Z, at_angle(-X, Z, 40.0), at_angle(-Y, Z, 70.0)]
+        angle, _ = critical_angles(points[None], np.array([normals]), np.zeros(1, dtype=np.bool_))
+        assert critical_friction_angle(Contacts(points, normals)) >= angle[0] - 1e-4
+        contacts = Contacts(points, normals, friction=0.9)
+        label = classify(contacts, 0.01).label
+        assert label != (2 if angle[0] > contacts.friction_angle[0] else 0)
+
+
+def test_clearly_placed_contacts_coincide_exactly_or_not_at_all() -> None:
+    line = np.array([[0.1, 0.2, 0.3]]) * np.array([[1.0], [2.0], [-5.0]])
+    cases = {
+        "apart": ([[0, 0, 0], [1, 0, 0], [0, 1, 0]], True),
+        "pair": ([[0, 0, 0], [0, 0, 0], [0, 1, 0]], True),
+        "close pair": ([[0, 0, 0], [1e-12, 0, 0], [0, 1, 0]], False),
+        "on a line": (line, True),
+        "nearly on a line": ([[0, 0, 0], [1, 1e-9, 0], [2, 0, 0]], False),
+        "one point": ([[3, 3, 3]] * 3, True),
+    }
+    for name, (points, expected) in cases.items():
+        assert clearly_placed(np.array([points], dtype=float))[0] == expected, name
