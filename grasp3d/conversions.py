@@ -3,7 +3,9 @@
 The libraries are imported when they are used.
 """
 
+import json
 import math
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -11,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.stability.label import COLORS, Label, Mode
@@ -27,6 +30,9 @@ Arrays = dict[str, npt.NDArray[Any]]
 
 SETTING = "setting_"
 """Start of the names of settings beside arrays, some of which have the name of a setting."""
+
+_REACH_FIELDS = ("approach", "tcp", "closing", "approach_margin", "depth", "pregrasp_opening")
+"""Arrays of a gripper's poses, for labels with a gripper."""
 
 _FIELDS = ("label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon",
            "epsilon_min", "epsilon_max", "opening", "grip", "reason")  # fmt: skip
@@ -63,6 +69,12 @@ def labels_to_table(labels: SurfaceLabels) -> Any:
         head, normals = f"partner_{finger + 2}_", arrays["partner_normals"][:, finger]
         columns |= _by_axis(head, labels.partners[:, finger], "f8")
         columns |= _by_axis(f"{head}n", normals, "f4")
+    for name in _REACH_FIELDS if labels.reach is not None else ():
+        values = arrays[name]
+        if values.ndim == 2:
+            columns |= _by_axis(f"{name}_", values, "f8")
+        else:
+            columns[name] = values.astype("f4")
     texts = {
         "label": [label.name for label in sorted(Label)],
         "reason": [reason.name.lower() for reason in sorted(Reason)],
@@ -121,6 +133,26 @@ def vertex_arrays(labels: SurfaceLabels) -> Arrays:
         "opening": labels.opening,
         "grip": labels.grip,
         "reason": labels.reason,
+        **reach_arrays(labels),
+    }
+
+
+def reach_arrays(labels: SurfaceLabels) -> Arrays:
+    """Arrays over the vertices of how a gripper reaches their grasps; none without a gripper.
+
+    `approach` and `closing` are the z and x axes of the pose, `tcp` its origin, (V, 3); nan where
+    there is no pose.
+    """
+    reach = labels.reach
+    if reach is None:
+        return {}
+    return {
+        "approach": reach.poses[:, :3, 2],
+        "tcp": reach.poses[:, :3, 3],
+        "closing": reach.poses[:, :3, 0],
+        "approach_margin": reach.approach_margin,
+        "depth": reach.depth,
+        "pregrasp_opening": reach.pregrasp_opening,
     }
 
 
@@ -144,7 +176,7 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
     u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
     return {
         "version": package_version(),
-        **chosen_settings(mesh, labels.model, labels.sampling, labels.mode),
+        **chosen_settings(mesh, labels.model, labels.sampling, labels.mode, labels.reaching),
         "search_angle": search.cone,
         "rays_traced": search.rays,
         "candidates_evaluated": search.evaluated,
@@ -159,7 +191,11 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
 
 
 def chosen_settings(
-    mesh: ObjectMesh, model: GraspModel, sampling: Sampling | None, mode: Mode
+    mesh: ObjectMesh,
+    model: GraspModel,
+    sampling: Sampling | None,
+    mode: Mode,
+    reaching: Reaching | None = None,
 ) -> dict[str, str | float | int | None]:
     """Those of the settings that the user chooses, known before the mesh is labelled."""
     return {
@@ -170,7 +206,27 @@ def chosen_settings(
         **({} if sampling is None else asdict(sampling)),
         **asdict(mesh.options),
         "unit": mesh.unit or "unknown",
+        **reaching_settings(reaching),
     }
+
+
+def reaching_settings(reaching: Reaching | None) -> dict[str, str | float | int | None]:
+    """The gripper, the table and the approach as settings of one line each."""
+    if reaching is None:
+        return {"gripper": "none"}
+    table, approach = reaching.table, reaching.approach
+    direction = approach.direction
+    return {
+        "gripper": json.dumps(asdict(reaching.gripper)),
+        "table": "none" if table is None else _line([*table.normal, table.offset]),
+        "approach_direction": "none" if direction is None else _line(direction),
+        "approach_within": approach.within,
+        "approach_angles": approach.angles,
+    }
+
+
+def _line(numbers: Iterable[float]) -> str:
+    return " ".join(repr(float(number)) for number in numbers)
 
 
 def _by_axis(head: str, vectors: Floats, kind: str) -> Arrays:

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 import trimesh
 
 from grasp3d.conversions import (
@@ -15,6 +16,7 @@ from grasp3d.conversions import (
     label_colors,
     labels_to_polydata,
     labels_to_table,
+    reach_arrays,
     settings_of,
     vertex_arrays,
 )
@@ -34,6 +36,9 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
     there is no grasp), `epsilon`, `epsilon_min` and `epsilon_max` (float; nan where there is no
     grasp). The settings are in comments that begin with `grasp3d`; of these `epsilon_min` and
     `epsilon_max` name how the two are computed.
+
+    With a gripper also the approach direction `approach_x` `approach_y` `approach_z` and
+    `approach_margin` (float, radians; nan where no grasp is reached).
 
     Args:
         path: File to make or replace.
@@ -66,6 +71,7 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         "epsilon": labels.epsilon.astype("<f4"),
         "epsilon_min": labels.epsilon_min.astype("<f4"),
         "epsilon_max": labels.epsilon_max.astype("<f4"),
+        **_reach_columns(labels),
     }
     vertices = np.empty(
         len(mesh.vertices), dtype=[(name, column.dtype) for name, column in columns.items()]
@@ -95,6 +101,16 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
             for row in vertices:
                 stream.write((" ".join(str(value) for value in row) + "\n").encode())
             np.savetxt(stream, np.column_stack([faces["count"], faces["corners"]]), fmt="%d")
+
+
+def _reach_columns(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
+    """Columns of a labelled PLY that a gripper adds."""
+    arrays = reach_arrays(labels)
+    if not arrays:
+        return {}
+    approach = {f"approach_{axis}": arrays["approach"][:, k] for k, axis in enumerate("xyz")}
+    columns = {**approach, "approach_margin": arrays["approach_margin"]}
+    return {name: values.astype("<f4") for name, values in columns.items()}
 
 
 def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
@@ -194,8 +210,9 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     0 where there is no grasp), `epsilon`, `epsilon_min`, `epsilon_max` and `opening` (nan where
     there is none), `grip`, `reason` (text, as in `Reason`), and of each other finger `partner_2_x`
     ... (double) and outward `partner_2_nx` ... (nan where there is none). Numbers are floats; nan
-    and inf are kept and nothing is null. The settings are in the schema's metadata under `grasp3d`
-    as JSON.
+    and inf are kept and nothing is null. With a gripper also the axes and the origin of each pose,
+    `approach_x` ..., `closing_x` ... and `tcp_x` ... (double), `approach_margin` (radians), `depth`
+    and `pregrasp_opening`. The settings are in the schema's metadata under `grasp3d` as JSON.
 
     Args:
         path: File to make or replace.

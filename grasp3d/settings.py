@@ -23,6 +23,10 @@ Method = Literal["exact", "extremes"]
 Tilts = Literal["exact", "effective_friction", "sampled_tilts"]
 CandidatePoints = Literal["surface", "vertices"]
 Repair = Literal["none", "safe", "full"]
+PoseFormat = Literal[
+    "json", "csv", "parquet", "isaac_grasp", "acronym", "graspgen", "graspnet", "moveit"
+]
+"""Formats of files of a gripper's poses."""
 MAX_FINGERS = 32
 MAX_SEARCHED_FINGERS = 5
 """Most fingers of a grasp that is searched for; given grasps have at most `MAX_FINGERS`."""

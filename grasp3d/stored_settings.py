@@ -15,6 +15,9 @@ from grasp3d.tables import read_settings
 LONGEST_HEADER = 2**16
 """Bytes of a PLY in which its comments are."""
 
+FORMAT_KEYS = frozenset({"format", "version", "unit"})
+"""Keys of a gripper in JSON that describe the format."""
+
 _COMMENT = b"comment grasp3d "
 _GLB_HEAD = struct.Struct("<4sIIII")
 
@@ -60,7 +63,11 @@ def _from_glb(path: Path) -> dict[str, Any]:
 def _from_json(path: Path) -> dict[str, Any]:
     """Settings in the first line of a file of grasps."""
     with path.open(encoding="utf-8") as stream:
-        return dict(json.loads(stream.readline().rstrip().removesuffix(",") + "}")["grasp3d"])
+        found = dict(json.loads(stream.readline().rstrip().removesuffix(",") + "}")["grasp3d"])
+    if isinstance(found.get("gripper"), dict):  # as in other labelled files
+        kept = {k: v for k, v in found["gripper"].items() if k not in FORMAT_KEYS}
+        found["gripper"] = json.dumps(kept)
+    return found
 
 
 def _from_vtp(path: Path) -> dict[str, str]:

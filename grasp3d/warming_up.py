@@ -11,7 +11,9 @@ from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel, Sampling, whole_n
 from grasp3d.system.progress import ignore
 
 if TYPE_CHECKING:
+    from grasp3d.gripper.parallel_gripper import ParallelGripper
     from grasp3d.mesh import ObjectMesh
+    from grasp3d.surface.labels import SurfaceLabels
 
 PAIR = 2
 
@@ -22,7 +24,7 @@ _FACES = np.array(
 """Faces of a cube with its corners in lexicographic order; those of the solid are distorted."""
 
 
-def warmup(fingers: int = PAIR) -> tuple[str, ...]:
+def warmup(fingers: int = PAIR, *, gripper: bool = False) -> tuple[str, ...]:
     """Compile the kernels for two fingers, or for that and more, unless they are compiled already.
 
     Kernels are compiled when they are first needed, once per installation, and a line about it
@@ -32,6 +34,7 @@ def warmup(fingers: int = PAIR) -> tuple[str, ...]:
     Args:
         fingers: Largest number of fingers of the grasps, 2 to 5; three, four and five fingers have
             the same kernels.
+        gripper: Whether the kernels for grippers are compiled too.
 
     Returns:
         What the compiled kernels do, such as 'meshes' and 'two fingers'; empty: all of them were
@@ -52,37 +55,41 @@ def warmup(fingers: int = PAIR) -> tuple[str, ...]:
 
     before = len(announcer.compiled)
     for count in sorted({PAIR, fingers}):
-        compile_kernels(count)
+        compile_kernels(count, gripper)
     return tuple(phase.work for phase in announcer.compiled[before:])
 
 
-def announcement(fingers: int) -> str:
+def announcement(fingers: int, gripper: bool = False) -> str:
     """Line to print before `compile_kernels`; empty: all kernels are compiled.
 
     Args:
         fingers: As in `compile_kernels`.
+        gripper: As in `compile_kernels`.
     """
     from grasp3d._kernels import announcing
 
-    if announcing.all_compiled(lambda: compile_kernels(fingers)):
+    if announcing.all_compiled(lambda: compile_kernels(fingers, gripper)):
         return ""
     phases = {0: announcing.MESHES, PAIR: announcing.TWO_FINGERS}
     work = phases.get(fingers, announcing.MORE_FINGERS).work
-    return announcing.announcement(work, announcing.seconds_missing(fingers))
+    seconds = announcing.seconds_missing(fingers, gripper=gripper)
+    return announcing.announcement(work, seconds)
 
 
 @cache
-def compile_kernels(fingers: int) -> None:
+def compile_kernels(fingers: int, gripper: bool = False) -> None:
     """Call every kernel that commands and functions need for a number of fingers.
 
     Args:
         fingers: Number of fingers of the grasps; 0: only meshes are prepared.
+        gripper: Whether a gripper must reach the grasps.
     """
     solid = _solid()
     if not fingers:
         return
     from grasp3d.grasps.distinct import best_grasps
     from grasp3d.grasps.evaluation import evaluate_grasps
+    from grasp3d.gripper.parallel_gripper import ParallelGripper
     from grasp3d.surface.labelling import label_surface
     from grasp3d.surface.scanning import scan_surface
 
@@ -94,6 +101,20 @@ def compile_kernels(fingers: int) -> None:
     contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
     evaluate_grasps(solid, contacts, model, threads=1)
     scan_surface(solid, model, fixed=contacts[1:], threads=1).compute_epsilon(ignore)
+    if gripper:
+        tactile = ParallelGripper.preset("tactile")
+        held = label_surface(solid, model, sampling=sampling, gripper=tactile, threads=1)
+        if fingers == PAIR:
+            _close_jaws(held, tactile)
+
+
+def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
+    """Close jaws at two poses, whether they are reached or not."""
+    from grasp3d.grasps.pose_evaluation import evaluate_poses
+    from grasp3d.grasps.poses import GraspPoses
+
+    poses = GraspPoses(poses=np.stack([np.eye(4)] * 2), unit=labels.mesh.unit)
+    evaluate_poses(labels.mesh, poses, labels.model, gripper=gripper, threads=1)
 
 
 def _solid(patch_radius: float = 0.0) -> "ObjectMesh":
@@ -102,4 +123,4 @@ def _solid(patch_radius: float = 0.0) -> "ObjectMesh":
 
     corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))
     corners += 0.1 * np.sin(np.arange(24.0)).reshape(8, 3)
-    return load_mesh((corners, _FACES), max_edge=0.6, patch_radius=patch_radius)
+    return load_mesh((corners, _FACES), unit="in", max_edge=0.6, patch_radius=patch_radius)

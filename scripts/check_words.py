@@ -68,15 +68,25 @@ REASONS = (
     ("bench", r"bench_", "benchmark scripts are called so"),
     (
         "straight",
-        r"(?i)straight (?:walk|line|within|from|on|over|=)|[^ ]straight|STRAIGHT|is straight",
+        r"[Ss]traight (?:walk|line|within|from|on|over|=)|[^ ]straight|STRAIGHT|is straight",
         "straight lines and walks over a surface",
     ),
+    (
+        "straight",
+        r"(?i)straight (?:approach|way|motion|path|to\b|down|up\b|through)|straight line",
+        "the straight motion of a gripper",
+    ),
+    ("place", r"post_place_retreat", "a field of ROS messages"),
     ("place", r"(?i)\bin place\b|Place contact", "in place; to place, a verb"),
     ("hands", r"most hands", "hands of robots"),
     ("ground", r"--ground", "the background colour of pages"),
     ("widen", r"_widened|widen the search", "a range that is made wider, not a cone"),
     ("tell", r"cannot_tell", "the meaning of M, as labelled files state it"),
-    ("standing", r"standing on z", "an object on a table"),
+    (
+        "standing",
+        r"standing on z|= standing\(|def standing\(|return standing\(|of\(standing\(|\bStanding\b",
+        "an object that stands on a table",
+    ),
 )
 """(word, pattern, reason): a line that matches the pattern may hold the word."""
 

@@ -4,6 +4,7 @@ import os
 import subprocess
 import sys
 from collections import Counter
+from typing import Any
 
 import pytest
 
@@ -28,6 +29,19 @@ def pytest_configure(config: pytest.Config) -> None:
         failed = [process.wait() for process in processes]
         if any(failed):
             raise pytest.UsageError("the kernels could not be compiled, see above")
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
+    """Give each worker half of the files, and to one that is ready tests of the other.
+
+    By default workers take the tests of a file in turns, and both make what its tests need.
+    """
+    if config.getoption("dist") != "load":  # another was asked for
+        return None
+    from xdist.scheduler import WorkStealingScheduling
+
+    return WorkStealingScheduling(config, log)
 
 
 def pytest_terminal_summary(terminalreporter: pytest.TerminalReporter) -> None:

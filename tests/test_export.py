@@ -36,7 +36,7 @@ FIELDS = (
 @cache
 def labels() -> SurfaceLabels:
     """S, M and U, creases, and vertices without any grasp."""
-    mesh = load_mesh(shapes.cone(0.35), unit="cm")
+    mesh = load_mesh(shapes.cone(0.35), unit="cm", max_edge=0.05)
     found = label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening=0.3))
     assert set(found.label) == {0, 1, 2}
     assert np.isinf(found.critical_angle).any()
@@ -183,7 +183,7 @@ def test_vtk_reads_surface_and_colours_of_the_ply_and_everything_of_the_vtp(tmp_
 def test_names_with_odd_characters_break_no_header(tmp_path: Path, name: str) -> None:
     plyfile = shapes.reader("plyfile")
     trimesh.creation.icosphere(2).export(tmp_path / name)
-    found = label_surface(load_mesh(tmp_path / name), GraspModel(edges=8))
+    found = label_surface(load_mesh(tmp_path / name, max_edge=9.0), GraspModel(edges=8))
     for suffix, write in WRITERS.items():
         write(tmp_path / f"out{suffix}", found)
     data = plyfile.PlyData.read(tmp_path / "out.ply")
@@ -216,7 +216,7 @@ def test_npz_contains_every_array(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_coordinates_far_from_the_origin_keep_their_digits(tmp_path: Path) -> None:
     vertices, faces = shapes.sphere(2)
-    far = label_surface(load_mesh((vertices + 1e6, faces)), GraspModel(edges=8))
+    far = label_surface(load_mesh((vertices + 1e6, faces), max_edge=9.0), GraspModel(edges=8))
     write_ply(tmp_path / "far.ply", far)
     mesh = trimesh.load_mesh(tmp_path / "far.ply", process=False)
     assert np.array_equal(mesh.vertices[: len(vertices)], vertices + 1e6)

@@ -25,6 +25,7 @@ LAYERS = [
     "settings system _kernels contact isolation",
     "quality reading tables costs rendering",
     "stability mesh storage",
+    "gripper",
     "surface planar diagnosis sweeps",
     "grasps conversions",
     "export stored_settings",
@@ -47,12 +48,16 @@ WITHIN = {
         "library",
     ],
     "cli": [
-        "compiling_lines design_report examples existing_files options ranges report streams",
+        (
+            "compiling_lines design_report examples existing_files gripper_report options ranges "
+            "report streams"
+        ),
         (
             "batch_progress batch_report check_report design grasp_report paper_report "
             "sweep_report time_limit"
         ),
-        "batch check evaluate label paper sweep view warmup",
+        "pose_report",
+        "batch check evaluate gripper label paper sweep view warmup",
     ],
     "diagnosis": [
         "mesh_diagnosis",
@@ -60,8 +65,17 @@ WITHIN = {
         "diagnosing",
     ],
     "grasps": [
-        "reading surface_grasps",
-        "distinct evaluation writing",
+        "kinds pose_checks reading surface_grasps",
+        "alternatives distinct evaluation poses",
+        "evaluated_poses pose_files surface_poses verdict",
+        "pose_evaluation writing",
+    ],
+    "gripper": [
+        "parallel_gripper",
+        "hand_geometry presets reach_settings",
+        "approach link_tree table",
+        "mjcf reaching scene shapes urdf",
+        "closing collisions gripper_files reach",
     ],
     "isolation": [
         "failures limits pickling process process_tree",
@@ -91,7 +105,7 @@ WITHIN = {
     ],
     "plots": [
         "painting style views",
-        "cones curves formats fractions grasps",
+        "cones curves formats fractions gripper_shapes grippers grasps",
         "combinations fraction_figures",
         "surfaces",
     ],
@@ -145,6 +159,8 @@ WITHIN = {
 UPWARD = {
     ("grasp3d.grasps.surface_grasps", "grasp3d.grasps.writing"),
     ("grasp3d.grasps.surface_grasps", "grasp3d.viewer.show"),
+    ("grasp3d.gripper.parallel_gripper", "grasp3d.gripper.gripper_files"),
+    ("grasp3d.gripper.parallel_gripper", "grasp3d.gripper.presets"),
     ("grasp3d.mesh.object_mesh", "grasp3d.conversions"),
     ("grasp3d.mesh.object_mesh", "grasp3d.viewer.show"),
     ("grasp3d.surface.labels", "grasp3d.conversions"),
@@ -159,7 +175,7 @@ ENGINES = {
     "manifold3d": {"mesh"},
     "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
-    "trimesh": {"mesh", "conversions", "export", "reading"},
+    "trimesh": {"mesh", "conversions", "export", "gripper", "reading"},
     "distributed": {"batch"},
     "dask": {"batch"},
     "fsspec": {"storage"},
@@ -167,12 +183,16 @@ ENGINES = {
     "cloudpickle": {"isolation"},
     "pyarrow": {"tables"},
     "matplotlib": {"plots", "viewer"},
-    "pyvista": {"conversions", "stored_settings", "rendering", "viewer"},
+    "pyvista": {"conversions", "plots.gripper_shapes", "stored_settings", "rendering", "viewer"},
     "vtkmodules": {"export", "viewer"},
     "trame": {"viewer"},
     "trame_rca": {"viewer"},
     "imageio_ffmpeg": {"viewer"},
     "aiohttp": {"viewer"},
+    "yourdfpy": {"gripper.urdf"},
+    "mujoco": {"gripper.mjcf"},
+    "yaml": {"grasps.pose_files"},
+    "h5py": {"grasps.pose_files"},
     "rich": {"cli"},
     "tyro": {"cli"},
 }

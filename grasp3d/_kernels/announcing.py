@@ -73,7 +73,20 @@ MORE_FINGERS = Phase(
 )
 EPSILON = Phase("epsilon", 25, ("wrench_problem.epsilons",))
 SCANS = Phase("scans", 1, ("scanning.scan",))
-PHASES = (MESHES, PATCHES, TWO_FINGERS, MORE_FINGERS, EPSILON, SCANS)
+GRIPPERS = Phase(
+    "grippers",
+    25,
+    (
+        "box_tree.box_tree",
+        "closing.close_on",
+        "pose_collisions.collide_poses",
+        "reachable_partners.keep_reached",
+        "reachable_partners.search_reachable",
+        "reaching.reach_pairs",
+        "reaching.reach_tips",
+    ),
+)
+PHASES = (MESHES, PATCHES, TWO_FINGERS, MORE_FINGERS, EPSILON, SCANS, GRIPPERS)
 
 
 class NotCompiledError(Exception):
@@ -131,16 +144,18 @@ def announcement(work: str, seconds: int) -> str:
     return f"grasp3d: compiling kernels for {work}, about {seconds} s, {often}"
 
 
-def seconds_missing(fingers: int) -> int:
+def seconds_missing(fingers: int, *, gripper: bool = False) -> int:
     """Time to compile the kernels for a number of fingers that are not compiled yet [s].
 
     Args:
         fingers: Number of fingers; 0: only meshes are prepared.
+        gripper: Whether a gripper must reach the grasps.
     """
     phases = [MESHES]
     if fingers:  # a search for more fingers starts from the grasps of two
         last = SCANS if fingers == PAIR else MORE_FINGERS
         phases += [PATCHES, TWO_FINGERS, EPSILON, last]
+        phases += [GRIPPERS] if gripper else []
     return sum(phase.seconds for phase in phases if not phase.compiled)
 
 

@@ -28,12 +28,13 @@ class FaceTree(NamedTuple):
     depth: int
     """Divisions from the root to a leaf."""
     bounds: npt.NDArray[np.float64]
-    """Of each node: centre and radius of a ball that contains its faces, axis and half-angle [rad]
-    of a cone that contains its inward normals; half-angle pi: any direction (N, 8)."""
+    """Of each node: centre and radius of a ball that contains its faces; axis, and cosine and sine
+    of the half-angle, of a cone that contains its inward normals, half-angle pi: any direction;
+    largest coordinate of its faces along that axis (N, 10)."""
 
 
 @kernel
-def _divide(order, keys, depth):
+def divide(order, keys, depth):
     """Reorder the faces so that each node's halves differ as much as possible, in place."""
     size = order.shape[0]
     for level in range(depth):
@@ -77,7 +78,7 @@ def _select(order, keys, k, first, last, middle):
 
 @kernel
 def _bound_node(first, last, order, surface, bounds):
-    """Write the ball and the cone of the faces from `first` to `last`."""
+    """Write the bounds of the faces from `first` to `last`, as in `FaceTree`."""
     points, faces, corners, normals = (
         surface.points,
         surface.faces,
@@ -91,21 +92,27 @@ def _bound_node(first, last, order, surface, bounds):
             for k in range(3):
                 low[k], high[k] = min(low[k], points[vertex, k]), max(high[k], points[vertex, k])
                 axis[k] += normals[row, k]
-    length = max(math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2), 1e-300)
+    length = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+    if length < 1e-12:  # any axis will do, as on the whole of a closed surface
+        axis[2], length = 1.0, 1.0
     for k in range(3):
         bounds[k], bounds[4 + k] = 0.5 * (low[k] + high[k]), axis[k] / length
-    square, cosine = 0.0, 1.0
+    square, cosine, farthest = 0.0, 1.0, -math.inf
     for i in range(first, last):
         for c in range(3):
             vertex, row = faces[order[i], c], corners[order[i], c]
-            distance, product = 0.0, 0.0
+            distance, product, height = 0.0, 0.0, 0.0
             for k in range(3):
                 distance += (points[vertex, k] - bounds[k]) ** 2
                 product += bounds[4 + k] * normals[row, k]
+                height += bounds[4 + k] * points[vertex, k]
             square, cosine = max(square, distance), min(cosine, product)
+            farthest = max(farthest, height)
     bounds[3] = math.sqrt(square)
+    bounds[9] = farthest
     # A cone beyond a hemisphere need not contain the interpolated normals.
-    bounds[7] = math.acos(min(cosine, 1.0)) if cosine > 0.0 else math.pi
+    bounds[7] = min(cosine, 1.0) if cosine > 0.0 else -1.0
+    bounds[8] = math.sqrt(1.0 - bounds[7] ** 2)
 
 
 @kernel
@@ -131,9 +138,9 @@ def face_tree(surface):
                 keys[face, 3 + k] += surface.normals[surface.corners[face, c], k] / 3.0
             keys[face, 3 + k] *= NORMAL_SCALE
     order = np.arange(size)
-    _divide(order, keys, depth)
+    divide(order, keys, depth)
     nodes = (2 << depth) - 1
-    bounds = np.empty((nodes, 8))
+    bounds = np.empty((nodes, 10))
     for level in range(depth + 1):
         for j in range(1 << level):
             first, last = size * j >> level, size * (j + 1) >> level

@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass, field, replace
 
 from grasp3d.errors import SettingError
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.settings import ANGLE_ROUNDING, DEGREE, GraspModel, MeshOptions, Sampling, search_cone
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
@@ -38,6 +39,7 @@ class BatchSettings:
     """Settings with which all meshes are labelled, or for which they are checked.
 
     Attributes:
+        reach: The gripper that must reach each grasp, and the table.
         best: Number of best distinct grasps that the summary keeps of each mesh; 0: none.
     """
 
@@ -46,6 +48,7 @@ class BatchSettings:
     mesh: MeshOptions = field(default_factory=MeshOptions)
     grid: FractionGrid = field(default_factory=FractionGrid)
     best: int = 5
+    reach: ReachSettings = field(default_factory=ReachSettings)
 
     def __post_init__(self) -> None:
         if self.best < 0:

@@ -19,11 +19,13 @@ from grasp3d.errors import GraspError, MeshUnreadError, OutputError
 from grasp3d.isolation import NeedsMemory, allowed_memory
 from grasp3d.reading.side_files import side_names
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
+from grasp3d.stability.label import Label
 from grasp3d.storage import local_copy
 from grasp3d.system.progress import ignore
 from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
+    from grasp3d.gripper.reach import Reach
     from grasp3d.surface.labels import SurfaceLabels
 
 QUARTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
@@ -104,11 +106,13 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
         friction=settings.model.friction,
         sensor_resolution=settings.model.sensor_resolution,
         fingers=settings.model.fingers,
+        gripper=None if settings.reach.gripper is None else settings.reach.gripper.name,
     )
 
 
 def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force: bool) -> Row:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
+    from grasp3d.gripper.reaching import Reaching
     from grasp3d.mesh import prepare_file
     from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface
@@ -124,7 +128,8 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     cost, allowed = labelling_cost(len(mesh.vertices), model, sampling), allowed_memory()
     if allowed is not None and cost.memory > allowed:
         raise NeedsMemory(cost.memory)
-    labels = label_surface(mesh, model, sampling=sampling, threads=1)
+    reaching = Reaching.keywords(Reaching.of(settings.reach, mesh))
+    labels = label_surface(mesh, model, sampling=sampling, threads=1, **reaching)
     labels.compute_epsilon(ignore)
     labelling = next(clock)
     grasps = _best_grasps(labels, settings.best)
@@ -137,6 +142,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         thumbnail=job.thumbnail,
         **_surface_values(labels),
         **_angle_values(labels),
+        **_verdict_values(labels),
         fractions=tuple(_grid_fractions(labels, settings)),
         grasps=grasps,
         warnings="; ".join(labels.warnings),
@@ -178,7 +184,7 @@ def _surface_values(labels: "SurfaceLabels") -> dict[str, Any]:
         "unit": mesh.unit,
         "closed": mesh.report.closed,
         "area": float(mesh.vertex_areas.sum()),
-        "volume": mesh.volume if math.isfinite(mesh.volume) else None,
+        "volume": _finite_or_none(mesh.volume),
         "center_mass": (x, y, z),
         "torque_scale": mesh.torque_scale,
         "stable": fractions["S"],
@@ -202,6 +208,23 @@ def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
         },
         "search_angle": labels.search.cone,
     }
+
+
+def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
+    from grasp3d.grasps.verdict import verdict_of
+
+    verdict = verdict_of(labels)
+    return {
+        "verdict": verdict.word,
+        "verdict_text": str(verdict),
+        "stable_grasps": verdict.count,
+        "spare_resolution": _finite_or_none(verdict.spare_resolution),
+        "approach_margin": _finite_or_none(verdict.approach_margin),
+    }
+
+
+def _finite_or_none(number: float) -> float | None:
+    return number if math.isfinite(number) else None
 
 
 def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> dict[str, float]:
@@ -237,8 +260,11 @@ def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
     # The first finger is at a vertex, whose epsilon is known.
     contacts = best.contacts.surface_points
     vertices = labels.mesh.faces[contacts.faces[:, 0], contacts.weights[:, 0].argmax(axis=1)]
+    names, reach = [label.name for label in sorted(Label)], best.reach
     return tuple(
         BestGrasp(
+            label=names[best.label[number]],
+            **({} if reach is None else _pose_values(reach, number)),
             critical_angle=float(best.critical_angle[number]),
             max_resolution=float(best.max_resolution[number]),
             epsilon=float(labels.epsilon[vertices[number]]),
@@ -248,6 +274,16 @@ def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
         )
         for number in range(best.size)
     )
+
+
+def _pose_values(reach: "Reach", number: int) -> dict[str, Any]:
+    """The pose of one grasp; none where fingers have no common pose."""
+    pose = reach.poses[number]
+    return {
+        "pose": tuple(pose.ravel().tolist()) if np.isfinite(pose).all() else (),
+        "pregrasp_opening": _finite_or_none(float(reach.pregrasp_opening[number])),
+        "approach_margin": _finite_or_none(float(reach.approach_margin[number])),
+    }
 
 
 def _triples(rows: Any) -> tuple[tuple[float, float, float], ...]:

@@ -171,6 +171,7 @@ def _rows(
         cluster=cluster,
         started=lambda job: counter.start(job.mesh),
         kernels=settings.model.fingers,
+        gripper=settings.reach.gripper is not None,
     ):
         row = _row_of(result, store.rows)
         if check_shared_folder and row.labels:

@@ -46,6 +46,14 @@ class BestGrasp:
     """Contact points, in the mesh's unit and frame."""
     normals: tuple[tuple[float, float, float], ...]
     """Outward unit normals at the contact points."""
+    label: str = ""
+    """S, M or U."""
+    pose: tuple[float, ...] = ()
+    """With a gripper: the rows of the 4 x 4 matrix from its frame to the mesh's, 16 numbers."""
+    pregrasp_opening: float | None = None
+    """Opening before the fingers close, in the mesh's unit."""
+    approach_margin: float | None = None
+    """How wrong the approach angle about the closing axis may be [rad]."""
 
 
 @dataclass(frozen=True)
@@ -72,6 +80,18 @@ class Row:
     sensor_resolution: float | None = None
     """Resolution alpha of the labels [rad]."""
     fingers: int | None = None
+    gripper: str | None = None
+    """Name of the gripper that must reach the grasps."""
+    verdict: str | None = None
+    """holdable, with a finer sensor, out of reach, or no; see `grasps.Verdict`."""
+    verdict_text: str | None = None
+    """The verdict as a sentence."""
+    stable_grasps: int | None = None
+    """Distinct S grasps that are reached."""
+    spare_resolution: float | None = None
+    """Of the best grasp: alpha* - alpha [rad]; negative: a finer sensor is needed."""
+    approach_margin: float | None = None
+    """Of the best grasp [rad]."""
     labels: str = ""
     """Path of the labelled PLY below the output folder."""
     fields: str = ""

@@ -26,6 +26,7 @@ def run(
     cluster: ClusterSettings,
     started: Callable[[JobT], None] = _ignore_start,
     kernels: int | None = None,
+    gripper: bool = False,
 ) -> Iterator[RowT]:
     """Run a task for every job and yield each row when it is finished.
 
@@ -42,6 +43,7 @@ def run(
         started: Called with each job that is taken.
         kernels: Number of fingers for which kernels are compiled before the jobs, outside their
             limits and times; 0: only meshes are prepared; None: no job needs kernels.
+        gripper: Whether those for grippers are compiled too.
 
     Raises:
         SettingError: No cluster runs at the given address.
@@ -53,7 +55,7 @@ def run(
         return
     if cluster.workers == 0:
         if kernels is not None:
-            compile_kernels(kernels)
+            compile_kernels(kernels, gripper)
         for job in chain(first, jobs):
             started(job)
             yield _run_here(task, job, settings, lost)
@@ -63,10 +65,10 @@ def run(
     from grasp3d.batch.compiling_first import compile_first
 
     if kernels is not None and cluster.scheduler is None:
-        compile_first(kernels)
+        compile_first(kernels, gripper)
         kernels = None
     with open_cluster(cluster) as client:
-        attempts = Attempts(client, task, settings, lost, cluster, kernels)
+        attempts = Attempts(client, task, settings, lost, cluster, kernels, gripper=gripper)
         yield from attempts.rows(chain(first, jobs), started)
 
 

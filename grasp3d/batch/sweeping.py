@@ -8,6 +8,7 @@ from dataclasses import dataclass, field, replace
 
 from grasp3d.batch.inputs import MeshFile, find_meshes, real_path
 from grasp3d.errors import GraspError, SettingError
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.planar import Circle, square
 from grasp3d.settings import (
     ANGLE_ROUNDING,
@@ -49,6 +50,7 @@ class SweepSettings:
     sampling: Sampling = field(default_factory=Sampling)
     mesh: MeshOptions = field(default_factory=MeshOptions)
     fingers: int = 2
+    reach: ReachSettings = field(default_factory=ReachSettings)
 
     def __post_init__(self) -> None:
         if not self.friction or not self.sensor_resolution:
@@ -223,6 +225,7 @@ def sweep_mesh(
         The sweep, or the reason why the mesh cannot be labelled.
     """
     # Imported here: the process that plans needs neither ray tracing nor the compiler.
+    from grasp3d.gripper.reaching import Reaching
     from grasp3d.mesh import prepare_file
     from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface
@@ -240,6 +243,7 @@ def sweep_mesh(
             sampling=sampling,
             threads=threads,
             progress=progress,
+            **Reaching.keywords(Reaching.of(settings.reach, surface)),
         )
     except GraspError as error:
         return SweptMesh(mesh.name, error=str(error), seconds=time.perf_counter() - begun)

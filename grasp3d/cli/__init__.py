@@ -15,6 +15,7 @@ from grasp3d.cli.compiling_lines import compiling_lines
 from grasp3d.cli.design import Design
 from grasp3d.cli.evaluate import Evaluate
 from grasp3d.cli.examples import print_examples
+from grasp3d.cli.gripper import Gripper
 from grasp3d.cli.label import Label
 from grasp3d.cli.options import Flag
 from grasp3d.cli.paper import Paper
@@ -39,6 +40,7 @@ Command = (
     | Annotated[Batch, tyro.conf.subcommand("batch")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Design, tyro.conf.subcommand("design")]
+    | Annotated[Gripper, tyro.conf.subcommand("gripper")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Paper, tyro.conf.subcommand("paper")]
     | Annotated[Warmup, tyro.conf.subcommand("warmup")]

@@ -19,12 +19,14 @@ from grasp3d.cli.options import (
     ModelOptions,
     OutputFile,
     Quiet,
+    ReachOptions,
     SamplingOptions,
     SurfaceOptions,
     command,
 )
 from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import SettingError
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 
@@ -78,6 +80,9 @@ class Batch:
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
 
+    reach: ReachOptions = field(default_factory=ReachSettings)
+    """The gripper that must reach each grasp, and what the object stands on."""
+
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
@@ -94,7 +99,9 @@ class Batch:
         from grasp3d.cli.batch_progress import show_progress
 
         grid = FractionGrid(self.grid_friction, parse_resolutions(self.grid_sensor_resolution))
-        settings = BatchSettings(self.model, self.sampling, self.mesh, grid, self.best)
+        settings = BatchSettings(
+            self.reach.touching(self.model), self.sampling, self.mesh, grid, self.best, self.reach
+        )
         with show_progress(quiet=self.quiet, log=self.log) as progress, _interrupted_once():
             try:
                 library = label_library(

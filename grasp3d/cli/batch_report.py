@@ -1,6 +1,8 @@
 """Output of `grasp3d batch`: a table of the meshes, the failures, and the paths of the results."""
 
+from collections import Counter
 from collections.abc import Collection, Sequence
+from typing import get_args
 
 from rich.console import Console
 from rich.table import Table
@@ -8,6 +10,7 @@ from rich.table import Table
 from grasp3d.batch.library import REPORT, LibraryLabels
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.cli.report import CHECK_HINT, angle_text, escaped
+from grasp3d.grasps.verdict import Word
 from grasp3d.stability.label import MEANING
 from grasp3d.system.counts import noun
 
@@ -41,11 +44,20 @@ def print_library(library: LibraryLabels, *, report: bool) -> None:
     _print_some(console, "[yellow]warning:[/]", warned, "warnings")
     if failed or warned:
         console.print(CHECK_HINT)
+    verdicts = _verdicts(rows)
+    if verdicts:
+        console.print(verdicts)
     before = f"; {library.finished} of them were finished before" if library.finished else ""
     console.print(f"{len(rows) - len(failed)} labelled, {len(failed)} failed{before}")
     console.print(f"written: {escaped(library.output)}", soft_wrap=True)
     if report:
         console.print(f"report: {escaped(f'{library.output}/{REPORT}')}", soft_wrap=True)
+
+
+def _verdicts(rows: Collection[Row]) -> str:
+    """Return how many objects have which verdict; empty: none has one."""
+    counts = Counter(row.verdict for row in rows if row.verdict)
+    return ", ".join(f"{counts[word]} {word}" for word in get_args(Word) if counts[word])
 
 
 def print_failed(library: LibraryLabels) -> None:

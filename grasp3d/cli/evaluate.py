@@ -14,10 +14,12 @@ from grasp3d.cli.options import (
     OutputFile,
     Overwrite,
     Quiet,
+    ReachOptions,
     SurfaceOptions,
     command,
 )
-from grasp3d.errors import OutputError
+from grasp3d.errors import OutputError, SettingError
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.settings import GraspModel, MeshOptions, with_fingers
 from grasp3d.system.names import safe_stem
 
@@ -27,7 +29,8 @@ from grasp3d.system.names import safe_stem
 class Evaluate:
     """Evaluate given grasps: label, critical friction angle and epsilon of each.
 
-    Each contact is moved to the closest point of the surface.
+    Each contact is moved to the closest point of the surface. At poses of a gripper its jaws are
+    closed on the object.
     """
 
     file: tyro.conf.Positional[InputFile]
@@ -35,7 +38,9 @@ class Evaluate:
 
     contacts: Annotated[Path, tyro.conf.Positional, tyro.conf.arg(metavar="CONTACTS")]
     """Contact points in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
-    ... and one row per grasp, or JSON with a list of grasps, each a list of points [x, y, z]."""
+    ... and one row per grasp, or JSON with a list of grasps, each a list of points [x, y, z]. Or
+    poses of a gripper: the files that grasp3d writes, isaac_grasp (.yaml), ACRONYM (.h5), GraspNet
+    (.npy), GraspGen and moveit_msgs/Grasp (.json); they need --gripper."""
 
     output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
     """Results (.csv, .parquet or .json) (default: NAME_grasps.csv in this folder)."""
@@ -45,6 +50,9 @@ class Evaluate:
 
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction and sensor resolution; the number of fingers is that of a grasp's contacts."""
+
+    reach: ReachOptions = field(default_factory=ReachSettings)
+    """The gripper of the poses, and what the object stands on."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
@@ -57,18 +65,48 @@ class Evaluate:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli import grasp_report, report
         from grasp3d.cli.existing_files import check_replaceable
-        from grasp3d.grasps.evaluation import evaluate_grasps
-        from grasp3d.grasps.reading import read_contacts
-        from grasp3d.grasps.writing import SUFFIXES, write_grasps
-        from grasp3d.lengths import length_in_unit
-        from grasp3d.mesh import prepare_file
-        from grasp3d.mesh.plausible_lengths import refuse_lengths
+        from grasp3d.grasps.pose_files import holds_poses
+        from grasp3d.grasps.writing import SUFFIXES
         from grasp3d.system.files import check_suffix
 
         output = self.output or Path(f"{safe_stem(self.file.stem)}_grasps.csv")
         check_suffix(output, SUFFIXES, "table")
+        poses = holds_poses(self.contacts)
+        self._check_gripper(poses=poses)
+        if poses:
+            if output.exists() and output.samefile(self.contacts):
+                raise OutputError(f"{output}: is the file of poses; name another file with -o")
+            check_replaceable(output, overwrite=self.overwrite, source=self.file)
+            self._evaluate_poses(output)
+        else:
+            self._evaluate_contacts(output)
+        return 0
+
+    def _check_gripper(self, *, poses: bool) -> None:
+        """Refuse poses without a gripper, and contacts with one."""
+        if poses and self.reach.gripper is None:
+            raise SettingError(
+                f"{self.contacts}: contains poses; give their gripper with --gripper NAME|FILE"
+            )
+        if poses and self.max_distance is not None:
+            raise SettingError("max_distance applies to contacts, not to poses of a gripper")
+        if self.reach.gripper is not None and not poses and self.contacts.is_file():
+            raise SettingError(
+                f"{self.contacts}: contains no poses; a gripper applies to poses, not to contacts"
+            )
+
+    def _evaluate_contacts(self, output: Path) -> None:
+        """Evaluate contacts, write and print the results."""
+        from grasp3d.cli import grasp_report, report
+        from grasp3d.cli.existing_files import check_replaceable
+        from grasp3d.grasps.evaluation import evaluate_grasps
+        from grasp3d.grasps.reading import read_contacts
+        from grasp3d.grasps.writing import write_grasps
+        from grasp3d.lengths import length_in_unit
+        from grasp3d.mesh import prepare_file
+        from grasp3d.mesh.plausible_lengths import refuse_lengths
+
         points = read_contacts(self.contacts)
         if output.exists() and output.samefile(self.contacts):
             raise OutputError(f"{output}: is the file of contacts; name another file with -o")
@@ -87,4 +125,28 @@ class Evaluate:
         write_grasps(output, grasps)
         if not self.quiet:
             grasp_report.print_evaluated(grasps, output)
-        return 0
+
+    def _evaluate_poses(self, output: Path) -> None:
+        """Close the jaws at each pose, write and print the results."""
+        from grasp3d.cli import pose_report, report
+        from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
+        from grasp3d.grasps.pose_files import read_poses, write_poses
+        from grasp3d.gripper.reaching import Reaching
+        from grasp3d.mesh import prepare_file
+        from grasp3d.mesh.plausible_lengths import refuse_lengths
+
+        poses = read_poses(self.contacts, gripper=self.reach.gripper)
+        mesh = in_stated_scale(prepare_file(self.file, self.mesh), poses)
+        model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)
+        if not self.force:
+            refuse_lengths(mesh, model.lengths())
+        reaching = Reaching.of(self.reach, mesh)
+        with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
+            found = evaluate_poses(
+                mesh, poses, model, progress=progress, **Reaching.keywords(reaching)
+            )
+        with report.progress("measuring epsilon", quiet=self.quiet) as progress:
+            found.compute_epsilon(progress)
+        write_poses(output, found.to_poses())
+        if not self.quiet:
+            pose_report.print_poses(found, output)

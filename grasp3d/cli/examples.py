@@ -46,6 +46,13 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "design --fingertip-radius 8mm --receptive-field 3mm --object-size 5cm",
         ),
     ),
+    "gripper": (
+        ("Print a gripper, and draw it", "gripper franka --picture franka.png"),
+        (
+            "Describe the hand of a URDF by the links of its fingers",
+            "gripper hand.urdf --fingers left_finger right_finger -o gripper.json",
+        ),
+    ),
     "view": (
         ("Open a window", "view meshes/mug.glb"),
         (
@@ -66,7 +73,8 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     ),
 }
 """What they do, and the words after `grasp3d`, by the name of the command. The folder `meshes` is
-the one that comes with the package, `grasps.csv` a table with columns x1 y1 z1 x2 y2 z2."""
+the one that comes with the package, `grasps.csv` a table with columns x1 y1 z1 x2 y2 z2,
+`hand.urdf` a robot's hand."""
 
 _OF_ALL = (
     ("Label a mesh, and write it", EXAMPLES["label"][0][1]),

@@ -4,16 +4,18 @@ It replaces its own results. Files of other programs, and labels made with other
 replaced only with `--overwrite`.
 """
 
+import json
 import math
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import OutputError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.files import check_writable
 
 if TYPE_CHECKING:
+    from grasp3d.gripper.reaching import Reaching
     from grasp3d.mesh import ObjectMesh
 
 MARK, MARKED = b"grasp3d", 2**16
@@ -25,7 +27,9 @@ _HEADS = re.compile(rb'"(grasp","label","critical_angle|mesh","source","refusal|
 _MESHES = frozenset({".ply", ".glb", ".npz", ".vtp"})
 """Formats of which other programs also write files, perhaps from a labelled one."""
 
-_ANGLES = frozenset({"sensor_resolution", "search_angle", "tolerance", "crease_angle"})
+_ANGLES = frozenset(
+    {"approach_within", "sensor_resolution", "search_angle", "tolerance", "crease_angle"}
+)
 _LENGTHS = frozenset(
     name for kind in (GraspModel, Sampling, MeshOptions) for name in kind.length_names()
 )
@@ -56,7 +60,13 @@ def check_replaceable(path: Path, *, overwrite: bool, source: Path | None = None
 
 
 def check_same_settings(
-    path: Path, mesh: "ObjectMesh", model: GraspModel, sampling: Sampling, *, overwrite: bool
+    path: Path,
+    mesh: "ObjectMesh",
+    model: GraspModel,
+    sampling: Sampling,
+    reaching: "Reaching | None" = None,
+    *,
+    overwrite: bool,
 ) -> None:
     """Check that labels which a file holds were made of such a mesh with the same settings.
 
@@ -67,6 +77,7 @@ def check_same_settings(
         mesh: The mesh to be labelled.
         model: With lengths in the mesh's unit.
         sampling: With lengths in the mesh's unit.
+        reaching: The gripper beside the mesh; None: none.
         overwrite: Whether other labels may be replaced.
 
     Raises:
@@ -79,7 +90,7 @@ def check_same_settings(
     stored = None if overwrite or not path.exists() else stored_settings(path)
     if stored is None:
         return
-    chosen = chosen_settings(mesh, model, sampling, "label")
+    chosen = chosen_settings(mesh, model, sampling, "label", reaching)
     chosen["search_angle"] = search_cone(model, sampling)
     of_mesh = {"file_vertices": mesh.file_vertices, "torque_scale": mesh.torque_scale}
     differing = [
@@ -92,7 +103,12 @@ def check_same_settings(
         reason = f"of another mesh called {mesh.report.source}"
         if name not in of_mesh:
             unit = f" {mesh.unit or ''}".rstrip()
-            there, here = (_text(name, value, unit) for value in (stored[name], str(chosen[name])))
+            pair = stored[name], str(chosen[name])
+            there, here = (
+                _grippers(*pair)
+                if name == "gripper"
+                else (_text(name, value, unit) for value in pair)
+            )
             reason = f"{name} {there}, not {here}"
         raise OutputError(
             f"{path}: exists with labels made otherwise ({reason}); name another file with -o, or "
@@ -127,6 +143,27 @@ def _is_same(there: str, here: str) -> bool:
         return math.isclose(float(there), float(here), rel_tol=ROUNDING)
     except ValueError:
         return False
+
+
+def _grippers(there: str, here: str) -> tuple[str, str]:
+    """Two grippers for a message: their names, and a field that differs if those are the same."""
+    one, other = (_gripper(text) for text in (there, here))
+    fields = [name for name, value in one.items() if other.get(name, value) != value]
+    differing = [] if fields[:1] == ["name"] else fields[:1]
+    first, second = (
+        " ".join([str(given.get("name", "none")), *(f"{name} {given[name]}" for name in differing)])
+        for given in (one, other)
+    )
+    return first, second
+
+
+def _gripper(text: str) -> dict[str, Any]:
+    """Fields of a stored gripper; empty: none, or it is damaged."""
+    try:
+        found = json.loads(text)
+    except ValueError:
+        found = None
+    return found if isinstance(found, dict) else {}
 
 
 def _text(name: str, value: str, unit: str) -> str:

@@ -26,6 +26,8 @@ _LEGEND = (
     "ε_min: smallest epsilon over the tilts; lengths in "
 )
 
+_APPROACH = "approach: how far the approach may turn about the closing axis; "
+
 
 def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
     """Print the number of grasps of each label, and a table of the first grasps.
@@ -42,7 +44,7 @@ def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
     table.add_column("fraction", justify="right")
     for label in sorted(Label, reverse=True):
         fraction = f"{100.0 * counts[label] / grasps.size:.1f} %"
-        table.add_row(_name(label), MEANING["scan"][label], str(counts[label]), fraction)
+        table.add_row(label_name(label), MEANING["scan"][label], str(counts[label]), fraction)
     console.print(table)
     console.print(
         f"critical friction angle, {_PERCENTS} % of the grasps: {_angles(grasps.critical_angle)}"
@@ -96,7 +98,8 @@ def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
 
 
 def _legend(grasps: SurfaceGrasps) -> str:
-    return f"{_LEGEND}{grasps.mesh.unit or 'the unit of the mesh, which is not stated'}"
+    approach = "" if grasps.reach is None else _APPROACH
+    return f"{approach}{_LEGEND}{grasps.mesh.unit or 'the unit of the mesh, which is not stated'}"
 
 
 def _print_written(console: Console, *outputs: Path) -> None:
@@ -120,13 +123,15 @@ def _table(grasps: SurfaceGrasps, count: int, *, distances: bool = False) -> Tab
     several = grasps.contacts.count > 2
     table = Table(box=None, pad_edge=False)
     headings = ["grasp", "label", "β*", "α*", "ε", "ε_min", "opening"]
+    reach = grasps.reach
     headings += ["separation"] * several + ["distance"] * distances
+    headings += ["approach"] * (reach is not None and not several)
     for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     for row in range(min(count, grasps.size)):
         cells = [
             str(row + 1),
-            _name(Label(int(grasps.label[row]))),
+            label_name(Label(int(grasps.label[row]))),
             angle_text(grasps.critical_angle[row]),
             angle_text(grasps.max_resolution[row]) if grasps.max_resolution[row] > 0.0 else "none",
             _number(grasps.epsilon[row]),
@@ -135,11 +140,14 @@ def _table(grasps: SurfaceGrasps, count: int, *, distances: bool = False) -> Tab
         ]
         cells += [f"{grasps.separation[row]:.4g}"] * several
         cells += [_distance(grasps, grasps.distance[row].max())] * distances
+        if reach is not None and not several:
+            cells.append(f"±{math.degrees(reach.approach_margin[row]):.0f}°")
         table.add_row(*cells)
     return table
 
 
-def _name(label: Label) -> str:
+def label_name(label: Label) -> str:
+    """Return a label with a square of its colour."""
     color = "#{:02X}{:02X}{:02X}".format(*COLORS[label])
     return f"[{color}]■[/] {label.name}"
 

@@ -13,13 +13,15 @@ from grasp3d.cli.options import (
     OutputFile,
     Overwrite,
     Quiet,
+    ReachOptions,
     SamplingOptions,
     SurfaceOptions,
     command,
 )
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout, time_limit
 from grasp3d.errors import SettingError
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, Sampling
 from grasp3d.system.names import printable, safe_stem
 from grasp3d.system.steps import begin_step
 
@@ -40,8 +42,17 @@ class Label:
     folder)."""
 
     best: Annotated[int | None, tyro.conf.arg(metavar="INT", help_behavior_hint="")] = None
-    """Number of best distinct grasps to print, and to write to NAME_grasps.json, with pictures in
-    NAME_grasps.png, in the folder of the labelled file."""
+    """Number of best distinct grasps to print and to write to a file, with a picture (.png) of the
+    same name beside it."""
+
+    grasps: OutputFile = None
+    """File of the best grasps (.json, .csv, .parquet; with a gripper also .yaml for isaac_grasp,
+    .h5 for ACRONYM, .npy for graspnetAPI) (default: NAME_grasps.json in the folder of the labelled
+    file)."""
+
+    grasps_format: Annotated[PoseFormat | None, tyro.conf.arg(help_behavior_hint="")] = None
+    """With a gripper: format of that file, for those that are JSON too (default: that of the
+    file's suffix)."""
 
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers."""
@@ -49,6 +60,9 @@ class Label:
     sampling: SamplingOptions = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
+
+    reach: ReachOptions = field(default_factory=ReachSettings)
+    """The gripper that must reach each grasp, and what the object stands on."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
@@ -64,6 +78,16 @@ class Label:
     def __post_init__(self) -> None:
         if self.best is not None and self.best < 1:
             raise SettingError(f"best must be at least 1; got {self.best}")
+        for name in ("grasps", "grasps_format"):
+            if getattr(self, name) is not None and self.best is None:
+                raise SettingError(f"{name} is for the best grasps; give their number with --best")
+        if self.grasps_format == "graspgen":
+            raise SettingError(
+                "graspgen files state which grasps held, which is not known of grasps that "
+                "are found; choose another grasps_format"
+            )
+        if self.grasps_format is not None and self.reach.gripper is None:
+            raise SettingError("grasps_format is for poses of a gripper; give one with --gripper")
         check_timeout(self.timeout)
 
     def run(self) -> int:
@@ -75,8 +99,9 @@ class Label:
         name = safe_stem(self.file.stem) if self.output is None else self.output.stem
         output = self.output or Path(f"{name}_labeled.ply")
         write = writer_for(output)
-        grasp_file = output.with_name(f"{name}_grasps.json")
+        grasp_file = self.grasps or output.with_name(f"{name}_grasps.json")
         grasp_files = (grasp_file, grasp_file.with_suffix(".png")) if self.best else ()
+        self._check_grasp_file(grasp_file)
         for path in (output, *grasp_files):
             check_replaceable(path, overwrite=self.overwrite, source=self.file)
         with time_limit(self.timeout, printable(str(self.file))):
@@ -88,23 +113,37 @@ class Label:
             self._write_best(labels, grasp_file, self.best)
         return 0
 
+    def _check_grasp_file(self, path: Path) -> None:
+        """Check before the work that the best grasps can be written to a file of that name."""
+        from grasp3d.grasps.pose_files import SUFFIXES as POSES
+        from grasp3d.grasps.writing import SUFFIXES
+        from grasp3d.system.files import check_suffix
+
+        if self.best:
+            poses = self.reach.gripper is not None and self.model.fingers == 2
+            check_suffix(path, POSES if poses else SUFFIXES, "table")
+
     def _labels(self, outputs: tuple[Path, ...]) -> "SurfaceLabels":
         """Read and label the mesh; `outputs` must not have been made with other settings."""
         from grasp3d.cli import report
         from grasp3d.cli.existing_files import check_same_settings
+        from grasp3d.gripper.reaching import Reaching
         from grasp3d.mesh import prepare_file
         from grasp3d.mesh.plausible_lengths import refuse_lengths
         from grasp3d.surface.labelling import label_surface
 
         mesh = prepare_file(self.file, self.mesh)
-        model = self.model.in_unit(mesh.unit, source=mesh.report.source)
+        model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)
         sampling = self.sampling.in_unit(mesh.unit, source=mesh.report.source)
+        reaching = Reaching.of(self.reach, mesh)
         if not self.force:
             refuse_lengths(mesh, model.lengths() | sampling.lengths())
         for path in outputs:
-            check_same_settings(path, mesh, model, sampling, overwrite=self.overwrite)
+            check_same_settings(path, mesh, model, sampling, reaching, overwrite=self.overwrite)
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
-            labels = label_surface(mesh, model, sampling=sampling, progress=progress)
+            labels = label_surface(
+                mesh, model, sampling=sampling, progress=progress, **Reaching.keywords(reaching)
+            )
         begin_step("measuring epsilon")
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
             labels.compute_epsilon(progress)
@@ -120,7 +159,9 @@ class Label:
         from grasp3d.rendering import can_render
 
         grasps = best_grasps(labels, count)
-        write_grasps(output, grasps)
+        if not grasps.size and labels.reach is not None:
+            output = output.with_suffix(".json")  # other formats cannot be empty
+        write_grasps(output, grasps, format=self.grasps_format if grasps.size else None)
         drawn = grasps.size > 0 and can_render()
         if drawn:
             with report.progress("drawing grasps", quiet=self.quiet) as progress:

@@ -21,7 +21,9 @@ import docstring_parser
 import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.errors import SettingError
+from grasp3d.errors import GraspError, SettingError
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.lengths import Length, parse_length
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
 from grasp3d.viewer.view_settings import ViewSettings
@@ -87,6 +89,28 @@ def optional_number(
     )
 
 
+def _gripper_of(words: list[str]) -> ParallelGripper | None:
+    """Return the gripper of a preset or a file; raises ValueError."""
+    from grasp3d.gripper.gripper_files import load_gripper
+
+    try:
+        return None if words[0].lower() == _NONE else load_gripper(words[0])
+    except GraspError as error:
+        raise ValueError(str(error)) from error
+
+
+_GRIPPER: tyro.constructors.PrimitiveConstructorSpec[Any] = (
+    tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=f"NAME|FILE|{_NONE}",
+        instance_from_str=_gripper_of,
+        is_instance=lambda value: value is None or isinstance(value, ParallelGripper),
+        str_from_instance=lambda value: [_NONE if value is None else value.name],
+    )
+)
+"""Parser of a gripper: the name of a preset, or a file."""
+
+
 def _help_texts(settings: type) -> dict[str, str]:
     """Return the texts on the fields in the docstring of a settings class, by name."""
     return {
@@ -128,7 +152,10 @@ def _options_of(settings: type) -> Any:
         namespace={
             "__doc__": settings.__doc__,
             # Other processes cannot import the generated class: they unpickle the settings class.
-            "__reduce__": lambda self: (settings, dataclasses.astuple(self)),
+            "__reduce__": lambda self: (
+                settings,
+                tuple(getattr(self, field.name) for field in dataclasses.fields(self)),
+            ),
         },
     )
     return Annotated[settings, tyro.conf.arg(constructor=options)]
@@ -148,6 +175,8 @@ def _parser(hint: Any) -> tuple[Any, ...]:
     """Return the parser of a type of field, or nothing if tyro parses it as needed."""
     if _is_angle(hint):
         return (_DEGREES,)
+    if hint == ParallelGripper | None:
+        return (_GRIPPER,)
     if get_origin(hint) is Length:
         return (_length(optional=NoneType in get_args(get_args(hint)[0])),)
     return tuple(optional_number(number) for number in (int, float) if hint == number | None)
@@ -272,11 +301,13 @@ if TYPE_CHECKING:
     ModelOptions = GraspModel
     SamplingOptions = Sampling
     SurfaceOptions = MeshOptions
+    ReachOptions = ReachSettings
     ClusterOptions = ClusterSettings
     ViewOptions = ViewSettings
 else:
     ModelOptions = _options_of(GraspModel)
     SamplingOptions = _options_of(Sampling)
     SurfaceOptions = _options_of(MeshOptions)
+    ReachOptions = _options_of(ReachSettings)
     ClusterOptions = _options_of(ClusterSettings)
     ViewOptions = _options_of(ViewSettings)

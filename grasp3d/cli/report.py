@@ -12,6 +12,8 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from grasp3d.grasps.verdict import verdict_of
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.lengths import Unit
 from grasp3d.settings import Sampling, Tilts
 from grasp3d.stability.label import COLORS, MEANING
@@ -25,6 +27,7 @@ from grasp3d.system.progress import Progress as ProgressFunction
 _REASONS = {
     Reason.NO_PARTNER: "no opposing contacts within the search cone give force closure",
     Reason.OPENING: "all opposing contacts are closer or farther than the limits allow",
+    Reason.NOT_REACHED: "the gripper reaches none of their grasps",
     Reason.OFF_SURFACE: "in no face, so their label is U and their area 0",
 }
 """Explanations of vertices without a grasp."""
@@ -74,30 +77,16 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         output: The file that they were written to.
     """
     console = Console(emoji=False)
-    mesh, model = labels.mesh, labels.model
-    console.print(
-        f"[bold]{escaped(mesh.report.source)}[/]: "
-        f"{counted(len(mesh.vertices), 'vertices')}, "
-        f"size {length_with_unit(mesh.size, mesh.unit)}; friction {model.friction:g}, "
-        f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
-        + ("" if model.fingers == 2 else f", {model.fingers} fingers"),
-        soft_wrap=True,
-    )
-    if model.method == "extremes":
-        console.print(
-            f"labels from wrench hulls at {model.extreme_normals} extreme normals per contact, "
-            f"{'circular cones' if model.edges is None else f'cones of {model.edges} edges'}"
-        )
-    if labels.sampling is not None and (differences := _differences(labels)):
-        console.print("search settings: " + differences)
-    if labels.search.evaluated:
-        console.print(f"{counted(labels.search.evaluated, 'candidate grasps')} evaluated")
+    mesh = labels.mesh
+    _print_settings(console, labels)
     table = Table("label", "", "area fraction", box=None, pad_edge=False)
     for name, fraction in labels.fractions().items():
         code = Code[name]
         color = "#{:02X}{:02X}{:02X}".format(*COLORS[code])
         table.add_row(f"[{color}]■[/] {name}", MEANING["label"][code], f"{100.0 * fraction:.1f} %")
     console.print(table)
+    if labels.sampling is not None:
+        console.print(f"[bold]{escaped(str(verdict_of(labels)))}[/]", soft_wrap=True)
     console.print(
         "critical friction angle, 10/50/90 % of the area: "
         + ", ".join(angle_text(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
@@ -116,6 +105,30 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
     console.print(f"written: {escaped(str(output))}", soft_wrap=True)
 
 
+def _print_settings(console: Console, labels: SurfaceLabels) -> None:
+    """Print the mesh, the model, the gripper, and settings of the search that are not default."""
+    mesh, model = labels.mesh, labels.model
+    console.print(
+        f"[bold]{escaped(mesh.report.source)}[/]: "
+        f"{counted(len(mesh.vertices), 'vertices')}, "
+        f"size {length_with_unit(mesh.size, mesh.unit)}; friction {model.friction:g}, "
+        f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
+        + ("" if model.fingers == 2 else f", {model.fingers} fingers"),
+        soft_wrap=True,
+    )
+    if model.method == "extremes":
+        console.print(
+            f"labels from wrench hulls at {model.extreme_normals} extreme normals per contact, "
+            f"{'circular cones' if model.edges is None else f'cones of {model.edges} edges'}"
+        )
+    if labels.sampling is not None and (differences := _differences(labels)):
+        console.print("search settings: " + differences)
+    if labels.reaching is not None:
+        console.print(_reaching_text(labels.reaching, mesh.size, mesh.unit), soft_wrap=True)
+    if labels.search.evaluated:
+        console.print(f"{counted(labels.search.evaluated, 'candidate grasps')} evaluated")
+
+
 def _epsilon_text(labels: SurfaceLabels) -> str:
     """Return the quantiles of epsilon and of its minimum over the tilts."""
     nominal, minimum = (
@@ -123,6 +136,21 @@ def _epsilon_text(labels: SurfaceLabels) -> str:
         for of in ("nominal", "minimum")
     )
     return f"epsilon, 10/50/90 % of the area: {nominal}; {_MINIMUM[labels.model.tilts]}: {minimum}"
+
+
+def _reaching_text(reaching: Reaching, size: float, unit: Unit | None) -> str:
+    """Return the gripper, the table, and the limit of approach directions."""
+    gripper, table, approach = reaching.gripper, reaching.table, reaching.approach
+    text = f"gripper {escaped(gripper.name)}, stroke {1000.0 * gripper.max_opening:.4g} mm"
+    if table is not None:
+        up = ", ".join(f"{number + 0.0:.3g}" for number in table.normal)
+        height = round(table.offset / size, 9) * size + 0.0  # without rounding errors
+        text += f"; table at {length_with_unit(height, unit)}, up ({up})"
+        if table.probability is not None:
+            text += f", resting pose of probability {100.0 * table.probability:.0f} %"
+    if approach.within < math.pi:
+        text += f"; approach within {math.degrees(approach.within):.4g}°"
+    return text
 
 
 def _differences(labels: SurfaceLabels) -> str:

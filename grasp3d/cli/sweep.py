@@ -17,6 +17,7 @@ from grasp3d.cli.options import (
     OutputFile,
     Overwrite,
     Quiet,
+    ReachOptions,
     SamplingOptions,
     SensorResolutionRanges,
     SurfaceOptions,
@@ -24,6 +25,7 @@ from grasp3d.cli.options import (
 )
 from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import GraspError, SettingError
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.settings import MeshOptions, Sampling
 from grasp3d.system.names import safe_stem
 
@@ -67,6 +69,9 @@ class Sweep:
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
 
+    reach: ReachOptions = field(default_factory=ReachSettings)
+    """The gripper that must reach each grasp, and what the object stands on."""
+
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
@@ -103,6 +108,7 @@ class Sweep:
             self.sampling,
             self.mesh,
             self.fingers,
+            self.reach,
         )
         fractions = sorted(set(self.fraction))
         targets = find_targets(self.targets)

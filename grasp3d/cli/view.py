@@ -13,6 +13,7 @@ from grasp3d.cli.options import (
     OutputFile,
     Overwrite,
     Quiet,
+    ReachOptions,
     SamplingOptions,
     SurfaceOptions,
     ViewOptions,
@@ -25,6 +26,7 @@ from grasp3d.cli.time_limit import (
     time_limit,
 )
 from grasp3d.errors import GraspError
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.names import printable
 from grasp3d.viewer.view_settings import ViewSettings
@@ -66,6 +68,9 @@ class View:
     sampling: SamplingOptions = field(default_factory=Sampling)
     """How candidate grasps are searched; likewise from a labelled file."""
 
+    reach: ReachOptions = field(default_factory=ReachSettings)
+    """The gripper that must reach each grasp, and what the object stands on."""
+
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How a mesh is read and prepared; likewise from a labelled file."""
 
@@ -100,7 +105,7 @@ class View:
         from grasp3d.viewer.session.collection import open_collection
 
         collection = open_collection(
-            self.target, self.model, self.sampling, self.mesh, force=self.force
+            self.target, self.model, self.sampling, self.mesh, force=self.force, reach=self.reach
         )
         self._check()
         first = collection.items[0]

@@ -6,7 +6,7 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import Quiet, command
+from grasp3d.cli.options import Flag, Quiet, command
 
 
 @command
@@ -21,6 +21,9 @@ class Warmup:
     fingers: Annotated[int, tyro.conf.arg(metavar="INT")] = 2
     """Largest number of fingers, 2 to 5; the kernels for three serve four and five as well."""
 
+    gripper: Flag = False
+    """Compile the kernels for grippers too."""
+
     quiet: Quiet = False
 
     def run(self) -> int:
@@ -28,7 +31,7 @@ class Warmup:
         from grasp3d.warming_up import warmup
 
         begun = time.perf_counter()
-        compiled = warmup(self.fingers)
+        compiled = warmup(self.fingers, gripper=self.gripper)
         if not self.quiet:
             seconds = time.perf_counter() - begun
             done = f"compiled in {seconds:.0f} s: {', '.join(compiled)}"

@@ -9,6 +9,8 @@ from typing import Any
 import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
+from grasp3d.gripper.reach import Reach
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.closure import force_closure
 from grasp3d.quality.tilting import EpsilonRange
@@ -54,6 +56,10 @@ class SurfaceGrasps(LabelledGrasps):
     """
     critical_angle_best: Floats
     """The same over the best normals, shape (b,); different only for contacts on creases."""
+    reaching: Reaching | None = None
+    """The gripper of the grasps, and what it must not touch; None: ideal points."""
+    reach: Reach | None = None
+    """How the gripper reaches each grasp, with its pose; None: no gripper."""
     threads: int | None = None
     """Threads for what is computed when it is first read; None: one per processor."""
     deferred_label: Deferred[Bytes] = field(init=False, repr=False)

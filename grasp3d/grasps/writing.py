@@ -2,14 +2,17 @@
 
 import json
 import math
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.grasps.surface_poses import poses_of
+from grasp3d.settings import PoseFormat
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.epsilon import EPSILON_RTOL
 from grasp3d.system.files import atomic_write, check_suffix
@@ -18,7 +21,12 @@ from grasp3d.system.versions import package_version
 SUFFIXES = (".csv", ".parquet", ".json")
 
 
-def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
+def write_grasps(
+    path: str | Path,
+    grasps: SurfaceGrasps,
+    *,
+    format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
+) -> None:
     """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
 
     One row, in JSON one entry, for each grasp: `grasp` (its number from 1), `label`,
@@ -28,12 +36,18 @@ def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
     surface before it was moved there, and `on_crease1`. nan is written as an empty cell, in JSON as
     null, where infinite numbers are null as well. JSON and Parquet contain the settings.
 
+    Grasps with a gripper are written with their poses, see `write_poses`, also in formats of robots
+    and simulators.
+
     Args:
-        path: File to make or replace; .csv, .parquet or .json.
+        path: File to make or replace; .csv, .parquet or .json, with a gripper also .yaml, .h5 or
+            .npy.
         grasps: The grasps.
+        format: With a gripper: a format of `write_poses`; None: that of the suffix.
 
     Raises:
         OutputError: No format has that suffix, or the file cannot be written.
+        SettingError: A format of poses, but no gripper.
 
     Example:
         >>> import trimesh
@@ -45,6 +59,10 @@ def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
         (3, 2, 3)
     """
     path = Path(path)
+    if format is not None or _has_poses(grasps):
+        poses = replace(poses_of(grasps), settings=_settings(grasps))
+        write_poses(path, poses, format=format)
+        return
     check_suffix(path, SUFFIXES, "table")
     if path.suffix.lower() == ".json":
         _write_json(path, grasps)
@@ -52,6 +70,11 @@ def write_grasps(path: str | Path, grasps: SurfaceGrasps) -> None:
     from grasp3d.tables import write_columns
 
     write_columns(path, _columns(grasps), settings=_settings(grasps))
+
+
+def _has_poses(grasps: SurfaceGrasps) -> bool:
+    """Whether the grasps have poses: those of two fingers with a gripper."""
+    return grasps.reach is not None and grasps.contacts.count == 2 and grasps.size > 0
 
 
 def grasps_to_table(grasps: SurfaceGrasps) -> Any:

@@ -1,23 +1,28 @@
 """Figure of a surface's best grasps: one small picture each."""
 
 import math
+from dataclasses import dataclass
 
+import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from grasp3d.arrays import Bytes
+from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.gripper.shapes import Triangles, gripper_triangles
+from grasp3d.lengths import METRES
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import PAGE, as_text, label_patches, new_figure, styled
-from grasp3d.plots.views import views_of
-from grasp3d.rendering import Finger, extent_of, span_of
+from grasp3d.plots.views import views_of, views_of_gripper
+from grasp3d.rendering import Finger, View, extent_of, span_of
 from grasp3d.stability.label import MEANING, Label
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.progress import Progress, ignore
 
 COLUMNS = 4
-HEIGHT = 1.9
-"""Height of a row of pictures with their titles [inch]."""
+HEIGHT, APPROACH = 1.9, 0.25
+"""Height of a row of pictures with their titles, and of a line on the approach below [inch]."""
 MARGINS = 0.9
 """Height of the headline and the legend [inch]."""
 LEAST_WIDTH = 4.6
@@ -37,7 +42,8 @@ def draw_grasps(
 ) -> list[Bytes]:
     """Render the labelled surface with the fingers of each grasp, at most `MOST_PICTURES` of them.
 
-    All pictures have the same scale, and arrows of the same length.
+    Where a gripper reaches a grasp, it is drawn there instead of arrows. All pictures have the same
+    scale, and arrows of the same length.
 
     Args:
         labels: The labelled surface.
@@ -52,18 +58,60 @@ def draw_grasps(
     """
     shown = grasps.contacts.take(slice(MOST_PICTURES))
     surface = labels.mesh.vertices[labels.mesh.on_surface]
-    views = views_of(shown, extent_of(surface))
-    marked = [
-        [Finger(point, normal) for point, normal in zip(points, normals, strict=True)]
-        for points, normals in zip(shown.points, shown.normals, strict=True)
+    views = _views(grasps, shown, extent_of(surface))
+    scenes = [
+        _scene(grasps, number, view, shown.points[number], shown.normals[number])
+        for number, view in enumerate(views)
     ]
-    of_all = list(zip(views, marked, strict=True))
-    span = max(span_of(surface, view, PIXELS, fingers) for view, fingers in of_all)
+    span = max(scene.span(surface) for scene in scenes)
     pictures = []
-    for number, (view, fingers) in enumerate(of_all):
-        pictures.append(paint_labels(labels, view=view, size=PIXELS, fingers=fingers, span=span))
+    for number, scene in enumerate(scenes):
+        picture = paint_labels(
+            labels, view=scene.view, size=PIXELS, fingers=scene.fingers, span=span,
+            beside=scene.gripper,
+        )  # fmt: skip
+        pictures.append(picture)
         (progress or ignore)((number + 1) / len(views))
     return pictures
+
+
+def _views(grasps: SurfaceGrasps, shown: SurfaceContacts, extent: float) -> list[View]:
+    """The view of each grasp that is shown, (b, n)."""
+    reach, reaching, unit = grasps.reach, grasps.reaching, grasps.mesh.unit
+    if reach is None or reaching is None or unit is None or np.isnan(reach.poses).any():
+        return views_of(shown, extent)
+    length = reaching.gripper.finger_length / METRES[unit]
+    return views_of_gripper(shown, reach.poses[: shown.size], length)
+
+
+@dataclass(frozen=True, eq=False)
+class _Scene:
+    """One grasp, and the view of it."""
+
+    view: View
+    fingers: list[Finger]
+    """Contacts to be marked."""
+    gripper: Triangles | None
+
+    def span(self, surface: Floats) -> float:
+        """Height of a picture that all of it fills, with the points of the surface (V, 3)."""
+        if self.gripper is None:
+            return span_of(surface, self.view, PIXELS, self.fingers)
+        both = np.concatenate([surface, self.gripper.vertices])
+        return span_of(both, self.view, PIXELS)
+
+
+def _scene(
+    grasps: SurfaceGrasps, number: int, view: View, points: Floats, normals: Floats
+) -> _Scene:
+    """What is drawn of one grasp: the gripper if it reaches it, else its contacts (n, 3)."""
+    reach, reaching, unit = grasps.reach, grasps.reaching, grasps.mesh.unit
+    if reach is None or reaching is None or unit is None or np.isnan(reach.poses[number]).any():
+        fingers = [Finger(*pair) for pair in zip(points, normals, strict=True)]
+        return _Scene(view, fingers, None)
+    pose, opening = reach.poses[number], float(reach.opening[number])
+    shape = gripper_triangles(reaching.gripper, opening, pose=pose, unit=unit)
+    return _Scene(view, [], shape)
 
 
 @styled
@@ -78,7 +126,8 @@ def grasp_figure(labels: SurfaceLabels, grasps: SurfaceGrasps, pictures: list[By
     columns = min(len(pictures), COLUMNS)
     rows = math.ceil(len(pictures) / columns)
     width = max(PAGE * columns / COLUMNS, LEAST_WIDTH)
-    figure = new_figure(width, rows * HEIGHT + MARGINS)
+    height = HEIGHT if grasps.reach is None else HEIGHT + APPROACH
+    figure = new_figure(width, rows * height + MARGINS)
     model = labels.model
     figure.suptitle(
         f"{_short(labels.mesh.report.source)}\n"
@@ -115,3 +164,10 @@ def _show(axes: Axes, grasps: SurfaceGrasps, number: int, picture: Bytes) -> Non
         rf"$\bf{{{number + 1}}}$  {label}   $\beta^*$ {angle:.1f}°"
         rf"   $\varepsilon$ {grasps.epsilon[number]:.3f}"
     )
+    axes.set_xlabel(_approach(grasps, number))
+
+
+def _approach(grasps: SurfaceGrasps, number: int) -> str:
+    """The approach margin, if a gripper reaches the grasp."""
+    margin = math.nan if grasps.reach is None else float(grasps.reach.approach_margin[number])
+    return f"approach ±{math.degrees(margin):.0f}°" if math.isfinite(margin) else ""

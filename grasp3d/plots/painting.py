@@ -2,11 +2,14 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, unit_rows
 from grasp3d.contact.contacts import Contacts
+from grasp3d.gripper.shapes import COLORS as PART_COLORS
+from grasp3d.gripper.shapes import Part, Triangles
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.rendering import Finger, View, picture
 from grasp3d.settings import GraspModel
@@ -16,6 +19,9 @@ from grasp3d.surface.vertex_grasps import Reason
 
 POSITION, NORMAL, WORST, BEST, COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8
 """Columns of a triangle's corner: position, outward normal, critical angles."""
+
+OPACITY = 0.65
+"""Opacity of a gripper: what it holds remains visible."""
 
 PALETTE = np.array([COLORS[label] for label in sorted(Label)], dtype=np.uint8)
 
@@ -27,6 +33,7 @@ def paint_labels(
     size: tuple[int, int] = (640, 640),
     fingers: Sequence[Finger] = (),
     span: float | None = None,
+    beside: Triangles | None = None,
 ) -> Bytes:
     """Render a surface in the colours of its labels.
 
@@ -39,6 +46,7 @@ def paint_labels(
         size: Width and height [pixels].
         fingers: Contacts to mark.
         span: Height of the picture in the mesh's unit; None: as `rendering.span_of` gives it.
+        beside: A gripper, drawn translucent in its colours.
 
     Returns:
         Red, green, blue from 0 to 255, shape (height, width, 3).
@@ -49,15 +57,51 @@ def paint_labels(
     parts = _parts(labels)
     rows = np.concatenate(list(parts.values())).reshape(-1, COLUMNS)
     colors = [np.tile(PALETTE[label], (3 * len(part), 1)) for label, part in parts.items()]
-    return picture(
-        rows[:, POSITION],
-        np.arange(len(rows)).reshape(-1, 3),
-        np.concatenate(colors),
-        normals=unit_rows(rows[:, NORMAL]),
-        view=view,
-        size=size,
-        fingers=fingers,
-        span=span,
+    corners = _Corners(rows[:, POSITION], unit_rows(rows[:, NORMAL]), np.concatenate(colors))
+    if beside is not None:
+        corners = corners.joined(_corners_of(beside))
+
+    def rendered(count: int) -> Bytes:
+        """The first corners; all of them determine what the picture shows."""
+        return picture(
+            corners.points, np.arange(count).reshape(-1, 3), corners.colors,
+            normals=corners.normals, view=view, size=size, fingers=fingers, span=span,
+        )  # fmt: skip
+
+    alone = rendered(len(rows))
+    if beside is None:
+        return alone
+    both = rendered(len(corners.points))
+    mixed = OPACITY * both.astype(np.float64) + (1.0 - OPACITY) * alone
+    return np.asarray(np.rint(mixed), dtype=np.uint8)
+
+
+@dataclass(frozen=True, eq=False)
+class _Corners:
+    """Corners of triangles, three after each other."""
+
+    points: Floats
+    """Shape (n, 3)."""
+    normals: Floats
+    """Outward unit normals, (n, 3)."""
+    colors: Bytes
+    """Red, green, blue, (n, 3)."""
+
+    def joined(self, other: "_Corners") -> "_Corners":
+        """These corners, and then others."""
+        pairs = zip(vars(self).values(), vars(other).values(), strict=True)
+        return _Corners(*(np.concatenate(pair) for pair in pairs))
+
+
+def _corners_of(gripper: Triangles) -> _Corners:
+    """Corners of a gripper, each face with its own normal."""
+    corners = gripper.vertices[gripper.faces]  # (F, 3, 3)
+    normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    table = np.array([PART_COLORS[part] for part in Part], dtype=np.uint8)
+    return _Corners(
+        corners.reshape(-1, 3),
+        np.repeat(unit_rows(normals), 3, axis=0),
+        np.repeat(table[gripper.parts], 3, axis=0),
     )
 
 

@@ -25,6 +25,46 @@ HIDDEN, ENDWISE, OVERLAP = 1.0, 0.4, 0.6
 overlap."""
 
 
+BEHIND = (0.05, 0.3, 0.6, 0.9)
+"""Fractions of a finger's length behind its contact at which visibility is tested."""
+
+BESIDE = 0.02
+"""Distance from the surface of what is tested, in object sizes."""
+
+
+def views_of_gripper(contacts: SurfaceContacts, poses: Floats, length: float) -> list[View]:
+    """Choose for each grasp the view that shows most of a gripper's fingers, side by side.
+
+    Args:
+        contacts: The grasps, (b, 2).
+        poses: Matrices from the gripper's frame to the mesh's, shape (b, 4, 4).
+        length: Length of the fingers, in the mesh's unit.
+    """
+    mesh = contacts.mesh
+    rays = SurfaceRays(mesh.contact_surface, mesh.contact_normals)
+    found = []
+    for points, normals, pose in zip(contacts.points, contacts.normals, poses, strict=True):
+        back = length * np.array(BEHIND)[:, None] * pose[:3, 2]  # (p, 3)
+        parts = (points - BESIDE * mesh.size * normals)[:, None] - back  # (2, p, 3)
+        found.append(_view_of_fingers(rays, pose, (parts - mesh.center) / mesh.size))
+    return found
+
+
+def _view_of_fingers(rays: SurfaceRays, pose: Floats, parts: Floats) -> View:
+    """Choose the view of fingers with some parts (2, p, 3) in the normalised frame."""
+    candidates = list(itertools.product(np.arange(AZIMUTHS) * 2.0 * math.pi / AZIMUTHS, ELEVATIONS))
+    views = [View(float(azimuth), elevation) for azimuth, elevation in candidates]
+    toward = np.stack([view.axes[2] for view in views])  # (v, 3)
+    bonus = np.array([ELEVATIONS[elevation] for _, elevation in candidates])
+    visible = _visible(rays, parts, toward)  # (v, 2, p)
+    hidden = 1.0 - 0.5 * (visible[..., 0] + visible.mean(axis=2)).mean(axis=1)
+    along = np.abs(toward @ pose[:3, :3]) ** 2  # (v, 3), of the closing axis, y and the approach
+    behind = np.maximum(-toward @ pose[:3, 2], 0.0)  # there the palm hides the fingers
+    endwise = along[:, 0] + 0.5 * along[:, 2] + 2.0 * behind**2
+    score = bonus - HIDDEN * hidden - ENDWISE * endwise
+    return views[int(np.argmax(score))]
+
+
 def views_of(contacts: SurfaceContacts, extent: float) -> list[View]:
     """Choose for each grasp the view that shows most of its fingers, well apart.
 

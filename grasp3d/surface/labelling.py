@@ -2,7 +2,11 @@
 
 from grasp3d.costs import check_cost
 from grasp3d.errors import SettingError
-from grasp3d.mesh import MeshSource, load_mesh
+from grasp3d.gripper.approach import Approach
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reaching import Reaching, metres_per_unit
+from grasp3d.gripper.table import Table
+from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.settings import GraspModel, Sampling, check_search_settings
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
@@ -17,6 +21,9 @@ def label_surface(
     model: GraspModel | None = None,
     *,
     sampling: Sampling | None = None,
+    gripper: ParallelGripper | None = None,
+    table: Table | None = None,
+    approach: Approach | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SurfaceLabels:
@@ -31,6 +38,11 @@ def label_surface(
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
         model: Friction, sensor resolution [rad] and number of fingers, 2 to 5; None: the defaults.
         sampling: How grasps are searched for, with limits in the mesh's unit; None: the defaults.
+        gripper: The gripper that must reach each grasp: the best grasp is that of the reachable
+            ones, and openings are limited to its stroke; None: ideal point contacts. For three
+            fingers and more only its round tips are tested.
+        table: What the object stands on, which the gripper must not enter; None: nothing.
+        approach: Approach directions of the gripper; None: any.
         threads: Threads to use; None: one per processor. The result does not depend on it.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -42,7 +54,8 @@ def label_surface(
 
     Raises:
         SettingError: The settings contradict each other, there are too many extreme normals, a
-            length has a unit but the mesh has none, or it has fewer vertices than fingers.
+            length has a unit but the mesh has none, a gripper is given but the mesh has no unit, or
+            it has fewer vertices than fingers.
         MeshError: It is no mesh, or labels for so many fingers would need more memory than the
             mesh's options allow.
 
@@ -59,7 +72,7 @@ def label_surface(
         >>> labels.label.shape, labels.partners.shape
         ((146,), (146, 1, 3))
 
-        With a gripper that opens to 35 mm, and a finer sensor:
+        With openings of up to 35 mm, and a finer sensor:
 
         >>> import math
         >>> model = grasp3d.GraspModel(sensor_resolution=math.radians(10.0))
@@ -67,11 +80,20 @@ def label_surface(
         >>> labels = grasp3d.label_surface(mesh, model, sampling=sampling)
         >>> {name: round(fraction, 2) for name, fraction in labels.fractions().items()}
         {'S': 0.36, 'M': 0.28, 'U': 0.36}
+
+        With a gripper, while the box stands on a table:
+
+        >>> gripper = grasp3d.ParallelGripper.preset("franka")
+        >>> table = grasp3d.Table.below(mesh)
+        >>> labels = grasp3d.label_surface(mesh, gripper=gripper, table=table)
+        >>> labels.reach.poses.shape, bool(labels.reach.reached.any())
+        ((146, 4, 4), True)
     """
     mesh, model, sampling = load_mesh(mesh), model or GraspModel(), sampling or Sampling()
     model = model.in_unit(mesh.unit, source=mesh.report.source)
     sampling = sampling.in_unit(mesh.unit, source=mesh.report.source)
     check_search_settings(model, sampling)
+    reaching = _reaching(mesh, model, gripper, table, approach)
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
@@ -84,8 +106,26 @@ def label_surface(
     begin_step("searching for grasps")
     find = label_pairs if model.fingers == 2 else label_multifinger
     searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
-    labels = find(mesh, model, sampling, threads, searching)
+    labels = find(mesh, model, sampling, reaching, threads, searching)
     if enumerated:
         begin_step("labelling at the extreme normals")
     labels.compute_labels(within(report, BEFORE_ENUMERATION, 1.0))
     return labels
+
+
+def _reaching(
+    mesh: ObjectMesh,
+    model: GraspModel,
+    gripper: ParallelGripper | None,
+    table: Table | None,
+    approach: Approach | None,
+) -> Reaching | None:
+    """The gripper beside the object, after checks; None: no gripper."""
+    if gripper is None:
+        if table is not None or approach is not None:
+            raise SettingError("a table and approach directions apply to grippers only; give one")
+        return None
+    metres_per_unit(mesh)
+    reaching = Reaching(gripper, table, approach or Approach())
+    reaching.check_model(model)
+    return reaching

@@ -11,6 +11,8 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, locked
 from grasp3d.errors import SearchCoverageError
+from grasp3d.gripper.reach import Reach
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -76,6 +78,8 @@ class SurfaceLabels(LabelledGrasps):
     """How grasps were searched for; None in a scan, where they are given."""
     mode: Mode
     search: SearchReport
+    reaching: Reaching | None = None
+    """The gripper that must reach each grasp, and what it must not touch; None: ideal points."""
     threads: int | None = None
     """Threads for what is computed when it is first read; None: one per processor. The results do
     not depend on it."""
@@ -170,6 +174,15 @@ class SurfaceLabels(LabelledGrasps):
     def reason(self) -> Bytes:
         """`Reason` codes, shape (V,)."""
         return self.grasps.reason
+
+    @property
+    def reach(self) -> Reach | None:
+        """How the gripper reaches the grasp of each vertex, a row for each; None: no gripper.
+
+        `reach.poses` (V, 4, 4) in the mesh's frame and unit, nan where there is no grasp;
+        `reach.approach_margin` (V,) [rad]; and more.
+        """
+        return self.grasps.reach
 
     @cached_property
     def max_resolution(self) -> Floats:

@@ -4,6 +4,9 @@ import math
 
 import numpy as np
 
+from grasp3d.arrays import Bytes
+from grasp3d.gripper.reach import Reach, reach_grasps
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, Sampling, search_cone
@@ -20,7 +23,12 @@ BEFORE_ANGLES = 0.9
 
 
 def label_pairs(
-    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, threads: int, progress: Progress
+    mesh: ObjectMesh,
+    model: GraspModel,
+    sampling: Sampling,
+    reaching: Reaching | None,
+    threads: int,
+    progress: Progress,
 ) -> SurfaceLabels:
     """Label a surface by the best grasps with two fingers.
 
@@ -28,11 +36,13 @@ def label_pairs(
         mesh: The object's surface.
         model: Friction and sensor resolution; labels are computed later.
         sampling: How grasps are searched for.
+        reaching: The gripper that must reach each grasp; None: ideal points.
         threads: Threads to use.
         progress: Called with the fraction of the work done, from 0 to 1.
     """
     cone = search_cone(model, sampling)
-    grasps = best_pairs(mesh, sampling, cone, threads=threads, progress=progress)
+    limited = sampling if reaching is None else reaching.within_stroke(mesh, sampling)
+    grasps = best_pairs(mesh, limited, cone, threads=threads, reaching=reaching, progress=progress)
     points = SurfacePoints(
         grasps.partner_points.faces[..., None], grasps.partner_points.weights[..., None, :]
     )
@@ -48,17 +58,24 @@ def label_pairs(
         partner_points=points,
         grip=grasps.grip,
         reason=grasps.reason,
+        reach=grasps.reach,
     )
     report = SearchReport(
         cone, rays=grasps.rays, rounds=grasps.rounds, still_falling=grasps.still_falling
     )
     return SurfaceLabels(
-        vertex_grasps, model, sampling=sampling, mode="label", search=report, threads=threads
-    )
+        vertex_grasps, model, sampling=sampling, mode="label", search=report, reaching=reaching,
+        threads=threads,
+    )  # fmt: skip
 
 
 def label_multifinger(
-    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, threads: int, progress: Progress
+    mesh: ObjectMesh,
+    model: GraspModel,
+    sampling: Sampling,
+    reaching: Reaching | None,
+    threads: int,
+    progress: Progress,
 ) -> SurfaceLabels:
     """Label a surface by the best grasps with three fingers or more.
 
@@ -66,6 +83,7 @@ def label_multifinger(
         mesh: The object's surface.
         model: Friction and sensor resolution; labels are computed later.
         sampling: How grasps are searched for.
+        reaching: A gripper whose round tips must fit at each contact; None: ideal points.
         threads: Threads to use.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -79,7 +97,10 @@ def label_multifinger(
     )
     found = search(mesh, model.fingers, sampling, cone, threads=threads, progress=searching)
     points = _both_grasps(found.partner_points)
-    vertices = np.unique(mesh.canonical[(found.reason == Reason.FOUND) & mesh.on_surface])
+    reasons, reach = found.reason, None
+    if reaching is not None:
+        reasons, reach = _reach_of_tips(mesh, points, reasons, reaching, threads)
+    vertices = np.unique(mesh.canonical[(reasons == Reason.FOUND) & mesh.on_surface])
     grasps = grasps_at(mesh, points, vertices, 0)
     angles = np.full((2, count), math.inf)
     angles[:, vertices] = critical_angles(grasps, threads=threads, progress=finishing)
@@ -97,14 +118,31 @@ def label_multifinger(
         partner_normals=normals[canonical],
         partner_points=points,
         grip=0,
-        reason=found.reason,
+        reason=reasons,
+        reach=reach,
     )
     report = SearchReport(
         cone, evaluated=found.evaluated, rounds=found.rounds, still_falling=found.still_falling
     )
     return SurfaceLabels(
-        vertex_grasps, model, sampling=sampling, mode="label", search=report, threads=threads
-    )
+        vertex_grasps, model, sampling=sampling, mode="label", search=report, reaching=reaching,
+        threads=threads,
+    )  # fmt: skip
+
+
+def _reach_of_tips(
+    mesh: ObjectMesh, points: SurfacePoints, reasons: Bytes, reaching: Reaching, threads: int
+) -> tuple[Bytes, Reach]:
+    """The reasons, and how round tips fit at the contacts of each vertex's grasp."""
+    tried = np.flatnonzero((reasons == Reason.FOUND) & mesh.on_surface)
+    contacts = grasps_at(mesh, points, tried, 0)
+    reach = reach_grasps(
+        mesh, contacts.points, contacts.normals, reaching.gripper, table=reaching.table,
+        threads=threads,
+    )  # fmt: skip
+    reasons = reasons.copy()
+    reasons[tried[~reach.reached]] = Reason.NOT_REACHED
+    return reasons, reach.among(len(mesh.vertices), tried)
 
 
 def _both_grasps(points: SurfacePoints) -> SurfacePoints:

@@ -8,6 +8,7 @@ import numpy.typing as npt
 
 from grasp3d._kernels import antipodal_candidates
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.gripper.reach import Reach
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
@@ -26,6 +27,8 @@ class Reason(IntEnum):
     """The vertex belongs to no face."""
     SAME_POINT = 4
     """A fixed finger is at the vertex."""
+    NOT_REACHED = 5
+    """It has grasps, but the gripper reached none of those that were tested."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,6 +54,8 @@ class VertexGrasps:
     three fingers and more. (V,)"""
     reason: Bytes
     """`Reason` codes. (V,)"""
+    reach: Reach | None = None
+    """How the gripper reaches the grasp of each vertex, a row for each; None: no gripper."""
 
     __repr__ = short_repr
 
@@ -66,6 +71,7 @@ class VertexGrasps:
         grip: ArrayLike,
         reason: ArrayLike,
         opening: Floats | None = None,
+        reach: Reach | None = None,
     ) -> "VertexGrasps":
         """Copy the arrays; vertices off the surface get `Reason.OFF_SURFACE`.
 
@@ -78,6 +84,7 @@ class VertexGrasps:
             grip: As the field; one number for all vertices or shape (V,).
             reason: `Reason` codes of the vertices on the surface, shape (V,).
             opening: As the field; None: computed from the partners.
+            reach: As the field.
         """
         count = len(mesh.vertices)
         if opening is None:
@@ -94,6 +101,7 @@ class VertexGrasps:
             opening=locked(opening),
             grip=locked(np.broadcast_to(grip, count), np.int8),
             reason=locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8),
+            reach=reach,
         )
 
     @property

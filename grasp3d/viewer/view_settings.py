@@ -5,9 +5,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.settings import DEGREE, Radians, check_choice
+from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
 
-Paint = Literal["label", "critical_angle", "max_resolution", "epsilon", "epsilon_min"]
+Paint = Literal[
+    "label", "critical_angle", "max_resolution", "epsilon", "epsilon_min", "approach_margin"
+]
 MIN_WIDTH, MIN_HEIGHT, MAX_PIXELS = 320, 240, 7680
 
 _ALIKE: dict[Paint, str] = {
@@ -15,6 +17,7 @@ _ALIKE: dict[Paint, str] = {
     "max_resolution": "α* does not depend on the sensor resolution",
     "epsilon": "ε does not depend on the sensor resolution",
     "epsilon_min": "the smallest ε is computed for one sensor resolution at a time",
+    "approach_margin": "the approach margin does not depend on the sensor resolution",
 }
 """Why a second sensor resolution would have the same colours."""
 
@@ -42,7 +45,10 @@ class ViewSettings:
     Attributes:
         paint: Quantity that colours show. label: S, M, U; critical_angle: beta* of the best grasp;
             max_resolution: alpha*, the coarsest resolution at which it is S; epsilon and
-            epsilon_min: Ferrari-Canny epsilon, and its smallest value over the tilts.
+            epsilon_min: Ferrari-Canny epsilon, and its smallest value over the tilts;
+            approach_margin: half-width of the free approach angles of a gripper.
+        vertex: Index of the vertex whose grasp is shown first. none: no grasp; pictures and films
+            with a gripper show the best grasp that it reaches.
         compare: A second sensor resolution, shown beside the first, in the colours S, M, U; none:
             no second one.
         azimuth: Azimuth of the camera about the z-axis, from the x-axis.
@@ -52,6 +58,7 @@ class ViewSettings:
     """
 
     paint: Paint = "label"
+    vertex: int | None = None
     compare: Radians | None = None
     azimuth: Radians = 75.0 * DEGREE
     elevation: Radians = 35.0 * DEGREE
@@ -60,6 +67,8 @@ class ViewSettings:
 
     def __post_init__(self) -> None:
         check_choice("paint", self.paint, Paint)
+        if self.vertex is not None:
+            whole_number("vertex", self.vertex, 0)
         if self.compare is not None and not 0.0 <= self.compare < math.pi:
             degrees = math.degrees(self.compare)
             raise SettingError(

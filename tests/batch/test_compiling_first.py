@@ -47,7 +47,7 @@ def test_kernels_are_compiled_once_and_announced_before(
     monkeypatch.setattr(compiling_first, "call", calls)
     compile_first(2)
     compile_first(2)
-    assert calls.made == [(announcement, 2), (compile_kernels, 2)]
+    assert calls.made == [(announcement, 2, False), (compile_kernels, 2, False)]
     assert [(one.name, one.getMessage()) for one in caplog.records] == [
         ("grasp3d.compiling", "compiling takes a while")
     ]
@@ -59,7 +59,7 @@ def test_compiled_kernels_are_not_announced(
     calls = Calls()
     monkeypatch.setattr(compiling_first, "call", calls)
     compile_first(3)
-    assert (calls.made, caplog.messages) == ([(announcement, 3)], [])
+    assert (calls.made, caplog.messages) == ([(announcement, 3, False)], [])
 
 
 def test_a_child_that_cannot_compile_is_left_to_the_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -70,14 +70,18 @@ def test_a_child_that_cannot_compile_is_left_to_the_jobs(monkeypatch: pytest.Mon
 @pytest.mark.slow
 def test_a_run_compiles_before_its_first_job(monkeypatch: pytest.MonkeyPatch) -> None:
     order: list[object] = []
-    monkeypatch.setattr(compiling_first, "compile_first", order.append)
-    monkeypatch.setattr("grasp3d.batch.run.compile_kernels", order.append)
+
+    def noted(*arguments: object) -> None:
+        order.append(arguments)
+
+    monkeypatch.setattr(compiling_first, "compile_first", noted)
+    monkeypatch.setattr("grasp3d.batch.run.compile_kernels", noted)
     jobs = [Work("well")]
     for workers in (1, 0):
         cluster = ClusterSettings(workers=workers)
         rows = run(work, jobs, 0.0, lost=lost, cluster=cluster, started=order.append, kernels=4)
         assert len(list(rows)) == 1
-    assert order == [4, jobs[0], 4, jobs[0]]
+    assert order == [(4, False), jobs[0], (4, False), jobs[0]]
 
 
 def test_each_worker_of_a_cluster_prepares_once(monkeypatch: pytest.MonkeyPatch) -> None:

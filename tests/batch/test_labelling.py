@@ -9,20 +9,27 @@ import pyarrow.parquet as pq
 import pytest
 import trimesh
 
-from grasp3d import GraspModel, MeshOptions, Sampling, best_grasps, label_surface, load_mesh
+from grasp3d import GraspModel, MeshOptions, Sampling, Table, best_grasps, label_surface, load_mesh
 from grasp3d.batch import labelling
 from grasp3d.batch.batch_settings import BatchSettings, FractionGrid
+from grasp3d.batch.identity import mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import Outcome, Row
+from grasp3d.grasps import verdict_of
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.isolation import NeedsMemory
 from grasp3d.storage import Folder
 from grasp3d.surface.labels import SurfaceLabels
 from tests.helpers import shapes
+from tests.helpers.grippers import HAND
 
 SETTINGS = BatchSettings(
-    GraspModel(friction=0.4, edges=8), Sampling(rays=16), MeshOptions(unit="cm"), best=2
+    GraspModel(friction=0.4, edges=8),
+    Sampling(rays=16),
+    MeshOptions(unit="cm", max_edge=0.2),
+    best=2,
 )
 
 
@@ -45,7 +52,7 @@ def row_of(job: Job, settings: BatchSettings = SETTINGS) -> Row:
 
 
 def labels_of(source: Path, settings: BatchSettings = SETTINGS) -> SurfaceLabels:
-    mesh = load_mesh(source, unit="cm")
+    mesh = load_mesh(source, unit="cm", max_edge=0.2)
     return label_surface(mesh, settings.model, sampling=settings.search)
 
 
@@ -128,6 +135,65 @@ def test_the_best_grasps_are_those_of_the_surface(tmp_path: Path) -> None:
         across = np.subtract(*grasp.points)
         assert grasp.opening == pytest.approx(np.linalg.norm(across))
         assert np.dot(across, grasp.normals[0]) > 0.0  # outward
+
+
+def held(source: Path, folder: Path, **changes: float) -> Row:
+    """The row of a mesh on a table, beside a gripper."""
+    reach = ReachSettings(replace(HAND, **changes), "as-is")
+    return row_of(job_of(source, folder), replace(SETTINGS, reach=reach))
+
+
+@pytest.mark.slow
+def test_with_a_gripper_a_row_has_the_verdict_and_poses(tmp_path: Path) -> None:
+    source = egg(tmp_path)
+    row = held(source, tmp_path / "out")
+    mesh = load_mesh(source, unit="cm", max_edge=0.2)
+    labels = label_surface(
+        mesh, SETTINGS.model, sampling=SETTINGS.search, gripper=HAND, table=Table.below(mesh)
+    )
+    verdict, best = verdict_of(labels), best_grasps(labels, 2)
+    assert (row.error, row.gripper) == ("", "hand")
+    assert (row.verdict, row.verdict_text) == (verdict.word, str(verdict))
+    assert (row.stable_grasps, row.spare_resolution) == (verdict.count, verdict.spare_resolution)
+    assert row.approach_margin == verdict.approach_margin
+    assert row.stable == labels.fractions()["S"] < row_of(job_of(source, tmp_path / "no")).stable
+    for number, grasp in enumerate(row.grasps):
+        assert np.reshape(grasp.pose, (4, 4)) == pytest.approx(best.reach.poses[number])
+        assert grasp.pregrasp_opening == best.reach.pregrasp_opening[number]
+        assert grasp.approach_margin == best.reach.approach_margin[number]
+        assert grasp.label == "S"
+    fields = pq.read_table(tmp_path / "out" / row.fields)
+    margins = fields["approach_margin"].to_numpy()
+    assert margins == pytest.approx(labels.reach.approach_margin, abs=1e-6, nan_ok=True)
+
+
+def test_what_is_out_of_reach_has_a_row_that_says_why(tmp_path: Path) -> None:
+    row = held(egg(tmp_path), tmp_path / "out", min_opening=0.07)
+    assert (row.error, row.verdict, row.stable_grasps) == ("", "out of reach", 0)
+    assert row.verdict_text == "out of reach (the openings are outside the stroke)"
+    assert row.grasps == ()
+    assert row.spare_resolution is None
+    assert row.approach_margin is None
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        ReachSettings(),
+        ReachSettings(HAND),
+        ReachSettings(HAND, "as-is", "y"),
+        ReachSettings(HAND, "stable"),
+        ReachSettings(HAND, "as-is", approach_within=1.0),
+        ReachSettings(HAND, "as-is", approach_angles=16),
+        ReachSettings(replace(HAND, clearance=0.001), "as-is"),
+    ],
+)
+def test_another_gripper_or_table_is_another_key(other: ReachSettings) -> None:
+    settings = replace(SETTINGS, reach=ReachSettings(HAND, "as-is"))
+    same = replace(SETTINGS, reach=ReachSettings(replace(HAND), "as-is"))
+    key = mesh_key("content", settings)
+    assert mesh_key("content", same) == key
+    assert mesh_key("content", replace(SETTINGS, reach=other)) != key
 
 
 def test_a_surface_without_any_grasp_has_a_row_without_grasps(tmp_path: Path) -> None:

@@ -330,7 +330,7 @@ def test_the_number_of_processes_does_not_change_the_results(tmp_path: Path) -> 
     source = small_library(tmp_path / "in")
     for vertices, faces in (shapes.box(), shapes.lopsided()):
         trimesh.Trimesh(vertices, faces).export(source / f"{len(vertices)}.ply")
-    settings = replace(QUICK, sampling=Sampling(rays=16), mesh=MeshOptions())
+    settings = replace(QUICK, sampling=Sampling(rays=16), mesh=MeshOptions(max_edge=0.3))
     rows = {}
     for workers in (0, 1, 2):
         out, cluster = tmp_path / f"out{workers}", ClusterSettings(workers=workers)

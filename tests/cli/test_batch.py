@@ -18,9 +18,10 @@ import trimesh
 
 from grasp3d.batch.row import TIMINGS
 from tests.helpers import shapes
+from tests.helpers.commands import run_here
 
 COMMAND = Path(sys.executable).parent / "grasp3d"
-OPTIONS = ("--rays", "8", "--max-edge", "0.15")
+OPTIONS = ("--rays", "8", "--max-edge", "0.3")
 
 
 def grasp3d(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
@@ -50,6 +51,11 @@ def wait_for(condition: Callable[[], object], seconds: float = 120.0) -> None:
     while not condition():
         assert time.monotonic() < deadline
         time.sleep(0.05)
+
+
+def resumed(folder: Path, *options: str) -> subprocess.CompletedProcess[str]:
+    """The same command again, in this process: who labels the rest does not change the rows."""
+    return run_here("batch", "in", "-o", "out", "--workers", "0", *OPTIONS, *options, cwd=folder)
 
 
 def make_library(folder: Path, count: int = 10) -> Path:
@@ -100,7 +106,7 @@ def test_without_a_terminal_progress_is_plain_lines(undisturbed: Path) -> None:
     lines = (undisturbed / "log.txt").read_text(encoding="utf-8").splitlines()
     assert "10 meshes to label, 0 finished before" in lines[0]
     assert sum(" INFO labelled egg_" in line for line in lines) == 10
-    quiet = grasp3d("in", "-o", "out", "-q", *OPTIONS, cwd=undisturbed)
+    quiet = resumed(undisturbed, "-q")
     assert (quiet.returncode, quiet.stdout, quiet.stderr) == (0, "", "")
 
 
@@ -119,7 +125,7 @@ def test_failures_do_not_end_the_batch(tmp_path: Path) -> None:
     assert 0.0 < rows.loc["egg_0.ply", "epsilon_min_p50"] < rows.loc["egg_0.ply", "epsilon_p50"]
     assert rows.loc["deep/box.stl", "labels"] == "labels/deep/box.ply"
     assert "holds no triangles" in rows.loc["bad.obj", "error"]
-    quiet = grasp3d("in", "-o", "out", "--friction", "1", "-q", *OPTIONS, cwd=tmp_path)
+    quiet = resumed(tmp_path, "--friction", "1", "-q")
     assert (quiet.returncode, quiet.stdout) == (1, "")
     assert quiet.stderr.startswith("failed: in/bad.obj: ")
     assert quiet.stderr.count("\n") == 1
@@ -131,7 +137,7 @@ def test_failures_do_not_end_the_batch(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_the_same_command_again_labels_nothing(undisturbed: Path) -> None:
     before = summary(undisturbed / "out")
-    run = grasp3d("in", "-o", "out", *OPTIONS, cwd=undisturbed)
+    run = resumed(undisturbed)
     assert run.returncode == 0
     assert "10 labelled, 0 failed; 10 of them were finished before" in run.stdout
     assert summary(undisturbed / "out") == before
@@ -157,7 +163,7 @@ def test_an_interrupted_batch_prints_how_to_resume_and_resumes(
     rows = summary(tmp_path / "out")
     assert 2 <= len(rows) < 10
     check_no_unfinished_files(tmp_path / "out")
-    again = grasp3d("in", "-o", "out", *OPTIONS, cwd=tmp_path)
+    again = resumed(tmp_path)
     assert f"; {len(rows)} of them were finished before" in again.stdout
     assert summary(tmp_path / "out") == summary(undisturbed / "out")
 
@@ -178,7 +184,7 @@ def test_repeatedly_killed_it_loses_only_the_running_meshes(
         )
         assert kept >= labelled(out) - 1
         done = labelled(out)
-    assert grasp3d("in", "-o", "out", *OPTIONS, cwd=tmp_path).returncode == 0
+    assert resumed(tmp_path).returncode == 0
     assert summary(out) == summary(undisturbed / "out")
     check_no_unfinished_files(out)
 
@@ -221,7 +227,6 @@ def test_the_death_of_a_worker_and_the_client_does_not_change_the_rows(
     check_no_unfinished_files(out)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     ("arguments", "message"),
     [
@@ -245,7 +250,7 @@ def test_bad_input_is_an_error_of_one_line_and_exit_code_2(
 ) -> None:
     make_library(tmp_path / "in", 2)
     (tmp_path / "list.txt").write_text("in\nnowhere.stl\n", encoding="utf-8")
-    run = grasp3d(*arguments, cwd=tmp_path)
+    run = run_here("batch", *arguments, cwd=tmp_path)
     assert run.returncode == 2
     assert message in run.stderr
     *before, last = run.stderr.splitlines()

@@ -129,6 +129,84 @@ def test_bad_input_prints_one_line_and_writes_nothing(folder: Path, name: str) -
     assert {path: path.read_bytes() for path in folder.iterdir()} == before
 
 
+POSES = """px,py,pz,qx,qy,qz,qw,unit,outcome
+0,0,10,1,0,0,0,mm,1
+0,0.5,10,1,0,0,0,mm,1
+0,200,10,1,0,0,0,mm,0
+"""
+"""From above: two on the box of `posed`, and one beside it."""
+
+
+@pytest.fixture
+def posed(tmp_path: Path) -> Path:
+    export(tmp_path / "small.stl", shapes.box((60.0, 42.0, 30.0)))
+    (tmp_path / "poses.csv").write_text(POSES, encoding="utf-8")
+    return tmp_path
+
+
+def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
+    arguments = ("small.stl", "poses.csv", "--unit", "mm", "--gripper", "franka")
+    run = grasp3d("evaluate", *arguments, "-o", "out.csv", cwd=posed)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "small.stl: 3 poses of gripper franka; friction 0.5" in run.stdout
+    for text in (
+        "■ S  surely stable +2 +66.7 %",
+        "the jaws close on nothing +1 +33.3 %",
+        "closed, but the gripper collides +0",
+        "closed and reachable +2",
+        "held when tried: S 100.0 % of 2, U 0.0 % of 1",
+        "3 +■ U +none +none +none +none +nothing",
+        "opening in mm",
+    ):
+        assert re.search(text, run.stdout), text
+    rows = pc.read_csv(posed / "out.csv").to_pylist()
+    assert [row["label"] for row in rows] == ["S", "S", "U"]
+    assert [row["closing"] for row in rows] == ["closed", "closed", "nothing"]
+    assert rows[0]["opening"] == pytest.approx(60.0)
+    assert rows[2]["opening"] is None
+    again = grasp3d("evaluate", "small.stl", "out.csv", *arguments[2:], "-q", cwd=posed)
+    assert (again.returncode, again.stdout) == (0, "")
+    rows_again = pc.read_csv(posed / "small_grasps.csv").to_pylist()
+    assert [row["label"] for row in rows_again] == ["S", "S", "U"]
+
+
+def test_poses_on_a_table_collide_from_below(posed: Path) -> None:
+    below = POSES.replace(",10,1,0,0,0", ",-10,0,0,0,1")
+    (posed / "poses.csv").write_text(below, encoding="utf-8")
+    arguments = ("small.stl", "poses.csv", "--unit", "mm", "--gripper", "franka")
+    run = grasp3d("evaluate", *arguments, "--table", "as-is", cwd=posed)
+    assert run.returncode == 0
+    assert re.search("closed, but the gripper collides +2", run.stdout)
+    assert re.search("closed and reachable +0", run.stdout)
+
+
+BAD_POSES: dict[str, tuple[list[str], str]] = {
+    "no gripper": (["poses.csv", "--unit", "mm"], "give their gripper with --gripper NAME"),
+    "no unit": (["poses.csv", "--gripper", "franka"], "unit"),
+    "contacts": (["pair.json", "--unit", "mm", "--gripper", "franka"], "contains no poses"),
+    "onto the poses": (
+        ["poses.csv", "--unit", "mm", "--gripper", "franka", "-o", "poses.csv"],
+        "poses.csv: is the file of poses; name another file",
+    ),
+    "distance": (
+        ["poses.csv", "--unit", "mm", "--gripper", "franka", "--max-distance", "1"],
+        "max_distance applies to contacts",
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BAD_POSES)
+def test_bad_poses_print_one_line_and_write_nothing(posed: Path, name: str) -> None:
+    (posed / "pair.json").write_text(json.dumps([PAIR]), encoding="utf-8")
+    before = {path: path.read_bytes() for path in posed.iterdir()}
+    arguments, message = BAD_POSES[name]
+    run = grasp3d("evaluate", "small.stl", *arguments, cwd=posed)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert message in run.stderr
+    assert re.fullmatch(r"grasp3d: [^\n]+\n", run.stderr)
+    assert {path: path.read_bytes() for path in posed.iterdir()} == before
+
+
 def printed_rows(text: str) -> list[list[str]]:
     """Words of the rows of the table of grasps."""
     return [line.split() for line in text.splitlines() if re.match(r" +\d+ +■ [SMU] ", line)]

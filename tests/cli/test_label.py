@@ -5,7 +5,6 @@ import os
 import re
 import subprocess
 import sys
-import time
 from pathlib import Path
 
 import numpy as np
@@ -52,7 +51,7 @@ def test_label_writes_the_ply_and_prints_the_fractions(tmp_path: Path) -> None:
 def test_angles_are_degrees_on_the_command_line(tmp_path: Path) -> None:
     source = export(tmp_path / "ball.ply", shapes.sphere(2))
     arguments = ("--sensor-resolution", "30", "--friction", "0.2", "--search-angle", "40")
-    run = grasp3d("label", source, "-o", "out.npz", *arguments, cwd=tmp_path)
+    run = run_here("label", source, "-o", "out.npz", "--max-edge", "9", *arguments, cwd=tmp_path)
     assert run.returncode == 0
     with np.load(tmp_path / "out.npz") as data:
         assert float(str(data["setting_sensor_resolution"])) == pytest.approx(math.radians(30.0))
@@ -104,7 +103,8 @@ def test_epsilon_is_written_and_printed_as_the_options_define(tmp_path: Path, na
 def test_every_output_format_is_written(tmp_path: Path) -> None:
     source = export(tmp_path / "ball.ply", shapes.sphere(2))
     for suffix in ("ply", "glb", "npz", "vtp"):
-        run = run_here("label", source, "-o", f"out.{suffix}", "--edges", "8", "-q", cwd=tmp_path)
+        words = ("-o", f"out.{suffix}", "--edges", "8", "--max-edge", "9", "-q")
+        run = run_here("label", source, *words, cwd=tmp_path)
         assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
         assert (tmp_path / f"out.{suffix}").stat().st_size > 1000
 
@@ -172,7 +172,6 @@ def test_bad_input_of_a_process_is_one_line_as_well(tmp_path: Path) -> None:
     assert re.fullmatch(r"grasp3d: .*nothing.stl.*there is no such file.*\n", run.stderr)
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize(
     "arguments",
     [
@@ -187,7 +186,7 @@ def test_bad_input_of_a_process_is_one_line_as_well(tmp_path: Path) -> None:
 def test_bad_usage_has_exit_code_2_and_refers_to_the_help(
     tmp_path: Path, arguments: list[str]
 ) -> None:
-    run = grasp3d(*arguments, cwd=tmp_path)
+    run = run_here(*arguments, cwd=tmp_path)
     assert run.returncode == 2
     assert "--help" in run.stderr
     assert "Traceback" not in run.stderr
@@ -203,9 +202,12 @@ def test_a_closed_output_pipe_is_not_an_error(tmp_path: Path) -> None:
 
 
 def test_help_is_printed_quickly_and_names_the_settings(tmp_path: Path) -> None:
-    started = time.perf_counter()
+    before = os.times()
     run = grasp3d("label", "--help", cwd=tmp_path)
-    assert time.perf_counter() - started < 5.0  # test_layers checks the loaded modules
+    after = os.times()
+    used = after.children_user - before.children_user
+    used += after.children_system - before.children_system
+    assert used < 5.0  # of computing, as others may be busy; test_layers checks the loaded modules
     assert "INT|none" in run.stdout
     for option in (
         "--edges",

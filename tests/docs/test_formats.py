@@ -13,7 +13,15 @@ import pyarrow.parquet as pq
 import pytest
 import pyvista
 
-from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh, sweep
+from grasp3d import (
+    GraspModel,
+    ParallelGripper,
+    Sampling,
+    SurfaceLabels,
+    label_surface,
+    load_mesh,
+    sweep,
+)
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.check_writing import write_checks
 from grasp3d.batch.checking import check_file
@@ -32,15 +40,25 @@ PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
 Names = set[str]
 
 
-def sections() -> dict[str, str]:
-    """Text of each section without its subsections, by title."""
-    parts = re.split(r"^#+ (.+)$", PAGE.read_text(encoding="utf-8"), flags=re.MULTILINE)
+def sections_of(page: Path) -> dict[str, str]:
+    """Text of each section of a page without its subsections, by title."""
+    parts = re.split(r"^#+ (.+)$", page.read_text(encoding="utf-8"), flags=re.MULTILINE)
     return dict(zip(parts[1::2], parts[2::2], strict=True))
 
 
+def sections() -> dict[str, str]:
+    """Sections of the page on file formats."""
+    return sections_of(PAGE)
+
+
 def tables(title: str) -> list[Names]:
-    """Names in the first column of each table of a section."""
-    rows = re.findall(r"(?:^\|.*\n)+", sections()[title], re.MULTILINE)
+    """Names in the first column of each table of a section of that page."""
+    return tables_of(PAGE, title)
+
+
+def tables_of(page: Path, title: str) -> list[Names]:
+    """Names in the first column of each table of a section of a page."""
+    rows = re.findall(r"(?:^\|.*\n)+", sections_of(page)[title], re.MULTILINE)
     return [
         {
             name
@@ -68,44 +86,70 @@ def metadata(path: Path) -> Names:
     return set(json.loads(pq.read_schema(path).metadata[b"grasp3d"]))
 
 
-def test_labelled_ply(tmp_path: Path) -> None:
-    write_ply(tmp_path / "out.ply", labels())
+@cache
+def with_gripper() -> SurfaceLabels:
+    gripper = ParallelGripper.preset("franka")
+    return label_surface(labels().mesh, GraspModel(), gripper=gripper)
+
+
+@pytest.fixture(params=[False, True], ids=["points", "gripper"])
+def gripped(request: pytest.FixtureRequest) -> bool:
+    """Whether there is a gripper."""
+    return bool(request.param)
+
+
+def labels_with(*, gripper: bool) -> SurfaceLabels:
+    return with_gripper() if gripper else labels()
+
+
+def names_with(title: str, *, gripper: bool) -> Names:
+    """Names in the first table of a section, with a gripper also in the second."""
+    first, second = tables(title)[:2]
+    return first | second if gripper else first
+
+
+def test_labelled_ply(tmp_path: Path, gripped: bool) -> None:
+    write_ply(tmp_path / "out.ply", labels_with(gripper=gripped))
     header = (tmp_path / "out.ply").read_bytes().partition(b"end_header")[0].decode()
     properties = set(re.findall(r"^property .* (\w+)$", header, re.MULTILINE))
-    assert properties == tables("Labelled PLY")[0]
+    assert properties == names_with("Labelled PLY", gripper=gripped)
     settings = set(re.findall(r"^comment grasp3d (\w+)", header, re.MULTILINE))
-    assert settings == tables("Settings")[0]
+    assert settings == names_with("Settings", gripper=gripped)
 
 
-def test_npz(tmp_path: Path) -> None:
-    write_npz(tmp_path / "out.npz", labels())
+def test_npz(tmp_path: Path, gripped: bool) -> None:
+    write_npz(tmp_path / "out.npz", labels_with(gripper=gripped))
     with np.load(tmp_path / "out.npz") as arrays:
         written = {name for name in arrays.files if not name.startswith("setting_")}
         settings = {name.removeprefix("setting_") for name in set(arrays.files) - written}
-    assert written | {"setting_NAME"} == tables("NPZ")[0]
-    assert settings == tables("Settings")[0]
+    assert written | {"setting_NAME"} == names_with("NPZ", gripper=gripped)
+    assert settings == names_with("Settings", gripper=gripped)
 
 
-def test_vtp(tmp_path: Path) -> None:
-    write_vtp(tmp_path / "out.vtp", labels())
+def test_vtp(tmp_path: Path, gripped: bool) -> None:
+    write_vtp(tmp_path / "out.vtp", labels_with(gripper=gripped))
     data = pyvista.read(tmp_path / "out.vtp")
-    assert {*data.point_data, "setting_NAME"} == tables("VTP")[0]
-    settings = {f"setting_{name}" for name in tables("Settings")[0]}
+    assert {*data.point_data, "setting_NAME"} == names_with("VTP", gripper=gripped)
+    settings = {f"setting_{name}" for name in names_with("Settings", gripper=gripped)}
     assert set(data.field_data) == settings
 
 
-def test_glb(tmp_path: Path) -> None:
-    write_glb(tmp_path / "out.glb", labels())
+def test_glb(tmp_path: Path, gripped: bool) -> None:
+    write_glb(tmp_path / "out.glb", labels_with(gripper=gripped))
     content = (tmp_path / "out.glb").read_bytes()
     length = int.from_bytes(content[12:16], "little")  # of the first chunk, which is JSON
     settings = json.loads(content[20 : 20 + length])["asset"]["extras"]["grasp3d"]
-    assert set(settings) == tables("Settings")[0]
+    assert set(settings) == names_with("Settings", gripper=gripped)
 
 
-def test_table_of_vertices(tmp_path: Path) -> None:
-    write_fields(tmp_path / "out.parquet", labels())
-    assert set(pq.read_schema(tmp_path / "out.parquet").names) == tables("Table of vertices")[0]
-    assert metadata(tmp_path / "out.parquet") == tables("Settings")[0]
+def test_table_of_vertices(tmp_path: Path, gripped: bool) -> None:
+    path = tmp_path / "out.parquet"
+    write_fields(path, labels_with(gripper=gripped))
+    assert set(pq.read_schema(path).names) == names_with("Table of vertices", gripper=gripped)
+    assert metadata(path) == names_with("Settings", gripper=gripped)
+
+
+def test_reasons() -> None:
     assert {reason.name.lower() for reason in Reason} == tables("Reasons")[0]
     for reason in Reason:
         assert f"| `{reason.name.lower()}` | {reason:d} |" in sections()["Reasons"]

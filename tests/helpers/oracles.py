@@ -71,9 +71,11 @@ def crossings(
 def smallest_angle(normals: Floats, direction: Floats) -> float:
     """Angle to the convex cone of the normals, by sampling its corners, edges and interior."""
     best = min(angle(n, direction) for n in normals)
+    fractions = np.linspace(0.0, 1.0, 2001)[:, None]
     for a, b in itertools.combinations(normals, 2):
-        for fraction in np.linspace(0.0, 1.0, 2001):
-            best = min(best, angle((1.0 - fraction) * a + fraction * b, direction))
+        between = (1.0 - fractions) * a + fractions * b
+        across = np.linalg.norm(np.cross(between, direction), axis=1)
+        best = min(best, float(np.arctan2(across, between @ direction).min()))
     for triple in itertools.combinations(normals, 3):
         matrix = np.stack(triple, axis=1)
         if abs(np.linalg.det(matrix)) > 1e-9 and (np.linalg.solve(matrix, direction) >= 0.0).all():

@@ -42,9 +42,9 @@ def torus(major: float = 1.0, minor: float = 0.25) -> Surface:
     return arrays(trimesh.creation.torus(major, minor, major_sections=96, minor_sections=48))
 
 
-def lopsided() -> Surface:
+def lopsided(subdivisions: int = 4) -> Surface:
     """A smooth blob without any symmetry, so that there are no ties."""
-    vertices, faces = sphere(4)
+    vertices, faces = sphere(subdivisions)
     x, y, z = vertices.T
     radius = 1.0 + 0.25 * x * y + 0.15 * z**3 + 0.1 * np.sin(3.0 * x + y) + 0.2 * y**2
     return vertices * radius[:, None] * (1.0, 0.8, 1.3), faces

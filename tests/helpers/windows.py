@@ -50,7 +50,8 @@ def screen() -> Iterator[str]:
     reading, writing = os.pipe()
     size = f"{SCREEN[0]}x{SCREEN[1]}x24"
     server = subprocess.Popen(
-        ["Xvfb", "-displayfd", str(writing), "-screen", "0", size, "-nolisten", "tcp"],  # noqa: S607
+        # Without -noreset it restarts after the last window, and may refuse the next one.
+        ["Xvfb", "-displayfd", str(writing), "-screen", "0", size, "-nolisten", "tcp", "-noreset"],  # noqa: S607
         pass_fds=[writing],
         stderr=subprocess.DEVNULL,
     )
@@ -73,7 +74,22 @@ class Window:
     folder: Path
 
     @classmethod
-    def open(cls, script: str, display: str, folder: Path) -> "Window":
+    @contextmanager
+    def open(cls, script: str, folder: Path) -> Iterator["Window"]:
+        """Open a window alone on its screen: tests find it by its name, and it has the mouse."""
+        with screen() as display:
+            made = cls._start(script, display, folder)
+            try:
+                made.until(lambda state: state["fractions"], "labels")
+                wait_for(lambda: made.numbers, "a window with a title")
+                made.do("windowfocus", made.number)
+                yield made
+            finally:
+                made.process.kill()
+                made.process.communicate()
+
+    @classmethod
+    def _start(cls, script: str, display: str, folder: Path) -> "Window":
         lines = folder / "lines.jsonl"
         lines.touch()
         folder = folder / "work"
@@ -85,14 +101,18 @@ class Window:
             env={**kept, "DISPLAY": display}, cwd=folder, text=True,
             stdout=subprocess.PIPE, stderr=subprocess.PIPE,
         )  # fmt: skip
-        made = cls(process, display, lines, folder)
-        made.until(lambda state: state["fractions"], "labels")
-        made.do("windowfocus", made.number)
-        return made
+        return cls(process, display, lines, folder)
+
+    @property
+    def numbers(self) -> list[str]:
+        """Numbers of all windows with the tested title."""
+        words = ["search", "--name", "^a window to test$"]
+        return self.do(*words, check=False).split()  # fails where there is none
 
     @property
     def number(self) -> str:
-        return self.do("search", "--name", "^a window to test$").split()[0]
+        (number,) = self.numbers
+        return number
 
     @property
     def state(self) -> dict[str, Any]:
@@ -111,11 +131,11 @@ class Window:
 
         return wait_for(found, f"{what}; {self.state}")
 
-    def do(self, *words: object) -> str:
+    def do(self, *words: object, check: bool = True) -> str:
         return subprocess.run(
             ["xdotool", *map(str, words)],  # noqa: S607
             env={**os.environ, "DISPLAY": self.display},
-            check=True, capture_output=True, text=True,
+            check=check, capture_output=True, text=True,
         ).stdout  # fmt: skip
 
     def key(self, *names: str) -> None:
@@ -168,8 +188,8 @@ class Window:
         message[0] = 33  # ClientMessage
         message[4], message[5], message[6] = int(self.number), protocols, 32
         message[7] = delete
-        x.XSendEvent(display, ctypes.c_ulong(message[4]), 0, 0, ctypes.byref(message))
-        x.XCloseDisplay(display)
+        assert x.XSendEvent(display, ctypes.c_ulong(message[4]), 0, 0, ctypes.byref(message))
+        x.XCloseDisplay(display)  # after all requests were processed
 
     def ended(self) -> tuple[int, str, str]:
         """Wait for the end of the process: exit code, and the texts that it printed."""

@@ -270,7 +270,7 @@ def test_fractions_are_written_in_percent_with_one_decimal() -> None:
 @pytest.mark.slow
 def test_the_fixed_finger_is_at_a_best_contact_point() -> None:
     vertices, faces = shapes.lopsided()
-    mesh = load_mesh((vertices[:, ::-1], faces[:, ::-1]))
+    mesh = load_mesh((vertices[:, ::-1], faces[:, ::-1]), max_edge=9.0)
     model = GraspModel(friction=0.6, sensor_resolution=math.radians(20.0))
     point = best_contact_point(mesh, model)
     scanned = real_object(mesh, "blob", PaperSettings(0.6, (model.sensor_resolution,)))

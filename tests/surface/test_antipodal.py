@@ -1,4 +1,6 @@
+import itertools
 import math
+from functools import cache
 
 import numpy as np
 import pytest
@@ -6,8 +8,18 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import ObjectMesh, Sampling, load_mesh
-from grasp3d._kernels.antipodal_descent import _angle_at, _lower_bound
-from grasp3d._kernels.face_tree import face_tree
+from grasp3d._kernels.face_contacts import (
+    NONE,
+    cosine_at,
+    move_on_face,
+    own_cosine,
+    read_face,
+    read_own,
+    turning_speed,
+    upper_bound,
+)
+from grasp3d._kernels.face_tree import FaceTree, face_tree
+from grasp3d._kernels.normal_angles import smallest_angle
 from grasp3d.settings import Grip
 from grasp3d.surface.sampling import antipodal
 from grasp3d.surface.sampling.antipodal import best_pairs, tangents
@@ -37,7 +49,8 @@ def exhaustive(mesh: ObjectMesh, vertex: int, cone: float) -> float:
 
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    "shape", [shapes.lopsided(), shapes.torus(), shapes.cone(0.3), shapes.finned()]
+    "shape",
+    [shapes.lopsided(), shapes.torus(), shapes.cone(0.3, sections=48), shapes.finned()],
 )
 def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surface) -> None:
     mesh = load_mesh(shape)
@@ -59,7 +72,7 @@ def test_the_search_finds_the_grasps_of_an_exhaustive_search(shape: shapes.Surfa
 @pytest.mark.parametrize("grip", ["squeeze", "expand", "both"])
 def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
     """The opposing contact lies on the surface and the critical angle equals the definition's."""
-    mesh = load_mesh(shapes.tube())
+    mesh = load_mesh(shapes.tube(), max_edge=0.1)
     grasps = best_pairs(mesh, Sampling(grip=grip), 0.8, threads=1)  # type: ignore[arg-type]
     smooth = np.flatnonzero((mesh.normal_sets.counts == 1) & (grasps.reason == 0))
     assert len(smooth) > 1000
@@ -90,7 +103,7 @@ def test_the_grasp_found_is_real_and_its_angle_exact(grip: str) -> None:
 
 @pytest.mark.slow
 def test_the_result_does_not_depend_on_the_number_of_threads() -> None:
-    mesh = load_mesh(shapes.lopsided())
+    mesh = load_mesh(shapes.lopsided(), max_edge=9.0)
     one = best_pairs(mesh, Sampling(), 0.7, threads=1)
     three = best_pairs(mesh, Sampling(), 0.7, threads=3)
     for name in ("worst", "best", "partner", "grip", "reason"):
@@ -124,30 +137,82 @@ def test_refining_several_grasps_finds_better_ones_than_refining_one(
     assert np.mean(gain > 0.01) > 2.0 * np.mean(gain < -0.01)
 
 
+@cache
+def with_tree(shape: str) -> tuple[ObjectMesh, FaceTree]:
+    arrays = {"blob": shapes.lopsided(), "box": shapes.box(), "cone": shapes.cone(0.3)}[shape]
+    mesh = load_mesh(arrays)
+    return mesh, face_tree(mesh.contact_surface)
+
+
 @pytest.mark.slow
 @settings(deadline=None)
-@given(
-    st.integers(0, 2**32 - 1), st.sampled_from([shapes.lopsided(), shapes.box(), shapes.cone(0.3)])
-)
-def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: shapes.Surface) -> None:
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["blob", "box", "cone"]))
+def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: str) -> None:
     """At every node the bound is below the angles of grasps with random points on its faces."""
     rng = np.random.default_rng(seed)
-    mesh = load_mesh(shape)
+    mesh, tree = with_tree(shape)
     surface, sets = mesh.contact_surface, mesh.contact_normals
-    tree = face_tree(surface)
     level = int(rng.integers(tree.depth + 1))
     number, faces = int(rng.integers(1 << level)), len(tree.order)
     node = (1 << level) - 1 + number
     inside = tree.order[faces * number >> level : faces * (number + 1) >> level]
+    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
     for _ in range(20):
         vertex, face = int(rng.integers(len(mesh.vertices))), int(rng.choice(inside))
         weights = rng.dirichlet(np.full(3, 0.5))
+        count = read_own(vertex, sets, own)
+        read_face(face, vertex, surface, lines, normals)
+        opening = float(np.linalg.norm(weights @ lines))
+        for worst, longest in itertools.product((True, False), (math.inf, opening * (1.0 + 1e-9))):
+            limits = (0.0, longest)
+            found = cosine_at(*weights, lines, normals, own, count, worst, limits)
+            bound = upper_bound(node, vertex, own, count, worst, tree, surface, limits, NONE)
+            assert NONE < found <= bound + 1e-9
+
+
+@pytest.mark.slow
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(["blob", "box", "cone"]))
+def test_moves_on_a_face_do_not_end_before_they_reach_the_limit(seed: int, shape: str) -> None:
+    """Moves that would improve the limit, if only just, are the same as without an early end."""
+    rng = np.random.default_rng(seed)
+    mesh, tree = with_tree(shape)
+    surface, sets, limits = mesh.contact_surface, mesh.contact_normals, (0.0, math.inf)
+    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
+    for _ in range(20):
+        vertex, leaf = int(rng.integers(len(mesh.vertices))), int(rng.integers(1 << tree.depth))
+        count = read_own(vertex, sets, own)
+        read_face(tree.order[len(tree.order) * leaf >> tree.depth], vertex, surface, lines, normals)
+        weights = 0.99 * rng.dirichlet(np.ones(3)) + 0.01 / 3.0
+        cosine_of_leaf = tree.bounds[(1 << tree.depth) - 1 + leaf, 7]
+        turning = turning_speed(weights, lines, normals, cosine_of_leaf)
         for worst in (True, False):
-            angle = _angle_at(face, weights, vertex, worst, surface, sets, (0.0, math.inf))
-            bound = _lower_bound(
-                node, vertex, worst, tree, surface, sets, (0.0, math.inf), math.inf
-            )
-            assert bound <= angle + 1e-9
+            others = lines, normals, own, count, worst, limits
+            cosine = cosine_at(*weights, *others)
+            moved, ended = weights.copy(), weights.copy()
+            reached = move_on_face(moved, cosine, math.inf, 0.0, *others)
+            limit = math.acos(max(-1.0, min(reached, 1.0))) + 1e-9
+            assert move_on_face(ended, cosine, turning, limit, *others) == reached
+            assert np.array_equal(ended, moved)
+
+
+@pytest.mark.slow
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1))
+def test_cosines_to_the_best_and_worst_normals_of_creases(seed: int) -> None:
+    """They are those of the exact angles."""
+    rng = np.random.default_rng(seed)
+    sets = load_mesh(shapes.box()).contact_normals
+    own = np.empty((sets.counts.max(), 12))
+    for vertex in rng.choice(np.flatnonzero(sets.counts > 0), 20):
+        line = rng.normal(size=3)
+        count = read_own(vertex, sets, own)
+        arguments = sets.normals, sets.start[vertex], count, *line
+        best, worst = (own_cosine(own, count, worst, *line) for worst in (False, True))
+        assert best == pytest.approx(math.cos(smallest_angle(*arguments)), abs=1e-12)
+        assert worst == pytest.approx(
+            min(sets.normals[sets.start[vertex] :][:count] @ line) / np.linalg.norm(line), abs=1e-12
+        )
 
 
 def test_search_directions_turn_with_the_object() -> None:

@@ -62,7 +62,7 @@ def test_a_box_is_s_on_its_faces_and_not_on_edges_and_corners(friction: float) -
 @pytest.mark.parametrize("half_angle", [5.0, 14.0, 25.0])
 def test_the_critical_angle_of_a_long_cone_is_its_half_angle(half_angle: float) -> None:
     gamma = degrees(half_angle)
-    mesh = load_mesh(shapes.cone(gamma, height=1.0, sections=256))
+    mesh = load_mesh(shapes.cone(gamma, height=1.0, sections=128), max_edge=0.08)
     labels = label_surface(mesh, GraspModel(friction=math.tan(gamma + 0.1)))
     flank = (mesh.vertices[:, 2] > 0.4) & (mesh.vertices[:, 2] < 0.8)
     assert flank.sum() > 100
@@ -85,7 +85,7 @@ def test_a_ring_has_internal_grasps_without_friction() -> None:
 
 
 def tube_openings(**limits: float) -> np.ndarray:
-    mesh = load_mesh(shapes.tube(0.4, 0.5, 1.0))
+    mesh = load_mesh(shapes.tube(0.4, 0.5, 1.0), max_edge=0.1)
     labels = label_surface(mesh, GraspModel(), sampling=Sampling(**limits))  # type: ignore[arg-type]
     radius = np.hypot(mesh.vertices[:, 0], mesh.vertices[:, 1])
     outside = (radius > 0.49) & (np.abs(mesh.vertices[:, 2]) < 0.3)
@@ -107,9 +107,11 @@ def test_a_hollow_cylinder_is_grasped_across_its_wall_or_its_diameter() -> None:
 @pytest.mark.parametrize("offset", [0.0, 0.123, 40.0])
 def test_an_opening_equal_to_the_width_fits_at_any_pose(width: float, offset: float) -> None:
     vertices, faces = shapes.box((width, 1.5 * width, 2.0 * width))
-    sides = np.abs(np.abs(load_mesh((vertices, faces)).vertices[:, 0]) - width / 2.0) < 1e-9
+    edge = 0.3 * width
+    fine = load_mesh((vertices, faces), max_edge=edge)
+    sides = np.abs(np.abs(fine.vertices[:, 0]) - width / 2.0) < 1e-9
     for rotation in (np.eye(3), shapes.rotation(1), shapes.rotation(2)):
-        mesh = load_mesh((vertices @ rotation.T + offset, faces))
+        mesh = load_mesh((vertices @ rotation.T + offset, faces), max_edge=edge)
         sampling = Sampling(max_opening=width, min_opening=width)
         labels = label_surface(mesh, sampling=sampling)
         inside = sides & (mesh.normal_sets.counts == 1)
@@ -236,7 +238,7 @@ def test_fixed_must_be_finite_points(fixed: object) -> None:
 
 @pytest.mark.slow
 def test_relabelling_equals_a_new_labelling() -> None:
-    mesh = load_mesh(shapes.lopsided())
+    mesh = load_mesh(shapes.lopsided(3), max_edge=9.0)
     wide = label_surface(mesh, GraspModel(), sampling=Sampling(search_angle=1.0))
     for friction, resolution in ((0.3, 0.2), (0.8, 0.5), (0.1, 0.0)):
         model = GraspModel(friction=friction, sensor_resolution=resolution)
@@ -249,7 +251,9 @@ def test_relabelling_equals_a_new_labelling() -> None:
 
 @cache
 def blob() -> SurfaceLabels:
-    return label_surface(load_mesh(shapes.lopsided()), sampling=Sampling(search_angle=1.0))
+    return label_surface(
+        load_mesh(shapes.lopsided(), max_edge=9.0), sampling=Sampling(search_angle=1.0)
+    )
 
 
 def with_model(labels: SurfaceLabels, **changes: Any) -> SurfaceLabels:
@@ -292,7 +296,7 @@ def test_the_smallest_epsilon_is_above_zero_exactly_where_the_label_is_s(resolut
 def test_epsilon_is_that_of_the_grasp() -> None:
     labels = blob()
     mesh, model = labels.mesh, labels.model
-    for v in range(0, len(mesh.vertices), 400):
+    for v in range(0, len(mesh.vertices), 200):
         contacts = Contacts(
             [mesh.vertices[v] - mesh.center_mass, labels.partners[v, 0] - mesh.center_mass],
             [mesh.normals[v], labels.partner_normals[v, 0]],
@@ -320,8 +324,8 @@ def test_epsilon_of_a_ball_has_a_closed_form() -> None:
 @pytest.mark.slow
 def test_epsilon_does_not_depend_on_the_unit_nor_on_threads() -> None:
     vertices, faces = shapes.lopsided()
-    own = label_surface(load_mesh((vertices, faces)), threads=1)
-    inches = label_surface(load_mesh((vertices / 25.4, faces)), threads=2)
+    own = label_surface(load_mesh((vertices, faces), max_edge=9.0), threads=1)
+    inches = label_surface(load_mesh((vertices / 25.4, faces), max_edge=9.0), threads=2)
     same = np.isclose(own.critical_angle, inches.critical_angle, atol=1e-6)
     assert same.mean() > 0.99
     for name in ("epsilon", "epsilon_min", "epsilon_max"):
@@ -347,7 +351,7 @@ def test_relabelling_gives_epsilon_of_the_new_model_at_the_same_grasps() -> None
 def test_without_a_grasp_there_is_no_epsilon() -> None:
     vertices, faces = shapes.sphere(3)
     more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
-    labels = label_surface(load_mesh((more, faces)), GraspModel(edges=8))
+    labels = label_surface(load_mesh((more, faces), max_edge=9.0), GraspModel(edges=8))
     count = len(vertices)
     assert np.array_equal(labels.epsilon[count : count + 5], labels.epsilon[:5])
     assert np.isnan(labels.epsilon[count + 5])
@@ -356,7 +360,7 @@ def test_without_a_grasp_there_is_no_epsilon() -> None:
     for values in (narrow.epsilon, narrow.epsilon_min, narrow.epsilon_max):
         assert np.isnan(values).all()
     assert narrow.epsilon_quantiles([0.5]) == [0.0]
-    box = load_mesh(shapes.box())
+    box = load_mesh(shapes.box(), max_edge=0.2)
     scan = scan_surface(box, GraspModel(edges=8), fixed=box.vertices[0])
     assert np.isnan(scan.epsilon[0])
     assert np.isfinite(scan.epsilon[scan.reason == Reason.FOUND]).all()
@@ -396,7 +400,7 @@ def test_relabelling_beyond_the_search_names_the_needed_search_angle() -> None:
 
 @pytest.mark.slow
 def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
-    mesh = load_mesh(shapes.cone(0.3))
+    mesh = load_mesh(shapes.cone(0.3), max_edge=0.1)
     labels = label_surface(mesh)
     for weights in ("area", "vertex"):
         fractions = labels.fractions(weights=weights)  # type: ignore[arg-type]
@@ -417,9 +421,9 @@ def test_fractions_and_quantiles_by_area_and_by_vertex() -> None:
 def test_duplicates_have_the_label_of_their_position_and_strays_are_off_the_surface() -> None:
     vertices, faces = shapes.sphere(3)
     more = np.vstack([vertices, vertices[:5], [[9.0, 9.0, 9.0]]])
-    mesh = load_mesh((more, faces))
+    mesh = load_mesh((more, faces), max_edge=9.0)
     labels = label_surface(mesh)
-    plain = label_surface(load_mesh((vertices, faces)))
+    plain = label_surface(load_mesh((vertices, faces), max_edge=9.0))
     count = len(vertices)
     assert np.array_equal(labels.critical_angle[count : count + 5], labels.critical_angle[:5])
     assert labels.reason[count + 5] == Reason.OFF_SURFACE

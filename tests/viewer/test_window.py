@@ -3,6 +3,7 @@
 import os
 import subprocess
 from collections.abc import Iterator
+from contextlib import AbstractContextManager
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +18,7 @@ from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
 from grasp3d.viewer.window.display import check_display
 from tests.helpers.shapes import LIBRARY
-from tests.helpers.windows import Image8, Window, needs_screen, screen, wait_for
+from tests.helpers.windows import Image8, Window, needs_screen, wait_for
 
 pytestmark = needs_screen
 
@@ -60,27 +61,15 @@ def labels() -> SurfaceLabels:
     return label_surface(mesh, GraspModel(), sampling=sampling, threads=1)
 
 
-@pytest.fixture(scope="module")
-def display() -> Iterator[str]:
-    with screen() as name:
-        yield name
-
-
-def opened(display: str, folder: Path, name: str = "spray.glb") -> Window:
+def opened(folder: Path, name: str = "spray.glb") -> AbstractContextManager[Window]:
     mesh = str(LIBRARY / name)
-    return Window.open(
-        SCRIPT.format(mesh=mesh, width=WIDTH, height=HEIGHT, cone=CONE), display, folder
-    )
+    return Window.open(SCRIPT.format(mesh=mesh, width=WIDTH, height=HEIGHT, cone=CONE), folder)
 
 
 @pytest.fixture(scope="module")
-def opened_window(display: str, tmp_path_factory: pytest.TempPathFactory) -> Iterator[Window]:
-    made = opened(display, tmp_path_factory.mktemp("window"))
-    try:
+def opened_window(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Window]:
+    with opened(tmp_path_factory.mktemp("window")) as made:
         yield made
-    finally:
-        made.process.kill()
-        made.process.communicate()
 
 
 @pytest.fixture
@@ -291,16 +280,17 @@ def test_files_are_saved_under_unused_names(window: Window, labels: SurfaceLabel
 
 
 @pytest.mark.slow
-def test_the_key_q_closes_the_window(opened_window: Window) -> None:
-    opened_window.key("q")
-    assert opened_window.ended() == (0, "closed\n", "")
+def test_the_key_q_closes_the_window(tmp_path: Path) -> None:
+    with opened(tmp_path, "cone.off") as window:
+        window.key("q")
+        assert window.ended() == (0, "closed\n", "")
 
 
 @pytest.mark.slow
-def test_the_close_button_closes_the_window(display: str, tmp_path: Path) -> None:
-    window = opened(display, tmp_path, "cone.off")
-    window.close()
-    assert window.ended() == (0, "closed\n", "")
+def test_the_close_button_closes_the_window(tmp_path: Path) -> None:
+    with opened(tmp_path, "cone.off") as window:
+        window.close()
+        assert window.ended() == (0, "closed\n", "")
 
 
 @pytest.mark.slow

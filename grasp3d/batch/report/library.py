@@ -22,6 +22,7 @@ DIGITS = 6
 QUARTILES = (0.25, 0.5, 0.75)
 
 _NUMBERS = {
+    "grasps": "stable_grasps",
     "stable": "stable",
     "ambiguous": "ambiguous",
     "noGrasp": "no_grasp_found",
@@ -31,13 +32,16 @@ _NUMBERS = {
     "seconds": "seconds",
 }
 _ANGLES = {
+    "spare": "spare_resolution",
+    "margin": "approach_margin",
     "angle": "critical_angle_p50",
     "resolution50": "required_resolution_50",
     "resolution80": "required_resolution_80",
     "resolution90": "required_resolution_90",
 }
 _TEXTS = {"name": "mesh", "outcome": "outcome", "error": "error", "warnings": "warnings"}
-COLUMNS = (*_TEXTS, "unit", "stem", "thumbnail", *_NUMBERS, *_ANGLES)
+_VERDICT = {"verdict": "verdict", "verdictText": "verdict_text"}
+COLUMNS = (*_TEXTS, *_VERDICT, "unit", "stem", "thumbnail", *_NUMBERS, *_ANGLES)
 """Columns of the table; angles are in degrees, null: unknown, for a labelled mesh infinite."""
 
 
@@ -112,6 +116,7 @@ def _values(row: Row) -> list[Any]:
     angles = [getattr(row, name) for name in _ANGLES.values()]
     return [
         *(str(getattr(row, name)) for name in _TEXTS.values()),
+        *(getattr(row, name) or "" for name in _VERDICT.values()),
         row.unit or "",
         stem_of(row),
         row.thumbnail.removeprefix(REPORT),

@@ -27,7 +27,8 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
     """Write the page's data of a labelled surface, as a script with one function call.
 
     Vertices without faces are left out. Positions are quantised to 16 bits over the surface's
-    bounding box; angles, epsilon, openings and area weights are floats of 32 bits.
+    bounding box; angles, epsilon, openings and area weights are floats of 32 bits. With a gripper
+    its shape and that of the table are added, and the pose of each of the best grasps.
 
     Args:
         labels: The labelled surface.
@@ -37,6 +38,9 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
     Returns:
         JavaScript in ASCII; equal labels give equal scripts.
     """
+    # Imported here: the pages of a library need no meshes.
+    from grasp3d.batch.report.gripper_data import drawn_openings, gripper_data
+
     mesh, model = labels.mesh, labels.model
     used = np.unique(mesh.faces)
     low = mesh.vertices[used].min(axis=0)
@@ -58,7 +62,11 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "closed": mesh.report.closed,
         "repairs": [str(step) for step in mesh.report.repairs],
         "warnings": list(mesh.report.warnings),
-        "grasps": [asdict(grasp) for grasp in grasps],
+        "gripper": gripper_data(labels),
+        "grasps": [
+            asdict(grasp) | {"drawn_opening": opening}
+            for grasp, opening in zip(grasps, drawn_openings(grasps, labels), strict=True)
+        ],
         "arrays": arrays,
     }
     return f'{CALL}({json_text(header)},"{data}");\n'.encode("ascii")
@@ -86,6 +94,8 @@ def _arrays(
         "partners": quantised(labels.partners[used], low, step),
         "reason": labels.reason[used].astype(np.uint8),
     }
+    if labels.reach is not None:
+        arrays["margin"] = labels.reach.approach_margin[used].astype(np.float32)
     if not np.array_equal(labels.critical_angle[used], labels.critical_angle_best[used]):
         arrays["best"] = labels.critical_angle_best[used].astype(np.float32)
     if len(used) < count:

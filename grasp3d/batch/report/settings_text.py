@@ -4,6 +4,7 @@ import math
 from collections.abc import Iterator
 
 from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.lengths import describe_length
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
@@ -56,8 +57,22 @@ def _search(settings: BatchSettings) -> Iterator[tuple[str, str]]:
         yield "Opening", _range(search.min_opening, search.max_opening)
     else:
         yield "Distances between contacts", _range(search.min_separation or 0.0, search.max_spread)
+    yield from _reach(settings.reach)
     if search.search_angle is not None:
         yield "Search", f"grasps with β* up to {_degrees(search.search_angle)}"
+
+
+def _reach(reach: ReachSettings) -> Iterator[tuple[str, str]]:
+    gripper = reach.gripper
+    if gripper is None:
+        return
+    yield "Gripper", f"{gripper.name}, stroke {1000.0 * gripper.max_opening:.4g} mm"
+    if reach.table == "stable":
+        yield "Table", f"resting pose {reach.resting_pose}"
+    elif reach.table == "as-is":
+        yield "Table", f"below the mesh as it is, up {reach.up}"
+    if reach.approach_within < math.pi:
+        yield "Approach", f"within {_degrees(reach.approach_within)} of straight down"
 
 
 def _range(least: float, most: float) -> str:

@@ -28,10 +28,13 @@ from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.ray_tracing import Rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
+from grasp3d.gripper.reach import Reach
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
+from grasp3d.surface.sampling.reachable import ReachSearch
 from grasp3d.system.progress import Progress, ignore
 
 CHUNK = 100_000
@@ -54,6 +57,11 @@ FEW = 16
 GAIN, GAIN_BEST = math.radians(0.25), math.radians(1.0)
 """Decrease of the critical angle over the worst normals, and over the best ones, from which branch
 and bound replaces a grasp; refinement finds smaller ones."""
+
+NEAR_LIMIT, NEAR_ROUNDS = 0.8, 6
+"""Openings from which grasps are refined before branch and bound, relative to the largest one, and
+the rounds of it: where only that limit keeps a contact from a better position, as on a ball, very
+many contacts are about equally good, and branch and bound is slow unless it starts from one."""
 
 STARTS = 3
 """Clearly different grasps per vertex that are cached and refined."""
@@ -103,13 +111,16 @@ class AntipodalGrasps:
     grip: np.ndarray[Any, np.dtype[np.int8]]
     """+1 squeeze, -1 expand, 0 none. (V,)"""
     reason: Bytes
-    """0 found, 1 no opposing contact, 2 all of them outside the limits of openings. (V,)"""
+    """0 found, 1 no opposing contact, 2 all of them outside the limits of openings, 5 none of them
+    reached by the gripper. (V,)"""
     rays: int
     """Number of rays traced."""
     rounds: int
     """Rounds of refinement."""
     still_falling: float
     """Fraction of the vertices that the last evaluation of neighbours' contacts still improved."""
+    reach: Reach | None = None
+    """With a gripper: how it reaches each grasp, or why not the best one where reason is 5. (V,)"""
 
 
 def best_pairs(
@@ -118,6 +129,7 @@ def best_pairs(
     cone: float,
     *,
     threads: int,
+    reaching: Reaching | None = None,
     progress: Progress | None = None,
 ) -> AntipodalGrasps:
     """Search for the best antipodal grasp through every vertex of the surface.
@@ -129,11 +141,20 @@ def best_pairs(
         sampling: Rays, grip, opening limits and tolerance.
         cone: Half-angle of the cone of directions about the inward normals [rad].
         threads: Threads to use.
+        reaching: The gripper that must reach the grasps; None: ideal points.
         progress: Called with the fraction of the work done, from 0 to 1.
     """
     with ThreadPoolExecutor(threads) as executor:
-        search = _Search(mesh, sampling, cone, threads, executor, progress or ignore)
+        search = _Search(mesh, sampling, cone, threads, executor, progress or ignore, reaching)
         return search.run()
+
+
+def opening_limits(mesh: ObjectMesh, sampling: Sampling) -> tuple[float, float]:
+    """(smallest, largest) opening in the normalised frame, with a tolerance for rounding."""
+    return (
+        max(sampling.min_opening / mesh.size - OPENING_SLACK, SMALLEST_OPENING),
+        sampling.max_opening / mesh.size + OPENING_SLACK,
+    )
 
 
 def tangents(mesh: ObjectMesh) -> Floats:
@@ -190,17 +211,16 @@ class _Search:
     threads: int
     executor: ThreadPoolExecutor
     progress: Progress
+    reaching: Reaching | None = None
     traced: int = field(default=0, init=False)
+    reach: Reach | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
         mesh = self.mesh
         count = len(mesh.vertices)
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
         self.vertices = np.unique(mesh.faces)
-        self.limits = (
-            max(self.sampling.min_opening / mesh.size - OPENING_SLACK, SMALLEST_OPENING),
-            self.sampling.max_opening / mesh.size + OPENING_SLACK,
-        )
+        self.limits = opening_limits(mesh, self.sampling)
         self.sets = mesh.contact_normals
         self.surface = mesh.contact_surface
         self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
@@ -233,6 +253,7 @@ class _Search:
                 self._explore(self.spacing / 2.0 ** (number + 1), turn=0.5 * (number % 2))
         if squeezing:
             self._seed(self.vertices, max(self.sampling.rays // FEW, 1), 1, (0.4, 0.45))
+            self._refine_near_limit()
             self._descend()
             missing = self.vertices[self.grasps.reason[self.vertices] != FOUND]
             self._seed(missing, self.sampling.rays, 1, (0.85, 0.85))  # why there is no grasp
@@ -246,6 +267,13 @@ class _Search:
                 radii[improved] = 0.25 * self.spacing
             rounds += self._refine_all(radii)
             self.progress(0.85 + 0.15 * (sweep + 1) / sweeps)
+        if self.reaching is not None:
+            reach = ReachSearch(self.mesh, self.reaching, self.cone, self.limits, self.executor)
+            ideal, self.grasps = (
+                self.grasps,
+                reach.run(self.grasps, self.tracer, self.neighbours, squeeze=squeezing),
+            )
+            self.reach = reach.reach_of(ideal, self.grasps, self.tracer)
         return self._result(rounds, improving)
 
     def _descend(self) -> None:
@@ -274,9 +302,15 @@ class _Search:
             self.grasps,
         )
 
-    def _refine_all(self, radii: Floats) -> int:
+    def _refine_near_limit(self) -> None:
+        """Refine grasps whose openings are near the largest one."""
+        openings = np.linalg.norm(self.grasps.partner - self.surface.points, axis=1)
+        near = openings > NEAR_LIMIT * self.limits[1]
+        self._refine_all(np.where(near, FIRST_RING * self.spacing, 0.0), NEAR_ROUNDS)
+
+    def _refine_all(self, radii: Floats, most: int = MAX_ROUNDS) -> int:
         """Refine the best grasps, halving the rings without improvement; returns the rounds."""
-        for number in range(MAX_ROUNDS):
+        for number in range(most):
             vertices = self._unfinished()
             vertices = vertices[
                 (radii[vertices] > self.sampling.tolerance)
@@ -288,7 +322,7 @@ class _Search:
                 partial(self._refine, vertices, radii, turn=0.5 * (number % 2))
             )
             radii[vertices[~improved[vertices]]] *= 0.5
-        return MAX_ROUNDS
+        return most
 
     def _improved(self, improve: Callable[[], None]) -> Bools:
         """Whether `improve` lowers each vertex's critical angle by more than rounding, (V,)."""
@@ -408,4 +442,5 @@ class _Search:
             rays=self.traced,
             rounds=rounds,
             still_falling=still_falling,
+            reach=None if self.reach is None else self.reach.take(canonical),
         )

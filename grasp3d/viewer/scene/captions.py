@@ -141,7 +141,14 @@ def _caption(session: Session, model: GraspModel, *, full: bool) -> tuple[str, .
     if not full:
         return (resolution,)
     fingers = FINGERS.get(model.fingers, f"{model.fingers} fingers")
-    return resolution, f"μ {round(model.friction, 4):g}", fingers, *_limit(session)
+    friction = f"μ {round(model.friction, 4):g}"
+    return resolution, friction, fingers, *_limit(session), *_gripper(session)
+
+
+def _gripper(session: Session) -> tuple[str, ...]:
+    """Name of the gripper that must reach each grasp."""
+    reaching = session.reaching
+    return () if reaching is None else (f"gripper {reaching.gripper.name}",)
 
 
 def _limit(session: Session) -> tuple[str, ...]:

@@ -8,10 +8,17 @@ import pyvista
 
 from grasp3d.arrays import Floats
 from grasp3d.rendering import View
-from grasp3d.viewer.subjects.subject import Subject
 
 MARGIN = 1.06
 """Size of the free area relative to the object that fills it."""
+
+
+MOST_BESIDE = 2.4
+"""Largest size of a frame relative to the object alone, where a gripper is beside it."""
+
+
+OPPOSITE = -1.0 + 1e-9
+"""z of a unit vector below which it is opposite to the z-axis."""
 
 
 @dataclass(frozen=True)
@@ -68,14 +75,83 @@ def parallel_scale(reach: tuple[float, float], area: FreeArea) -> float:
     return 0.5 * MARGIN * per_pixel * area.height
 
 
-def aim(camera: pyvista.Camera, subject: Subject, view: View, middle: Floats) -> None:
-    """Point the camera at a point of a surface."""
-    axes = view.axes
+@dataclass(frozen=True)
+class Frame:
+    """What a picture shows: its centre, and half its extents."""
+
+    middle: Floats
+    """Shape (3,)."""
+    reach: tuple[float, float]
+    """Largest horizontal and vertical distance from the centre, in the mesh's unit."""
+
+
+def frame_of(points: Floats, beside: Floats, axes: Floats) -> Frame:
+    """The frame of an object and of what is beside it.
+
+    A large gripper beside a small object would make the object tiny: the object keeps at least
+    1 / `MOST_BESIDE` of the size that it would have alone, and stays within the frame.
+
+    Args:
+        points: Points of the object, shape (n, 3).
+        beside: Points of a gripper, shape (m, 3); may be none.
+        axes: Unit vectors to the right, up and toward the camera, shape (3, 3).
+    """
+    alone = middle_of(points, axes)
+    own = np.array(extents(points, alone, [axes]))
+    if not len(beside):
+        return Frame(alone, (float(own[0]), float(own[1])))
+    both = np.concatenate([points, beside])
+    middle = middle_of(both, axes)
+    across, up = extents(both, middle, [axes])
+    most = MOST_BESIDE * float(own.max())
+    reach = np.minimum((across, up), most)
+    shift = axes[:2] @ (middle - alone)
+    kept = np.clip(shift, own - reach, reach - own)
+    return Frame(middle + (kept - shift) @ axes[:2], (float(reach[0]), float(reach[1])))
+
+
+def visible_fraction(points: Floats, frame: Frame, axes: Floats) -> float:
+    """Fraction of points (n, 3) within a frame; 1 if there are none."""
+    flat = np.abs((points - frame.middle) @ axes[:2].T)
+    inside = (flat <= np.array(frame.reach)).all(axis=1)
+    return float(inside.mean()) if len(points) else 1.0
+
+
+def view_axes(view: View, up: Floats | None = None) -> Floats:
+    """Unit vectors to the right, up and toward the camera, shape (3, 3).
+
+    Args:
+        view: Direction of the camera.
+        up: Direction that points up in the picture, shape (3,); None: the z-axis.
+    """
+    if up is None:
+        return view.axes
+    return np.asarray(view.axes @ _turn_to(up).T)
+
+
+def _turn_to(up: Floats) -> Floats:
+    """Shortest rotation of the z-axis to a unit vector, shape (3, 3)."""
+    x, y, z = (float(value) for value in up)
+    if z < OPPOSITE:
+        return np.diag([1.0, -1.0, -1.0])
+    cross = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
+    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + z))
+
+
+def aim(camera: pyvista.Camera, size: float, axes: Floats, middle: Floats) -> None:
+    """Point the camera at a point.
+
+    Args:
+        camera: The camera.
+        size: Size of all that is shown.
+        axes: As `view_axes` returns them.
+        middle: Centre of the picture, shape (3,).
+    """
     camera.parallel_projection = True
     camera.focal_point = tuple(middle)
-    camera.position = tuple(middle + 3.0 * subject.size * axes[2])
+    camera.position = tuple(middle + 3.0 * size * axes[2])
     camera.up = tuple(axes[1])
-    camera.clipping_range = (0.5 * subject.size, 6.0 * subject.size)
+    camera.clipping_range = (0.5 * size, 6.0 * size)
 
 
 def pixel_ratio(renderer: pyvista.Renderer) -> float:

@@ -81,13 +81,21 @@ class Marks:
         self._fixed = _Marker(renderer, BLACK)
         self._content: tuple[object, ...] = (None,) * 3
 
-    def show(self, subject: Subject, inspection: Inspection | None, fixed: Floats) -> None:
+    def show(
+        self,
+        subject: Subject,
+        inspection: Inspection | None,
+        fixed: Floats,
+        *,
+        cones: bool = True,
+    ) -> None:
         """Mark a grasp and fixed fingers.
 
         Args:
             subject: The surface.
             inspection: The inspected vertex with its grasp; None: there is none.
             fixed: Contact points of fixed fingers, shape (n, 3).
+            cones: Whether friction cones are drawn; they would be inside the fingers of a gripper.
         """
         size, fixed_key = subject.size, (id(subject.vertices), fixed.tobytes())
         grasp, model = NO_CONTACTS, None
@@ -95,14 +103,15 @@ class Marks:
             grasp = MarkedContacts(inspection.points, inspection.normals)
             model = inspection.model
         grasp_key = (grasp.points.tobytes(), grasp.normals.tobytes())
-        cones_key = model and (model.friction_angle, model.tilt)
+        cones_key = model and (model.friction_angle, model.tilt, cones)
         before, self._content = self._content, (fixed_key, grasp_key, cones_key)
         if fixed_key != before[0]:
             self._show_fixed(_fixed_contacts(subject, fixed), size)
         if (fixed_key, grasp_key) != before[:2]:
             self._show_grasp(grasp, fixed, size)
         if (fixed_key, grasp_key, cones_key) != before:
-            self._show_cones(grasp if len(grasp.points) > 1 else NO_CONTACTS, model, size)
+            with_cones = cones and len(grasp.points) > 1
+            self._show_cones(grasp if with_cones else NO_CONTACTS, model, size)
 
     def hide(self) -> None:
         """Show no markers."""

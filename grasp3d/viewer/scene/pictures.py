@@ -20,6 +20,7 @@ from grasp3d.system.names import safe_stem
 from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.collection import Collection
+from grasp3d.viewer.session.reached_grasps import best_reached
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import MIN_HEIGHT, MIN_WIDTH, ViewSettings
 
@@ -169,6 +170,7 @@ def open_renderer(
     session = Session(collection, settings)
     try:
         _wait(session, progress)
+        _choose_grasp(session, progress)
         largest = OVERSAMPLING * max(settings.width, settings.height)
         factor = OVERSAMPLING if largest <= MAX_DRAWN else 1
         size = replace(settings, width=factor * settings.width, height=factor * settings.height)
@@ -228,6 +230,25 @@ def _wait(session: Session, progress: Progress) -> None:
             time.sleep(POLL_INTERVAL)
     if session.failure or session.subject is None:
         raise GraspError(session.failure or f"{session.name} cannot be shown")
+
+
+def _choose_grasp(session: Session, progress: Progress) -> None:
+    """Inspect the best grasp that the gripper reaches, if no vertex was chosen.
+
+    Raises:
+        SettingError: The chosen vertex or colours do not exist.
+        GraspError: The grasp cannot be found.
+    """
+    subject, chosen = session.subject, session.settings.vertex
+    assert subject is not None
+    if chosen is not None and session.state.vertex is None:
+        raise SettingError(session.message)
+    if session.state.paint == "approach_margin":
+        session.check_gripper()
+    best = best_reached(subject) if chosen is None else None
+    if best is not None:
+        session.click(best, inspect=True)
+        _wait(session, progress)
 
 
 def _views(settings: ViewSettings, count: int) -> list[View]:

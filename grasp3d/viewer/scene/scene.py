@@ -9,19 +9,24 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.lengths import METRES
 from grasp3d.rendering import View
 from grasp3d.settings import GraspModel
 from grasp3d.viewer.scene.captions import Captions
 from grasp3d.viewer.scene.contact_numbers import contact_numbers, display_positions
 from grasp3d.viewer.scene.framing import (
+    Frame,
     FreeArea,
     aim,
     axes_of,
     extents,
-    middle_of,
+    frame_of,
     parallel_scale,
     pixel_ratio,
+    view_axes,
+    visible_fraction,
 )
+from grasp3d.viewer.scene.gripper_actors import GripperActors
 from grasp3d.viewer.scene.layout import OverlayItem, TextArea, text_size
 from grasp3d.viewer.scene.marks import CONTACT_RADIUS, Marks
 from grasp3d.viewer.scene.overlays import Overlay
@@ -34,6 +39,9 @@ from grasp3d.viewer.view_settings import ViewSettings
 
 if TYPE_CHECKING:
     from grasp3d.viewer.session.collection import Item
+
+MOSTLY = 0.9
+"""Visible fraction of a gripper's corners below which the camera moves away to show it."""
 
 
 def new_plotter(
@@ -79,6 +87,7 @@ class Scene:
         self.legend = legend
         renderers = plotter.renderers[:2]
         self._panes = [Pane(renderer) for renderer in renderers]
+        self._grippers = [GripperActors(renderer) for renderer in renderers]
         self._marks = [Marks(renderer) for renderer in renderers]
         self._overlays = [Overlay(renderer) for renderer in renderers]
         self._numbers = [Overlay(renderer) for renderer in renderers]
@@ -87,6 +96,8 @@ class Scene:
         self._subject: Subject | None = None
         self._item: Item | None = None
         self._free_area: FreeArea | None = None
+        self._up: Floats | None = None
+        self._size = 1.0
         self._count = 1
         renderers[1].camera = renderers[0].camera
         before_render = weakref.WeakMethod(self._before_render)
@@ -117,13 +128,16 @@ class Scene:
             if subject is not before:
                 prepare_picking(subject, before)
             self._inspection = inspection = session.inspection
-            self._draw(0, session, session.model, inspection)
+            self._set_surroundings(session, subject)
+            moved = self._draw(0, session, session.model, inspection)
             if other is not None:
                 self._draw(1, session, other, inspection and replace(inspection, model=other))
             item = session.collection.items[session.number]
             if item is not self._item:
                 self._item = item
                 self.look(session)
+            elif moved:
+                self._show_whole_gripper()
         self._before_render()
 
     def look(self, session: Session, turns: Sequence[View] = ()) -> None:
@@ -137,18 +151,23 @@ class Scene:
         if subject is None:
             return
         view = View(session.settings.azimuth, session.settings.elevation)
-        points = _used(subject)
-        middle = subject.center if turns else middle_of(points, view.axes)
-        aim(self.camera, subject, view, middle)
-        self._free_area = free = self._find_free_area()
-        reach = extents(points, middle, [one.axes for one in (view, *turns)])
-        self.camera.parallel_scale = parallel_scale(reach, free)
+        axes, points, beside = view_axes(view, self._up), self._points(), self._grippers[0].points
+        frame = frame_of(points, beside, axes)
+        if turns:
+            every = np.concatenate([points, beside])
+            middle = subject.center
+            if len(beside):
+                middle = 0.5 * (every.min(axis=0) + every.max(axis=0))
+            of_turns = [view_axes(one, self._up) for one in turns]
+            frame = Frame(middle, extents(every, middle, [axes, *of_turns]))
+        self._frame(frame, axes)
         self._before_render()
 
     def turn(self, view: View) -> None:
         """Look at the same point from another direction, at the same scale."""
         if self._subject is not None:
-            aim(self.camera, self._subject, view, np.array(self.camera.focal_point))
+            axes, middle = view_axes(view, self._up), np.array(self.camera.focal_point)
+            aim(self.camera, self._size, axes, middle)
 
     def pick(self, session: Session, x: float, y: float) -> int | None:
         """Vertex at a window position [pixels from the lower left]; None: there is none."""
@@ -175,21 +194,64 @@ class Scene:
         self._panes[1].renderer.viewport = (middle, bottom, right, top)
         self._panes[1].renderer.SetDraw(self._count > 1)
 
+    def _set_surroundings(self, session: Session, subject: Subject) -> None:
+        """Set the direction that is up, and the size of all that may be shown."""
+        reaching, self._size, self._up = session.reaching, subject.size, None
+        if reaching is not None and subject.unit is not None:
+            gripper = reaching.gripper
+            length = gripper.finger_length + gripper.palm_length + gripper.palm_thickness
+            self._size += length / METRES[subject.unit]
+            self._up = None if reaching.table is None else reaching.table.normal
+
+    def _show_whole_gripper(self) -> None:
+        """Move the camera away, in the same direction, if most of the gripper is not visible."""
+        axes, beside = axes_of(self.camera), self._grippers[0].points
+        free = self._find_free_area()
+        per_pixel = 2.0 * self.camera.parallel_scale / max(1.0, free.height)
+        width, height = free.free
+        now = Frame(
+            np.array(self.camera.focal_point), (0.5 * width * per_pixel, 0.5 * height * per_pixel)
+        )
+        if visible_fraction(beside, now, axes) < MOSTLY:
+            self._frame(frame_of(self._points(), beside, axes), axes)
+        self._panes[0].renderer.ResetCameraClippingRange()
+
+    def _frame(self, frame: Frame, axes: Floats) -> None:
+        """Point the camera at a frame."""
+        aim(self.camera, self._size, axes, frame.middle)
+        self._free_area = free = self._find_free_area()
+        self.camera.parallel_scale = parallel_scale(frame.reach, free)
+
+    def _points(self) -> Floats:
+        """Points of the object and the table, shape (n, 3)."""
+        assert self._subject is not None
+        return np.concatenate([_used(self._subject), self._grippers[0].table_points])
+
     def _draw(
         self, number: int, session: Session, model: GraspModel, inspection: Inspection | None
-    ) -> None:
+    ) -> bool:
+        """Draw one pane; returns whether another gripper is drawn than before."""
         subject, state = self._subject, session.state
         assert subject is not None
         pane = self._panes[number]
         pane.show(subject, state.paint, model, stale=session.stale)
         pane.cut(state.section.plane(subject.bounds) if state.section else None)
         fixed = np.array(state.fixed, dtype=float).reshape(-1, 3)
-        self._marks[number].show(subject, inspection, fixed)
+        reaching = session.reaching
+        held = inspection.held if inspection is not None and state.show_gripper else None
+        self._marks[number].show(subject, inspection, fixed, cones=held is None)
+        return self._grippers[number].show(
+            subject,
+            None if reaching is None else reaching.gripper,
+            held,
+            reaching.table if reaching is not None and state.show_table else None,
+        )
 
     def _clear(self) -> None:
         self._item = self._inspection = None
-        for pane, marks in zip(self._panes, self._marks, strict=True):
+        for pane, gripper, marks in zip(self._panes, self._grippers, self._marks, strict=True):
             pane.hide()
+            gripper.hide()
             marks.hide()
 
     def _find_free_area(self) -> FreeArea:
@@ -210,7 +272,7 @@ class Scene:
         subject, camera = self._subject, self.camera
         if self._free_area is not None and free != self._free_area and subject is not None:
             axes = axes_of(camera)
-            reach = extents(_used(subject), middle_of(_used(subject), axes), [axes])
+            reach = frame_of(self._points(), self._grippers[0].points, axes).reach
             zoom = parallel_scale(reach, free) / parallel_scale(reach, self._free_area)
             camera.parallel_scale *= zoom
         self._free_area = free

@@ -10,8 +10,11 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from grasp3d.batch.row import Row
+from grasp3d.conversions import reaching_settings
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.lengths import Unit
 from grasp3d.mesh import ObjectMesh, prepare_file
 from grasp3d.mesh.mesh_sources import read_source
@@ -22,8 +25,10 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.system.names import as_unicode, printable
 from grasp3d.system.progress import Progress, within
+from grasp3d.viewer.session.computations import mesh_of, search_grasps
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.subjects.file_settings import FileSettings
+from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.labelled_file import settings_of_file
 from grasp3d.viewer.subjects.results import labelled_rows, read_result, settings_of_results
 from grasp3d.viewer.subjects.subject import LastContact, Subject, read_subject, subject_of
@@ -34,6 +39,8 @@ READ = 0.2
 
 SettingsT = TypeVar("SettingsT")
 Lengths: TypeAlias = Mapping[str, float | None]
+Search: TypeAlias = tuple[ReachSettings, GraspModel, Sampling]
+"""Settings of a search."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,6 +122,7 @@ def open_collection(
     options: MeshOptions | None = None,
     *,
     force: bool = True,
+    reach: ReachSettings | None = None,
 ) -> Collection:
     """Collection of the objects at a path.
 
@@ -129,32 +137,35 @@ def open_collection(
         options: How a mesh is read; of labelled files only the memory limit is used, and the unit
             if the file states none.
         force: Accept lengths that cannot be meant for an object of this size.
+        reach: The gripper that must reach each grasp, and the table; None, or without a gripper: as
+            in the file, else none.
 
     Raises:
         GraspError: The path holds no object to view, or a length has a unit, but that of the
             objects is not known, or not the same.
     """
     where, options = printable(str(target)), options or MeshOptions()
+    reach = reach or ReachSettings()
     if re.match(r"[A-Za-z][A-Za-z0-9+.-]+:/", str(target)):
         raise MeshError(f"{where}: is an address; copy the file or folder to this machine first")
     if not target.exists():
         raise MeshError(f"{where}: no such file or folder")
     if target.is_dir():
-        return _batch_collection(target, model, sampling, options, force=force)
+        return _batch_collection(target, model, sampling, options, reach, force=force)
     stored = settings_of_file(target, options.max_memory)
     if stored is not None:
         unit = stored.unit or options.unit
         settings = _in_unit(_merged(stored, model, sampling), unit, target.name)
         _check(*settings, scan=stored.mode == "scan")
         lengths = {} if force else _given_lengths(model, sampling, unit, target.name)
-        read = partial(_open_labelled, target, options, lengths)
+        read = partial(_open_labelled, target, options, lengths, (reach, *settings))
         return _single(target.name, read, *settings)
     settings = model or GraspModel(), sampling or Sampling()
     if any(isinstance(length, str) for one in settings for length in one.lengths().values()):
         unit = options.unit or read_source(target, max_memory=options.max_memory).raw.unit
         settings = _in_unit(settings, unit, target.name)
     _check(*settings, scan=False)
-    read = partial(_open_mesh, target, *settings, options, force)
+    read = partial(_open_mesh, target, (reach, *settings), options, force)
     return _single(target.name, read, *settings)
 
 
@@ -169,6 +180,7 @@ def _batch_collection(
     model: GraspModel | None,
     sampling: Sampling | None,
     options: MeshOptions,
+    reach: ReachSettings,
     *,
     force: bool,
 ) -> Collection:
@@ -188,7 +200,7 @@ def _batch_collection(
     items = tuple(
         Item(
             as_unicode(row.mesh),
-            cache.cached(partial(_open_result, folder, row, options, lengths)),
+            cache.cached(partial(_open_result, folder, row, options, lengths, (reach, *settings))),
         )
         for row in rows
     )
@@ -198,17 +210,46 @@ def _batch_collection(
 
 
 def _open_result(
-    folder: Path, row: Row, options: MeshOptions, lengths: Lengths, progress: Progress
+    folder: Path,
+    row: Row,
+    options: MeshOptions,
+    lengths: Lengths,
+    search: Search,
+    progress: Progress,
 ) -> Subject:
     progress(0.0)
-    return _checked(read_result(folder, row, options.max_memory), options, lengths)
+    subject = _checked(read_result(folder, row, options.max_memory), options, lengths)
+    return _with_gripper(subject, search, progress)
 
 
 def _open_labelled(
-    path: Path, options: MeshOptions, lengths: Lengths, progress: Progress
+    path: Path, options: MeshOptions, lengths: Lengths, search: Search, progress: Progress
 ) -> Subject:
     progress(0.0)
-    return _checked(read_subject(path, options.max_memory), options, lengths)
+    subject = _checked(read_subject(path, options.max_memory), options, lengths)
+    return _with_gripper(subject, search, progress)
+
+
+def _with_gripper(subject: Subject, search: Search, progress: Progress) -> Subject:
+    """The subject, labelled again if a gripper was chosen that its file was not labelled with.
+
+    Raises:
+        SettingError: It is a scan, its unit is unknown, or the gripper cannot make such grasps.
+    """
+    reach, model, sampling = search
+    if reach.gripper is None:
+        return subject
+    if subject.mode == "scan":
+        raise SettingError(
+            f"{subject.name}: is a scan, whose grasps are given; a gripper cannot be chosen for it"
+        )
+    stored, wanted = subject.reaching, Reaching.of(reach, mesh_of(subject))
+    assert wanted is not None
+    if stored is not None and reaching_settings(stored) == reaching_settings(wanted):
+        return subject
+    found = search_grasps(replace(subject, reaching=wanted), model, sampling, progress)
+    note = f"grasps were searched again for gripper {wanted.gripper.name}, unlike in the file"
+    return replace(found, notes=(*subject.notes, note))
 
 
 def _checked(subject: Subject, options: MeshOptions, lengths: Lengths) -> Subject:
@@ -220,24 +261,27 @@ def _checked(subject: Subject, options: MeshOptions, lengths: Lengths) -> Subjec
 
 
 def _open_mesh(
-    path: Path,
-    model: GraspModel,
-    sampling: Sampling,
-    options: MeshOptions,
-    force: bool,
-    progress: Progress,
+    path: Path, search: Search, options: MeshOptions, force: bool, progress: Progress
 ) -> Subject:
+    reach, model, sampling = search
     mesh = prepare_file(path, options)
     if not force:
         refuse_lengths(mesh, model.lengths() | sampling.lengths())
     progress(READ)
-    return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0))
+    reaching = Reaching.of(reach, mesh)
+    return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0), reaching)
 
 
 def _label_mesh(
-    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, progress: Progress
+    mesh: ObjectMesh,
+    model: GraspModel,
+    sampling: Sampling,
+    progress: Progress,
+    reaching: Reaching | None = None,
 ) -> Subject:
-    labels = label_surface(mesh, model, sampling=sampling, progress=progress)
+    labels = label_surface(
+        mesh, model, sampling=sampling, progress=progress, **Reaching.keywords(reaching)
+    )
     return warm_up(subject_of(labels))
 
 
@@ -258,8 +302,9 @@ def _scan_grasp(grasps: SurfaceGrasps, row: int, progress: Progress) -> Subject:
         best=float(grasps.critical_angle_best[row]),
         between=bool(contacts.surface_points.weights[0, 0].max() < 1.0),
         creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
+        held=GripperPose.of(grasps.reach, row),
     )
-    return warm_up(replace(subject_of(labels), last_contact=shown))
+    return warm_up(replace(subject_of(labels), last_contact=shown, reaching=grasps.reaching))
 
 
 def _in_unit(

@@ -8,6 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import MeshError, SettingError
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GraspModel, Sampling, search_cone
@@ -65,7 +66,7 @@ def search_grasps(
     subject: Subject, model: GraspModel, sampling: Sampling, progress: Progress, *,
     wide: bool = False,
 ) -> Subject:  # fmt: skip
-    """Search the best grasps again.
+    """Search the best grasps again, for the same gripper and table.
 
     Args:
         subject: The surface.
@@ -84,7 +85,7 @@ def search_grasps(
     progress(start)
     labels = label_surface(
         mesh, model, sampling=replace(sampling, search_angle=cone),
-        progress=within(progress, start, 1.0),
+        progress=within(progress, start, 1.0), **Reaching.keywords(subject.reaching),
     )  # fmt: skip
     return warm_up(subject_of(labels, subject.name))
 
@@ -142,6 +143,7 @@ def prepare_labels(subject: Subject, progress: Progress) -> Subject:
         grip=0 if subject.grip is None else subject.grip,
         reason=subject.reason,
         opening=subject.opening,
+        reach=subject.reach,
     )
     labels = SurfaceLabels(
         grasps,
@@ -149,6 +151,7 @@ def prepare_labels(subject: Subject, progress: Progress) -> Subject:
         sampling=subject.sampling,
         mode=subject.mode,
         search=SearchReport(cone=subject.cone),
+        reaching=subject.reaching,
     )
     return warm_up(replace(subject, labels=labels))
 

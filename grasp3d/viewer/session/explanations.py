@@ -4,6 +4,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
+from grasp3d.gripper.reach import Reachability
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label, Mode
 from grasp3d.surface.vertex_grasps import Reason
@@ -18,6 +19,16 @@ DIGITS = 4
 PAIR = 2
 FINGERS = ("first", "second", "third", "fourth", "fifth")
 """Names of the fingers; the first is at the vertex."""
+
+
+UNREACHED = {
+    Reachability.WIDTH: "the contacts are too far apart, or too close, for its stroke",
+    Reachability.TIP: "a fingertip would touch the object elsewhere",
+    Reachability.DIRECTION: "no approach is within the allowed directions",
+    Reachability.TABLE: "every approach would enter the table",
+    Reachability.BLOCKED: "fingers or palm would touch the object on every approach",
+}
+"""Reasons why a grasp is not reached."""
 
 
 @dataclass(frozen=True)
@@ -40,6 +51,10 @@ class Case:
     """Two fingers: angles between their normals and the line through the contacts [rad]."""
     creases: tuple[int, ...] = ()
     """Indices of the fingers that are known to be on sharp edges (creases), from 0."""
+    gripper: str | None = None
+    """Name of the gripper that must reach the grasp; None: ideal points."""
+    unreached: Reachability | None = None
+    """Why the gripper does not reach the best grasp of the vertex; None: it does, or unknown."""
 
     @property
     def smooth(self) -> bool:
@@ -196,10 +211,23 @@ def _no_grasp(case: Case) -> str:
     points = f"contact points for the {'second finger' if pair else 'other fingers'}"
     limits = "opening limits" if pair else "distance limits"
     found = f"no {points} were found within the searched {angle_text(case.cone)}"
+    if case.reason == Reason.NOT_REACHED:
+        return _not_reached(case)
     reasons = {
         Reason.OPENING: f"all {points} violate the {limits}",
         Reason.OFF_SURFACE: "no grasp, as the vertex belongs to no face",
         Reason.SAME_POINT: "no grasp, as a fixed finger is at this point",
         Reason.NO_PARTNER: found,
     }
-    return reasons.get(case.reason or Reason.FOUND, f"{found} and the {limits}")
+    return reasons.get(
+        case.reason or Reason.FOUND,
+        f"{found} and the {limits}{'' if case.gripper is None else ', and reached by the gripper'}",
+    )
+
+
+def _not_reached(case: Case) -> str:
+    """Why no grasp counts, although there are some."""
+    name = case.gripper or "the gripper"
+    text = f"there are grasps here, but {name} reaches none of those that were tested"
+    detail = UNREACHED.get(case.unreached) if case.unreached is not None else None
+    return text if detail is None else f"{text}; at the best one {detail}"

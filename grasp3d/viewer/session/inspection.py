@@ -6,18 +6,23 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from grasp3d.arrays import Floats
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.gripper.reach import Reachability
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
-from grasp3d.stability.thresholds import max_resolution
+from grasp3d.stability.thresholds import label_angles, max_resolution
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.epsilon import surface_epsilons
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.session.explanations import PAIR, Case, explain
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
+from grasp3d.viewer.session.reached_grasps import alternatives_of
+from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.subject import Subject
 
 UNKNOWN = "–"
+EPSILONS = ("ε", "smallest ε", "largest ε")
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,16 +44,39 @@ class Inspection:
     """Names, and values with their units."""
     reason: str
     """One sentence: why it is S, M or U."""
+    held: GripperPose | None = None
+    """Pose of the gripper; None: there is no gripper, or it does not reach the grasp."""
+    number: int = 1
+    """Which grasp of the vertex it is, from 1."""
+    count: int | None = 1
+    """Number of grasps of the vertex that are known; None: others are not searched yet."""
 
 
-def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
+def inspect(subject: Subject, vertex: int, model: GraspModel, alternative: int = 0) -> Inspection:
     """Inspect one vertex.
 
     Args:
         subject: The surface.
         vertex: Index of the vertex.
         model: Friction and resolution; fingers as the subject has them.
+        alternative: Which of its grasps, 0: the best one; as far as there are so many.
     """
+    held, count = GripperPose.of(subject.reach, vertex), 1
+    if held is None:
+        return _inspect_best(subject, vertex, model)
+    others = alternatives_of(subject, vertex)
+    if others is None:
+        return replace(_inspect_best(subject, vertex, model), held=held, count=None)
+    count += others.size
+    row = min(alternative, count - 1)
+    if row == 0:
+        return replace(_inspect_best(subject, vertex, model), held=held, count=count)
+    found = _inspect_alternative(subject, vertex, others, row - 1, model)
+    return replace(found, number=row + 1, count=count)
+
+
+def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
+    """Inspect the best grasp of a vertex, or say why there is none."""
     worst, best = subject.critical_angle[vertex], subject.critical_angle_best[vertex]
     code = int(label_codes(subject, worst[None], best[None], model)[0])
     points, normals = _contacts(subject, vertex)
@@ -62,12 +90,45 @@ def inspect(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
         cone=subject.cone,
         reason=_reason(subject, vertex),
         off_line=off,
+        gripper=None if subject.reaching is None else subject.reaching.gripper.name,
+        unreached=_unreached(subject, vertex),
     )
     if not case.smooth:
         case = replace(case, creases=_creases(subject, vertex, several=len(points) > 1))
     return Inspection(
         vertex, code, points, normals, model, _numbers(subject, vertex, case), explain(case)
     )
+
+
+def _inspect_alternative(
+    subject: Subject, vertex: int, grasps: SurfaceGrasps, row: int, model: GraspModel
+) -> Inspection:
+    """Inspect one of the other grasps of a vertex."""
+    worst, best = grasps.critical_angle[row], grasps.critical_angle_best[row]
+    code = int(label_angles(worst[None], best[None], model)[0])
+    contacts = grasps.contacts.take(slice(row, row + 1))
+    points, normals = contacts.points[0], contacts.normals[0]
+    case = Case(
+        model=model,
+        mode="scan",  # another grasp than the best one, whatever its label is
+        code=code,
+        worst=float(worst),
+        best=float(best),
+        cone=subject.cone,
+        reason=Reason.FOUND,
+        off_line=_off_line(points, normals) if len(points) == PAIR else None,
+        creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
+    )
+    unit = f" {subject.unit}" if subject.unit else ""
+    held = GripperPose.of(grasps.reach, row)
+    position = _position(subject.vertices[vertex], subject.size, unit)
+    numbers = [("vertex", f"{vertex}"), ("position", position)]
+    numbers += [("β*", _critical_angles(case)), ("α*", _max_resolution(case))]
+    values = _epsilons_of(contacts, model)
+    numbers += zip(EPSILONS, map(_epsilon_text, values), strict=True)
+    numbers.append(("opening", f"{grasps.opening[row]:.4g}{unit}"))
+    numbers += [*_gripper_numbers(held, unit), *_off_line_text(case)]
+    return Inspection(vertex, code, points, normals, model, tuple(numbers), explain(case), held)
 
 
 def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | None:
@@ -100,15 +161,17 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
     numbers += [("β*", _critical_angles(case)), ("α*", _max_resolution(case))]
     gaps = np.linalg.norm(found.points[:, None] - found.points, axis=2)
     numbers.append(("opening", f"{gaps.max():.4g}{unit}"))
-    numbers += _off_line_text(case)
-    return Inspection(None, code, found.points, found.normals, model, tuple(numbers), explain(case))
+    numbers += [*_gripper_numbers(found.held, unit), *_off_line_text(case)]
+    return Inspection(
+        None, code, found.points, found.normals, model, tuple(numbers), explain(case), found.held
+    )
 
 
 def warm_up(subject: Subject) -> Subject:
     """Inspect one grasp, so that the functions are compiled before the user's first click."""
     found = np.flatnonzero(subject.reason == Reason.FOUND)
     if subject.labels is not None and len(found):
-        _epsilons_of(subject.labels, int(found[0]), subject.model)
+        _epsilons_of(_grasp(subject.labels, int(found[0])), subject.model)
     return subject
 
 
@@ -144,9 +207,17 @@ def _reason(subject: Subject, vertex: int) -> Reason | None:
         sampling.min_opening > 0.0
         or math.isfinite(min(sampling.max_opening, sampling.max_spread))
         or sampling.min_separation is not None
+        or subject.reaching is not None
     )
     unnamed = subject.partners is None and reason == Reason.NO_PARTNER
     return None if unnamed and limited else reason
+
+
+def _unreached(subject: Subject, vertex: int) -> Reachability | None:
+    """Why the gripper does not reach a vertex's grasp; None: it does, or that is unknown."""
+    if subject.unreached is None or subject.reason[vertex] != Reason.NOT_REACHED:
+        return None
+    return Reachability(int(subject.unreached[vertex]))
 
 
 def _numbers(subject: Subject, vertex: int, case: Case) -> tuple[tuple[str, str], ...]:
@@ -156,12 +227,24 @@ def _numbers(subject: Subject, vertex: int, case: Case) -> tuple[tuple[str, str]
     if math.isinf(case.best):
         return (*numbers, ("β*", "no grasp"))
     numbers += [("β*", _critical_angles(case)), ("α*", _max_resolution(case))]
-    names = ("ε", "smallest ε", "largest ε")
-    numbers += zip(names, _epsilon_texts(subject, vertex, case.model), strict=True)
+    numbers += zip(EPSILONS, _epsilon_texts(subject, vertex, case.model), strict=True)
     opening = subject.opening[vertex]
     if math.isfinite(opening):
         numbers.append(("opening", f"{opening:.4g}{unit}"))
-    return (*numbers, *_off_line_text(case))
+    held = GripperPose.of(subject.reach, vertex)
+    return (*numbers, *_gripper_numbers(held, unit), *_off_line_text(case))
+
+
+def _gripper_numbers(held: GripperPose | None, unit: str) -> list[tuple[str, str]]:
+    """Names and values that a gripper adds; those that are unknown are left out."""
+    if held is None:
+        return []
+    values = [
+        ("pre-grasp opening", held.pregrasp_opening, f"{held.pregrasp_opening:.4g}{unit}"),
+        ("approach margin", held.approach_margin, f"±{math.degrees(held.approach_margin):.1f}°"),
+        ("inserted depth", held.depth, f"{round(held.depth, 9):.3g}{unit}"),
+    ]
+    return [(name, text) for name, value, text in values if math.isfinite(value)]
 
 
 def _position(point: Floats, size: float, unit: str) -> str:
@@ -198,8 +281,12 @@ def _epsilon_texts(subject: Subject, vertex: int, model: GraspModel) -> list[str
         values = (known.nominal[vertex], known.minimum[vertex],
                   math.nan if maximum is None else maximum[vertex])  # fmt: skip
     elif subject.labels is not None and subject.reason[vertex] == Reason.FOUND:
-        values = _epsilons_of(subject.labels, vertex, model)
-    return [f"{value:.3g}" if math.isfinite(value) else UNKNOWN for value in values]
+        values = _epsilons_of(_grasp(subject.labels, vertex), model)
+    return [_epsilon_text(value) for value in values]
+
+
+def _epsilon_text(value: float) -> str:
+    return f"{value:.3g}" if math.isfinite(value) else UNKNOWN
 
 
 def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]:
@@ -226,14 +313,11 @@ def _grasp(labels: SurfaceLabels, vertex: int) -> SurfaceContacts:
     )
 
 
-def _epsilons_of(
-    labels: SurfaceLabels, vertex: int, model: GraspModel
-) -> tuple[float, float, float]:
-    """Nominal, smallest and largest epsilon of one vertex's grasp.
+def _epsilons_of(grasp: SurfaceContacts, model: GraspModel) -> tuple[float, float, float]:
+    """Nominal, smallest and largest epsilon of one grasp, shape (1, n).
 
     Sampling the tilts of three or more fingers takes too long for a click: nominal epsilon only.
     """
-    grasp = _grasp(labels, vertex)
     nominal_only = model.tilts == "sampled_tilts" and grasp.count > PAIR
     if nominal_only:
         model = replace(model, sensor_resolution=0.0, method="exact")

@@ -90,6 +90,20 @@ def _flip_section(session: Session) -> None:
         session.change(section=replace(section, flipped=not section.flipped))
 
 
+def _step_grasp(by: int) -> Callable[[Session], None]:
+    return lambda session: session.step_grasp(by)
+
+
+def _toggle_gripper(session: Session) -> None:
+    session.check_gripper()
+    session.change(show_gripper=not session.state.show_gripper)
+
+
+def _toggle_table(session: Session) -> None:
+    session.check_gripper(table=True)
+    session.change(show_table=not session.state.show_table)
+
+
 def _toggle_click(session: Session) -> None:
     session.change(click="inspect" if session.state.click == "fix" else "fix")
 
@@ -111,6 +125,7 @@ DRAWING: tuple[tuple[str, str], ...] = (
     ("blue cone", "its part that is safe for all normals within the resolution, β − α/2"),
     ("thin outlines", "friction cones of the extreme normals, tilted by α/2 to either side"),
     ("black balls", "fixed fingers"),
+    ("blue fan", "free approach angles of the gripper about its closing axis"),
 )
 """Symbols in the scene and their meanings."""
 
@@ -124,6 +139,7 @@ KEYS: dict[str, Key] = {
     "3": Key("colours: α*, coarsest resolution at which it is S", _set_paint("max_resolution")),
     "4": Key("colours: ε", _set_paint("epsilon")),
     "5": Key("colours: smallest ε over the tilts", _set_paint("epsilon_min")),
+    "6": Key("colours: approach margin of a gripper", _set_paint("approach_margin")),
     "c": Key("compare with a second resolution", _toggle_compare),
     "x": Key("section across x, y, z, none", _next_section),
     "[": Key("move the section down", _move_section(-SECTION_STEP)),
@@ -131,6 +147,10 @@ KEYS: dict[str, Key] = {
     "i": Key("show the other side of the section", _flip_section),
     "f": Key("clicks inspect, or fix a finger", _toggle_click),
     "u": Key("release fixed fingers", lambda session: session.change(fixed=())),
+    ".": Key("next grasp at the vertex, with a gripper", _step_grasp(1)),
+    ",": Key("previous grasp at the vertex", _step_grasp(-1)),
+    "j": Key("show or hide the gripper", _toggle_gripper),
+    "t": Key("show or hide the table", _toggle_table),
     "n": Key("next object", lambda session: session.step(1)),
     "p": Key("previous object", lambda session: session.step(-1)),
     "s": Key("save the labelled PLY"),

@@ -120,6 +120,10 @@ def texture_coordinates(
         epsilon = _epsilon(subject, paint)
         known = np.isfinite(epsilon)
         values = np.minimum(np.nan_to_num(epsilon) / _max_epsilon(subject), 1.0)
+    elif paint == "approach_margin":
+        margins = _approach_margin(subject)
+        known = np.isfinite(margins)
+        values = np.nan_to_num(margins) / _max_margin(subject)
     return np.stack([values, np.where(known, 0.25, 0.75)], axis=1).astype(np.float32)
 
 
@@ -172,7 +176,24 @@ def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
         return Ramp("α*: coarsest resolution at which it is S", maximum, "°", none)
     if paint in {"epsilon", "epsilon_min"}:
         return _epsilon_ramp(subject, paint, model, none)
+    if paint == "approach_margin":
+        return _margin_ramp(subject)
     return None
+
+
+def _margin_ramp(subject: Subject) -> Ramp:
+    if subject.approach_margin is None:
+        return Ramp("approach margin: needs a gripper", 180.0, "°", "no gripper")
+    if subject.model.fingers > 2:
+        return Ramp("approach margin: for two fingers only", 180.0, "°", "no palm is tested")
+    unreached = np.isnan(subject.approach_margin) & (subject.weights > 0.0)
+    grey = "not reached" if unreached.any() else ""
+    return Ramp(
+        "approach margin: half the free approach angles",
+        math.degrees(_max_margin(subject)),
+        "°",
+        grey,
+    )
 
 
 def _epsilon_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
@@ -207,6 +228,16 @@ def _epsilon(subject: Subject, paint: Paint) -> Floats:
     if subject.epsilons is None:
         return np.full(len(subject.vertices), math.nan)
     return subject.epsilons.nominal if paint == "epsilon" else subject.epsilons.minimum
+
+
+def _approach_margin(subject: Subject) -> Floats:
+    known = subject.approach_margin
+    return np.full(len(subject.vertices), math.nan) if known is None else known
+
+
+def _max_margin(subject: Subject) -> float:
+    """Largest approach margin of the surface [rad]."""
+    return float(np.nanmax(_approach_margin(subject), initial=0.0)) or math.pi
 
 
 def _max_epsilon(subject: Subject) -> float:

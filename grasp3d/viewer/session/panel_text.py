@@ -103,12 +103,23 @@ def panel_text(session: Session) -> PanelText:
     )
 
 
+def grasp_number(inspection: Inspection) -> str:
+    """Which grasp of a vertex is shown, of those that the gripper reaches; empty: no gripper."""
+    if inspection.held is None or inspection.vertex is None:
+        return ""
+    count = "…" if inspection.count is None else inspection.count
+    return f"{inspection.number} of {count}"
+
+
 def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
     unit = subject.unit or "(unit not stated)"
     facts = (
         f"size {subject.size:.3g} {unit}, {len(subject.vertices):,} vertices, "
         f"{'closed' if subject.closed else 'open'}"
     )
+    if subject.reaching is not None:
+        table = "" if subject.reaching.table is None else " and a table"
+        facts += f"; gripper {subject.reaching.gripper.name}{table}"
     if subject.mode == "scan" and not stale:
         count = fixed or subject.model.fingers - 1
         facts += f", {_fingers(count)} fixed"
@@ -124,6 +135,8 @@ def _notes(session: Session) -> Iterator[str]:
     subject, state = session.subject, session.state
     if subject is None or session.stale:
         return
+    if state.fixed and session.reaching is not None:
+        yield "with fixed fingers the labels are those of ideal points: the gripper is not tested"
     missing = state.model.fingers - 1 - len(state.fixed)
     if state.fixed and missing > 0:
         more = "finger" if missing == 1 else "fingers"

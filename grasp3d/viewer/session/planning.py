@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
+from grasp3d.lengths import METRES
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
@@ -15,6 +16,11 @@ from grasp3d.viewer.session.computations import (
     search_grasps,
 )
 from grasp3d.viewer.session.painting import same_settings
+from grasp3d.viewer.session.reached_grasps import (
+    alternatives_of,
+    find_alternatives,
+    is_reached,
+)
 from grasp3d.viewer.session.saving import write_labels
 from grasp3d.viewer.session.state import FixedPoints, ViewState
 from grasp3d.viewer.session.wider_search import search_wider
@@ -62,8 +68,8 @@ def next_job(
 ) -> SubjectJob | None:
     """The next job; None: everything is computed.
 
-    The first word of a job's key is its kind: open, save, scan, search, wider, grasps or epsilon;
-    the rest is all that its result depends on.
+    The first word of a job's key is its kind: open, save, scan, search, wider, grasps,
+    alternatives or epsilon; the rest is all that its result depends on.
 
     Args:
         viewed: The current object.
@@ -85,6 +91,7 @@ def next_job(
     return (
         _search_job(subject, state, sampling, number)
         or _grasps_job(subject, state, number)
+        or _alternatives_job(subject, state, number)
         or _epsilon_job(subject, state, number)
     )
 
@@ -102,7 +109,19 @@ def needs_search(subject: Subject, state: ViewState, sampling: Sampling) -> bool
     if subject.sampling is None:  # a scan, whose grasps are given
         return False
     needed, searched = limited_sampling(sampling, state), subject.sampling
-    return replace(needed, search_angle=None) != replace(searched, search_angle=None)
+    return _limits(subject, needed) != _limits(subject, searched)
+
+
+def _limits(subject: Subject, sampling: Sampling) -> Sampling:
+    """Settings of a search without its cone, with openings that a gripper can have."""
+    sampling = replace(sampling, search_angle=None)
+    if subject.reaching is None or subject.unit is None:
+        return sampling
+    least, most = (limit / METRES[subject.unit] for limit in subject.reaching.gripper.limits)
+    most = min(sampling.max_opening, most)
+    return replace(
+        sampling, min_opening=min(max(sampling.min_opening, least), most), max_opening=most
+    )
 
 
 def is_stale(viewed: ViewedItem, state: ViewState, sampling: Sampling) -> bool:
@@ -196,9 +215,26 @@ def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
         sampling = replace(subject.sampling or Sampling(), search_angle=cone)
         run = partial(search_grasps, subject, subject.model, sampling)
         return Job(key, "searching grasps", run)
-    if not other_model:
+    if not other_model and not _wants_alternatives(subject, state):
         return None
     return Job(key, "preparing grasps", partial(prepare_labels, subject))
+
+
+def _wants_alternatives(subject: Subject, state: ViewState) -> bool:
+    """Whether other grasps of the inspected vertex are needed, and not known."""
+    vertex = state.vertex
+    if vertex is None or not is_reached(subject, vertex):
+        return False
+    return alternatives_of(subject, vertex) is None
+
+
+def _alternatives_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
+    """Search for other grasps of the inspected vertex that the gripper reaches."""
+    if subject.labels is None or state.vertex is None or not _wants_alternatives(subject, state):
+        return None
+    key = ("alternatives", number, state.vertex, state.model.fingers, state.max_opening)
+    run = partial(find_alternatives, subject, state.vertex)
+    return Job(key, "searching other grasps", run)
 
 
 def _epsilon_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:

@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.session.background import Finished, Worker
@@ -50,6 +51,7 @@ class Session:
             max_opening=span_limit(collection.sampling, collection.model),
             paint=settings.paint,
             compare=settings.compare,
+            vertex=settings.vertex,
         )
         self.revision = 0
         self._message = ""
@@ -58,7 +60,7 @@ class Session:
         self._failed: dict[Hashable, str] = {}
         self._saving: SaveRequest | None = None
         self._cache = SearchCache()
-        self._last_inspection: tuple[Subject, int, GraspModel, Inspection] | None = None
+        self._last_inspection: tuple[Subject, tuple[object, ...], Inspection] | None = None
         self._start_next_job()
 
     @property
@@ -121,6 +123,7 @@ class Session:
         None: no vertex is chosen, or its grasp is not known yet.
         """
         subject, vertex, model = self.subject, self.state.vertex, self.model
+        alternative = self.state.alternative
         if subject is None or self.stale:
             return None
         if vertex is None:
@@ -128,10 +131,17 @@ class Session:
         if vertex >= len(subject.vertices):
             return None
         last = self._last_inspection
-        if last is None or last[0] is not subject or last[1:3] != (vertex, model):
-            last = (subject, vertex, model, inspect(subject, vertex, model))
+        key = (vertex, model, alternative)
+        if last is None or last[0] is not subject or last[1] != key:
+            last = (subject, key, inspect(subject, vertex, model, alternative))
             self._last_inspection = last
-        return last[3]
+        return last[2]
+
+    @property
+    def reaching(self) -> Reaching | None:
+        """The gripper and the table of the current object; None: no gripper."""
+        subject = self._viewed.subject
+        return None if subject is None else subject.reaching
 
     def change(self, **changes: Any) -> None:
         """Change some choices.
@@ -144,6 +154,8 @@ class Session:
             SettingError: A value is outside its range; nothing is changed.
         """
         state = changed_state(self.state, changes)
+        if changes.get("paint") == "approach_margin" and state.paint != self.state.paint:
+            self.check_gripper()
         if "fingers" in changes and not 2 <= state.model.fingers <= MAX_SEARCHED_FINGERS:
             raise SettingError(
                 f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {state.model.fingers}"
@@ -169,11 +181,47 @@ class Session:
             count = len(subject.vertices)
             raise SettingError(f"there is no vertex {vertex}; there are {count:,}, from 0")
         if vertex is None or inspect or self.state.click == "inspect":
-            self._set_state(replace(self.state, vertex=vertex))
+            self._set_state(replace(self.state, vertex=vertex, alternative=0))
             return
         x, y, z = (float(value) for value in subject.vertices[vertex])
         kept = self.state.fixed[: max(0, self.state.model.fingers - 2)]
-        self._set_state(replace(self.state, fixed=(*kept, (x, y, z)), vertex=None))
+        self._set_state(replace(self.state, fixed=(*kept, (x, y, z)), vertex=None, alternative=0))
+
+    def step_grasp(self, by: int) -> None:
+        """Show another grasp of the inspected vertex that the gripper reaches, cyclically.
+
+        Args:
+            by: Number of grasps to go forward, or back.
+
+        Raises:
+            SettingError: There is no gripper, or it reaches no other grasp there.
+        """
+        self.check_gripper()
+        found = self.inspection
+        if found is None or found.vertex is None or found.held is None:
+            raise SettingError("click a vertex that the gripper reaches to step through its grasps")
+        if found.count is None:
+            raise SettingError("other grasps at this vertex are still being searched")
+        if found.count == 1:
+            raise SettingError("the gripper reaches no other grasp at this vertex")
+        self._set_state(replace(self.state, alternative=(found.number - 1 + by) % found.count))
+
+    def check_gripper(self, *, table: bool = False) -> None:
+        """Check that the current object has a gripper.
+
+        Args:
+            table: Whether it must also stand on a table.
+
+        Raises:
+            SettingError: It has none.
+        """
+        if self._viewed.subject is None:
+            return
+        reaching = self.reaching
+        if reaching is None:
+            raise SettingError("there is no gripper; open the object with one (--gripper)")
+        if table and reaching.table is None:
+            raise SettingError("there is no table; open the object with one (--table)")
 
     def step(self, by: int) -> None:
         """Go forward or back by some objects of the collection, cyclically."""
@@ -184,7 +232,7 @@ class Session:
         self._failed.clear()
         self._cache = SearchCache()
         self._saving, self._message = None, ""
-        self.state = replace(self.state, vertex=None, fixed=(), section=None)
+        self.state = replace(self.state, vertex=None, alternative=0, fixed=(), section=None)
         self.revision += 1
         self._start_next_job()
 
@@ -282,10 +330,18 @@ class Session:
             self._viewed = replace(self._viewed, scan=result, fixed=self.state.fixed)
         elif kind == "grasps" or (kind == "wider" and not self._has_grasps):
             self._viewed = replace(self._viewed, subject=self._with_difference(result))
-        elif kind == "epsilon":
+        elif kind in {"epsilon", "alternatives"}:
             self._replace(result)
         else:
             self._show(result)
+            self._check_vertex(result)
+
+    def _check_vertex(self, subject: Subject) -> None:
+        """Release the chosen vertex if a surface that was opened does not have it."""
+        vertex, count = self.state.vertex, len(subject.vertices)
+        if vertex is not None and vertex >= count:
+            self.state = replace(self.state, vertex=None)
+            self._message = f"there is no vertex {vertex}; there are {count:,}, from 0"
 
     def _show(self, subject: Subject) -> None:
         """Display a new search result, and keep the previous one in the cache."""

@@ -6,11 +6,13 @@ do not change.
 """
 
 import math
-from dataclasses import replace
+from dataclasses import fields, replace
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats
+from grasp3d.arrays import Bools, Floats, locked
+from grasp3d.gripper.reach import Reach
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.labelling import label_surface
@@ -45,6 +47,7 @@ def search_wider(
     wide = label_surface(
         known.mesh, replace(model, fingers=known.model.fingers),
         sampling=replace(sampling, search_angle=WIDEST), progress=within(progress, start, 1.0),
+        **Reaching.keywords(subject.reaching),
     )  # fmt: skip
     return warm_up(subject_of(with_known_grasps(wide, known), subject.name))
 
@@ -80,8 +83,22 @@ def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabel
         grip=np.where(worst, new.grip, old.grip),
         reason=np.where(missing, new.reason, old.reason),
         opening=np.where(worst, new.opening, old.opening),
+        reach=_chosen_reach(worst, new.reach, old.reach),
     )
     return replace(wide, grasps=grasps)
+
+
+def _chosen_reach(which: Bools, new: Reach | None, old: Reach | None) -> Reach | None:
+    """Rows of the new poses where `which`, else of the old ones."""
+    if new is None or old is None:
+        return new
+    rows = {}
+    for one in fields(Reach):
+        first, second = getattr(new, one.name), getattr(old, one.name)
+        if first.shape != second.shape:  # a file does not contain the free angles
+            second = np.zeros_like(first)
+        rows[one.name] = locked(np.where(which.reshape(-1, *[1] * (first.ndim - 1)), first, second))
+    return replace(new, **rows)
 
 
 def _chosen(which: Bools, new: Floats, old: Floats) -> Floats:
@@ -100,5 +117,5 @@ def _known_labels(subject: Subject, sampling: Sampling, progress: Progress) -> S
     cone = min(subject.cone, math.pi / 2.0)
     return label_surface(
         mesh_of(subject), subject.model, sampling=replace(sampling, search_angle=cone),
-        progress=progress,
+        progress=progress, **Reaching.keywords(subject.reaching),
     )  # fmt: skip

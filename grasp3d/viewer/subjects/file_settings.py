@@ -1,12 +1,20 @@
 """The settings in the header comments of a labelled PLY."""
 
+import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields
 from types import NoneType
 from typing import Any, TypeVar, get_args, get_origin, get_type_hints
 
+import numpy as np
+
+from grasp3d.arrays import Floats
 from grasp3d.errors import GraspError
+from grasp3d.gripper.approach import Approach
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reaching import Reaching
+from grasp3d.gripper.table import Table
 from grasp3d.lengths import Length, Unit
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.stability.label import Mode
@@ -30,6 +38,8 @@ class FileSettings:
     cone: float
     """Largest critical friction angle that was searched [rad]."""
     unit: Unit | None
+    reaching: Reaching | None = None
+    """The gripper that must reach each grasp, and the table; None: ideal points."""
 
 
 def comments_of(header: bytes) -> dict[str, str]:
@@ -63,7 +73,48 @@ def settings_from(comments: Mapping[str, str]) -> FileSettings:
         mode="scan" if mode == "scan" else "label",
         cone=cone,
         unit=options.unit,
+        reaching=_reaching(values),
     )
+
+
+def _reaching(values: Mapping[str, str]) -> Reaching | None:
+    """The gripper, the table and the approach; None: there is no gripper.
+
+    Raises:
+        ValueError: They are not valid settings.
+    """
+    if values.get("gripper", "none") == "none":
+        return None
+    try:
+        gripper = ParallelGripper(**_fields(json.loads(values["gripper"])))
+        table, direction = _numbers(values, "table", 4), _numbers(values, "approach_direction", 3)
+        within, angles = float(values["approach_within"]), int(values["approach_angles"])
+        return Reaching(
+            gripper,
+            None if table is None else Table(table[:3], float(table[3])),
+            Approach(direction, within=within, angles=angles),
+        )
+    except KeyError as error:
+        raise ValueError(f"there is no comment {error.args[0]!r}") from error
+    except (TypeError, RecursionError, GraspError) as error:
+        raise ValueError(str(error)) from error
+
+
+def _fields(found: object) -> dict[str, Any]:
+    """Fields of a gripper from JSON; lists become tuples."""
+    if not isinstance(found, dict):
+        raise TypeError("its gripper is not a JSON object")
+    return {name: tuple(one) if isinstance(one, list) else one for name, one in found.items()}
+
+
+def _numbers(values: Mapping[str, str], name: str, count: int) -> Floats | None:
+    """Some numbers in one comment, shape (count,); None: it is 'none'."""
+    if values[name] == "none":
+        return None
+    numbers = np.array([float(one) for one in values[name].split()])
+    if len(numbers) != count:
+        raise ValueError(f"its {name} has {len(numbers)} numbers instead of {count}")
+    return numbers
 
 
 def _parsed(kind: type[SettingsT], values: Mapping[str, str]) -> SettingsT:

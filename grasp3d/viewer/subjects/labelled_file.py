@@ -34,6 +34,9 @@ _POSITIONS, _NORMALS = ("x", "y", "z"), ("nx", "ny", "nz")
 LABELLED = ("label", *_ANGLES, "max_resolution", *_EPSILONS)
 """Vertex properties that only a labelled file has."""
 
+APPROACH_MARGIN = "approach_margin"
+"""Vertex property of labels with a gripper."""
+
 ROUNDING = 1e-6
 """Tolerance of angles and of the length of normals, stored with 32 bits [rad, 1]."""
 
@@ -57,6 +60,8 @@ class LabelledFile:
     """Over the best normals [rad], (V,)."""
     epsilons: Floats
     """Nominal, smallest and largest, (3, V); nan: no grasp."""
+    approach_margin: Floats
+    """Half-width of the free approach angles [rad]; nan: not reached, or no gripper. (V,)"""
 
 
 def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> FileSettings | None:
@@ -116,6 +121,7 @@ def read_labelled(path: Path, max_memory: float = MeshOptions.max_memory) -> Lab
         critical_angle=columns["critical_angle"].astype(np.float64),
         critical_angle_best=columns["critical_angle_best"].astype(np.float64),
         epsilons=_stacked(columns, _EPSILONS),
+        approach_margin=_margins(settings, columns),
     )
     _check_surface(source, found)
     _check_labels(source, found, columns["max_resolution"])
@@ -136,9 +142,18 @@ def _checked_header(source: Source, header: PlyHeader, kinds: dict[str, str]) ->
         if kinds.get(name) not in allowed:
             raise damaged(source, f"its property {name!r} is not {kind}")
     try:
-        return settings_from(comments_of(source.head(LONGEST_HEADER)[: header.start]))
+        found = settings_from(comments_of(source.head(LONGEST_HEADER)[: header.start]))
     except ValueError as error:
         raise damaged(source, f"its grasp3d comments are not valid: {error}") from error
+    if found.reaching is not None and kinds.get(APPROACH_MARGIN) not in {"f4", "f8"}:
+        raise damaged(source, f"its property {APPROACH_MARGIN!r} is not a float")
+    return found
+
+
+def _margins(settings: FileSettings, columns: dict[str, npt.NDArray[Any]]) -> Floats:
+    if settings.reaching is None:
+        return np.full(len(columns["label"]), math.nan)
+    return columns[APPROACH_MARGIN].astype(np.float64)
 
 
 def _stacked(columns: dict[str, npt.NDArray[Any]], names: tuple[str, ...]) -> Floats:
@@ -168,6 +183,9 @@ def _check_labels(source: Source, found: LabelledFile, max_resolution: npt.NDArr
         raise damaged(source, "its critical_angle_best is above its critical_angle")
     if not ((max_resolution >= 0.0) & (max_resolution <= math.pi + ROUNDING)).all():
         raise damaged(source, "its max_resolution is not always from 0 to pi")
+    margins = found.approach_margin
+    if not (((margins >= 0.0) & (margins <= math.pi + ROUNDING)) | np.isnan(margins)).all():
+        raise damaged(source, "its approach_margin is not always from 0 to pi, or nan")
     if (found.epsilons < 0.0).any() or np.isinf(found.epsilons).any():
         raise damaged(source, "an epsilon is below 0, or infinite")
     if (found.label > max(Label)).any():

@@ -1,5 +1,6 @@
 """The results of a batch: labelled meshes, read from its files."""
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -13,12 +14,17 @@ from grasp3d.batch.folders import MARKER
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import GraspError, MeshError
+from grasp3d.gripper.reach import Reach, Reachability
+from grasp3d.lengths import METRES
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.names import printable
 from grasp3d.tables import read_columns
 from grasp3d.viewer.subjects.file_settings import FileSettings
 from grasp3d.viewer.subjects.labelled_file import settings_of_file
 from grasp3d.viewer.subjects.subject import Subject, read_subject
+
+ROUNDING = 1e-5
+"""Tolerance of right angles."""
 
 REASONS = {reason.name.lower(): int(reason) for reason in Reason}
 
@@ -103,6 +109,7 @@ def _with_grasps(subject: Subject, columns: Mapping[str, npt.NDArray[Any]]) -> S
     reasons = _column(columns, "reason")
     if not set(reasons.tolist()) <= set(REASONS):
         raise ValueError("it contains unknown reasons")
+    reach = _reach(subject, columns, partners, normals)
     return replace(
         subject,
         partners=locked(partners),
@@ -110,7 +117,61 @@ def _with_grasps(subject: Subject, columns: Mapping[str, npt.NDArray[Any]]) -> S
         opening=locked(_numbers(columns, "opening")),
         grip=locked(_numbers(columns, "grip"), np.int8),
         reason=locked([REASONS[reason] for reason in reasons.tolist()], np.uint8),
+        reach=reach,
+        approach_margin=None if reach is None else reach.approach_margin,
     )
+
+
+def _reach(
+    subject: Subject, columns: Mapping[str, npt.NDArray[Any]], partners: Floats, normals: Floats
+) -> Reach | None:
+    """How the gripper reaches the grasps; None: no gripper.
+
+    The table says neither why a grasp is not reached (these rows have the state blocked) nor which
+    angles are free.
+
+    Raises:
+        ValueError: A column is missing, or axes are not at right angles.
+    """
+    if subject.reaching is None:
+        return None
+    x, z = _vectors(columns, "closing_"), _vectors(columns, "approach_")
+    poses = np.zeros((len(x), 4, 4))
+    poses[:, :3] = np.stack([x, np.cross(z, x), z, _vectors(columns, "tcp_")], axis=2)
+    poses[:, 3, 3] = 1.0
+    reached = np.isfinite(poses).all(axis=(1, 2))
+    turns = poses[reached, :3, :3]
+    if not np.allclose(turns.swapaxes(1, 2) @ turns, np.eye(3), atol=ROUNDING):
+        raise ValueError("its closing and approach axes are not at right angles")
+    poses[~reached] = math.nan
+    return Reach(
+        state=locked(np.where(reached, Reachability.REACHED, Reachability.BLOCKED), np.uint8),
+        poses=locked(poses),
+        approach_margin=locked(np.where(reached, _numbers(columns, "approach_margin"), math.nan)),
+        opening=locked(_gripper_openings(subject, columns, partners, normals)),
+        pregrasp_opening=locked(_numbers(columns, "pregrasp_opening")),
+        depth=locked(_numbers(columns, "depth")),
+        free=locked(np.zeros((len(x), 0)), np.bool_),
+    )
+
+
+def _gripper_openings(
+    subject: Subject, columns: Mapping[str, npt.NDArray[Any]], partners: Floats, normals: Floats
+) -> Floats:
+    """Distances between the inner faces of fingers, or between the nearest points of round tips.
+
+    Returns:
+        In the mesh's unit, shape (V,).
+    """
+    assert subject.reaching is not None
+    gripper = subject.reaching.gripper
+    metres = METRES[subject.unit] if subject.unit else math.nan
+    radius, thickness = gripper.tip_radius / metres, gripper.finger_thickness / metres
+    ends = partners[:, 0] - radius * normals[:, 0]
+    gaps = np.linalg.norm(ends - (subject.vertices - radius * subject.normals), axis=1)
+    inside = 0.0 if gripper.round_tips else 2.0 * thickness
+    internal = _numbers(columns, "grip") < 0.0
+    return np.asarray(np.maximum(gaps - 2.0 * radius - np.where(internal, inside, 0.0), 0.0))
 
 
 def _column(columns: Mapping[str, npt.NDArray[Any]], name: str) -> npt.NDArray[Any]:

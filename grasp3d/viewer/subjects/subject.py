@@ -10,6 +10,9 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints, first_at_position, locked, short_repr
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.gripper.reach import Reach
+from grasp3d.gripper.reaching import Reaching
 from grasp3d.lengths import Unit
 from grasp3d.mesh.measures import face_areas, is_closed
 from grasp3d.mesh.normals import CornerNormals, corner_normals
@@ -21,6 +24,7 @@ from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.labelled_file import LabelledFile, read_labelled
 
 
@@ -56,6 +60,19 @@ class LastContact:
     """Whether the contact is between vertices, which are the only points with a colour."""
     creases: tuple[int, ...] = ()
     """Indices of the fingers that are on sharp edges (creases), from 0."""
+    held: GripperPose | None = None
+    """Pose of a gripper, if it reaches the grasp."""
+
+    __repr__ = short_repr
+
+
+@dataclass(frozen=True, eq=False)
+class Alternatives:
+    """Other grasps through one vertex that the gripper reaches, besides the vertex's own."""
+
+    vertex: int
+    grasps: SurfaceGrasps
+    """Best first."""
 
     __repr__ = short_repr
 
@@ -112,6 +129,18 @@ class Subject:
     """Two fingers: grip codes as in `SurfaceLabels`. (V,)"""
     last_contact: LastContact | None = None
     """With fixed fingers: the best contact found for the last one; None: unknown."""
+    reaching: Reaching | None = None
+    """The gripper that must reach each grasp, and the table; None: ideal points."""
+    reach: Reach | None = None
+    """How it reaches the grasp of each vertex, a row for each; None: no gripper, or the file does
+    not contain it."""
+    approach_margin: Floats | None = None
+    """Half-width of the free approach angles at each vertex [rad]; nan: not reached; None: no
+    gripper. (V,)"""
+    unreached: Bytes | None = None
+    """`Reachability` codes of the grasps, the reason where none is reached, (V,); None: unknown."""
+    alternatives: Alternatives | None = None
+    """Other grasps of the vertex that was inspected last; None: not searched."""
 
     __repr__ = short_repr
 
@@ -153,7 +182,7 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         labels: The labels.
         name: Name of the object; None: that of its file.
     """
-    mesh = labels.mesh
+    mesh, reach = labels.mesh, labels.reach
     known, epsilons = labels.deferred_epsilon.computed, None
     if known is not None:
         epsilons = Epsilons(known.nominal, known.minimum, labels.model, known.maximum)
@@ -182,6 +211,10 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         labels=labels,
         partner_normals=labels.partner_normals,
         grip=labels.grip,
+        reaching=labels.reaching,
+        reach=reach,
+        approach_margin=None if reach is None else reach.approach_margin,
+        unreached=None if reach is None else reach.state,
     )
 
 
@@ -228,6 +261,8 @@ def read_subject(path: Path, max_memory: float = MeshOptions.max_memory) -> Subj
         options=stored.options,
         notes=(*_file_notes(stored.mode, closed=closed), *_method_notes(model, other)),
         labels=None,
+        reaching=stored.reaching,
+        approach_margin=locked(found.approach_margin) if stored.reaching else None,
     )
 
 

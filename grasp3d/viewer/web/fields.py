@@ -18,6 +18,7 @@ PAINTS = {
     "max_resolution": "α*, coarsest resolution at which it is S",
     "epsilon": "ε",
     "epsilon_min": "smallest ε over the tilts",
+    "approach_margin": "approach margin of the gripper",
 }
 """Quantities that colours can show, and their names in the list."""
 
@@ -42,6 +43,8 @@ def field_values(session: Session) -> dict[str, Any]:
         "click": state.click,
         "fixed_count": len(state.fixed),
         "number": session.number,
+        "show_gripper": state.show_gripper,
+        "show_table": state.show_table,
     }
 
 
@@ -140,6 +143,8 @@ _SETTERS: dict[str, Callable[[Session, Any], None]] = {
     "opening": _opening,
     "click": lambda session, value: session.change(click=value),
     "number": lambda session, value: session.step(int(value) - session.number),
+    "show_gripper": lambda session, value: session.change(show_gripper=bool(value)),
+    "show_table": lambda session, value: session.change(show_table=bool(value)),
 }
 FIELDS = tuple(_SETTERS)
 """Names of the fields that a visitor can change."""

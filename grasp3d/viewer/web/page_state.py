@@ -8,7 +8,13 @@ from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.keys import DRAWING, KEYS, MOUSE
 from grasp3d.viewer.session.painting import PALETTE, RAMP, Ramp
-from grasp3d.viewer.session.panel_text import NOTHING, LabelFraction, PanelText, panel_text
+from grasp3d.viewer.session.panel_text import (
+    NOTHING,
+    LabelFraction,
+    PanelText,
+    grasp_number,
+    panel_text,
+)
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.view_settings import comparison_problem
 from grasp3d.viewer.web.fields import PAINTS, field_values
@@ -18,6 +24,9 @@ STOPS = 16
 
 SHORT = 22
 """Letters of a number and its name that fit into half the panel's width."""
+
+MARGIN = "approach_margin"
+"""Colours that only objects with a gripper have."""
 
 WINDOW_KEYS = frozenset({"q"})
 """Keys that only a window has."""
@@ -30,7 +39,6 @@ def constant_state(session: Session) -> dict[str, Any]:
     names = [item.name for item in session.collection.items]
     hidden = WINDOW_KEYS if len(names) > 1 else WINDOW_KEYS | OBJECT_KEYS
     return {
-        "paints": [{"name": name, "text": text} for name, text in PAINTS.items()],
         "names": names,
         "keys": [
             {"key": name, "text": key.text} for name, key in KEYS.items() if name not in hidden
@@ -42,9 +50,16 @@ def constant_state(session: Session) -> dict[str, Any]:
 
 def page_state(session: Session) -> dict[str, Any]:
     """State that depends on the session's choices and results."""
-    text, subject = panel_text(session), session.subject
+    text, subject, reaching = panel_text(session), session.subject, session.reaching
     return {
         **field_values(session),
+        "paints": [
+            {"name": name, "text": shown}
+            for name, shown in PAINTS.items()
+            if name != MARGIN or reaching is not None or session.state.paint == MARGIN
+        ],
+        "gripper": "" if reaching is None else reaching.gripper.name,
+        "table": reaching is not None and reaching.table is not None,
         "title": text.title,
         "facts": text.facts,
         "rules": list(text.rules),
@@ -149,6 +164,8 @@ def _inspection(inspection: Inspection) -> dict[str, Any]:
         "vertex": inspection.vertex,
         "color": _hex(PALETTE[inspection.code]),
         "reason": inspection.reason,
+        "grasp": grasp_number(inspection),
+        "several": inspection.count not in {None, 1},
         "numbers": [
             {"name": name, "value": value, "wide": len(name) + len(value) > SHORT}
             for name, value in inspection.numbers

@@ -39,7 +39,8 @@ HAND, ARROW = 9, 1
 """Numbers of VTK's cursors."""
 
 KEYSYMS = {
-    "bracketleft": "[", "bracketright": "]", "plus": "+", "equal": "+", "minus": "-",
+    "bracketleft": "[", "bracketright": "]", "comma": ",", "period": ".",
+    "plus": "+", "equal": "+", "minus": "-",
     "KP_Add": "+", "KP_Subtract": "-", "KP_Left": "Left", "KP_Right": "Right", "KP_Up": "Up",
     "KP_Down": "Down", "Escape": "Escape",
 }  # fmt: skip

@@ -8,9 +8,9 @@ from typing import get_args
 
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.scene.text_layout import ELLIPSIS, text_width
-from grasp3d.viewer.session.inspection import UNKNOWN
+from grasp3d.viewer.session.inspection import UNKNOWN, Inspection
 from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED
-from grasp3d.viewer.session.panel_text import NOTHING, PanelText
+from grasp3d.viewer.session.panel_text import NOTHING, PanelText, grasp_number
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Axis, Section
 from grasp3d.viewer.view_settings import Paint, comparison_problem
@@ -34,7 +34,7 @@ from grasp3d.viewer.window.sliders import Ranges, Slider, sliders_of
 
 PAINTS: dict[Paint, str] = {
     "label": "S M U", "critical_angle": "β*", "max_resolution": "α*", "epsilon": "ε",
-    "epsilon_min": "smallest ε",
+    "epsilon_min": "smallest ε", "approach_margin": "approach",
 }  # fmt: skip
 FINGERS = (2, 3, 4, 5)
 ROWS = 4
@@ -111,7 +111,7 @@ def panel_content(
         dragged: Name and position of a dragged slider that acts only when it is released.
     """
     sliders = {slider.name: slider for slider in sliders_of(session, ranges)}
-    keys = {f"key-{key}": partial(press, key) for key in "12345cifunpsgrhz"}
+    keys = {f"key-{key}": partial(press, key) for key in "123456cifunpsgrhzjt,."}
     upper = [
         *_title(session, text, width),
         *_fractions(session, text, width),
@@ -225,6 +225,7 @@ def _buttons(session: Session) -> list[Row]:
     paints = tuple(
         Button(f"key-{number}", text, state.paint == paint)
         for number, (paint, text) in enumerate(PAINTS.items(), start=1)
+        if paint != "approach_margin" or session.reaching is not None
     )
     fingers = tuple(Button(f"fingers-{n}", str(n), state.model.fingers == n) for n in FINGERS)
     clicks = [
@@ -255,8 +256,31 @@ def _buttons(session: Session) -> list[Row]:
         ButtonRow("click", tuple(clicks)),
         ButtonRow("section", tuple(sections)),
         ButtonRow("compare", (comparison,)),
+        *_gripper_buttons(session),
         ButtonRow("", others),
     ]
+
+
+def _gripper_buttons(session: Session) -> list[Row]:
+    """Switches for what a gripper adds to the picture."""
+    reaching, state = session.reaching, session.state
+    if reaching is None:
+        return []
+    shown = [Button("key-j", "gripper", state.show_gripper)]
+    if reaching.table is not None:
+        shown.append(Button("key-t", "table", state.show_table))
+    return [ButtonRow("show", tuple(shown))]
+
+
+def _grasp_buttons(found: Inspection) -> list[Row]:
+    """Buttons that step through the grasps of a vertex that the gripper reaches."""
+    if found.held is None or found.vertex is None:
+        return []
+    steps = (
+        Button("key-,", "previous grasp", muted=found.count in {None, 1}),
+        Button("key-.", "next grasp", muted=found.count in {None, 1}),
+    )
+    return [ButtonRow(grasp_number(found), steps), Gap(3)]
 
 
 def _ramp(text: PanelText, width: float) -> list[Row]:
@@ -284,6 +308,7 @@ def _vertex(session: Session, text: PanelText, width: float) -> list[Row]:
         meaning = f"best contact found: {meaning}"
     return [
         *before,
+        *_grasp_buttons(found),
         TextRow(meaning, width, 13, bold=True, dot=_color(found.code)),
         Gap(3),
         TextRow(found.reason, width),

@@ -4,6 +4,8 @@ import { plural } from "../shared/formatting.js";
 const FILTER_DELAY = 120; // milliseconds after the last key
 
 const RANGES = [
+  ["Distinct S grasps", "", (row) => row.grasps],
+  ["α to spare", "°", (row) => row.spare],
   ["S", "%", (row) => scaled(row.stable, 100)],
   ["U", "%", (row) => scaled(row.noGrasp, 100)],
   ["β* median", "°", (row) => row.angle],

@@ -1,5 +1,5 @@
 import { byId, element } from "../shared/dom.js";
-import { degrees, objectAddress } from "../shared/formatting.js";
+import { degrees, objectAddress, plural } from "../shared/formatting.js";
 
 const SHOWN = 8;
 
@@ -26,15 +26,28 @@ function list(title, note, rows, detail, showAll) {
   return section;
 }
 
-/** Shows lists of meshes: finest sensor required, never mostly S, not labelled. */
+/** Shows lists of meshes: not held by any grasp, finest sensor required, never mostly S, not labelled. */
 export function showLists(rows, filters, table) {
+  const judged = rows.filter((row) => row.verdict);
+  const unheld = judged
+    .filter((row) => row.verdict !== "holdable")
+    .sort((a, b) => (a.spare ?? -Infinity) - (b.spare ?? -Infinity));
   const labelled = rows.filter((row) => row.outcome === "labelled" && row.resolution80 !== null);
   const finest = labelled
     .filter((row) => row.resolution80 > 0)
     .sort((a, b) => a.resolution80 - b.resolution80);
   const neverMostlyStable = labelled.filter((row) => row.resolution80 === 0);
   const failed = rows.filter((row) => row.outcome !== "labelled");
+  const held = judged.length - unheld.length;
   byId("lists").append(
+    list("Without an S grasp",
+      `${held.toLocaleString("en")} of ${plural(judged.length, "object", "objects")} can be held reliably: they have an S grasp. The others, and what would help:`,
+      unheld,
+      (row) => ` ${row.verdictText}`,
+      () => {
+        filters.only("labelled", (row) => row.verdict && row.verdict !== "holdable");
+        table.setSort("verdict", "asc");
+      }),
     list("Finest sensor required", "Sensor resolution α below which 80 % of the surface is S; the most demanding objects first.", finest,
       (row) => ` ${degrees(row.resolution80)}`,
       () => {

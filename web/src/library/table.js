@@ -10,7 +10,7 @@ import {
   Tabulator,
 } from "tabulator-tables";
 import { byId, element } from "../shared/dom.js";
-import { degrees, digits, length, objectAddress, percent } from "../shared/formatting.js";
+import { degrees, digits, length, objectAddress, percent, plural } from "../shared/formatting.js";
 import { IN_METRES } from "./units.js";
 
 Tabulator.registerModule([
@@ -114,6 +114,21 @@ function bar(cell) {
     element("div", {}, values));
 }
 
+/** The verdict on an object, with its numbers below. */
+function verdict(cell) {
+  const { verdict: word, verdictText, grasps, spare, margin } = cell.getData();
+  if (!word) return "";
+  const parts = [];
+  if (grasps) parts.push(plural(grasps, "grasp", "grasps"));
+  if (spare !== null && word === "holdable") parts.push(`α ${degrees(spare, 0)} to spare`);
+  if (margin !== null && word === "holdable") parts.push(`approach ±${degrees(margin, 0)}`);
+  const detail = word === "holdable" ? parts.join(", ") : verdictText.slice(word.length).trim();
+  return element("div", { className: "verdict", title: verdictText },
+    element("b", {}, word), element("div", { className: "quiet" }, detail));
+}
+
+const VERDICTS = ["no", "out of reach", "with a finer sensor", "holdable"];
+
 function columns() {
   const frozen = window.innerWidth > NARROW;
   return [
@@ -121,30 +136,36 @@ function columns() {
     {
       ...headed("Name", "Path of the mesh; the link opens its page"),
       field: "name",
-      width: frozen ? 158 : 150,
+      width: 150,
       frozen,
       formatter: nameCell,
       sorter: (a, b) => order.compare(a, b),
       formatterPrint: (cell) => text(cell.getValue()),
     },
-    { ...numeric("stable", "S / M / U", "Area fractions of S, M and U", () => "", 166), hozAlign: "left", formatter: bar },
+    {
+      ...numeric("verdict", "Verdict", "Whether the object can be held reliably; sorted by the word, then by the resolution to spare", () => "", 172),
+      hozAlign: "left",
+      formatter: verdict,
+      sorter: byNumber((row) => (row.verdict ? 1000 * VERDICTS.indexOf(row.verdict) + (row.spare ?? 0) : null)),
+      formatterPrint: (cell) => text(cell.getData().verdictText),
+    },
+    { ...numeric("stable", "S / M / U", "Area fractions of S, M and U", () => "", 168), hozAlign: "left", formatter: bar },
     numeric("angle", "β* median", "Median critical friction angle over the surface, weighted by area", (row) => {
       if (row.outcome !== "labelled") return "";
       return row.angle === null ? "no grasp" : degrees(row.angle);
-    }, 84),
-    resolution(50),
+    }, 76),
     resolution(80),
     resolution(90),
     numeric("epsilon", "ε median", "Median epsilon over the surface, weighted by area", (row) =>
-      row.epsilon === null ? "" : digits(row.epsilon), 84),
+      row.epsilon === null ? "" : digits(row.epsilon), 76),
     {
       ...numeric("size", "Size", "Diameter of the surface's bounding sphere; sorted in metres", (row) =>
         row.size === null ? "" : length(row.size, row.unit), 80),
       sorter: byNumber((row) => (row.size === null ? null : row.size * (IN_METRES[row.unit] ?? 1))),
     },
     numeric("vertices", "Vertices", "Vertices of the refined surface", (row) =>
-      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 90),
-    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 90),
+      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 84),
+    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 84),
     {
       ...headed("Warnings", "Warnings about the labels, or why there are none"),
       field: "warnings",

@@ -46,6 +46,14 @@ export const QUANTITIES = {
     value: (object, vertex) => object.epsilon[vertex],
     most: (object) => largest(object.epsilon),
   },
+  margin: {
+    title: "approach margin of the gripper",
+    unit: "°",
+    array: "margin",
+    unknown: "not reached",
+    value: (object, vertex) => object.margin[vertex] / DEGREE,
+    most: (object) => largest(object.margin) / DEGREE,
+  },
 };
 
 /** Red, green and blue of every vertex, 0 to 255. */

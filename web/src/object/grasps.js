@@ -7,9 +7,11 @@ const DEGREE = Math.PI / 180;
 export function showGrasps(object, draw) {
   const buttons = object.grasps.map((grasp, number) => {
     const description = [
+      ...(grasp.pose.length ? [grasp.label] : []),
       `β* ${degrees(grasp.critical_angle / DEGREE)}`,
       `ε ${digits(grasp.epsilon)}`,
       `opening ${length(grasp.opening, object.unit)}`,
+      ...(grasp.pose.length ? [`approach ±${degrees(grasp.approach_margin / DEGREE, 0)}`] : []),
     ].join(" · ");
     const button = element("button", { type: "button" }, element("b", {}, `${number + 1} `), description);
     button.setAttribute("aria-pressed", "false");

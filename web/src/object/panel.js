@@ -14,8 +14,6 @@ export class Panel {
   constructor(view) {
     this.view = view;
     this.chosen = { friction: null, resolution: null }; // kept from object to object
-    const options = Object.entries(QUANTITIES).map(([name, { title }]) => element("option", { value: name }, title));
-    byId("paint").append(...options);
     byId("paint").addEventListener("change", () => this.update());
     byId("reset").addEventListener("click", () => this.view.reset());
     byId("as-labelled").addEventListener("click", () => {
@@ -46,6 +44,7 @@ export class Panel {
       `size ${length(object.size, object.unit || "(unit not stated)")}`,
       `${plural(object.count, "vertex", "vertices")}, ${plural(object.faces.length / 3, "face")}`,
       object.closed ? "closed" : "open",
+      ...(object.gripper ? [`gripper ${object.gripper.name}${object.gripper.table ? " and a table" : ""}`] : []),
     ].join(" · ");
     byId("method").textContent =
       object.method === "extremes"
@@ -54,10 +53,19 @@ export class Panel {
     const most = { friction: Math.max(1.5, object.friction), resolution: Math.max(90, object.resolution / DEGREE) };
     Object.assign(byId("friction"), { min: 0.01, max: most.friction, step: 0.01 });
     Object.assign(byId("resolution"), { min: 0, max: most.resolution, step: 0.1 });
+    this.showQuantities();
     this.showDetails();
     showGrasps(object, (grasp) => this.drawGrasp(grasp));
     this.view.show(object);
     this.update();
+  }
+
+  /** Lists the quantities that this object has; the chosen one is kept from object to object. */
+  showQuantities() {
+    const chosen = byId("paint").value;
+    const known = Object.entries(QUANTITIES).filter(([, { array }]) => !array || this.object[array]);
+    byId("paint").replaceChildren(...known.map(([name, { title }]) => element("option", { value: name }, title)));
+    if (known.some(([name]) => name === chosen)) byId("paint").value = chosen;
   }
 
   update(moved = null) {
@@ -109,14 +117,14 @@ export class Panel {
 
   repaint() {
     const quantity = byId("paint").value;
-    const { value, most, unit } = QUANTITIES[quantity];
+    const { value, most, unit, unknown = "no grasp found" } = QUANTITIES[quantity];
     this.view.paint(vertexColors(this.object, quantity, this.labels, this.limits), !value);
     const strip = element("div", { className: "strip" });
     strip.style.background = rampCss;
     byId("ramp").replaceChildren(
       ...(value
         ? [strip, element("div", { className: "ends" }, element("span", {}, `0${unit}`),
-            element("span", { className: "quiet" }, "grey: no grasp found"),
+            element("span", { className: "quiet" }, `grey: ${unknown}`),
             element("span", {}, `${digits(most(this.object, this.limits))}${unit}`))]
         : []),
     );
@@ -137,7 +145,7 @@ export class Panel {
   drawGrasp(grasp) {
     this.vertex = null;
     this.showVertex();
-    this.view.showGrasp(grasp.points, grasp.normals);
+    this.view.showGrasp(grasp);
   }
 
   showDetails() {

@@ -18,6 +18,7 @@ function values(object, vertex, limits) {
     ["α*", coarsest > 0 ? degrees(coarsest / DEGREE) : "no resolution is fine enough"],
     ["ε", digits(object.epsilon[vertex])],
     ["opening", Number.isFinite(object.opening[vertex]) ? length(object.opening[vertex], unit) : "no grasp"],
+    ...(Number.isFinite(object.margin?.[vertex]) ? [["approach margin", `±${degrees(object.margin[vertex] / DEGREE)}`]] : []),
   ];
 }
 

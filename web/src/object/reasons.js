@@ -4,6 +4,7 @@ import { M, S, U, UNSEARCHED } from "./thresholds.js";
 const REASONS = {
   1: "no contact points for the other fingers were found within the searched cone",
   2: "all contact points for the other fingers violate the opening or distance limits",
+  5: "there are grasps here, but the gripper reaches none of those that were tested",
 };
 
 const angle = (radians) => degrees((180 / Math.PI) * radians);

@@ -1,7 +1,10 @@
-import { AmbientLight, Box3, DirectionalLight, OrthographicCamera, Raycaster, Scene, Vector2, Vector3, WebGLRenderer } from "three";
+import {
+  AmbientLight, Box2, Box3, DirectionalLight, OrthographicCamera, Raycaster, Scene, Vector2, Vector3, WebGLRenderer,
+} from "three";
 import { OrbitControls } from "three/addons/controls/OrbitControls.js";
 import { byId } from "../shared/dom.js";
 import { length } from "../shared/formatting.js";
+import { gripperAt, tableMesh } from "./gripper.js";
 import { arrowTails, disposeMarks, graspMarks } from "./marks.js";
 import { PaintedSurface } from "./surface.js";
 
@@ -11,7 +14,8 @@ const CLICK_MOVE = 4; // pixels that the pointer may move during a click
 const FROM = new Vector3(0.55, -0.75, 0.55);
 const [WHITE, BLACK] = [0xffffff, 0x1a1a1a];
 const MAX_SCALE_BAR = 110; // pixels
-const VISIBLE = 0.96; // of the picture's half width and height, for arrows
+const VISIBLE = 0.96; // of the picture's half width and height, for arrows and grippers
+const LEAST_ZOOM = 1 / 2.4; // beside a large gripper the object must not become tiny
 
 /** Opens the 3-D view; without WebGL it shows a message, and the rest of the page works. */
 export function openView(stage) {
@@ -23,6 +27,17 @@ export function openView(stage) {
     const nothing = () => {};
     return { show: nothing, paint: nothing, mark: nothing, showGrasp: nothing, reset: nothing, onPick: nothing };
   }
+}
+
+/** Corners of a box. */
+function cornersOf({ min, max }) {
+  const of = (axis) => [min[axis], max[axis]];
+  return of("x").flatMap((x) => of("y").flatMap((y) => of("z").map((z) => new Vector3(x, y, z))));
+}
+
+/** The rectangle around points in the picture. */
+function boxOf(points) {
+  return new Box2().setFromPoints(points);
 }
 
 class View {
@@ -56,12 +71,22 @@ class View {
       this.scene.remove(this.surface.mesh);
       this.surface.dispose();
     }
+    if (this.table) {
+      this.scene.remove(this.table);
+      disposeMarks({ children: [this.table] });
+    }
     this.mark([]);
     this.object = object;
     const box = new Box3().setFromArray(object.points);
     this.centre = box.getCenter(new Vector3());
     this.surface = new PaintedSurface(object, this.centre.toArray());
     this.scene.add(this.surface.mesh);
+    this.table = tableMesh(object, this.centre);
+    if (this.table) {
+      this.scene.add(this.table);
+      box.union(new Box3().setFromArray(object.gripper.table.vertices));
+    }
+    this.corners = cornersOf(box.translate(this.centre.clone().negate()));
     this.reset();
   }
 
@@ -71,16 +96,26 @@ class View {
     this.mark(...this.marked);
   }
 
-  /** Draws a grasp instead of the previous one; no contacts: none. Outward normals add arrows. */
-  mark(points, outward = null) {
-    if (this.marks) {
-      this.scene.remove(this.marks);
-      disposeMarks(this.marks);
+  /**
+   * Draws a grasp instead of the previous one; no contacts: none. Outward normals add arrows, a
+   * grasp with a pose the gripper.
+   */
+  mark(points, outward = null, grasp = null) {
+    for (const group of [this.marks, this.gripper]) {
+      if (!group) continue;
+      this.scene.remove(group);
+      disposeMarks(group);
     }
-    this.marked = [points, outward];
-    this.marks = null;
+    this.marked = [points, outward, grasp];
+    this.marks = this.gripper = null;
+    const dark = matchMedia("(prefers-color-scheme: dark)").matches;
+    const held = grasp && gripperAt(this.object, grasp, this.centre, dark);
+    if (held) {
+      this.gripper = held.group;
+      this.scene.add(held.group);
+    }
     if (points.length) {
-      const light = this.lightMarks || matchMedia("(prefers-color-scheme: dark)").matches;
+      const light = this.lightMarks || dark;
       const [core, rim] = light ? [WHITE, BLACK] : [BLACK, WHITE];
       const contacts = points.map((one) => new Vector3(...one).sub(this.centre));
       const normals = outward?.map((one) => new Vector3(...one));
@@ -90,8 +125,43 @@ class View {
     this.draw();
   }
 
-  /** Draws a grasp with arrows, and zooms out if they do not fit into the picture. */
-  showGrasp(points, outward) {
+  /** Draws a grasp with its gripper, or with arrows; zooms out if they do not fit into the picture. */
+  showGrasp(grasp) {
+    const held = gripperAt(this.object, grasp, this.centre, false);
+    if (!held) {
+      this.showArrows(grasp.points, grasp.normals);
+      return;
+    }
+    disposeMarks(held.group);
+    this.include(held.corners);
+    this.mark(grasp.points, null, grasp);
+  }
+
+  /** Moves the camera away, in the same direction, if points do not fit into the picture beside the object. */
+  include(points) {
+    this.camera.updateMatrixWorld();
+    this.camera.updateProjectionMatrix();
+    const seen = (one) => one.clone().project(this.camera);
+    const own = boxOf(this.corners.map(seen));
+    const beside = boxOf(points.map(seen));
+    if (Math.max(beside.max.x, beside.max.y, -beside.min.x, -beside.min.y) <= VISIBLE) return;
+    const both = own.clone().union(beside);
+    const [half, middle] = [both.getSize(new Vector2()).multiplyScalar(0.5), both.getCenter(new Vector2())];
+    const most = this.camera.zoom / LEAST_ZOOM;
+    const reach = Math.min(Math.max(half.x, half.y) / VISIBLE, Math.max(most, 1));
+    for (const axis of ["x", "y"]) {
+      middle[axis] = Math.max(own.max[axis] - reach, Math.min(own.min[axis] + reach, middle[axis]));
+    }
+    const target = new Vector3(middle.x, middle.y, 0).unproject(this.camera);
+    const shift = target.sub(new Vector3(0, 0, 0).unproject(this.camera));
+    this.camera.position.add(shift);
+    this.controls.target.add(shift);
+    this.camera.zoom /= Math.max(1, reach);
+    this.camera.updateProjectionMatrix();
+    this.controls.update();
+  }
+
+  showArrows(points, outward) {
     const contacts = points.map((one) => new Vector3(...one).sub(this.centre));
     const tails = arrowTails(contacts, outward.map((one) => new Vector3(...one)), this.object.size);
     this.camera.updateMatrixWorld();
@@ -112,6 +182,10 @@ class View {
     this.camera.zoom = 1;
     this.camera.near = 0.01 * this.object.size;
     this.camera.far = 10 * this.object.size;
+    if (this.object.gripper) { // it may reach behind the camera, which is without effect on the picture
+      this.camera.near = -20 * this.object.size;
+      this.camera.far = 30 * this.object.size;
+    }
     this.controls.target.set(0, 0, 0);
     this.fit();
     this.controls.update();

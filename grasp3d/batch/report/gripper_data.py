@@ -1,0 +1,80 @@
+"""Data of the object page that a gripper adds: its shape, the table, and how each grasp is held."""
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.batch.row import BestGrasp
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.shapes import Part, Triangles, gripper_triangles, table_triangles
+from grasp3d.lengths import METRES, Unit
+
+if TYPE_CHECKING:
+    from grasp3d.surface.labels import SurfaceLabels
+
+DIGITS = 6
+"""Significant digits of coordinates, relative to the largest one."""
+
+
+def gripper_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
+    """The shape of the gripper in its own frame, and the table; None: no gripper.
+
+    Returns:
+        `vertices` at an opening of 0, in the mesh's unit, and `shifts`, by which openings are
+        multiplied and added to x: 0 for the palm, -0.5 and 0.5 for the fingers; `faces`, and
+        `parts`, a name for each face; `fingers`, their length; `table`, with vertices and faces in
+        the frame of the mesh, or None.
+    """
+    reaching, unit = labels.reaching, labels.mesh.unit
+    if reaching is None or unit is None:
+        return None
+    gripper, table = reaching.gripper, reaching.table
+    closed = gripper_triangles(gripper, 0.0, unit=unit)
+    opened = gripper_triangles(gripper, 1.0, unit=unit)
+    names = [part.name.lower() for part in Part]
+    return {
+        "name": gripper.name,
+        "shifts": np.round((opened.vertices - closed.vertices)[:, 0], DIGITS).tolist(),
+        "parts": [names[part] for part in closed.parts],
+        "fingers": gripper.finger_length / METRES[unit],
+        "table": None if table is None else _shape(table_triangles(table, labels.mesh)),
+        **_shape(closed),
+    }
+
+
+def drawn_openings(grasps: Sequence[BestGrasp], labels: "SurfaceLabels") -> list[float | None]:
+    """Opening at which the gripper is drawn at each grasp [mesh unit]; None: it is not drawn."""
+    reaching, unit = labels.reaching, labels.mesh.unit
+    if reaching is None or unit is None:
+        return [None] * len(grasps)
+    return [
+        None if not grasp.pose else _drawn_opening(grasp, reaching.gripper, unit)
+        for grasp in grasps
+    ]
+
+
+def _drawn_opening(grasp: BestGrasp, gripper: ParallelGripper, unit: Unit) -> float:
+    """Distance between the inner faces of the fingers, or the nearest points of round tips."""
+    points, outward = np.array(grasp.points), np.array(grasp.normals)
+    radius, thickness = gripper.tip_radius / METRES[unit], gripper.finger_thickness / METRES[unit]
+    centres = points + radius * outward
+    opening = float(np.linalg.norm(centres[1] - centres[0])) - 2.0 * radius
+    internal = float(outward[0] @ (points[1] - points[0])) > 0.0
+    if internal and not gripper.round_tips:
+        opening -= 2.0 * thickness
+    return max(opening, 0.0)
+
+
+def _shape(triangles: Triangles) -> dict[str, list[Any]]:
+    """Coordinates and corners, one after the other."""
+    return {
+        "vertices": _rounded(triangles.vertices).ravel().tolist(),
+        "faces": triangles.faces.ravel().tolist(),
+    }
+
+
+def _rounded(values: Floats) -> Floats:
+    largest = float(np.abs(values).max(initial=0.0)) or 1.0
+    return np.asarray(np.round(values, DIGITS - 1 - int(np.floor(np.log10(largest)))))

@@ -1,0 +1,241 @@
+"""Poses of a gripper with the grasps that its jaws make there."""
+
+import math
+from dataclasses import asdict, dataclass, field, replace
+from functools import cached_property, partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Bools, Bytes, Floats, locked, short_repr
+from grasp3d.contact.contacts import Contacts
+from grasp3d.grasps.pose_checks import pose_warning
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.closing import ClosedJaws, Closing
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.mesh import ObjectMesh
+from grasp3d.quality.critical_angle import critical_friction_angle
+from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.tilting import EpsilonRange, epsilon_range
+from grasp3d.settings import GraspModel
+from grasp3d.stability.classification import classify
+from grasp3d.stability.label import Label
+from grasp3d.stability.thresholds import label_angles, max_resolution
+from grasp3d.surface.deferred import Deferred
+from grasp3d.surface.epsilon import BOUND_RTOL, EPSILON_RTOL
+from grasp3d.surface.labelled_grasps import LabelledGrasps
+from grasp3d.system.progress import Progress
+from grasp3d.system.versions import package_version
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class EvaluatedPoses(LabelledGrasps):
+    """Poses of a gripper with the grasps that its jaws make there, a row for each.
+
+    Numbers are nan, and the label is U, where the jaws do not close on the object.
+    """
+
+    mesh: ObjectMesh
+    """The object."""
+    poses: GraspPoses
+    """The poses as they were given, with their outcomes, in the mesh's unit."""
+    gripper: ParallelGripper
+    model: GraspModel
+    """Friction and sensor resolution."""
+    jaws: ClosedJaws
+    """Where the jaws touch, and what happens where they do not."""
+    collides: Bools
+    """Whether the gripper collides with object or table when it holds the object, on the way
+    there, or with the clearance before closing, shape (k,); where it holds nothing:
+    when it is wide open."""
+    reachable: Bools
+    """Whether the jaws close on the object, within the stroke with its clearance, without
+    collision, and from an allowed direction, shape (k,)."""
+    threads: int | None = None
+    deferred_label: Deferred[Bytes] = field(init=False, repr=False)
+    deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
+
+    __repr__ = short_repr
+
+    def __post_init__(self) -> None:
+        used = self.contacts, self.jaws.closed, self.model, self.threads
+        scale = self.mesh.torque_scale
+        self._defer(partial(_labels, self.critical_angle, *used), partial(_epsilons, scale, *used))
+
+    @property
+    def size(self) -> int:
+        """Number of poses."""
+        return self.poses.count
+
+    @property
+    def state(self) -> Bytes:
+        """`Closing` codes, shape (k,)."""
+        return self.jaws.state
+
+    @property
+    def opening(self) -> Floats:
+        """Distance of the pads, or of the nearest points of round tips [mesh unit], shape (k,)."""
+        return self.jaws.opening
+
+    @cached_property
+    def contacts(self) -> Contacts | None:
+        """The contacts where the jaws close, relative to the centre of mass; None: nowhere."""
+        rows = self.jaws.closed
+        if not rows.any():
+            return None
+        return Contacts(
+            self.jaws.points[rows] - self.mesh.center_mass,
+            self.jaws.normals[rows],
+            self.model.friction,
+            self.model.torsion_radius,
+        )
+
+    @cached_property
+    def critical_angle(self) -> Floats:
+        """Critical friction angle at the mean normals of the patches [rad], shape (k,)."""
+        angles = np.full(self.size, math.nan)
+        if self.contacts is not None:
+            angles[self.jaws.closed] = critical_friction_angle(self.contacts)
+        return locked(angles)
+
+    @cached_property
+    def max_resolution(self) -> Floats:
+        """Coarsest sensor resolution below which the grasp is S [rad], shape (k,); 0: none."""
+        return locked(max_resolution(self.critical_angle, self.model))
+
+    @property
+    def outcome(self) -> Floats:
+        """Outcomes of the given poses: 1 held, 0 failed, nan not tried, shape (k,)."""
+        return self.poses.outcome
+
+    @cached_property
+    def warnings(self) -> tuple[str, ...]:
+        """What may make the results wrong, one sentence each."""
+        mesh = self.mesh
+        found = pose_warning(self.poses.poses, mesh.center, mesh.size, mesh.unit)
+        return (*mesh.report.warnings, *([found] if found else []))
+
+    def to_poses(self) -> GraspPoses:
+        """The poses with the results as columns, as `write_poses` writes them."""
+        own = self._columns()
+        others = {name: kept for name, kept in self.poses.columns.items() if name not in own}
+        columns = {**others, **own, "contacts": self.jaws.points, "normals": self.jaws.normals}
+        return replace(
+            self.poses,
+            opening=self.opening,
+            gripper=self.gripper,
+            columns=columns,
+            settings={**self.poses.settings, **self._settings()},
+        )
+
+    def to_table(self) -> Any:
+        """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
+
+        `grasp` (its number from 1), `name`, `closing`, `label`, `critical_angle`, `max_resolution`
+        [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `opening`, `collides`, `reachable`, `area1`,
+        `area2`, `outcome`, contacts `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
+        """
+        from grasp3d.tables import table_of_columns
+
+        columns: dict[str, npt.NDArray[Any]] = {
+            "grasp": np.arange(1, self.size + 1),
+            "name": np.array(self.poses.names),
+            **self._columns(),
+            "opening": self.opening,
+            "outcome": self.outcome,
+        }
+        outward = 0.0 - self.jaws.normals
+        for jaw in range(2):
+            for k, axis in enumerate("xyz"):
+                columns[f"{axis}{jaw + 1}"] = self.jaws.points[:, jaw, k]
+                columns[f"n{axis}{jaw + 1}"] = outward[:, jaw, k]
+        return table_of_columns(columns, settings=self._settings())
+
+    def to_dataframe(self) -> Any:
+        """Return `to_table` as a `pandas.DataFrame`.
+
+        Raises:
+            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
+        """
+        from grasp3d.tables import data_frame
+
+        return data_frame(self.to_table())
+
+    def _columns(self) -> dict[str, npt.NDArray[Any]]:
+        """Results of shape (k,)."""
+        labels = np.array([label.name for label in sorted(Label)])
+        states = np.array([state.name.lower() for state in sorted(Closing)])
+        epsilon = self.epsilon_range
+        return {
+            "closing": states[self.state],
+            "label": labels[self.label],
+            "critical_angle": self.critical_angle,
+            "max_resolution": self.max_resolution,
+            "epsilon": epsilon.nominal,
+            "epsilon_min": epsilon.minimum,
+            "epsilon_max": epsilon.maximum,
+            "collides": self.collides,
+            "reachable": self.reachable,
+            "area1": self.jaws.area[:, 0],
+            "area2": self.jaws.area[:, 1],
+        }
+
+    def _settings(self) -> dict[str, Any]:
+        """Settings of the evaluation; angles in radians."""
+        return {
+            "version": package_version(),
+            "source": self.mesh.report.source,
+            **asdict(self.model),
+            "unit": self.mesh.unit,
+            "gripper": self.gripper.name,
+        }
+
+
+def _labels(
+    angles: Floats,
+    contacts: Contacts | None,
+    closed: Bools,
+    model: GraspModel,
+    threads: int | None,
+    progress: Progress,
+) -> Bytes:
+    """Label codes by the model's method, shape (k,)."""
+    codes = np.full(len(closed), Label.U, dtype=np.uint8)
+    if contacts is None:
+        return locked(codes)
+    if model.method == "exact":
+        codes[closed] = label_angles(angles[closed], angles[closed], model)
+    else:
+        codes[closed] = classify(
+            contacts,
+            model.sensor_resolution,
+            method=model.method,
+            extreme_normals=model.extreme_normals,
+            options=EpsilonOptions.of_model(
+                model, torque_scale=1.0, rtol=EPSILON_RTOL, threads=threads
+            ),
+        ).label
+    progress(1.0)
+    return locked(codes)
+
+
+def _epsilons(
+    torque_scale: float,
+    contacts: Contacts | None,
+    closed: Bools,
+    model: GraspModel,
+    threads: int | None,
+    progress: Progress,
+) -> EpsilonRange:
+    """Epsilon about the mesh's centre of mass, shape (k,) each."""
+    values = np.full((3, len(closed)), math.nan)
+    if contacts is not None:
+        options = EpsilonOptions.of_model(
+            model, torque_scale=torque_scale, rtol=EPSILON_RTOL, threads=threads
+        )
+        found = epsilon_range(
+            contacts, model.tilt, options, bound_rtol=BOUND_RTOL, progress=progress
+        )
+        values[:, closed] = found.nominal, found.minimum, found.maximum
+    return EpsilonRange(*map(locked, values))

@@ -1,0 +1,187 @@
+"""Checks of grasp poses: rotations, and whether they fit the object."""
+
+import numpy as np
+
+from grasp3d.arrays import ArrayLike, Floats
+from grasp3d.contact.contacts import LARGEST
+from grasp3d.errors import ContactError
+from grasp3d.lengths import METRES, Unit
+
+TOLERANCE = 1e-3
+"""Largest deviation from a rotation, for numbers rounded to few digits; more is an error."""
+
+ROUNDING = 1e-12
+"""Deviation up to which a rotation is left as it is."""
+
+FAR = 20.0
+"""Median distance of the TCPs from the object, in object sizes, that suggests another unit."""
+
+NEAR = 1.0 / 200.0
+"""Extent of all the TCPs, in object sizes, that suggests another unit."""
+
+AWAY = 0.8
+"""Fraction of the approach directions away from the object that suggests another frame."""
+
+
+def checked_poses(values: ArrayLike) -> Floats:
+    """Poses as finite 4x4 matrices with rotations, shape (k, 4, 4).
+
+    Rotations that deviate by no more than 0.001, as those written with few digits do, are replaced
+    by the nearest rotation.
+
+    Args:
+        values: Shape (k, 4, 4), or (4, 4) for one pose.
+
+    Raises:
+        ContactError: Another shape, values that are not finite, or no rotations.
+    """
+    try:
+        poses = np.array(values, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ContactError(f"poses must be 4x4 matrices of numbers: {error}") from error
+    if poses.ndim == 2:
+        poses = poses[None]
+    if poses.ndim != 3 or poses.shape[1:] != (4, 4):
+        raise ContactError(f"poses must be 4x4 matrices, shape (k, 4, 4); got {np.shape(values)}")
+    bad = np.flatnonzero(~np.isfinite(poses).all(axis=(1, 2)))
+    if len(bad):
+        raise ContactError(f"pose {bad[0] + 1} has numbers that are not finite")
+    if np.abs(poses).max(initial=0.0) > LARGEST:
+        raise ContactError(f"poses must not exceed {LARGEST:g}; got {np.abs(poses).max():g}")
+    _check_last_row(poses)
+    poses[:, :3, :3] = _rotations(poses[:, :3, :3])
+    poses[:, 3] = (0.0, 0.0, 0.0, 1.0)
+    return poses
+
+
+def checked_quaternions(values: Floats, where: str = "") -> Floats:
+    """Unit quaternions from those written with few digits, shape (k, 4), in any order.
+
+    Args:
+        values: Shape (k, 4), finite.
+        where: Start of the message, such as the name of a column.
+
+    Raises:
+        ContactError: Their length is not 1.
+    """
+    lengths = np.linalg.norm(values, axis=1)
+    bad = np.flatnonzero(~(np.abs(lengths - 1.0) <= TOLERANCE))
+    if len(bad):
+        raise ContactError(
+            f"{where}grasp {bad[0] + 1}: a quaternion must have length 1; got "
+            f"{_numbers(values[bad[0]])} of length {lengths[bad[0]]:.4g}"
+        )
+    return np.asarray(values / lengths[:, None])
+
+
+def _check_last_row(poses: Floats) -> None:
+    """Raise ContactError unless the last rows are 0 0 0 1."""
+    expected = np.array([0.0, 0.0, 0.0, 1.0])
+    bad = np.flatnonzero(np.abs(poses[:, 3] - expected).max(axis=1) > TOLERANCE)
+    if not len(bad):
+        return
+    pose = poses[bad[0]]
+    transposed = np.abs(pose[:, 3] - expected).max() <= TOLERANCE
+    cause = "; is it transposed, with the translation in the last row?" if transposed else ""
+    raise ContactError(
+        f"pose {bad[0] + 1}: the last row must be 0 0 0 1; got {_numbers(pose[3])}{cause}"
+    )
+
+
+def _rotations(matrices: Floats) -> Floats:
+    """The nearest rotations (k, 3, 3). Raises ContactError if they are too far."""
+    products = matrices.transpose(0, 2, 1) @ matrices
+    deviation = np.abs(products - np.eye(3)).max(axis=(1, 2), initial=0.0)
+    bad = np.flatnonzero(~(deviation <= 2.0 * TOLERANCE))
+    if len(bad):
+        raise ContactError(f"pose {bad[0] + 1}: {_why_no_rotation(products[bad[0]])}")
+    mirrored = np.flatnonzero(np.linalg.det(matrices) < 0.0)
+    if len(mirrored):
+        raise ContactError(
+            f"pose {mirrored[0] + 1} is left-handed (determinant -1), as are {len(mirrored)} of "
+            f"{len(matrices)}: one axis is reversed; y must be z x x"
+        )
+    rough = np.flatnonzero(deviation > ROUNDING)
+    if len(rough):
+        left, _, right = np.linalg.svd(matrices[rough])
+        matrices[rough] = left @ right
+    return matrices
+
+
+def _why_no_rotation(product: Floats) -> str:
+    """What the products of the columns of a matrix suggest."""
+    lengths = np.sqrt(np.diagonal(product))
+    if not (lengths > 0.0).all():
+        return "one of its axes has the length 0"
+    cosines = product / np.outer(lengths, lengths)
+    if np.abs(cosines - np.eye(3)).max() <= 2.0 * TOLERANCE:
+        return (
+            f"its axes have the lengths {_numbers(lengths)} instead of 1: is a scale contained in "
+            "the matrix? scale translations only"
+        )
+    return "its first three rows and columns are no rotation: the axes are not perpendicular"
+
+
+def pose_warning(poses: Floats, center: Floats, size: float, unit: Unit | None) -> str | None:
+    """What suggests that poses are in another unit or frame than the object.
+
+    Args:
+        poses: TCP frame to the object's frame, shape (k, 4, 4).
+        center: Centre of the object, shape (3,).
+        size: Diameter of the object.
+        unit: Unit of the object's coordinates, for the message; None: not known.
+
+    Returns:
+        One sentence, or None if nothing does.
+
+    Example:
+        >>> import numpy as np
+        >>> from grasp3d.grasps.pose_checks import pose_warning
+        >>> pose = np.eye(4)
+        >>> pose[:3, 3] = [10.0, 20.0, 60.0]
+        >>> print(pose_warning(pose[None], np.zeros(3), 0.1, "m"))
+        the gripper of these poses is 640 object sizes away from the object, ...
+    """
+    if not len(poses):
+        return None
+    points = poses[:, :3, 3]
+    ratio = float(np.median(np.linalg.norm(points - center, axis=1))) / size
+    if ratio > FAR:
+        return (
+            f"the gripper of these poses is {ratio:.3g} object sizes away from the object, as if "
+            f"their lengths were {_suspected(unit, smaller=True)}: give the unit of the poses, or "
+            "check their frame"
+        )
+    extent = float(np.linalg.norm(np.ptp(points, axis=0))) / size
+    origin = float(np.linalg.norm(points, axis=1).max()) / size
+    if len(points) > 2 and 0.0 < extent < NEAR and origin < NEAR:
+        return (
+            f"the positions of these poses differ by {extent:.2g} object sizes only, as if their "
+            f"lengths were {_suspected(unit, smaller=False)}: give the unit of the poses"
+        )
+    return _warn_of_directions(poses, center, size)
+
+
+def _warn_of_directions(poses: Floats, center: Floats, size: float) -> str | None:
+    toward = ((center - poses[:, :3, 3]) * poses[:, :3, 2]).sum(axis=1)
+    away = int((toward < -0.25 * size).sum())
+    if len(poses) < 5 or away < AWAY * len(poses):
+        return None
+    return (
+        f"{away} of {len(poses)} approach directions point away from the object: is the order of "
+        "the quaternions (x y z w), and is z the approach direction?"
+    )
+
+
+def _suspected(unit: Unit | None, *, smaller: bool) -> str:
+    """The unit that lengths seem to have, compared with that of the object."""
+    if unit is None:
+        return "in a smaller unit" if smaller else "in a larger unit"
+    metres = METRES[unit]
+    if smaller:
+        return "millimetres" if metres > METRES["mm"] else "in a smaller unit"
+    return "metres" if metres < METRES["m"] else "in a larger unit"
+
+
+def _numbers(values: Floats) -> str:
+    return "(" + ", ".join(f"{value:.6g}" for value in values) + ")"

@@ -1,0 +1,176 @@
+"""Evaluation of poses: the jaws are closed on the object, and the contacts are evaluated."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats, locked
+from grasp3d.errors import SettingError
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.approach import Approach
+from grasp3d.gripper.closing import ClosedJaws, close_jaws
+from grasp3d.gripper.collisions import collides
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reaching import metres_per_unit
+from grasp3d.gripper.table import Table
+from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.settings import GraspModel, with_fingers
+from grasp3d.system.processors import available_processors
+from grasp3d.system.progress import Progress, ignore, within
+
+JAWS_CLOSED = 0.7
+"""Fraction of the work after which the jaws are closed."""
+
+ROUNDING = 1e-9
+"""Fraction of the stroke, and angle [rad], by which a limit may be exceeded through rounding."""
+
+
+def evaluate_poses(
+    mesh: MeshSource,
+    poses: GraspPoses,
+    model: GraspModel | None = None,
+    *,
+    gripper: ParallelGripper,
+    table: Table | None = None,
+    approach: Approach | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> EvaluatedPoses:
+    """Close the jaws of a gripper on an object from given poses, and evaluate the grasps.
+
+    The object does not move, and each jaw moves until it touches; see `close_jaws`, which also says
+    how a touched patch becomes a contact. A pose whose jaws close on nothing is U, without numbers.
+
+    Args:
+        mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes. One whose unit is not
+            known gets the scale that the poses state, if they state one.
+        poses: The poses; without a unit they are in the mesh's.
+        model: Friction and sensor resolution [rad]; None: the defaults, with the resolution that
+            the gripper states, if any.
+        gripper: The gripper.
+        table: What the object stands on; None: nothing.
+        approach: Allowed approach directions; None: any.
+        threads: Threads to use; None: one per processor. The result does not depend on it.
+        progress: Called with the fraction of the work done, from 0 to 1.
+
+    Returns:
+        A row for each pose, in their order.
+
+    Raises:
+        MeshError: It is no mesh.
+        SettingError: The unit of the mesh is not known, or a setting is outside its range.
+
+    Example:
+        >>> import numpy as np
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.grasps.pose_evaluation import evaluate_poses
+        >>> from grasp3d.grasps.poses import GraspPoses
+        >>> from grasp3d.gripper.presets import preset
+        >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
+        >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
+        >>> beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
+        >>> found = evaluate_poses(
+        ...     box, GraspPoses(poses=[from_above, beside]), gripper=preset("franka")
+        ... )
+        >>> found.to_dataframe()[["closing", "label", "opening", "reachable"]].round(3)
+           closing label  opening  reachable
+        0   closed     S     0.06       True
+        1  nothing     U      NaN      False
+    """
+    mesh = in_stated_scale(load_mesh(mesh), poses)
+    metres_per_unit(mesh)
+    given = poses.scaled(1.0, mesh.unit) if poses.unit is None else _in_unit(poses, mesh)
+    used = gripper.touching(GraspModel()) if model is None else model
+    used = with_fingers(used.in_unit(mesh.unit, source=mesh.report.source), 2)
+    threads = available_processors() if threads is None else threads
+    if threads < 1:
+        raise SettingError(f"threads must be at least 1; got {threads}")
+    report = progress or ignore
+    closing = within(report, 0.0, JAWS_CLOSED)
+    jaws = close_jaws(mesh, given.poses, gripper, threads=threads, progress=closing)
+    colliding = _collides(mesh, given.poses, jaws, gripper, table, threads)
+    found = EvaluatedPoses(
+        mesh=mesh,
+        poses=given,
+        gripper=gripper,
+        model=used,
+        jaws=jaws,
+        collides=locked(colliding),
+        reachable=locked(
+            jaws.closed
+            & ~colliding
+            & _within_stroke(mesh, jaws, gripper)
+            & _within_approach(given.poses, table, approach or Approach())
+        ),
+        threads=threads,
+    )
+    found.compute_labels(within(report, JAWS_CLOSED, 1.0))
+    report(1.0)
+    return found
+
+
+def in_stated_scale(mesh: ObjectMesh, poses: GraspPoses) -> ObjectMesh:
+    """The mesh in metres, where its unit is not known and poses state the scale of its file.
+
+    Args:
+        mesh: The object.
+        poses: Poses on it.
+    """
+    scale = poses.object_scale
+    if mesh.unit is not None or scale is None:
+        return mesh
+    # Normals and their sets do not depend on the size.
+    return replace(
+        mesh,
+        vertices=locked(mesh.vertices * scale),
+        center=locked(mesh.center * scale),
+        size=mesh.size * scale,
+        center_mass=locked(mesh.center_mass * scale),
+        volume=mesh.volume * scale**3,
+        report=replace(mesh.report, unit="m"),
+    )
+
+
+def _in_unit(poses: GraspPoses, mesh: ObjectMesh) -> GraspPoses:
+    assert mesh.unit is not None
+    return poses.in_unit(mesh.unit)
+
+
+def _collides(
+    mesh: ObjectMesh,
+    poses: Floats,
+    jaws: ClosedJaws,
+    gripper: ParallelGripper,
+    table: Table | None,
+    threads: int,
+) -> Bools:
+    """Whether the gripper collides, (k,): around the object that it holds, else wide open.
+
+    Where the jaws do not close symmetrically about the TCP, hand or object has given way.
+    """
+    wide = gripper.limits[1] / metres_per_unit(mesh)
+    opening = np.where(jaws.closed, np.maximum(jaws.opening, 0.0), wide)
+    centred = poses.copy()
+    offset = np.where(jaws.closed, jaws.offset, 0.0)
+    centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
+    return collides(mesh, centred, opening, gripper, table=table, threads=threads)
+
+
+def _within_stroke(mesh: ObjectMesh, jaws: ClosedJaws, gripper: ParallelGripper) -> Bools:
+    """Whether the gripper can open to each opening, with clearance on both sides, (k,)."""
+    least, most = (limit / metres_per_unit(mesh) for limit in gripper.limits)
+    slack = ROUNDING * most
+    return np.asarray((jaws.opening >= least - slack) & (jaws.opening <= most + slack))
+
+
+def _within_approach(poses: Floats, table: Table | None, approach: Approach) -> Bools:
+    """Whether each approach direction is allowed, (k,)."""
+    direction = approach.direction
+    if direction is None and table is not None:
+        direction = -table.normal
+    if direction is None:
+        return np.ones(len(poses), dtype=np.bool_)
+    angle = np.arccos(np.clip(poses[:, :3, 2] @ direction, -1.0, 1.0))
+    return np.asarray(angle <= approach.within + ROUNDING)

@@ -1,0 +1,218 @@
+"""Poses as HDF5 in the layout of the ACRONYM data set."""
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from importlib.util import find_spec
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.grasps.pose_files.frames import (
+    check_metres,
+    gripper_of,
+    in_metres,
+    joint_values,
+    moved,
+)
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.isolation import CallFailedError, call
+from grasp3d.lengths import METRES, Unit
+from grasp3d.system.files import atomic_write
+
+WHAT = "ACRONYM"
+
+BASE_TO_TCP = 0.105
+"""From the hand's base to the TCP in the data set, which has one gripper [m]."""
+
+MOST = 1_000_000
+"""Most grasps of a file that are read."""
+
+LONGEST = 1 << 20
+"""Longest text and largest chunk, in elements, that are read."""
+
+MEMORY = 4.0
+"""Memory of the process that reads a file [GB]."""
+
+SECONDS = 15.0
+"""Time limit of an empty file, including the start of the process [s]."""
+
+BYTES_PER_SECOND = 1e6
+"""Speed of reading with a large margin [bytes/s]."""
+
+TRANSFORMS = "grasps/transforms"
+OUTCOME = "grasps/qualities/flex/object_in_gripper"
+NUMBERS = {
+    "opening": "grasps/opening",
+    "pregrasp_opening": "grasps/pregrasp_opening",
+    "scores": "grasps/scores",
+}
+"""Further data sets, which only files of this project have."""
+NAMES = "grasps/names"
+
+OBJECT = {
+    "com": (3,), "density": (), "friction": (), "inertia": (3, 3), "mass": (), "volume": (),
+}  # fmt: skip
+"""Shape of what `object/` has beside file and scale."""
+
+
+def write_acronym(path: Path, poses: GraspPoses) -> None:
+    """Write the poses of the hand's base, and outcomes where any are known."""
+    h5py = _h5py()
+    gripper, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    values: dict[str, Any] = {
+        TRANSFORMS: moved(given.poses, -gripper.base_to_tcp),
+        "object/file": given.object_file or "",
+        "object/scale": given.object_scale or METRES[poses.unit or "m"],
+        "gripper/type": gripper.name,
+        "gripper/base_to_tcp": gripper.base_to_tcp,
+        NAMES: np.array(given.names, dtype=object),
+    }
+    if gripper.joint_names:
+        widest = np.array([gripper.max_opening])
+        values["gripper/configuration"] = joint_values(gripper, widest, WHAT)[0]
+    if not np.isnan(given.outcome).all():
+        known = not np.isnan(given.outcome).any()
+        values[OUTCOME] = given.outcome.astype(np.int64) if known else given.outcome
+    for field, name in NUMBERS.items():
+        if not np.isnan(getattr(given, field)).all():
+            values[name] = getattr(given, field)
+    for name in OBJECT:
+        if name in given.settings:
+            values[f"object/{name}"] = np.asarray(given.settings[name], dtype=np.float64)
+    with atomic_write(path) as part, h5py.File(part, "w") as file:
+        for name, value in values.items():
+            file[name] = value
+
+
+def read_acronym(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+    """Poses in the order of the file. Raises ContactError, OSError."""
+    _h5py()
+    check_metres(unit, WHAT)
+    with path.open("rb") as stream:
+        if stream.read(8) != b"\x89HDF\r\n\x1a\n":
+            raise ContactError("is no HDF5 file")
+    seconds = SECONDS + path.stat().st_size / BYTES_PER_SECOND
+    try:
+        # HDF5 reads some damaged files for ever, and crashes at others.
+        return call(_read_file, path.absolute(), gripper, memory=MEMORY, seconds=seconds)
+    except CallFailedError as failure:
+        raise ContactError(f"is damaged: the process that reads it {failure}") from failure
+
+
+def _read_file(path: Path, gripper: ParallelGripper | None) -> GraspPoses:
+    """Poses of a file, in a child process. Raises ContactError."""
+    h5py = _h5py()
+    with _plain_errors(), h5py.File(path, "r") as file:
+        return _read(h5py, file, gripper)
+
+
+def _read(h5py: Any, file: Any, gripper: ParallelGripper | None) -> GraspPoses:
+    data = _dataset(h5py, file, TRANSFORMS)
+    if data is None:
+        raise ContactError(f"the data set {TRANSFORMS} is missing")
+    if len(data.shape) != 3 or data.shape[1:] != (4, 4) or data.shape[0] > MOST:
+        raise ContactError(
+            f"{TRANSFORMS} must have the shape (k, 4, 4), k at most {MOST}; got {data.shape}"
+        )
+    count = data.shape[0]
+    if not count:
+        raise ContactError("there are no grasps in it")
+    bases = _numbers(h5py, file, TRANSFORMS, (count, 4, 4))
+    outcome = _numbers(h5py, file, OUTCOME, (count,))
+    known: dict[str, Any] = {
+        field: value
+        for field, name in NUMBERS.items()
+        if (value := _numbers(h5py, file, name, (count,))) is not None
+    }
+    return GraspPoses(
+        poses=moved(np.asarray(bases), _base_to_tcp(h5py, file, gripper)),
+        outcome=np.full(count, np.nan) if outcome is None else outcome,
+        names=_texts(h5py, file, NAMES, (count,)),
+        unit="m",
+        gripper=gripper or next(iter(_texts(h5py, file, "gripper/type", ())), None),
+        object_file=next(iter(_texts(h5py, file, "object/file", ())), None) or None,
+        object_scale=_scale(h5py, file),
+        settings={
+            name: value.tolist()
+            for name, shape in OBJECT.items()
+            if (value := _numbers(h5py, file, f"object/{name}", shape)) is not None
+        },
+        **known,
+    )
+
+
+def _base_to_tcp(h5py: Any, file: Any, gripper: ParallelGripper | None) -> float:
+    if gripper is not None:
+        return gripper.base_to_tcp
+    stated = _numbers(h5py, file, "gripper/base_to_tcp", ())
+    return BASE_TO_TCP if stated is None else float(stated)
+
+
+def _scale(h5py: Any, file: Any) -> float | None:
+    scale = _numbers(h5py, file, "object/scale", ())
+    return None if scale is None else float(scale)
+
+
+def _dataset(h5py: Any, file: Any, name: str) -> Any:
+    """A data set that is stored in the file itself; None: there is none."""
+    found = file
+    for part in name.split("/"):
+        link = found.get(part, getlink=True) if isinstance(found, h5py.Group) else None
+        if link is None:
+            return None
+        if not isinstance(link, h5py.HardLink):
+            raise ContactError(f"{name} is a link to another file or data set, which is not read")
+        found = found[part]
+    if not isinstance(found, h5py.Dataset):
+        raise ContactError(f"{name} must be a data set; got a group")
+    if found.external or found.is_virtual:
+        raise ContactError(f"{name} is stored in another file, which is not read")
+    return found
+
+
+def _numbers(h5py: Any, file: Any, name: str, shape: tuple[int, ...]) -> Floats | None:
+    """Numbers of a data set whose shape and type are checked before anything is loaded."""
+    data = _dataset(h5py, file, name)
+    if data is None:
+        return None
+    if data.shape != shape or data.dtype.kind not in "fiub":
+        raise ContactError(
+            f"{name} must be numbers of shape {shape}; got {data.dtype} of shape {data.shape}"
+        )
+    if data.chunks is not None and np.prod(data.chunks, dtype=np.float64) > 16 * MOST:
+        raise ContactError(f"{name} is stored in chunks of {data.chunks}, too large to be read")
+    return np.asarray(data[()], dtype=np.float64)
+
+
+def _texts(h5py: Any, file: Any, name: str, shape: tuple[int, ...]) -> tuple[str, ...]:
+    """Texts of a data set; none if it is missing."""
+    data = _dataset(h5py, file, name)
+    if data is None:
+        return ()
+    info = h5py.check_string_dtype(data.dtype)
+    if data.shape != shape or info is None or (info.length or 0) > LONGEST:
+        raise ContactError(f"{name} must be text of shape {shape}; got shape {data.shape}")
+    found = data.asstr(errors="replace")[()]
+    return tuple(map(str, np.ravel(found).tolist()))
+
+
+@contextmanager
+def _plain_errors() -> Iterator[None]:
+    """Raise what HDF5 reports of damaged files as ContactError."""
+    try:
+        yield
+    except (OSError, RuntimeError, KeyError, ValueError, TypeError, OverflowError) as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ContactError(f"is damaged, or no such HDF5 file ({reason})") from error
+
+
+def _h5py() -> Any:
+    if find_spec("h5py") is None:
+        raise OutputError("HDF5 needs h5py: pip install 'grasp3d[datasets]'")
+    import h5py
+
+    return h5py

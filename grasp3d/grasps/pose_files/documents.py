@@ -1,0 +1,151 @@
+"""Values of JSON and YAML documents, checked.
+
+Nothing here walks a document deeper than the shape that is expected: YAML may refer to one list
+many times, so that a short file stands for more values than memory holds.
+"""
+
+import json
+import math
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError
+
+Entries = Sequence[Mapping[str, Any]]
+
+
+def load_json(path: Path) -> Any:
+    """Content of a JSON file. Raises ContactError, OSError."""
+    try:
+        return json.loads(path.read_text(encoding="utf-8-sig"))
+    except (ValueError, RecursionError) as error:
+        raise ContactError(f"is no JSON: {error}") from error
+
+
+def mapping(value: object, what: str) -> dict[str, Any]:
+    """The value, if it is an object of keys and values. Raises ContactError."""
+    if not isinstance(value, dict):
+        raise ContactError(f"{what} must be an object of keys and values; got {kind(value)}")
+    return value
+
+
+def grasp_list(value: object, what: str) -> list[Any]:
+    """The value, if it is a list of at least one grasp. Raises ContactError."""
+    if not isinstance(value, list):
+        raise ContactError(f"{what} must be a list; got {kind(value)}")
+    if not value:
+        raise ContactError("there are no grasps in it")
+    return value
+
+
+def required(document: Mapping[str, Any], key: str, where: str = "") -> Any:
+    """The value of a key. Raises ContactError if it is missing."""
+    if key not in document:
+        raise ContactError(f"{where}the key {key} is missing")
+    return document[key]
+
+
+def each(entries: Entries, *keys: str) -> list[Any]:
+    """The value of nested keys in every entry. Raises ContactError if one is missing."""
+    values: list[Any] = []
+    for number, entry in enumerate(entries, 1):
+        value: Any = entry
+        for depth, key in enumerate(keys):
+            where = f"grasp {number}: "
+            value = required(mapping(value, where + (".".join(keys[:depth]) or "it")), key, where)
+        values.append(value)
+    return values
+
+
+def numbers(values: Sequence[Any], shape: tuple[int, ...], what: str) -> Floats:
+    """Numbers of each grasp, shape (k, *shape); null is nan.
+
+    Numbers as text are accepted: YAML reads 1e-05 as text.
+
+    Raises:
+        ContactError: Values that are no numbers, or lists of other lengths.
+    """
+    flat: list[float] = []
+    for number, value in enumerate(values, 1):
+        try:
+            flat += _flattened(value, shape)
+        except (TypeError, ValueError, OverflowError) as error:
+            raise ContactError(
+                f"grasp {number}: {what} must be {_expected(shape)}; got {kind(value)}"
+            ) from error
+    return np.array(flat, dtype=np.float64).reshape(len(values), *shape)
+
+
+def optional_numbers(entries: Entries, key: str) -> Floats:
+    """Numbers of a key that entries need not have, shape (k,); nan where it is missing."""
+    return numbers([entry.get(key) for entry in entries], (), key)
+
+
+def one_number(value: object, what: str) -> float:
+    """A finite number. Raises ContactError."""
+    try:
+        number = _number(value)
+    except (TypeError, ValueError, OverflowError):
+        number = math.nan
+    if not math.isfinite(number):
+        raise ContactError(f"{what} must be a finite number; got {kind(value)}")
+    return number
+
+
+def text_or_none(value: object, what: str) -> str | None:
+    """A text, or none. Raises ContactError."""
+    if value is not None and not isinstance(value, str):
+        raise ContactError(f"{what} must be text; got {kind(value)}")
+    return value
+
+
+def kind(value: object) -> str:
+    """Short description of a value."""
+    if isinstance(value, list | tuple):
+        return f"a list of {len(value)}"
+    if isinstance(value, dict):
+        return "an object"
+    return "nothing" if value is None else ascii(value)[:40]
+
+
+def json_numbers(values: npt.NDArray[Any]) -> Any:
+    """Lists of numbers or text for JSON; nan and infinite numbers, which it has not, are null."""
+    if values.dtype.kind != "f":
+        return values.tolist()
+    numbers_or_none = values.astype(object)
+    numbers_or_none[~np.isfinite(values)] = None
+    return numbers_or_none.tolist()
+
+
+def json_text(values: object) -> str:
+    """JSON text of a value without nan."""
+    return json.dumps(values, allow_nan=False)
+
+
+def _flattened(value: object, shape: tuple[int, ...]) -> list[float]:
+    if not shape:
+        return [_number(value)]
+    if not isinstance(value, list) or len(value) != shape[0]:
+        raise ValueError
+    return [number for part in value for number in _flattened(part, shape[1:])]
+
+
+def _number(value: object) -> float:
+    if value is None:
+        return math.nan
+    if not isinstance(value, int | float | str):
+        raise TypeError
+    return float(value)
+
+
+def _expected(shape: tuple[int, ...]) -> str:
+    if not shape:
+        return "a number"
+    if len(shape) == 1:
+        return f"a list of {shape[0]} numbers"
+    return " x ".join(map(str, shape)) + " numbers, in lists"

@@ -1,0 +1,223 @@
+"""Reading and writing of grasp poses in files of every format."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.grasps.pose_files.acronym import read_acronym, write_acronym
+from grasp3d.grasps.pose_files.documents import load_json
+from grasp3d.grasps.pose_files.graspgen import is_graspgen, parse_graspgen, write_graspgen
+from grasp3d.grasps.pose_files.graspnet import read_graspnet, write_graspnet
+from grasp3d.grasps.pose_files.isaac_grasp import read_isaac, write_isaac
+from grasp3d.grasps.pose_files.moveit import is_moveit, parse_moveit, write_moveit
+from grasp3d.grasps.pose_files.own_json import is_own, parse_json, write_json
+from grasp3d.grasps.pose_files.table import are_poses, read_table, write_table
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.lengths import Unit
+from grasp3d.settings import PoseFormat, check_choice
+from grasp3d.system.files import check_suffix
+from grasp3d.system.names import printable, unsupported
+
+Read = Callable[[Path, ParallelGripper | None, Unit | None], GraspPoses]
+Parse = Callable[[object, ParallelGripper | None, Unit | None], GraspPoses]
+
+
+@dataclass(frozen=True)
+class _Format:
+    """How a format is written and read."""
+
+    suffixes: tuple[str, ...]
+    write: Callable[[Path, GraspPoses], None]
+    read: Read
+
+
+def _json_reader(parse: Parse) -> Read:
+    return lambda path, gripper, unit: parse(load_json(path), gripper, unit)
+
+
+_FORMATS: dict[PoseFormat, _Format] = {
+    "json": _Format((".json",), write_json, _json_reader(parse_json)),
+    "csv": _Format((".csv",), write_table, read_table),
+    "parquet": _Format((".parquet",), write_table, read_table),
+    "isaac_grasp": _Format((".yaml", ".yml"), write_isaac, read_isaac),
+    "acronym": _Format((".h5", ".hdf5"), write_acronym, read_acronym),
+    "graspgen": _Format((".json",), write_graspgen, _json_reader(parse_graspgen)),
+    "graspnet": _Format((".npy",), write_graspnet, read_graspnet),
+    "moveit": _Format((".json",), write_moveit, _json_reader(parse_moveit)),
+}
+
+SUFFIXES = tuple(dict.fromkeys(suffix for known in _FORMATS.values() for suffix in known.suffixes))
+"""Endings of files of poses."""
+
+_PARSERS: dict[PoseFormat, tuple[Callable[[object], bool], Parse]] = {
+    "json": (is_own, parse_json),
+    "graspgen": (is_graspgen, parse_graspgen),
+    "moveit": (is_moveit, parse_moveit),
+}
+"""Formats of JSON files: how they are recognised."""
+
+
+def write_poses(
+    path: str | Path,
+    poses: GraspPoses,
+    *,
+    format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
+) -> None:
+    """Write grasp poses for robots and simulators.
+
+    Args:
+        path: File to make or replace.
+        poses: At least one pose. Formats of robots need the gripper and the unit.
+        format: json, csv, parquet, isaac_grasp (.yaml), acronym (.h5), graspnet (.npy), graspgen
+            or moveit (.json); None: that of the suffix, json for .json.
+
+    Raises:
+        OutputError: No format has that suffix, it needs something that is not known, or the file
+            cannot be written.
+        SettingError: No format is called so.
+
+    Example:
+        >>> import numpy as np
+        >>> from grasp3d.grasps.pose_files import read_poses, write_poses
+        >>> from grasp3d.grasps.poses import GraspPoses
+        >>> from_above = GraspPoses(poses=np.diag([1.0, -1.0, -1.0, 1.0]), opening=0.05, unit="m")
+        >>> write_poses("poses.csv", from_above)
+        >>> read_poses("poses.csv").opening.tolist()
+        [0.05]
+    """
+    path = Path(path)
+    chosen = _of_suffix(path) if format is None else _known(format)
+    if chosen is None:
+        raise OutputError(unsupported(path, SUFFIXES, "pose"))
+    check_suffix(path, _FORMATS[chosen].suffixes, chosen)
+    if not poses.count:
+        raise OutputError(f"{path}: there are no poses to write")
+    try:
+        _FORMATS[chosen].write(path, poses)
+    except OutputError as error:
+        raise _with_path(path, error) from error
+
+
+def read_poses(
+    path: str | Path,
+    *,
+    format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
+    gripper: ParallelGripper | None = None,
+    unit: Unit | None = None,
+) -> GraspPoses:
+    """Read grasp poses from files of robots, simulators and data sets.
+
+    Poses are those of the TCP, whatever frame the file has; see `GraspPoses`.
+
+    Args:
+        path: File to read.
+        format: One of those of `write_poses`; None: found from the suffix and the content.
+        gripper: The gripper that the grasps are of; formats with the pose of the hand's base
+            (isaac_grasp, graspgen, graspnet, moveit) need it.
+        unit: Unit of the lengths, for files that state none; formats of robots are in metres.
+
+    Raises:
+        ContactError: The file is missing, or contains no such poses.
+        OutputError: A library that reads the format is not installed.
+        SettingError: No format is called so.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from grasp3d.grasps.pose_files import read_poses
+        >>> rows = ["px,py,pz,qx,qy,qz,qw", "0,0,60,1,0,0,0"]
+        >>> _ = Path("poses.csv").write_text(chr(10).join(rows))
+        >>> read_poses("poses.csv", unit="mm").in_unit("m").poses[0, :3, 3].tolist()
+        [0.0, 0.0, 0.06]
+    """
+    path = Path(path)
+    chosen = None if format is None else _known(format)
+    if path.suffix.lower() not in SUFFIXES and chosen is None:
+        raise ContactError(unsupported(path, SUFFIXES, "pose"))
+    if not path.is_file():
+        problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
+        raise ContactError(f"{path}: {problem}")
+    try:
+        return _read(path, chosen, gripper, unit)
+    except OSError as error:
+        raise _one_line(path, f"cannot be read ({error.strerror or error})") from error
+    except (ContactError, ValueError) as error:
+        raise _one_line(path, str(error)) from error
+
+
+def holds_poses(path: str | Path) -> bool:
+    """Whether a file contains grasp poses rather than contacts, judged by its content.
+
+    Args:
+        path: A file; one that is missing or damaged holds none.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from grasp3d.grasps.pose_files import holds_poses
+        >>> _ = Path("grasps.json").write_text("[[[0, 0, 0.015], [0, 0, -0.015]]]")
+        >>> holds_poses("grasps.json"), holds_poses("grasps.yaml")
+        (False, True)
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if suffix not in {".json", ".csv", ".parquet"}:
+        return suffix in SUFFIXES
+    try:
+        if suffix == ".json":
+            return _json_format(load_json(path)) is not None
+        from grasp3d.tables import read_columns
+
+        return are_poses(list(read_columns(path)))
+    except (OSError, ValueError, ContactError):
+        return False
+
+
+def _read(
+    path: Path, chosen: PoseFormat | None, gripper: ParallelGripper | None, unit: Unit | None
+) -> GraspPoses:
+    """Poses of a file. Raises ContactError, ValueError, OSError, OutputError."""
+    if chosen is None and path.suffix.lower() == ".json":
+        content = load_json(path)
+        found = _json_format(content)
+        if found is None:
+            raise ContactError(_unknown_json(content))
+        return _PARSERS[found][1](content, gripper, unit)
+    chosen = chosen or _of_suffix(path)
+    if chosen is None:
+        raise ContactError(unsupported(path, SUFFIXES, "pose"))
+    return _FORMATS[chosen].read(path, gripper, unit)
+
+
+def _json_format(content: object) -> PoseFormat | None:
+    return next((name for name, (fits, _) in _PARSERS.items() if fits(content)), None)
+
+
+def _unknown_json(content: object) -> str:
+    if content in ([], {}) or (isinstance(content, dict) and content.get("grasps") == []):
+        return "there are no grasps in it"
+    return (
+        "contains no poses: expected the key grasps with poses (as write_poses writes them) or "
+        "transforms (GraspGen), or a list of messages with grasp_pose (moveit_msgs/Grasp)"
+    )
+
+
+def _of_suffix(path: Path) -> PoseFormat | None:
+    suffix = path.suffix.lower()
+    return next((name for name, known in _FORMATS.items() if suffix in known.suffixes), None)
+
+
+def _known(name: PoseFormat) -> PoseFormat:
+    check_choice("format", name, PoseFormat)
+    return name
+
+
+def _one_line(path: Path, problem: str) -> ContactError:
+    """The error of a file; the messages of libraries can have several lines."""
+    return ContactError(printable(f"{path}: {' '.join(problem.split())}"))
+
+
+def _with_path(path: Path, error: OutputError) -> OutputError:
+    """The error with the path at its start."""
+    text = str(error)
+    return error if text.startswith(str(path)) else OutputError(f"{path}: {text}")

@@ -1,0 +1,153 @@
+"""Frames of robots' files: the hand's base in metres, joint values, quaternions."""
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError, OutputError
+from grasp3d.grasps.pose_checks import checked_quaternions
+from grasp3d.grasps.pose_files.documents import numbers
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.lengths import Unit
+
+
+def in_metres(poses: GraspPoses, what: str) -> GraspPoses:
+    """The poses in metres. Raises OutputError if their unit is not known."""
+    if poses.unit is None:
+        raise OutputError(
+            f"{what} files are in metres, but the unit of the poses is not known: give the mesh's "
+            "unit (--unit, in Python unit=...)"
+        )
+    return poses.in_unit("m")
+
+
+def check_metres(unit: Unit | None, what: str) -> None:
+    """Refuse another unit for a file that is in metres. Raises ContactError."""
+    if unit not in {None, "m"}:
+        raise ContactError(
+            f"{what} files are in metres, not in {unit}: read them without a unit, and convert the "
+            "poses with in_unit"
+        )
+
+
+def gripper_of(poses: GraspPoses, what: str) -> ParallelGripper:
+    """The gripper of poses to write. Raises OutputError if there is none."""
+    if not isinstance(poses.gripper, ParallelGripper):
+        raise OutputError(
+            f"{what} files have the pose of the hand's base and so need the lengths of the "
+            "gripper: give it (--gripper, in Python gripper=...)"
+        )
+    return poses.gripper
+
+
+def needed_gripper(gripper: ParallelGripper | str | None, what: str) -> ParallelGripper:
+    """The gripper of a file to read. Raises ContactError if there is none."""
+    if not isinstance(gripper, ParallelGripper):
+        raise ContactError(
+            f"{what} files have the pose of the hand's base, not of the fingertips: give the "
+            "gripper (--gripper, in Python gripper=...)"
+        )
+    return gripper
+
+
+def moved(poses: Floats, distance: float | Floats) -> Floats:
+    """Poses (k, 4, 4) moved along their approach direction by a distance or (k,)."""
+    result = poses.copy()
+    result[:, :3, 3] += np.reshape(distance, (-1, 1)) * poses[:, :3, 2]
+    return result
+
+
+def hand_poses(poses: Floats, gripper: ParallelGripper) -> Floats:
+    """Poses of the hand's own frame, that of its robot description, shape (k, 4, 4) [m]."""
+    return np.asarray(poses @ gripper.base_pose)
+
+
+def tcp_poses(bases: Floats, gripper: ParallelGripper) -> Floats:
+    """Poses of the TCP from those of the hand's own frame, shape (k, 4, 4) [m]."""
+    return np.asarray(bases @ np.linalg.inv(gripper.base_pose))
+
+
+def quaternions(poses: Floats) -> Floats:
+    """Quaternions x y z w of poses (k, 4, 4), w at least 0, shape (k, 4)."""
+    found = Rotation.from_matrix(poses[:, :3, :3]).as_quat(canonical=True)
+    return np.asarray(found, dtype=np.float64).reshape(-1, 4)
+
+
+def from_quaternions(positions: Floats, xyzw: Floats, where: str = "") -> Floats:
+    """Poses (k, 4, 4) of positions (k, 3) and quaternions (k, 4). Raises ContactError."""
+    for what, values in (("position", positions), ("quaternion", xyzw)):
+        bad = np.flatnonzero(~np.isfinite(values).all(axis=1))
+        if len(bad):
+            raise ContactError(f"{where}grasp {bad[0] + 1}: its {what} is not finite")
+    poses = np.tile(np.eye(4), (len(positions), 1, 1))
+    poses[:, :3, :3] = Rotation.from_quat(checked_quaternions(xyzw, where)).as_matrix()
+    poses[:, :3, 3] = positions
+    return poses
+
+
+def joint_values(gripper: ParallelGripper, openings: Floats, what: str) -> Floats:
+    """Values of the finger joints at openings [m] of (k,), shape (k, joints); nan: not known.
+
+    Raises:
+        OutputError: Openings are known, but the gripper has no joints.
+    """
+    if not gripper.joint_names and np.isfinite(openings).any():
+        raise OutputError(
+            f"{what} files have joint values, but gripper {gripper.name!r} has no joint_names: "
+            "give it joint_names, joint_scale and joint_closed"
+        )
+    closed, scale = np.array(gripper.joint_closed), np.array(gripper.joint_scale)
+    return np.asarray(closed + scale * openings[:, None])
+
+
+def openings_of_joints(gripper: ParallelGripper, joints: Sequence[dict[str, Any]]) -> Floats:
+    """Openings [m] from joint values by name, the mean over the joints, (k,); nan: not stated.
+
+    Raises:
+        ContactError: The joints are those of another gripper.
+    """
+    names = {name: k for k, name in enumerate(gripper.joint_names) if gripper.joint_scale[k]}
+    openings = np.full(len(joints), np.nan)
+    for number, values in enumerate(joints):
+        known = [name for name in values if name in names]
+        if not known:
+            _check_joints(gripper, names, values)
+            continue
+        indices = [names[name] for name in known]
+        found = numbers([[values[name] for name in known]], (len(known),), "joint values")[0]
+        scale = np.array(gripper.joint_scale)[indices]
+        opening = float(((found - np.array(gripper.joint_closed)[indices]) / scale).mean())
+        openings[number] = _at_least_closed(opening, gripper, number)
+    return openings
+
+
+def _check_joints(gripper: ParallelGripper, names: dict[str, int], values: dict[str, Any]) -> None:
+    if values and names:
+        stated = ", ".join(str(name)[:40] for name in list(values)[:4])
+        raise ContactError(
+            f"its joints ({stated}) are not those of gripper {gripper.name!r} "
+            f"({', '.join(names)}): give the gripper that the file was written for"
+        )
+
+
+def _at_least_closed(opening: float, gripper: ParallelGripper, number: int) -> float:
+    """The opening; slightly negative ones, of fingers pressed together, are 0."""
+    if opening < -0.1 * gripper.max_opening:
+        raise ContactError(
+            f"grasp {number + 1}: its joint values mean an opening of {opening:.4g} m: are they "
+            f"those of gripper {gripper.name!r}?"
+        )
+    return max(opening, 0.0)
+
+
+def unequal_names(names: Sequence[str]) -> None:
+    """Raise OutputError if two grasps have one name."""
+    seen: set[str] = set()
+    for name in names:
+        if name in seen:
+            raise OutputError(f"two grasps are called {name!r}: give each a name of its own")
+        seen.add(name)

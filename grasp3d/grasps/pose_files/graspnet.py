@@ -1,0 +1,114 @@
+"""Poses as the (k, 17) array of graspnetAPI, in a .npy file."""
+
+from pathlib import Path
+from tokenize import TokenError
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError
+from grasp3d.grasps.pose_files.frames import (
+    check_metres,
+    gripper_of,
+    in_metres,
+    moved,
+    needed_gripper,
+)
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.lengths import Unit
+from grasp3d.system.files import atomic_write
+
+WHAT = "graspnetAPI"
+
+LENGTH = 17
+"""Numbers of a row: score, width, height, depth, rotation (9), translation (3), object."""
+
+MOST = 10_000_000
+"""Most rows that are read."""
+
+DEPTH = 0.02
+"""From the frame's origin to the ends of the fingers, in written files [m]."""
+
+HEIGHT = 0.02
+"""Height of the fingers that graspnetAPI assumes [m]."""
+
+NO_OBJECT = -1.0
+"""Number of an object that is not known."""
+
+_HEADER_ERRORS = (
+    ValueError, TypeError, OverflowError, EOFError, SyntaxError, MemoryError, RecursionError,
+    TokenError,
+)  # fmt: skip
+"""What NumPy raises for headers, which are the text of a Python dictionary."""
+
+BEST_SCORE = 1.1
+"""Scores of the data set are 1.1 minus the smallest coefficient of friction that holds."""
+
+
+def write_graspnet(path: Path, poses: GraspPoses) -> None:
+    """Write a row for each grasp, float64."""
+    gripper, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    moved_back = moved(given.poses, gripper.end - DEPTH)
+    rows = np.empty((given.count, LENGTH))
+    rows[:, 0] = _scores(given)
+    known = np.isfinite(given.pregrasp_opening)
+    rows[:, 1] = np.where(known, given.pregrasp_opening, given.opening)
+    rows[:, 2], rows[:, 3] = HEIGHT, DEPTH
+    # Their x, y and z are z, x and y here.
+    rows[:, 4:13] = moved_back[:, :3, [2, 0, 1]].reshape(-1, 9)
+    rows[:, 13:16] = moved_back[:, :3, 3]
+    rows[:, 16] = given.columns.get("object_id", np.full(given.count, NO_OBJECT))
+    with atomic_write(path) as part, part.open("wb") as stream:
+        np.save(stream, rows, allow_pickle=False)
+
+
+def _scores(poses: GraspPoses) -> Floats:
+    """Scores, or those that the critical friction angles imply."""
+    if "critical_angle" not in poses.columns:
+        return poses.scores
+    angles = np.asarray(poses.columns["critical_angle"], dtype=np.float64)
+    implied = BEST_SCORE - np.tan(np.minimum(angles, 0.5 * np.pi))
+    return np.where(np.isnan(poses.scores), np.maximum(implied, NO_OBJECT), poses.scores)
+
+
+def read_graspnet(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+    """Poses in the order of the rows. Raises ContactError, OSError."""
+    rows = _rows(path)
+    check_metres(unit, WHAT)
+    hand = needed_gripper(gripper, WHAT)
+    if not np.isfinite(rows[:, 3:]).all():
+        bad = np.flatnonzero(~np.isfinite(rows[:, 3:]).all(axis=1))
+        raise ContactError(f"grasp {bad[0] + 1} has numbers that are not finite")
+    poses = np.tile(np.eye(4), (len(rows), 1, 1))
+    poses[:, :3, [2, 0, 1]] = rows[:, 4:13].reshape(-1, 3, 3)
+    poses[:, :3, 3] = rows[:, 13:16]
+    return GraspPoses(
+        poses=moved(poses, rows[:, 3] - hand.end),
+        pregrasp_opening=rows[:, 1],
+        scores=rows[:, 0],
+        unit="m",
+        gripper=hand,
+        columns={"object_id": rows[:, 16]},
+    )
+
+
+def _rows(path: Path) -> Floats:
+    """Rows of the array, whose shape and type are checked before they are loaded."""
+    with path.open("rb") as stream:
+        if stream.read(6) != b"\x93NUMPY":
+            raise ContactError("is no .npy file")
+    try:
+        array = np.load(path, mmap_mode="r", allow_pickle=False)
+    except _HEADER_ERRORS as error:
+        reason = " ".join(str(error).split())[:200]
+        raise ContactError(f"is no .npy file of numbers ({reason})") from error
+    fits = array.ndim == 2 and array.shape[1] == LENGTH and array.dtype.kind in "fiu"
+    if not fits or len(array) > MOST:
+        raise ContactError(
+            f"it must have {LENGTH} numbers in each row, at most {MOST} rows; got {array.dtype} of "
+            f"shape {array.shape}"
+        )
+    if not len(array):
+        raise ContactError("there are no grasps in it")
+    return np.array(array, dtype=np.float64)

@@ -1,0 +1,144 @@
+"""Poses as tables: CSV and Parquet."""
+
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import ContactError
+from grasp3d.grasps.pose_files.documents import numbers
+from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
+from grasp3d.grasps.pose_files.header import fields_of, header_of
+from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.lengths import Unit
+
+Columns = Mapping[str, npt.NDArray[Any]]
+
+POSITION = ("px", "py", "pz")
+QUATERNION = ("qx", "qy", "qz", "qw")
+REQUIRED = POSITION + QUATERNION
+
+VECTORS = {
+    "contacts": tuple(f"{axis}{finger}" for finger in (1, 2) for axis in "xyz"),
+    "normals": tuple(f"n{axis}{finger}" for finger in (1, 2) for axis in "xyz"),
+}
+"""Columns of a table that hold contacts and outward normals."""
+
+
+def write_table(path: Path, poses: GraspPoses) -> None:
+    """Write one row for each grasp; Parquet has the header in its metadata."""
+    from grasp3d.tables import write_columns
+
+    write_columns(path, _columns(poses), settings=header_of(poses))
+
+
+def _columns(poses: GraspPoses) -> dict[str, npt.NDArray[Any]]:
+    positions, turned = poses.poses[:, :3, 3], quaternions(poses.poses)
+    columns: dict[str, npt.NDArray[Any]] = {
+        "name": np.array(poses.names),
+        **{name: positions[:, k] for k, name in enumerate(POSITION)},
+        **{name: turned[:, k] for k, name in enumerate(QUATERNION)},
+        "opening": poses.opening,
+        "pregrasp_opening": poses.pregrasp_opening,
+        "score": poses.scores,
+        "outcome": poses.outcome,
+        "unit": np.full(poses.count, poses.unit or ""),
+    }
+    for name, values in poses.columns.items():
+        if name in VECTORS:
+            outward = 0.0 - values if name == "normals" else values
+            flat = outward.reshape(-1, 6)
+            columns |= {part: flat[:, k] for k, part in enumerate(VECTORS[name])}
+        else:
+            columns[name] = values
+    return columns
+
+
+def are_poses(names: list[str]) -> bool:
+    """Whether a table with these columns holds poses."""
+    return any(name in names for name in REQUIRED)
+
+
+def read_table(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+    """Poses of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
+    from grasp3d.tables import read_columns, read_settings
+
+    columns = read_columns(path)
+    missing = [name for name in REQUIRED if name not in columns]
+    if missing:
+        listed = " ".join(list(columns)[:12]) + (" ..." if len(columns) > 12 else "")
+        raise ContactError(
+            f"column {missing[0]} is missing of {' '.join(REQUIRED)}; found {listed}"
+        )
+    if not len(columns["px"]):
+        raise ContactError("there are no grasps in it, only column names")
+    header = read_settings(path) if path.suffix.lower() == ".parquet" else None
+    stated = dict(header or {})
+    stated.setdefault("unit", _unit(columns))
+    count = len(columns["px"])
+    known = fields_of(stated, gripper, unit)
+    return GraspPoses(
+        poses=from_quaternions(_stacked(columns, POSITION), _stacked(columns, QUATERNION)),
+        opening=_optional(columns, "opening", count),
+        pregrasp_opening=_optional(columns, "pregrasp_opening", count),
+        scores=_optional(columns, "score", count),
+        outcome=_optional(columns, "outcome", count),
+        names=tuple(map(_text, columns["name"].tolist())) if "name" in columns else (),
+        columns=_others(columns),
+        **known,
+    )
+
+
+def _unit(columns: Columns) -> str | None:
+    """The unit that all rows state."""
+    stated = {_text(value) for value in columns["unit"].tolist()} if "unit" in columns else set()
+    if len(stated) > 1:
+        raise ContactError("all grasps must have the same unit")
+    return stated.pop() if stated else None
+
+
+def _stacked(columns: Columns, names: tuple[str, ...]) -> Floats:
+    return np.stack([_numbers(columns[name], name) for name in names], axis=1)
+
+
+def _optional(columns: Columns, name: str, count: int) -> Floats:
+    return _numbers(columns[name], name) if name in columns else np.full(count, np.nan)
+
+
+def _numbers(values: npt.NDArray[Any], name: str) -> Floats:
+    if values.dtype.kind in "fiub":
+        return values.astype(np.float64)
+    return numbers(values.tolist(), (), name)
+
+
+def _others(columns: Columns) -> dict[str, npt.NDArray[Any]]:
+    """Further columns; contacts and normals put together."""
+    found: dict[str, npt.NDArray[Any]] = {}
+    vectors: set[str] = set()
+    for name, parts in VECTORS.items():
+        if all(part in columns for part in parts):
+            values = _stacked(columns, parts).reshape(-1, 2, 3)
+            found[name] = 0.0 - values if name == "normals" else values
+            vectors |= set(parts)
+    for name, column in columns.items():
+        if name not in OWN_NAMES and name not in vectors:
+            found[name] = _column(column)
+    return found
+
+
+def _column(values: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """Numbers, or text."""
+    if values.dtype.kind in "fiub":
+        return values
+    listed = values.tolist()
+    if all(value is None for value in listed):
+        return np.full(len(listed), np.nan)
+    return np.array([_text(value) for value in listed])
+
+
+def _text(value: object) -> str:
+    return "" if value is None else str(value)

@@ -1,0 +1,228 @@
+"""Poses of a gripper on an object, with the openings, scores and outcomes that belong to them."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field, replace
+from typing import Any, Self, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
+from grasp3d.errors import ContactError
+from grasp3d.grasps.pose_checks import checked_poses
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.lengths import METRES, Unit
+
+LENGTH_COLUMNS = frozenset({"contacts", "depth"})
+"""Columns that are lengths, and are converted with the unit."""
+
+OWN_NAMES = frozenset({
+    "name", "pose", "opening", "pregrasp_opening", "score", "outcome", "unit", "grasp",
+    "px", "py", "pz", "qx", "qy", "qz", "qw",
+})  # fmt: skip
+"""Names that files use for the fields themselves, and that no further column may have."""
+
+VECTOR_COLUMNS = ("contacts", "normals")
+"""Columns of shape (k, 2, 3)."""
+
+
+def _unknown() -> Floats:
+    return np.array(np.nan)
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GraspPoses:
+    """Poses of a gripper in the frame of an object.
+
+    A pose is the 4x4 matrix that takes coordinates of the gripper's frame to the object's frame.
+    The gripper's frame has its origin at the tool centre point (TCP), z is the approach direction
+    and x the closing axis, from finger 1 to finger 2; see `ParallelGripper`.
+
+    Example:
+        >>> import numpy as np
+        >>> from grasp3d.grasps.poses import GraspPoses
+        >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
+        >>> poses = GraspPoses(poses=from_above, opening=0.05, unit="m")
+        >>> poses.count, poses.names, poses.in_unit("mm").opening.tolist()
+        (1, ('grasp_1',), [50.0])
+    """
+
+    poses: Floats
+    """TCP frame to the object's frame, translations in `unit`, shape (k, 4, 4); (4, 4) for one."""
+    opening: Floats = field(default_factory=_unknown)
+    """Distance of the contacts at the grasp [unit], shape (k,); nan: not known."""
+    pregrasp_opening: Floats = field(default_factory=_unknown)
+    """Opening with which the gripper approaches [unit], shape (k,); nan: not known."""
+    scores: Floats = field(default_factory=_unknown)
+    """Confidence or another quality, larger is better, shape (k,); nan: not known."""
+    outcome: Floats = field(default_factory=_unknown)
+    """1: the grasp held, 0: it failed, nan: not tried, shape (k,)."""
+    names: tuple[str, ...] = ()
+    """A name of each grasp; empty: grasp_1, grasp_2 and so on."""
+    unit: Unit | None = None
+    """Unit of all lengths; None: not known."""
+    gripper: ParallelGripper | str | None = None
+    """The gripper, or its name; None: not known."""
+    columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
+    """What else is known of each grasp, shape (k, ...): `label` (text), `critical_angle`,
+    `max_resolution`, `approach_margin` [rad], `epsilon`, `contacts` [unit] and `normals`, into the
+    object, shape (k, 2, 3) each, and others of shape (k,)."""
+    settings: Mapping[str, Any] = field(default_factory=dict)
+    """What a file states of all its grasps, or shall state."""
+    object_file: str | None = None
+    """Name of the object's mesh file; None: not stated."""
+    object_scale: float | None = None
+    """Factor from the numbers of that file to metres; None: not stated."""
+
+    def __post_init__(self) -> None:
+        poses = checked_poses(self.poses)
+        count = len(poses)
+        values: dict[str, Any] = {
+            "poses": locked(poses),
+            "names": self._checked_names(count),
+            "columns": {
+                name: _column(name, column, count) for name, column in self.columns.items()
+            },
+            "settings": dict(self.settings),
+        }
+        for name in ("opening", "pregrasp_opening", "scores", "outcome"):
+            values[name] = _numbers(name, getattr(self, name), count)
+        _check_values(values)
+        if self.unit is not None and self.unit not in get_args(Unit):
+            known = ", ".join(get_args(Unit))
+            raise ContactError(f"the unit of poses must be one of {known}; got {self.unit!r}")
+        scale = self.object_scale
+        if scale is not None and not (np.isfinite(scale) and scale > 0.0):
+            raise ContactError(f"the object's scale must be a finite number above 0; got {scale:g}")
+        for name, value in values.items():
+            object.__setattr__(self, name, value)
+
+    def __repr__(self) -> str:
+        return short_repr(self)
+
+    def __len__(self) -> int:
+        return self.count
+
+    @property
+    def count(self) -> int:
+        """Number of poses."""
+        return len(self.poses)
+
+    @property
+    def gripper_name(self) -> str | None:
+        """Name of the gripper; None: not known."""
+        return self.gripper.name if isinstance(self.gripper, ParallelGripper) else self.gripper
+
+    def in_unit(self, unit: Unit) -> Self:
+        """The same poses with all lengths in another unit.
+
+        Raises:
+            ContactError: The unit of these poses is not known.
+        """
+        if self.unit is None:
+            raise ContactError(
+                "the unit of the poses is not known: give it (--unit, in Python unit=...)"
+            )
+        return self if unit == self.unit else self.scaled(METRES[self.unit] / METRES[unit], unit)
+
+    def scaled(self, factor: float, unit: Unit | None) -> Self:
+        """The same poses with all lengths multiplied by a factor.
+
+        Args:
+            factor: Such as 1 / `object_scale`, from metres to the numbers of the mesh file.
+            unit: Unit of the result; None: not known.
+        """
+        poses = self.poses.copy()
+        poses[:, :3, 3] *= factor
+        columns = {
+            name: values * factor if name in LENGTH_COLUMNS else values
+            for name, values in self.columns.items()
+        }
+        return replace(
+            self,
+            poses=poses,
+            opening=self.opening * factor,
+            pregrasp_opening=self.pregrasp_opening * factor,
+            columns=columns,
+            unit=unit,
+        )
+
+    def take(self, indices: ArrayLike) -> Self:
+        """The poses with the given indices, or those where a mask is true, in that order."""
+        wanted = np.asarray(indices)
+        # An empty list has no type of its own.
+        chosen = np.arange(self.count)[wanted if wanted.size else wanted.astype(np.int64)]
+        return replace(
+            self,
+            poses=self.poses[chosen],
+            opening=self.opening[chosen],
+            pregrasp_opening=self.pregrasp_opening[chosen],
+            scores=self.scores[chosen],
+            outcome=self.outcome[chosen],
+            names=tuple(self.names[k] for k in chosen),
+            columns={name: values[chosen] for name, values in self.columns.items()},
+        )
+
+    def _checked_names(self, count: int) -> tuple[str, ...]:
+        names = tuple(self.names) or tuple(f"grasp_{k + 1}" for k in range(count))
+        if len(names) != count:
+            raise ContactError(f"{count} poses need {count} names; got {len(names)}")
+        wrong = next((k for k, name in enumerate(names) if not _is_printable(name)), None)
+        if wrong is not None:
+            raise ContactError(
+                f"grasp {wrong + 1}: a name must be text that can be printed; "
+                f"got {ascii(names[wrong])[:40]}"
+            )
+        return names
+
+
+def _is_printable(name: object) -> bool:
+    return isinstance(name, str) and name.isprintable()
+
+
+def _numbers(name: str, values: ArrayLike, count: int) -> Floats:
+    """Numbers of each pose, shape (k,), from as many or from one for all; nan is allowed."""
+    try:
+        numbers = np.asarray(values, dtype=np.float64)
+        return locked(np.broadcast_to(numbers, (count,)))
+    except (TypeError, ValueError) as error:
+        raise ContactError(
+            f"{name} must be numbers of shape ({count},); got shape {np.shape(values)}"
+        ) from error
+
+
+def _check_values(values: Mapping[str, Floats]) -> None:
+    """Refuse openings and outcomes that are impossible."""
+    for name in ("opening", "pregrasp_opening"):
+        bad = np.flatnonzero((values[name] < 0.0) | np.isinf(values[name]))
+        if len(bad):
+            raise ContactError(
+                f"grasp {bad[0] + 1}: {name} must be a length of at least 0; "
+                f"got {values[name][bad[0]]:g}"
+            )
+    outcome = values["outcome"]
+    bad = np.flatnonzero(~(np.isnan(outcome) | (outcome == 0.0) | (outcome == 1.0)))
+    if len(bad):
+        raise ContactError(
+            f"grasp {bad[0] + 1}: outcome must be 1 (held), 0 (failed) or nan (not tried); "
+            f"got {outcome[bad[0]]:g}"
+        )
+
+
+def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
+    """A further column as numbers or text, shape (k, ...)."""
+    if name in OWN_NAMES:
+        raise ContactError(f"no column of poses can be called {name!r}: files use this name")
+    array = np.asarray(values)
+    if array.dtype.kind == "O":
+        array = np.array(["" if value is None else str(value) for value in array.ravel().tolist()])
+    vectors = name in VECTOR_COLUMNS
+    shape = (count, 2, 3) if vectors else (count,)
+    if array.shape != shape:
+        raise ContactError(f"column {name!r} of poses must have shape {shape}; got {array.shape}")
+    if array.dtype.kind not in ("fiub" if vectors else "fiubU"):
+        kind = "numbers" if vectors else "numbers or text"
+        raise ContactError(f"column {name!r} of poses must be {kind}")
+    if array.dtype.kind == "U" and not all(map(_is_printable, array.tolist())):
+        raise ContactError(f"column {name!r} of poses has text that cannot be printed")
+    return locked(array)

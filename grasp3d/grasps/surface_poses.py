@@ -1,0 +1,84 @@
+"""Poses of grasps on a surface that a gripper reaches."""
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Floats
+from grasp3d.errors import SettingError
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.stability.label import Label
+
+
+def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
+    """Poses of a gripper for grasps that it reaches, with all that is known of each.
+
+    Args:
+        grasps: Grasps of two fingers with a gripper, such as `best_grasps` returns.
+
+    Returns:
+        The poses in their order, in the unit of the mesh: openings, and as columns label, critical
+        angle, alpha*, epsilon, approach margin, depth, contacts and normals into the object. The
+        score is 1 - beta*/beta, from 1 where no friction is needed to 0 where no sensor makes the
+        grasp S.
+
+    Raises:
+        SettingError: The grasps have no poses: there is no gripper, or one does not reach them.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.grasps import poses_of
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
+        >>> gripper = grasp3d.ParallelGripper.preset("franka")
+        >>> labels = grasp3d.label_surface(mesh, gripper=gripper)
+        >>> poses = poses_of(grasp3d.best_grasps(labels, 3))
+        >>> poses.poses.shape, poses.unit, sorted(poses.columns)[:3]
+        ((3, 4, 4), 'm', ['approach_margin', 'contacts', 'critical_angle'])
+    """
+    reach, reaching = grasps.reach, grasps.reaching
+    if reach is None or reaching is None:
+        raise SettingError(
+            "the grasps have no poses: label the surface with a gripper (--gripper, in Python "
+            "gripper=...)"
+        )
+    if not np.isfinite(reach.poses).all():
+        raise SettingError(
+            "grasps of three fingers and more, and those that are not reached, have no poses"
+        )
+    return GraspPoses(
+        poses=reach.poses,
+        opening=reach.opening,
+        pregrasp_opening=reach.pregrasp_opening,
+        scores=_scores(grasps),
+        unit=grasps.mesh.unit,
+        gripper=reaching.gripper,
+        columns=_columns(grasps),
+        object_file=grasps.mesh.report.source,
+    )
+
+
+def _scores(grasps: SurfaceGrasps) -> Floats:
+    """Scores from 0 to 1, larger is better (k,)."""
+    return np.clip(1.0 - grasps.critical_angle / grasps.model.friction_angle, 0.0, 1.0)
+
+
+def _columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[np.generic]]:
+    """What is known of each grasp besides its pose, shape (k, ...)."""
+    reach, epsilon = grasps.reach, grasps.epsilon_range
+    assert reach is not None
+    names = np.array([label.name for label in sorted(Label)])
+    return {
+        "label": names[grasps.label],
+        "critical_angle": grasps.critical_angle,
+        "critical_angle_best": grasps.critical_angle_best,
+        "max_resolution": grasps.max_resolution,
+        "epsilon": epsilon.nominal,
+        "epsilon_min": epsilon.minimum,
+        "epsilon_max": epsilon.maximum,
+        "approach_margin": reach.approach_margin,
+        "depth": reach.depth,
+        "contacts": grasps.contacts.points,
+        "normals": grasps.contacts.normals,
+    }

@@ -1,0 +1,120 @@
+"""The verdict on an object: whether it can be held reliably, and if not what would help."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, ranked_vertices
+from grasp3d.gripper.reach import Reachability
+from grasp3d.stability.label import Label
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason, grasps_at
+
+Word = Literal["holdable", "with a finer sensor", "out of reach", "no"]
+
+MOST_COUNTED = 1000
+"""Distinct grasps that are counted at most."""
+
+FINEST = math.radians(0.05)
+"""Resolution [rad] that no sensor has: a grasp that needs a finer one is never S."""
+
+STATES = {
+    Reachability.WIDTH: "the openings are outside the stroke",
+    Reachability.TIP: "the fingertips do not fit",
+    Reachability.DIRECTION: "no approach direction is allowed",
+    Reachability.TABLE: "the table is in the way",
+    Reachability.BLOCKED: "fingers or palm touch the object",
+}
+"""Why grasps are not reached."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """Whether an object can be held reliably: by a gripper, or by ideal fingers without one.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.grasps import verdict_of
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
+        >>> print(verdict_of(labels))
+        holdable: 23 distinct grasps, the best with 30.5° of resolution to spare
+    """
+
+    word: Word
+    """holdable: there is an S grasp; with a finer sensor: some grasp would be S; out of reach: the
+    gripper reaches none of the grasps; no: no sensor makes any grasp S."""
+    count: int
+    """Distinct S grasps, of those that the gripper reaches; at most 1,000."""
+    spare_resolution: float
+    """Of the best grasp: alpha* - alpha [rad], what the sensor's resolution may still grow by;
+    negative: it must be finer. nan: none could be S."""
+    approach_margin: float
+    """Of the best grasp [rad]: how wrong the approach angle may be; nan: none, or no gripper."""
+    max_resolution: float
+    """Of the best grasp: coarsest sensor resolution below which it is S [rad]; 0: none."""
+    reason: str = ""
+    """Out of reach: why."""
+
+    def __str__(self) -> str:
+        if self.word == "holdable":
+            grasps = "1 distinct grasp" if self.count == 1 else f"{self.count} distinct grasps"
+            spare = f"the best with {math.degrees(self.spare_resolution):.1f}° of resolution"
+            margin = ""
+            if math.isfinite(self.approach_margin):
+                margin = f" and ±{math.degrees(self.approach_margin):.0f}° of approach"
+            return f"{self.word}: {grasps}, {spare}{margin} to spare"
+        if self.word == "with a finer sensor":
+            return f"{self.word} (resolution below {math.degrees(self.max_resolution):.1f}°)"
+        return f"{self.word} ({self.reason})" if self.reason else self.word
+
+
+def verdict_of(labels: SurfaceLabels) -> Verdict:
+    """Judge whether an object can be held reliably; computes epsilon, which ranks the grasps.
+
+    Args:
+        labels: The labelled surface.
+
+    Returns:
+        The verdict; its best grasp is the first one of `best_grasps`.
+    """
+    vertices = ranked_vertices(labels)
+    vertices = vertices[labels.max_resolution[vertices] > FINEST]
+    if not len(vertices):
+        word: Word = "out of reach" if _is_out_of_reach(labels) else "no"
+        reason = _reason(labels) if word == "out of reach" else ""
+        return Verdict(word, 0, math.nan, math.nan, 0.0, reason)
+    best = vertices[0]
+    resolution = float(labels.max_resolution[best])
+    stable = vertices[labels.label[vertices] == Label.S]
+    word = "holdable" if len(stable) else "with a finer sensor"
+    points = grasps_at(labels.mesh, labels.partner_points, stable, 0).points
+    margin = math.nan if labels.reach is None else float(labels.reach.approach_margin[best])
+    return Verdict(
+        word,
+        len(distinct_rows(points, MOST_COUNTED, distance_of_distinct(labels.mesh))),
+        resolution - labels.model.sensor_resolution,
+        margin,
+        resolution,
+    )
+
+
+def _is_out_of_reach(labels: SurfaceLabels) -> bool:
+    """Whether there are grasps that the gripper does not reach, or that exceed its stroke."""
+    reasons = labels.reason[labels.mesh.on_surface]
+    outside = Reason.OPENING if labels.reaching is not None else Reason.NOT_REACHED
+    return bool(np.isin(reasons, [Reason.NOT_REACHED, outside]).any())
+
+
+def _reason(labels: SurfaceLabels) -> str:
+    """What keeps the gripper from most of the surface that has grasps."""
+    areas, reasons = labels.mesh.vertex_areas, labels.reason
+    totals = np.zeros(len(Reachability))
+    totals[Reachability.WIDTH] = areas[reasons == Reason.OPENING].sum()
+    if labels.reach is not None:
+        missed = reasons == Reason.NOT_REACHED
+        totals += np.bincount(labels.reach.state[missed], areas[missed], len(Reachability))
+    return STATES[max(STATES, key=lambda state: totals[state])]

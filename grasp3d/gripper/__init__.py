@@ -1,0 +1,1 @@
+"""Grippers: their shape, what they can reach, and what they stand beside."""

@@ -1,0 +1,345 @@
+"""The best antipodal grasp through every vertex that a gripper reaches.
+
+The best grasps for ideal points are tested first. Where one is not reached, others come in the
+order of their critical angles: clearly different ones that the same rays found, opposing contacts
+from a search of the whole surface, and those that neighbouring vertices ended with.
+"""
+
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d._kernels.antipodal_candidates import FOUND, BestPairs
+from grasp3d._kernels.antipodal_neighbours import neighbour_rays
+from grasp3d._kernels.face_tree import FaceTree, face_tree
+from grasp3d._kernels.gripper_shape import ReachResults, make_workspace, no_results
+from grasp3d._kernels.ray_tracing import starting_rays
+from grasp3d._kernels.reachable_partners import explain_pairs, keep_reached, search_reachable
+from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.gripper.reach import Reach, Reachability
+from grasp3d.gripper.reaching import Reaching
+from grasp3d.gripper.scene import Scene
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.ray_tracing import SurfaceRays
+from grasp3d.mesh.surface_points import SurfacePoints
+
+NOT_REACHED = 5
+"""Reason code: there are grasps, but none of those tested is reached."""
+
+CHUNK = 128
+"""Vertices that a thread tests at once."""
+
+MOST_FAILED = 4
+"""Opposing contacts of a vertex that are tested and not reached, before its search ends; good ones
+of its neighbours are tested besides."""
+
+SWEEPS = 2
+"""Rounds in which the opposing contacts of neighbouring vertices are tested."""
+
+SPACING, LARGEST_SPACING = 0.5, 1.0 / 16.0
+"""Distance from which opposing contacts differ: in widths of a finger, but at most in object
+sizes."""
+
+
+OF_WORST = ("worst", "closing", "partner", "partner_normal", "signs", "reason")
+OF_BEST = ("best", "closing_best", "signs_best")
+CACHED = ("starts", "start_angles", "start_signs")
+"""Fields of `BestPairs` of the grasp of `worst`, of that of `best`, and of the cache."""
+
+
+class Pairs(NamedTuple):
+    """Grasps to test: a vertex and a point on a face each."""
+
+    vertices: Ints
+    """(n,)"""
+    signs: npt.NDArray[np.int8]
+    """+1 squeeze, -1 expand (n,)."""
+    faces: Ints
+    """Face of the opposing contact, -1: none (n,)."""
+    weights: Floats
+    """Its barycentric coordinates (n, 3)."""
+
+
+@dataclass(eq=False)
+class ReachSearch:
+    """Search for the grasps of vertices that a gripper reaches, in the normalised frame."""
+
+    mesh: ObjectMesh
+    reaching: Reaching
+    cone: float
+    """Largest critical angle [rad]."""
+    limits: tuple[float, float]
+    """(smallest, largest) opening."""
+    executor: ThreadPoolExecutor
+
+    def __post_init__(self) -> None:
+        mesh, reaching = self.mesh, self.reaching
+        self.surface, self.sets = mesh.contact_surface, mesh.contact_normals
+        self.centres = mesh.normal_sets.centres
+        scene = Scene.of(mesh, reaching.gripper, reaching.table, reaching.approach)
+        self.shape, self.approach, self.boxes = scene.shape, scene.limits, scene.tree
+        self.tree: FaceTree = face_tree(self.surface)
+        self.results = no_results(len(mesh.vertices))
+        self.spacing = min(SPACING * self.shape.finger_width, LARGEST_SPACING)
+
+    def run(
+        self, found: BestPairs, tracer: SurfaceRays, neighbours: tuple[Ints, Ints], *, squeeze: bool
+    ) -> BestPairs:
+        """The best grasps that are reached; vertices with other grasps only are NOT_REACHED.
+
+        Args:
+            found: The best grasps for ideal points.
+            tracer: Rays through the surface.
+            neighbours: (first, index): the adjacent vertices of each vertex.
+            squeeze: Whether fingers may squeeze.
+        """
+        vertices = np.flatnonzero(found.reason == FOUND)
+        reached = self._ideal(found, vertices)
+        missing = _still_better(found, reached, vertices)
+        if squeeze:
+            self._search(missing, reached)
+        if (found.start_signs < 0).any():
+            for pairs in self._other_starts(found, missing, tracer):
+                self._keep(pairs, reached)
+        for _ in range(SWEEPS):
+            self._keep(_of_neighbours(reached, missing, neighbours), reached)
+            if (reached.signs[missing] < 0).any():
+                self._keep(self._expanding(reached, missing, neighbours, tracer), reached)
+        return reached
+
+    def _ideal(self, found: BestPairs, vertices: Ints) -> BestPairs:
+        """The best grasps for ideal points that are reached, just as they were found."""
+        worst, best = _nothing_found(found), _nothing_found(found)
+        self._keep(_grasps_of(found, vertices, 0), worst)
+        differing = vertices[_differ(found, vertices)]
+        results = no_results(len(found.reason))
+        self._keep(_grasps_of(found, differing, 1), best, results)
+        first = worst.faces[:, 1] >= 0
+        second = first.copy()
+        second[differing] = best.faces[differing, 1] >= 0
+        _copy(best, worst, second & ~first, (*OF_WORST, *CACHED))
+        # Evaluated again they would differ by rounding.
+        _copy(found, worst, first, OF_WORST)
+        _copy(found, worst, second, OF_BEST)
+        for number, chosen in enumerate((first, second)):
+            worst.faces[chosen, number] = found.faces[chosen, number]
+            worst.weights[chosen, number] = found.weights[chosen, number]
+        only_second = second & ~first
+        for name in results._fields:
+            getattr(self.results, name)[only_second] = getattr(results, name)[only_second]
+        worst.faces[only_second, 0] = best.faces[only_second, 0]
+        worst.weights[only_second, 0] = best.weights[only_second, 0]
+        return worst
+
+    def reach_of(self, found: BestPairs, reached: BestPairs, tracer: SurfaceRays) -> Reach:
+        """How the best grasp of each vertex is reached; where none is, why the best one is not.
+
+        Where the stroke leaves only grasps that are outside the search cone, but the surface
+        right opposite is within it, WIDTH.
+
+        Args:
+            found: The best grasps for ideal points.
+            reached: What `run` returned.
+            tracer: Rays through the surface.
+        """
+        missing = np.flatnonzero(reached.reason == NOT_REACHED)
+        vertices, signs, faces, weights = _grasps_of(found, missing, 0)
+        codes = self.results.codes
+
+        def work(rows: slice, reaching: Any) -> None:
+            explain_pairs(
+                vertices[rows], signs[rows], faces[rows], weights[rows], self.centres,
+                self.surface, self.sets, reaching, codes,
+            )  # fmt: skip
+
+        self._in_chunks(work, len(missing))
+        useless = missing[found.best[missing] >= self.cone]
+        codes[self._facing(useless, found, tracer)] = Reachability.WIDTH
+        return Reach.of(self.mesh, self.results, self.reaching.approach.angles)
+
+    def _facing(self, vertices: Ints, found: BestPairs, tracer: SurfaceRays) -> Ints:
+        """Those vertices that have a grasp along their normal, of any opening."""
+        one, count = _nothing_found(found), len(vertices)
+        if count:
+            rays = starting_rays(
+                vertices.astype(np.int32), self.centres[vertices], np.ones(count, dtype=np.int8),
+                count,
+            )  # fmt: skip
+            tracer.evaluate_all(rays, (self.limits[0], np.inf), one)
+        return vertices[one.best[vertices] < self.cone]
+
+    def partners_of(
+        self, vertices: Ints, wanted: int, most_failed: int, *, worst: bool = True
+    ) -> SurfacePoints:
+        """Opposing contacts of vertices that are reached, best first, for fingers that squeeze.
+
+        Args:
+            vertices: Vertices (n,).
+            wanted: Contacts of each vertex, k.
+            most_failed: Contacts of a vertex that are tested and not reached, before it ends.
+            worst: Whether the best are those over the worst normals of the vertex.
+
+        Returns:
+            Surface points (n, k); face -1: none.
+        """
+        faces = np.full((len(vertices), wanted), -1, dtype=np.int64)
+        weights = np.zeros((len(vertices), wanted, 3))
+
+        def work(rows: slice, reaching: Any) -> None:
+            faces[rows], weights[rows] = search_reachable(
+                vertices[rows], worst, self.cone, self.spacing, wanted, most_failed,
+                self.tree, self.centres,
+                self.surface, self.sets, self.limits, reaching,
+            )  # fmt: skip
+
+        self._in_chunks(work, len(vertices))
+        return SurfacePoints(faces, weights)
+
+    def _search(self, missing: Ints, reached: BestPairs) -> None:
+        """Search the whole surface; at creases for the best normals too."""
+        creases = missing[self.sets.counts[missing] != 1]
+        for vertices, worst in ((missing, True), (creases, False)):
+            points = self.partners_of(vertices, 1, MOST_FAILED, worst=worst)
+            signs = np.ones(len(vertices), dtype=np.int8)
+            self._keep(Pairs(vertices, signs, points.faces[:, 0], points.weights[:, 0]), reached)
+
+    def _keep(self, pairs: Pairs, reached: BestPairs, results: ReachResults | None = None) -> None:
+        """Keep those of some grasps that are reached and better than the known ones.
+
+        The results of the tests are kept too, None: among those of the search.
+        """
+        results = results or self.results
+        order = np.argsort(pairs.vertices, kind="stable")
+        vertices, signs, faces, weights = (array[order] for array in pairs)
+
+        def work(rows: slice, reaching: Any) -> None:
+            keep_reached(
+                vertices[rows], signs[rows], faces[rows], weights[rows], self.centres,
+                self.surface, self.sets, reaching, reached, results,
+            )  # fmt: skip
+
+        # No two threads write the grasp of one vertex.
+        self._in_chunks(work, len(vertices), np.flatnonzero(np.diff(vertices)) + 1)
+
+    def _in_chunks(
+        self, work: Callable[[slice, Any], None], count: int, borders: Ints | None = None
+    ) -> None:
+        """Run work on slices of `count` rows that begin at `borders`, in the threads."""
+        starts = np.arange(0, count, CHUNK)
+        if borders is not None:
+            starts = np.unique(np.append(borders, count)[np.searchsorted(borders, starts[1:])])
+            starts = np.concatenate([[0], starts[starts < count]])
+        ends = np.append(starts[1:], count)
+
+        def run(start: int, end: int) -> None:
+            workspace = make_workspace(self.reaching.approach.angles)
+            work(slice(start, end), (self.shape, self.approach, self.boxes, workspace))
+
+        if count:
+            list(self.executor.map(run, starts.tolist(), ends.tolist()))
+
+    def _other_starts(self, found: BestPairs, vertices: Ints, tracer: SurfaceRays) -> list[Pairs]:
+        """The clearly different grasps that rays found, traced again, one list for each rank."""
+        traced = []
+        for rank in range(1, found.start_angles.shape[1]):
+            chosen = vertices[np.isfinite(found.start_angles[vertices, rank])]
+            if not len(chosen):
+                continue
+            one = _nothing_found(found)
+            rays = starting_rays(
+                chosen.astype(np.int32), found.starts[chosen, rank].copy(),
+                found.start_signs[chosen, rank].copy(), len(chosen),
+            )  # fmt: skip
+            tracer.evaluate_all(rays, self.limits, one)
+            traced.append(_grasps_of(one, chosen, 0))
+        return traced
+
+    def _expanding(
+        self,
+        reached: BestPairs,
+        vertices: Ints,
+        neighbours: tuple[Ints, Ints],
+        tracer: SurfaceRays,
+    ) -> Pairs:
+        """The best grasps toward neighbours' opposing contacts with nothing in between."""
+        inside = reached._replace(
+            reason=np.where(reached.signs < 0, reached.reason, NOT_REACHED).astype(np.uint8)
+        )
+        rays = neighbour_rays(
+            vertices, self.cone, self.surface.points, neighbours, self.sets, inside
+        )
+        one = _nothing_found(reached)
+        tracer.evaluate_all(rays, self.limits, one)
+        return _grasps_of(one, vertices[one.reason[vertices] == FOUND], 0)
+
+
+def _copy(source: BestPairs, target: BestPairs, chosen: Bools, names: tuple[str, ...]) -> None:
+    """Copy fields of the chosen vertices (V,)."""
+    for name in names:
+        getattr(target, name)[chosen] = getattr(source, name)[chosen]
+
+
+def _nothing_found(grasps: BestPairs) -> BestPairs:
+    """Grasps of as many vertices, none found yet; the reasons are those known."""
+    count = len(grasps.worst)
+    return grasps._replace(
+        worst=np.full(count, np.inf),
+        best=np.full(count, np.inf),
+        closing=np.zeros((count, 3)),
+        closing_best=np.zeros((count, 3)),
+        partner=np.full((count, 3), np.nan),
+        partner_normal=np.full((count, 3), np.nan),
+        faces=np.full((count, 2), -1, dtype=np.int64),
+        weights=np.zeros((count, 2, 3)),
+        signs=np.zeros(count, dtype=np.int8),
+        signs_best=np.zeros(count, dtype=np.int8),
+        reason=np.where(grasps.reason == FOUND, NOT_REACHED, grasps.reason).astype(np.uint8),
+        starts=np.zeros((count, 1, 3)),
+        start_angles=np.full((count, 1), np.inf),
+        start_signs=np.zeros((count, 1), dtype=np.int8),
+    )
+
+
+def _grasps_of(grasps: BestPairs, vertices: Ints, number: int) -> Pairs:
+    """The best grasps of vertices, over the worst normals (0) or over the best ones (1)."""
+    signs = (grasps.signs, grasps.signs_best)[number]
+    return Pairs(
+        vertices,
+        signs[vertices],
+        grasps.faces[vertices, number],
+        grasps.weights[vertices, number],
+    )
+
+
+def _differ(grasps: BestPairs, vertices: Ints) -> Bools:
+    """Whether the best grasps over the worst and over the best normals differ, (n,)."""
+    faces, weights = grasps.faces[vertices], grasps.weights[vertices]
+    same = (faces[:, 0] == faces[:, 1]) & (weights[:, 0] == weights[:, 1]).all(axis=1)
+    return np.asarray(~same)
+
+
+def _still_better(found: BestPairs, reached: BestPairs, vertices: Ints) -> Ints:
+    """Vertices with a better grasp than the one that is reached."""
+    worse = reached.worst[vertices] > found.worst[vertices]
+    return vertices[worse | (reached.best[vertices] > found.best[vertices])]
+
+
+def _of_neighbours(reached: BestPairs, vertices: Ints, neighbours: tuple[Ints, Ints]) -> Pairs:
+    """The opposing contacts that the neighbours of vertices ended with, of fingers that squeeze."""
+    first, index = neighbours
+    counts = np.diff(first)[vertices]
+    owners = np.repeat(vertices, counts)
+    ends = np.cumsum(counts)
+    rows = np.arange(len(owners)) + np.repeat(first[vertices] - (ends - counts), counts)
+    others = index[rows]
+    known = (reached.reason[others] == FOUND) & (reached.signs[others] > 0)
+    return Pairs(
+        owners[known],
+        reached.signs[others[known]],
+        reached.faces[others[known], 0],
+        reached.weights[others[known], 0],
+    )

@@ -1,0 +1,139 @@
+"""A gripper at a grasp, its free approach angles, and the table."""
+
+import numpy as np
+import pyvista
+
+from grasp3d.arrays import Floats
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.shapes import ARC_COLOR, TABLE_COLOR, Part, plate_triangles
+from grasp3d.gripper.table import Table
+from grasp3d.lengths import METRES
+from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape, surface_of
+from grasp3d.rendering import AMBIENT
+from grasp3d.viewer.scene.framing import pixel_ratio
+from grasp3d.viewer.subjects.gripper_pose import GripperPose
+from grasp3d.viewer.subjects.subject import Subject
+
+ARC_OPACITY, TABLE_OPACITY = 0.4, 0.6
+OPACITIES = {Part.PALM: 0.3, Part.FINGER: 0.7, Part.PAD: 0.9, Part.TIP: 0.9}
+"""Opacities of the parts of a gripper: what it holds remains visible behind it."""
+
+EDGE, EDGE_ANGLE, EDGE_WIDTH = "#2B2F33", 40.0, 1.2
+"""Colour of the edges of fingers and palm; angle of the faces there [degrees]; width of the lines
+[pixels at 72 per inch]."""
+
+ARC_RADIUS, ARC_INNER = 0.95, 0.35
+"""Outer radius of the approach arc relative to the fingers' length, and the inner one relative to
+the outer one."""
+
+NO_POINTS: Floats = np.empty((0, 3))
+
+
+class GripperActors:
+    """Draws gripper, approach arc and table in one renderer; updated only when they change."""
+
+    def __init__(self, renderer: pyvista.Renderer) -> None:
+        self._renderer = renderer
+        self._table = _actor(renderer, TABLE_COLOR, TABLE_OPACITY)
+        self._arc = _actor(renderer, ARC_COLOR, ARC_OPACITY, lighting=False)
+        self._gripper = _actor(renderer, EDGE, 1.0, colored=True)
+        self._edges = _actor(renderer, EDGE, 1.0, lighting=False)
+        self._drawn: tuple[object, ...] = (None,) * 3
+        self.points = NO_POINTS
+        """Corners of palm and fingers of the gripper that is drawn, shape (n, 3)."""
+        self.table_points = NO_POINTS
+        """Points of the table that is drawn, shape (n, 3)."""
+
+    def show(
+        self,
+        subject: Subject,
+        gripper: ParallelGripper | None,
+        held: GripperPose | None,
+        table: Table | None,
+    ) -> bool:
+        """Draw a gripper and a table; returns whether another gripper is drawn than before.
+
+        Args:
+            subject: The surface.
+            gripper: The gripper.
+            held: Its pose.
+            table: The table.
+                Any of these may be None: it is not drawn.
+        """
+        before, self._drawn = self._drawn, (subject.vertices, table, held)
+        same_object = before[0] is subject.vertices
+        if not same_object or before[1] is not table:
+            self._show_table(subject, table)
+        if same_object and before[2] is held:
+            return False
+        self._show_gripper(subject, gripper, held)
+        return len(self.points) > 0
+
+    def hide(self) -> None:
+        """Show nothing."""
+        self._drawn = (None,) * 3
+        self.points = self.table_points = NO_POINTS
+        for actor in (self._table, self._arc, self._gripper, self._edges):
+            actor.visibility = False
+
+    def _show_table(self, subject: Subject, table: Table | None) -> None:
+        self._table.visibility = table is not None
+        self.table_points = NO_POINTS
+        if table is not None:
+            used = subject.vertices[np.unique(subject.faces)]
+            plate = plate_triangles(table, used, subject.size)
+            self._table.mapper.dataset = surface_of(plate)
+            self.table_points = plate.vertices
+
+    def _show_gripper(
+        self, subject: Subject, gripper: ParallelGripper | None, held: GripperPose | None
+    ) -> None:
+        for actor in (self._gripper, self._edges, self._arc):
+            actor.visibility = False
+        self.points = NO_POINTS
+        if gripper is None or held is None or subject.unit is None:
+            return
+        shape = gripper_shape(gripper, held.pose, held.opening, subject.unit)
+        parts = shape.cell_data["part"]
+        opacities = np.array([255.0 * OPACITIES[part] for part in Part], dtype=np.uint8)
+        shape.cell_data["color"] = np.c_[shape.cell_data["color"], opacities[parts]]
+        self._gripper.mapper.dataset = shape
+        self._edges.mapper.dataset = shape.extract_feature_edges(
+            feature_angle=EDGE_ANGLE, boundary_edges=False, manifold_edges=False
+        )
+        self._edges.prop.line_width = EDGE_WIDTH * pixel_ratio(self._renderer)
+        self._gripper.visibility = self._edges.visibility = True
+        boxes = shape.regular_faces[parts <= Part.FINGER]
+        self.points = np.asarray(shape.points[np.unique(boxes)], dtype=np.float64)
+        if held.arcs:
+            radius = ARC_RADIUS * gripper.finger_length / METRES[subject.unit]
+            self._arc.mapper.dataset = approach_arc(
+                held.pose, held.arcs, radius=radius, inner=ARC_INNER
+            )
+            self._arc.visibility = True
+
+
+def _actor(
+    renderer: pyvista.Renderer,
+    color: str | tuple[int, int, int],
+    opacity: float,
+    *,
+    lighting: bool = True,
+    colored: bool = False,
+) -> pyvista.Actor:
+    """An empty, hidden actor of one colour, or with the colours of its faces."""
+    mapper = pyvista.DataSetMapper()
+    mapper.SetScalarVisibility(colored)
+    if colored:
+        mapper.SetScalarModeToUseCellFieldData()
+        mapper.SelectColorArray("color")  # red, green, blue, opacity
+        mapper.SetColorModeToDirectScalars()
+    actor = pyvista.Actor(mapper=mapper)
+    look = actor.prop
+    look.color, look.lighting, look.opacity = color, lighting, opacity
+    look.ambient, look.diffuse = AMBIENT, 1.0 - AMBIENT
+    look.culling = "back" if colored else "none"
+    actor.PickableOff()
+    actor.visibility = False
+    renderer.AddActor(actor)
+    return actor

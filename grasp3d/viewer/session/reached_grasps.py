@@ -1,0 +1,88 @@
+"""Grasps that a gripper reaches: alternatives through one vertex, and the best of a surface."""
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from grasp3d.arrays import Ints
+from grasp3d.grasps.alternatives import alternatives_at
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.system.progress import Progress
+from grasp3d.viewer.subjects.gripper_pose import has_pose
+from grasp3d.viewer.subjects.subject import Alternatives, Subject
+
+MOST = 5
+"""Most grasps through one vertex that the viewer shows, with the vertex's own."""
+
+SAME = 1e-3
+"""Distance of contacts up to which two grasps are the same, in object sizes."""
+
+ANGLE_STEP = math.radians(1.0)
+"""Critical angles are compared in steps of this size [rad]; within one the approach margin
+decides."""
+
+
+def find_alternatives(subject: Subject, vertex: int, progress: Progress) -> Subject:
+    """Add the other grasps through a vertex that the gripper reaches.
+
+    Args:
+        subject: A surface with labels and a gripper.
+        vertex: A vertex whose grasp is reached.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+    """
+    assert subject.labels is not None
+    progress(0.0)
+    found = alternatives_at(subject.labels, vertex, MOST)
+    others = _take(found, _others(subject, vertex, found)[: MOST - 1])
+    return replace(subject, alternatives=Alternatives(vertex, others))
+
+
+def alternatives_of(subject: Subject, vertex: int) -> SurfaceGrasps | None:
+    """The other grasps of a vertex; None: not searched."""
+    known = subject.alternatives
+    return known.grasps if known is not None and known.vertex == vertex else None
+
+
+def is_reached(subject: Subject, vertex: int) -> bool:
+    """Whether the pose of a gripper at the vertex's grasp is known."""
+    reach = subject.reach
+    return reach is not None and vertex < len(reach.poses) and bool(has_pose(reach)[vertex])
+
+
+def best_reached(subject: Subject) -> int | None:
+    """Vertex with the best grasp that the gripper reaches; None: there is none.
+
+    Better is the smaller critical friction angle in whole degrees, then the larger approach margin.
+    """
+    margins = subject.approach_margin
+    if margins is None:
+        return None
+    vertices = np.flatnonzero(np.isfinite(margins) & (subject.reason == Reason.FOUND))
+    if not len(vertices):
+        return None
+    angles = np.floor(subject.critical_angle[vertices] / ANGLE_STEP)
+    return int(vertices[np.lexsort((-margins[vertices], angles))[0]])
+
+
+def _others(subject: Subject, vertex: int, found: SurfaceGrasps) -> Ints:
+    """Rows of the grasps that have a pose and are not the vertex's own."""
+    assert found.reach is not None
+    chosen = has_pose(found.reach)
+    if subject.partners is not None:
+        gaps = np.linalg.norm(found.contacts.points[:, 1:] - subject.partners[vertex], axis=2)
+        chosen &= ~(gaps <= SAME * subject.size).all(axis=1)
+    return np.flatnonzero(chosen)
+
+
+def _take(grasps: SurfaceGrasps, rows: Ints) -> SurfaceGrasps:
+    assert grasps.reach is not None
+    return replace(
+        grasps,
+        contacts=grasps.contacts.take(rows),
+        distance=grasps.distance[rows],
+        critical_angle=grasps.critical_angle[rows],
+        critical_angle_best=grasps.critical_angle_best[rows],
+        reach=grasps.reach.take(rows),
+    )

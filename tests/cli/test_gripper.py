@@ -1,0 +1,92 @@
+"""`grasp3d gripper`."""
+
+import json
+import re
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+from grasp3d.gripper.gripper_files import read_gripper
+from grasp3d.gripper.presets import PRESETS, preset
+from tests.gripper.test_robot_descriptions import mjcf, urdf
+from tests.helpers.commands import run_here as grasp3d
+
+
+def refused(*arguments: str | Path, cwd: Path) -> str:
+    """Run the command, which must refuse its input in one line."""
+    before = sorted(cwd.iterdir())
+    run = grasp3d("gripper", *arguments, cwd=cwd)
+    assert (run.returncode, run.stdout) == (2, "")
+    assert run.stderr.count("\n") == 1
+    assert sorted(cwd.iterdir()) == before
+    return run.stderr
+
+
+def test_without_a_gripper_the_presets_are_listed(tmp_path: Path) -> None:
+    run = grasp3d("gripper", cwd=tmp_path, columns=80)
+    assert (run.returncode, run.stderr) == (0, "")
+    for name in (*PRESETS, "(panda)"):
+        assert name in run.stdout
+    assert max(map(len, run.stdout.splitlines())) <= 82
+    assert "--picture needs a gripper" in refused("--picture", "a.png", cwd=tmp_path)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) -> None:
+    gripper = preset(name)
+    run = grasp3d("gripper", name, cwd=tmp_path, columns=200)
+    assert (run.returncode, run.stderr) == (0, "")
+    lines = dict(re.findall(r"^(\w[\w ]*?)  +(\S.*?) *$", run.stdout, re.MULTILINE))
+    assert lines["opening"] == f"{1e3 * gripper.min_opening:g} to {1e3 * gripper.max_opening:g}"
+    assert lines["fingers"] == f"{1e3 * gripper.finger_thickness:g} thick (x)"
+    assert lines["greatest force"] == f"{gripper.max_force:g} N"
+    assert lines["base to TCP"] == f"{1e3 * gripper.base_to_tcp:g} along z"
+    assert lines["sensor resolution"] == ("22.92°" if gripper.round_tips else "not stated")
+    assert ("torsion radius" in lines) != gripper.round_tips
+    for joint in gripper.joint_names:
+        assert joint in run.stdout
+
+
+def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
+    run = grasp3d("gripper", "panda", "-o", "g.json", "--picture", "g.png", cwd=tmp_path)
+    assert run.stdout.endswith("written: g.json\nwritten: g.png\n")
+    assert read_gripper(tmp_path / "g.json") == preset("franka")
+    assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
+    again = grasp3d("gripper", "g.json", "-q", "-o", "g.json", cwd=tmp_path)
+    assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
+
+
+def test_unknown_names_list_the_presets(tmp_path: Path) -> None:
+    known = "known: franka (panda), robotiq_2f85, robotiq_2f140, wsg50, tactile"
+    assert refused("nope", cwd=tmp_path) == f"grasp3d: no gripper is called 'nope'; {known}\n"
+
+
+def test_bad_files_and_options_are_refused(tmp_path: Path) -> None:
+    (tmp_path / "other.json").write_text(json.dumps({"mine": 1}), encoding="utf-8")
+    assert "other.json: is no gripper" in refused("other.json", cwd=tmp_path)
+    assert "no such file" in refused("gone.json", cwd=tmp_path)
+    assert "is no file" in refused("franka", "--fingers", "a", "b", cwd=tmp_path)
+    assert "supported are .json" in refused("franka", "-o", "g.txt", cwd=tmp_path)
+    assert "supported are .svg" in refused("franka", "--picture", "g.txt", cwd=tmp_path)
+    words = refused("franka", "-o", "other.json", cwd=tmp_path)
+    assert "exists and is no result of grasp3d" in words
+    run = grasp3d("gripper", "franka", "-o", "other.json", "--overwrite", "-q", cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (0, "")
+
+
+@pytest.mark.parametrize(("kind", "library"), [(urdf, "yourdfpy"), (mjcf, "mujoco")])
+def test_robots_are_read_by_their_finger_links(
+    tmp_path: Path, kind: Callable[[Path], Path], library: str
+) -> None:
+    pytest.importorskip(library)
+    path = kind(tmp_path)
+    words = ("--fingers", "left", "right")
+    run = grasp3d("gripper", path, *words, "--tcp", "9cm", "-o", "g.json", cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (0, "")
+    gripper = read_gripper(tmp_path / "g.json")
+    assert gripper == read_gripper(path, fingers=("left", "right"), tcp=0.09)
+    assert gripper.base_to_tcp == 0.09
+    assert gripper.source == f"boxes around left, right and the palm of {path.name}"
+    assert "name the links" in refused(path, cwd=tmp_path)
+    assert "known: " in refused(path, "--fingers", "left", "rihgt", cwd=tmp_path)

@@ -1,0 +1,249 @@
+"""`--gripper`, `--table` and approach limits of label, batch, sweep and view."""
+
+import csv
+import json
+from pathlib import Path
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import trimesh
+
+from grasp3d import Sampling, Table, label_surface, load_mesh
+from grasp3d.grasps.pose_files import holds_poses, read_poses
+from grasp3d.gripper.gripper_files import write_gripper
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.rendering import can_render
+from tests.helpers import shapes
+from tests.helpers.commands import run_here
+from tests.helpers.grippers import HAND
+
+OPTIONS = ("--unit", "mm", "--max-edge", "10", "--rays", "8")
+FRANKA = ("--gripper", "franka", "--table", "as-is")
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    """A folder with a box of 60 x 40 x 20 mm."""
+    trimesh.Trimesh(*shapes.box((60.0, 40.0, 20.0)), process=False).export(tmp_path / "box.stl")
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_label_prints_the_verdict_and_writes_poses(
+    box: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    run = run_here("label", "box.stl", *OPTIONS, *FRANKA, "--best", "4", cwd=box)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "holdable: " in run.stdout
+    assert "franka" in run.stdout
+    path = box / "box_grasps.json"
+    assert holds_poses(path)
+    poses = read_poses(path)
+    assert poses.count == 4
+    assert (poses.poses[:, 2, 2] < -0.7).all()  # from above
+    labels = label_surface(
+        load_mesh(box / "box.stl", unit="mm", max_edge=10.0), sampling=Sampling(rays=8),
+        gripper=ParallelGripper.preset("franka"), table=Table(np.array([0.0, 0.0, 1.0]), -10.0),
+    )  # fmt: skip
+    written = trimesh.load(box / "box_labeled.ply", process=False)
+    stored = written.metadata["_ply_raw"]["vertex"]["data"]
+    np.testing.assert_array_equal(np.asarray(stored["label"]).ravel(), labels.label)
+    reached = labels.reach.reached
+    np.testing.assert_allclose(
+        np.asarray(stored["approach_z"]).ravel()[reached], labels.reach.poses[reached, 2, 2],
+        atol=1e-6,
+    )  # fmt: skip
+    monkeypatch.setattr("grasp3d.rendering.can_render", lambda: False)
+    # The same command again replaces its files; another gripper or table is refused.
+    again = ("label", "box.stl", *OPTIONS, "--best", "4")
+    assert run_here(*again, *FRANKA, cwd=box).returncode == 0
+    for others in (("--gripper", "wsg50"), ("--gripper", "franka"), ()):
+        other = run_here(*again, *others, cwd=box)
+        assert other.returncode == 2
+        assert "gripper" in other.stderr or "table" in other.stderr
+        assert other.stderr.count("\n") == 1
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["npz", "vtp", "parquet", "glb"])
+def test_every_format_of_labels_is_written(box: Path, suffix: str) -> None:
+    run = run_here("label", "box.stl", *OPTIONS, *FRANKA, "-q", "-o", f"a.{suffix}", cwd=box)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+    if suffix == "npz":
+        with np.load(box / "a.npz") as arrays:
+            assert arrays["approach"].shape[1] == 3
+    if suffix == "parquet":
+        assert "approach_margin" in pq.read_table(box / "a.parquet").column_names
+
+
+@pytest.mark.slow
+def test_own_grippers_and_resting_poses(box: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("grasp3d.rendering.can_render", lambda: False)  # pictures take seconds
+    write_gripper(box / "mine.json", HAND)
+    run = run_here(
+        "label", "box.stl", *OPTIONS, "--gripper", "mine.json", "--table", "stable",
+        "--resting-pose", "3", "--approach-within", "40", "--approach-angles", "16", "--best", "2",
+        cwd=box,
+    )  # fmt: skip
+    assert (run.returncode, run.stderr) == (0, "")
+    poses = read_poses(box / "box_grasps.json")
+    table = Table.resting(load_mesh(box / "box.stl", unit="mm", max_edge=90.0), 3)
+    downward = -(poses.poses[:, :3, 2] @ table.normal)
+    assert (downward >= np.cos(np.radians(40.0)) - 1e-9).all()
+    up = run_here(
+        "label", "box.stl", *OPTIONS, *FRANKA, "--up", "y", "-o", "up.ply", "--best", "2", cwd=box
+    )
+    assert up.returncode == 0
+    upright = read_poses(box / "up_grasps.json").poses
+    assert (upright[:, 1, 2] < -0.7).all()
+
+
+@pytest.mark.slow
+def test_nothing_reached_is_a_verdict_and_no_error(tmp_path: Path) -> None:
+    plate = trimesh.Trimesh(*shapes.box((120.0, 80.0, 3.0)), process=False)
+    plate.export(tmp_path / "plate.stl")
+    run = run_here("label", "plate.stl", *OPTIONS, *FRANKA, "--best", "3", cwd=tmp_path)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "out of reach (the table is in the way)" in run.stdout
+    assert "none found" in run.stdout
+    assert json.loads((tmp_path / "plate_grasps.json").read_text())
+
+
+@pytest.mark.slow
+def test_batches_have_verdicts_and_poses_and_resume(box: Path) -> None:
+    (box / "in").mkdir()
+    (box / "box.stl").rename(box / "in" / "box.stl")
+    plate = trimesh.Trimesh(*shapes.box((120.0, 80.0, 3.0)), process=False)
+    plate.export(box / "in" / "plate.stl")
+    command = ("batch", "in", "-o", "out", "--workers", "0", "--best", "2", *OPTIONS)
+    first = run_here(*command, *FRANKA, cwd=box)
+    assert first.returncode == 0
+
+    def rows() -> dict[str, dict]:
+        return {row["mesh"]: row for row in pq.read_table(box / "out" / "summary").to_pylist()}
+
+    before = rows()
+    assert before["box.stl"]["verdict"] == "holdable"
+    assert before["box.stl"]["gripper"] == "franka"
+    assert before["plate.stl"]["verdict_text"] == "out of reach (the table is in the way)"
+    assert before["plate.stl"]["grasps"] == []
+    poses = np.array([grasp["pose"] for grasp in before["box.stl"]["grasps"]]).reshape(-1, 4, 4)
+    assert len(poses) == 2
+    assert np.linalg.det(poses[:, :3, :3]) == pytest.approx(1.0)
+    again = run_here(*command, *FRANKA, cwd=box)
+    assert again.returncode == 0
+    assert rows() == before  # also the times: nothing was labelled again
+    other = run_here(*command, "--gripper", "wsg50", "--table", "as-is", cwd=box)
+    assert other.returncode in {0, 2}
+    if other.returncode == 2:
+        other = run_here(*command, "--gripper", "wsg50", "--table", "as-is", "--overwrite", cwd=box)
+    assert other.returncode == 0
+    assert {row["gripper"] for row in rows().values()} == {"wsg50"}
+    assert all(rows()[name]["key"] != before[name]["key"] for name in before)
+
+
+@pytest.mark.slow
+def test_a_sweep_with_a_gripper_is_below_that_without(box: Path) -> None:
+    fractions = {}
+    for name, options in (("ideal", ()), ("held", FRANKA)):
+        run = run_here(
+            "sweep", "box.stl", *OPTIONS, *options, "--friction", "0.4",
+            "--sensor-resolution", "0:40:20", "-o", f"{name}.csv", cwd=box,
+        )  # fmt: skip
+        assert (run.returncode, run.stderr) == (0, "")
+        with (box / f"{name}.csv").open(encoding="utf-8") as stream:
+            fractions[name] = list(csv.DictReader(stream))
+    ideal, held = fractions["ideal"], fractions["held"]
+    assert len(ideal) == len(held) == 3
+    for one, other in zip(ideal, held, strict=True):
+        assert float(other["stable"]) <= float(one["stable"])
+        assert float(other["unstable"]) >= float(one["unstable"])
+    assert float(held[0]["stable"]) < float(ideal[0]["stable"])
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(not can_render(), reason="needs OpenGL")
+def test_a_picture_has_the_gripper(box: Path) -> None:
+    from PIL import Image
+
+    size = ("--width", "320", "--height", "240")
+    for name, options in (("ideal", ()), ("held", FRANKA)):
+        run = run_here(
+            "view", "box.stl", *OPTIONS, *options, "--screenshot", f"{name}.png", *size, cwd=box
+        )
+        assert run.returncode == 0, run.stderr
+    pictures = [np.array(Image.open(box / f"{name}.png")) for name in ("ideal", "held")]
+    assert pictures[0].shape == pictures[1].shape
+    assert (pictures[0] != pictures[1]).any()
+
+
+def own(folder: Path, **changes: float) -> str:
+    """A gripper file with changed lengths."""
+    write_gripper(folder / "own.json", HAND)
+    content = json.loads((folder / "own.json").read_text())
+    fields = content if "max_opening" in content else content["gripper"]
+    fields.update(changes)
+    (folder / "own.json").write_text(json.dumps(content))
+    return "own.json"
+
+
+@pytest.mark.parametrize("command", ["label", "sweep", "view"])
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"max_opening": 0.0}, "max_opening must be above 0"),
+        ({"min_opening": 0.079}, "the stroke of"),
+        ({"pad_width": 0.03}, "pad_width"),
+        ({"pad_height": 0.05}, "pad_height"),
+        ({"palm_thickness": 0.05}, "palm_thickness"),
+        ({"finger_length": 45.0}, "millimetres"),
+    ],
+)
+def test_a_bad_gripper_is_one_sentence(
+    box: Path, command: str, changes: dict[str, float], message: str
+) -> None:
+    run = run_here(command, "box.stl", "--gripper", own(box, **changes), cwd=box, columns=400)
+    assert run.returncode == 2
+    assert message in run.stderr
+    assert "Traceback" not in run.stderr
+    assert sorted(path.name for path in box.iterdir()) == ["box.stl", "own.json"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--gripper", "franka"), "give the unit"),
+        (("--gripper", "gripe"), "franka"),
+        (("--gripper", "none.json"), "none.json"),
+        (("--unit", "mm", "--gripper", "franka", "--table", "stable", "--resting-pose", "99"),
+         "resting pose must be from 1 to"),
+        (("--unit", "mm", "--gripper", "franka", "--resting-pose", "2"), "table stable only"),
+        (("--unit", "mm", "--gripper", "franka", "--table", "stable", "--up", "y"), "up does not"),
+        (("--unit", "mm", "--table", "as-is"), "applies to grippers only"),
+        (("--unit", "mm", "--gripper", "franka", "--approach-within", "0"), "approach_within"),
+        (("--unit", "mm", "--gripper", "franka", "--approach-angles", "7"), "from 8 to 64"),
+        (("--unit", "mm", "--gripper", "franka", "--fingers", "3"), "flat pads"),
+        (("--unit", "mm", "--gripper", "franka", "--min-opening", "100", "--force"), "contradicts"),
+    ],
+)  # fmt: skip
+def test_options_that_contradict_are_one_sentence(
+    box: Path, options: tuple[str, ...], message: str
+) -> None:
+    run = run_here("label", "box.stl", "--max-edge", "90", *options, cwd=box, columns=400)
+    assert run.returncode == 2
+    assert message in run.stderr
+    assert "Traceback" not in run.stderr
+    if run.stderr.startswith("grasp3d: "):  # not an error of usage, which has a frame
+        assert run.stderr.count("\n") == 1
+    assert [path.name for path in box.iterdir()] == ["box.stl"]
+
+
+def test_a_batch_without_units_has_a_row_with_the_reason(box: Path) -> None:
+    run = run_here(
+        "batch", "box.stl", "-o", "out", "--workers", "0", "--gripper", "franka", cwd=box
+    )
+    assert run.returncode == 1
+    (row,) = pq.read_table(box / "out" / "summary").to_pylist()
+    assert "give the unit" in row["error"]
+    assert (row["outcome"], row["verdict"]) == ("refused", None)

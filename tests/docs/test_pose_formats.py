@@ -1,0 +1,146 @@
+"""The page on formats of poses has every field that is written, and no other."""
+
+import json
+import re
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+from typing import Any, get_args
+
+import h5py
+import numpy as np
+import pyarrow.csv as pc
+import pyarrow.parquet as pq
+import yaml
+
+from grasp3d import GraspModel, ParallelGripper, best_grasps, label_surface, load_mesh
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.pose_files import SUFFIXES, write_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.grasps.surface_poses import poses_of
+from grasp3d.gripper.closing import Closing
+from grasp3d.settings import PoseFormat
+from tests.docs.test_formats import Names, sections_of, tables_of
+from tests.helpers import shapes
+
+PAGE = Path(__file__).parents[2] / "docs" / "pose_formats.md"
+GRIPPER = ParallelGripper.preset("franka")
+OBJECT = {"com": [0, 0, 0], "mass": 1, "density": 1, "friction": 0.5, "volume": 1,
+          "inertia": np.eye(3).tolist()}  # fmt: skip
+"""What ACRONYM states of an object."""
+
+
+def tables(title: str) -> list[Names]:
+    """Names in the first column of each table of a section."""
+    return tables_of(PAGE, title)
+
+
+@cache
+def plain() -> GraspPoses:
+    """A pose of which everything is known but further columns."""
+    return GraspPoses(
+        poses=np.diag([1.0, -1.0, -1.0, 1.0]),
+        opening=np.array(0.05),
+        pregrasp_opening=np.array(0.054),
+        scores=np.array(0.5),
+        outcome=np.array(1.0),
+        unit="m",
+        gripper=GRIPPER,
+        settings=OBJECT,
+        columns={"contacts": np.zeros((1, 2, 3)), "normals": np.ones((1, 2, 3))},
+    )
+
+
+@cache
+def found() -> GraspPoses:
+    """Poses of grasps that were found."""
+    mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
+    labels = label_surface(mesh, GraspModel(), gripper=GRIPPER)
+    return poses_of(best_grasps(labels, 2))
+
+
+@cache
+def evaluated() -> EvaluatedPoses:
+    return evaluate_poses(load_mesh(shapes.box(), unit="cm"), found(), gripper=GRIPPER)
+
+
+def paths(content: dict[str, Any], head: str = "") -> Iterator[str]:
+    """Paths of the values in a file of two levels."""
+    for name, value in content.items():
+        yield from paths(value, f"{name}.") if isinstance(value, dict) else [f"{head}{name}"]
+
+
+def test_every_format_is_listed() -> None:
+    text = sections_of(PAGE)["Frames"]
+    rows = [row.split("|")[2:4] for row in text.splitlines() if row.startswith("|")][-7:]
+    suffixes, formats = (
+        {name for row in rows for name in re.findall("`(.+?)`", row[k])} for k in (0, 1)
+    )
+    assert formats == set(get_args(PoseFormat))
+    assert suffixes == set(SUFFIXES)
+
+
+def test_json(tmp_path: Path) -> None:
+    write_poses(tmp_path / "out.json", plain())
+    written = json.loads((tmp_path / "out.json").read_text())
+    header, grasp = tables("JSON")
+    assert set(written) == {"grasp3d", "grasps"}
+    assert set(written["grasp3d"]) - set(OBJECT) == header
+    (entry,) = written["grasps"]
+    assert set(entry) == grasp
+    assert set(entry["contacts"][0]) == {"point", "normal"}
+
+
+def test_tables(tmp_path: Path) -> None:
+    write_poses(tmp_path / "out.csv", plain())
+    (columns,) = tables("CSV and Parquet")
+    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns
+    write_poses(tmp_path / "out.parquet", plain())
+    metadata = json.loads(pq.read_schema(tmp_path / "out.parquet").metadata[b"grasp3d"])
+    assert set(metadata) - set(OBJECT) == tables("JSON")[0]
+
+
+def test_further_columns() -> None:
+    of_found, of_evaluated = tables("Further columns")
+    vectors = {"contacts", "normals"}
+    assert set(found().columns) - vectors == of_found
+    columns = set(evaluated().to_poses().columns)
+    assert columns - vectors - (of_found - of_evaluated) == of_evaluated
+    named = set(re.findall("`(.+?)`", sections_of(PAGE)["Further columns"].split("`closing` |")[1]))
+    assert {state.name.lower() for state in Closing} <= named
+
+
+def test_isaac_grasp(tmp_path: Path) -> None:
+    write_poses(tmp_path / "out.yaml", plain())
+    written = yaml.safe_load((tmp_path / "out.yaml").read_text())
+    (entry,) = written.pop("grasps").values()
+    assert {*written, "grasps.NAME", *entry} == tables("isaac_grasp")[0]
+
+
+def test_acronym(tmp_path: Path) -> None:
+    write_poses(tmp_path / "out.h5", plain())
+    names: list[str] = []
+    with h5py.File(tmp_path / "out.h5") as file:
+        file.visititems(lambda name, item: names.append(name) if hasattr(item, "shape") else None)
+    assert set(names) == tables("ACRONYM")[0]
+
+
+def test_graspgen(tmp_path: Path) -> None:
+    write_poses(tmp_path / "out.json", plain(), format="graspgen")
+    written = json.loads((tmp_path / "out.json").read_text())
+    assert set(paths(written)) == tables("GraspGen")[0]
+
+
+def test_graspnet(tmp_path: Path) -> None:
+    write_poses(tmp_path / "out.npy", plain(), format="graspnet")
+    width = np.load(tmp_path / "out.npy").shape[1]
+    ranges = re.findall(r"^\| (\d+)(?:–(\d+))? ", sections_of(PAGE)["graspnetAPI"], re.MULTILINE)
+    listed = [k for low, high in ranges for k in range(int(low), int(high or low) + 1)]
+    assert listed == list(range(width))
+
+
+def test_moveit(tmp_path: Path) -> None:
+    write_poses(tmp_path / "out.json", plain(), format="moveit")
+    (message,) = json.loads((tmp_path / "out.json").read_text())
+    assert set(message) - {"header"} == tables("ROS moveit_msgs/Grasp")[0]

@@ -1,0 +1,205 @@
+import pickle
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from grasp3d.errors import ContactError
+from grasp3d.grasps.pose_checks import pose_warning
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.lengths import METRES
+
+
+def random_poses(count: int, seed: int = 0, distance: float = 0.05) -> np.ndarray:
+    rng = np.random.default_rng(seed)
+    poses = np.tile(np.eye(4), (count, 1, 1))
+    poses[:, :3, :3] = Rotation.random(count, rng=rng).as_matrix()
+    poses[:, :3, 3] = distance * rng.normal(size=(count, 3))
+    return poses
+
+
+def example(count: int = 4) -> GraspPoses:
+    return GraspPoses(
+        poses=random_poses(count),
+        opening=np.linspace(0.01, 0.05, count),
+        unit="m",
+        columns={
+            "label": np.array(["S", "M", "U", "S"])[:count],
+            "contacts": np.arange(6.0 * count).reshape(count, 2, 3),
+            "epsilon": np.linspace(0.0, 1.0, count),
+        },
+    )
+
+
+def test_one_number_is_for_all_poses_and_what_is_not_given_is_not_known() -> None:
+    poses = GraspPoses(poses=random_poses(3), opening=0.05)
+    assert poses.opening.tolist() == [0.05] * 3
+    for name in ("pregrasp_opening", "scores", "outcome"):
+        assert np.isnan(getattr(poses, name)).all()
+    assert poses.names == ("grasp_1", "grasp_2", "grasp_3")
+    assert len(poses) == 3
+    assert poses.gripper_name is None
+
+
+def test_arrays_are_copies_that_cannot_be_changed() -> None:
+    given = random_poses(2)
+    poses = GraspPoses(poses=given, columns={"epsilon": np.zeros(2)})
+    given[:] = 0.0
+    assert poses.poses[0, 3, 3] == 1.0
+    for array in (poses.poses, poses.opening, poses.columns["epsilon"]):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_exact_rotations_stay_bit_identical_and_rounded_ones_become_rotations() -> None:
+    exact = random_poses(20)
+    assert (GraspPoses(poses=exact).poses == exact).all()
+    rounded = np.round(exact, 4)
+    found = GraspPoses(poses=rounded).poses
+    products = found[:, :3, :3] @ found[:, :3, :3].transpose(0, 2, 1)
+    assert np.abs(products - np.eye(3)).max() < 1e-12
+    assert np.abs(found - exact).max() < 2e-4
+
+
+@given(st.sampled_from(list(METRES)), st.sampled_from(list(METRES)))
+def test_units_there_and_back(one: Any, other: Any) -> None:
+    poses = example().in_unit(one)
+    there = poses.in_unit(other)
+    factor = METRES[one] / METRES[other]
+    assert there.unit == other
+    assert there.poses[:, :3, 3] == pytest.approx(poses.poses[:, :3, 3] * factor)
+    assert (there.poses[:, :3, :3] == poses.poses[:, :3, :3]).all()
+    assert there.opening == pytest.approx(poses.opening * factor)
+    assert there.columns["contacts"] == pytest.approx(poses.columns["contacts"] * factor)
+    assert (there.columns["epsilon"] == poses.columns["epsilon"]).all()
+    back = there.in_unit(one)
+    assert back.poses == pytest.approx(poses.poses)
+
+
+def test_a_unit_that_is_not_known_cannot_be_converted() -> None:
+    with pytest.raises(ContactError, match=r"unit of the poses is not known.*unit="):
+        GraspPoses(poses=random_poses(1)).in_unit("m")
+
+
+def test_take_by_indices_and_by_mask() -> None:
+    poses = example()
+    chosen = poses.take([2, 0])
+    assert chosen.names == ("grasp_3", "grasp_1")
+    assert chosen.columns["label"].tolist() == ["U", "S"]
+    assert (chosen.poses == poses.poses[[2, 0]]).all()
+    assert poses.take(poses.columns["label"] == "S").names == ("grasp_1", "grasp_4")
+    assert len(poses.take(np.zeros(4, dtype=bool))) == len(poses.take([])) == 0
+
+
+def test_poses_can_be_sent_to_another_process_and_printed() -> None:
+    poses = pickle.loads(pickle.dumps(example()))  # noqa: S301, our own bytes
+    assert poses.names == example().names
+    assert "GraspPoses(poses=float64[4, 4, 4]" in repr(poses)
+
+
+def changed(index: tuple[int, ...], value: float) -> np.ndarray:
+    poses = random_poses(3)
+    poses[index] = value
+    return poses
+
+
+def mirrored() -> np.ndarray:
+    poses = random_poses(3)
+    poses[1:, :3, 0] *= -1.0
+    return poses
+
+
+def scaled() -> np.ndarray:
+    poses = random_poses(3)
+    poses[2, :3, :3] *= 1000.0
+    return poses
+
+
+@pytest.mark.parametrize(
+    ("poses", "message"),
+    [
+        (np.zeros((3, 3)), r"shape \(k, 4, 4\); got \(3, 3\)"),
+        (np.zeros((2, 16)), r"shape \(k, 4, 4\); got \(2, 16\)"),
+        ([["a"] * 4] * 4, "must be 4x4 matrices of numbers"),
+        ([np.eye(4), np.eye(3)], "must be 4x4 matrices of numbers"),
+        (changed((1, 0, 3), np.nan), "pose 2 has numbers that are not finite"),
+        (changed((1, 2, 3), np.inf), "pose 2 has numbers that are not finite"),
+        (changed((0, 3, 3), 0.0), "pose 1: the last row must be 0 0 0 1"),
+        (changed((2, 0, 0), 5.0), "pose 3: .*no rotation"),
+        (random_poses(2).transpose(0, 2, 1), "pose 1: the last row .* is it transposed"),
+        (mirrored(), r"pose 2 is left-handed \(determinant -1\), as are 2 of 3"),
+        (scaled(), r"pose 3: its axes have the lengths \(1000, 1000, 1000\).*scale"),
+        (np.zeros((1, 4, 4)), "pose 1: the last row"),
+    ],
+)
+def test_what_is_no_pose_is_refused_with_the_probable_cause(poses: Any, message: str) -> None:
+    with pytest.raises(ContactError, match=message):
+        GraspPoses(poses=poses)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"opening": [0.1, 0.2]}, r"opening must be numbers of shape \(3,\)"),
+        ({"opening": -0.1}, "grasp 1: opening must be a length of at least 0"),
+        ({"pregrasp_opening": np.inf}, "grasp 1: pregrasp_opening must be"),
+        ({"outcome": [1.0, 0.0, 0.5]}, "grasp 3: outcome must be 1"),
+        ({"scores": ["good", "bad", "bad"]}, "scores must be numbers"),
+        ({"names": ("a", "b")}, "3 poses need 3 names; got 2"),
+        ({"names": ("a", "b", 3)}, "grasp 3: a name must be text"),
+        ({"names": ("a", "b\n", "c")}, "grasp 2: a name must be text that can be printed"),
+        ({"names": ("a", "b", "\ud800")}, "grasp 3: a name must be text that can be printed"),
+        ({"unit": "km"}, "unit of poses must be one of m, cm, mm, in; got 'km'"),
+        ({"object_scale": 0.0}, "scale must be a finite number above 0"),
+        ({"columns": {"opening": np.zeros(3)}}, "no column of poses can be called 'opening'"),
+        ({"columns": {"epsilon": np.zeros(2)}}, r"'epsilon' of poses must have shape \(3,\)"),
+        ({"columns": {"contacts": np.zeros((3, 3))}}, r"'contacts' .* shape \(3, 2, 3\)"),
+        ({"columns": {"when": np.zeros(3, "M8[s]")}}, "'when' of poses must be numbers or text"),
+    ],
+)
+def test_impossible_fields_are_refused(fields: dict[str, Any], message: str) -> None:
+    with pytest.raises(ContactError, match=message):
+        GraspPoses(poses=random_poses(3), **fields)
+
+
+def toward_center(count: int, unit: float) -> np.ndarray:
+    """Poses on a sphere of 5 cm about the origin that approach it; lengths in metres / unit."""
+    poses = random_poses(count)
+    poses[:, :3, 3] = -0.05 / unit * poses[:, :3, 2]
+    return poses
+
+
+@pytest.mark.parametrize(
+    ("unit", "mesh_unit", "words"),
+    [
+        (1.0, "m", None),
+        (0.001, "m", "as if their lengths were millimetres"),
+        (0.001, None, "in a smaller unit"),
+    ],
+)
+def test_lengths_in_another_unit_are_noticed(unit: float, mesh_unit: Any, words: Any) -> None:
+    message = pose_warning(toward_center(10, unit), np.zeros(3), 0.1, mesh_unit)
+    assert (message is None) if words is None else (words in message)
+
+
+def test_metres_on_a_mesh_in_millimetres_are_noticed() -> None:
+    message = pose_warning(toward_center(10, 1.0), np.zeros(3), 100.0, "mm")
+    assert message is not None
+    assert "as if their lengths were metres" in message
+
+
+def test_quaternions_in_the_wrong_order_are_noticed() -> None:
+    """Grippers above an object that look down, q = (1, 0, 0, 0); read as w x y z they look up."""
+    rng = np.random.default_rng(0)
+    xyzw = np.tile([1.0, 0.0, 0.0, 0.0], (10, 1))
+    poses = np.tile(np.eye(4), (10, 1, 1))
+    poses[:, :3, 3] = [0.0, 0.0, 0.05] + 0.01 * rng.normal(size=(10, 3))
+    poses[:, :3, :3] = Rotation.from_quat(xyzw).as_matrix()
+    assert pose_warning(poses, np.zeros(3), 0.1, "m") is None
+    poses[:, :3, :3] = Rotation.from_quat(xyzw, scalar_first=True).as_matrix()
+    message = pose_warning(poses, np.zeros(3), 0.1, "m")
+    assert message is not None
+    assert "10 of 10 approach directions point away" in message

@@ -1,0 +1,116 @@
+"""Poses of grasps on a surface, and the files that contain them."""
+
+import json
+import math
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grasp3d import (
+    GraspModel,
+    SurfaceLabels,
+    Table,
+    best_grasps,
+    label_surface,
+    load_mesh,
+    write_grasps,
+)
+from grasp3d.errors import OutputError, SettingError
+from grasp3d.grasps import evaluate_poses, poses_of
+from grasp3d.grasps.pose_files import holds_poses, read_poses
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from tests.helpers import shapes
+from tests.helpers.grippers import HAND, TIPS
+
+MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
+
+
+@cache
+def held(fingers: int = 2) -> SurfaceLabels:
+    mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=10.0 * (fingers - 1) ** 2)
+    model = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0), fingers=fingers)
+    gripper = ParallelGripper.preset("franka") if fingers == 2 else TIPS
+    table = Table.below(mesh) if fingers == 2 else None
+    return label_surface(mesh, model, gripper=gripper, table=table, threads=1)
+
+
+def test_poses_have_all_that_is_known_of_the_grasps() -> None:
+    best = best_grasps(held(), 4)
+    poses = poses_of(best)
+    assert (poses.count, poses.unit, poses.gripper.name) == (4, "mm", "franka")
+    np.testing.assert_array_equal(poses.poses, best.reach.poses)
+    np.testing.assert_array_equal(poses.opening, best.reach.opening)
+    assert poses.columns["label"].tolist() == ["S"] * 4
+    np.testing.assert_array_equal(poses.columns["contacts"], best.contacts.points)
+    np.testing.assert_array_equal(poses.columns["critical_angle"], best.critical_angle)
+    # The closing axis is along the contacts, and the contacts are at the pads.
+    for pose, points in zip(poses.poses, best.contacts.points, strict=True):
+        inner = (points - pose[:3, 3]) @ pose[:3, :3]
+        assert inner[0, 0] == pytest.approx(-inner[1, 0])
+        assert np.abs(inner[:, 1]) == pytest.approx(0.0, abs=1e-9)
+        assert (np.abs(inner[:, 2]) <= 0.4 * 17.6 + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("suffix", "form"),
+    [("json", None), ("csv", None), ("parquet", None), ("yaml", None), ("h5", None),
+     ("npy", None), ("json", "moveit")],
+)  # fmt: skip
+def test_files_of_grasps_have_their_poses(tmp_path: Path, suffix: str, form: str | None) -> None:
+    for name in {"yaml": ("yaml",), "h5": ("h5py",)}.get(suffix, ()):
+        shapes.reader(name)
+    best, path = best_grasps(held(), 3), tmp_path / f"box.{suffix}"
+    write_grasps(path, best, format=form)
+    assert holds_poses(path)
+    again = read_poses(path, gripper=held().reaching.gripper).in_unit("mm")
+    np.testing.assert_allclose(again.poses, best.reach.poses, atol=1e-4)
+
+
+def test_the_settings_are_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "box.json"
+    write_grasps(path, best_grasps(held(), 2))
+    text = path.read_text()
+    assert json.loads(text)
+    for word in ('"friction"', '"source"', '"version"', "franka"):
+        assert word in text
+
+
+@pytest.mark.slow
+def test_evaluated_again_poses_are_reached_and_stable() -> None:
+    """Jaws closed on the mesh from the poses that were found."""
+    labels = held()
+    best = best_grasps(labels, 4)
+    gripper, table = labels.reaching.gripper, labels.reaching.table
+    found = evaluate_poses(labels.mesh, poses_of(best), MODEL, gripper=gripper, table=table)
+    np.testing.assert_allclose(np.sort(found.opening), np.sort(best.reach.opening), atol=0.6)
+
+
+def test_grasps_without_poses_are_refused(tmp_path: Path) -> None:
+    mesh = held().mesh
+    ideal = best_grasps(label_surface(mesh, MODEL, threads=1), 2)
+    with pytest.raises(SettingError, match="label the surface with a gripper"):
+        poses_of(ideal)
+    with pytest.raises(SettingError, match="label the surface with a gripper"):
+        write_grasps(tmp_path / "a.json", ideal, format="moveit")
+    with pytest.raises(OutputError):
+        write_grasps(tmp_path / "a.obj", best_grasps(held(), 2))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.slow
+def test_three_fingers_have_no_poses(tmp_path: Path) -> None:
+    best = best_grasps(held(3), 2)
+    assert best.size
+    with pytest.raises(SettingError, match="three fingers"):
+        poses_of(best)
+    write_grasps(tmp_path / "a.json", best)  # contacts, as without a gripper
+    assert not holds_poses(tmp_path / "a.json")
+
+
+def test_no_grasps_make_a_table_without_rows(tmp_path: Path) -> None:
+    plate = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge=40.0)
+    labels = label_surface(plate, MODEL, gripper=HAND, table=Table.below(plate), threads=1)
+    write_grasps(tmp_path / "a.csv", best_grasps(labels, 2))
+    assert len((tmp_path / "a.csv").read_text().splitlines()) == 1

@@ -1,0 +1,131 @@
+"""Labels with a gripper whose poses are made by hand, for what displays them."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+
+from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d.arrays import Floats, Ints, locked, unit_rows
+from grasp3d.batch.row import BestGrasp
+from grasp3d.grasps.distinct import grasps_of_vertices
+from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.gripper.approach import Approach
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reach import Reach, Reachability
+from grasp3d.gripper.reaching import Reaching
+from grasp3d.gripper.table import Table
+from grasp3d.surface.vertex_grasps import Reason
+from tests.helpers import shapes
+
+JAWS = ParallelGripper(
+    name="jaws",
+    max_opening=0.08,
+    finger_thickness=0.01,
+    finger_width=0.02,
+    finger_length=0.045,
+    pad_width=0.02,
+    pad_height=0.015,
+    palm_thickness=0.11,
+    palm_width=0.05,
+    palm_length=0.06,
+)
+"""A gripper of usual size."""
+
+
+def with_reach(labels: SurfaceLabels, gripper: ParallelGripper = JAWS) -> SurfaceLabels:
+    """Labels on a table with poses from above, wherever the contacts are side by side.
+
+    Grasps whose closing axis is nearly vertical count as not reached.
+    """
+    mesh, grasps = labels.mesh, labels.grasps
+    table = Table.below(mesh)
+    points = np.stack([mesh.vertices, labels.partners[:, 0]], axis=1)
+    x = unit_rows(np.nan_to_num(points[:, 1] - points[:, 0]))
+    down = -table.normal
+    level = np.linalg.norm(x @ down[:, None], axis=1) < 0.5
+    reached = (labels.reason == Reason.FOUND) & level
+    z = unit_rows(down - (x @ down)[:, None] * x)
+    poses = np.zeros((len(x), 4, 4))
+    poses[:, :3] = np.stack([x, np.cross(z, x), z, points.mean(axis=1)], axis=2)
+    poses[:, 3, 3] = 1.0
+    lost = ~reached & (labels.reason == Reason.FOUND)
+    z_axis = mesh.vertices[:, 2]
+    height = (z_axis - z_axis.min()) / np.ptp(z_axis)
+
+    def where_reached(values: Floats) -> Floats:
+        return locked(np.where(reached, values, math.nan))
+
+    reach = Reach(
+        state=locked(np.where(reached, Reachability.REACHED, Reachability.TABLE), np.uint8),
+        poses=locked(np.where(reached[:, None, None], poses, math.nan)),
+        approach_margin=where_reached(0.2 + height),
+        opening=where_reached(labels.opening),
+        pregrasp_opening=where_reached(labels.opening + 0.004),
+        depth=where_reached(np.zeros(len(x))),
+        free=locked(np.repeat(reached[:, None], 32, axis=1)),
+    )
+    angles = [
+        np.where(lost, math.inf, one) for one in (labels.critical_angle, labels.critical_angle_best)
+    ]
+    changed = replace(
+        grasps,
+        critical_angle=locked(angles[0]),
+        critical_angle_best=locked(angles[1]),
+        partners=locked(np.where(lost[:, None, None], math.nan, grasps.partners)),
+        partner_normals=locked(np.where(lost[:, None, None], math.nan, grasps.partner_normals)),
+        opening=locked(np.where(lost, math.nan, grasps.opening)),
+        reason=locked(np.where(lost, Reason.NOT_REACHED, grasps.reason), np.uint8),
+        reach=reach,
+    )
+    reaching = Reaching(gripper, table, Approach(down))
+    return replace(labels, grasps=changed, reaching=reaching)
+
+
+@cache
+def held_box() -> SurfaceLabels:
+    """A box on a table, 60 x 40 x 80 mm, in metres."""
+    mesh = load_mesh(shapes.box((0.06, 0.04, 0.08)), unit="m", max_edge=0.02)
+    return with_reach(label_surface(mesh, GraspModel(), sampling=Sampling(rays=16)))
+
+
+def reached(labels: SurfaceLabels) -> Ints:
+    """Vertices whose grasps the gripper reaches."""
+    assert labels.reach is not None
+    return np.flatnonzero(labels.reach.state == Reachability.REACHED)
+
+
+def not_reached(labels: SurfaceLabels) -> Ints:
+    """Vertices with grasps, none of which the gripper reaches."""
+    return np.flatnonzero(labels.reason == Reason.NOT_REACHED)
+
+
+def neighbours_grasps(labels: SurfaceLabels, vertex: int, count: int) -> SurfaceGrasps:
+    """In place of a search for alternatives: the grasps of the nearest vertices, its own first."""
+    near = reached(labels)
+    gaps = np.linalg.norm(labels.mesh.vertices[near] - labels.mesh.vertices[vertex], axis=1)
+    return grasps_of_vertices(labels, near[np.argsort(gaps, kind="stable")[:count]])
+
+
+def best_grasps_of(labels: SurfaceLabels, count: int) -> tuple[BestGrasp, ...]:
+    """Grasps of a report, with poses: those of the first vertices that are reached."""
+    reach = labels.reach
+    assert reach is not None
+    return tuple(
+        BestGrasp(
+            critical_angle=float(labels.critical_angle[vertex]),
+            max_resolution=float(labels.max_resolution[vertex]),
+            epsilon=0.1,
+            opening=float(labels.opening[vertex]),
+            points=tuple(map(tuple, (labels.mesh.vertices[vertex], labels.partners[vertex, 0]))),
+            normals=tuple(
+                map(tuple, (-labels.mesh.normals[vertex], -labels.partner_normals[vertex, 0]))
+            ),
+            label="S",
+            pose=tuple(reach.poses[vertex].ravel().tolist()),
+            pregrasp_opening=float(reach.pregrasp_opening[vertex]),
+            approach_margin=float(reach.approach_margin[vertex]),
+        )
+        for vertex in reached(labels)[:count]
+    )

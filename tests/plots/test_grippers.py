@@ -1,0 +1,97 @@
+"""Drawings of grippers, and their shapes for pictures."""
+
+import re
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from matplotlib.patches import Circle, Rectangle
+
+from grasp3d.gripper import shapes
+from grasp3d.gripper.presets import PRESETS, preset
+from grasp3d.gripper.shapes import Part, gripper_triangles
+from grasp3d.plots.formats import save_as
+from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape
+from grasp3d.plots.grippers import gripper_figure
+
+
+def numbers(texts: list[str]) -> set[float]:
+    return {float(number) for text in texts for number in re.findall(r"\d+\.?\d*", text)}
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_the_figure_states_every_length(name: str) -> None:
+    gripper = preset(name)
+    front, side = gripper_figure(gripper).axes
+    texts = [[text.get_text() for text in axes.texts] for axes in (front, side)]
+    names = "max_opening finger_thickness finger_length palm_thickness palm_length base_to_tcp"
+    shown = {round(1e3 * getattr(gripper, one), 4) for one in names.split()}
+    assert numbers(texts[0]) == shown
+    names = "finger_width palm_width " + ("" if gripper.round_tips else "pad_width pad_height")
+    shown = {round(1e3 * getattr(gripper, one), 4) for one in names.split()}
+    tips = {2e3 * gripper.tip_radius} if gripper.round_tips else set()
+    assert numbers(texts[1]) == shown | tips
+
+
+def test_both_views_have_one_scale_and_z_points_down() -> None:
+    figure = gripper_figure(preset("franka"))
+    figure.draw_without_rendering()
+    scales = []
+    for axes in figure.axes:
+        (x, bottom), (right, top) = axes.transData.transform([(0.0, 0.0), (1.0, 1.0)])
+        assert top < bottom
+        scales.append((right - x, bottom - top))
+    assert np.allclose(scales, scales[0][0], rtol=1e-3)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_nothing_is_drawn_outside_the_figure(name: str) -> None:
+    figure = gripper_figure(preset(name))
+    figure.draw_without_rendering()
+    for axes in figure.axes:
+        for artist in (*axes.texts, *axes.patches):
+            box = artist.get_window_extent()
+            assert box.x0 >= figure.bbox.x0
+            assert box.x1 <= figure.bbox.x1
+            assert box.y0 >= figure.bbox.y0
+
+
+def test_fingers_are_drawn_open_and_dashed_when_closed() -> None:
+    front = gripper_figure(preset("wsg50")).axes[0]
+    boxes = [patch for patch in front.patches if isinstance(patch, Rectangle)]
+    inner = sorted(
+        (patch.get_linestyle(), round(patch.get_x(), 3)) for patch in boxes if patch.get_x() > 0.0
+    )
+    assert inner == [("--", 2.7), ("solid", 55.0), ("solid", 55.0)]  # closed; finger and pad, open
+
+
+def test_round_tips_are_drawn_as_circles() -> None:
+    front, side = gripper_figure(preset("tactile")).axes
+    circles = [patch for patch in front.patches if isinstance(patch, Circle)]
+    assert [circle.get_center()[0] for circle in circles] == pytest.approx([-60.0, 60.0])
+    assert sum(isinstance(patch, Circle) for patch in side.patches) == 1
+
+
+def test_figures_are_written_whatever_the_name_is(tmp_path: Path) -> None:
+    gripper = replace(preset("franka"), name="$x$ 手\ud800")
+    save_as(gripper_figure(gripper), tmp_path / "g.svg")
+    assert (tmp_path / "g.svg").stat().st_size > 5000
+
+
+@pytest.mark.parametrize("name", ["franka", "tactile"])
+def test_surfaces_have_the_triangles_parts_and_colours(name: str) -> None:
+    pose = np.eye(4)
+    pose[:3, 3] = [10.0, 20.0, 30.0]
+    shape = gripper_shape(preset(name), pose, 40.0, "mm")
+    triangles = gripper_triangles(preset(name), 40.0, pose=pose, unit="mm")
+    assert (shape.regular_faces == triangles.faces).all()
+    assert np.allclose(shape.points, triangles.vertices)
+    assert (shape.cell_data["part"] == triangles.parts).all()
+    palm = shape.cell_data["color"][shape.cell_data["part"] == Part.PALM]
+    assert (palm == shapes.COLORS[Part.PALM]).all()
+
+
+def test_no_arcs_are_an_empty_surface() -> None:
+    assert approach_arc(np.eye(4), [], radius=1.0).n_cells == 0
+    assert approach_arc(np.eye(4), [(0.0, 0.1)], radius=1.0).n_cells > 0

@@ -1,0 +1,276 @@
+"""Labels with a gripper: laws that hold for every object."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from grasp3d import (
+    GraspModel,
+    ObjectMesh,
+    ParallelGripper,
+    Sampling,
+    SurfaceLabels,
+    Table,
+    label_surface,
+    load_mesh,
+)
+from grasp3d.errors import SettingError
+from grasp3d.gripper.approach import Approach
+from grasp3d.gripper.reach import Reachability, reach_grasps
+from grasp3d.gripper.reaching import Reaching
+from grasp3d.lengths import Unit
+from grasp3d.settings import Grip
+from grasp3d.surface.vertex_grasps import Reason, grasps_at
+from tests.helpers import shapes
+from tests.helpers.grippers import HAND, SLIM, TIPS
+from tests.helpers.moving_gripper import MovingGripper
+
+MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
+
+NOWHERE = ParallelGripper(
+    name="nowhere", max_opening=5.0, clearance=0.0, compliance=1e-8,
+    finger_thickness=1e-9, finger_width=1e-9, finger_length=5.0, pad_width=1e-9, pad_height=1e-9,
+    palm_thickness=5.0, palm_width=1e-9, palm_length=1e-9,
+)  # fmt: skip
+"""Fingers that are thinner than the pads yield, and a palm far away."""
+
+NO_TIPS = replace(NOWHERE, name="no tips", tip_radius=1e-9, pad_width=0.0, pad_height=0.0)
+
+ARRAYS = (
+    "label", "critical_angle", "critical_angle_best", "partners", "partner_normals", "opening",
+    "grip", "reason",
+)  # fmt: skip
+
+
+@cache
+def solid(name: str, unit: Unit = "mm") -> ObjectMesh:
+    """Objects of 30 to 80 mm, coarse."""
+    (vertices, faces), size = {
+        "blob": (shapes.lopsided(3), 25.0),
+        "finned": (shapes.finned(), 20.0),
+        "tube": (shapes.tube(sections=32), 60.0),
+        "box": (shapes.box((6.0, 4.0, 2.0)), 10.0),
+        "cone": (shapes.cone(0.3, 2.0, sections=24), 30.0),
+    }[name]
+    scale = {"mm": 1.0, "cm": 0.1, "m": 0.001}[unit] * size
+    edge = {"box": 5.0, "tube": 12.0}.get(name, 12.0) / size
+    return load_mesh((vertices * scale, faces), unit=unit, max_edge=edge * scale)
+
+
+def beside(mesh: ObjectMesh, gripper: ParallelGripper, **options: object) -> SurfaceLabels:
+    """Labels of an object on a table."""
+    options = {"table": Table.below(mesh), "threads": 1, **options}
+    return label_surface(mesh, MODEL, gripper=gripper, **options)
+
+
+@cache
+def held(name: str, gripper: ParallelGripper = HAND) -> SurfaceLabels:
+    return beside(solid(name), gripper)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gripper", [HAND, TIPS], ids=lambda gripper: gripper.name)
+@pytest.mark.parametrize(
+    ("name", "grip"),
+    [("blob", "squeeze"), ("finned", "squeeze"), ("box", "squeeze"), ("cone", "squeeze"),
+     ("tube", "both")],
+)  # fmt: skip
+def test_a_gripper_only_lowers_labels(name: str, grip: Grip, gripper: ParallelGripper) -> None:
+    mesh, sampling = solid(name), Sampling(grip=grip)
+    limited = Reaching(gripper).within_stroke(mesh, sampling)
+    ideal = label_surface(mesh, MODEL, sampling=limited, threads=1)
+    real = beside(mesh, gripper, sampling=sampling)
+    assert (real.label <= ideal.label).all()
+    assert (real.label < ideal.label).any()
+    # What is outside the search cone was not searched for by either.
+    for one, other in (
+        (real.critical_angle, ideal.critical_angle),
+        (real.critical_angle_best, ideal.critical_angle_best),
+    ):
+        searched = one < ideal.search.cone
+        gain = np.maximum(other[searched] - one[searched], 0.0)
+        assert (gain <= Sampling().tolerance).all()
+    assert ((real.reason == Reason.FOUND) <= (ideal.reason == Reason.FOUND)).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("name", "grip"),
+    [("blob", "squeeze"), ("box", "squeeze"), ("finned", "both"), ("tube", "both"),
+     ("tube", "expand")],
+)  # fmt: skip
+@pytest.mark.parametrize("gripper", [NOWHERE, NO_TIPS], ids=lambda gripper: gripper.name)
+def test_a_gripper_of_no_size_changes_nothing(
+    name: str, grip: Grip, gripper: ParallelGripper
+) -> None:
+    mesh, sampling = solid(name), Sampling(grip=grip, rays=32)
+    ideal = label_surface(mesh, MODEL, sampling=sampling, threads=1)
+    real = label_surface(mesh, MODEL, sampling=sampling, threads=1, gripper=gripper)
+    for array in ARRAYS:
+        np.testing.assert_array_equal(getattr(real, array), getattr(ideal, array), err_msg=array)
+    for array in ("faces", "weights"):
+        one, other = (getattr(labels.partner_points, array) for labels in (real, ideal))
+        np.testing.assert_array_equal(one, other)
+    assert (real.reach.reached == (ideal.reason == Reason.FOUND)).all()
+
+
+@pytest.mark.slow
+def test_tips_of_no_size_change_nothing_for_three_fingers() -> None:
+    model, sampling = replace(MODEL, fingers=3), Sampling(candidates=8)
+    vertices, faces = shapes.sphere(1)
+    mesh = load_mesh((vertices * (20, 25, 30), faces), unit="mm", max_edge=100.0)
+    ideal = label_surface(mesh, model, sampling=sampling, threads=1)
+    real = label_surface(mesh, model, sampling=sampling, threads=1, gripper=NO_TIPS)
+    for array in ARRAYS:
+        np.testing.assert_array_equal(getattr(real, array), getattr(ideal, array), err_msg=array)
+
+
+@pytest.mark.parametrize("gripper", [HAND, TIPS], ids=lambda gripper: gripper.name)
+def test_every_grasp_of_a_vertex_is_reached(gripper: ParallelGripper) -> None:
+    """By testing it again, alone, and by moving the gripper step by step."""
+    labels = held("blob", gripper)
+    mesh, reach = labels.mesh, labels.reach
+    found = np.flatnonzero(labels.reason == Reason.FOUND)
+    assert (reach.reached == (labels.reason == Reason.FOUND)).all()
+    assert len(found) > 50
+    contacts = grasps_at(mesh, labels.partner_points, found, 0)
+    again = reach_grasps(
+        mesh, contacts.points, contacts.normals, gripper, table=labels.reaching.table, threads=1
+    )
+    assert again.reached.all()
+    np.testing.assert_allclose(again.poses, reach.poses[found], atol=1e-9)
+    least, most = gripper.limits
+    assert (reach.opening[found] >= 1000.0 * least - 1e-6).all()
+    assert (reach.opening[found] <= 1000.0 * most + 1e-6).all()
+    assert (reach.pregrasp_opening[found] > reach.opening[found]).all()
+    moving = MovingGripper(mesh, gripper, labels.reaching.table)
+    assert {moving.collision(reach, row) for row in found[:: len(found) // 6]} == {""}
+
+
+def test_the_oracle_finds_collisions() -> None:
+    """The steps of a gripper, which are the oracle of poses, do meet what is in the way."""
+    labels = held("box")
+    row = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
+    moving = MovingGripper(labels.mesh, HAND, labels.reaching.table)
+    assert moving.collision(labels.reach, row) == ""
+    lower = labels.reach.poses.copy()
+    lower[row, :3, 3] += (0.0, 0.0, -labels.mesh.vertices[:, 2].max())
+    lowered = replace(labels.reach, poses=lower)
+    assert "table" in moving.collision(lowered, row) or "object" in moving.collision(lowered, row)
+    narrow = replace(labels.reach, opening=labels.reach.opening - 5.0)
+    assert "object at an opening" in moving.collision(narrow, row)
+    narrow = replace(narrow, pregrasp_opening=narrow.opening)
+    assert "before the pose" in moving.collision(narrow, row)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["blob", "finned"])
+def test_what_a_larger_gripper_reaches_a_smaller_one_reaches(name: str) -> None:
+    large = held(name, HAND)
+    small = replace(
+        HAND, name="small", finger_thickness=0.01, palm_thickness=0.1, palm_width=0.03,
+        finger_width=0.01, pad_width=0.01,
+    )  # fmt: skip
+    found = np.flatnonzero(large.reason == Reason.FOUND)
+    contacts = grasps_at(large.mesh, large.partner_points, found, 0)
+    reach = reach_grasps(
+        large.mesh, contacts.points, contacts.normals, small, table=large.reaching.table, threads=1
+    )
+    assert len(found) > 50
+    assert reach.reached.all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("grip", ["squeeze", "both"])
+def test_the_number_of_threads_does_not_matter(grip: Grip) -> None:
+    sampling = Sampling(grip=grip, rays=32)
+    one, three = (
+        beside(solid("tube"), SLIM, sampling=sampling, threads=threads) for threads in (1, 3)
+    )
+    for array in ARRAYS:
+        np.testing.assert_array_equal(getattr(one, array), getattr(three, array), err_msg=array)
+    for array in ("state", "poses", "approach_margin", "opening", "depth", "free"):
+        np.testing.assert_array_equal(getattr(one.reach, array), getattr(three.reach, array))
+
+
+def assert_alike(one: SurfaceLabels, other: SurfaceLabels) -> None:
+    """The labels of equivalent objects: the same, but for ties and rounding at few vertices."""
+    assert (one.label == other.label).mean() > 0.98
+    assert (one.reason == other.reason).mean() > 0.98
+    both = (one.reason == Reason.FOUND) & (other.reason == Reason.FOUND)
+    gaps = np.abs(one.critical_angle[both] - other.critical_angle[both])
+    assert np.median(gaps) < 1e-9
+    margins = np.abs(one.reach.approach_margin - other.reach.approach_margin)[both]
+    assert (margins < 1e-6).mean() > 0.95
+
+
+@pytest.mark.slow
+def test_the_unit_of_the_mesh_does_not_matter() -> None:
+    small, large = held("blob"), beside(solid("blob", "m"), HAND)
+    assert_alike(small, large)
+    both = small.reach.reached & large.reach.reached
+    gaps = np.abs(small.reach.poses[both, :3, 3] - 1000.0 * large.reach.poses[both, :3, 3])
+    assert np.median(gaps) < 1e-9
+    assert small.reach.opening[both] == pytest.approx(1000.0 * large.reach.opening[both], rel=0.1)
+
+
+@pytest.mark.slow
+def test_turning_and_moving_everything_changes_nothing() -> None:
+    still, turn, shift = held("blob"), shapes.rotation(11), np.array([300.0, -20.0, 77.0])
+    mesh = still.mesh
+    moved = load_mesh((mesh.vertices @ turn.T + shift, mesh.faces), unit="mm", max_edge=12.0)
+    up = turn @ (0.0, 0.0, 1.0)
+    table = Table(up, still.reaching.table.offset + shift @ up)
+    turned = beside(moved, HAND, table=table)
+    assert_alike(still, turned)
+    both = still.reach.reached & turned.reach.reached
+    gaps = np.abs(turned.reach.poses[both, :3, 2] - still.reach.poses[both, :3, 2] @ turn.T)
+    assert np.median(gaps) < 1e-9
+
+
+def test_narrower_approaches_reach_less() -> None:
+    mesh = solid("blob")
+    wide, narrow = (
+        beside(mesh, HAND, approach=Approach(within=math.radians(angle))) for angle in (90.0, 20.0)
+    )
+    assert narrow.reach.reached.sum() < wide.reach.reached.sum()
+    directions = narrow.reach.poses[narrow.reach.reached, :3, 2]
+    assert len(directions) > 10
+    assert (-directions[:, 2] >= math.cos(math.radians(20.0)) - 1e-9).all()
+
+
+def test_vertices_that_are_not_reached_have_a_reason() -> None:
+    labels = held("box")
+    missing = labels.reason == Reason.NOT_REACHED
+    assert missing.any()
+    assert (labels.label[missing] == 0).all()
+    assert np.isinf(labels.critical_angle[missing]).all()
+    assert np.isnan(labels.reach.poses[missing]).all()
+    known = labels.reach.state[missing]
+    assert np.isin(known, [Reachability.TABLE, Reachability.BLOCKED, Reachability.WIDTH]).all()
+
+
+def test_relabelling_keeps_the_poses() -> None:
+    labels = held("box")
+    finer = labels.relabel(sensor_resolution=math.radians(5.0))
+    assert finer.reach is labels.reach
+    assert finer.reaching is labels.reaching
+    assert (finer.label >= labels.label).all()
+
+
+def test_contradicting_options_are_refused() -> None:
+    mesh = solid("box")
+    no_unit = load_mesh((mesh.vertices, mesh.faces), max_edge=100.0)
+    for options, text in (
+        ({"table": Table.below(mesh)}, "apply to grippers only"),
+        ({"approach": Approach()}, "apply to grippers only"),
+        ({"gripper": HAND, "model": GraspModel(fingers=3)}, "two fingers with flat pads"),
+        ({"gripper": HAND, "sampling": Sampling(min_opening=100.0)}, "contradicts the limits"),
+    ):
+        with pytest.raises(SettingError, match=text):
+            label_surface(mesh, **options)
+    with pytest.raises(SettingError, match="give the unit"):
+        label_surface(no_unit, gripper=HAND)

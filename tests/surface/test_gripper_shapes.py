@@ -1,0 +1,264 @@
+"""Labels with a gripper of shapes whose grasps are known."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import (
+    GraspModel,
+    ObjectMesh,
+    ParallelGripper,
+    Sampling,
+    SurfaceLabels,
+    Table,
+    best_grasps,
+    label_surface,
+    load_mesh,
+)
+from grasp3d.grasps import verdict_of
+from grasp3d.gripper.approach import Approach
+from grasp3d.gripper.reach import Reachability
+from grasp3d.surface.vertex_grasps import Reason
+from tests.helpers import shapes
+from tests.helpers.grippers import HAND, SLIM, TIPS
+from tests.helpers.moving_gripper import MovingGripper
+
+MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
+
+SHALLOWEST = 9.0 - 0.4 * 18.0
+"""Least reach of the hand's fingers beyond the contacts: the pads' half less the offsets [mm]."""
+
+
+def mesh_of(body: trimesh.Trimesh, max_edge: float) -> ObjectMesh:
+    return load_mesh((body.vertices, body.faces), unit="mm", max_edge=max_edge)
+
+
+def labelled(mesh: ObjectMesh, gripper: ParallelGripper = HAND, **options: object) -> SurfaceLabels:
+    return label_surface(mesh, MODEL, gripper=gripper, threads=1, **options)
+
+
+def standing(mesh: ObjectMesh, gripper: ParallelGripper = HAND, **options: object) -> SurfaceLabels:
+    return labelled(mesh, gripper, table=Table.below(mesh), **options)
+
+
+def assert_free(labels: SurfaceLabels, rows: np.ndarray) -> None:
+    moving = MovingGripper(labels.mesh, labels.reaching.gripper, labels.reaching.table)
+    for row in rows:
+        assert moving.collision(labels.reach, row, int(labels.grip[row])) == ""
+
+
+def _is(values: np.ndarray, size: float) -> np.ndarray:
+    """Whether coordinates have a size, on either side."""
+    return np.abs(np.abs(values) - size) < 1e-6
+
+
+@cache
+def block() -> SurfaceLabels:
+    """A block of 60 x 40 x 20 mm on a table."""
+    return standing(load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=5.0))
+
+
+def test_a_block_on_a_table_is_held_by_its_sides() -> None:
+    labels = block()
+    mesh, reach = labels.mesh, labels.reach
+    x, y, z = mesh.vertices.T
+    height = z + 10.0
+    inside = (mesh.normal_sets.counts == 1) & (height > 0.0)
+    deep = height > SHALLOWEST
+    for sides, opening in ((_is(x, 30.0), 60.0), (_is(y, 20.0), 40.0)):
+        chosen = inside & sides & deep
+        assert chosen.sum() > 20
+        assert (labels.label[chosen] == 2).all()
+        assert labels.critical_angle[chosen] == pytest.approx(0.0, abs=1e-6)
+        assert reach.opening[chosen] == pytest.approx(opening)
+        assert reach.pregrasp_opening[chosen] == pytest.approx(opening + 4.0)
+    # Across its height one finger would be in the table; aslant the friction does not suffice.
+    flat = (mesh.normal_sets.counts == 1) & _is(z, 10.0)
+    assert flat.any()
+    assert (labels.label[flat] == 0).all()
+    assert Reachability.TABLE in reach.state[flat]
+    assert (labels.label[flat & (z < 0.0)] == 0).all()
+
+
+def test_a_block_on_a_table_is_approached_from_above() -> None:
+    """As far aside as the lower corners of the fingers, and of the palm, are above the table."""
+    labels = block()
+    reach, found = labels.reach, labels.reach.reached
+    tilts = np.arccos(np.clip(-reach.poses[found, 2, 2], -1.0, 1.0))
+    assert tilts.max() < math.radians(60.0)
+    tcp = reach.poses[found, 2, 3] + 10.0
+    lowest = tcp - 9.0 * np.cos(tilts) - 10.0 * np.sin(tilts)
+    level = np.abs(reach.poses[found, 2, 0]) < 1e-6
+    assert level.sum() > 100
+    assert (lowest[level] >= -1e-6).all()
+    assert (tilts < 1e-6).sum() > 50
+    assert_free(labels, np.flatnonzero(found)[::60])
+
+
+def test_best_grasps_of_a_block_are_one_across_each_pair_of_sides() -> None:
+    best = best_grasps(block(), 2)
+    assert sorted(best.reach.opening.round(6).tolist()) == [40.0, 60.0]
+    assert (best.label == 2).all()
+
+
+@cache
+def cup() -> ObjectMesh:
+    """A cup of 72 mm outer diameter and 80 mm height, with walls and bottom of 4 mm."""
+    outside = trimesh.creation.cylinder(36.0, 80.0, sections=48)
+    inside = trimesh.creation.cylinder(32.0, 80.0, sections=48)
+    inside.apply_translation((0.0, 0.0, 4.0))
+    return mesh_of(trimesh.boolean.difference([outside, inside], engine="manifold"), 10.0)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("stands", [True, False])
+def test_a_cup_is_held_at_its_rim_and_never_through_its_bottom(stands: bool) -> None:
+    mesh = cup()
+    labels = standing(mesh, SLIM) if stands else labelled(mesh, SLIM)
+    radius, z = np.linalg.norm(mesh.vertices[:, :2], axis=1), mesh.vertices[:, 2]
+    below_rim = 40.0 - z
+    wall = (np.abs(radius - 32.0) < 0.1) & (below_rim > SHALLOWEST) & (below_rim < 30.0)
+    assert wall.sum() > 40
+    assert (labels.label[wall] == 2).all()
+    assert labels.reach.opening[wall] == pytest.approx(4.0, abs=0.1)
+    down = -labels.reach.poses[wall, 2, 2]
+    assert (down > math.cos(math.radians(60.0))).all()
+    assert_free(labels, np.flatnonzero(wall)[::30])
+    bottom = (radius < 30.0) & (np.abs(z + 36.0) < 1e-6)
+    assert bottom.sum() > 3
+    ideal = label_surface(mesh, MODEL, threads=1)
+    assert (ideal.label[bottom] == 2).all()
+    assert (labels.label[bottom] < 2).all()
+    across = labels.reach.reached & (np.abs(labels.reach.poses[:, 2, 0]) > 0.9)
+    assert not (across & (radius < 30.0)).any()
+
+
+@pytest.mark.slow
+def test_a_ring_is_held_from_inside() -> None:
+    mesh = load_mesh(shapes.tube(30.0, 45.0, 20.0, sections=64), unit="mm", max_edge=12.0)
+    labels = standing(mesh, SLIM, sampling=Sampling(grip="expand"))
+    radius, height = np.linalg.norm(mesh.vertices[:, :2], axis=1), mesh.vertices[:, 2] + 10.0
+    inner = (np.abs(radius - 30.0) < 0.2) & (height > SHALLOWEST) & (height < 20.0)
+    assert inner.sum() > 40
+    assert (labels.label[inner] == 2).all()
+    assert (labels.grip[inner] == -1).all()
+    # The commanded opening is that between the inner faces; the fingers are 4 mm thick.
+    assert labels.reach.opening[inner] == pytest.approx(60.0 - 8.0, abs=0.3)
+    assert (labels.reach.pregrasp_opening[inner] < labels.reach.opening[inner]).all()
+    assert (labels.reach.poses[inner, 2, 2] < -0.5).all()
+    assert_free(labels, np.flatnonzero(inner)[::40])
+    outer = (radius > 44.0) & (mesh.normal_sets.counts == 1)
+    assert (labels.label[outer] == 0).all()
+
+
+def test_a_flat_plate_on_a_table_is_out_of_reach() -> None:
+    plate = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge=10.0)
+    verdict = verdict_of(standing(plate))
+    assert verdict.word == "out of reach"
+    assert str(verdict) == "out of reach (the table is in the way)"
+    assert verdict.count == 0
+
+
+@pytest.mark.slow
+def test_a_flat_plate_on_a_stand_is_held_at_its_rim() -> None:
+    """As far from the rim as the fingers are long."""
+    mesh = load_mesh(shapes.box((200.0, 200.0, 3.0)), unit="mm", max_edge=10.0)
+    labels = labelled(mesh, table=Table(np.array([0.0, 0.0, 1.0]), -200.0))
+    x, y, z = mesh.vertices.T
+    from_rim = np.minimum(100.0 - np.abs(x), 100.0 - np.abs(y))
+    flat = _is(z, 1.5) & (mesh.normal_sets.counts == 1)
+    reach = 45.0 - SHALLOWEST
+    # Ends of the fingers are beyond the contacts, and the palm behind them.
+    near = flat & (from_rim < reach - 0.1)
+    assert near.sum() > 100
+    assert (labels.label[near] == 2).all()
+    far = flat & (from_rim > reach + 0.1)
+    assert far.sum() > 100
+    assert (labels.label[far] == 0).all()
+    assert (labels.reach.state[far & (from_rim > 80.0)] == Reachability.BLOCKED).all()
+
+
+def test_a_plate_is_held_by_its_edges_if_the_fingers_go_under_the_contacts() -> None:
+    for height, reached in ((2.0 * SHALLOWEST + 0.2, True), (2.0 * SHALLOWEST - 0.2, False)):
+        plate = trimesh.creation.box((60.0, 60.0, height)).subdivide()
+        labels = standing(mesh_of(plate, 90.0))
+        middle = np.abs(labels.mesh.vertices[:, 2]) < 1e-9
+        middle &= labels.mesh.normal_sets.counts == 1
+        assert middle.sum() >= 4
+        assert (labels.label[middle] == 2 * reached).all()
+
+
+@pytest.mark.parametrize(
+    ("changes", "shape"),
+    [
+        ({"min_opening": 0.02}, shapes.sphere(2, 8.0)),
+        ({"max_opening": 0.03}, shapes.sphere(2, 16.0)),
+        ({}, shapes.box((100.0, 110.0, 90.0))),
+    ],
+)
+def test_what_does_not_fit_the_stroke_is_out_of_reach(
+    changes: dict[str, float], shape: shapes.Surface
+) -> None:
+    labels = labelled(load_mesh(shape, unit="mm", max_edge=15.0), replace(HAND, **changes))
+    verdict = verdict_of(labels)
+    assert verdict.word == "out of reach"
+    assert "stroke" in verdict.reason
+    assert (labels.reason != Reason.FOUND).all()
+    assert (labels.label == 0).all()
+
+
+def test_a_ball_in_the_stroke_is_held_from_everywhere() -> None:
+    ball = load_mesh(shapes.sphere(2, 12.0), unit="mm", max_edge=100.0)
+    labels = labelled(ball)
+    assert (labels.label == 2).all()
+    assert labels.reach.opening == pytest.approx(24.0, rel=0.01)
+    assert labels.reach.approach_margin == pytest.approx(math.pi)
+
+
+def test_a_thin_wall_is_held_from_above() -> None:
+    wall = load_mesh(shapes.box((60.0, 1.0, 40.0)), unit="mm", max_edge=8.0)
+    labels = standing(wall)
+    z = wall.vertices[:, 2]
+    sides = _is(wall.vertices[:, 1], 0.5) & (wall.normal_sets.counts == 1) & (z > 5.0)
+    assert sides.sum() > 20
+    assert (labels.label[sides] == 2).all()
+    assert labels.reach.opening[sides] == pytest.approx(1.0)
+    assert_free(labels, np.flatnonzero(sides)[:3])
+
+
+@pytest.mark.slow
+def test_round_tips_do_not_fit_into_an_inner_corner() -> None:
+    """A wall nearer than the radius of 8 mm less the compliance is touched before the base."""
+    base, wall = trimesh.creation.box((100, 60, 10)), trimesh.creation.box((10, 60, 60))
+    wall.apply_translation((45.0, 0.0, 25.0))
+    mesh = mesh_of(trimesh.boolean.union([base, wall], engine="manifold"), 5.0)
+    labels = labelled(mesh, TIPS)
+    x, y, z = mesh.vertices.T
+    base_top = (np.abs(z - 5.0) < 1e-9) & (mesh.normal_sets.counts == 1) & (np.abs(y) < 20.0)
+    beside = 40.0 - x
+    corner, free = base_top & (beside < 6.0), base_top & (beside > 9.0) & (beside < 30.0)
+    assert corner.any()
+    assert free.sum() > 10
+    assert (labels.critical_angle[free] < 1e-6).all()
+    # The tip is beside the corner only where its contact is aslant, which costs friction.
+    assert (labels.label[corner] < 2).all()
+    assert Reachability.TIP in labels.reach.state[corner]
+
+
+@pytest.mark.slow
+def test_within_limits_a_bottle_is_held_from_the_allowed_side() -> None:
+    body = trimesh.creation.cylinder(15.0, 120.0, sections=32)
+    mesh = mesh_of(body, 12.0)
+    for direction in ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0)):
+        approach = Approach(np.array(direction), within=math.radians(30.0))
+        labels = standing(mesh, SLIM, approach=approach)
+        found = labels.reach.reached
+        assert found.sum() > 20
+        cosines = labels.reach.poses[found, :3, 2] @ direction
+        assert cosines.min() >= math.cos(math.radians(30.0)) - 1e-9
+    middle = np.abs(mesh.vertices[:, 2]) < 20.0
+    assert not found[middle].any()  # from above the fingers are too short

@@ -1,0 +1,522 @@
+"""A gripper in the viewer: panel, alternatives, colours, files, new searches, and the scene."""
+
+import json
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import fields, replace
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from grasp3d import SurfaceLabels, write_fields, write_ply
+from grasp3d.batch.row import Row
+from grasp3d.conversions import reaching_settings
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.gripper.reach import Reach
+from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.mesh.measures import is_closed
+from grasp3d.rendering import View
+from grasp3d.settings import Sampling
+from grasp3d.system.progress import ignore
+from grasp3d.viewer.scene.framing import MOST_BESIDE, extents, frame_of, middle_of, view_axes
+from grasp3d.viewer.scene.pictures import open_renderer
+from grasp3d.viewer.scene.scene import Scene, new_plotter
+from grasp3d.viewer.session import collection, computations, planning, reached_grasps, wider_search
+from grasp3d.viewer.session.collection import collection_of, open_collection
+from grasp3d.viewer.session.computations import prepare_labels, search_grasps
+from grasp3d.viewer.session.keys import handle_key
+from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
+from grasp3d.viewer.session.panel_text import grasp_number, panel_text
+from grasp3d.viewer.session.reached_grasps import best_reached
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.subjects.results import read_result
+from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
+from grasp3d.viewer.view_settings import ViewSettings
+from grasp3d.viewer.web.fields import set_field
+from grasp3d.viewer.web.page_state import page_state
+from grasp3d.viewer.window.panel import panel_content
+from grasp3d.viewer.window.rows import ButtonRow
+from grasp3d.viewer.window.sliders import Ranges
+from tests.helpers import viewing
+from tests.helpers.held_grasps import JAWS, held_box, neighbours_grasps, not_reached, reached
+from tests.helpers.viewing import ready_session, rewritten, wait_until_idle
+from tests.test_rendering import needs_opengl
+
+AXES = np.eye(3)
+
+
+@pytest.fixture(autouse=True)
+def nearby_alternatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Poses are made by hand, so that no search finds others."""
+    monkeypatch.setattr(reached_grasps, "alternatives_at", neighbours_grasps)
+    monkeypatch.setattr(planning, "DELAY", 0.0)
+
+
+@pytest.fixture
+def session() -> Session:
+    return ready_session(held_box())
+
+
+def held_vertex() -> int:
+    return int(reached(held_box())[7])
+
+
+# Panel
+
+
+def test_the_panel_lists_what_the_gripper_needs_at_the_clicked_vertex(session: Session) -> None:
+    reach, vertex = held_box().reach, held_vertex()
+    assert reach is not None
+    session.click(vertex)
+    seen = session.inspection
+    assert seen is not None
+    assert seen.held is not None
+    assert np.array_equal(seen.held.pose, reach.poses[vertex])
+    numbers = dict(seen.numbers)
+    assert numbers["pre-grasp opening"] == f"{held_box().opening[vertex] + 0.004:.4g} m"
+    assert numbers["approach margin"] == f"±{math.degrees(reach.approach_margin[vertex]):.1f}°"
+    assert numbers["inserted depth"] == "0 m"
+    assert "gripper jaws and a table" in panel_text(session).facts
+
+
+def test_the_panel_says_why_a_vertex_is_not_reached(session: Session) -> None:
+    session.click(int(not_reached(held_box())[0]), inspect=True)
+    seen = session.inspection
+    assert seen is not None
+    assert seen.held is None
+    assert "jaws reaches none of those that were tested" in seen.reason
+    assert "every approach would enter the table" in seen.reason
+    assert len(seen.points) == 1
+    assert grasp_number(seen) == ""
+
+
+def test_without_a_gripper_nothing_is_added() -> None:
+    session = ready_session(viewing.labels())
+    session.click(40)
+    assert session.inspection is not None
+    assert not {"pre-grasp opening", "approach margin"} & set(dict(session.inspection.numbers))
+    assert not page_state(session)["gripper"]
+    assert all(item["name"] != "approach_margin" for item in page_state(session)["paints"])
+    for key in ("j", "t", ".", "6"):
+        state = session.state
+        assert handle_key(session, key)
+        assert "there is no gripper" in session.message
+        assert session.state == state
+
+
+def test_a_table_is_needed_to_hide_it() -> None:
+    labels = held_box()
+    assert labels.reaching is not None
+    session = ready_session(replace(labels, reaching=replace(labels.reaching, table=None)))
+    handle_key(session, "t")
+    assert "there is no table" in session.message
+    assert panel_text(session).facts.endswith("gripper jaws")
+
+
+# Alternatives
+
+
+def test_keys_step_through_the_grasps_of_a_vertex(session: Session) -> None:
+    vertex = held_vertex()
+    session.click(vertex)
+    first = session.inspection
+    assert first is not None
+    assert grasp_number(first) == "1 of …"
+    handle_key(session, ".")
+    assert "still being searched" in session.message
+    wait_until_idle(session)
+    expected = neighbours_grasps(held_box(), vertex, 5)
+    seen = []
+    for number in (1, 2, 3, 4, 5, 1):
+        found = session.inspection
+        assert found is not None
+        assert grasp_number(found) == f"{number} of 5"
+        assert page_state(session)["inspection"]["grasp"] == f"{number} of 5"
+        assert found.vertex == vertex
+        assert found.held is not None
+        seen.append(found.held.pose)
+        handle_key(session, ".")
+    assert np.array_equal(seen[0], seen[5])
+    assert expected.reach is not None
+    assert np.array_equal(np.stack(seen[:5]), expected.reach.poses)
+    session.click(vertex + 1)
+    session.click(vertex)
+    assert session.state.alternative == 0
+
+
+def test_an_alternative_has_its_own_contacts_angles_and_epsilon(session: Session) -> None:
+    vertex = held_vertex()
+    session.click(vertex)
+    wait_until_idle(session)
+    handle_key(session, ",")
+    found, last = session.inspection, neighbours_grasps(held_box(), vertex, 5)
+    assert found is not None
+    assert np.array_equal(found.points, last.contacts.points[4])
+    numbers = dict(found.numbers)
+    assert numbers["opening"] == f"{last.opening[4]:.4g} m"
+    assert numbers["β*"].startswith(f"{math.degrees(last.critical_angle[4]):.1f}°")
+    assert numbers["ε"] == f"{last.epsilon_range.nominal[4]:.3g}"
+
+
+def test_the_window_has_buttons_for_grasps_gripper_and_table(session: Session) -> None:
+    session.click(held_vertex())
+    wait_until_idle(session)
+    rows = panel_content(
+        session, panel_text(session), Ranges(), 340.0, press=partial(handle_key, session)
+    )
+    buttons = {
+        button.name: (row.caption, button.text, button.active)
+        for row in rows.upper
+        if isinstance(row, ButtonRow)
+        for button in row.buttons
+    }
+    assert buttons["key-."][0] == "1 of 5"
+    assert buttons["key-j"] == ("show", "gripper", True)
+    assert buttons["key-t"] == ("show", "table", True)
+    assert "key-6" in buttons
+    rows.actions["key-."]()
+    assert session.state.alternative == 1
+    rows.actions["key-j"]()
+    assert not session.state.show_gripper
+
+
+def test_the_page_has_switches(session: Session) -> None:
+    set_field(session, "show_gripper", False)  # noqa: FBT003
+    set_field(session, "show_table", False)  # noqa: FBT003
+    state = page_state(session)
+    assert (state["show_gripper"], state["show_table"]) == (False, False)
+    assert (state["gripper"], state["table"]) == ("jaws", True)
+    assert any(item["name"] == "approach_margin" for item in state["paints"])
+
+
+# Colours
+
+
+def test_colours_of_approach_margins(session: Session) -> None:
+    session.change(paint="approach_margin")
+    subject, margins = session.subject, held_box().reach.approach_margin  # type: ignore[union-attr]
+    assert subject is not None
+    ramp = ramp_of(subject, "approach_margin", session.model)
+    assert ramp is not None
+    assert ramp.maximum == pytest.approx(math.degrees(np.nanmax(margins)))
+    assert (ramp.unit, ramp.grey) == ("°", "not reached")
+    u, v = texture_coordinates(subject, "approach_margin", session.model).T
+    known = np.isfinite(margins)
+    assert np.allclose(u[known], margins[known] / np.nanmax(margins))
+    assert np.array_equal(v < 0.5, known)
+    session.change(compare=0.1)
+    assert session.other_model is None
+
+
+def test_colours_of_approach_margins_need_a_gripper() -> None:
+    session = ready_session(viewing.labels())
+    with pytest.raises(SettingError, match="no gripper"):
+        session.change(paint="approach_margin")
+    assert session.state.paint == "label"
+
+
+# New searches
+
+
+def test_every_new_search_is_for_the_same_gripper_and_table(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    labels, asked = held_box(), []
+
+    def label(_: object, *__: object, **settings: Any) -> SurfaceLabels:
+        asked.append({name: settings.get(name) for name in ("gripper", "table", "approach")})
+        return replace(labels, sampling=settings["sampling"])
+
+    for module in (computations, wider_search, collection):
+        monkeypatch.setattr(module, "label_surface", label)
+    session = ready_session(labels)
+    session.change(max_opening=0.05)
+    wait_until_idle(session)
+    session.change(max_opening=math.inf)
+    subject = subject_of(labels)
+    search_grasps(subject, subject.model, Sampling(), ignore)
+    wider_search.search_wider(subject, subject.model, Sampling(), ignore)
+    assert len(asked) == 3
+    assert labels.reaching is not None
+    assert all(one == vars(labels.reaching) for one in asked)
+
+
+def test_limits_beyond_the_stroke_need_no_search() -> None:
+    subject = subject_of(held_box())
+    assert subject.sampling is not None
+    stroke = JAWS.limits[1]
+    narrowed = replace(subject, sampling=replace(subject.sampling, max_opening=stroke))
+    session = ready_session(held_box())
+    for opening, needed in ((math.inf, False), (0.5, False), (stroke, False), (0.05, True)):
+        state = replace(session.state, max_opening=opening)
+        assert planning.needs_search(narrowed, state, Sampling(rays=16)) == needed
+
+
+def test_a_wider_search_keeps_the_poses_of_known_grasps() -> None:
+    known = held_box()
+    reach = known.reach
+    assert reach is not None
+    other = {one.name: getattr(reach, one.name)[::-1] for one in fields(Reach)}
+    wide = replace(known, grasps=replace(known.grasps, reach=Reach(**other)))
+    found = wider_search.with_known_grasps(wide, known).reach
+    assert found is not None
+    for one in fields(Reach):
+        assert np.array_equal(getattr(found, one.name), getattr(reach, one.name), equal_nan=True)
+
+
+def test_fixed_fingers_are_not_tested_with_the_gripper(session: Session) -> None:
+    session.change(click="fix")
+    session.click(held_vertex())
+    wait_until_idle(session)
+    assert session.reaching is not None
+    assert any("the gripper is not tested" in note for note in panel_text(session).notes)
+
+
+# Files
+
+
+def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
+    labels = held_box()
+    write_ply(tmp_path / "box.ply", labels)
+    subject = read_subject(tmp_path / "box.ply")
+    assert subject.reaching is not None
+    assert labels.reaching is not None
+    assert labels.reach is not None
+    assert subject.reaching.gripper == JAWS
+    assert reaching_settings(subject.reaching) == reaching_settings(labels.reaching)
+    assert subject.approach_margin is not None
+    assert np.allclose(
+        subject.approach_margin, labels.reach.approach_margin, atol=1e-6, equal_nan=True
+    )
+    assert subject.reach is None
+    assert best_reached(subject) == best_reached(subject_of(labels))
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "problem"),
+    [
+        (b'"max_opening": 0.08', b'"max_opening": -.08', "is not valid|are not valid"),
+        (b"comment grasp3d gripper {", b"comment grasp3d gripper [", "are not valid"),
+        (b"comment grasp3d table 0.0", b"comment grasp3d table 0 0", "instead of 4"),
+        (b"comment grasp3d approach_within ", b"comment grasp3d approach_witnin ", "no comment"),
+        (b"property float approach_margin", b"property float approach_mangin", "approach_margin"),
+    ],
+)
+def test_files_with_damaged_grippers_are_refused(
+    tmp_path: Path, before: bytes, after: bytes, problem: str
+) -> None:
+    path = tmp_path / "box.ply"
+    write_ply(path, held_box())
+    with pytest.raises(MeshError, match=problem):
+        read_subject(rewritten(path, (before, after)))
+
+
+def stored_result(folder: Path) -> Subject:
+    write_ply(folder / "box.ply", held_box())
+    write_fields(folder / "box.parquet", held_box())
+    return read_result(folder, Row("box.stl", labels="box.ply", fields="box.parquet"), 1.0)
+
+
+def test_results_of_a_batch_have_poses(tmp_path: Path) -> None:
+    labels, subject = held_box(), stored_result(tmp_path)
+    assert subject.reach is not None
+    assert labels.reach is not None
+    for name in ("poses", "approach_margin", "opening", "pregrasp_opening", "depth"):
+        stored, made = getattr(subject.reach, name), getattr(labels.reach, name)
+        assert np.allclose(stored, made, atol=1e-6, equal_nan=True), name
+    assert np.array_equal(subject.reach.reached, labels.reach.reached)
+    prepared = prepare_labels(subject, ignore).labels
+    assert prepared is not None
+    assert prepared.reach is subject.reach
+    assert prepared.reaching is subject.reaching
+    assert is_closed(subject.faces)
+
+
+def test_a_click_on_a_result_of_a_batch_searches_alternatives(tmp_path: Path) -> None:
+    subject = stored_result(tmp_path)
+    item = collection.Item("box", lambda _: subject)
+    session = ready_session(
+        collection.Collection((item,), subject.model, subject.sampling or Sampling())
+    )
+    session.click(held_vertex())
+    wait_until_idle(session)
+    assert session.inspection is not None
+    assert grasp_number(session.inspection) == "1 of 5"
+
+
+def test_another_gripper_than_in_the_file_starts_a_search(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    path, asked = tmp_path / "box.ply", []
+    write_ply(path, held_box())
+
+    def label(_: object, *__: object, **settings: Any) -> SurfaceLabels:
+        asked.append(settings["gripper"].name)
+        return held_box()
+
+    monkeypatch.setattr(computations, "label_surface", label)
+    same = ReachSettings(JAWS, table="as-is")
+    open_collection(path, reach=same).items[0].open(ignore)
+    assert not asked
+    other = ReachSettings(replace(JAWS, name="wide jaws"), table="as-is")
+    found = open_collection(path, reach=other).items[0].open(ignore)
+    assert asked == ["wide jaws"]
+    assert any("searched again for gripper wide jaws" in note for note in found.notes)
+
+
+def test_settings_of_the_gripper_are_one_json_line() -> None:
+    settings = reaching_settings(held_box().reaching)
+    assert json.loads(str(settings["gripper"]))["name"] == "jaws"
+
+
+# Pictures
+
+
+@needs_opengl
+def test_a_picture_shows_the_best_grasp_that_is_reached() -> None:
+    with open_renderer(collection_of(held_box()), ViewSettings(), ignore) as renderer:
+        assert renderer.session.state.vertex == best_reached(subject_of(held_box()))
+        assert renderer.session.inspection is not None
+        assert renderer.session.inspection.held is not None
+    chosen = ViewSettings(vertex=held_vertex())
+    with open_renderer(collection_of(held_box()), chosen, ignore) as renderer:
+        assert renderer.session.state.vertex == held_vertex()
+
+
+@needs_opengl
+@pytest.mark.parametrize(
+    ("settings", "problem"),
+    [
+        (ViewSettings(vertex=10**6), "there is no vertex 1000000"),
+        (ViewSettings(paint="approach_margin"), "there is no gripper"),
+    ],
+)
+def test_pictures_of_what_does_not_exist_are_refused(settings: ViewSettings, problem: str) -> None:
+    with pytest.raises(SettingError, match=problem):  # noqa: SIM117
+        with open_renderer(collection_of(viewing.labels()), settings, ignore):
+            pass
+
+
+def test_the_best_grasp_has_the_smallest_angle_then_the_widest_approach() -> None:
+    subject = subject_of(held_box())
+    best = best_reached(subject)
+    assert best is not None
+    assert subject.approach_margin is not None
+    angles = np.floor(np.degrees(subject.critical_angle[reached(held_box())]))
+    assert math.floor(math.degrees(subject.critical_angle[best])) == angles.min()
+    ties = reached(held_box())[angles == angles.min()]
+    assert subject.approach_margin[best] == subject.approach_margin[ties].max()
+    assert best_reached(subject_of(viewing.labels())) is None
+
+
+@contextmanager
+def drawn(**settings: Any) -> Iterator[tuple[Session, Scene]]:
+    session = Session(collection_of(held_box()), ViewSettings(width=400, height=320, **settings))
+    wait_until_idle(session)
+    plotter = new_plotter(session.settings, off_screen=True)
+    try:
+        scene = Scene(plotter, legend=False)
+        scene.update(session)
+        yield session, scene
+    finally:
+        session.close()
+        plotter.close()
+
+
+@needs_opengl
+def test_gripper_and_table_are_drawn_and_can_be_hidden() -> None:
+    with drawn() as (session, scene):
+        session.change(show_table=False)
+        scene.update(session)
+        alone = scene.screenshot()
+        session.change(show_table=True)
+        scene.update(session)
+        table = scene.screenshot()
+        assert 0.02 < (table != alone).any(axis=2).mean() < 0.9
+        session.click(held_vertex())
+        wait_until_idle(session)
+        scene.update(session)
+        both = scene.screenshot()
+        grey = np.ptp(both.astype(int), axis=2) < 12
+        dark = (both.mean(axis=2) < 225) & grey
+        assert dark.mean() > 0.05
+        assert (both != table).any(axis=2).mean() > 0.05
+        for key in ("j", "t"):
+            handle_key(session, key)
+        scene.update(session)
+        hidden = scene.screenshot()
+        grey = np.ptp(hidden.astype(int), axis=2) < 12
+        assert ((hidden.mean(axis=2) < 225) & grey).mean() < 0.25 * dark.mean()
+
+
+@needs_opengl
+def test_a_click_moves_the_camera_away_only_if_the_gripper_is_not_visible() -> None:
+    with drawn() as (session, scene):
+        before = scene.camera.parallel_scale
+        direction = np.subtract(scene.camera.position, scene.camera.focal_point)
+        session.click(held_vertex())
+        wait_until_idle(session)
+        scene.update(session)
+        after = scene.camera.parallel_scale
+        assert before < after < 1.01 * MOST_BESIDE * before
+        turned = np.subtract(scene.camera.position, scene.camera.focal_point)
+        assert np.allclose(np.cross(direction, turned), 0.0, atol=1e-9)
+        session.click(int(reached(held_box())[8]))
+        wait_until_idle(session)
+        scene.update(session)
+        assert scene.camera.parallel_scale == pytest.approx(after, rel=0.2)
+        scene.look(session)
+        assert scene.camera.parallel_scale == pytest.approx(after, rel=0.3)
+
+
+@needs_opengl
+def test_the_table_is_level_in_the_picture() -> None:
+    labels = held_box()
+    assert labels.reaching is not None
+    table = replace(labels.reaching.table, normal=np.array([1.0, 0.0, 0.0]))
+    tilted = replace(labels, reaching=replace(labels.reaching, table=table))
+    session = ready_session(tilted)
+    plotter = new_plotter(ViewSettings(width=400, height=320), off_screen=True)
+    try:
+        scene = Scene(plotter)
+        scene.update(session)
+        up = np.array(scene.camera.up)
+        toward = np.subtract(scene.camera.position, scene.camera.focal_point)
+        assert up @ [1.0, 0.0, 0.0] == pytest.approx(math.cos(session.settings.elevation), abs=1e-6)
+        assert toward[0] > 0.0
+    finally:
+        plotter.close()
+
+
+numbers = st.floats(-1.0, 1.0, width=32)
+
+
+@given(arrays(float, (6, 3), elements=numbers), arrays(float, (5, 3), elements=numbers))
+def test_the_object_stays_in_the_frame_and_does_not_become_tiny(points: Any, beside: Any) -> None:
+    points = np.concatenate([points, np.eye(3), -np.eye(3)])
+    beside = 40.0 * beside
+    frame = frame_of(points, beside, AXES)
+    own = np.array(extents(points, middle_of(points, AXES), [AXES]))
+    assert max(frame.reach) <= MOST_BESIDE * own.max() + 1e-9
+    inside = np.abs((points - frame.middle)[:, :2]) <= np.array(frame.reach) + 1e-9
+    assert inside.all()
+    near = frame_of(points, 0.9 * points, AXES)
+    assert near.reach == pytest.approx(tuple(own))
+    assert frame_of(points, np.empty((0, 3)), AXES).reach == pytest.approx(tuple(own))
+
+
+@given(arrays(float, 3, elements=numbers))
+def test_the_picture_is_turned_so_that_a_direction_points_up(up: Any) -> None:
+    length = np.linalg.norm(up)
+    up = up / length if length > 0.1 else -AXES[2]
+    axes = view_axes(View(0.4, 0.5), up)
+    assert np.allclose(axes @ axes.T, np.eye(3), atol=1e-6)
+    assert np.linalg.det(axes) == pytest.approx(1.0)
+    assert axes @ up == pytest.approx(View(0.4, 0.5).axes @ AXES[2], abs=1e-6)
