@@ -21,7 +21,9 @@ if TYPE_CHECKING:
 MARK, MARKED = b"grasp3d", 2**16
 """The name that other results contain, and how many bytes from their start or end it is."""
 
-_HEADS = re.compile(rb'"(grasp","label","critical_angle|mesh","source","refusal|name","mode",)')
+_HEADS = re.compile(
+    rb'"(grasp","label","critical_angle|name","px","py|mesh","source","refusal|name","mode",)'
+)
 """How tables as CSV begin, which hold no name."""
 
 _MESHES = frozenset({".ply", ".glb", ".npz", ".vtp"})

@@ -186,7 +186,7 @@ def test_published_poses_on_a_mug() -> None:
 
     Of a mug that cannot move, the pads touch a wall with an edge or a corner, and critical angles
     there say little about what happens once the mug has turned: the area under the curve is below
-    one half, as for rays a millimetre apart, of which those within 0.5 mm of the first count (0.24).
+    one half, as for rays a millimetre apart of which those within 0.5 mm of the first count.
     """
     folder = shapes.shared("datasets", "acronym")
     hand = preset("franka")

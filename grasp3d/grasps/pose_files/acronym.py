@@ -22,6 +22,7 @@ from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.isolation import CallFailedError, call
 from grasp3d.lengths import METRES, Unit
 from grasp3d.system.files import atomic_write
+from grasp3d.system.versions import package_version
 
 WHAT = "ACRONYM"
 
@@ -84,6 +85,7 @@ def write_acronym(path: Path, poses: GraspPoses) -> None:
         if name in given.settings:
             values[f"object/{name}"] = np.asarray(given.settings[name], dtype=np.float64)
     with atomic_write(path) as part, h5py.File(part, "w") as file:
+        file.attrs["grasp3d"] = package_version()
         for name, value in values.items():
             file[name] = value
 

@@ -36,6 +36,7 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.lengths import METRES, Unit
 from grasp3d.system.files import atomic_write
+from grasp3d.system.versions import package_version
 
 WHAT = "isaac_grasp"
 VERSION = 1.0
@@ -61,6 +62,7 @@ def write_isaac(path: Path, poses: GraspPoses) -> None:
     }
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
+        stream.write(f"# written by grasp3d {package_version()}\n")
         yaml.dump(
             document, stream, dumper, sort_keys=False, default_flow_style=None, allow_unicode=True
         )
