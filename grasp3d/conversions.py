@@ -3,9 +3,7 @@
 The libraries are imported when they are used.
 """
 
-import json
 import math
-from collections.abc import Iterable
 from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
@@ -13,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.gripper.reaching import Reaching, reaching_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.stability.label import COLORS, Label, Mode
@@ -208,25 +206,6 @@ def chosen_settings(
         "unit": mesh.unit or "unknown",
         **reaching_settings(reaching),
     }
-
-
-def reaching_settings(reaching: Reaching | None) -> dict[str, str | float | int | None]:
-    """The gripper, the table and the approach as settings of one line each."""
-    if reaching is None:
-        return {"gripper": "none"}
-    table, approach = reaching.table, reaching.approach
-    direction = approach.direction
-    return {
-        "gripper": json.dumps(asdict(reaching.gripper)),
-        "table": "none" if table is None else _line([*table.normal, table.offset]),
-        "approach_direction": "none" if direction is None else _line(direction),
-        "approach_within": approach.within,
-        "approach_angles": approach.angles,
-    }
-
-
-def _line(numbers: Iterable[float]) -> str:
-    return " ".join(repr(float(number)) for number in numbers)
 
 
 def _by_axis(head: str, vectors: Floats, kind: str) -> Arrays:

@@ -26,6 +26,9 @@ _HEADS = re.compile(
 )
 """How tables as CSV begin, which hold no name."""
 
+_GRIPPER = re.compile(rb'\s*\{[^{}]*?"format"\s*:\s*"grasp3d gripper"')
+"""How a description of a gripper begins; files of poses contain one farther on."""
+
 _MESHES = frozenset({".ply", ".glb", ".npz", ".vtp"})
 """Formats of which other programs also write files, perhaps from a labelled one."""
 
@@ -134,6 +137,8 @@ def is_result(path: Path) -> bool:
         return _HEADS.match(start) is not None
     if suffix in _MESHES:
         return stored_settings(path) is not None
+    if suffix == ".json" and _GRIPPER.match(start):
+        return False  # a description of a gripper is written by hand too
     return MARK in start or MARK in end
 
 

@@ -60,14 +60,17 @@ def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
     _print_written(console, output)
 
 
-def print_best(grasps: SurfaceGrasps, requested: int, output: Path, *, drawn: bool) -> None:
+def print_best(
+    grasps: SurfaceGrasps, requested: int, output: Path, *, drawn: bool, written: bool = True
+) -> None:
     """Print the best distinct grasps of a surface, best first.
 
     Args:
         grasps: The grasps.
         requested: Number of grasps that the user requested.
-        output: The JSON file that they were written to.
+        output: The file that they were written to.
         drawn: Whether pictures of them were written to a file of the same name.
+        written: Whether that file was written.
     """
     console = Console(emoji=False)
     if not grasps.size:
@@ -84,7 +87,8 @@ def print_best(grasps: SurfaceGrasps, requested: int, output: Path, *, drawn: bo
             "no pictures: they need OpenGL, which is not available (on Debian: libegl1 libgl1)",
             soft_wrap=True,
         )
-    _print_written(console, output, *([output.with_suffix(".png")] if drawn else []))
+    if written:
+        _print_written(console, output, *([output.with_suffix(".png")] if drawn else []))
 
 
 def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:

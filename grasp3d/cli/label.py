@@ -86,8 +86,10 @@ class Label:
                 "graspgen files state which grasps held, which is not known of grasps that "
                 "are found; choose another grasps_format"
             )
-        if self.grasps_format is not None and self.reach.gripper is None:
-            raise SettingError("grasps_format is for poses of a gripper; give one with --gripper")
+        if self.grasps_format and (self.reach.gripper is None or self.model.fingers > 2):
+            raise SettingError(
+                "grasps_format is for poses of a gripper of two fingers; give one with --gripper"
+            )
         check_timeout(self.timeout)
 
     def run(self) -> int:
@@ -99,7 +101,7 @@ class Label:
         name = safe_stem(self.file.stem) if self.output is None else self.output.stem
         output = self.output or Path(f"{name}_labeled.ply")
         write = writer_for(output)
-        grasp_file = self.grasps or output.with_name(f"{name}_grasps.json")
+        grasp_file = self.grasps or self._default_grasp_file(output, name)
         grasp_files = (grasp_file, grasp_file.with_suffix(".png")) if self.best else ()
         self._check_grasp_file(grasp_file)
         for path in (output, *grasp_files):
@@ -113,15 +115,32 @@ class Label:
             self._write_best(labels, grasp_file, self.best)
         return 0
 
+    def _default_grasp_file(self, output: Path, name: str) -> Path:
+        """The file of the best grasps beside the labelled file."""
+        from grasp3d.grasps.pose_files.files import suffixes_of
+
+        suffix = suffixes_of(self.grasps_format)[0] if self.grasps_format else ".json"
+        return output.with_name(f"{name}_grasps{suffix}")
+
     def _check_grasp_file(self, path: Path) -> None:
         """Check before the work that the best grasps can be written to a file of that name."""
         from grasp3d.grasps.pose_files import SUFFIXES as POSES
+        from grasp3d.grasps.pose_files.files import JOINT_FORMATS, format_of, suffixes_of
         from grasp3d.grasps.writing import SUFFIXES
         from grasp3d.system.files import check_suffix
 
-        if self.best:
-            poses = self.reach.gripper is not None and self.model.fingers == 2
-            check_suffix(path, POSES if poses else SUFFIXES, "table")
+        gripper = self.reach.gripper if self.model.fingers == 2 else None
+        chosen = self.grasps_format or (format_of(path) if gripper else None)
+        if not self.best:
+            return
+        if self.grasps_format:
+            check_suffix(path, suffixes_of(self.grasps_format), self.grasps_format)
+        check_suffix(path, POSES if gripper else SUFFIXES, "table")
+        if chosen in JOINT_FORMATS and gripper is not None and not gripper.joint_names:
+            raise SettingError(
+                f"{chosen} files state values of joints, but gripper {gripper.name!r} has no "
+                "joint_names; choose another format"
+            )
 
     def _labels(self, outputs: tuple[Path, ...]) -> "SurfaceLabels":
         """Read and label the mesh; `outputs` must not have been made with other settings."""
@@ -159,13 +178,13 @@ class Label:
         from grasp3d.rendering import can_render
 
         grasps = best_grasps(labels, count)
-        if not grasps.size and labels.reach is not None:
-            output = output.with_suffix(".json")  # other formats cannot be empty
-        write_grasps(output, grasps, format=self.grasps_format if grasps.size else None)
+        written = grasps.size > 0 or labels.reach is None  # files of poses cannot be empty
+        if written:
+            write_grasps(output, grasps, format=self.grasps_format)
         drawn = grasps.size > 0 and can_render()
         if drawn:
             with report.progress("drawing grasps", quiet=self.quiet) as progress:
                 pictures = draw_grasps(labels, grasps, progress=progress)
             save_as(grasp_figure(labels, grasps, pictures), output.with_suffix(".png"))
         if not self.quiet:
-            grasp_report.print_best(grasps, count, output, drawn=drawn)
+            grasp_report.print_best(grasps, count, output, drawn=drawn, written=written)

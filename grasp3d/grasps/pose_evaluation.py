@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, locked
-from grasp3d.errors import SettingError
+from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.gripper.approach import Approach
@@ -60,6 +60,7 @@ def evaluate_poses(
     Raises:
         MeshError: It is no mesh.
         SettingError: The unit of the mesh is not known, or a setting is outside its range.
+        ContactError: A grasp is internal: its opening is larger than the one before it.
 
     Example:
         >>> import numpy as np
@@ -82,6 +83,7 @@ def evaluate_poses(
     mesh = in_stated_scale(load_mesh(mesh), poses)
     metres_per_unit(mesh)
     given = poses.scaled(1.0, mesh.unit) if poses.unit is None else _in_unit(poses, mesh)
+    _check_external(given)
     used = gripper.touching(GraspModel()) if model is None else model
     used = with_fingers(used.in_unit(mesh.unit, source=mesh.report.source), 2)
     threads = available_processors() if threads is None else threads
@@ -133,6 +135,16 @@ def in_stated_scale(mesh: ObjectMesh, poses: GraspPoses) -> ObjectMesh:
     )
 
 
+def _check_external(poses: GraspPoses) -> None:
+    """Refuse internal grasps, whose jaws would have to move apart."""
+    internal = np.flatnonzero(poses.pregrasp_opening < poses.opening)
+    if len(internal):
+        raise ContactError(
+            f"{poses.names[internal[0]]} is an internal grasp, as are {len(internal)} of "
+            f"{poses.count}: its fingers push outward; only external grasps are evaluated"
+        )
+
+
 def _in_unit(poses: GraspPoses, mesh: ObjectMesh) -> GraspPoses:
     assert mesh.unit is not None
     return poses.in_unit(mesh.unit)
@@ -162,7 +174,9 @@ def _within_stroke(mesh: ObjectMesh, jaws: ClosedJaws, gripper: ParallelGripper)
     """Whether the gripper can open to each opening, with clearance on both sides, (k,)."""
     least, most = (limit / metres_per_unit(mesh) for limit in gripper.limits)
     slack = ROUNDING * most
-    return np.asarray((jaws.opening >= least - slack) & (jaws.opening <= most + slack))
+    # The object yields to the pads, which end up nearer to each other than at the first touch.
+    soft = 2.0 * gripper.compliance / metres_per_unit(mesh)
+    return np.asarray((jaws.opening >= least - slack) & (jaws.opening - soft <= most + slack))
 
 
 def _within_approach(poses: Floats, table: Table | None, approach: Approach) -> Bools:

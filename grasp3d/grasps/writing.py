@@ -12,6 +12,7 @@ import numpy.typing as npt
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.surface_poses import poses_of
+from grasp3d.gripper.reaching import reaching_settings
 from grasp3d.settings import PoseFormat
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.epsilon import EPSILON_RTOL
@@ -140,7 +141,16 @@ def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
         "epsilon_min": model.tilts,
         "epsilon_max": "sampled_tilts" if model.method == "extremes" else "upper_bound",
         "labels": {label.name: meaning[label] for label in sorted(Label)},
+        **_surroundings(grasps),
     }
+
+
+def _surroundings(grasps: SurfaceGrasps) -> dict[str, Any]:
+    """The table and the allowed approach of a gripper; it is stated itself beside the poses."""
+    if grasps.reaching is None:
+        return {}
+    settings = reaching_settings(grasps.reaching)
+    return {name: value for name, value in settings.items() if name != "gripper"}
 
 
 def _write_json(path: Path, grasps: SurfaceGrasps) -> None:

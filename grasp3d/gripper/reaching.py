@@ -1,7 +1,9 @@
 """A gripper beside one object: what its grasps are tested against."""
 
+import json
 import math
-from dataclasses import dataclass, field, replace
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field, replace
 from typing import Any
 
 from grasp3d.errors import SettingError
@@ -113,3 +115,22 @@ def metres_per_unit(mesh: ObjectMesh) -> float:
             "give the unit of its coordinates (--unit, in Python unit=...)"
         )
     return METRES[mesh.unit]
+
+
+def reaching_settings(reaching: Reaching | None) -> dict[str, str | float | int | None]:
+    """The gripper, the table and the approach as settings of one line each."""
+    if reaching is None:
+        return {"gripper": "none"}
+    table, approach = reaching.table, reaching.approach
+    direction = approach.direction
+    return {
+        "gripper": json.dumps(asdict(reaching.gripper)),
+        "table": "none" if table is None else _line([*table.normal, table.offset]),
+        "approach_direction": "none" if direction is None else _line(direction),
+        "approach_within": approach.within,
+        "approach_angles": approach.angles,
+    }
+
+
+def _line(numbers: Iterable[float]) -> str:
+    return " ".join(repr(float(number)) for number in numbers)

@@ -57,7 +57,7 @@ def test_the_script_has_the_pose_of_each_best_grasp() -> None:
         assert stored["pose"] == list(grasp.pose or ())
         assert stored["drawn_opening"] == pytest.approx(grasp.opening)
         assert stored["approach_margin"] == grasp.approach_margin
-    assert header["grasps"][3]["pose"] is None
+    assert header["grasps"][3]["pose"] == []
     assert header["grasps"][3]["drawn_opening"] is None
     assert ["margin", "f4"] in [array[:2] for array in header["arrays"]]
 

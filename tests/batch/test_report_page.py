@@ -172,11 +172,14 @@ def test_table_sorts_by_numbers_with_rows_without_one_last(page: Any, report: Re
 def test_table_shows_the_values_of_the_rows(page: Any, report: Report) -> None:
     opened(page, report.address())
     row, cells = report.rows[0], page.locator(".tabulator-row").first.locator(".tabulator-cell")
-    shown = dict(zip(["", "name", "fractions", "angle"], cells.all_inner_texts(), strict=False))
+    shown = dict(
+        zip(["", "name", "verdict", "fractions", "angle"], cells.all_inner_texts(), strict=False)
+    )
     stable, ambiguous, none = (row.stable or 0.0, row.ambiguous or 0.0, row.no_grasp_found or 0.0)
     assert shown["fractions"] == f"S {stable:.0%} · M {ambiguous:.0%} · U {none:.0%}".replace(
         "%", " %"
     )
+    assert shown["verdict"].startswith(str(row.verdict))
     assert shown["angle"] == f"{math.degrees(row.critical_angle_p50 or 0.0):.1f}°"
     assert page.locator(".counts").inner_text().split() == [
         "4", "labelled", "1", "refused", "1", "lost",

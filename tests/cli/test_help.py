@@ -10,6 +10,7 @@ from grasp3d.cli.batch import Batch
 from grasp3d.cli.check import Check
 from grasp3d.cli.evaluate import Evaluate
 from grasp3d.cli.examples import EXAMPLES
+from grasp3d.cli.gripper import Gripper
 from grasp3d.cli.label import Label
 from grasp3d.cli.paper import Paper
 from grasp3d.cli.sweep import Sweep
@@ -58,7 +59,7 @@ def test_the_examples_are_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
 ) -> None:
     """Those of `design` are run, the others parsed: they take longer."""
-    for command in (Label, Check, Evaluate, Batch, Sweep, View, Paper):
+    for command in (Label, Check, Evaluate, Batch, Sweep, Gripper, View, Paper):
         monkeypatch.setattr(command, "run", lambda _: 0)
     run = grasp3d(*shlex.split(words), cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")

@@ -11,9 +11,9 @@ from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.batch.row import BestGrasp
 from grasp3d.grasps.distinct import grasps_of_vertices
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.gripper.approach import Approach
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.gripper.reach import Reach, Reachability
+from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.gripper.table import Table
 from grasp3d.surface.vertex_grasps import Reason
@@ -79,7 +79,7 @@ def with_reach(labels: SurfaceLabels, gripper: ParallelGripper = JAWS) -> Surfac
         reason=locked(np.where(lost, Reason.NOT_REACHED, grasps.reason), np.uint8),
         reach=reach,
     )
-    reaching = Reaching(gripper, table, Approach(down))
+    reaching = Reaching.of(ReachSettings(gripper, table="as-is"), mesh)
     return replace(labels, grasps=changed, reaching=reaching)
 
 

@@ -48,6 +48,9 @@ _FORMATS: dict[PoseFormat, _Format] = {
     "moveit": _Format((".json",), write_moveit, _json_reader(parse_moveit)),
 }
 
+JOINT_FORMATS = frozenset[PoseFormat]({"isaac_grasp", "moveit"})
+"""Formats that state values of the gripper's joints."""
+
 SUFFIXES = tuple(dict.fromkeys(suffix for known in _FORMATS.values() for suffix in known.suffixes))
 """Endings of files of poses."""
 
@@ -171,6 +174,16 @@ def holds_poses(path: str | Path) -> bool:
         return are_poses(list(read_columns(path)))
     except (OSError, ValueError, ContactError):
         return False
+
+
+def suffixes_of(format: PoseFormat) -> tuple[str, ...]:  # noqa: A002, what it is called everywhere
+    """Endings of files of a format."""
+    return _FORMATS[format].suffixes
+
+
+def format_of(path: Path) -> PoseFormat | None:
+    """The format that the ending of a file's name stands for; None: none does."""
+    return _of_suffix(path)
 
 
 def _read(

@@ -10,11 +10,10 @@ from typing import Any, TypeAlias, TypeVar
 import numpy as np
 
 from grasp3d.batch.row import Row
-from grasp3d.conversions import reaching_settings
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.gripper.reach_settings import ReachSettings
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.gripper.reaching import Reaching, reaching_settings
 from grasp3d.lengths import Unit
 from grasp3d.mesh import ObjectMesh, prepare_file
 from grasp3d.mesh.mesh_sources import read_source

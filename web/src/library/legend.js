@@ -9,7 +9,7 @@ export function showLegend(data) {
     [[swatch("m"), "M"], "ambiguous: neither surely stable nor surely unstable within the sensor resolution"],
     [[swatch("u"), "U"], "no grasp found"],
     [["β*"], "critical friction angle of the best grasp found at a contact point: the grasp is force-closed exactly when the friction angle β = atan μ exceeds β*; the median is over the surface, weighted by area"],
-    [["α for 80, 90 %"], `coarsest sensor resolution below which this percentage of the surface is S at μ ${data.friction}; none: no sensor resolution is fine enough`],
+    [["α for 80 %"], `coarsest sensor resolution below which this percentage of the surface is S at μ ${data.friction}; none: no sensor resolution is fine enough`],
     [["ε"], "smallest disturbance wrench that the grasp cannot resist (Ferrari & Canny), relative to the fingers' force; 0 without a grasp"],
     [["Size"], "diameter of the surface's bounding sphere, in the mesh's unit"],
     [["S / M / U"], "area fractions of the labels of the best grasp found at each point of the surface"],

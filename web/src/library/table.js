@@ -143,7 +143,7 @@ function columns() {
       formatterPrint: (cell) => text(cell.getValue()),
     },
     {
-      ...numeric("verdict", "Verdict", "Whether the object can be held reliably; sorted by the word, then by the resolution to spare", () => "", 172),
+      ...numeric("verdict", "Verdict", "Whether the object can be held reliably; sorted by the word, then by the resolution to spare", () => "", 164),
       hozAlign: "left",
       formatter: verdict,
       sorter: byNumber((row) => (row.verdict ? 1000 * VERDICTS.indexOf(row.verdict) + (row.spare ?? 0) : null)),
@@ -155,7 +155,6 @@ function columns() {
       return row.angle === null ? "no grasp" : degrees(row.angle);
     }, 76),
     resolution(80),
-    resolution(90),
     numeric("epsilon", "ε median", "Median epsilon over the surface, weighted by area", (row) =>
       row.epsilon === null ? "" : digits(row.epsilon), 76),
     {
@@ -164,8 +163,8 @@ function columns() {
       sorter: byNumber((row) => (row.size === null ? null : row.size * (IN_METRES[row.unit] ?? 1))),
     },
     numeric("vertices", "Vertices", "Vertices of the refined surface", (row) =>
-      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 84),
-    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 84),
+      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 80),
+    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 80),
     {
       ...headed("Warnings", "Warnings about the labels, or why there are none"),
       field: "warnings",

@@ -1,5 +1,5 @@
 /*!
-grasp3d, sources 0ac4d4982f91af5b54b3ecbc24d029ecdfd392cc40c8de6659b979e134715d0e
+grasp3d, sources aefeb606ccc8a024a666cd9c39976cbef9eb83060a6ad098b7ede97bf891c6c1
 
 ----
 
