@@ -54,6 +54,9 @@ def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
     assert read_gripper(tmp_path / "g.json") == preset("franka")
     assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
     again = grasp3d("gripper", "g.json", "-q", "-o", "g.json", cwd=tmp_path)
+    assert (again.returncode, again.stdout) == (2, "")
+    assert "exists and is no result" in again.stderr  # it may have been written by hand
+    again = grasp3d("gripper", "g.json", "-q", "-o", "g.json", "--overwrite", cwd=tmp_path)
     assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
 
 

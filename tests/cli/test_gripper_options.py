@@ -107,7 +107,7 @@ def test_nothing_reached_is_a_verdict_and_no_error(tmp_path: Path) -> None:
     assert (run.returncode, run.stderr) == (0, "")
     assert "out of reach (the table is in the way)" in run.stdout
     assert "none found" in run.stdout
-    assert json.loads((tmp_path / "plate_grasps.json").read_text())
+    assert not (tmp_path / "plate_grasps.json").exists()
 
 
 @pytest.mark.slow

@@ -12,7 +12,7 @@ from scipy.spatial.transform import Rotation
 from scipy.stats import rankdata
 
 from grasp3d import Contacts, GraspModel, ObjectMesh, load_mesh
-from grasp3d.errors import SettingError
+from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.pose_files import read_poses, write_poses
@@ -98,12 +98,19 @@ def test_off_centre_poses_are_those_of_a_hand_that_gave_way(box: ObjectMesh) -> 
 
 
 def test_an_object_too_wide_for_the_clearance_is_out_of_reach() -> None:
-    wide = load_mesh(shapes.box((0.078, 0.04, 0.02)), unit="m")
+    wide = load_mesh(shapes.box((0.0785, 0.04, 0.02)), unit="m")
     found = evaluated(wide, [pose((0.0, 0.0, 0.005), FROM_ABOVE)])
     assert found.jaws.closed.all()
     assert not found.reachable.any()
     thinner = evaluated(wide, [pose((0.0, 0.0, 0.005), FROM_ABOVE)], gripper=pads(clearance=0.0005))
     assert thinner.reachable.all()
+
+
+def test_internal_grasps_are_refused(box: ObjectMesh) -> None:
+    matrix = np.stack([pose((0.0, 0.0, 0.0), FROM_ABOVE)] * 2)
+    poses = GraspPoses(poses=matrix, opening=0.04, pregrasp_opening=[0.044, 0.036], unit="m")
+    with pytest.raises(ContactError, match="grasp_2 is an internal grasp, as are 1 of 2"):
+        evaluate_poses(box, poses, MODEL, gripper=pads())
 
 
 def test_method_extremes_labels_too(box: ObjectMesh) -> None:

@@ -163,8 +163,8 @@ function columns() {
       sorter: byNumber((row) => (row.size === null ? null : row.size * (IN_METRES[row.unit] ?? 1))),
     },
     numeric("vertices", "Vertices", "Vertices of the refined surface", (row) =>
-      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 80),
-    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 80),
+      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 90),
+    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 90),
     {
       ...headed("Warnings", "Warnings about the labels, or why there are none"),
       field: "warnings",

@@ -1,5 +1,5 @@
 /*!
-grasp3d, sources aefeb606ccc8a024a666cd9c39976cbef9eb83060a6ad098b7ede97bf891c6c1
+grasp3d, sources 8714e7733b91bdb7aec9b9317b33877b090744df96462aa5735b70ee2b17ede8
 
 ----
 
