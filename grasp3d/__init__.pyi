@@ -18,6 +18,7 @@ from .grasps.writing import write_grasps as write_grasps
 from .gripper.approach import Approach as Approach
 from .gripper.parallel_gripper import ParallelGripper as ParallelGripper
 from .gripper.table import Table as Table
+from .loads import Load as Load
 from .mesh.object_mesh import ObjectMesh as ObjectMesh
 from .mesh.preparing import load_mesh as load_mesh
 from .quality.closure import force_closure as force_closure
@@ -26,6 +27,7 @@ from .quality.epsilon_options import EpsilonOptions as EpsilonOptions
 from .quality.ferrari_canny import Epsilon as Epsilon
 from .quality.ferrari_canny import epsilon as epsilon
 from .quality.ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches
+from .quality.grip_forces import grip_force as grip_force
 from .settings import GraspModel as GraspModel
 from .settings import MeshOptions as MeshOptions
 from .settings import Sampling as Sampling

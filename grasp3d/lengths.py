@@ -2,6 +2,7 @@
 
 import math
 import re
+from collections.abc import Sequence
 from dataclasses import fields, replace
 from typing import Any, Generic, Literal, Self, TypeVar, get_args
 
@@ -39,8 +40,30 @@ class Length(Generic[LengthT]):
         vars(instance)[self._name] = parse_length(self._name, value)
 
 
+LengthOrText = float | str
+
+
+class Position:
+    """A field of settings that holds a point: three lengths, as those of `Length`, or none.
+
+    It takes three of them, or a text with commas, such as '10mm,0,-2.5mm'.
+    """
+
+    def __init__(self) -> None:
+        self._name = ""
+
+    def __set_name__(self, _owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: object | None, _owner: type) -> tuple[float, float, float] | None:
+        return None if instance is None else vars(instance)[self._name]
+
+    def __set__(self, instance: object, value: Sequence[LengthOrText] | str | None) -> None:
+        vars(instance)[self._name] = parse_position(self._name, value)
+
+
 class LengthSettings:
-    """Settings, frozen dataclasses, with fields of type `Length`."""
+    """Settings, frozen dataclasses, with fields of type `Length` or `Position`."""
 
     def in_unit(self, unit: Unit | None, *, source: str = "the mesh") -> Self:
         """The same settings with every length as a number.
@@ -52,19 +75,30 @@ class LengthSettings:
         Raises:
             SettingError: A length has a unit, but that of the mesh is not known.
         """
-        converted = {
+        converted: dict[str, Any] = {
             name: length_in_unit(name, value, unit, source=source)
             for name, value in self.lengths().items()
             if isinstance(value, str)
         }
+        for name in self._names_of(Position):
+            point = getattr(self, name) or ()
+            if any(isinstance(one, str) for one in point):
+                converted[name] = tuple(
+                    length_in_unit(name, one, unit, source=source) for one in point
+                )
         return replace(self, **converted) if converted else self  # type: ignore[type-var]
 
     @classmethod
     def length_names(cls) -> tuple[str, ...]:
         """Names of the fields that are lengths."""
-        kinds = {name: kind for base in cls.__mro__ for name, kind in vars(base).items()}
+        return cls._names_of(Length)
+
+    @classmethod
+    def _names_of(cls, kind: type) -> tuple[str, ...]:
+        """Names of the fields of a kind."""
+        kinds = {name: one for base in cls.__mro__ for name, one in vars(base).items()}
         names = [field.name for field in fields(cls)]  # type: ignore[arg-type]
-        return tuple(name for name in names if isinstance(kinds.get(name), Length))
+        return tuple(name for name in names if isinstance(kinds.get(name), kind))
 
     def lengths(self) -> dict[str, Any]:
         """The lengths by name: numbers, texts with a unit, or none."""
@@ -101,6 +135,43 @@ def parse_length(name: str, value: Any) -> Any:
     if unit not in METRES:
         raise _no_length(name, value)
     return f"{number:.15g} {unit}" if number and math.isfinite(number) else number
+
+
+def parse_position(name: str, value: Any) -> Any:
+    """Check a point and write its lengths in one way; see `parse_length`.
+
+    Args:
+        name: Name of the setting, for the error.
+        value: Three lengths, a text of three with commas, or none.
+
+    Raises:
+        SettingError: It is no such point, or not finite.
+
+    Example:
+        >>> from grasp3d.lengths import parse_position
+        >>> parse_position("center_of_mass", "10mm,0,-2.5mm")
+        ('10 mm', 0.0, '-2.5 mm')
+    """
+    if value is None:
+        return None
+    given = value.split(",") if isinstance(value, str) else value
+    try:
+        lengths = tuple(parse_length(name, one) for one in given)
+    except (TypeError, SettingError):
+        lengths = ()
+    lengths = tuple(one if isinstance(one, str | None) else float(one) for one in lengths)
+    numbers = [one for one in lengths if not isinstance(one, str)]
+    if len(lengths) != 3 or None in lengths or not all(map(math.isfinite, numbers)):
+        raise SettingError(
+            f"{name} must be three finite lengths, x,y,z, with or without a unit "
+            f"({', '.join(METRES)}); got {value!r}"
+        )
+    return lengths
+
+
+def one_line(numbers: tuple[float, ...] | None) -> str | None:
+    """Numbers as a text with commas, which settings that hold several of them take."""
+    return None if numbers is None else ",".join(map(repr, numbers))
 
 
 def length_in_unit(

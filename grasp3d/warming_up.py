@@ -24,7 +24,7 @@ _FACES = np.array(
 """Faces of a cube with its corners in lexicographic order; those of the solid are distorted."""
 
 
-def warmup(fingers: int = PAIR, *, gripper: bool = False) -> tuple[str, ...]:
+def warmup(fingers: int = PAIR, *, gripper: bool = False, forces: bool = False) -> tuple[str, ...]:
     """Compile the kernels for two fingers, or for that and more, unless they are compiled already.
 
     Kernels are compiled when they are first needed, once per installation, and a line about it
@@ -35,6 +35,7 @@ def warmup(fingers: int = PAIR, *, gripper: bool = False) -> tuple[str, ...]:
         fingers: Largest number of fingers of the grasps, 2 to 5; three, four and five fingers have
             the same kernels.
         gripper: Whether the kernels for grippers are compiled too.
+        forces: Whether the kernels for grip forces are compiled too, as a load needs them.
 
     Returns:
         What the compiled kernels do, such as 'meshes' and 'two fingers'; empty: all of them were
@@ -55,34 +56,36 @@ def warmup(fingers: int = PAIR, *, gripper: bool = False) -> tuple[str, ...]:
 
     before = len(announcer.compiled)
     for count in sorted({PAIR, fingers}):
-        compile_kernels(count, gripper)
+        compile_kernels(count, gripper, forces)
     return tuple(phase.work for phase in announcer.compiled[before:])
 
 
-def announcement(fingers: int, gripper: bool = False) -> str:
+def announcement(fingers: int, gripper: bool = False, forces: bool = False) -> str:
     """Line to print before `compile_kernels`; empty: all kernels are compiled.
 
     Args:
         fingers: As in `compile_kernels`.
         gripper: As in `compile_kernels`.
+        forces: As in `compile_kernels`.
     """
     from grasp3d._kernels import announcing
 
-    if announcing.all_compiled(lambda: compile_kernels(fingers, gripper)):
+    if announcing.all_compiled(lambda: compile_kernels(fingers, gripper, forces)):
         return ""
     phases = {0: announcing.MESHES, PAIR: announcing.TWO_FINGERS}
     work = phases.get(fingers, announcing.MORE_FINGERS).work
-    seconds = announcing.seconds_missing(fingers, gripper=gripper)
+    seconds = announcing.seconds_missing(fingers, gripper=gripper, forces=forces)
     return announcing.announcement(work, seconds)
 
 
 @cache
-def compile_kernels(fingers: int, gripper: bool = False) -> None:
+def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -> None:
     """Call every kernel that commands and functions need for a number of fingers.
 
     Args:
         fingers: Number of fingers of the grasps; 0: only meshes are prepared.
         gripper: Whether a gripper must reach the grasps.
+        forces: Whether grip forces of the grasps are needed, under a load.
     """
     solid = _solid()
     if not fingers:
@@ -106,6 +109,8 @@ def compile_kernels(fingers: int, gripper: bool = False) -> None:
         held = label_surface(solid, model, sampling=sampling, gripper=tactile, threads=1)
         if fingers == PAIR:
             _close_jaws(held, tactile)
+    if forces:
+        _hold()
 
 
 def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
@@ -115,6 +120,20 @@ def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
 
     poses = GraspPoses(poses=np.stack([np.eye(4)] * 2), unit=labels.mesh.unit)
     evaluate_poses(labels.mesh, poses, labels.model, gripper=gripper, threads=1)
+
+
+def _hold() -> None:
+    """Resist tasks of each kind with hard and soft fingers, not all of which do."""
+    from grasp3d.contact.contacts import Contacts
+    from grasp3d.quality.force_ranges import force_range
+    from grasp3d.quality.tasks import Weight
+
+    facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    tasks = (Weight(1.0, direction=(0.0, 0.0, -1.0), within=0.1), Weight(1.0, center_radius=0.1))
+    for torsion_radius in (0.0, 0.2):
+        contacts = Contacts(-facing, facing, 0.5, torsion_radius)
+        for task in (*tasks, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]):
+            force_range(contacts, task, 0.1, threads=1)
 
 
 def _solid(patch_radius: float = 0.0) -> "ObjectMesh":

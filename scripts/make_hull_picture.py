@@ -19,8 +19,9 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Circle
 
 from grasp3d._kernels.growing_hull import grow
+from grasp3d._kernels.initial_simplex import AROUND_ORIGIN
 from grasp3d._kernels.polytope import Polytope, make_polytope
-from grasp3d._kernels.support_functions import ROWS, WrenchSpace
+from grasp3d._kernels.support_functions import NO_TORSION, ROWS, WrenchSpace
 from grasp3d.plots.style import Drawing, new_figure, styled
 
 DIRECTIONS = np.radians([80.0, 205.0, 310.0])
@@ -64,9 +65,12 @@ def grown(wrenches: npt.NDArray[np.float64], vertices: int) -> tuple[Polytope, f
     polytope = whole._replace(points=whole.points[:vertices])
     axes = np.zeros((1, 6, len(wrenches)))
     axes[0, :2] = wrenches.T
-    space = WrenchSpace(ROWS, True, False, axes, np.ones((1, 2)), np.zeros((0, 2)))  # noqa: FBT003
+    space = WrenchSpace(
+        kind=ROWS, spherical=True, torsion=NO_TORSION, axes=axes, cones=np.ones((1, 2)),
+        rim=np.zeros((0, 2)),
+    )  # fmt: skip
     metric = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0])
-    _, lower, upper, _, _ = grow(space, PLANE, metric, GOAL, polytope)
+    _, lower, upper, _, _ = grow(space, PLANE, metric, None, AROUND_ORIGIN, GOAL, polytope)
     return polytope, lower, upper
 
 

@@ -3,13 +3,19 @@
 import os
 import subprocess
 import sys
+from collections.abc import Callable
 from pathlib import Path
 
+import numpy as np
 import pytest
+import trimesh
 
 import grasp3d
-from grasp3d._kernels.announcing import PHASES
+from grasp3d import warming_up
+from grasp3d._kernels import announcing
+from grasp3d._kernels.announcing import FORCES, PHASES, Phase, all_compiled
 from grasp3d.errors import SettingError
+from grasp3d.warming_up import announcement
 from tests.helpers.commands import run_here
 
 ROOT = Path(grasp3d.__file__).parents[1]
@@ -67,6 +73,48 @@ def test_what_is_compiled_is_compiled_once(tmp_path: Path) -> None:
     done = run_here("warmup", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "already compiled\n")
     assert run_here("warmup", "--quiet", cwd=tmp_path).stdout == ""
+
+
+@pytest.mark.slow
+def test_what_a_load_needs_is_compiled_on_request(tmp_path: Path) -> None:
+    grasp3d.warmup(forces=True)
+    assert grasp3d.warmup(forces=True) == ()
+    assert FORCES.compiled or os.environ.get("NUMBA_DISABLE_JIT")
+    assert announcement(2, forces=True) == ""
+    assert run_here("warmup", "--forces", cwd=tmp_path).stdout == "already compiled\n"
+    assert all_compiled(lambda: label_under_loads(torsion_radius=0.0))
+    assert all_compiled(lambda: label_under_loads(torsion_radius="3mm"))
+
+
+def label_under_loads(torsion_radius: float | str) -> None:
+    """Compute grip forces and payloads of a block, under a task of each kind."""
+    block = trimesh.creation.box([0.08, 0.05, 0.03])
+    mesh = grasp3d.load_mesh(block, unit="m", max_edge=0.05)
+    model = grasp3d.GraspModel(torsion_radius=torsion_radius, sensor_resolution=0.2)
+    for task in ("weight", "weight within 30 of -z", "wrench 0,0,-5,0,0,0.1"):
+        load = grasp3d.Load(mass=0.5, grip_force=40.0, task=task, center_of_mass_radius="1mm")
+        holding = grasp3d.label_surface(mesh, model, load=load, threads=1).holding
+        assert holding is not None
+        assert (holding.grip_force[~np.isnan(holding.grip_force)] > 0.0).all()
+
+
+@pytest.mark.parametrize("forces", [False, True])
+def test_forces_are_announced_and_compiled_only_for_a_load(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, forces: bool
+) -> None:
+    asked: list[bool] = []
+
+    def uncompiled(run: Callable[[], object]) -> bool:
+        monkeypatch.setattr(warming_up, "compile_kernels", lambda *given: asked.append(given[2]))
+        run()
+        return False
+
+    monkeypatch.setattr(announcing, "all_compiled", uncompiled)
+    monkeypatch.setattr(Phase, "compiled", property(lambda phase: phase is not FORCES))
+    line = announcement(2, forces=forces)
+    assert asked == [forces]
+    assert f"about {FORCES.seconds if forces else 0} s" in line
+    assert not caplog.messages
 
 
 @pytest.mark.slow

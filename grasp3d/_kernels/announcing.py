@@ -86,7 +86,12 @@ GRIPPERS = Phase(
         "reaching.reach_tips",
     ),
 )
-PHASES = (MESHES, PATCHES, TWO_FINGERS, MORE_FINGERS, EPSILON, SCANS, GRIPPERS)
+FORCES = Phase(
+    "grip forces",
+    30,
+    ("grip_force.task_forces", "grip_force.wrench_forces", "tasks.reach"),
+)
+PHASES = (MESHES, PATCHES, TWO_FINGERS, MORE_FINGERS, EPSILON, SCANS, GRIPPERS, FORCES)
 
 
 class NotCompiledError(Exception):
@@ -144,18 +149,20 @@ def announcement(work: str, seconds: int) -> str:
     return f"grasp3d: compiling kernels for {work}, about {seconds} s, {often}"
 
 
-def seconds_missing(fingers: int, *, gripper: bool = False) -> int:
+def seconds_missing(fingers: int, *, gripper: bool = False, forces: bool = False) -> int:
     """Time to compile the kernels for a number of fingers that are not compiled yet [s].
 
     Args:
         fingers: Number of fingers; 0: only meshes are prepared.
         gripper: Whether a gripper must reach the grasps.
+        forces: Whether grip forces of the grasps are needed.
     """
     phases = [MESHES]
     if fingers:  # a search for more fingers starts from the grasps of two
         last = SCANS if fingers == PAIR else MORE_FINGERS
         phases += [PATCHES, TWO_FINGERS, EPSILON, last]
         phases += [GRIPPERS] if gripper else []
+        phases += [FORCES] if forces else []
     return sum(phase.seconds for phase in phases if not phase.compiled)
 
 

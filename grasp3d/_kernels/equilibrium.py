@@ -13,7 +13,7 @@ TIE = 1e-9
 
 
 @scratch_kernel
-def _solve(matrix, x, dim):
+def solve(matrix, x, dim):
     """Solve matrix @ x = column 6 of `matrix` by elimination; 0 for singular pivots."""
     for c in range(dim):
         pivot = c
@@ -101,7 +101,7 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
             for c in range(dim):
                 matrix[k, c] = points[corners[f, c], k]
             matrix[k, 6] = residual[k]
-        _solve(matrix, x, dim)
+        solve(matrix, x, dim)
         most, least = 0.0, 0.0
         for c in range(dim):
             most, least = max(most, x[c]), min(least, x[c])

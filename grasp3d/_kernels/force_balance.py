@@ -17,7 +17,7 @@ rounding errors of w are bounded in each coordinate and added to the slack.
 import math
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
-from grasp3d._kernels.support_functions import ROWS
+from grasp3d._kernels.support_functions import NO_TORSION, ROWS
 
 LARGEST_SLACK = 0.01
 """Slack up to which forces count as a proof. 1 would do in exact arithmetic; the exactly balanced
@@ -53,7 +53,7 @@ def _margin(space, i, forces):
         return forces[i, 0]
     pressing = forces[i, 0]
     weight = tangential * tangential
-    if space.soft:  # torsion takes its part of the normal force
+    if space.torsion != NO_TORSION:  # torsion takes its part of the normal force
         pressing -= abs(forces[i, 3])
         weight *= 2.0
     count = space.rim.shape[0]
@@ -82,7 +82,7 @@ def _generators(space, i):
     """How many of a contact's axes its force may change along."""
     if space.kind == ROWS or not space.cones[i, 1] > 0.0:
         return 1
-    return 4 if space.soft else 3
+    return 4 if space.torsion != NO_TORSION else 3
 
 
 @merged

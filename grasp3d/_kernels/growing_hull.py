@@ -21,9 +21,10 @@ import math
 import numpy as np
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.force_slice import farthest_point
 from grasp3d._kernels.initial_simplex import COMPLETE, first_simplex
-from grasp3d._kernels.polytope import TOLERANCE, height_above, set_plane
-from grasp3d._kernels.support_functions import support
+from grasp3d._kernels.polytope import TOLERANCE, distance_of, height_above, set_plane
+from grasp3d._kernels.tasks import task_reach
 from grasp3d._kernels.vectors import dot6, remove_components
 
 CONVERGED, UNDECIDED, STALLED, EXHAUSTED = 0, 1, 2, 3
@@ -48,7 +49,7 @@ SEVEN = np.uint32(7)
 
 
 @merged
-def _pop_nearest(polytope, size, limit, sign):
+def _pop_nearest(polytope, size, limit, sign, task):
     """Take the nearest facet out of the queue, and drop those at or above the limit.
 
     Returns:
@@ -59,7 +60,8 @@ def _pop_nearest(polytope, size, limit, sign):
     for i in range(size):
         f = queue[i]
         queue[kept] = f
-        value = planes[6, f] - sign * planes[7, f]  # nan where the facet was removed
+        # nan where the facet was removed
+        value = distance_of(planes, f, task) - sign * planes[7, f]
         if value < key:
             key, position = value, kept
         kept += value < limit
@@ -156,7 +158,7 @@ def _flood_visible(polytope, dim, first, stamp, point):
 
 
 @scratch_kernel
-def _fit_plane(polytope, dim, f, metric):
+def _fit_plane(polytope, dim, f, metric, task):
     """Fit a facet's plane to its vertices, by orthogonalising its normal against its edges."""
     points, corners, planes = polytope.points, polytope.corners, polytope.planes
     basis, components, normal = polytope.vectors[0:6], polytope.vectors[14], polytope.vectors[15]
@@ -184,12 +186,12 @@ def _fit_plane(polytope, dim, f, metric):
         height = dot6(normal, first)
         set_plane(
             planes, f, normal[0], normal[1], normal[2], normal[3], normal[4], normal[5], height,
-            metric,
+            metric, task,
         )  # fmt: skip
 
 
 @merged
-def _add_facet(polytope, dim, ridge, new, vertex, metric):
+def _add_facet(polytope, dim, ridge, new, vertex, metric, task):
     """Add the facet that joins a ridge of the horizon to the new vertex."""
     planes, corners, neighbours = polytope.planes, polytope.corners, polytope.neighbours
     v, k = ridge >> THREE, ridge & SEVEN
@@ -212,9 +214,9 @@ def _add_facet(polytope, dim, ridge, new, vertex, metric):
     n4 = s * planes[4, other] + t * planes[4, v]
     n5 = s * planes[5, other] + t * planes[5, v]
     height = s * planes[6, other] + t * planes[6, v]
-    square = set_plane(planes, new, n0, n1, n2, n3, n4, n5, height, metric)
+    square = set_plane(planes, new, n0, n1, n2, n3, n4, n5, height, metric, task)
     if not square > CANCELLATION * CANCELLATION * (s + t) * (s + t):
-        _fit_plane(polytope, dim, np.int64(new), metric)
+        _fit_plane(polytope, dim, np.int64(new), metric, task)
 
 
 @merged
@@ -237,6 +239,15 @@ def _is_corner(polytope, dim, f, point, identifier):
 
 
 @merged
+def _per_reach(plane, task):
+    """Factor from distances along a plane's normal to distances relative to the task's reach."""
+    if task is None:
+        return 1.0
+    reach = task_reach(task, plane[0], plane[1], plane[2], plane[3], plane[4], plane[5])
+    return 1.0 / reach if reach > 0.0 else math.inf
+
+
+@merged
 def _copy_plane(plane, f, planes):
     """Copy a facet's column of `planes`."""
     for k in range(8):
@@ -244,15 +255,19 @@ def _copy_plane(plane, f, planes):
 
 
 @scratch_kernel
-def grow(space, dims, metric, goal, polytope):
+def grow(space, dims, metric, task, start, goal, polytope):
     """Grow a polytope until its nearest facet is a facet of the grasp wrench space.
 
     Args:
-        space: `WrenchSpace`.
+        space: `WrenchSpace` or `ForceSlice`.
         dims: Sequence as long as the grasp's rank, 1 to 6; a tuple fixes the loops' length at
             compile time.
         metric: Weights of a direction's squared components in its squared length (6,): coordinates
             are balanced so that wrenches reach about 1 along each of them.
+        task: `TaskInSpan` that the space must contain when scaled, which distances are then
+            relative to: the result is 1 over the scale; None: the unit ball, for epsilon.
+        start: AROUND_ORIGIN, or AT_ORIGIN for a task that a grasp without force closure may
+            resist as well.
         goal: (rtol, atol, cutoff, sign): largest gap between the bounds, relative to the upper one
             and in tolerances; value of epsilon above which it need not be known; 1.0 if only the
             sign is needed, with a cutoff of 0.
@@ -268,7 +283,7 @@ def grow(space, dims, metric, goal, polytope):
     rtol, atol, cutoff, sign = goal
     points, planes, queue = polytope.points, polytope.planes, polytope.queue
     best, plane = polytope.vectors[16], polytope.vectors[17]
-    row = first_simplex(space, dims, metric, polytope)
+    row = first_simplex(space, dims, metric, task, start, polytope)
     if row != COMPLETE:  # all wrenches lie in a half-space: the direction proves it
         for k in range(6):
             best[k] = polytope.vectors[row, k]
@@ -280,33 +295,38 @@ def grow(space, dims, metric, goal, polytope):
     # Facets at or above `limit` cannot determine epsilon any more; they only count for `lower`.
     for f in range(used):
         queue[f] = f
-        if planes[6, f] < planes[6, first]:
+        distance = distance_of(planes, f, task)
+        if distance < distance_of(planes, first, task):
             first = f
-        if planes[6, f] - sign * planes[7, f] >= cutoff:
-            lower = min(lower, planes[6, f])
+        if distance - sign * planes[7, f] >= cutoff:
+            lower = min(lower, distance)
     _copy_plane(best, first, planes)
     while True:
-        size, f, key = _pop_nearest(polytope, size, limit, sign)
+        size, f, key = _pop_nearest(polytope, size, limit, sign, task)
         if f < 0:
             break
         _copy_plane(plane, f, planes)
+        scale = _per_reach(plane, task)
         if vertices >= points.shape[0]:
-            lower, status = min(lower, plane[6]), EXHAUSTED
+            lower, status = min(lower, scale * plane[6]), EXHAUSTED
             break
         point = points[vertices]
-        height, identifier, owner = support(space, plane, point, polytope.vertex_forces[vertices])
-        if height < upper:
-            upper = height
+        height, identifier, owner = farthest_point(
+            space, plane, point, polytope.vertex_forces[vertices]
+        )
+        if height <= plane[7]:  # the plane through the origin separates
             _copy_plane(best, f, planes)
-            if height <= plane[7]:  # the plane through the origin separates
-                return CONVERGED, 0.0, 0.0, 0, 0
-            limit = min(cutoff, upper - max(rtol * upper, plane[7] * (1.0 + atol)))
+            return CONVERGED, 0.0, 0.0, 0, 0
+        if scale * height < upper:
+            upper = scale * height
+            _copy_plane(best, f, planes)
+            limit = min(cutoff, upper - max(rtol * upper, scale * plane[7] * (1.0 + atol)))
         # The facet is one of the grasp wrench space itself, or it need not be known better.
         if height - plane[6] <= plane[7] or key >= limit:
-            lower = min(lower, plane[6])
+            lower = min(lower, scale * plane[6])
             continue
         if _is_corner(polytope, dim, f, point, identifier):
-            lower, status = min(lower, plane[6]), STALLED
+            lower, status = min(lower, scale * plane[6]), STALLED
             continue
         polytope.identifiers[vertices], polytope.owners[vertices] = identifier, owner
         # Linking is put off until neighbours are needed, so it is never done for the last facets.
@@ -321,7 +341,7 @@ def grow(space, dims, metric, goal, polytope):
             count, ridges = _flood_visible(polytope, dim, np.uint32(f), stamp, point)
         # One new facet per ridge; those that are visible now are reused from the next vertex on.
         if used + ridges > planes.shape[1] + free_count or size + ridges > queue.shape[0]:
-            lower, status = min(lower, plane[6]), EXHAUSTED
+            lower, status = min(lower, scale * plane[6]), EXHAUSTED
             break
         for r in range(ridges):
             if free_count > 0:
@@ -330,18 +350,21 @@ def grow(space, dims, metric, goal, polytope):
             else:
                 new = np.uint32(used)
                 used += 1
-            _add_facet(polytope, dim, polytope.horizon[r], new, vertices, metric)
+            _add_facet(polytope, dim, polytope.horizon[r], new, vertices, metric, task)
             queue[size] = new
-            key = planes[6, new] - sign * planes[7, new]
+            distance = distance_of(planes, new, task)
+            key = distance - sign * planes[7, new]
             size += key < limit
-            lower = min(lower, math.inf if key < limit else planes[6, new])
+            lower = min(lower, math.inf if key < limit else distance)
         # nan compares as neither near nor visible, so removed facets need no test of their own.
         for i in range(count):
             planes[6, polytope.visible[i]] = math.nan
+            planes[8, polytope.visible[i]] = math.nan
         vertices += 1
     for i in range(size):
-        if planes[6, queue[i]] < lower:
-            lower = planes[6, queue[i]]
+        distance = distance_of(planes, queue[i], task)
+        if distance < lower:
+            lower = distance
     if status == CONVERGED and lower <= 0.0:
         status = UNDECIDED
     return status, lower, upper, vertices, used

@@ -3,9 +3,12 @@
 import math
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.force_slice import farthest_point
 from grasp3d._kernels.polytope import TOLERANCE, set_plane
-from grasp3d._kernels.support_functions import support
 from grasp3d._kernels.vectors import dot6, remove_components
+
+AROUND_ORIGIN, AT_ORIGIN = 0, 1
+"""Where the first simplex is: about the origin if possible; or with the origin as a vertex."""
 
 COMPLETE = -1
 """Result of `first_simplex`: the simplex is complete."""
@@ -57,7 +60,7 @@ def _add_edge(basis, triangle, size, nearest, components):
 
 
 @merged
-def _set_facets(basis, triangle, dim, metric, polytope, g, x, total):
+def _set_facets(basis, triangle, dim, metric, task, polytope, g, x, total):
     """Write the planes and the neighbours of the simplex's facets.
 
     points - points[0] = triangle @ basis. The columns of the inverse are the gradients of the
@@ -81,10 +84,12 @@ def _set_facets(basis, triangle, dim, metric, polytope, g, x, total):
         for k in range(6):
             total[k] += g[k]
         height = -dot6(g, points[0])
-        set_plane(planes, j + 1, -g[0], -g[1], -g[2], -g[3], -g[4], -g[5], height, metric)
+        set_plane(planes, j + 1, -g[0], -g[1], -g[2], -g[3], -g[4], -g[5], height, metric, task)
     # The barycentric coordinates sum to 1, so the gradient of the first is minus the others' sum.
     height = dot6(total, points[1])
-    set_plane(planes, 0, total[0], total[1], total[2], total[3], total[4], total[5], height, metric)
+    set_plane(
+        planes, 0, total[0], total[1], total[2], total[3], total[4], total[5], height, metric, task
+    )
     for i in range(dim + 1):
         polytope.marks[i] = 0
         for j in range(dim + 1):
@@ -94,8 +99,18 @@ def _set_facets(basis, triangle, dim, metric, polytope, g, x, total):
                 polytope.neighbours[i, position] = 8 * j + (i if i < j else i - 1)
 
 
+@merged
+def _set_origin(polytope):
+    """Make the origin, no force at any contact, the first vertex."""
+    polytope.identifiers[0], polytope.owners[0] = -1, 0
+    for k in range(6):
+        polytope.points[0, k] = 0.0
+    for k in range(4):
+        polytope.vertex_forces[0, k] = 0.0
+
+
 @scratch_kernel
-def first_simplex(space, dims, metric, polytope):
+def first_simplex(space, dims, metric, task, start, polytope):
     """Choose affinely independent support wrenches whose simplex contains the origin if possible.
 
     As in Gilbert, Johnson & Keerthi 1988 each new point is the support in the direction from the
@@ -106,6 +121,8 @@ def first_simplex(space, dims, metric, polytope):
         space: `WrenchSpace`.
         dims: Sequence as long as the grasp's rank.
         metric: As in `grow`.
+        task: As in `grow`.
+        start: As in `grow`.
         polytope: `Polytope`; points, planes and neighbours are written.
 
     Returns:
@@ -119,7 +136,10 @@ def first_simplex(space, dims, metric, polytope):
     radius = ORIGIN_TOLERANCE * TOLERANCE
     for k in range(6):
         nearest[k] = 0.0
-    for size in range(dim + 1):
+    pointed = start == AT_ORIGIN
+    if pointed:
+        _set_origin(polytope)
+    for size in range(1 if pointed else 0, dim + 1):
         point = points[size]
         both_ways = False
         if dot6(nearest, nearest) > radius * radius:
@@ -132,15 +152,15 @@ def first_simplex(space, dims, metric, polytope):
         tolerance = 0.0
         for k in range(6):
             tolerance += TOLERANCE * abs(u[k])
-        height, identifier, owner = support(space, u, point, vertex_forces[size])
-        if height <= tolerance:
+        height, identifier, owner = farthest_point(space, u, point, vertex_forces[size])
+        if height <= tolerance and not pointed:
             return 12
         if both_ways:
             for k in range(6):
                 u[k] = -u[k]
             other, other_force = points[size + 1], vertex_forces[size + 1]
-            opposite, other_identifier, other_owner = support(space, u, other, other_force)
-            if opposite <= tolerance:
+            opposite, other_identifier, other_owner = farthest_point(space, u, other, other_force)
+            if opposite <= tolerance and not (pointed and height > tolerance):
                 return 12
             if opposite > height:
                 identifier, owner = other_identifier, other_owner
@@ -156,5 +176,5 @@ def first_simplex(space, dims, metric, polytope):
             for k in range(6):
                 basis[size - 1, k] = point[k] - points[0, k]
             _add_edge(basis, triangle, size - 1, nearest, components)
-    _set_facets(basis, triangle, dim, metric, polytope, nearest, u, total)
+    _set_facets(basis, triangle, dim, metric, task, polytope, nearest, u, total)
     return COMPLETE

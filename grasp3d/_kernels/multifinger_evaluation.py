@@ -30,8 +30,9 @@ from grasp3d._kernels.coplanar_contacts import (
     set_normal,
 )
 from grasp3d._kernels.growing_hull import grow
+from grasp3d._kernels.initial_simplex import AROUND_ORIGIN
 from grasp3d._kernels.polytope import Polytope, make_polytope
-from grasp3d._kernels.support_functions import TOTAL, WrenchSpace
+from grasp3d._kernels.support_functions import NO_TORSION, TOTAL, WrenchSpace
 from grasp3d._kernels.wrench_problem import SIGN, SIX
 
 MAX_DIRECTIONS = 24
@@ -257,11 +258,13 @@ def _hull_force_closed(candidate, n, angle):
     normal, tangential = math.cos(angle), math.sin(angle)
     for i in range(n):
         candidate.cones[i, 0], candidate.cones[i, 1] = normal, tangential
-    spherical, soft = True, False
+    spherical = True
     space = WrenchSpace(
-        TOTAL, spherical, soft, candidate.axes[:n], candidate.cones[:n], candidate.rim
+        TOTAL, spherical, NO_TORSION, candidate.axes[:n], candidate.cones[:n], candidate.rim
     )
-    _, lower, _, _, facets = grow(space, SIX, candidate.metric, SIGN, candidate.polytope)
+    _, lower, _, _, facets = grow(
+        space, SIX, candidate.metric, None, AROUND_ORIGIN, SIGN, candidate.polytope
+    )
     if facets > 0 and lower > ROUNDING:
         return True
     _store_direction(candidate, candidate.polytope.vectors[16])

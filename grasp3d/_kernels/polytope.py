@@ -11,11 +11,12 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.compiling import merged
+from grasp3d._kernels.tasks import task_reach
 
 TOLERANCE = 1e-12
 """Height above a facet below which a point counts as on it, relative to the largest wrench."""
 
-SCRATCH_ROWS = 18
+SCRATCH_ROWS = 20
 """Rows of `Polytope.vectors`."""
 
 
@@ -36,9 +37,10 @@ class Polytope(NamedTuple):
     """Identifiers of the vertices (p,); see `support`."""
     planes: npt.NDArray[np.float64]
     """Outward normal (6), distance from the origin and tolerance of each facet's plane, normalised
-    in the metric of the wrenches (8, f); distance nan: the facet was removed. Facets are columns,
-    so that the heights of one point above many facets are computed in contiguous, vectorised
-    loops."""
+    in the metric of the wrenches; for a task also the distance relative to the task's reach, inf
+    where it does not reach that way (9, f); distances nan: the facet was removed. Facets are
+    columns, so that the heights of one point above many facets are computed in contiguous,
+    vectorised loops."""
     corners: npt.NDArray[np.uint32]
     """Vertices of each facet (f, 8)."""
     neighbours: npt.NDArray[np.uint32]
@@ -69,7 +71,7 @@ def make_polytope(facets: int) -> Polytope:
         vertex_forces=np.zeros((points, 4)),
         owners=np.zeros(points, dtype=np.int64),
         identifiers=np.zeros(points, dtype=np.int64),
-        planes=np.zeros((8, facets)),
+        planes=np.zeros((9, facets)),
         corners=np.zeros((facets, 8), dtype=np.uint32),
         neighbours=np.zeros((facets, 8), dtype=np.uint32),
         marks=np.zeros(facets, dtype=np.int64),
@@ -92,7 +94,7 @@ def height_above(planes, f, point):
 
 
 @merged
-def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric):
+def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric, task):
     """Write a plane, its normal scaled to length 1 in the metric; returns its former square."""
     square = (
         (n0 * n0 * metric[0] + n1 * n1 * metric[1]) + (n2 * n2 * metric[2] + n3 * n3 * metric[3])
@@ -104,4 +106,18 @@ def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric):
     planes[3, f], planes[4, f], planes[5, f] = n3, n4, n5
     planes[6, f] = height * factor
     planes[7, f] = TOLERANCE * (((abs(n0) + abs(n1)) + (abs(n2) + abs(n3))) + (abs(n4) + abs(n5)))
+    if task is not None:
+        reach = task_reach(task, n0, n1, n2, n3, n4, n5)
+        if reach > 0.0:
+            planes[8, f] = planes[6, f] / reach
+        else:  # beyond it is nothing of the task; but the polytope must contain the origin
+            planes[8, f] = math.inf if planes[6, f] >= -planes[7, f] else -math.inf
     return square
+
+
+@merged
+def distance_of(planes, f, task):
+    """Distance of a facet from the origin, for a task relative to the task's reach beyond it."""
+    if task is None:
+        return planes[6, f]
+    return planes[8, f]

@@ -19,6 +19,17 @@ from grasp3d._kernels.vectors import dot6
 TINY = 1e-300
 """Smallest divisor."""
 
+NO_TORSION, LINEAR, ELLIPTIC = 0, 1, 2
+"""What soft fingers resist: no torsional moment; one coupled to a pure normal force, so that the
+limit surface is the convex hull of that segment and the friction cone; or the elliptic limit
+surface of Howe & Cutkosky 1996, (f_t / mu)^2 + (tau / e)^2 <= f_n^2."""
+
+NO_TWIST = 1e-12
+"""Relative size of a torsional component that is a rounding error."""
+
+NEWTON_STEPS, ROUNDING = 40, 4e-16
+"""Most steps of Newton's method, and the error at which it ends."""
+
 ROWS, TOTAL, PER_FINGER = 0, 1, 2
 """Kinds of grasp wrench spaces: the convex hull of given wrenches, that of all contacts' wrenches
 (total force bounded), or the Minkowski sum over the contacts (force per finger bounded)."""
@@ -31,8 +42,8 @@ class WrenchSpace(NamedTuple):
     """ROWS, TOTAL or PER_FINGER."""
     spherical: bool
     """Whether the length of a contact force is bounded by 1, instead of its normal component."""
-    soft: bool
-    """Whether any contact resists torsion."""
+    torsion: int
+    """NO_TORSION, LINEAR or ELLIPTIC."""
     axes: npt.NDArray[np.float64]
     """ROWS: the wrenches in columns (1, 6, n). Otherwise each contact's axes (n, 4, 6)."""
     cones: npt.NDArray[np.float64]
@@ -51,6 +62,48 @@ def _farthest_row(rows, u):
         if height > best:
             best, chosen = height, j
     return best, chosen
+
+
+@merged
+def _cosine_and_sine_of_torsion(friction, z0, tangent, twist):
+    """Cosine and sine of where the elliptic limit surface meets the unit ball farthest.
+
+    On it a force has the tangential part mu s and the torsion c per normal force, c^2 + s^2 = 1.
+    The farthest one satisfies mu g / s - (1 + mu^2) |w| / c = mu^2 z0: the point of an ellipse
+    nearest to another point. With m the second term, s = mu g / (m + mu^2 z0), and c^2 + s^2 falls
+    with m and is convex, so that Newton's method reaches 1 from below.
+    """
+    pull, brake, bend = friction * tangent, (1.0 + friction * friction) * twist, friction**2 * z0
+    size = abs(pull) + abs(brake) + abs(bend)
+    if brake <= NO_TWIST * size:
+        s = 1.0 if pull >= bend else pull / bend
+        return math.sqrt(1.0 - s * s), s
+    m = max(brake, pull - bend)
+    c = s = 0.0
+    for _ in range(NEWTON_STEPS):
+        c, s = brake / m, pull / max(m + bend, TINY)
+        excess = c * c + s * s - 1.0
+        if excess <= ROUNDING:
+            break
+        m += 0.5 * excess / (c * c / m + s * s / max(m + bend, TINY))
+    length = math.sqrt(c * c + s * s)
+    return c / length, s / length
+
+
+@scratch_kernel
+def _farthest_elliptic(spherical, friction, z0, z1, z2, z3):
+    """(support, -1, force) of a contact with the elliptic limit surface; as `_farthest_force`."""
+    tangent, twist = math.sqrt(z1 * z1 + z2 * z2), abs(z3)
+    if spherical:
+        c, s = _cosine_and_sine_of_torsion(friction, z0, tangent, twist)
+        normal = 1.0 / math.sqrt(1.0 + friction * friction * s * s)
+    else:
+        length = math.sqrt(friction * friction * tangent * tangent + twist * twist)
+        c, s = twist / max(length, TINY), friction * tangent / max(length, TINY)
+        normal = 1.0
+    height = normal * (z0 + friction * s * tangent + c * twist)
+    scale = normal * friction * s / max(tangent, TINY)
+    return height, -1, normal, scale * z1, scale * z2, math.copysign(normal * c, z3)
 
 
 @merged
@@ -74,6 +127,10 @@ def _farthest_force(space, i, u):
             tangential * space.rim[identifier, 0],
             tangential * space.rim[identifier, 1],
         )
+    elif space.torsion == ELLIPTIC and dot6(axes[3], axes[3]) > 0.0:
+        return _farthest_elliptic(
+            space.spherical, tangential / normal, z0, z1, z2, dot6(axes[3], u)
+        )
     else:
         # Inside the cone the farthest unit force is parallel to g, otherwise it is on the rim.
         tangent = math.sqrt(z1 * z1 + z2 * z2)
@@ -87,7 +144,7 @@ def _farthest_force(space, i, u):
             f0, f1, f2 = normal, scale * z1, scale * z2
     f3 = 0.0
     # Torsion is coupled to a pure normal force: a segment of wrenches beside the cone.
-    if space.soft:
+    if space.torsion == LINEAR:
         z3 = dot6(axes[3], u)
         if z0 + abs(z3) > height and dot6(axes[3], axes[3]) > 0.0:  # else it is a hard finger
             height = z0 + abs(z3)
@@ -96,8 +153,8 @@ def _farthest_force(space, i, u):
     return height, identifier, f0, f1, f2, f3
 
 
-@scratch_kernel
-def support(space, u, point, force):
+@merged
+def farthest(space, u, point, force):
     """Farthest wrench of a grasp wrench space in a direction.
 
     With g = u_f + (u_tau x p) / rho at a contact and phi the angle between g and its normal, the
@@ -150,3 +207,36 @@ def support(space, u, point, force):
     if identifier >= 0:
         identifier += owner * (space.rim.shape[0] + 2)
     return best, identifier, owner
+
+
+@scratch_kernel
+def support(space, u, point, force):
+    """`farthest` as a function of its own."""
+    return farthest(space, u, point, force)
+
+
+@scratch_kernel
+def contact_forces(space, u, weight, force, forces):
+    """Add the contact forces of the farthest wrench in a direction, times a weight.
+
+    Args:
+        space: `WrenchSpace`, not ROWS.
+        u: Direction (6,).
+        weight: Factor.
+        force: Scratch (4,).
+        forces: Changed, forces in the contacts' axes (n, 4).
+    """
+    best, owner = 0.0, -1
+    for i in range(space.axes.shape[0]):
+        height, _, f0, f1, f2, f3 = _farthest_force(space, i, u)
+        if space.kind == PER_FINGER and height > 0.0:
+            forces[i, 0] += weight * f0
+            forces[i, 1] += weight * f1
+            forces[i, 2] += weight * f2
+            forces[i, 3] += weight * f3
+        elif space.kind == TOTAL and height > best:
+            best, owner = height, i
+            force[0], force[1], force[2], force[3] = f0, f1, f2, f3
+    if owner >= 0:
+        for k in range(4):
+            forces[owner, k] += weight * force[k]

@@ -10,8 +10,9 @@ from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.equilibrium import equilibrium
 from grasp3d._kernels.force_balance import LARGEST_SLACK, SMALL_SLACK, balance, clear_slack
 from grasp3d._kernels.growing_hull import CONVERGED, EXHAUSTED, STALLED, UNDECIDED, grow
+from grasp3d._kernels.initial_simplex import AROUND_ORIGIN
 from grasp3d._kernels.separation import RESTING, UNPROVEN, separation
-from grasp3d._kernels.support_functions import PER_FINGER, ROWS, TOTAL, WrenchSpace
+from grasp3d._kernels.support_functions import NO_TORSION, PER_FINGER, ROWS, TOTAL, WrenchSpace
 from grasp3d._kernels.wrench_span import span
 
 SIX = (0, 0, 0, 0, 0, 0)
@@ -87,7 +88,7 @@ def _load_rows(wrenches, workspace):
 
 
 @merged
-def _load_contacts(axes, tangential, soft, workspace):
+def load_contacts(axes, tangential, torsion, workspace):
     """Copy the axes (n, 4, 6) of contacts, the tangential ones scaled by friction (n,)."""
     rows = workspace.rows
     for i in range(axes.shape[0]):
@@ -96,7 +97,7 @@ def _load_contacts(axes, tangential, soft, workspace):
             # Without friction, or without torsion, the axis does not belong to the span.
             if 1 <= j <= 2:
                 factor = tangential[i]
-            elif j == 3 and not soft:
+            elif j == 3 and torsion == NO_TORSION:
                 factor = 0.0
             for k in range(6):
                 rows[4 * i + j, k] = factor * axes[i, j, k]
@@ -114,7 +115,7 @@ def _coordinate(basis, is_unit_basis, k, wrench):
 
 
 @merged
-def _project(kind, source, workspace, rank):
+def project(kind, source, workspace, rank):
     """Write the wrenches in coordinates of their span, each coordinate scaled to at most 1."""
     basis, extents, metric, count = (
         workspace.basis,
@@ -152,8 +153,8 @@ def _project(kind, source, workspace, rank):
 def _grow(space, rank, workspace, goal, polytope):
     """Grow the hull in the dimension of the span."""
     if rank == 6:
-        return grow(space, SIX, workspace.metric, goal, polytope)
-    return grow(space, workspace.dims[:rank], workspace.metric, goal, polytope)
+        return grow(space, SIX, workspace.metric, None, AROUND_ORIGIN, goal, polytope)
+    return grow(space, workspace.dims[:rank], workspace.metric, None, AROUND_ORIGIN, goal, polytope)
 
 
 @merged
@@ -215,10 +216,10 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
 
     Where it does not, a grasp that is not force-closed becomes UNDECIDED.
     """
-    kind, _, soft = form
+    kind, _, torsion = form
     found = separation(
-        kind, soft, wrenches, cones, rim, _largest_wrench(workspace), results.direction[g],
-        polytope.vectors,
+        kind, torsion != NO_TORSION, wrenches, cones, rim, _largest_wrench(workspace),
+        results.direction[g], polytope.vectors,
     )  # fmt: skip
     if found == UNPROVEN:
         if not results.closed[g]:
@@ -232,15 +233,15 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
 @scratch_kernel
 def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch, forces):
     """Correct forces of one grasp (n, 4) found by other means; returns the slack of `balance`."""
-    kind, spherical, soft = form
+    kind, spherical, torsion = form
     if kind == ROWS:
         _load_rows(wrenches[:, 0], workspace)
     else:
-        _load_contacts(wrenches, tangential, soft, workspace)
+        load_contacts(wrenches, tangential, torsion, workspace)
     rank = span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
     total = ROWS if kind == ROWS else TOTAL
-    _project(total, wrenches, workspace, rank)
-    space = WrenchSpace(total, spherical, soft, workspace.axes, cones, rim)
+    project(total, wrenches, workspace, rank)
+    space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim)
     return balance(space, rank, workspace.extents, forces, scratch)
 
 
@@ -263,7 +264,7 @@ def epsilons(
     """Epsilon, force closure and certificates of many grasps.
 
     Args:
-        form: (kind, spherical, soft) of `WrenchSpace`.
+        form: (kind, spherical, torsion) of `WrenchSpace`.
         wrenches: Axes of contacts (b, n, 4, 6) or rows (b, n, 1, 6).
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2).
@@ -281,7 +282,7 @@ def epsilons(
     Returns:
         The first grasp for which the polytope was too small, b if none; its bounds hold.
     """
-    kind, spherical, soft = form
+    kind, spherical, torsion = form
     rtol, atol, cutoff, sign = goal
     smallest = math.inf
     for g in range(first - first % group, first):
@@ -297,15 +298,15 @@ def epsilons(
         if kind == ROWS:
             _load_rows(wrenches[g, :, 0], workspace)
         else:
-            _load_contacts(wrenches[g], tangential[g], soft, workspace)
+            load_contacts(wrenches[g], tangential[g], torsion, workspace)
         rank = span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
         results.rank[g] = rank
         if rank == 0:
             smallest = 0.0
             continue
-        _project(kind, wrenches[g], workspace, rank)
+        project(kind, wrenches[g], workspace, rank)
         # Within a group, growing stops when epsilon cannot be smaller than those before it.
-        space = WrenchSpace(kind, spherical, soft, workspace.axes, cones[g], rim)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim)
         limit = min(cutoff, smallest) if group > 1 else cutoff
         status, lower, upper, vertices, used = _grow(
             space, rank, workspace, (rtol, atol, limit, sign), polytope
@@ -325,7 +326,7 @@ def epsilons(
             results.slack[g] = 0.0
         if closed and (with_forces or not clear) and _is_convex(kind, cones[g]):
             if kind == PER_FINGER:  # the hull contains the origin where the sum does
-                space = WrenchSpace(TOTAL, spherical, soft, workspace.axes, cones[g], rim)
+                space = WrenchSpace(TOTAL, spherical, torsion, workspace.axes, cones[g], rim)
                 _, _, _, vertices, used = _grow(space, rank, workspace, SIGN, polytope)
             slack = math.inf
             if used > 0:

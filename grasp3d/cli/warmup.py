@@ -24,6 +24,9 @@ class Warmup:
     gripper: Flag = False
     """Compile the kernels for grippers too."""
 
+    forces: Flag = False
+    """Compile the kernels for grip forces too, which a load needs."""
+
     quiet: Quiet = False
 
     def run(self) -> int:
@@ -31,7 +34,7 @@ class Warmup:
         from grasp3d.warming_up import warmup
 
         begun = time.perf_counter()
-        compiled = warmup(self.fingers, gripper=self.gripper)
+        compiled = warmup(self.fingers, gripper=self.gripper, forces=self.forces)
         if not self.quiet:
             seconds = time.perf_counter() - begun
             done = f"compiled in {seconds:.0f} s: {', '.join(compiled)}"

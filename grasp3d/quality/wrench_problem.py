@@ -14,7 +14,7 @@ from grasp3d._kernels import wrench_problem as kernels
 from grasp3d._kernels.force_balance import LARGEST_SLACK
 from grasp3d._kernels.growing_hull import CONVERGED, UNDECIDED
 from grasp3d._kernels.polytope import SCRATCH_ROWS, Polytope, make_polytope
-from grasp3d._kernels.support_functions import PER_FINGER, ROWS, TOTAL
+from grasp3d._kernels.support_functions import LINEAR, NO_TORSION, PER_FINGER, ROWS, TOTAL
 from grasp3d._kernels.wrench_problem import (
     AT_REST,
     SIGN,
@@ -207,6 +207,11 @@ class WrenchProblem:
         results.status[undecided], results.forces[undecided] = UNDECIDED, math.nan
         return results
 
+    @property
+    def _form(self) -> tuple[int, bool, int]:
+        """Kind, boundedness and limit surface, as `WrenchSpace` takes them."""
+        return self.kind, self.spherical, LINEAR if self.soft else NO_TORSION
+
     def _grown(self, goal: Goal, *, group: int, with_forces: bool, threads: int | None) -> Results:
         """Results of the growing hulls; see `solve`."""
         results = _make_results(self.size, self.count)
@@ -215,16 +220,16 @@ class WrenchProblem:
             views: list[Any] = [values[chunk] for values in results]
             written = Results(*views)
             wrenches = self.wrenches_of(chunk)
-            self._with_polytope(
+            self.with_polytope(
                 len(wrenches),
                 lambda first, polytope: kernels.epsilons(
-                    (self.kind, self.spherical, self.soft), wrenches, self.tangential[chunk],
+                    self._form, wrenches, self.tangential[chunk],
                     self.cones[chunk], self.rim, self.rank_tolerance, goal, group, with_forces,
                     first, workspace, polytope, written,
                 ),
             )  # fmt: skip
 
-        self._in_chunks(evaluate, group, threads)
+        self.in_chunks(evaluate, group, threads)
         return results
 
     def _clearly_placed(self, grasps: Ints) -> Bools:
@@ -283,25 +288,30 @@ class WrenchProblem:
         )
         forces[:, 0] += 1.0
         slack = verify(
-            (self.kind, self.spherical, self.soft), wrenches, self.tangential[g], cones, self.rim,
+            self._form, wrenches, self.tangential[g], cones, self.rim,
             self.rank_tolerance, make_workspace(self.kind, self.count),
             np.zeros((SCRATCH_ROWS, 8)), forces,
         )  # fmt: skip
         return (forces if slack < LARGEST_SLACK else np.full_like(forces, math.nan)), float(slack)
 
-    def _with_polytope(self, size: int, run: Callable[[int, Polytope], int]) -> None:
-        """Call `run(first grasp, polytope)`, again with a larger polytope where it stops early."""
+    def with_polytope(
+        self, size: int, run: Callable[[int, Polytope], int], *, small: bool = False
+    ) -> None:
+        """Call `run(first grasp, polytope)`, again with a larger polytope where it stops early.
+
+        `small`: never with a larger one.
+        """
         first = 0
         while first < size:
-            polytope = _polytope(INITIAL_FACETS)
+            polytope = make_polytope(INITIAL_FACETS) if small else _polytope(INITIAL_FACETS)
             stopped = run(first, polytope)
-            if stopped < size and polytope.planes.shape[1] < MAX_FACETS:
+            if not small and stopped < size and polytope.planes.shape[1] < MAX_FACETS:
                 _polytope(min(4 * polytope.planes.shape[1], MAX_FACETS))
                 first = stopped
             else:
                 first = stopped + 1
 
-    def _in_chunks(
+    def in_chunks(
         self, evaluate: Callable[[slice, Workspace], None], group: int, threads: int | None
     ) -> None:
         """Evaluate chunks of whole groups, in threads if there are several chunks."""

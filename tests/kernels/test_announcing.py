@@ -89,6 +89,9 @@ def test_the_time_is_that_of_what_is_not_compiled(monkeypatch: pytest.MonkeyPatc
     left = announcing.PATCHES.seconds + announcing.EPSILON.seconds
     assert two == left + announcing.SCANS.seconds
     assert three == left + announcing.MORE_FINGERS.seconds
+    held = announcing.seconds_missing(2, gripper=True, forces=True)
+    assert held == two + announcing.GRIPPERS.seconds + announcing.FORCES.seconds
+    assert announcing.seconds_missing(0, forces=True) == 0
 
 
 def test_without_a_folder_every_process_compiles(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -10,8 +10,9 @@ from hypothesis import strategies as st
 
 from grasp3d import epsilon_of_wrenches
 from grasp3d._kernels import growing_hull
+from grasp3d._kernels.initial_simplex import AROUND_ORIGIN
 from grasp3d._kernels.polytope import Polytope, make_polytope
-from grasp3d._kernels.support_functions import ROWS, WrenchSpace
+from grasp3d._kernels.support_functions import NO_TORSION, ROWS, WrenchSpace
 from grasp3d.quality.wrenches import wrenches
 from tests.helpers import grasps, oracles
 
@@ -31,15 +32,15 @@ class Grown:
         self.dim = rows.shape[1]
         padded = np.pad(rows, ((0, 0), (0, 6 - self.dim)))
         space = WrenchSpace(
-            kind=ROWS, spherical=True, soft=False, axes=np.ascontiguousarray(padded.T[None]),
-            cones=np.ones((1, 2)), rim=np.zeros((0, 2)),
+            kind=ROWS, spherical=True, torsion=NO_TORSION,
+            axes=np.ascontiguousarray(padded.T[None]), cones=np.ones((1, 2)), rim=np.zeros((0, 2)),
         )  # fmt: skip
         self.rows = padded
         self.metric = np.ones(6)
         self.polytope: Polytope = make_polytope(facets)
         dims: Any = (0,) * 6 if self.dim == 6 else np.zeros(self.dim, dtype=np.int64)
         self.status, self.lower, self.upper, vertices, used = growing_hull.grow(
-            space, dims, self.metric, goal, self.polytope
+            space, dims, self.metric, None, AROUND_ORIGIN, goal, self.polytope
         )
         self.direction = self.polytope.vectors[16, :6].copy()
         self.points = self.polytope.points[:vertices]

@@ -1,0 +1,231 @@
+"""Grip forces of batches of grasps, evaluated by the compiled kernels in chunks and threads."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from grasp3d._kernels import grip_force as kernels
+from grasp3d._kernels.grip_force import ForceResults
+from grasp3d._kernels.growing_hull import CONVERGED
+from grasp3d._kernels.polytope import SCRATCH_ROWS
+from grasp3d._kernels.support_functions import ELLIPTIC, LINEAR, NO_TORSION
+from grasp3d._kernels.tasks import POINTS, SIZE, TERM
+from grasp3d._kernels.wrench_problem import Workspace
+from grasp3d.arrays import ArrayLike, Floats, Ints
+from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.friction_cones import tangents
+from grasp3d.errors import SettingError
+from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.tasks import Task, Terms
+from grasp3d.quality.unreachable_wrenches import separating_direction
+from grasp3d.quality.wrench_problem import WrenchProblem
+from grasp3d.settings import check_choice
+
+ForceBound = Literal["normal", "norm", "total"]
+"""What of the contact forces is limited: the normal component of each, the length of each, or the
+sum of the normal components of all."""
+
+LimitSurface = Literal["none", "ellipse", "linear"]
+"""What soft fingers were taken to resist: nothing, for hard fingers; the elliptic limit surface of
+Howe & Cutkosky (IJRR 1996), for circular cones; or, for polygonal cones, the convex hull of the
+cone's edges and of the pure normal force with its torsional moment, as epsilon takes it."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceProblem:
+    """Wrench spaces of a flat batch of grasps whose contact forces are bounded by 1."""
+
+    problem: WrenchProblem
+    """The contacts, with points divided by the grasps' sizes: a torque scale for each."""
+    contacts: Contacts
+    sizes: Floats
+    """Largest distance of a contact from the centre of mass; 1 where that is 0 (b,)."""
+    limit_surface: LimitSurface
+    bound: ForceBound
+    plain: bool
+    """Whether cones are circular, of the contacts' own angles, and forces bounded as `bound`
+    says."""
+
+    @classmethod
+    def of_contacts(
+        cls,
+        contacts: Contacts,
+        *,
+        bound: ForceBound,
+        lengths: bool = False,
+        edges: int | None = None,
+        cone_offset: ArrayLike = 0.0,
+    ) -> "ForceProblem":
+        """The problem of contacts.
+
+        Args:
+            contacts: The contacts.
+            bound: As in `grip_force`.
+            lengths: Whether lengths of forces are bounded, or their sum, instead of normal
+                components; so they are for 'norm'.
+            edges: As in `grip_force`.
+            cone_offset: As in `grip_force`.
+        """
+        check_choice("bound", bound, ForceBound)
+        sizes = np.linalg.norm(contacts.points, axis=-1).max(axis=-1)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        scaled = Contacts(
+            contacts.points / sizes[..., None, None],
+            contacts.normals,
+            contacts.friction,
+            contacts.torsion_radius / sizes[..., None],
+        )
+        problem = WrenchProblem.of_contacts(
+            scaled,
+            EpsilonOptions(edges, "total" if bound == "total" else "per_finger"),
+            cone_offset=cone_offset,
+            bounded="force" if lengths or bound == "norm" else "normal",
+        )
+        soft: LimitSurface = "ellipse" if edges is None else "linear"
+        plain = edges is None and not (lengths and bound != "norm") and not np.any(cone_offset)
+        surface: LimitSurface = soft if problem.soft else "none"
+        return cls(problem, contacts, sizes.reshape(-1), surface, bound, plain)
+
+    @property
+    def _form(self) -> tuple[int, bool, int]:
+        torsion = {"none": NO_TORSION, "ellipse": ELLIPTIC, "linear": LINEAR}[self.limit_surface]
+        return self.problem.kind, self.problem.spherical, torsion
+
+    def of_task(
+        self, task: Task, rtol: float, threads: int | None, masses: Floats | None = None
+    ) -> ForceResults:
+        """Bounds of the force that resists a whole task, for masses (b,) or the task's own."""
+        _check_rtol(rtol)
+        if masses is None:
+            return self.of_terms(task.arrays(), np.ones(self.problem.size), rtol, threads)
+        return self.of_terms(task.scaled_to(1.0).arrays(), masses, rtol, threads)
+
+    def of_wrenches(
+        self, wrenches: Floats, rtol: float, threads: int | None, *, proven: bool = True
+    ) -> ForceResults:
+        """Bounds of the force that resists one wrench for each grasp (b, 6), and contact forces.
+
+        Args:
+            wrenches: Shape (b, 6).
+            rtol: As in `grip_force`.
+            threads: As in `grip_force`.
+            proven: Whether it is proven that no force suffices where none was found.
+        """
+        _check_rtol(rtol)
+        results = _make_results(self.problem.size, self.problem.count)
+        problem = self.problem
+
+        def evaluate(chunk: slice, workspace: Workspace) -> None:
+            kernels.wrench_forces(
+                self._form, problem.wrenches_of(chunk), problem.tangential[chunk],
+                problem.cones[chunk], problem.rim, np.ascontiguousarray(wrenches[chunk]),
+                self.sizes[chunk], rtol, workspace, np.zeros((SCRATCH_ROWS, 8)),
+                _part(results, chunk),
+            )  # fmt: skip
+
+        problem.in_chunks(evaluate, 1, threads)
+        unfinished = np.flatnonzero(results.status == kernels.UNFINISHED)
+        results.reason[unfinished] = kernels.NOT_RESISTED
+        if proven and unfinished.size:
+            self._decide(unfinished, wrenches, rtol, results)
+        return results
+
+    def in_contact_frame(self, components: Floats) -> Floats:
+        """Contact forces (b, n, 4) from components along axes: x, y, z and torsional moment."""
+        normals = self.contacts.normals.reshape(*components.shape[:2], 3)
+        axes = np.stack([normals, *tangents(normals)], axis=-2)  # (b, n, 3, 3)
+        forces = (components[..., None, :3] @ axes)[..., 0, :]
+        moments = components[..., 3] * self.contacts.torsion_radius.reshape(components.shape[:2])
+        return np.concatenate([forces, moments[..., None]], axis=-1)
+
+    def of_terms(
+        self,
+        terms: Terms,
+        masses: Floats,
+        rtol: float,
+        threads: int | None,
+        *,
+        small: bool = False,
+    ) -> ForceResults:
+        """Bounds for the terms of a task and masses (b,); `small`: hulls of a few facets only."""
+        results = _make_results(self.problem.size, self.problem.count)
+        problem, size = self.problem, _size(terms, masses)
+
+        def evaluate(chunk: slice, workspace: Workspace) -> None:
+            axes, part = problem.wrenches_of(chunk), _part(results, chunk)
+            scratch = kernels.make_scratch(len(terms.rows), problem.count)
+            problem.with_polytope(
+                len(axes),
+                lambda first, polytope: kernels.task_forces(
+                    self._form, axes, problem.tangential[chunk], problem.cones[chunk],
+                    problem.rim, terms.rows, terms.points, masses[chunk], size, self.sizes[chunk],
+                    rtol, first, workspace, polytope, scratch, part,
+                ),
+                small=small,
+            )  # fmt: skip
+
+        problem.in_chunks(evaluate, 1, threads)
+        return results
+
+    def _decide(self, grasps: Ints, wrenches: Floats, rtol: float, results: ForceResults) -> None:
+        """Prove that no force resists wrenches for which none was found, or find one."""
+        flat = self.contacts.reshape((-1,))
+        for g in grasps:
+            sizes = np.append(np.ones(3), np.full(3, self.sizes[g]))
+            direction = separating_direction(
+                flat.points[g] / self.sizes[g],
+                flat.normals[g],
+                self.problem.cones[g, :, 1] / self.problem.cones[g, :, 0],
+                flat.torsion_radius[g] / self.sizes[g],
+                -wrenches[g] / sizes,
+            )
+            if direction is None:
+                self._decide_by_hull(int(g), wrenches[g], rtol, results)
+            else:
+                results.lower[g] = results.upper[g] = math.inf
+                results.status[g] = CONVERGED
+                results.direction[g] = direction / sizes
+
+    def _decide_by_hull(self, g: int, wrench: Floats, rtol: float, results: ForceResults) -> None:
+        """Bounds for one wrench by the growing hull, which may leave it open."""
+        row = np.zeros((1, TERM))
+        row[0, :3] = POINTS, 0, 1
+        chosen = replace(
+            self, problem=self.problem.take(np.array([g])), sizes=self.sizes[g : g + 1]
+        )
+        terms = Terms(row, wrench[None].copy())
+        found = chosen.of_terms(terms, np.ones(1), rtol, 1, small=True)
+        for name in ("lower", "upper", "status", "reason", "direction"):
+            getattr(results, name)[g] = getattr(found, name)[0]
+        if math.isinf(found.upper[0]):
+            results.reason[g] = max(found.reason[0], kernels.NOT_RESISTED)
+
+
+def _check_rtol(rtol: float) -> None:
+    if not 0.0 < rtol < 1.0:
+        raise SettingError(f"rtol must lie between 0 and 1; got {rtol}")
+
+
+def _size(terms: Terms, masses: Floats) -> float:
+    """A size of wrenches that the task has."""
+    forces = terms.rows[:, SIZE].max() * masses.max(initial=0.0)
+    return float(max(forces, np.abs(terms.points).max(initial=0.0)))
+
+
+def _part(results: ForceResults, chunk: slice | Ints) -> ForceResults:
+    views: list[Any] = [values[chunk] for values in results]
+    return ForceResults(*views)
+
+
+def _make_results(size: int, count: int) -> ForceResults:
+    return ForceResults(
+        lower=np.zeros(size),
+        upper=np.zeros(size),
+        rank=np.zeros(size, dtype=np.int64),
+        status=np.zeros(size, dtype=np.uint8),
+        reason=np.zeros(size, dtype=np.uint8),
+        direction=np.zeros((size, 6)),
+        forces=np.full((size, count, 4), math.nan),
+    )

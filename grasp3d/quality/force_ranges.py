@@ -1,0 +1,149 @@
+"""Grip force over all normals that a sensor cannot distinguish from the perceived ones.
+
+The true normal of each contact lies anywhere within the tilt a = alpha/2 of the perceived one (Wan
+& Howe 2018, Sec. III). For hard fingers, beta the half-angle of a friction cone:
+
+* Where lengths of forces are bounded, the largest force over all tilts is exactly that of cones of
+  half-angle beta - a: a tilt by a turns the normal away from any direction, so the smallest support
+  function over the tilts is that of the smaller cone; the contacts tilt independently.
+* Where normal components are bounded, that force is still enough, because the smaller cone lies in
+  every tilted one and no force has a normal component larger than its length.
+* Every tilted cone lies in the one of half-angle beta + a, and in it a force is at most 1/cos(beta)
+  times as long as its normal component: so no tilt needs less than cos(beta) times the force that
+  the larger cones need with bounded lengths.
+
+The torsional moment of soft fingers turns with the normal, so that none of this holds: they are
+tilted, by turns, to the normals that resist least in the direction in which the grasp is weakest.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from grasp3d.arrays import ArrayLike, Bytes, Floats, locked, short_repr
+from grasp3d.contact.contacts import Contacts, per_contact
+from grasp3d.errors import SettingError
+from grasp3d.quality.force_options import ForceOptions
+from grasp3d.quality.force_problem import ForceBound
+from grasp3d.quality.sampled_tilts import largest_sampled, least_sampled
+from grasp3d.quality.tasks import Task
+from grasp3d.system.progress import Progress, ignore
+
+Certainty = Literal["exact", "bound", "sampled"]
+"""How the extreme forces over all tilts are known: as exact values (within the tolerance); as safe
+bounds, the least not too large and the largest not too small; or as those of sampled tilts, beyond
+which others may lie."""
+
+CHUNK = 4096
+"""Grasps between two reports of progress."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceRange:
+    """Grip force at the given normals and over all tilts of them [N]."""
+
+    nominal: Floats
+    """At the given normals, shape (...); inf: no force suffices."""
+    least: Floats
+    """Smallest over all tilts, shape (...), as `how` says."""
+    largest: Floats
+    """Largest over all tilts, shape (...), as `how` says."""
+    resistance: Bytes
+    """`Resistance` codes at the given normals, shape (...)."""
+    how: Certainty
+    """How `least` and `largest` are known; of hard fingers with bounded lengths `least` is a bound
+    also where `largest` is exact."""
+
+    __repr__ = short_repr
+
+
+def force_range(
+    contacts: Contacts,
+    task: Task | ArrayLike,
+    tilt: ArrayLike,
+    *,
+    bound: ForceBound = "normal",
+    masses: ArrayLike | None = None,
+    rtol: float = 1e-3,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> ForceRange:
+    """Smallest forces that resist a task, at the given normals and at all that may be true.
+
+    Args:
+        contacts: The contacts.
+        task: As in `grip_force`.
+        tilt: Largest angle a between true and given normals [rad], from 0 to below pi/2: one value,
+            or shape (..., n).
+        bound: As in `grip_force`. With 'norm' the largest force of hard fingers is exact; with the
+            others it is a safe bound.
+        masses: As in `grip_force`.
+        rtol: As in `grip_force`.
+        threads: Threads for a batch; None: one per processor.
+        progress: Called with the fraction of the work done, from 0 to 1.
+
+    Raises:
+        ContactError: As in `grip_force`.
+        SettingError: A setting outside its range.
+
+    Example:
+        Three hard fingers around a ball, each normal known to within 5 degrees:
+
+        >>> import math
+        >>> import numpy as np
+        >>> import grasp3d
+        >>> from grasp3d.quality import Weight, force_range
+        >>> angle = np.radians([0.0, 120.0, 240.0])
+        >>> points = 0.03 * np.stack([np.cos(angle), np.sin(angle), np.zeros(3)], axis=1)
+        >>> contacts = grasp3d.Contacts(points, -points, friction=0.5)
+        >>> forces = force_range(contacts, Weight(0.5), math.radians(5.0))
+        >>> print(f"{forces.nominal:.1f} N, at most {forces.largest:.1f} N ({forces.how})")
+        5.2 N, at most 5.8 N (bound)
+    """
+    tilts = per_contact("tilt", tilt, contacts).reshape(-1, contacts.count)
+    if not ((tilts >= 0.0) & (tilts < math.pi / 2.0)).all():
+        raise SettingError(f"tilt must be from 0 to below pi/2; got {tilts}")
+    soft = bool((contacts.torsion_radius > 0.0).any())
+    options = ForceOptions(task, bound, masses, rtol, threads).flat(contacts)
+    flat, report = contacts.reshape((-1,)), progress or ignore
+    values = np.empty((3, len(tilts)))
+    resistance = np.empty(len(tilts), dtype=np.uint8)
+    for first in range(0, len(tilts), CHUNK):
+        rows = slice(first, first + CHUNK)
+        chosen, part = flat.take(rows), options.take(rows)
+        found = part.force(chosen)
+        if not tilts[rows].any():
+            least = largest = found.upper
+        else:
+            limits = chosen, tilts[rows], part
+            if soft:
+                largest = largest_sampled(*limits, found)
+                least = least_sampled(*limits, found)
+            else:
+                least, largest = _bounds(*limits)
+        values[:, rows] = found.upper, np.minimum(least, found.upper), largest
+        resistance[rows] = found.resistance
+        report(min(1.0, (first + CHUNK) / len(tilts)))
+    how: Certainty = "sampled" if soft else "exact" if bound == "norm" else "bound"
+    if not tilts.any():
+        how = "exact"
+    nominal, least, largest = (locked(row.reshape(contacts.batch))[()] for row in values)
+    codes = locked(resistance.reshape(contacts.batch))[()]
+    return ForceRange(nominal, least, np.maximum(largest, nominal), codes, how)
+
+
+def _bounds(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Floats, Floats]:
+    """Least and largest force of hard fingers over all tilts, or safe bounds, shape (b,) each."""
+    angles = contacts.friction_angle
+    # Where a tilt exceeds friction no force lies in all cones of that contact.
+    narrow = options.force_of_lengths(contacts, -np.minimum(tilt, angles)).upper
+    largest = np.where((tilt <= angles).all(axis=-1), narrow, math.inf)
+    # Wider cones are not convex from 90 degrees on: any force may then do.
+    convex = np.asarray((angles + tilt < math.pi / 2.0).all(axis=-1))
+    wide = options.force_of_lengths(contacts, np.where(convex[:, None], tilt, 0.0)).lower
+    least = np.where(convex, wide, 0.0)
+    if options.bound != "norm":
+        least = least * np.cos(angles).min(axis=-1)
+    return least, largest

@@ -1,0 +1,224 @@
+"""Grip force: how hard fingers must press to hold, and what they can then carry, in newtons.
+
+The smallest bound t of the contact forces for which they can balance every wrench of a task T is
+
+    F = max over u of h_T(-u) / h(u),
+
+h and h_T the support functions of the grasp wrench space, with contact forces bounded by 1, and of
+the task: epsilon of Ferrari & Canny (ICRA 1992) with another ruler. It is found by the same growing
+hull, with facets ranked by h / h_T; for one wrench by the simplex method along its ray.
+"""
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from grasp3d._kernels import grip_force as kernels
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
+from grasp3d.contact.contacts import LARGEST, Contacts
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.quality.force_problem import ForceBound, ForceProblem, LimitSurface
+from grasp3d.quality.hardest_wrenches import WrenchForces, hardest
+from grasp3d.quality.tasks import Task
+
+
+class Resistance(IntEnum):
+    """Whether some force resists a wrench or task, or why none does."""
+
+    RESISTED = kernels.FINITE
+    """A finite force does."""
+    NO_PUSH = kernels.NOT_RESISTED
+    """The contacts, which can only push, cannot push that way, however hard they press."""
+    NO_SUCH_WRENCH = kernels.NOT_IN_SPAN
+    """The contacts can apply no wrench of that kind in either sense: hard fingers on a line resist
+    no torque about it. A torsion radius (soft fingers) or a further contact off the line helps."""
+
+
+@dataclass(frozen=True, eq=False)
+class ForceCertificate:
+    """Proof of a grip force, which linear algebra can verify."""
+
+    direction: Floats
+    """Direction u of wrenches, shape (..., 6), against which the task reaches h_T(-u) and the grasp
+    wrench space only h(u): `lower` is their ratio; where no force suffices h(u) is 0."""
+    wrench: Floats
+    """The wrench of the task that needs the most force, or the given one, shape (..., 6)."""
+    forces: Floats
+    """Contact forces that balance that wrench, each inside its friction cone or limit surface,
+    shape (..., n, 4): force along x, y, z [N], and torsional moment about the normal [N x mesh
+    unit]; nan where no force suffices."""
+
+    __repr__ = short_repr
+
+
+@dataclass(frozen=True, eq=False)
+class GripForce:
+    """The smallest contact forces that resist a wrench or a task, with certified bounds."""
+
+    lower: Floats
+    """No smaller bound of the forces suffices [N], shape (...)."""
+    upper: Floats
+    """This one does [N], shape (...); inf where none is known to."""
+    rank: Ints
+    """Dimension of the span of the wrenches, shape (...)."""
+    resistance: Bytes
+    """`Resistance` codes, shape (...)."""
+    bound: ForceBound
+    limit_surface: LimitSurface
+    certificate: ForceCertificate
+
+    __repr__ = short_repr
+
+    @property
+    def value(self) -> Floats:
+        """The upper bound [N]: a force that suffices."""
+        return self.upper
+
+    @property
+    def finite(self) -> Bools:
+        """Whether some force resists, shape (...)."""
+        return np.asarray(np.isfinite(self.upper))[()]
+
+
+def grip_force(
+    contacts: Contacts,
+    task: Task | ArrayLike,
+    *,
+    bound: ForceBound = "normal",
+    masses: ArrayLike | None = None,
+    edges: int | None = None,
+    cone_offset: ArrayLike = 0.0,
+    rtol: float = 1e-3,
+    threads: int | None = None,
+) -> GripForce:
+    """Smallest contact forces that resist a wrench, or any wrench of a task.
+
+    The fingers may press differently for each wrench, as far as the bound allows: it is the force
+    that the gripper must be capable of.
+
+    Args:
+        contacts: The contacts. Soft fingers have the elliptic limit surface of Howe & Cutkosky
+            (IJRR 1996), (f_t / friction)^2 + (moment / torsion_radius)^2 <= f_n^2.
+        task: A `Task`, the same for all grasps; or wrenches that act on the object, shape (..., 6):
+            force [N] and torque about the centre of mass [N x mesh unit].
+        bound: What is limited: 'normal', the normal component of every finger's force, which the
+            data sheets of grippers call force per finger; 'norm', the length of every finger's
+            force; 'total', the sum of the normal components of all fingers.
+        masses: Masses [kg] that replace the task's own, one for all grasps or shape (...).
+        edges: Edges of polygonal friction cones; None: circular cones. Soft fingers then resist the
+            linear hull that epsilon takes.
+        cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
+        rtol: Largest difference of the bounds, as a fraction of the upper one.
+        threads: Threads for a batch; None: one per processor.
+
+    Returns:
+        Bounds, proof, and where infinite the reason, of each grasp of the batch.
+
+    Raises:
+        ContactError: Wrenches of another shape, or values that are not finite.
+        SettingError: A setting outside its range.
+
+    Example:
+        Two soft fingers on opposite sides of a part of 0.5 kg, gravity across their line, where
+        m g / (2 friction) is known, and in any direction:
+
+        >>> import grasp3d
+        >>> from grasp3d.quality import Weight
+        >>> points, normals = [[-0.02, 0, 0], [0.02, 0, 0]], [[1, 0, 0], [-1, 0, 0]]
+        >>> contacts = grasp3d.Contacts(points, normals, friction=0.5, torsion_radius=0.003)
+        >>> print(f"{grasp3d.grip_force(contacts, [0, 0, -4.903, 0, 0, 0]).value:.2f} N")
+        4.90 N
+        >>> print(f"{grasp3d.grip_force(contacts, Weight(0.5)).value:.2f} N")
+        6.94 N
+    """
+    problem = ForceProblem.of_contacts(contacts, bound=bound, edges=edges, cone_offset=cone_offset)
+    return _solve(problem, contacts, task, masses, bound, rtol, threads)
+
+
+def force_with_lengths(
+    contacts: Contacts,
+    task: Task | ArrayLike,
+    *,
+    bound: ForceBound,
+    masses: ArrayLike | None,
+    cone_offset: ArrayLike,
+    rtol: float,
+    threads: int | None,
+) -> GripForce:
+    """`grip_force` with the forces' lengths, or for 'total' their sum, bounded."""
+    problem = ForceProblem.of_contacts(contacts, bound=bound, lengths=True, cone_offset=cone_offset)
+    return _solve(problem, contacts, task, masses, bound, rtol, threads)
+
+
+def _solve(
+    problem: ForceProblem,
+    contacts: Contacts,
+    task: Task | ArrayLike,
+    masses: ArrayLike | None,
+    bound: ForceBound,
+    rtol: float,
+    threads: int | None,
+) -> GripForce:
+    options = rtol, threads
+    if isinstance(task, Task):
+        own = None if masses is None else masses_of(masses, contacts)
+        corners = task.corners_for(own, problem.problem.size)
+        if corners is None:
+            results = problem.of_task(task, *options, own)
+            wrenches = task.farthest_for(own, -results.direction)
+            forces = problem.of_wrenches(wrenches, *options).forces
+            found = WrenchForces(results, wrenches, problem.in_contact_frame(forces))
+        else:
+            found = hardest(problem, corners, *options)
+    else:
+        found = hardest(problem, wrenches_of(task, contacts)[:, None], *options)
+    results = found.results
+    batch = contacts.batch
+    return GripForce(
+        lower=shaped(results.lower, batch),
+        upper=shaped(results.upper, batch),
+        rank=shaped(results.rank, batch),
+        resistance=shaped(results.reason, batch),
+        bound=bound,
+        limit_surface=problem.limit_surface,
+        certificate=ForceCertificate(
+            direction=shaped(results.direction, batch),
+            wrench=shaped(found.wrenches, batch),
+            forces=shaped(found.forces, batch),
+        ),
+    )
+
+
+def wrenches_of(given: ArrayLike, contacts: Contacts) -> Floats:
+    """One wrench for each grasp of the flat batch (b, 6). Raises ContactError."""
+    try:
+        wrenches = np.asarray(given, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ContactError(f"a task must be a Task or an array of numbers: {error}") from error
+    if wrenches.ndim == 0 or wrenches.shape[-1] != 6:
+        raise ContactError(
+            "a wrench must be six numbers, force and torque about the centre of mass; got shape "
+            f"{wrenches.shape}"
+        )
+    if not np.isfinite(wrenches).all() or (np.abs(wrenches) > LARGEST).any():
+        raise ContactError(f"wrenches must be finite and not exceed {LARGEST:g}")
+    try:
+        return np.broadcast_to(wrenches, (*contacts.batch, 6)).reshape(-1, 6).copy()
+    except ValueError as error:
+        raise ContactError(
+            f"wrenches must be one, or have shape {(*contacts.batch, 6)}; got {wrenches.shape}"
+        ) from error
+
+
+def masses_of(given: ArrayLike, contacts: Contacts) -> Floats:
+    """One mass for each grasp of the flat batch (b,). Raises SettingError."""
+    masses = np.asarray(given, dtype=np.float64)
+    if not ((masses >= 0.0) & np.isfinite(masses)).all():
+        raise SettingError(f"masses must be finite and at least 0 [kg]; got {masses}")
+    try:
+        return np.broadcast_to(masses, contacts.batch).reshape(-1).copy()
+    except ValueError as error:
+        raise SettingError(
+            f"masses must be one, or have shape {contacts.batch}; got {masses.shape}"
+        ) from error

@@ -1,0 +1,262 @@
+"""Tasks as texts and files: 'weight within 30 of -z + acceleration 5', 'pushes.csv'.
+
+Forces are in newtons and torques in newton metres, also in files. Nothing here imports NumPy until
+a task is made, so that the command line checks a text quickly.
+"""
+
+import math
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import reduce
+from operator import add
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from grasp3d.errors import SettingError
+from grasp3d.quality.wrench_files import MAX_WRENCHES, Row, read_wrenches
+from grasp3d.system.names import printable
+
+if TYPE_CHECKING:
+    from grasp3d.quality.tasks import Task
+
+AXES = {
+    sign + axis: tuple(factor if axis == other else 0.0 for other in "xyz")
+    for sign, factor in (("", 1.0), ("+", 1.0), ("-", -1.0))
+    for axis in "xyz"
+}
+"""Directions of gravity by name."""
+
+KNOWN = (
+    "weight, weight within DEGREES of AXIS, acceleration NUMBER, wrench FX,FY,FZ,TX,TY,TZ, "
+    "FILE.csv, ellipsoid FILE.csv, and several joined by ' + '"
+)
+
+_JOINED = re.compile(r"\s\+\s")
+_WITHIN = re.compile(r"within\s+(.+?)\s*(?:deg|degrees|°)?\s+of\s+(.+)")
+_PER_SECOND_SQUARED = re.compile(r"\s*m/s\^?2$")
+
+
+@dataclass(frozen=True)
+class _Part:
+    """One part of a task's text."""
+
+    text: str
+    kind: str
+    """weight, acceleration, wrench or ellipsoid."""
+    rows: tuple[Row, ...] = ()
+    """Weight: the direction of gravity; acceleration: its size; others: rows of six numbers."""
+    within: float = 0.0
+    """Weight: the angle from the direction [rad]."""
+    file: str = ""
+    """File that holds the rows."""
+
+
+def check_task_text(text: str) -> str:
+    """Check the text of a task; files are not opened.
+
+    Args:
+        text: The text.
+
+    Returns:
+        The text without spaces around it.
+
+    Raises:
+        SettingError: It is no task.
+
+    Example:
+        >>> from grasp3d.quality.task_texts import check_task_text
+        >>> check_task_text(" weight + wrench 0,0,-5,0,0,0 ")
+        'weight + wrench 0,0,-5,0,0,0'
+        >>> check_task_text("wrench 0,0,-5")
+        Traceback (most recent call last):
+            ...
+        grasp3d.errors.SettingError: task 'wrench 0,0,-5': give force [N] and torque [N m] as 6 \
+finite numbers; got '0,0,-5'
+    """
+    _parts(text)
+    return text.strip()
+
+
+def inline_files(text: str) -> str:
+    r"""The text of a task, with the wrenches of its files in it.
+
+    Args:
+        text: The text.
+
+    Raises:
+        SettingError: It is no task, or a file is missing or damaged.
+
+    Example:
+        >>> from pathlib import Path
+        >>> from grasp3d.quality.task_texts import inline_files
+        >>> _ = Path("pushes.csv").write_text("fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0\n0,5,0,0,0,0.1\n")
+        >>> inline_files("weight + pushes.csv")
+        'weight + wrench 5,0,0,0,0,0; 0,5,0,0,0,0.1'
+    """
+    return " + ".join(part.text for part in _parts(text, files=True))
+
+
+def parse_task(
+    text: str,
+    *,
+    mass: float = 1.0,
+    center_radius: float = 0.0,
+    metres_per_unit: float | None = None,
+    source: str = "the mesh",
+) -> "Task":
+    """Make the task that a text describes.
+
+    Weight and acceleration act at centres of mass that are uncertain each by itself, which is safe.
+
+    Args:
+        text: weight; weight within DEGREES of AXIS; acceleration NUMBER [m/s^2]; wrench
+            FX,FY,FZ,TX,TY,TZ [N, N m], several separated by semicolons; a file of wrenches;
+            ellipsoid FILE, whose rows are semi-axes; or several joined by ' + '. An axis is x, y,
+            z, -x, -y or -z of the contacts' frame, or three numbers with commas.
+        mass: Mass of the object [kg].
+        center_radius: Radius of the ball in which the centre of mass lies [unit of the contacts'
+            points].
+        metres_per_unit: Unit of the contacts' points [m]; None: it is not known.
+        source: Name of the mesh, for the error.
+
+    Raises:
+        SettingError: It is no task, a file is missing or damaged, or torques need the unit.
+
+    Example:
+        An object of 0.5 kg that is pushed with 5 N, whose points are in millimetres:
+
+        >>> from grasp3d.quality.task_texts import parse_task
+        >>> task = parse_task("weight + wrench 5,0,0,0,0,0.1", mass=0.5, metres_per_unit=0.001)
+        >>> print(f"{task.support([0, 0, 0, 0, 0, 1]):.0f} N mm")
+        100 N mm
+    """
+
+    def build(part: _Part) -> "Task":
+        return _task(part, mass, center_radius, metres_per_unit, source)
+
+    return reduce(add, map(build, _parts(text, files=True)))
+
+
+def scaled_task(task: "Task", mass: float | None) -> "Task":
+    """A task for another mass [kg]; None: its own."""
+    return task if mass is None else task.scaled_to(mass)
+
+
+def _task(part: _Part, mass: float, radius: float, metres: float | None, source: str) -> "Task":
+    from grasp3d.quality.tasks import Acceleration, Ellipsoid, Weight, Wrenches
+
+    if part.kind == "weight":
+        direction = part.rows[0][:3] if part.rows else None
+        return Weight(mass, radius, direction, part.within)  # type: ignore[arg-type]
+    if part.kind == "acceleration":
+        return Acceleration(mass, radius, part.rows[0][0])
+    kind = Wrenches if part.kind == "wrench" else Ellipsoid
+    return kind([(*row[:3], *_torque(row[3:], metres, source)) for row in part.rows])
+
+
+def _torque(torque: Row, metres: float | None, source: str) -> Row:
+    """A torque [N m] in newtons times a unit of so many metres."""
+    if metres is None:
+        if any(torque):
+            raise SettingError(
+                f"torques of the task are in N m, but the unit of {source} is not known: give the "
+                "unit of its coordinates (--unit, in Python unit=...)"
+            )
+        return torque
+    return tuple(float(f"{one / metres:.15g}") for one in torque)
+
+
+def _parts(text: str, *, files: bool = False) -> list[_Part]:
+    """Parse a text, if wanted with the rows of its files."""
+    parts = [_parse(part.strip()) for part in _JOINED.split(text.strip())]
+    if files:
+        parts = [_with_rows(part) if part.file else part for part in parts]
+    count = sum(len(part.rows) for part in parts if part.kind in {"wrench", "ellipsoid"})
+    if count > MAX_WRENCHES:
+        raise SettingError(f"a task may have at most {MAX_WRENCHES} wrenches; got {count}")
+    return parts
+
+
+def _with_rows(part: _Part) -> _Part:
+    """A part with the rows of its file, and as text that needs no file."""
+    rows = read_wrenches(Path(part.file))
+    text = f"{part.kind} {'; '.join(','.join(map(_shortest, row)) for row in rows)}"
+    return _Part(text, part.kind, rows)
+
+
+def _parse(text: str) -> _Part:
+    """Parse one part of a text; the rows of a file are read later."""
+    word, _, rest = text.partition(" ")
+    parser = _PARSERS.get(word)
+    if parser is not None:
+        return parser(text, rest.strip())
+    if text.lower().endswith(".csv"):
+        return _Part(text, "wrench", file=text)
+    raise SettingError(f"no task is called {printable(text)!r}; known: {KNOWN}")
+
+
+def _weight(text: str, rest: str) -> _Part:
+    if not rest:
+        return _Part(text, "weight")
+    found = _WITHIN.fullmatch(rest)
+    if found is None:
+        raise SettingError(
+            f"task {printable(text)!r}: write 'weight', or 'weight within DEGREES of AXIS'"
+        )
+    (degrees,) = _numbers(text, found[1], 1, "the angle in degrees as")
+    if not 0.0 <= degrees <= 90.0:
+        raise SettingError(
+            f"task {printable(text)!r}: the angle must be from 0 to 90 degrees; 'weight' alone "
+            "acts in any direction"
+        )
+    axis = AXES.get(found[2]) or _numbers(text, found[2], 3, "the axis x, y, z, -x, -y or -z, or")
+    if not any(axis):
+        raise SettingError(f"task {printable(text)!r}: the axis has no direction")
+    return _Part(text, "weight", (axis,), math.radians(degrees))
+
+
+def _acceleration(text: str, rest: str) -> _Part:
+    row = _numbers(text, _PER_SECOND_SQUARED.sub("", rest), 1, "the acceleration in m/s^2 as")
+    if row[0] < 0.0:
+        raise SettingError(f"task {printable(text)!r}: the acceleration must be at least 0")
+    return _Part(text, "acceleration", (row,))
+
+
+def _wrench(text: str, rest: str) -> _Part:
+    rows = tuple(_numbers(text, row, 6, "force [N] and torque [N m] as") for row in rest.split(";"))
+    return _Part(text, "wrench", rows)
+
+
+def _ellipsoid(text: str, rest: str) -> _Part:
+    if rest.lower().endswith(".csv"):
+        return _Part(text, "ellipsoid", file=rest)
+    return _Part(text, "ellipsoid", _wrench(text, rest).rows)
+
+
+_PARSERS: dict[str, Callable[[str, str], _Part]] = {
+    "weight": _weight,
+    "acceleration": _acceleration,
+    "wrench": _wrench,
+    "ellipsoid": _ellipsoid,
+}
+
+
+def _numbers(text: str, words: str, count: int, what: str) -> Row:
+    """So many finite numbers with commas between them."""
+    try:
+        numbers = tuple(float(word) for word in words.split(","))
+    except ValueError:
+        numbers = ()
+    if len(numbers) != count or not all(map(math.isfinite, numbers)):
+        noun = "number" if count == 1 else "numbers"
+        raise SettingError(
+            f"task {printable(text)!r}: give {what} {count} finite {noun}; "
+            f"got {printable(words.strip())!r}"
+        )
+    return numbers
+
+
+def _shortest(number: float) -> str:
+    """The shortest text of the same number."""
+    return repr(number).removesuffix(".0")

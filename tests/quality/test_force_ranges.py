@@ -1,0 +1,179 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from random_grasps import Shape, random_contacts
+
+from grasp3d import Contacts, force_closure, grip_force
+from grasp3d.contact.friction_cones import tilted_normals, turned
+from grasp3d.errors import SettingError
+from grasp3d.quality import Weight, Wrenches, force_range, payload
+from tests.helpers import grasps
+from tests.helpers.forces import GRAVITY, moved, opposed
+
+NEWTON = Weight(1.0 / GRAVITY)
+TILT = math.radians(8.0)
+
+
+def hard_grasps(count: int, size: int, tilt: float, seed: int = 5) -> Contacts:
+    """Grasps whose cones are force-closed when they are narrower by the tilt."""
+    contacts = random_contacts(Shape(count, 8, soft=False), size, seed)
+    closed = force_closure(contacts, cone_offset=-tilt).closed
+    return contacts.take(np.flatnonzero(closed))
+
+
+def with_normals(contacts: Contacts, normals: np.ndarray) -> Contacts:
+    return Contacts(contacts.points, normals, contacts.friction, contacts.torsion_radius)
+
+
+def random_tilts(contacts: Contacts, tilt: float, count: int, seed: int) -> np.ndarray:
+    """Normals within a tilt, half of them at it, shape (count, b, n, 3)."""
+    rng = np.random.default_rng(seed)
+    shape = (count, *contacts.points.shape[:-1])
+    angles = np.where(rng.random(shape) < 0.5, tilt, tilt * np.sqrt(rng.random(shape)))
+    goals = rng.normal(size=(*shape, 3))
+    goals -= (goals * contacts.normals).sum(axis=-1, keepdims=True) * contacts.normals
+    return turned(np.broadcast_to(contacts.normals, goals.shape), goals, angles)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", [3, 4])
+def test_no_tilt_needs_more_than_smaller_cones(count: int) -> None:
+    contacts = hard_grasps(count, 700, TILT)
+    contacts = contacts.take(np.arange(100))
+    wrenches = np.random.default_rng(3).normal(size=(100, 6))
+    found = force_range(contacts, wrenches, TILT, bound="norm", rtol=1e-6)
+    assert found.how == "exact"
+    attacked = np.zeros(100)
+    for normals in random_tilts(contacts, TILT, 300, 4):
+        force = grip_force(with_normals(contacts, normals), wrenches, bound="norm", rtol=1e-5)
+        assert (force.lower <= found.largest * (1.0 + 1e-6)).all()
+        assert (force.upper >= found.least * (1.0 - 1e-6)).all()
+        attacked = np.maximum(attacked, force.lower)
+    # Ascent from the nominal normals: tilt away from the direction that is weakest.
+    direction = grip_force(contacts, wrenches, bound="norm", rtol=1e-6).certificate.direction
+    for _ in range(40):
+        g = direction[:, None, :3] + np.cross(direction[:, None, 3:], contacts.points)
+        tilted = with_normals(contacts, turned(contacts.normals, -g, np.full(g.shape[:2], TILT)))
+        force = grip_force(tilted, wrenches, bound="norm", rtol=1e-6)
+        assert (force.lower <= found.largest * (1.0 + 1e-6)).all()
+        attacked = np.maximum(attacked, force.lower)
+        direction = force.certificate.direction
+    assert (attacked >= found.largest * (1.0 - 1e-3)).all()
+
+
+@pytest.mark.parametrize("bound", ["normal", "total"])
+def test_bounds_of_normal_forces_are_safe(bound: Any) -> None:
+    contacts = hard_grasps(3, 60, TILT)
+    found = force_range(contacts, NEWTON, TILT, bound=bound)
+    assert found.how == "bound"
+    assert (found.least <= found.nominal).all()
+    assert (found.nominal <= found.largest).all()
+    for normals in random_tilts(contacts, TILT, 12, 6):
+        force = grip_force(with_normals(contacts, normals), NEWTON, bound=bound)
+        assert (force.lower <= found.largest).all()
+        assert (force.upper >= found.least).all()
+
+
+def test_a_tilt_beyond_friction_has_no_safe_force_and_wide_cones_no_least_one() -> None:
+    contacts = hard_grasps(3, 20, 0.0)
+    found = force_range(contacts, NEWTON, 1.2, bound="norm")
+    assert (found.largest == math.inf).all()
+    assert (found.least == 0.0).all()
+
+
+def test_soft_fingers_are_sampled_between_tilts_that_are_tried_at_random() -> None:
+    contacts = random_contacts(Shape(2, 8, soft=True), 80, 9)
+    contacts = contacts.take(np.flatnonzero(force_closure(contacts, cone_offset=-TILT).closed))
+    found = force_range(contacts, NEWTON, TILT)
+    assert found.how == "sampled"
+    assert (found.least <= found.nominal * (1.0 + 1e-9)).all()
+    assert (found.nominal <= found.largest).all()
+    rims = tilted_normals(contacts.normals, TILT, count=6)[..., 1:, :]
+    most, least = np.zeros(len(contacts.points)), np.full(len(contacts.points), math.inf)
+    for i in range(6):
+        for j in range(6):
+            normals = np.stack([rims[:, 0, i], rims[:, 1, j]], axis=1)
+            force = grip_force(with_normals(contacts, normals), NEWTON, rtol=1e-2)
+            most, least = np.maximum(most, force.lower), np.minimum(least, force.upper)
+    assert (most <= found.largest * 1.15).all()
+    assert np.median(most / found.largest) < 1.01
+    assert (least >= found.least / 1.2).all()
+
+
+def test_soft_fingers_that_some_tilt_opens_need_an_infinite_force() -> None:
+    tilted = turned(
+        np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]), np.array([0.0, 0.0, 1.0]),
+        np.full(2, math.radians(20.0)),
+    )  # fmt: skip
+    contacts = with_normals(opposed(friction=0.5), tilted)
+    # 20 degrees off the line, 26.6 of friction: a tilt of 8 degrees opens the grasp.
+    found = force_range(contacts, NEWTON, TILT)
+    assert math.isfinite(found.nominal)
+    assert found.largest == math.inf
+    assert math.isfinite(force_range(contacts, NEWTON, math.radians(4.0)).largest)
+
+
+def test_tilts_can_close_soft_fingers_that_are_open() -> None:
+    tilted = turned(
+        np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]), np.array([0.0, 0.0, 1.0]),
+        np.full(2, math.radians(30.0)),
+    )  # fmt: skip
+    found = force_range(with_normals(opposed(friction=0.5), tilted), NEWTON, TILT)
+    assert found.nominal == math.inf
+    assert math.isfinite(found.least)
+
+
+def test_one_task_written_in_two_ways_needs_the_same() -> None:
+    contacts = random_contacts(Shape(2, 8, soft=True), 30, 11)
+    push = Wrenches([0.0, 0.0, -5.0, 0.0, 0.0, 0.0])
+    sum_of_two = Weight(1.0 / GRAVITY, direction=(0.0, 0.0, -1.0)) + push
+    both = Wrenches([0.0, 0.0, -6.0, 0.0, 0.0, 0.0])
+    one, other = (force_range(contacts, task, TILT) for task in (sum_of_two, both))
+    assert one.nominal == pytest.approx(other.nominal, rel=1e-3)
+    assert one.largest == pytest.approx(other.largest, rel=1e-3)
+
+
+def test_without_tilt_there_is_nothing_to_range_over() -> None:
+    found = force_range(opposed(), NEWTON, 0.0)
+    assert found.how == "exact"
+    assert found.least == found.nominal == found.largest
+
+
+@pytest.mark.parametrize("tilt", [-0.1, 2.0, math.nan])
+def test_tilts_outside_their_range(tilt: float) -> None:
+    with pytest.raises(SettingError):
+        force_range(opposed(), NEWTON, tilt)
+
+
+# Payload
+
+
+def test_payload_is_the_force_over_that_of_a_kilogram() -> None:
+    contacts = moved(opposed(), [0.0, 0.01, 0.0])
+    carried = payload(contacts, Weight(), 40.0)
+    assert grip_force(contacts, Weight(carried)).value == pytest.approx(40.0, rel=2e-3)
+    assert payload(contacts, Weight(), 40.0, tilt=TILT) < carried
+    assert payload(moved(opposed(torsion=0.0), [0.0, 0.01, 0.0]), Weight(), 40.0) == 0.0
+
+
+def test_payload_beside_a_push_that_has_no_mass() -> None:
+    contacts = grasps.stacked([opposed(), moved(opposed(), [0.0, 0.01, 0.0])])
+    push = Wrenches([[0.0, 3.0, 0.0, 0.0, 0.0, 0.0], [0.0, -3.0, 0.0, 0.0, 0.0, 0.0]])
+    task = Weight() + push
+    carried = payload(contacts, task, 20.0)
+    held = grip_force(contacts, task, masses=carried)
+    assert held.value == pytest.approx([20.0, 20.0], rel=5e-3)
+    assert (payload(contacts, task, 1.0) == 0.0).all()
+
+
+@pytest.mark.parametrize("force", [0.0, -1.0, math.inf, math.nan])
+def test_payload_needs_a_force(force: float) -> None:
+    with pytest.raises(SettingError):
+        payload(opposed(), Weight(), force)
+
+
+def test_payload_needs_a_task_with_a_mass() -> None:
+    with pytest.raises(SettingError, match="weight"):
+        payload(opposed(), Wrenches([1.0, 0, 0, 0, 0, 0]), 10.0)

@@ -1,0 +1,383 @@
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from cone_programs import ConeProgram
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from random_grasps import Shape, random_contacts
+
+from grasp3d import Contacts, epsilon, force_closure, grip_force
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.quality import Ellipsoid, Resistance, Weight, Wrenches
+from tests.helpers import grasps
+from tests.helpers.forces import GRAVITY, check_proof, moved, opposed, wrench_of
+
+SHARP, RTOL = 1e-8, 1e-3
+BOUNDS: list[Any] = ["normal", "norm", "total"]
+NEWTON = Weight(1.0 / GRAVITY)
+
+seeds = st.integers(0, 100_000)
+fingers = st.integers(2, 5)
+bounds = st.sampled_from(BOUNDS)
+few = settings(max_examples=25, deadline=None)
+
+
+def closed_grasps(count: int, size: int, seed: int, *, soft: bool) -> Contacts:
+    contacts = random_contacts(Shape(count, 8, soft=soft), size, seed)
+    return contacts.take(np.flatnonzero(force_closure(contacts).closed))
+
+
+def wrenches_in_span(contacts: Contacts, seed: int) -> np.ndarray:
+    """Wrenches that contact forces in any direction add up to, shape (..., 6)."""
+    rng = np.random.default_rng(seed)
+    forces = rng.normal(size=(*contacts.points.shape[:-1], 4))
+    forces[..., 3] *= contacts.torsion_radius
+    return wrench_of(contacts, forces)
+
+
+def of_case(case: dict[str, Any]) -> Contacts:
+    torsion = case["torsion_per_normal_force"]
+    return Contacts(case["points"], case["inward_normals"], case["friction"], torsion)
+
+
+# References
+
+
+@pytest.mark.parametrize("bound", BOUNDS)
+def test_reference_wrenches(bound: Any) -> None:
+    for case in grasps.reference("grip_force.json"):
+        contacts, known = of_case(case), case["force"][bound]
+        found = grip_force(contacts, case["wrench"], bound=bound, rtol=SHARP)
+        if known is None:
+            assert found.upper == math.inf
+            assert found.resistance != Resistance.RESISTED
+        else:
+            assert found.lower == pytest.approx(known, rel=1e-6)
+            assert found.upper == pytest.approx(known, rel=1e-6)
+        check_proof(contacts, found)
+
+
+@pytest.mark.parametrize("bound", ["normal", "norm"])
+def test_reference_directions_of_gravity(bound: Any) -> None:
+    compared = 0
+    for case in grasps.reference("grip_force.json"):
+        contacts, known = of_case(case), case["worst_gravity"][bound]
+        found = grip_force(contacts, NEWTON, bound=bound, rtol=1e-10)
+        if known["force"] is None if known else True:
+            assert found.upper == math.inf
+            continue
+        assert found.upper == pytest.approx(known["force"], rel=1e-6)
+        assert found.certificate.wrench[:3] == pytest.approx(known["direction"], abs=1e-5)
+        compared += 1
+    assert compared > 30
+
+
+# Cone programs
+
+
+@pytest.mark.parametrize("bound", BOUNDS)
+@pytest.mark.parametrize("soft", [False, True])
+@pytest.mark.parametrize("count", [2, 3, 4, 5])
+def test_cone_programs_agree(count: int, soft: bool, bound: Any) -> None:
+    contacts = random_contacts(Shape(count, 8, soft=soft), 85, 7)
+    wrenches = wrenches_in_span(contacts, 8)
+    found = grip_force(contacts, wrenches, bound=bound, rtol=SHARP)
+    check_proof(contacts, found)
+    solved = 0
+    for g in range(len(wrenches)):
+        known = ConeProgram(grasps.one(contacts, g), bound).force(wrenches[g])
+        if math.isnan(known):
+            continue
+        solved += 1
+        assert np.isfinite(known) == np.isfinite(found.upper[g])
+        if np.isfinite(known):
+            assert found.upper[g] == pytest.approx(known, rel=2e-6)
+    assert solved > 60
+
+
+def test_no_direction_of_gravity_needs_more_than_the_worst() -> None:
+    contacts = closed_grasps(3, 12, 3, soft=True)
+    found = grip_force(contacts, NEWTON, rtol=1e-4)
+    rng = np.random.default_rng(0)
+    directions = rng.normal(size=(400, 3))
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    for g in range(len(contacts.points)):
+        one = grasps.one(contacts, g)
+        program = ConeProgram(one, "normal")
+        forces = [program.force(np.array([*d, 0.0, 0.0, 0.0])) for d in directions[:60]]
+        assert max(forces) <= found.upper[g] * (1.0 + 1e-6)
+        assert program.force(found.certificate.wrench[g]) >= found.lower[g] * (1.0 - 1e-6)
+
+
+# Two opposed fingers
+
+
+@given(st.floats(0.1, 2.0), st.floats(1e-3, 0.02), st.floats(0.0, 0.05), st.floats(0.0, 6.0))
+@few
+def test_opposed_fingers_with_the_weight_beside_their_line(
+    friction: float, torsion: float, arm: float, turn: float
+) -> None:
+    across = np.array([0.0, math.cos(turn), math.sin(turn)])
+    contacts = moved(opposed(friction=friction, torsion=torsion), -arm * across)
+    wrench = [*np.cross([1.0, 0.0, 0.0], across), 0.0, 0.0, 0.0]
+    expected = 0.5 * math.hypot(1.0 / friction, arm / torsion)
+    found = grip_force(contacts, wrench)
+    assert found.upper == pytest.approx(expected, rel=1e-12)
+    assert found.lower == found.upper
+    check_proof(contacts, found, rtol=RTOL)
+
+
+@given(seeds, st.floats(0.2, 1.5), st.booleans())
+@few
+def test_opposed_fingers_press_no_harder_than_their_limit_surfaces_ask_for(
+    seed: int, friction: float, hard: bool
+) -> None:
+    rng = np.random.default_rng(seed)
+    line = rng.normal(size=3)
+    line /= np.linalg.norm(line)
+    points = np.outer([-0.03, 0.02], line) + (0.0 if hard else 0.01) * rng.normal(size=3)
+    radius = np.zeros(2) if hard else rng.uniform(0.001, 0.02, size=2)
+    contacts = Contacts(points, [line, -line], friction, radius)
+    wrench = np.concatenate([rng.normal(size=3), np.zeros(3)])
+    found = grip_force(contacts, wrench)
+    check_proof(contacts, found, rtol=RTOL)
+    forces = found.certificate.forces
+    normal = (forces[:, :3] * contacts.normals).sum(axis=1)
+    sideways = np.linalg.norm(forces[:, :3] - normal[:, None] * contacts.normals, axis=1)
+    with np.errstate(invalid="ignore"):
+        twist = np.nan_to_num(forces[:, 3] / radius)
+    used = np.hypot(sideways / friction, twist) / normal
+    # Pressing less would leave the limit surface of one finger.
+    assert used.max() == pytest.approx(1.0, abs=1e-12)
+
+
+def test_the_makers_formula() -> None:
+    mass, friction = 0.5, 0.4
+    contacts = opposed(friction=friction)
+    weight = Weight(mass, direction=(0.0, 0.0, -1.0))
+    per_finger = grip_force(contacts, weight)
+    both = grip_force(contacts, weight, bound="total")
+    assert per_finger.value == pytest.approx(mass * GRAVITY / (2.0 * friction), rel=1e-12)
+    assert both.value == pytest.approx(mass * GRAVITY / friction, rel=1e-12)
+
+
+def test_opposed_fingers_in_any_direction() -> None:
+    # Along the line one finger bears the weight, besides the friction force of both.
+    friction = 0.5
+    found = grip_force(opposed(friction=friction), NEWTON, rtol=1e-5)
+    assert found.upper == pytest.approx(math.hypot(1.0, 1.0 / (2.0 * friction)), rel=1e-5)
+
+
+def test_hard_fingers_resist_no_torque_about_their_line() -> None:
+    contacts = moved(opposed(torsion=0.0), [0.0, 0.01, 0.0])
+    found = grip_force(contacts, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0])
+    assert found.upper == found.lower == math.inf
+    assert found.resistance == Resistance.NO_SUCH_WRENCH
+    assert found.rank == 5
+    assert grip_force(contacts, NEWTON).resistance == Resistance.NO_SUCH_WRENCH
+    assert grip_force(opposed(torsion=0.0), NEWTON).upper == pytest.approx(math.sqrt(2.0), rel=2e-3)
+
+
+# Laws
+
+
+@given(fingers, seeds, st.booleans(), bounds, st.floats(0.01, 100.0))
+@few
+def test_the_force_is_convex_and_homogeneous_in_the_wrench(
+    count: int, seed: int, soft: bool, bound: Any, factor: float
+) -> None:
+    contacts = grasps.random_grasp(count, seed, soft=soft)
+    one, other = wrenches_in_span(contacts, seed), wrenches_in_span(contacts, seed + 1)
+    force = [
+        grip_force(contacts, w, bound=bound, rtol=1e-6)
+        for w in (one, other, one + other, factor * one)
+    ]
+    if not all(f.finite for f in force):
+        return
+    assert force[2].lower <= (force[0].upper + force[1].upper) * (1.0 + 1e-9)
+    assert force[3].upper == pytest.approx(factor * force[0].upper, rel=1e-5)
+
+
+@given(fingers, seeds, st.booleans(), bounds)
+@few
+def test_more_friction_torsion_and_fingers_never_need_more(
+    count: int, seed: int, soft: bool, bound: Any
+) -> None:
+    contacts = grasps.random_grasp(count, seed, soft=soft)
+    wrench = wrenches_in_span(contacts, seed)
+    least = grip_force(contacts, wrench, bound=bound).lower
+    more = contacts.with_friction(1.3 * contacts.friction)
+    assert not grip_force(more, wrench, bound=bound, rtol=1e-6).lower > least * (1.0 + 1e-3)
+    radius = contacts.torsion_radius + 0.2
+    softer = Contacts(contacts.points, contacts.normals, contacts.friction, radius)
+    assert not grip_force(softer, wrench, bound=bound).lower > least * (1.0 + 1e-3)
+    third = Contacts(
+        [*contacts.points, [0.3, 0.2, -0.8]],
+        [*contacts.normals, [0.0, 0.0, 1.0]],
+        [*contacts.friction, 0.5],
+        [*contacts.torsion_radius, 0.0],
+    )
+    assert not grip_force(third, wrench, bound=bound).lower > least * (1.0 + 1e-3)
+
+
+@given(fingers, seeds, bounds, st.floats(1e-4, 1e4))
+@few
+def test_newtons_do_not_depend_on_the_unit(count: int, seed: int, bound: Any, unit: float) -> None:
+    contacts = grasps.random_grasp(count, seed, soft=True)
+    scaled = Contacts(
+        unit * contacts.points, contacts.normals, contacts.friction, unit * contacts.torsion_radius
+    )
+    in_unit = grip_force(scaled, NEWTON, bound=bound)
+    assert in_unit.upper == pytest.approx(grip_force(contacts, NEWTON, bound=bound).upper, rel=2e-3)
+
+
+@pytest.mark.parametrize(("bound", "actuation", "bounded"), [
+    ("normal", "per_finger", "normal"), ("norm", "per_finger", "force"),
+    ("total", "total", "normal"),
+])  # fmt: skip
+def test_the_unit_ball_needs_one_over_epsilon(bound: Any, actuation: Any, bounded: Any) -> None:
+    ball = Ellipsoid(np.eye(6))
+    contacts = closed_grasps(4, 20, 1, soft=False)
+    quality = epsilon(contacts, actuation=actuation, bounded=bounded)
+    found = grip_force(contacts, ball, bound=bound)
+    assert (found.lower <= 1.0 / quality.lower).all()
+    assert (found.upper >= 1.0 / quality.upper).all()
+    check_proof(contacts, found, ball, rtol=RTOL)
+
+
+def test_polygons_and_their_linear_hull_need_one_over_epsilon() -> None:
+    ball = Ellipsoid(np.eye(6))
+    contacts = closed_grasps(2, 12, 1, soft=True)
+    quality = epsilon(contacts, edges=8, actuation="per_finger", bounded="normal")
+    found = grip_force(contacts, ball, edges=8)
+    assert found.limit_surface == "linear"
+    assert found.upper == pytest.approx(1.0 / quality.value, rel=2e-3)
+    assert (grip_force(contacts, ball).upper <= found.upper * (1.0 + 2e-3)).all()
+
+
+@given(fingers, seeds, bounds)
+@few
+def test_tasks_with_corners_need_what_the_hardest_corner_needs(
+    count: int, seed: int, bound: Any
+) -> None:
+    contacts = grasps.random_grasp(count, seed, soft=True)
+    rng = np.random.default_rng(seed)
+    corners = rng.normal(size=(3, 6))
+    found = grip_force(contacts, Wrenches(corners), bound=bound)
+    each = [grip_force(contacts, corner, bound=bound).upper for corner in corners]
+    assert found.upper == max(each)
+    # A curved border goes through the hull: a small ball about the corners.
+    rounded = Wrenches(corners) + Ellipsoid(1e-9 * np.eye(6))
+    assert grip_force(contacts, rounded, bound=bound).upper == pytest.approx(max(each), rel=3e-3)
+
+
+def test_an_uncertain_centre_of_mass_needs_more() -> None:
+    contacts = closed_grasps(3, 10, 4, soft=True)
+    forces = [
+        grip_force(contacts, Weight(center_radius=radius)).upper for radius in (0.0, 0.05, 0.2)
+    ]
+    assert (forces[0] < forces[1]).all()
+    assert (forces[1] < forces[2]).all()
+    about = Weight(center_radius=0.1)
+    check_proof(contacts, grip_force(contacts, about), about, rtol=RTOL)
+    # Moving the centre by the radius is one of the cases.
+    shifted = moved(contacts, [0.0, 0.12, 0.16])
+    assert (grip_force(shifted, Weight()).lower <= forces[2]).all()
+
+
+# Degenerate contacts
+
+
+def test_fingers_below_carry_weight_without_force_closure() -> None:
+    angles = np.radians([0.0, 120.0, 240.0])
+    points = np.stack([np.cos(angles), np.sin(angles), np.full(3, -0.5)], axis=1)
+    contacts = Contacts(points, np.tile([0.0, 0.0, 1.0], (3, 1)), 0.5)
+    assert not force_closure(contacts).closed
+    down = grip_force(contacts, Weight(1.0, direction=(0.0, 0.0, -1.0)))
+    assert down.upper == pytest.approx(GRAVITY / 3.0, rel=1e-3)
+    tipped = Weight(1.0, direction=(0.0, 0.0, -1.0), within=math.radians(10.0))
+    found = grip_force(contacts, tipped)
+    assert found.finite
+    assert found.upper > down.upper
+    check_proof(contacts, found, tipped, rtol=RTOL)
+    anywhere = grip_force(contacts, Weight(1.0))
+    assert anywhere.upper == math.inf
+    assert anywhere.resistance == Resistance.NO_PUSH
+    steep = Weight(1.0, direction=(0.0, 0.0, -1.0), within=math.radians(40.0))
+    assert grip_force(contacts, steep).upper == math.inf
+
+
+@pytest.mark.parametrize("name", list(grasps.REGULAR_SHAPES))
+@pytest.mark.parametrize("noise", [0.0, 1e-14, 1e-9, 1e-4])
+def test_regular_grasps(name: str, noise: float) -> None:
+    contacts = grasps.regular_on_ball(name, torsion_radius=0.2)
+    rng = np.random.default_rng(0)
+    points = contacts.points + noise * rng.normal(size=contacts.points.shape)
+    nearly = Contacts(points, contacts.normals, contacts.friction, contacts.torsion_radius)
+    found = grip_force(nearly, NEWTON)
+    assert found.upper - found.lower <= 1.01e-3 * found.upper
+    exact = grip_force(contacts, NEWTON).upper
+    assert found.upper == pytest.approx(exact, rel=2e-3 + 10.0 * noise)
+    check_proof(nearly, found, NEWTON, rtol=RTOL)
+
+
+def test_contacts_at_one_point_and_on_a_line() -> None:
+    together = Contacts([[0.0, 0.0, 1.0]] * 3, [[0, 0, -1], [0, 1, 0], [1, 0, 0]], 0.5)
+    found = grip_force(together, [0.0, 0.0, 1.0, 0.0, 0.0, 0.5])
+    assert (found.rank, found.resistance) == (3, Resistance.NO_SUCH_WRENCH)
+    on_line = grip_force(grasps.LINE, [0.0, -0.1, 0.0, 0.0, 0.0, 0.0])
+    assert on_line.finite
+    check_proof(grasps.LINE, on_line)
+
+
+def test_no_wrench_needs_no_force() -> None:
+    found = grip_force(opposed(), np.zeros(6))
+    assert found.lower == found.upper == 0.0
+    assert (found.certificate.forces == 0.0).all()
+
+
+def test_fingers_without_friction_only_push() -> None:
+    contacts = opposed(friction=0.0, torsion=0.0)
+    assert grip_force(contacts, [0.0, 0.0, -1.0, 0.0, 0.0, 0.0]).upper == math.inf
+    assert grip_force(contacts, [3.0, 0.0, 0.0, 0.0, 0.0, 0.0]).upper == pytest.approx(3.0)
+
+
+def test_far_contacts_and_small_ones_give_the_same_proofs() -> None:
+    contacts = moved(opposed(), [1e3, 2e3, 0.0])
+    assert grip_force(contacts, NEWTON).upper > 1e4
+    tiny = opposed(width=1e-7, torsion=1e-8)
+    assert grip_force(tiny, NEWTON).upper == pytest.approx(math.sqrt(2.0), rel=2e-3)
+
+
+def test_batches_and_masses() -> None:
+    contacts = closed_grasps(3, 12, 2, soft=True)
+    count = len(contacts.points)
+    masses = np.linspace(0.1, 2.0, count)
+    found = grip_force(contacts, Weight(), masses=masses)
+    each = [grip_force(grasps.one(contacts, g), Weight(m)).upper for g, m in enumerate(masses)]
+    assert found.upper == pytest.approx(each, rel=2e-3)
+    assert grip_force(contacts, Weight(), threads=2).upper == pytest.approx(
+        grip_force(contacts, Weight(), threads=1).upper, rel=0.0
+    )
+    shaped = contacts.take(np.arange(4)).reshape((2, 2))
+    assert grip_force(shaped, Weight()).certificate.forces.shape == (2, 2, 3, 4)
+
+
+# Bad input
+
+
+@pytest.mark.parametrize("wrench", [[1.0, 2.0], [math.nan] * 6, "weight", [[1.0] * 6] * 3])
+def test_wrenches_that_are_none(wrench: Any) -> None:
+    with pytest.raises(ContactError):
+        grip_force(opposed(), wrench)
+
+
+@pytest.mark.parametrize("options", [
+    {"bound": "force"}, {"rtol": 0.0}, {"rtol": 2.0}, {"masses": -1.0}, {"masses": [1.0, 2.0]},
+    {"edges": 2}, {"threads": 0},
+])  # fmt: skip
+def test_settings_outside_their_range(options: dict[str, Any]) -> None:
+    with pytest.raises(SettingError):
+        grip_force(opposed(), Weight(), **options)

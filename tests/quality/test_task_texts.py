@@ -1,0 +1,175 @@
+"""Tasks as texts and files."""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grasp3d.errors import SettingError
+from grasp3d.quality import Acceleration, Ellipsoid, Task, Weight, Wrenches, parse_task
+from grasp3d.quality.task_texts import check_task_text, inline_files
+from grasp3d.quality.wrench_files import COLUMNS, LARGEST_FILE, MAX_WRENCHES, read_wrenches
+
+DOWN = (0.0, 0.0, -1.0)
+NUMBERS = st.floats(-1e6, 1e6)
+ROWS = st.lists(st.tuples(*[NUMBERS] * 6), min_size=1, max_size=5)
+
+
+@pytest.mark.parametrize(
+    ("text", "task"),
+    [
+        ("weight", Weight(0.5, 0.01)),
+        (" weight ", Weight(0.5, 0.01)),
+        ("weight within 30 of -z", Weight(0.5, 0.01, DOWN, math.radians(30))),
+        ("weight within 30 degrees of -z", Weight(0.5, 0.01, DOWN, math.radians(30))),
+        ("weight within 30deg of 0,0,-2", Weight(0.5, 0.01, DOWN, math.radians(30))),
+        ("weight within 30° of -z", Weight(0.5, 0.01, DOWN, math.radians(30))),
+        ("weight within 0 of x", Weight(0.5, 0.01, (1.0, 0.0, 0.0))),
+        ("weight within 90 of +y", Weight(0.5, 0.01, (0.0, 1.0, 0.0), math.pi / 2)),
+        ("acceleration 5", Acceleration(0.5, 0.01, 5.0)),
+        ("acceleration 5 m/s^2", Acceleration(0.5, 0.01, 5.0)),
+        ("acceleration 0", Acceleration(0.5, 0.01, 0.0)),
+        ("weight + acceleration 5", Weight(0.5, 0.01) + Acceleration(0.5, 0.01, 5.0)),
+        ("wrench 0,0,-5,0,0,0.1", Wrenches([[0, 0, -5, 0, 0, 100]])),
+        ("wrench 1e+1, 0, 0, 0, 0, 0", Wrenches([[10, 0, 0, 0, 0, 0]])),
+        ("wrench 1,0,0,0,0,0; 0,1,0,0,0,0", Wrenches(np.eye(6)[:2])),
+        ("ellipsoid 1,0,0,0,0,0; 0,1,0,0,0,0", Ellipsoid(np.eye(6)[:2])),
+    ],
+)
+def test_texts_are_tasks(text: str, task: Task) -> None:
+    assert check_task_text(text) == text.strip()
+    assert parse_task(text, mass=0.5, center_radius=0.01, metres_per_unit=0.001) == task
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z", "-x", "-y", "-z"])
+def test_gravity_acts_along_its_axis(axis: str) -> None:
+    direction = np.zeros(6)
+    direction["xyz".index(axis[-1])] = -1.0 if axis[0] == "-" else 1.0
+    support = parse_task(f"weight within 0 of {axis}").support([direction, -direction])
+    np.testing.assert_allclose(support, [9.80665, -9.80665], rtol=1e-14)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("", "no task is called ''"),
+        ("wieght", "no task is called 'wieght'; known: weight, weight within"),
+        ("Weight", "no task is called 'Weight'"),
+        ("weight +", r"no task is called 'weight \+'|write 'weight'"),
+        ("weight + ", r"write 'weight'"),
+        ("weight 5", "write 'weight', or 'weight within DEGREES of AXIS'"),
+        ("weight within 30", "write 'weight', or"),
+        ("weight within 91 of z", "the angle must be from 0 to 90 degrees"),
+        ("weight within -1 of z", "the angle must be from 0 to 90 degrees"),
+        ("weight within nan of z", "the angle in degrees as 1 finite number"),
+        ("weight within half of z", "the angle in degrees as 1 finite number; got 'half'"),
+        ("weight within 30 of up", "the axis x, y, z, -x, -y or -z, or 3 finite numbers; got 'up'"),
+        ("weight within 30 of 0,0,0", "the axis has no direction"),
+        ("weight within 30 of 0,inf,0", "3 finite numbers"),
+        ("acceleration", "the acceleration in m/s.2 as 1 finite number; got ''"),
+        ("acceleration -5", "the acceleration must be at least 0"),
+        ("acceleration inf", "1 finite number"),
+        ("wrench 0,0,-5", r"force \[N\] and torque \[N m\] as 6 finite numbers; got '0,0,-5'"),
+        ("wrench 0,0,-5,0,0,nan", "6 finite numbers"),
+        ("wrench", "6 finite numbers"),
+        ("ellipsoid", "6 finite numbers"),
+        ("none.csv", r"none\.csv: cannot be read \(No such file or directory\)"),
+        ("ellipsoid none.csv", r"none\.csv: cannot be read"),
+    ],
+)
+def test_each_mistake_is_one_sentence(text: str, words: str) -> None:
+    with pytest.raises(SettingError, match=words) as error:
+        parse_task(text)
+    assert "\n" not in str(error.value)
+
+
+def test_too_many_wrenches_are_refused(tmp_path: Path) -> None:
+    row = "1,0,0,0,0,0"
+    text = "wrench " + ";".join([row] * (MAX_WRENCHES + 1))
+    with pytest.raises(SettingError, match="at most 200 wrenches; got 201"):
+        check_task_text(text)
+    path = tmp_path / "many.csv"
+    path.write_text("\n".join([row] * (MAX_WRENCHES + 1)))
+    with pytest.raises(SettingError, match=r"many\.csv: must hold from 1 to 200 wrenches"):
+        read_wrenches(path)
+    half = tmp_path / "half.csv"
+    half.write_text("\n".join([row] * (MAX_WRENCHES // 2 + 1)))
+    assert check_task_text(f"{half} + {half}")
+    with pytest.raises(SettingError, match="at most 200 wrenches; got 202"):
+        parse_task(f"{half} + {half}")
+    path.write_text("#" * (LARGEST_FILE + 1))
+    with pytest.raises(SettingError, match=r"many\.csv: is too large"):
+        read_wrenches(path)
+
+
+def test_only_torques_need_the_unit() -> None:
+    assert parse_task("weight + wrench 1,0,0,0,0,0").mass == 1.0
+    with pytest.raises(SettingError, match=r"unit of mug\.stl is not known.*--unit"):
+        parse_task("wrench 1,0,0,0,0,0.1", source="mug.stl")
+
+
+@given(rows=ROWS, metres=st.sampled_from([1.0, 0.01, 0.001, 0.0254]))
+def test_torques_are_converted_to_the_unit(rows: list[tuple[float, ...]], metres: float) -> None:
+    text = "wrench " + "; ".join(",".join(map(repr, row)) for row in rows)
+    task = parse_task(text, metres_per_unit=metres)
+    assert isinstance(task, Wrenches)
+    found = np.array(task.wrenches)
+    np.testing.assert_allclose(found * [1, 1, 1, metres, metres, metres], rows, rtol=1e-14)
+
+
+@given(rows=ROWS)
+def test_files_and_texts_are_the_same(
+    tmp_path_factory: pytest.TempPathFactory, rows: list[tuple[float, ...]]
+) -> None:
+    path = tmp_path_factory.mktemp("tasks") / "pushes.csv"
+    path.write_text("\n".join(",".join(map(repr, row)) for row in rows))
+    for text in (str(path), f"ellipsoid {path}", f"weight + {path}"):
+        inline = inline_files(text)
+        assert "csv" not in inline
+        assert inline_files(inline) == inline
+        assert parse_task(inline, metres_per_unit=1.0) == parse_task(text, metres_per_unit=1.0)
+
+
+@pytest.mark.parametrize("start", ["", "fx,fy,fz,tx,ty,tz\n", "# pushes\n\nFX, FY,fz,tx,ty,tz\n"])
+def test_a_first_line_of_names_is_optional(tmp_path: Path, start: str) -> None:
+    path = tmp_path / "pushes.csv"
+    path.write_text(f"{start}5,0,0,0,0,0\n\n# a comment\n0, 5, 0, 0, 0, 0.1\r\n", "utf-8-sig")
+    assert read_wrenches(path) == ((5, 0, 0, 0, 0, 0), (0, 5, 0, 0, 0, 0.1))
+
+
+@pytest.mark.parametrize(
+    ("content", "words"),
+    [
+        (b"1,2,3,4,5\n", "line 1 has 5 columns; a wrench has six, fx, fy, fz, tx, ty, tz"),
+        (b"fx,fy,fz,tx,ty\n1,2,3,4,5\n", "line 1 has 5 columns"),
+        (b"1,2,3,4,5,6\n1,2,3,4,5,6,7\n", "line 2 has 7 columns"),
+        (b"1;2;3;4;5;6\n", "line 1 has 1 columns"),
+        (b"a,b,c,d,e,f\n1,2,3,4,5,6\n", "line 1 must be six numbers"),
+        (b"1,2,3,4,5,\n", "line 1 must be six numbers"),
+        (b"1,2,3,4,5,nan\n", "line 1 has a number that is not finite"),
+        (b"1,2,3,4,5,6\nfx,fy,fz,tx,ty,tz\n", "line 2 must be six numbers"),
+        (b"", "must hold from 1 to 200 wrenches, one a line; got 0"),
+        (b"fx,fy,fz,tx,ty,tz\n", "got 0"),
+        (b"\xff\xfe\x00", "is not a text file of wrenches"),
+        (b'"1,2,3,4,5,6\n', "line 1 has 1 columns"),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path: Path, content: bytes, words: str) -> None:
+    path = tmp_path / "pushes.csv"
+    path.write_bytes(content)
+    with pytest.raises(SettingError, match=f"pushes.csv: .*{words}") as error:
+        parse_task(str(path), metres_per_unit=1.0)
+    assert "\n" not in str(error.value)
+
+
+def test_a_folder_is_no_file_of_wrenches(tmp_path: Path) -> None:
+    (tmp_path / "pushes.csv").mkdir()
+    with pytest.raises(SettingError, match=r"pushes\.csv: cannot be read"):
+        read_wrenches(tmp_path / "pushes.csv")
+
+
+def test_the_columns_are_force_and_torque() -> None:
+    assert COLUMNS == ("fx", "fy", "fz", "tx", "ty", "tz")
