@@ -12,7 +12,14 @@ from numbers import Integral
 from typing import Annotated, Any, Literal, get_args
 
 from grasp3d.errors import SettingError
-from grasp3d.lengths import Length, LengthSettings, Unit, comparable, describe_length
+from grasp3d.lengths import (
+    Length,
+    LengthSettings,
+    Position,
+    Unit,
+    comparable,
+    describe_length,
+)
 
 ANGLE = "angle"
 Radians = Annotated[float, ANGLE]
@@ -279,6 +286,8 @@ class MeshOptions(LengthSettings):
             normal at a surface point is the average over the surface within this distance along it,
             as a soft fingertip touches an area; at most half of the object's size. 0: the normal at
             the point alone.
+        center_of_mass: Centre of mass of the object in the mesh's frame, three lengths with commas:
+            10mm,0,-2.5mm. none: that of a uniform density, or, if the mesh is open, of its surface.
         max_memory: Memory that reading and labelling one mesh may take [GB]; files that need more
             are refused before they are processed.
 
@@ -298,6 +307,7 @@ class MeshOptions(LengthSettings):
     crease_angle: Radians = 30.0 * DEGREE
     repair: Repair = "safe"
     patch_radius: Length[float] = Length(0.0)
+    center_of_mass: Position = Position()
     max_memory: float = 2.0
 
     def __post_init__(self) -> None:

@@ -5,6 +5,7 @@ import dataclasses
 import inspect
 import math
 import textwrap
+from collections.abc import Callable
 from pathlib import Path
 from types import NoneType
 from typing import (
@@ -24,7 +25,10 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.gripper.reach_settings import ReachSettings
-from grasp3d.lengths import Length, parse_length
+from grasp3d.lengths import Length, Position, parse_length
+from grasp3d.loads import Load, TaskField
+from grasp3d.quality.task_texts import inline_files
+from grasp3d.quantities import Quantity
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -32,6 +36,7 @@ _NONE = "none"
 _METAVARS = {
     "max_memory": "GB", "worker_memory": f"GB|{_NONE}", "timeout": f"SECONDS|{_NONE}",
     "width": "PIXELS", "height": "PIXELS", "scheduler": "ADDRESS|FILE",
+    "mass": f"MASS|{_NONE}", "density": f"DENSITY|{_NONE}", "grip_force": f"FORCE|{_NONE}",
 }  # fmt: skip
 """Placeholders of the values of some settings; others have one by their type."""
 
@@ -74,6 +79,34 @@ def _length(*, optional: bool) -> tyro.constructors.PrimitiveConstructorSpec[Any
         is_instance=lambda value: value is None or isinstance(value, float | str),
         str_from_instance=lambda value: [_NONE if value is None else f"{value:g}"],
     )
+
+
+def _text(
+    metavar: str, check: Callable[[str], Any] = str, *, optional: bool = True
+) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
+    """Return the parser of a text that the settings parse themselves, or of `none`."""
+    return tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar=metavar,
+        instance_from_str=lambda words: (
+            None if optional and words[0].lower() == _NONE else check(words[0])
+        ),
+        is_instance=lambda _value: True,
+        str_from_instance=lambda value: [_NONE if value is None else str(value)],
+    )
+
+
+_TEXT_FIELDS = (Length, Position, Quantity, TaskField)
+"""Kinds of fields that take texts."""
+
+_POSITION = _text(f"X,Y,Z|{_NONE}")
+"""Parser of a point."""
+
+_QUANTITY = _text(f"NUMBER|{_NONE}")
+"""Parser of a mass, density or force."""
+
+_TASK = _text("TASK", inline_files, optional=False)
+"""Parser of a task: the wrenches of its files are read."""
 
 
 def optional_number(
@@ -158,12 +191,16 @@ def _options_of(settings: type) -> Any:
             ),
         },
     )
+    for name, _, _ in fields:  # the defaults would hide what parses texts
+        if isinstance(inspect.getattr_static(settings, name), _TEXT_FIELDS):
+            delattr(options, name)
     return Annotated[settings, tyro.conf.arg(constructor=options)]
 
 
 def _value_type(hint: Any) -> Any:
-    """Return the type of a field's values: those of a length are numbers, texts or none."""
-    return float | str | None if get_origin(hint) is Length else hint
+    """Return the type of a field's values: of those that parse texts numbers, texts or none."""
+    texts = get_origin(hint) in {Length, Quantity} or hint in {Position, TaskField}
+    return float | str | None if texts else hint
 
 
 def _default_text(default: object) -> str | None:
@@ -179,6 +216,9 @@ def _parser(hint: Any) -> tuple[Any, ...]:
         return (_GRIPPER,)
     if get_origin(hint) is Length:
         return (_length(optional=NoneType in get_args(get_args(hint)[0])),)
+    for kind, parser in ((Position, _POSITION), (Quantity, _QUANTITY), (TaskField, _TASK)):
+        if kind in {hint, get_origin(hint)}:
+            return (parser,)
     return tuple(optional_number(number) for number in (int, float) if hint == number | None)
 
 
@@ -302,6 +342,7 @@ if TYPE_CHECKING:
     SamplingOptions = Sampling
     SurfaceOptions = MeshOptions
     ReachOptions = ReachSettings
+    LoadOptions = Load
     ClusterOptions = ClusterSettings
     ViewOptions = ViewSettings
 else:
@@ -309,5 +350,6 @@ else:
     SamplingOptions = _options_of(Sampling)
     SurfaceOptions = _options_of(MeshOptions)
     ReachOptions = _options_of(ReachSettings)
+    LoadOptions = _options_of(Load)
     ClusterOptions = _options_of(ClusterSettings)
     ViewOptions = _options_of(ViewSettings)

@@ -13,7 +13,7 @@ from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.lengths import Unit
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins
-from grasp3d.mesh.repair import RepairStep
+from grasp3d.mesh.repair import RepairStep, Solids
 from grasp3d.settings import MeshOptions
 
 
@@ -37,7 +37,7 @@ class MeshReport:
     closed: bool
     """Whether the faces bound a volume: equally many run along every edge in both directions."""
     center_mass_from: str
-    """'volume' (uniform density) or, if the mesh is open, 'surface'."""
+    """'volume' (uniform density) or, if the mesh is open, 'surface'; 'given', or 'densities'."""
     repairs: tuple[RepairStep, ...]
     """What was changed; one sentence each as text."""
     warnings: tuple[str, ...]
@@ -75,12 +75,15 @@ class ObjectMesh:
     size: float
     """Diameter of the ball about `center` around the surface: unit of the normalised frame."""
     center_mass: Floats
-    """Centre of mass at uniform density, shape (3,)."""
+    """Centre of mass, at uniform density unless it is given, shape (3,)."""
     volume: float
     """Enclosed volume; nan if the surface is open."""
     options: MeshOptions
     """How the mesh was read and prepared."""
     report: MeshReport
+    solids: Solids | None = None
+    """The file's closed bodies in the normalised frame, before those that touch are united; None:
+    there are too many to give each a density."""
 
     __repr__ = short_repr
 

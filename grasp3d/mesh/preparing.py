@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.costs import check_cost
-from grasp3d.errors import MeshError
+from grasp3d.errors import MeshError, SettingError
 from grasp3d.lengths import Unit
 from grasp3d.mesh.measures import face_areas, rounding_of, signed_volumes
 from grasp3d.mesh.mesh_sources import GivenMesh, MeshSource, read_source
@@ -16,7 +16,7 @@ from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
 from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.patches import fingertip_normals
 from grasp3d.mesh.refinement import refine, refined_faces
-from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, repair_surface
+from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, Solids, repair_surface
 from grasp3d.mesh.units import impossible_size, unit_warning
 from grasp3d.mesh.work_bounds import bounds_of, cell_counts
 from grasp3d.reading import RawMesh, check_finite
@@ -38,6 +38,12 @@ TINY = float(np.finfo(np.float64).tiny)
 MANY = 1e15
 """Upper bound of estimated face counts, so that they fit an integer."""
 
+OUTSIDE = 1e-6
+"""Distance from the bounding box, as a fraction of the size, from which a point is outside it."""
+
+FAR = 100.0
+"""Distance of a centre of mass from the object, in its sizes, that cannot be meant."""
+
 FLAT_VOLUME = 1e-9
 """Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
 
@@ -55,7 +61,7 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
             without removing vertices that were added to divide edges.
         options: How the mesh is read and prepared; None: the defaults.
         fields: Fields of `MeshOptions` that differ from `options`: unit, max_edge, crease_angle,
-            repair, patch_radius, max_memory.
+            repair, patch_radius, center_of_mass, max_memory.
 
     Returns:
         The mesh, with a report of what was read, repaired and doubtful in `report`. Positions are
@@ -146,7 +152,8 @@ def refined_mesh(
 
     Raises:
         MeshError: It would become too large.
-        SettingError: A length has a unit, but that of the mesh is not known.
+        SettingError: A length has a unit, but that of the mesh is not known; or the centre of mass
+            is far away.
     """
     begin_step("refining the mesh")
     unit = options.unit or raw.unit
@@ -165,6 +172,10 @@ def refined_mesh(
     new = refined.vertices[len(points) :] * size + center
     vertices = np.concatenate([surface.vertices, new])
     center_mass, volume = _mass(points, surface)
+    given = options.center_of_mass is not None
+    if given:
+        center_mass = (np.array(options.center_of_mass) - center) / size
+        _check_center(center_mass, where)
     report = MeshReport(
         source=name,
         format=raw.format,
@@ -175,10 +186,11 @@ def refined_mesh(
         faces=len(refined.faces),
         bodies=surface.bodies,
         closed=surface.closed,
-        center_mass_from="surface" if math.isnan(volume) else "volume",
+        center_mass_from="given" if given else "surface" if math.isnan(volume) else "volume",
         repairs=surface.steps,
         warnings=(
-            *_warnings(surface, volume, size, unit, raw),
+            *_warnings(surface, volume, size, unit, raw, given=given),
+            *(_center_warnings(points[surface.faces].reshape(-1, 3), center_mass) if given else ()),
             *surface.warnings,
             *patch_warnings,
         ),
@@ -201,6 +213,7 @@ def refined_mesh(
         volume=volume * size**3,
         options=options,
         report=report,
+        solids=_normalized(surface.solids, center, size),
     )
 
 
@@ -266,23 +279,55 @@ def _mass(points: Floats, surface: RepairedSurface) -> tuple[Floats, float]:
     return np.zeros(3), math.nan
 
 
+def _check_center(center_mass: Floats, where: str) -> None:
+    """Refuse a centre of mass, in the normalised frame, that cannot be meant."""
+    away = float(np.linalg.norm(center_mass))
+    if not away <= FAR:
+        raise SettingError(
+            f"center_of_mass is {away:.3g} times the object's size away from {where}: give it in "
+            "the mesh's frame, with its unit if that is another one (10mm,0,-2mm)"
+        )
+
+
+def _center_warnings(points: Floats, center_mass: Floats) -> tuple[str, ...]:
+    """A warning if the centre of mass is outside the box around the surface's points (n, 3)."""
+    low, high = points.min(axis=0), points.max(axis=0)
+    beyond = float(np.maximum(low - center_mass, center_mass - high).max())
+    if beyond <= OUTSIDE:
+        return ()
+    warning = (
+        f"the centre of mass is outside the object's bounding box by {beyond:.3g} of its size: is "
+        "it in the mesh's unit and frame?"
+    )
+    return (warning,)
+
+
+def _normalized(solids: Solids | None, center: Floats, size: float) -> Solids | None:
+    """Solids in the normalised frame."""
+    if solids is None:
+        return None
+    return Solids(locked(solids.volumes / size**3), locked((solids.centers - center) / size))
+
+
 def _warnings(
     surface: RepairedSurface,
     volume: float,
     size: float,
     unit: Unit | None,
     raw: RawMesh,
+    *,
+    given: bool,
 ) -> tuple[str, ...]:
+    """What may make the labels wrong; `given`: whether the centre of mass is."""
     warnings = []
     if not surface.closed:
         warnings.append(
-            "the surface is open: inside and outside are taken from the winding of its faces, "
-            "and the centre of mass from the surface"
+            "the surface is open: inside and outside are taken from the winding of its faces"
+            f"{'' if given else ', and the centre of mass from the surface'}"
         )
     if surface.closed and math.isnan(volume):
-        warnings.append(
-            "the surface is closed but encloses no volume; the centre of mass is the surface's"
-        )
+        center = "" if given else "; the centre of mass is the surface's"
+        warnings.append(f"the surface is closed but encloses no volume{center}")
     if raw.unit not in {None, unit}:
         warnings.append(f"the mesh states the unit {raw.unit}, but {unit} was requested")
     if raw.unknown_unit and unit is None:

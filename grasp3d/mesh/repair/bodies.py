@@ -7,9 +7,10 @@ import numpy as np
 from scipy.spatial import ConvexHull, QhullError, cKDTree
 
 from grasp3d.arrays import Bools, Floats, Ints, unit_rows
-from grasp3d.mesh.measures import edges_of, face_areas, part_volumes, parts_of
+from grasp3d.mesh.measures import edges_of, face_areas, mass_center, part_volumes, parts_of
 from grasp3d.mesh.repair.cleaning import sheets_of
 from grasp3d.mesh.repair.nesting import boxes_of, nested
+from grasp3d.mesh.repair.records import Solids
 from grasp3d.mesh.work_bounds import BODY_COPIES, pairs_in_cells
 
 CLEAR_VOTE = 0.5
@@ -143,6 +144,24 @@ class Bodies:
         smallest_last = np.argsort(-self.volumes[outer], kind="stable")
         owner[inner[smallest_last]] = outer[smallest_last]
         return owner
+
+    def solids(self) -> Solids | None:
+        """Volumes and centres of the closed bodies, with their cavities, by first vertex.
+
+        None: a body's cavities are larger than the body.
+        """
+        owner = self.owners()
+        first = np.full(self.count, int(self.faces.max()) + 1)
+        np.minimum.at(first, self.body, self.faces.min(axis=1))
+        found = np.unique(owner[owner >= 0])
+        found = found[np.argsort(first[found], kind="stable")]
+        volumes, centers = np.zeros(len(found)), np.zeros((len(found), 3))
+        for row, solid in enumerate(found.tolist()):
+            if not self.volumes[owner == solid].sum() > 0.0:
+                return None
+            faces = self.faces[owner[self.body] == solid]
+            volumes[row], centers[row] = mass_center(self.points, faces)
+        return Solids(volumes, centers)
 
     def copies(self, distance: float) -> dict[int, tuple[Ints, Ints]]:
         """Find copies of earlier bodies, vertex by vertex within a distance, in either winding.

@@ -22,6 +22,21 @@ class RepairStep:
 
 
 @dataclass(frozen=True, eq=False)
+class Solids:
+    """The closed bodies of a surface before those that overlap or touch are united.
+
+    In the order of their first vertices. Cavities are parts of the bodies around them.
+    """
+
+    volumes: Floats
+    """Shape (k,)."""
+    centers: Floats
+    """Centre of mass of each at uniform density, shape (k, 3)."""
+
+    __repr__ = short_repr
+
+
+@dataclass(frozen=True, eq=False)
 class RepairedSurface:
     """A repaired surface over the given vertices."""
 
@@ -39,5 +54,7 @@ class RepairedSurface:
     """What was changed."""
     warnings: tuple[str, ...]
     """What could not be repaired, one sentence each."""
+    solids: Solids | None = None
+    """The bodies of which it was united; None: too many for densities of their own."""
 
     __repr__ = short_repr

@@ -23,6 +23,7 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
     work = Work(vertices, faces, where, apart=level != "none")
     if level == "none":
         work.leave_out_flat()
+        work.note_solids()
         done = {str(step) for step in work.steps}
         try:
             safe = repair_surface(vertices, faces, "safe", where)
@@ -46,6 +47,7 @@ def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> 
     work.turn_outward()
     if level == "full":
         work.fill_cavities()
+    work.note_solids()
     work.unite()
     work.leave_out_flat()
     return work.result()

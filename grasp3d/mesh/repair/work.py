@@ -15,11 +15,12 @@ from grasp3d.mesh.measures import (
 from grasp3d.mesh.repair.bodies import TOUCH, Bodies
 from grasp3d.mesh.repair.cleaning import is_face, is_first, without_mirrored
 from grasp3d.mesh.repair.holes import SMALL, close_holes, holes_of
-from grasp3d.mesh.repair.records import RepairedSurface, RepairStep
+from grasp3d.mesh.repair.records import RepairedSurface, RepairStep, Solids
 from grasp3d.mesh.repair.union import unite
 from grasp3d.mesh.repair.walls import without_inner_walls
 from grasp3d.mesh.repair.welding import first_of_body, first_of_linked, weld_nearby
 from grasp3d.mesh.repair.winding import disagreeing
+from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.system.counts import counted, noun
 
 MOST_ROUNDING = 1e-6
@@ -29,6 +30,9 @@ SMALL_HOLES = 0.01
 """Small holes are closed if the faces that close them add at most this fraction to the area."""
 
 FLAT = "left out: no area"
+
+MOST_SOLIDS = 64
+"""Most bodies of an object of which volumes and centres are recorded, to give each a density."""
 
 
 class Work:
@@ -50,6 +54,7 @@ class Work:
         self.points = (vertices - self.center) / self.size
         self.rounding = min(rounding_of(vertices) / self.size, MOST_ROUNDING)
         self._cached_bodies: Bodies | None = None
+        self.solids: Solids | None = None
 
     def _bodies(self) -> Bodies:
         """Bodies of the current faces."""
@@ -169,6 +174,19 @@ class Work:
             self.faces = self.faces[~cavity[bodies.body]]
         self._note("solid", int(cavity.sum()), "sealed cavities", "filled")
 
+    def note_solids(self) -> None:
+        """Record the volumes and centres of the closed bodies, before they are united."""
+        bodies = self._bodies()
+        if bodies.count > MOST_SOLIDS:
+            return
+        try:
+            solids = bodies.solids()
+        except WorkBoundError:  # a mesh without densities is not refused for it
+            return
+        if solids is not None:
+            volumes, centers = solids.volumes * self.size**3, solids.centers * self.size
+            self.solids = Solids(volumes, centers + self.center)
+
     def unite(self) -> None:
         """Unite the bodies that overlap or touch."""
         walls = without_inner_walls(self.points, self.faces, self.rounding)
@@ -210,4 +228,5 @@ class Work:
             bodies=int(parts_of(canonical[self.faces]).max()) + 1,
             steps=tuple(self.steps),
             warnings=tuple(self.warnings),
+            solids=self.solids,
         )

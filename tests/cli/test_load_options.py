@@ -1,0 +1,169 @@
+"""`--mass`, `--density`, `--grip-force`, `--task` and the centre of mass on the command line."""
+
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.identity import settings_key
+from grasp3d.loads import Load
+from grasp3d.stored_settings import stored_settings
+from grasp3d.viewer.subjects.labelled_file import settings_of_file
+from tests.helpers import shapes
+from tests.helpers.commands import run_here
+
+COMMAND = Path(sys.executable).with_name("grasp3d")
+COMMANDS = ("label", "evaluate", "batch", "view")
+OPTIONS = (
+    "--mass", "--density", "--grip-force", "--task", "--center-of-mass",
+    "--center-of-mass-radius",
+)  # fmt: skip
+COARSE = ("--max-edge", "10", "--rays", "8")
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a box of 40 x 30 x 20, one that is open, and files of wrenches."""
+    folder = tmp_path_factory.mktemp("loads")
+    vertices, faces = shapes.box((40.0, 30.0, 20.0))
+    trimesh.Trimesh(vertices, faces, process=False).export(folder / "box.stl")
+    trimesh.Trimesh(vertices, faces[:-2], process=False).export(folder / "open.stl")
+    (folder / "pushes.csv").write_text("fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n")
+    (folder / "five.csv").write_text("5,0,0,0,0\n")
+    return folder
+
+
+def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """The command line in a process of its own."""
+    return subprocess.run([COMMAND, *words], cwd=cwd, capture_output=True, text=True, check=False)
+
+
+QUICK = [
+    (("--mass", "-0.5kg"), "mass must be finite and above 0 [kg]; got -0.5kg"),
+    (("--task", "five.csv"), "five.csv: line 1 has 5 columns; a wrench has six"),
+    (("--mass", "1", "--density", "9"), "mass and density exclude each other"),
+    (("--task", "wieght"), "no task is called 'wieght'; known: weight"),
+    (("--center-of-mass", "1,2"), "center_of_mass must be three finite lengths"),
+]
+"""Refused before the mesh is read."""
+
+OF_THE_MESH = [
+    (("--mass", "0.5kg"), "open.stl", "is open, so its centre of mass is not known"),
+    (("--unit", "mm", "--density", "1000"), "open.stl", "is open, so a density gives no mass"),
+    (("--task", "pushes.csv"), "box.stl", "torques of the task are in N m, but the unit of box"),
+    (("--density", "1000"), "box.stl", "density is in kg/m^3, but the unit of box.stl"),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("words", "message"), QUICK)
+def test_bad_loads_are_one_sentence(folder: Path, words: tuple[str, ...], message: str) -> None:
+    check_refused("box.stl", words, message, folder)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("words", "mesh", "message"), OF_THE_MESH)
+def test_loads_that_the_mesh_does_not_allow_are_one_sentence(
+    folder: Path, words: tuple[str, ...], mesh: str, message: str
+) -> None:
+    check_refused(mesh, words, message, folder)
+
+
+def check_refused(mesh: str, words: tuple[str, ...], message: str, folder: Path) -> None:
+    """It ends with one sentence, and writes nothing."""
+    before = sorted(folder.iterdir())
+    found = run("label", mesh, *words, *COARSE, cwd=folder)
+    assert (found.returncode, found.stdout) == (2, "")
+    assert found.stderr.startswith("grasp3d: ")
+    assert message in found.stderr
+    assert found.stderr.count("\n") == 1
+    assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize("command", COMMANDS)
+def test_each_command_that_evaluates_grasps_takes_a_load(command: str, folder: Path) -> None:
+    text = run_here(command, "--help", cwd=folder, columns=80).stdout
+    for option in OPTIONS:
+        assert text.count(f" {option} ") == 1
+    for metavar in ("MASS|none", "DENSITY|none", "FORCE|none", "TASK ", "X,Y,Z|none"):
+        assert metavar in text
+
+
+@pytest.mark.parametrize("first", ["-5", "-5mm", "5"])
+def test_a_centre_of_mass_may_begin_with_a_minus(folder: Path, first: str) -> None:
+    words = ("--unit", "mm", "--center-of-mass", f"{first},0,2mm", "--friction", "0.5")
+    found = run_here("label", "box.stl", *words, *COARSE, "-q", "-o", "moved.ply", cwd=folder)
+    assert (found.returncode, found.stderr) == (0, "")
+    settings = settings_of_file(folder / "moved.ply")
+    assert settings is not None
+    assert settings.options.center_of_mass == (float(first.removesuffix("mm")), 0.0, 2.0)
+    assert settings.load is None
+    (folder / "moved.ply").unlink()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["ply", "npz", "glb", "parquet"])
+def test_files_hold_the_load_and_only_the_same_one_replaces_them(folder: Path, suffix: str) -> None:
+    output = f"held.{suffix}"
+    words = ("--unit", "mm", "--task", "weight + pushes.csv", "--center-of-mass", "1,0,0mm")
+    label = ("label", "box.stl", *COARSE, *words, "-q", "-o", output)
+    load = ("--mass", "300g", "--grip-force", "40N", "--center-of-mass-radius", "0.2cm")
+    for _ in range(2):
+        found = run_here(*label, *load, cwd=folder)
+        assert (found.returncode, found.stderr) == (0, "")
+    stored = stored_settings(folder / output)
+    assert stored is not None
+    assert stored["task"] == "weight + wrench 5,0,0,0,0,0.1"
+    assert stored["center_of_mass"] == "1.0,0.0,0.0"
+    for others, name in (((), "mass 0.3, not None"), (("--mass", "0.31"), "mass 0.3, not 0.31")):
+        refused = run_here(*label, *others, cwd=folder)
+        assert refused.returncode == 2
+        assert name in refused.stderr
+    if suffix == "ply":
+        settings = settings_of_file(folder / output)
+        assert settings is not None
+        assert settings.load == Load(
+            mass=0.3, grip_force=40.0, task=stored["task"], center_of_mass_radius=2.0
+        )
+    (folder / output).unlink()
+
+
+def test_the_wrenches_of_files_are_part_of_a_batch(folder: Path) -> None:
+    """A batch labels again what another load, or another file of wrenches, makes different."""
+    loads = [
+        None,
+        Load(mass=1.0),
+        Load(mass=2.0),
+        Load(density=1.0),
+        Load(density=(1.0, 2.0)),
+        Load(task="wrench 1,0,0,0,0,0"),
+        Load(task="ellipsoid 1,0,0,0,0,0"),
+        Load(grip_force=1.0),
+        Load(center_of_mass_radius=1.0),
+    ]
+    keys = [settings_key(BatchSettings(load=load)) for load in loads]
+    assert len(set(keys)) == len(keys)
+    assert settings_key(BatchSettings(load=Load(mass="1 kg"))) == keys[1]
+    file = str(folder / "own.csv")
+    for number in (1, 2):
+        Path(file).write_text(f"{number},0,0,0,0,0\n")
+        assert Load(task=file).with_files_read().task == f"wrench {number},0,0,0,0,0"
+    Path(file).unlink()
+
+
+def test_contacts_are_evaluated_about_the_centre_of_mass(folder: Path) -> None:
+    (folder / "contacts.csv").write_text("x1,y1,z1,x2,y2,z2\n0,15,0,0,-15,0\n")
+    evaluate = ("evaluate", "box.stl", "contacts.csv", "--unit", "mm", "-q", "-o")
+    found = run_here(*evaluate, "a.json", cwd=folder)
+    moved = run_here(*evaluate, "b.json", "--center-of-mass", "19,0,0", "--mass", "1", cwd=folder)
+    assert (found.stderr, moved.stderr) == ("", "")
+    one, other = (stored_settings(folder / f"{name}.json") for name in "ab")
+    assert one is not None
+    assert other is not None
+    assert float(other["torque_scale"]) > float(one["torque_scale"])
+    np.testing.assert_allclose(np.fromstring(other["center_of_mass"], sep=","), [19.0, 0.0, 0.0])
+    for name in ("a.json", "b.json", "contacts.csv"):
+        (folder / name).unlink()
