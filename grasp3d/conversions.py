@@ -12,6 +12,8 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.gripper.reaching import Reaching, reaching_settings
+from grasp3d.lengths import one_line
+from grasp3d.loads import load_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.stability.label import COLORS, Label, Mode
@@ -73,8 +75,12 @@ def labels_to_table(labels: SurfaceLabels) -> Any:
             columns |= _by_axis(f"{name}_", values, "f8")
         else:
             columns[name] = values.astype("f4")
+    for name, values in force_arrays(labels).items():
+        columns[name] = values.astype("f4") if values.dtype.kind == "f" else values
+    letters = [label.name for label in sorted(Label)]
     texts = {
-        "label": [label.name for label in sorted(Label)],
+        "label": letters,
+        "label_with_force": letters,
         "reason": [reason.name.lower() for reason in sorted(Reason)],
     }
     return table_of_arrays(columns, texts, settings=settings_of(labels))
@@ -132,7 +138,13 @@ def vertex_arrays(labels: SurfaceLabels) -> Arrays:
         "grip": labels.grip,
         "reason": labels.reason,
         **reach_arrays(labels),
+        **force_arrays(labels),
     }
+
+
+def force_arrays(labels: SurfaceLabels) -> Arrays:
+    """Arrays over the vertices of forces and payloads, see `Holding.columns`; none: no load."""
+    return {} if labels.holding is None else labels.holding.columns()
 
 
 def reach_arrays(labels: SurfaceLabels) -> Arrays:
@@ -175,6 +187,7 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
     return {
         "version": package_version(),
         **chosen_settings(mesh, labels.model, labels.sampling, labels.mode, labels.reaching),
+        **({} if labels.load is None else load_settings(labels.load)),
         "search_angle": search.cone,
         "rays_traced": search.rays,
         "candidates_evaluated": search.evaluated,
@@ -184,6 +197,7 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
         "epsilon_rtol": EPSILON_RTOL,
         "epsilon_min": labels.model.tilts,
         "epsilon_max": "sampled_tilts" if labels.model.method == "extremes" else "upper_bound",
+        **({} if labels.holding is None else labels.holding.settings()),
         "label_codes": f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)",
     }
 
@@ -195,7 +209,10 @@ def chosen_settings(
     mode: Mode,
     reaching: Reaching | None = None,
 ) -> dict[str, str | float | int | None]:
-    """Those of the settings that the user chooses, known before the mesh is labelled."""
+    """Those of the settings that the user chooses, known before the mesh is labelled.
+
+    Those of a load are `load_settings`.
+    """
     return {
         # In a header it must be one line of ASCII characters.
         "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
@@ -203,6 +220,7 @@ def chosen_settings(
         **asdict(model),
         **({} if sampling is None else asdict(sampling)),
         **asdict(mesh.options),
+        "center_of_mass": one_line(mesh.options.center_of_mass),
         "unit": mesh.unit or "unknown",
         **reaching_settings(reaching),
     }

@@ -13,6 +13,7 @@ import trimesh
 
 from grasp3d.conversions import (
     SETTING,
+    force_arrays,
     label_colors,
     labels_to_polydata,
     labels_to_table,
@@ -39,6 +40,10 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
 
     With a gripper also the approach direction `approach_x` `approach_y` `approach_z` and
     `approach_margin` (float, radians; nan where no grasp is reached).
+
+    With a load also `grip_force`, `grip_force_least`, `grip_force_largest` (float, newtons; inf
+    where no force suffices, nan where there is no grasp), `payload` (float, kg) if a force is at
+    hand, and `label_with_force` (uchar) if the mass is known, too.
 
     Args:
         path: File to make or replace.
@@ -72,6 +77,7 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         "epsilon_min": labels.epsilon_min.astype("<f4"),
         "epsilon_max": labels.epsilon_max.astype("<f4"),
         **_reach_columns(labels),
+        **_force_columns(labels),
     }
     vertices = np.empty(
         len(mesh.vertices), dtype=[(name, column.dtype) for name, column in columns.items()]
@@ -111,6 +117,14 @@ def _reach_columns(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
     approach = {f"approach_{axis}": arrays["approach"][:, k] for k, axis in enumerate("xyz")}
     columns = {**approach, "approach_margin": arrays["approach_margin"]}
     return {name: values.astype("<f4") for name, values in columns.items()}
+
+
+def _force_columns(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
+    """Columns of a labelled PLY that a load adds."""
+    return {
+        name: values.astype("<f4") if values.dtype.kind == "f" else values
+        for name, values in force_arrays(labels).items()
+    }
 
 
 def write_glb(path: str | Path, labels: SurfaceLabels) -> None:
@@ -212,7 +226,9 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     ... (double) and outward `partner_2_nx` ... (nan where there is none). Numbers are floats; nan
     and inf are kept and nothing is null. With a gripper also the axes and the origin of each pose,
     `approach_x` ..., `closing_x` ... and `tcp_x` ... (double), `approach_margin` (radians), `depth`
-    and `pregrasp_opening`. The settings are in the schema's metadata under `grasp3d` as JSON.
+    and `pregrasp_opening`. With a load also `grip_force`, `grip_force_least`, `grip_force_largest`
+    (newtons), `payload` (kg) if a force is at hand, and `label_with_force` (text) if the mass is
+    known, too. The settings are in the schema's metadata under `grasp3d` as JSON.
 
     Args:
         path: File to make or replace.

@@ -46,11 +46,12 @@ class Attempts(Generic[JobT, SettingsT, RowT]):
         kernels: int | None = None,
         *,
         gripper: bool = False,
+        forces: bool = False,
     ) -> None:
         """Start nothing yet; the arguments are those of `run`, and the client of the cluster."""
         self._preparation = None
         if kernels is not None:
-            self._preparation = pickle_call(compile_kernels, kernels, gripper)
+            self._preparation = pickle_call(compile_kernels, kernels, gripper, forces)
         self._client, self._task, self._settings = client, task, settings
         self._lost, self._cluster = lost, cluster
         self._folder = working_folder()

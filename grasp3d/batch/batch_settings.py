@@ -5,6 +5,7 @@ from dataclasses import dataclass, field, replace
 
 from grasp3d.errors import SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.loads import Load
 from grasp3d.settings import ANGLE_ROUNDING, DEGREE, GraspModel, MeshOptions, Sampling, search_cone
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
@@ -40,6 +41,7 @@ class BatchSettings:
 
     Attributes:
         reach: The gripper that must reach each grasp, and the table.
+        load: What each grasp must hold, and with which force; None: nothing.
         best: Number of best distinct grasps that the summary keeps of each mesh; 0: none.
     """
 
@@ -49,6 +51,7 @@ class BatchSettings:
     grid: FractionGrid = field(default_factory=FractionGrid)
     best: int = 5
     reach: ReachSettings = field(default_factory=ReachSettings)
+    load: Load | None = None
 
     def __post_init__(self) -> None:
         if self.best < 0:

@@ -26,6 +26,7 @@ from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
     from grasp3d.gripper.reach import Reach
+    from grasp3d.surface.holding import Holding
     from grasp3d.surface.labels import SurfaceLabels
 
 QUARTILES = (0.1, 0.25, 0.5, 0.75, 0.9)
@@ -114,12 +115,13 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
     from grasp3d.gripper.reaching import Reaching
     from grasp3d.mesh import prepare_file
+    from grasp3d.mesh.masses import loaded_mesh
     from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface
 
     clock = _lap_times()
     next(clock)
-    mesh = prepare_file(path, settings.mesh, threads=1)
+    mesh, load = loaded_mesh(prepare_file(path, settings.mesh, threads=1), settings.load)
     model = settings.model.in_unit(mesh.unit, source=mesh.report.source)
     sampling = settings.search.in_unit(mesh.unit, source=mesh.report.source)
     if not force:
@@ -129,8 +131,9 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     if allowed is not None and cost.memory > allowed:
         raise NeedsMemory(cost.memory)
     reaching = Reaching.keywords(Reaching.of(settings.reach, mesh))
-    labels = label_surface(mesh, model, sampling=sampling, threads=1, **reaching)
+    labels = label_surface(mesh, model, sampling=sampling, load=load, threads=1, **reaching)
     labels.compute_epsilon(ignore)
+    labels.compute_holding(ignore)
     labelling = next(clock)
     grasps = _best_grasps(labels, settings.best)
     _write(labels, job, grasps)
@@ -143,6 +146,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         **_surface_values(labels),
         **_angle_values(labels),
         **_verdict_values(labels),
+        **_load_values(labels),
         fractions=tuple(_grid_fractions(labels, settings)),
         grasps=grasps,
         warnings="; ".join(labels.warnings),
@@ -216,10 +220,34 @@ def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
     verdict = verdict_of(labels)
     return {
         "verdict": verdict.word,
-        "verdict_text": str(verdict),
+        "verdict_text": verdict.text,
         "stable_grasps": verdict.count,
         "spare_resolution": _finite_or_none(verdict.spare_resolution),
         "approach_margin": _finite_or_none(verdict.approach_margin),
+    }
+
+
+def _load_values(labels: "SurfaceLabels") -> dict[str, Any]:
+    """What the grasps hold; nothing without a load."""
+    from grasp3d.grasps.holding_verdict import HoldingVerdict
+    from grasp3d.loads import load_settings
+    from grasp3d.surface.held_area import held_fractions, payload_quantiles
+
+    holding = labels.holding
+    if holding is None:
+        return {}
+    verdict, fractions = HoldingVerdict.of(holding), held_fractions(labels)
+    payloads = payload_quantiles(labels, DECILES)
+    return {
+        "task": load_settings(labels.load)["task"],
+        "mass": holding.mass,
+        "grip_force_at_hand": holding.available,
+        "holds": verdict.holds,
+        "holds_text": str(verdict),
+        "held": None if fractions is None else fractions["S"],
+        "grip_force_needed": verdict.needed,
+        "payload_best": _finite_or_none(verdict.payload),
+        **({} if payloads is None else _quantiles("payload", DECILES, payloads)),
     }
 
 
@@ -271,6 +299,7 @@ def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:
             opening=float(best.opening[number]),
             points=_triples(best.contacts.points[number]),
             normals=_triples(-best.contacts.normals[number]),
+            **({} if best.holding is None else _force_values(best.holding, number)),
         )
         for number in range(best.size)
     )
@@ -283,6 +312,14 @@ def _pose_values(reach: "Reach", number: int) -> dict[str, Any]:
         "pose": tuple(pose.ravel().tolist()) if np.isfinite(pose).all() else (),
         "pregrasp_opening": _finite_or_none(float(reach.pregrasp_opening[number])),
         "approach_margin": _finite_or_none(float(reach.approach_margin[number])),
+    }
+
+
+def _force_values(holding: "Holding", number: int) -> dict[str, Any]:
+    """Grip force and payload of one grasp."""
+    return {
+        "grip_force": _finite_or_none(float(holding.grip_force_largest[number])),
+        "payload": _finite_or_none(float(holding.payload[number])),
     }
 
 

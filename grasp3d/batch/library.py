@@ -106,6 +106,8 @@ def label_library(
         ['box.ply']
     """
     settings, folder = settings or BatchSettings(), Folder(str(output))
+    if settings.load is not None:  # other machines need no files, and changed files other labels
+        settings = replace(settings, load=settings.load.with_files_read())
     if not str(output):
         raise OutputError("no folder for the results: name one")
     found = find_meshes(map(str, inputs), results=folder.url)
@@ -172,6 +174,7 @@ def _rows(
         started=lambda job: counter.start(job.mesh),
         kernels=settings.model.fingers,
         gripper=settings.reach.gripper is not None,
+        forces=settings.load is not None,
     ):
         row = _row_of(result, store.rows)
         if check_shared_folder and row.labels:

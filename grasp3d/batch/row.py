@@ -54,6 +54,10 @@ class BestGrasp:
     """Opening before the fingers close, in the mesh's unit."""
     approach_margin: float | None = None
     """How wrong the approach angle about the closing axis may be [rad]."""
+    grip_force: float | None = None
+    """Force of each finger that surely holds the load [N]; none: no load, or no force does."""
+    payload: float | None = None
+    """Mass that the force at hand surely holds [kg]; none: no load, or no force at hand."""
 
 
 @dataclass(frozen=True)
@@ -92,6 +96,27 @@ class Row:
     """Of the best grasp: alpha* - alpha [rad]; negative: a finer sensor is needed."""
     approach_margin: float | None = None
     """Of the best grasp [rad]."""
+    task: str | None = None
+    """What the grasps must resist, as text; none: there is no load."""
+    mass: float | None = None
+    """Mass of the object [kg]; none: not given."""
+    grip_force_at_hand: float | None = None
+    """Force at hand of each finger [N]; none: not given."""
+    holds: bool | None = None
+    """Whether some grasp surely holds the load with the force at hand."""
+    holds_text: str | None = None
+    """The same as a sentence, or what it would take."""
+    held: float | None = None
+    """Area fraction of the grasps that surely hold the load with the force at hand."""
+    grip_force_needed: float | None = None
+    """Smallest force of each finger that surely holds the load [N], or 1 kg where no mass is given;
+    inf: none does."""
+    payload_best: float | None = None
+    """Largest mass that a grasp surely holds with the force at hand [kg]."""
+    payload_p10: float | None = None
+    """Quantiles of the payload over the surface [kg]; 0: no grasp found."""
+    payload_p50: float | None = None
+    payload_p90: float | None = None
     labels: str = ""
     """Path of the labelled PLY below the output folder."""
     fields: str = ""

@@ -27,6 +27,7 @@ def run(
     started: Callable[[JobT], None] = _ignore_start,
     kernels: int | None = None,
     gripper: bool = False,
+    forces: bool = False,
 ) -> Iterator[RowT]:
     """Run a task for every job and yield each row when it is finished.
 
@@ -44,6 +45,7 @@ def run(
         kernels: Number of fingers for which kernels are compiled before the jobs, outside their
             limits and times; 0: only meshes are prepared; None: no job needs kernels.
         gripper: Whether those for grippers are compiled too.
+        forces: Whether those for grip forces are compiled too.
 
     Raises:
         SettingError: No cluster runs at the given address.
@@ -55,7 +57,7 @@ def run(
         return
     if cluster.workers == 0:
         if kernels is not None:
-            compile_kernels(kernels, gripper)
+            compile_kernels(kernels, gripper, forces)
         for job in chain(first, jobs):
             started(job)
             yield _run_here(task, job, settings, lost)
@@ -65,10 +67,12 @@ def run(
     from grasp3d.batch.compiling_first import compile_first
 
     if kernels is not None and cluster.scheduler is None:
-        compile_first(kernels, gripper)
+        compile_first(kernels, gripper, forces)
         kernels = None
     with open_cluster(cluster) as client:
-        attempts = Attempts(client, task, settings, lost, cluster, kernels, gripper=gripper)
+        attempts = Attempts(
+            client, task, settings, lost, cluster, kernels, gripper=gripper, forces=forces
+        )
         yield from attempts.rows(chain(first, jobs), started)
 
 

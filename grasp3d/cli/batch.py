@@ -16,6 +16,7 @@ from grasp3d.cli.options import (
     Flag,
     Force,
     Inputs,
+    LoadOptions,
     ModelOptions,
     OutputFile,
     Quiet,
@@ -27,6 +28,7 @@ from grasp3d.cli.options import (
 from grasp3d.cli.ranges import parse_resolutions
 from grasp3d.errors import SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 
@@ -83,6 +85,9 @@ class Batch:
     reach: ReachOptions = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
 
+    load: LoadOptions = field(default_factory=Load)
+    """What each grasp must hold, and the force at hand."""
+
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
@@ -100,7 +105,13 @@ class Batch:
 
         grid = FractionGrid(self.grid_friction, parse_resolutions(self.grid_sensor_resolution))
         settings = BatchSettings(
-            self.reach.touching(self.model), self.sampling, self.mesh, grid, self.best, self.reach
+            self.reach.touching(self.model),
+            self.sampling,
+            self.mesh,
+            grid,
+            self.best,
+            self.reach,
+            self.load.chosen,
         )
         with show_progress(quiet=self.quiet, log=self.log) as progress, _interrupted_once():
             try:

@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
@@ -10,6 +10,7 @@ from grasp3d.cli.options import (
     Force,
     InputFile,
     LengthOption,
+    LoadOptions,
     ModelOptions,
     OutputFile,
     Overwrite,
@@ -20,8 +21,12 @@ from grasp3d.cli.options import (
 )
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, with_fingers
 from grasp3d.system.names import safe_stem
+
+if TYPE_CHECKING:
+    from grasp3d.quality.measures.measuring import MetricValues
 
 
 @command
@@ -48,11 +53,20 @@ class Evaluate:
     max_distance: LengthOption = None
     """Largest distance of a contact from the surface (default: 1/100 of the object's size)."""
 
+    metrics: Annotated[
+        str | None, tyro.conf.arg(metavar="all|NAME,NAME", help_behavior_hint="")
+    ] = None
+    """Quality measures of the literature to compute, print and write as further columns: all, or
+    names separated by commas, such as min_weight,grasp_isotropy; an unknown name lists them."""
+
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction and sensor resolution; the number of fingers is that of a grasp's contacts."""
 
     reach: ReachOptions = field(default_factory=ReachSettings)
     """The gripper of the poses, and what the object stands on."""
+
+    load: LoadOptions = field(default_factory=Load)
+    """What each grasp must hold, and the force at hand."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
@@ -68,8 +82,11 @@ class Evaluate:
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.grasps.pose_files import holds_poses
         from grasp3d.grasps.writing import SUFFIXES
+        from grasp3d.quality.measures.known import metric_names
         from grasp3d.system.files import check_suffix
 
+        if self.metrics is not None:
+            metric_names(self.metrics)
         output = self.output or Path(f"{safe_stem(self.file.stem)}_grasps.csv")
         check_suffix(output, SUFFIXES, "table")
         poses = holds_poses(self.contacts)
@@ -105,6 +122,7 @@ class Evaluate:
         from grasp3d.grasps.writing import write_grasps
         from grasp3d.lengths import length_in_unit
         from grasp3d.mesh import prepare_file
+        from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
 
         points = read_contacts(self.contacts)
@@ -112,19 +130,23 @@ class Evaluate:
             raise OutputError(f"{output}: is the file of contacts; name another file with -o")
         model = with_fingers(self.model, points.shape[1])
         check_replaceable(output, overwrite=self.overwrite, source=self.file)
-        mesh = prepare_file(self.file, self.mesh)
+        mesh, load = loaded_mesh(prepare_file(self.file, self.mesh), self.load.chosen)
         source = mesh.report.source
         distance = length_in_unit("max_distance", self.max_distance, mesh.unit, source=source)
         model = model.in_unit(mesh.unit, source=source)
         if not self.force:
             refuse_lengths(mesh, model.lengths() | {"max_distance": distance})
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
-            grasps = evaluate_grasps(mesh, points, model, max_distance=distance, progress=progress)
+            grasps = evaluate_grasps(
+                mesh, points, model, max_distance=distance, load=load, progress=progress
+            )
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
             grasps.compute_epsilon(progress)
-        write_grasps(output, grasps)
+        metrics = None if self.metrics is None else grasps.metrics(self.metrics)
+        write_grasps(output, grasps, metrics=metrics)
         if not self.quiet:
             grasp_report.print_evaluated(grasps, output)
+            self._print_metrics(metrics, mesh.unit)
 
     def _evaluate_poses(self, output: Path) -> None:
         """Close the jaws at each pose, write and print the results."""
@@ -133,20 +155,32 @@ class Evaluate:
         from grasp3d.grasps.pose_files import read_poses, write_poses
         from grasp3d.gripper.reaching import Reaching
         from grasp3d.mesh import prepare_file
+        from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
 
         poses = read_poses(self.contacts, gripper=self.reach.gripper)
         mesh = in_stated_scale(prepare_file(self.file, self.mesh), poses)
+        mesh, load = loaded_mesh(mesh, self.load.chosen)
         model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)
         if not self.force:
             refuse_lengths(mesh, model.lengths())
         reaching = Reaching.of(self.reach, mesh)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             found = evaluate_poses(
-                mesh, poses, model, progress=progress, **Reaching.keywords(reaching)
+                mesh, poses, model, load=load, progress=progress, **Reaching.keywords(reaching)
             )
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
             found.compute_epsilon(progress)
-        write_poses(output, found.to_poses())
+        metrics = None if self.metrics is None else found.metrics(self.metrics)
+        write_poses(output, found.to_poses(metrics))
         if not self.quiet:
             pose_report.print_poses(found, output)
+            self._print_metrics(metrics, mesh.unit)
+
+    @staticmethod
+    def _print_metrics(metrics: "MetricValues | None", unit: str | None) -> None:
+        """Print the quality measures, if there are any."""
+        from grasp3d.cli.metric_report import print_metrics
+
+        if metrics is not None:
+            print_metrics(metrics, unit)

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import OutputError
+from grasp3d.loads import Load, load_settings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.files import check_writable
 
@@ -36,7 +37,7 @@ _ANGLES = frozenset(
     {"approach_within", "sensor_resolution", "search_angle", "tolerance", "crease_angle"}
 )
 _LENGTHS = frozenset(
-    name for kind in (GraspModel, Sampling, MeshOptions) for name in kind.length_names()
+    name for kind in (GraspModel, Sampling, MeshOptions, Load) for name in kind.length_names()
 )
 _WITHOUT_EFFECT = frozenset({"max_memory"})
 
@@ -70,6 +71,7 @@ def check_same_settings(
     model: GraspModel,
     sampling: Sampling,
     reaching: "Reaching | None" = None,
+    load: Load | None = None,
     *,
     overwrite: bool,
 ) -> None:
@@ -83,6 +85,7 @@ def check_same_settings(
         model: With lengths in the mesh's unit.
         sampling: With lengths in the mesh's unit.
         reaching: The gripper beside the mesh; None: none.
+        load: What the grasps must hold; None: nothing.
         overwrite: Whether other labels may be replaced.
 
     Raises:
@@ -96,6 +99,7 @@ def check_same_settings(
     if stored is None:
         return
     chosen = chosen_settings(mesh, model, sampling, "label", reaching)
+    chosen |= load_settings(load)
     chosen["search_angle"] = search_cone(model, sampling)
     of_mesh = {"file_vertices": mesh.file_vertices, "torque_scale": mesh.torque_scale}
     differing = [

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d.arrays import Floats
+from grasp3d.cli.load_report import LEGEND, holding_cells, holding_headings, print_load_of_grasps
 from grasp3d.cli.report import angle_text, escaped
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
@@ -50,6 +51,7 @@ def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
         f"critical friction angle, {_PERCENTS} % of the grasps: {_angles(grasps.critical_angle)}"
     )
     console.print(_distance_text(grasps))
+    print_load_of_grasps(console, grasps.holding)
     warnings = grasps.mesh.report.warnings
     for line in warnings:
         console.print(f"[yellow]warning:[/] {escaped(line)}", soft_wrap=True)
@@ -103,7 +105,9 @@ def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
 
 def _legend(grasps: SurfaceGrasps) -> str:
     approach = "" if grasps.reach is None else _APPROACH
-    return f"{approach}{_LEGEND}{grasps.mesh.unit or 'the unit of the mesh, which is not stated'}"
+    forces = "" if grasps.holding is None else LEGEND
+    unit = grasps.mesh.unit or "the unit of the mesh, which is not stated"
+    return f"{approach}{forces}{_LEGEND}{unit}"
 
 
 def _print_written(console: Console, *outputs: Path) -> None:
@@ -127,9 +131,10 @@ def _table(grasps: SurfaceGrasps, count: int, *, distances: bool = False) -> Tab
     several = grasps.contacts.count > 2
     table = Table(box=None, pad_edge=False)
     headings = ["grasp", "label", "β*", "α*", "ε", "ε_min", "opening"]
-    reach = grasps.reach
+    reach, holding = grasps.reach, grasps.holding
     headings += ["separation"] * several + ["distance"] * distances
     headings += ["approach"] * (reach is not None and not several)
+    headings += holding_headings(holding)
     for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
     for row in range(min(count, grasps.size)):
@@ -146,6 +151,7 @@ def _table(grasps: SurfaceGrasps, count: int, *, distances: bool = False) -> Tab
         cells += [_distance(grasps, grasps.distance[row].max())] * distances
         if reach is not None and not several:
             cells.append(f"±{math.degrees(reach.approach_margin[row]):.0f}°")
+        cells += holding_cells(holding, row)
         table.add_row(*cells)
     return table
 

@@ -9,6 +9,7 @@ import tyro
 from grasp3d.cli.options import (
     Force,
     InputFile,
+    LoadOptions,
     ModelOptions,
     OutputFile,
     Overwrite,
@@ -21,6 +22,7 @@ from grasp3d.cli.options import (
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout, time_limit
 from grasp3d.errors import SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, Sampling
 from grasp3d.system.names import printable, safe_stem
 from grasp3d.system.steps import begin_step
@@ -63,6 +65,9 @@ class Label:
 
     reach: ReachOptions = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
+
+    load: LoadOptions = field(default_factory=Load)
+    """What each grasp must hold, and the force at hand."""
 
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
@@ -148,24 +153,36 @@ class Label:
         from grasp3d.cli.existing_files import check_same_settings
         from grasp3d.gripper.reaching import Reaching
         from grasp3d.mesh import prepare_file
+        from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
         from grasp3d.surface.labelling import label_surface
 
-        mesh = prepare_file(self.file, self.mesh)
+        mesh, load = loaded_mesh(prepare_file(self.file, self.mesh), self.load.chosen)
         model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)
         sampling = self.sampling.in_unit(mesh.unit, source=mesh.report.source)
         reaching = Reaching.of(self.reach, mesh)
         if not self.force:
             refuse_lengths(mesh, model.lengths() | sampling.lengths())
         for path in outputs:
-            check_same_settings(path, mesh, model, sampling, reaching, overwrite=self.overwrite)
+            check_same_settings(
+                path, mesh, model, sampling, reaching, load, overwrite=self.overwrite
+            )
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
             labels = label_surface(
-                mesh, model, sampling=sampling, progress=progress, **Reaching.keywords(reaching)
+                mesh,
+                model,
+                sampling=sampling,
+                load=load,
+                progress=progress,
+                **Reaching.keywords(reaching),
             )
         begin_step("measuring epsilon")
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
             labels.compute_epsilon(progress)
+        if load is not None:
+            begin_step("measuring grip forces")
+            with report.progress("measuring grip forces", quiet=self.quiet) as progress:
+                labels.compute_holding(progress)
         return labels
 
     def _write_best(self, labels: "SurfaceLabels", output: Path, count: int) -> None:

@@ -8,6 +8,7 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d.cli.grasp_report import MAX_ROWS, label_name
+from grasp3d.cli.load_report import LEGEND, holding_cells, holding_headings, print_load_of_grasps
 from grasp3d.cli.report import angle_text, escaped
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.gripper.closing import MEANING as CLOSINGS
@@ -39,12 +40,14 @@ def print_poses(found: EvaluatedPoses, output: Path) -> None:
     console.print(_counts(found))
     if not np.isnan(found.outcome).all():
         console.print(_outcomes(found), soft_wrap=True)
+    print_load_of_grasps(console, found.holding)
     for line in found.warnings:
         console.print(f"[yellow]warning:[/] {escaped(line)}", soft_wrap=True)
     if found.size > MAX_ROWS:
         console.print(f"the first {MAX_ROWS} of {found.size}:")
     console.print(_rows(found))
-    console.print(f"{_LEGEND}{mesh.unit}", soft_wrap=True)
+    forces = "" if found.holding is None else LEGEND
+    console.print(f"{forces}{_LEGEND}{mesh.unit}", soft_wrap=True)
     console.print(f"written: {escaped(str(output))}", soft_wrap=True)
 
 
@@ -83,7 +86,8 @@ def _outcomes(found: EvaluatedPoses) -> str:
 def _rows(found: EvaluatedPoses) -> Table:
     """Return a table of the first poses."""
     table = Table(box=None, pad_edge=False)
-    for heading in ("pose", "label", "β*", "α*", "ε", "ε_min", "opening", "area", "jaws"):
+    headings = ["pose", "label", "β*", "α*", "ε", "ε_min", "opening", "area"]
+    for heading in (*headings, *holding_headings(found.holding), "jaws"):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in range(min(MAX_ROWS, found.size)):
         table.add_row(str(row + 1), label_name(Label(int(found.label[row]))), *_cells(found, row))
@@ -95,7 +99,7 @@ def _cells(found: EvaluatedPoses, row: int) -> list[str]:
     state = Closing(int(found.state[row]))
     jaws = state.name.lower().replace("_", " ")
     if state != Closing.CLOSED:
-        return ["none"] * 4 + ["", "", jaws]
+        return ["none"] * 4 + [""] * (2 + len(holding_headings(found.holding))) + [jaws]
     resolution = found.max_resolution[row]
     return [
         angle_text(found.critical_angle[row]),
@@ -104,5 +108,6 @@ def _cells(found: EvaluatedPoses, row: int) -> list[str]:
         f"{found.epsilon_min[row]:.3f}",
         f"{found.opening[row]:.4g}",
         f"{found.jaws.area[row].min():.3g}",
+        *holding_cells(found.holding, row),
         f"{jaws}, collides" if found.collides[row] else jaws,
     ]

@@ -12,6 +12,7 @@ from rich.markup import escape
 from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
 from rich.table import Table
 
+from grasp3d.cli.load_report import print_load
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.lengths import Unit
@@ -86,12 +87,13 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         table.add_row(f"[{color}]■[/] {name}", MEANING["label"][code], f"{100.0 * fraction:.1f} %")
     console.print(table)
     if labels.sampling is not None:
-        console.print(f"[bold]{escaped(str(verdict_of(labels)))}[/]", soft_wrap=True)
+        console.print(f"[bold]{escaped(str(verdict_of(labels).text))}[/]", soft_wrap=True)
     console.print(
         "critical friction angle, 10/50/90 % of the area: "
         + ", ".join(angle_text(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
     )
     console.print(_epsilon_text(labels), soft_wrap=True)
+    print_load(console, labels)
     counts = np.bincount(labels.reason, minlength=len(Reason))
     for reason, explanation in _REASONS.items():
         if counts[reason]:

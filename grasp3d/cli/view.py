@@ -9,6 +9,7 @@ import tyro
 from grasp3d.cli.options import (
     Flag,
     Force,
+    LoadOptions,
     ModelOptions,
     OutputFile,
     Overwrite,
@@ -27,6 +28,7 @@ from grasp3d.cli.time_limit import (
 )
 from grasp3d.errors import GraspError
 from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.names import printable
 from grasp3d.viewer.view_settings import ViewSettings
@@ -71,6 +73,9 @@ class View:
     reach: ReachOptions = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
 
+    load: LoadOptions = field(default_factory=Load)
+    """What each grasp must hold, and the force at hand."""
+
     mesh: SurfaceOptions = field(default_factory=MeshOptions)
     """How a mesh is read and prepared; likewise from a labelled file."""
 
@@ -105,7 +110,13 @@ class View:
         from grasp3d.viewer.session.collection import open_collection
 
         collection = open_collection(
-            self.target, self.model, self.sampling, self.mesh, force=self.force, reach=self.reach
+            self.target,
+            self.model,
+            self.sampling,
+            self.mesh,
+            force=self.force,
+            reach=self.reach,
+            load=self.load.chosen,
         )
         self._check()
         first = collection.items[0]

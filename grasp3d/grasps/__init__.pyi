@@ -2,6 +2,7 @@ from .alternatives import alternatives_at as alternatives_at
 from .distinct import best_grasps as best_grasps
 from .evaluated_poses import EvaluatedPoses as EvaluatedPoses
 from .evaluation import evaluate_grasps as evaluate_grasps
+from .holding_verdict import HoldingVerdict as HoldingVerdict
 from .kinds import grasp_kinds as grasp_kinds
 from .pose_evaluation import evaluate_poses as evaluate_poses
 from .poses import GraspPoses as GraspPoses

@@ -131,5 +131,6 @@ def _grasps(
         locked(best[order]),
         reaching=reaching,
         reach=reach.take(order),
+        load=labels.load,
         threads=labels.threads,
     )

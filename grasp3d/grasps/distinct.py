@@ -10,6 +10,7 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps.kinds import grasp_kinds
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import ObjectMesh
+from grasp3d.stability.label import Label
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import grasps_at
@@ -43,6 +44,9 @@ def best_grasps(
 
     With a gripper the kinds of grasps take turns, see `grasp_kinds`: first comes the best one of
     each kind that has the best label, then the second one of each, and so on.
+
+    With a load whose mass and force are known, grasps that hold it come first: those with the
+    better `holding.label`.
 
     Args:
         labels: The labelled surface.
@@ -92,6 +96,7 @@ def grasps_of_vertices(labels: SurfaceLabels, vertices: Ints) -> SurfaceGrasps:
         *angles,
         reaching=labels.reaching,
         reach=None if labels.reach is None else labels.reach.take(vertices),
+        load=labels.load,
         threads=labels.threads,
     )
 
@@ -102,7 +107,10 @@ def distance_of_distinct(mesh: ObjectMesh) -> float:
 
 
 def ranked_vertices(labels: SurfaceLabels) -> Ints:
-    """Vertices with a grasp, one for each position, best grasp first; computes epsilon."""
+    """Vertices with a grasp, one for each position, best grasp first; computes epsilon.
+
+    With a load whose mass and force are known also the grip forces.
+    """
     vertices = labels.grasps.vertices
     vertices = vertices[np.isfinite(labels.critical_angle[vertices])]
     quality = -np.nan_to_num(labels.epsilon[vertices])
@@ -110,7 +118,7 @@ def ranked_vertices(labels: SurfaceLabels) -> Ints:
     margin = np.zeros(len(vertices))
     if labels.reach is not None:
         margin = np.floor(np.nan_to_num(labels.reach.approach_margin[vertices]) / MARGIN_STEP)
-    order = np.lexsort((vertices, quality, -margin, step))
+    order = np.lexsort((vertices, quality, -margin, step, -_held(labels)[vertices]))
     return np.asarray(vertices[order])
 
 
@@ -119,7 +127,7 @@ def _by_kinds(
 ) -> Ints:
     """Rows of distinct grasps (b, n, 3), the kinds taking turns within each label."""
     kinds = _large_kinds(labels, vertices)
-    codes = labels.label[vertices].astype(np.int64)
+    codes = len(Label) * _held(labels)[vertices] + labels.label[vertices]
     kept = distinct_rows(points, len(points), limit)
     turn = np.zeros(len(kept), dtype=np.int64)
     for position, row in enumerate(kept):
@@ -127,6 +135,12 @@ def _by_kinds(
         turn[position] = np.sum((kinds[before] == kinds[row]) & (codes[before] == codes[row]))
     order = np.lexsort((np.arange(len(kept)), turn, -codes[kept]))
     return kept[order[:count]]
+
+
+def _held(labels: SurfaceLabels) -> Ints:
+    """Codes of the labels with force (V,); 0 where the load is not known."""
+    codes = None if labels.holding is None else labels.holding.label
+    return np.zeros(len(labels.reason), np.int64) if codes is None else codes.astype(np.int64)
 
 
 def _large_kinds(labels: SurfaceLabels, vertices: Ints) -> Ints:

@@ -1,6 +1,7 @@
 """Poses of a gripper with the grasps that its jaws make there."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
@@ -14,9 +15,12 @@ from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.gripper.closing import ClosedJaws, Closing
 from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.loads import Load, load_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.measures.known import METRICS
+from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues, metrics
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
 from grasp3d.settings import GraspModel
 from grasp3d.stability.classification import classify
@@ -24,9 +28,15 @@ from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles, max_resolution
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.epsilon import BOUND_RTOL, EPSILON_RTOL
+from grasp3d.surface.grasp_metrics import EDGES, longest_axis
+from grasp3d.surface.holding import COLUMNS, Holding, holding_of
 from grasp3d.surface.labelled_grasps import LabelledGrasps
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.progress import Progress
 from grasp3d.system.versions import package_version
+
+NOT_CLOSED = "the jaws do not close on the object"
+"""Why a pose has no quality measures."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -52,16 +62,30 @@ class EvaluatedPoses(LabelledGrasps):
     reachable: Bools
     """Whether the jaws close on the object, within the stroke with its clearance, without
     collision, and from an allowed direction, shape (k,)."""
+    load: Load | None = None
+    """What each grasp must hold; None: `holding` is not computed."""
     threads: int | None = None
     deferred_label: Deferred[Bytes] = field(init=False, repr=False)
     deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
+    deferred_holding: Deferred[Holding] | None = field(init=False, repr=False)
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
         used = self.contacts, self.jaws.closed, self.model, self.threads
-        scale = self.mesh.torque_scale
-        self._defer(partial(_labels, self.critical_angle, *used), partial(_epsilons, scale, *used))
+        scale, case = self.mesh.torque_scale, self.load_case
+        self._defer(
+            partial(_labels, self.critical_angle, *used),
+            partial(_epsilons, scale, *used),
+            None if case is None else partial(_holding, case, *used),
+        )
+
+    @property
+    def load_case(self) -> LoadCase | None:
+        """The load on this object, with its mass, task and force at hand; None: no load."""
+        if self.load is None:
+            return None
+        return LoadCase.of(self.load, self.mesh, self.model, self.gripper)
 
     @property
     def size(self) -> int:
@@ -116,10 +140,40 @@ class EvaluatedPoses(LabelledGrasps):
         found = pose_warning(self.poses.poses, mesh.center, mesh.size, mesh.unit)
         return (*mesh.report.warnings, *([found] if found else []))
 
-    def to_poses(self) -> GraspPoses:
-        """The poses with the results as columns, as `write_poses` writes them."""
-        own = self._columns()
-        others = {name: kept for name, kept in self.poses.columns.items() if name not in own}
+    def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
+        """Quality measures of the grasp at each pose, shape (k,) each; computed when called.
+
+        Args:
+            names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
+
+        Raises:
+            SettingError: An unknown name.
+        """
+        if self.contacts is None:
+            return MetricValues.undefined(names, self.size, NOT_CLOSED)
+        found = metrics(
+            self.contacts,
+            names,
+            torque_scale=self.mesh.torque_scale,
+            edges=self.model.edges or EDGES,
+            principal_axis=longest_axis(self.mesh),
+            threads=self.threads,
+        )
+        return found.placed(np.flatnonzero(self.jaws.closed), self.size, NOT_CLOSED)
+
+    def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
+        """The poses with the results as columns, as `write_poses` writes them.
+
+        Args:
+            metrics: Quality measures that become columns, too.
+        """
+        own = {**self._columns(), **({} if metrics is None else metrics.columns())}
+        # Measures and forces in the given file may be of other settings.
+        others = {
+            name: kept
+            for name, kept in self.poses.columns.items()
+            if name not in own and name not in METRICS and name not in {UNDEFINED, *COLUMNS}
+        }
         columns = {**others, **own, "contacts": self.jaws.points, "normals": self.jaws.normals}
         return replace(
             self.poses,
@@ -134,7 +188,8 @@ class EvaluatedPoses(LabelledGrasps):
 
         `grasp` (its number from 1), `name`, `closing`, `label`, `critical_angle`, `max_resolution`
         [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `opening`, `collides`, `reachable`, `area1`,
-        `area2`, `outcome`, contacts `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
+        `area2`, with a load also `grip_force` and more, see `Holding.columns`; `outcome`, contacts
+        `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
         """
         from grasp3d.tables import table_of_columns
 
@@ -179,6 +234,7 @@ class EvaluatedPoses(LabelledGrasps):
             "reachable": self.reachable,
             "area1": self.jaws.area[:, 0],
             "area2": self.jaws.area[:, 1],
+            **({} if self.holding is None else self.holding.columns(texts=True)),
         }
 
     def _settings(self) -> dict[str, Any]:
@@ -189,7 +245,13 @@ class EvaluatedPoses(LabelledGrasps):
             **asdict(self.model),
             "unit": self.mesh.unit,
             "gripper": self.gripper.name,
+            **{name: value for name, value in self._load().items() if value is not None},
         }
+
+    def _load(self) -> dict[str, Any]:
+        if self.holding is None:
+            return {}
+        return {**load_settings(self.load), **self.holding.settings()}
 
 
 def _labels(
@@ -239,3 +301,19 @@ def _epsilons(
         )
         values[:, closed] = found.nominal, found.minimum, found.maximum
     return EpsilonRange(*map(locked, values))
+
+
+def _holding(
+    case: LoadCase,
+    contacts: Contacts | None,
+    closed: Bools,
+    model: GraspModel,
+    threads: int | None,
+    progress: Progress,
+) -> Holding:
+    """Grip forces and payloads, with the torsion radius of the load, rows (k,)."""
+    if contacts is None:
+        return Holding.none(case, len(closed))
+    soft = Contacts(contacts.points, contacts.normals, contacts.friction, case.torsion_radius)
+    found = holding_of(soft, model.tilt, case, threads=threads, progress=progress)
+    return found.placed(np.flatnonzero(closed), len(closed))

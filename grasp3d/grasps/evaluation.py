@@ -9,11 +9,14 @@ from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.lengths import length_in_unit
+from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.settings import MAX_FINGERS, GraspModel, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, ignore, within
 
@@ -33,6 +36,7 @@ def evaluate_grasps(
     model: GraspModel | None = None,
     *,
     max_distance: float | str | None = None,
+    load: Load | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SurfaceGrasps:
@@ -50,6 +54,8 @@ def evaluate_grasps(
             2, must be that of `points`.
         max_distance: Largest distance of a contact from the surface, in the mesh's unit or with a
             unit; None: 1/100 of the object's size.
+        load: What each grasp must hold, and with which force: `holding` then has the grip force and
+            payload of each. None: nothing.
         threads: Threads to use; None: one per processor. The result does not depend on it.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -61,7 +67,8 @@ def evaluate_grasps(
         MeshError: It is no mesh.
         ContactError: Points of another shape, values that are not finite, or contacts off the
             surface.
-        SettingError: A setting outside its range.
+        SettingError: A setting outside its range, or a load that needs a mass or unit that is not
+            known.
 
     Example:
         Two fingers opposite to each other, and two that are not:
@@ -78,9 +85,21 @@ def evaluate_grasps(
         [0.0, 21.8]
         >>> grasps.epsilon.round(3).tolist(), grasps.epsilon_min.round(3).tolist()
         ([0.13, 0.025], [0.076, 0.0])
+
+        Soft fingers on the sides of a part of 0.5 kg, with gravity across the line through them and
+        the centre of mass: each must press with m g / (2 friction):
+
+        >>> mesh = grasp3d.load_mesh(box, unit="m")
+        >>> soft = grasp3d.GraspModel(torsion_radius="3mm")
+        >>> load = grasp3d.Load(mass=0.5, task="weight within 0 of -z")
+        >>> sides = [[0.0, 0.025, 0.0], [0.0, -0.025, 0.0]]
+        >>> holding = grasp3d.evaluate_grasps(mesh, sides, soft, load=load).holding
+        >>> print(f"{holding.grip_force[0]:.2f} N")
+        4.90 N
     """
     report = progress or ignore
     mesh, given = load_mesh(mesh), _checked(points)
+    mesh, load = loaded_mesh(mesh, load)
     used = (model or GraspModel()).in_unit(mesh.unit, source=mesh.report.source)
     used = with_fingers(used, given.shape[1])
     limit = length_in_unit("max_distance", max_distance, mesh.unit, source=mesh.report.source)
@@ -88,6 +107,8 @@ def evaluate_grasps(
         limit = OFF_SURFACE * mesh.size
     if not (limit >= 0.0 and math.isfinite(limit)):
         raise SettingError(f"max_distance must be a finite length of at least 0; got {limit:g}")
+    if load is not None:
+        LoadCase.of(load, mesh, used)  # refuse it before the work
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
@@ -95,7 +116,7 @@ def evaluate_grasps(
     contacts, distances = _on_surface(mesh, given, limit, threads, projecting)
     end = ANGLES_COMPUTED if used.method == "extremes" else 1.0
     angles = critical_angles(contacts, threads=threads, progress=within(report, PROJECTED, end))
-    grasps = SurfaceGrasps(contacts, used, distances, *angles, threads=threads)
+    grasps = SurfaceGrasps(contacts, used, distances, *angles, load=load, threads=threads)
     grasps.compute_labels(within(report, end, 1.0))
     report(1.0)
     return grasps

@@ -14,8 +14,11 @@ from grasp3d.gripper.collisions import collides
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.gripper.reaching import metres_per_unit
 from grasp3d.gripper.table import Table
+from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.settings import GraspModel, with_fingers
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, ignore, within
 
@@ -34,6 +37,7 @@ def evaluate_poses(
     gripper: ParallelGripper,
     table: Table | None = None,
     approach: Approach | None = None,
+    load: Load | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> EvaluatedPoses:
@@ -51,6 +55,9 @@ def evaluate_poses(
         gripper: The gripper.
         table: What the object stands on; None: nothing.
         approach: Allowed approach directions; None: any.
+        load: What each grasp must hold: `holding` then has the grip force and payload of each, with
+            the greatest force of the gripper at hand unless the load states another one. The mass
+            is held by the fingers alone, not by the table. None: nothing.
         threads: Threads to use; None: one per processor. The result does not depend on it.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -59,7 +66,8 @@ def evaluate_poses(
 
     Raises:
         MeshError: It is no mesh.
-        SettingError: The unit of the mesh is not known, or a setting is outside its range.
+        SettingError: The unit of the mesh is not known, a setting is outside its range, or the load
+            needs a mass that is not known.
         ContactError: A grasp is internal: its opening is larger than the one before it.
 
     Example:
@@ -82,6 +90,7 @@ def evaluate_poses(
     """
     mesh = in_stated_scale(load_mesh(mesh), poses)
     metres_per_unit(mesh)
+    mesh, load = loaded_mesh(mesh, load)
     given = poses.scaled(1.0, mesh.unit) if poses.unit is None else _in_unit(poses, mesh)
     _check_external(given)
     used = gripper.touching(GraspModel()) if model is None else model
@@ -89,6 +98,8 @@ def evaluate_poses(
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
+    if load is not None:
+        LoadCase.of(load, mesh, used, gripper)  # refuse it before the work
     report = progress or ignore
     closing = within(report, 0.0, JAWS_CLOSED)
     jaws = close_jaws(mesh, given.poses, gripper, threads=threads, progress=closing)
@@ -106,6 +117,7 @@ def evaluate_poses(
             & _within_stroke(mesh, jaws, gripper)
             & _within_approach(given.poses, table, approach or Approach())
         ),
+        load=load,
         threads=threads,
     )
     found.compute_labels(within(report, JAWS_CLOSED, 1.0))

@@ -13,7 +13,7 @@ from grasp3d.grasps.pose_checks import checked_poses
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.lengths import METRES, Unit
 
-LENGTH_COLUMNS = frozenset({"contacts", "depth"})
+LENGTH_COLUMNS = frozenset({"contacts", "depth", "centroid_distance"})
 """Columns that are lengths, and are converted with the unit."""
 
 OWN_NAMES = frozenset({
@@ -107,11 +107,6 @@ class GraspPoses:
     def count(self) -> int:
         """Number of poses."""
         return len(self.poses)
-
-    @property
-    def gripper_name(self) -> str | None:
-        """Name of the gripper; None: not known."""
-        return self.gripper.name if isinstance(self.gripper, ParallelGripper) else self.gripper
 
     def in_unit(self, unit: Unit) -> Self:
         """The same poses with all lengths in another unit.

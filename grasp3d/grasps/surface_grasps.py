@@ -1,6 +1,7 @@
 """Whole grasps on a surface with labels and epsilon."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property, partial
 from importlib import import_module
@@ -11,8 +12,10 @@ import numpy as np
 from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
 from grasp3d.gripper.reach import Reach
 from grasp3d.gripper.reaching import Reaching
+from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.closure import force_closure
+from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
@@ -21,7 +24,11 @@ from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.epsilon import grasps_with_normals, surface_epsilons
 from grasp3d.surface.extreme_normals import hull_labels
+from grasp3d.surface.grasp_forces import surface_holding
+from grasp3d.surface.grasp_metrics import surface_metrics
+from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.progress import Progress
 
 
@@ -60,21 +67,35 @@ class SurfaceGrasps(LabelledGrasps):
     """The gripper of the grasps, and what it must not touch; None: ideal points."""
     reach: Reach | None = None
     """How the gripper reaches each grasp, with its pose; None: no gripper."""
+    load: Load | None = None
+    """What each grasp must hold; None: `holding` is not computed."""
     threads: int | None = None
     """Threads for what is computed when it is first read; None: one per processor."""
     deferred_label: Deferred[Bytes] = field(init=False, repr=False)
     """`label`, which takes an enumeration with method extremes."""
     deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
     """`epsilon_range`, which takes a wrench hull and more for each grasp."""
+    deferred_holding: Deferred[Holding] | None = field(init=False, repr=False)
+    """`holding`, which takes several wrench hulls for each grasp; None: there is no load."""
 
     __repr__ = short_repr
 
     def __post_init__(self) -> None:
         angles = self.critical_angle, self.critical_angle_best
+        case, used = self.load_case, (self.contacts, self.model)
         self._defer(
             partial(_labels, self.contacts, angles, self.model, self.threads),
-            partial(_epsilons, self.contacts, self.model, self.threads),
+            partial(_epsilons, *used, self.threads),
+            None if case is None else partial(_holding, *used, case, self.threads),
         )
+
+    @property
+    def load_case(self) -> LoadCase | None:
+        """The load on this object, with its mass, task and force at hand; None: no load."""
+        if self.load is None:
+            return None
+        gripper = None if self.reaching is None else self.reaching.gripper
+        return LoadCase.of(self.load, self.mesh, self.model, gripper)
 
     @cached_property
     def max_resolution(self) -> Floats:
@@ -114,6 +135,19 @@ class SurfaceGrasps(LabelledGrasps):
     def separation(self) -> Floats:
         """Smallest distance between any two contacts, shape (b,)."""
         return locked(_distances(self.contacts).min(axis=1, initial=math.inf))
+
+    def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
+        """Quality measures of each grasp, shape (b,) each; computed when called.
+
+        Torques are divided by `mesh.torque_scale`, circular cones replaced by pyramids of 8 edges.
+
+        Args:
+            names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
+
+        Raises:
+            SettingError: An unknown name.
+        """
+        return surface_metrics(self.contacts, self.model, names, threads=self.threads)
 
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each grasp: the columns of `write_grasps`."""
@@ -166,6 +200,16 @@ def _epsilons(
     contacts: SurfaceContacts, model: GraspModel, threads: int | None, progress: Progress
 ) -> EpsilonRange:
     return surface_epsilons(contacts, model, threads=threads, progress=progress)
+
+
+def _holding(
+    contacts: SurfaceContacts,
+    model: GraspModel,
+    case: LoadCase,
+    threads: int | None,
+    progress: Progress,
+) -> Holding:
+    return surface_holding(contacts, model, case, threads=threads, progress=progress)
 
 
 def _distances(contacts: SurfaceContacts) -> Floats:

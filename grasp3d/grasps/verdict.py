@@ -1,12 +1,13 @@
 """The verdict on an object: whether it can be held reliably, and if not what would help."""
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
 from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, ranked_vertices
+from grasp3d.grasps.holding_verdict import HoldingVerdict
 from grasp3d.gripper.reach import Reachability
 from grasp3d.stability.label import Label
 from grasp3d.surface.labels import SurfaceLabels
@@ -58,8 +59,15 @@ class Verdict:
     """Of the best grasp: coarsest sensor resolution below which it is S [rad]; 0: none."""
     reason: str = ""
     """Out of reach: why."""
+    holding: HoldingVerdict | None = None
+    """Whether the load is held; None: there is no load."""
 
     def __str__(self) -> str:
+        return self.text if self.holding is None else f"{self.text}; {self.holding}"
+
+    @property
+    def text(self) -> str:
+        """The sentence without that on the load."""
         if self.word == "holdable":
             grasps = "1 distinct grasp" if self.count == 1 else f"{self.count} distinct grasps"
             spare = f"the best with {math.degrees(self.spare_resolution):.1f}° of resolution"
@@ -75,12 +83,21 @@ class Verdict:
 def verdict_of(labels: SurfaceLabels) -> Verdict:
     """Judge whether an object can be held reliably; computes epsilon, which ranks the grasps.
 
+    With a load also whether it is held, which computes the grip forces.
+
     Args:
         labels: The labelled surface.
 
     Returns:
         The verdict; its best grasp is the first one of `best_grasps`.
     """
+    verdict = _verdict(labels)
+    if labels.holding is None:
+        return verdict
+    return replace(verdict, holding=HoldingVerdict.of(labels.holding))
+
+
+def _verdict(labels: SurfaceLabels) -> Verdict:
     vertices = ranked_vertices(labels)
     vertices = vertices[labels.max_resolution[vertices] > FINEST]
     if not len(vertices):

@@ -13,6 +13,9 @@ from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.surface_poses import poses_of
 from grasp3d.gripper.reaching import reaching_settings
+from grasp3d.lengths import one_line
+from grasp3d.loads import load_settings
+from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings import PoseFormat
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.epsilon import EPSILON_RTOL
@@ -27,6 +30,7 @@ def write_grasps(
     grasps: SurfaceGrasps,
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
+    metrics: MetricValues | None = None,
 ) -> None:
     """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
 
@@ -37,6 +41,9 @@ def write_grasps(
     surface before it was moved there, and `on_crease1`. nan is written as an empty cell, in JSON as
     null, where infinite numbers are null as well. JSON and Parquet contain the settings.
 
+    With a load also `grip_force`, `grip_force_least`, `grip_force_largest` [N], `payload` [kg] if a
+    force is at hand, and `label_with_force` if the mass is known, too; see `Holding`.
+
     Grasps with a gripper are written with their poses, see `write_poses`, also in formats of robots
     and simulators.
 
@@ -45,6 +52,8 @@ def write_grasps(
             .npy.
         grasps: The grasps.
         format: With a gripper: a format of `write_poses`; None: that of the suffix.
+        metrics: Quality measures of the grasps, which become columns, with `undefined_metrics`, the
+            reasons why some are undefined.
 
     Raises:
         OutputError: No format has that suffix, or the file cannot be written.
@@ -62,15 +71,17 @@ def write_grasps(
     path = Path(path)
     if format is not None or _has_poses(grasps):
         poses = replace(poses_of(grasps), settings=_settings(grasps))
+        if metrics is not None:
+            poses = replace(poses, columns={**poses.columns, **metrics.columns()})
         write_poses(path, poses, format=format)
         return
     check_suffix(path, SUFFIXES, "table")
     if path.suffix.lower() == ".json":
-        _write_json(path, grasps)
+        _write_json(path, grasps, metrics)
         return
     from grasp3d.tables import write_columns
 
-    write_columns(path, _columns(grasps), settings=_settings(grasps))
+    write_columns(path, _columns(grasps, metrics), settings=_settings(grasps))
 
 
 def _has_poses(grasps: SurfaceGrasps) -> bool:
@@ -85,9 +96,11 @@ def grasps_to_table(grasps: SurfaceGrasps) -> Any:
     return table_of_columns(_columns(grasps), settings=_settings(grasps))
 
 
-def _columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
+def _columns(
+    grasps: SurfaceGrasps, metrics: MetricValues | None = None
+) -> dict[str, npt.NDArray[Any]]:
     """Columns of a table, shape (b,)."""
-    columns = _grasp_columns(grasps)
+    columns = _grasp_columns(grasps, metrics)
     for number in range(grasps.contacts.count):
         for name, values in _contact_columns(grasps).items():
             columns[f"{name}{number + 1}"] = values[:, number]
@@ -105,7 +118,9 @@ def _contact_columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
     }
 
 
-def _grasp_columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
+def _grasp_columns(
+    grasps: SurfaceGrasps, metrics: MetricValues | None
+) -> dict[str, npt.NDArray[Any]]:
     """Columns of each grasp as a whole, shape (b,)."""
     names = np.array([label.name for label in sorted(Label)])
     epsilon = grasps.epsilon_range
@@ -121,6 +136,8 @@ def _grasp_columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
         "rank": grasps.rank,
         "opening": grasps.opening,
         "separation": grasps.separation,
+        **({} if grasps.holding is None else grasps.holding.columns(texts=True)),
+        **({} if metrics is None else metrics.columns()),
     }
 
 
@@ -133,6 +150,7 @@ def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
         "source": mesh.report.source,
         **asdict(model),
         **asdict(mesh.options),
+        "center_of_mass": one_line(mesh.options.center_of_mass),
         "unit": mesh.unit or "unknown",
         "size": mesh.size,
         "center_mass": mesh.center_mass.tolist(),
@@ -142,6 +160,7 @@ def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
         "epsilon_max": "sampled_tilts" if model.method == "extremes" else "upper_bound",
         "labels": {label.name: meaning[label] for label in sorted(Label)},
         **_surroundings(grasps),
+        **_load(grasps),
     }
 
 
@@ -153,9 +172,17 @@ def _surroundings(grasps: SurfaceGrasps) -> dict[str, Any]:
     return {name: value for name, value in settings.items() if name != "gripper"}
 
 
-def _write_json(path: Path, grasps: SurfaceGrasps) -> None:
+def _load(grasps: SurfaceGrasps) -> dict[str, Any]:
+    """What is known of the load."""
+    if grasps.holding is None:
+        return {}
+    settings = {**load_settings(grasps.load), **grasps.holding.settings()}
+    return {name: value for name, value in settings.items() if value is not None}
+
+
+def _write_json(path: Path, grasps: SurfaceGrasps, metrics: MetricValues | None) -> None:
     """Write the settings, then one line for each grasp."""
-    columns = {name: values.tolist() for name, values in _grasp_columns(grasps).items()}
+    columns = {name: values.tolist() for name, values in _grasp_columns(grasps, metrics).items()}
     contacts = grasps.contacts
     contact_fields = {
         "point": contacts.points.tolist(),

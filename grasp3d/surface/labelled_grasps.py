@@ -6,6 +6,7 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.surface.deferred import Deferred
+from grasp3d.surface.holding import Holding
 from grasp3d.system.progress import Progress
 
 
@@ -15,9 +16,13 @@ class LabelledGrasps:
     model: GraspModel
     deferred_label: Deferred[Bytes]
     deferred_epsilon: Deferred[EpsilonRange]
+    deferred_holding: Deferred[Holding] | None
 
     def _defer(
-        self, label: Callable[[Progress], Bytes], epsilon: Callable[[Progress], EpsilonRange]
+        self,
+        label: Callable[[Progress], Bytes],
+        epsilon: Callable[[Progress], EpsilonRange],
+        holding: Callable[[Progress], Holding] | None = None,
     ) -> None:
         """Set what is computed later, for the `__post_init__` of frozen dataclasses.
 
@@ -25,6 +30,8 @@ class LabelledGrasps:
         """
         object.__setattr__(self, "deferred_label", Deferred(label))
         object.__setattr__(self, "deferred_epsilon", Deferred(epsilon))
+        later = None if holding is None else Deferred(holding)
+        object.__setattr__(self, "deferred_holding", later)
 
     @property
     def label(self) -> Bytes:
@@ -67,6 +74,14 @@ class LabelledGrasps:
         """
         return self.epsilon_range.maximum
 
+    @property
+    def holding(self) -> Holding | None:
+        """Grip force and payload of the grasps under the load; None: there is no load.
+
+        Computed when first read.
+        """
+        return None if self.deferred_holding is None else self.deferred_holding.value
+
     def compute_labels(self, progress: Progress) -> None:
         """Compute `label` now, which takes time with method extremes only.
 
@@ -87,3 +102,12 @@ class LabelledGrasps:
             progress: Called with the fraction of the work done, from 0 to 1.
         """
         self.deferred_epsilon.compute(progress)
+
+    def compute_holding(self, progress: Progress) -> None:
+        """Compute `holding` now, if there is a load.
+
+        Args:
+            progress: Called with the fraction of the work done, from 0 to 1.
+        """
+        if self.deferred_holding is not None:
+            self.deferred_holding.compute(progress)

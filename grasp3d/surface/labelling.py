@@ -1,15 +1,20 @@
 """Labelling of a surface: the best grasp through every vertex, and its reliability."""
 
+from dataclasses import replace
+
 from grasp3d.costs import check_cost
 from grasp3d.errors import SettingError
 from grasp3d.gripper.approach import Approach
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.gripper.reaching import Reaching, metres_per_unit
 from grasp3d.gripper.table import Table
+from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.settings import GraspModel, Sampling, check_search_settings
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.search import label_multifinger, label_pairs
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, ignore, within
@@ -24,6 +29,7 @@ def label_surface(
     gripper: ParallelGripper | None = None,
     table: Table | None = None,
     approach: Approach | None = None,
+    load: Load | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SurfaceLabels:
@@ -43,6 +49,9 @@ def label_surface(
             fingers and more only its round tips are tested.
         table: What the object stands on, which the gripper must not enter; None: nothing.
         approach: Approach directions of the gripper; None: any.
+        load: What each grasp must hold, and with which force: `labels.holding` then has the grip
+            force and payload of each. A gripper brings its greatest force and the torsion radius of
+            its pads. It changes neither grasps nor labels. None: nothing.
         threads: Threads to use; None: one per processor. The result does not depend on it.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -54,14 +63,15 @@ def label_surface(
 
     Raises:
         SettingError: The settings contradict each other, there are too many extreme normals, a
-            length has a unit but the mesh has none, a gripper is given but the mesh has no unit, or
-            it has fewer vertices than fingers.
+            length has a unit but the mesh has none, a gripper is given but the mesh has no unit, it
+            has fewer vertices than fingers, or the load needs a mass or unit that is not known.
         MeshError: It is no mesh, or labels for so many fingers would need more memory than the
             mesh's options allow.
 
     Example:
         A box of 80 x 50 x 30 mm, most of which can be grasped reliably:
 
+        >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
         >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
@@ -88,12 +98,22 @@ def label_surface(
         >>> labels = grasp3d.label_surface(mesh, gripper=gripper, table=table)
         >>> labels.reach.poses.shape, bool(labels.reach.reached.any())
         ((146, 4, 4), True)
+
+        With a load, here the box of 0.5 kg, turned in any direction:
+
+        >>> labels = grasp3d.label_surface(mesh, gripper=gripper, load=grasp3d.Load(mass=0.5))
+        >>> held = np.nanmax(labels.holding.payload)  # nan: not reached
+        >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
+        70 N hold 3.4 kg
     """
     mesh, model, sampling = load_mesh(mesh), model or GraspModel(), sampling or Sampling()
     model = model.in_unit(mesh.unit, source=mesh.report.source)
     sampling = sampling.in_unit(mesh.unit, source=mesh.report.source)
     check_search_settings(model, sampling)
     reaching = _reaching(mesh, model, gripper, table, approach)
+    mesh, load = loaded_mesh(mesh, load)
+    if load is not None:
+        LoadCase.of(load, mesh, model, gripper)  # refuse it before the search
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
@@ -107,6 +127,8 @@ def label_surface(
     find = label_pairs if model.fingers == 2 else label_multifinger
     searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
     labels = find(mesh, model, sampling, reaching, threads, searching)
+    if load is not None:
+        labels = replace(labels, load=load)
     if enumerated:
         begin_step("labelling at the extreme normals")
     labels.compute_labels(within(report, BEFORE_ENUMERATION, 1.0))

@@ -1,6 +1,7 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from importlib import import_module
@@ -13,9 +14,11 @@ from grasp3d.arrays import ArrayLike, Bytes, Floats, locked
 from grasp3d.errors import SearchCoverageError
 from grasp3d.gripper.reach import Reach
 from grasp3d.gripper.reaching import Reaching
+from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, check_choice, search_cone
 from grasp3d.stability.angle_distributions import SampledAngles
@@ -23,8 +26,12 @@ from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.thresholds import max_resolution
 from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
 from grasp3d.surface.deferred import Deferred
+from grasp3d.surface.grasp_forces import vertex_holding
+from grasp3d.surface.grasp_metrics import vertex_metrics
+from grasp3d.surface.holding import Holding
 from grasp3d.surface.label_table import LEVELS, label_table
 from grasp3d.surface.labelled_grasps import LabelledGrasps
+from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_grasps import VertexGrasps
 from grasp3d.surface.vertex_hulls import vertex_epsilons, vertex_labels
 
@@ -80,6 +87,8 @@ class SurfaceLabels(LabelledGrasps):
     search: SearchReport
     reaching: Reaching | None = None
     """The gripper that must reach each grasp, and what it must not touch; None: ideal points."""
+    load: Load | None = None
+    """What each grasp must hold; None: `holding` is not computed."""
     threads: int | None = None
     """Threads for what is computed when it is first read; None: one per processor. The results do
     not depend on it."""
@@ -87,11 +96,15 @@ class SurfaceLabels(LabelledGrasps):
     """`label`, which takes an enumeration with method extremes."""
     deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
     """`epsilon_range`, which takes a wrench hull and more for each vertex."""
+    deferred_holding: Deferred[Holding] | None = field(init=False, repr=False)
+    """`holding`, which takes several wrench hulls for each vertex; None: there is no load."""
 
     def __post_init__(self) -> None:
+        case, used = self.load_case, (self.grasps, self.model)
         self._defer(
-            partial(vertex_labels, self.grasps, self.model, self.threads),
-            partial(vertex_epsilons, self.grasps, self.model, self.threads),
+            partial(vertex_labels, *used, self.threads),
+            partial(vertex_epsilons, *used, self.threads),
+            None if case is None else partial(vertex_holding, *used, case, self.threads),
         )
 
     def __repr__(self) -> str:
@@ -109,6 +122,14 @@ class SurfaceLabels(LabelledGrasps):
     def mesh(self) -> ObjectMesh:
         """The surface."""
         return self.grasps.mesh
+
+    @property
+    def load_case(self) -> LoadCase | None:
+        """The load on this object, with its mass, task and force at hand; None: no load."""
+        if self.load is None:
+            return None
+        gripper = None if self.reaching is None else self.reaching.gripper
+        return LoadCase.of(self.load, self.mesh, self.model, gripper)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -194,8 +215,8 @@ class SurfaceLabels(LabelledGrasps):
     ) -> "SurfaceLabels":
         """Label the same grasps for another friction or resolution, without a new search.
 
-        Epsilon is that of the new model at the same grasps. With method extremes the hulls are
-        enumerated again.
+        Epsilon and grip forces are those of the new model at the same grasps. With method extremes
+        the hulls are enumerated again.
 
         Args:
             friction: Coulomb coefficient; None: unchanged.
@@ -301,6 +322,28 @@ class SurfaceLabels(LabelledGrasps):
         check_choice("epsilon", of, Quantity)
         values = np.nan_to_num(getattr(self.epsilon_range, of))
         return quantiles(values, levels, self._weights(weights))
+
+    def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
+        """Quality measures of each vertex's best grasp, shape (V,) each; computed when called.
+
+        Torques are divided by `mesh.torque_scale`, circular cones replaced by pyramids of 8 edges.
+        nan where there is no grasp, and where a measure is undefined, with the reason.
+
+        Args:
+            names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
+
+        Raises:
+            SettingError: An unknown name.
+
+        Example:
+            >>> import trimesh
+            >>> import grasp3d
+            >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1), max_edge=9.0)
+            >>> found = grasp3d.label_surface(ball).metrics("grasp_isotropy,centroid_distance")
+            >>> found["grasp_isotropy"].shape, float(found["grasp_isotropy"].min().round(3))
+            ((42,), 1.0)
+        """
+        return vertex_metrics(self.grasps, self.model, names, threads=self.threads)
 
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each vertex: the columns of `write_fields`.

@@ -47,7 +47,7 @@ def test_kernels_are_compiled_once_and_announced_before(
     monkeypatch.setattr(compiling_first, "call", calls)
     compile_first(2)
     compile_first(2)
-    assert calls.made == [(announcement, 2, False), (compile_kernels, 2, False)]
+    assert calls.made == [(announcement, 2, False, False), (compile_kernels, 2, False, False)]
     assert [(one.name, one.getMessage()) for one in caplog.records] == [
         ("grasp3d.compiling", "compiling takes a while")
     ]
@@ -59,7 +59,7 @@ def test_compiled_kernels_are_not_announced(
     calls = Calls()
     monkeypatch.setattr(compiling_first, "call", calls)
     compile_first(3)
-    assert (calls.made, caplog.messages) == ([(announcement, 3, False)], [])
+    assert (calls.made, caplog.messages) == ([(announcement, 3, False, False)], [])
 
 
 def test_a_child_that_cannot_compile_is_left_to_the_jobs(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -79,9 +79,10 @@ def test_a_run_compiles_before_its_first_job(monkeypatch: pytest.MonkeyPatch) ->
     jobs = [Work("well")]
     for workers in (1, 0):
         cluster = ClusterSettings(workers=workers)
-        rows = run(work, jobs, 0.0, lost=lost, cluster=cluster, started=order.append, kernels=4)
+        options: dict[str, Any] = {"started": order.append, "kernels": 4, "forces": True}
+        rows = run(work, jobs, 0.0, lost=lost, cluster=cluster, **options)
         assert len(list(rows)) == 1
-    assert order == [(4, False), jobs[0], (4, False), jobs[0]]
+    assert order == [(4, False, True), jobs[0], (4, False, True), jobs[0]]
 
 
 def test_each_worker_of_a_cluster_prepares_once(monkeypatch: pytest.MonkeyPatch) -> None:

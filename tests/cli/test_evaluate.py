@@ -12,6 +12,7 @@ import pytest
 from PIL import Image
 
 from grasp3d import rendering
+from grasp3d.quality import METRICS, metric_names
 from tests.cli.test_label import export
 from tests.cli.test_label import grasp3d as real_grasp3d
 from tests.helpers import shapes
@@ -75,6 +76,43 @@ def test_results_are_written_in_every_format_without_output(folder: Path, name: 
     assert row["max_resolution"] == pytest.approx(2.0 * math.atan(0.5))
 
 
+@pytest.mark.parametrize("name", ["out.csv", "out.json"])
+def test_metrics_are_printed_and_written_with_reasons(folder: Path, name: str) -> None:
+    names = "min_weight, centroid_distance,polygon_area"
+    arguments = ("my box.stl", "pair.json", "-o", name, "--unit", "mm", "--metrics", names)
+    run = grasp3d("evaluate", *arguments, cwd=folder)
+    assert (run.returncode, run.stderr) == (0, "")
+    assert re.search(r"^min_weight +larger +0.0625 +0.0625 +0.0625", run.stdout, re.MULTILINE)
+    assert re.search(r"^centroid_distance \[mm\] +smaller +[^ ]+ +[^ ]+ ", run.stdout, re.MULTILINE)
+    assert re.search(
+        r"^polygon_area \[mm²\] +larger +none +none +none +1$", run.stdout, re.MULTILINE
+    )
+    assert "polygon_area undefined: needs 3 fingers, has 2 (1 of 1)" in run.stdout
+    path = folder / name
+    if path.suffix == ".json":
+        row = json.loads(path.read_text(encoding="utf-8"))["grasps"][0]
+    else:
+        row = pc.read_csv(path).to_pylist()[0]
+    assert row["min_weight"] == pytest.approx(1.0 / 16.0)
+    assert row["centroid_distance"] == pytest.approx(0.0, abs=1e-6)
+    assert row["polygon_area"] is None
+    assert row["undefined_metrics"] == "polygon_area: needs 3 fingers, has 2"
+    assert "grasp_isotropy" not in row
+
+
+def test_all_metrics_of_three_fingers_are_written(folder: Path) -> None:
+    arguments = ("my box.stl", "three.json", "-o", "out.parquet", "--metrics", "all", "-q")
+    run = grasp3d("evaluate", *arguments, cwd=folder)
+    assert (run.returncode, run.stdout, run.stderr) == (0, "", "")
+    first, beside, coincident = pq.read_table(folder / "out.parquet").to_pylist()
+    assert set(metric_names("all")) < set(first)
+    assert first["undefined_metrics"] == ""
+    assert first["friction_margin"] > 0.0 > beside["friction_margin"]
+    assert "min_weight: no weights of sum 1 balance" in beside["undefined_metrics"]
+    assert coincident["grasp_isotropy"] is None
+    assert "grasp_isotropy: the grasp matrix has rank 3" in coincident["undefined_metrics"]
+
+
 def test_of_many_grasps_only_the_first_are_printed(folder: Path) -> None:
     (folder / "many.json").write_text(json.dumps([PAIR] * 200), encoding="utf-8")
     run = grasp3d("evaluate", "my box.stl", "many.json", "-o", "many.csv", cwd=folder)
@@ -108,6 +146,11 @@ BAD: dict[str, tuple[list[str], str]] = {
         "max_distance must be",
     ),
     "friction": (["evaluate", "my box.stl", "pair.json", "--friction", "0"], "friction must be"),
+    "metric": (
+        ["evaluate", "my box.stl", "pair.json", "--metrics", "min_weight,beauty"],
+        "no metric is called 'beauty'; known: all, smallest_singular_value",
+    ),
+    "no metrics": (["evaluate", "my box.stl", "pair.json", "--metrics", ""], "no metric is named"),
     "none of the best": (["label", "my box.stl", "--best", "0"], "best must be at least 1"),
     "negative": (["label", "my box.stl", "--best", "-2"], "best must be at least 1"),
     "word for a number": (["label", "my box.stl", "--best", "all"], "invalid"),
@@ -168,6 +211,25 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
     assert (again.returncode, again.stdout) == (0, "")
     rows_again = pc.read_csv(posed / "small_grasps.csv").to_pylist()
     assert [row["label"] for row in rows_again] == ["S", "S", "U"]
+
+
+def test_metrics_of_poses_are_written_and_replaced(posed: Path) -> None:
+    arguments = ("poses.csv", "--unit", "mm", "--gripper", "franka")
+    run = grasp3d(
+        "evaluate", "small.stl", *arguments, "-o", "out.csv", "--metrics", "all", cwd=posed
+    )
+    assert (run.returncode, run.stderr) == (0, "")
+    assert "undefined: the jaws do not close on the object (1 of 3)" in run.stdout
+    rows = pc.read_csv(posed / "out.csv").to_pylist()
+    assert rows[0]["friction_margin"] == pytest.approx(math.atan(0.5), abs=1e-6)
+    assert rows[2]["friction_margin"] is None
+    assert "friction_margin: the jaws do not close on the object" in rows[2]["undefined_metrics"]
+    again = grasp3d(
+        "evaluate", "small.stl", "out.csv", *arguments[1:], "-o", "again.csv", "-q", cwd=posed
+    )
+    assert (again.returncode, again.stderr) == (0, "")
+    names = pc.read_csv(posed / "again.csv").column_names
+    assert not {*METRICS, "undefined_metrics"} & set(names)
 
 
 def test_poses_on_a_table_collide_from_below(posed: Path) -> None:

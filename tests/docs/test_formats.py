@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Iterable
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from functools import cache
 from pathlib import Path
 
@@ -31,6 +31,7 @@ from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.writing import write_grasps
+from grasp3d.loads import Load
 from grasp3d.mesh.repair import RepairStep
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.sweeps import write_sweeps
@@ -81,6 +82,9 @@ def grasps() -> SurfaceGrasps:
     return evaluate_grasps(labels().mesh, points, GraspModel())
 
 
+LOAD = Load(mass=0.5, grip_force=40.0)
+
+
 def metadata(path: Path) -> Names:
     """Names of the settings in a Parquet file."""
     return set(json.loads(pq.read_schema(path).metadata[b"grasp3d"]))
@@ -92,61 +96,63 @@ def with_gripper() -> SurfaceLabels:
     return label_surface(labels().mesh, GraspModel(), gripper=gripper)
 
 
-@pytest.fixture(params=[False, True], ids=["points", "gripper"])
-def gripped(request: pytest.FixtureRequest) -> bool:
-    """Whether there is a gripper."""
-    return bool(request.param)
+@pytest.fixture(params=["points", "gripper", "load"])
+def added(request: pytest.FixtureRequest) -> str:
+    """What there is besides contact points: nothing, a gripper, or a gripper and a load."""
+    return str(request.param)
 
 
-def labels_with(*, gripper: bool) -> SurfaceLabels:
-    return with_gripper() if gripper else labels()
+def labels_with(added: str) -> SurfaceLabels:
+    if added == "points":
+        return labels()
+    return replace(with_gripper(), load=Load(mass=0.5)) if added == "load" else with_gripper()
 
 
-def names_with(title: str, *, gripper: bool) -> Names:
-    """Names in the first table of a section, with a gripper also in the second."""
-    first, second = tables(title)[:2]
-    return first | second if gripper else first
+def names_with(title: str, added: str) -> Names:
+    """Names in the first table of a section, with a gripper in the second, a load in the third."""
+    count = 1 + ["points", "gripper", "load"].index(added)
+    return set[str]().union(*tables(title)[:count])
 
 
-def test_labelled_ply(tmp_path: Path, gripped: bool) -> None:
-    write_ply(tmp_path / "out.ply", labels_with(gripper=gripped))
+def test_labelled_ply(tmp_path: Path, added: str) -> None:
+    write_ply(tmp_path / "out.ply", labels_with(added))
     header = (tmp_path / "out.ply").read_bytes().partition(b"end_header")[0].decode()
     properties = set(re.findall(r"^property .* (\w+)$", header, re.MULTILINE))
-    assert properties == names_with("Labelled PLY", gripper=gripped)
+    assert properties == names_with("Labelled PLY", added)
     settings = set(re.findall(r"^comment grasp3d (\w+)", header, re.MULTILINE))
-    assert settings == names_with("Settings", gripper=gripped)
+    assert settings == names_with("Settings", added)
 
 
-def test_npz(tmp_path: Path, gripped: bool) -> None:
-    write_npz(tmp_path / "out.npz", labels_with(gripper=gripped))
+def test_npz(tmp_path: Path, added: str) -> None:
+    write_npz(tmp_path / "out.npz", labels_with(added))
     with np.load(tmp_path / "out.npz") as arrays:
         written = {name for name in arrays.files if not name.startswith("setting_")}
         settings = {name.removeprefix("setting_") for name in set(arrays.files) - written}
-    assert written | {"setting_NAME"} == names_with("NPZ", gripper=gripped)
-    assert settings == names_with("Settings", gripper=gripped)
+    assert written | {"setting_NAME"} == names_with("NPZ", added)
+    assert settings == names_with("Settings", added)
 
 
-def test_vtp(tmp_path: Path, gripped: bool) -> None:
-    write_vtp(tmp_path / "out.vtp", labels_with(gripper=gripped))
+def test_vtp(tmp_path: Path, added: str) -> None:
+    write_vtp(tmp_path / "out.vtp", labels_with(added))
     data = pyvista.read(tmp_path / "out.vtp")
-    assert {*data.point_data, "setting_NAME"} == names_with("VTP", gripper=gripped)
-    settings = {f"setting_{name}" for name in names_with("Settings", gripper=gripped)}
+    assert {*data.point_data, "setting_NAME"} == names_with("VTP", added)
+    settings = {f"setting_{name}" for name in names_with("Settings", added)}
     assert set(data.field_data) == settings
 
 
-def test_glb(tmp_path: Path, gripped: bool) -> None:
-    write_glb(tmp_path / "out.glb", labels_with(gripper=gripped))
+def test_glb(tmp_path: Path, added: str) -> None:
+    write_glb(tmp_path / "out.glb", labels_with(added))
     content = (tmp_path / "out.glb").read_bytes()
     length = int.from_bytes(content[12:16], "little")  # of the first chunk, which is JSON
     settings = json.loads(content[20 : 20 + length])["asset"]["extras"]["grasp3d"]
-    assert set(settings) == names_with("Settings", gripper=gripped)
+    assert set(settings) == names_with("Settings", added)
 
 
-def test_table_of_vertices(tmp_path: Path, gripped: bool) -> None:
+def test_table_of_vertices(tmp_path: Path, added: str) -> None:
     path = tmp_path / "out.parquet"
-    write_fields(path, labels_with(gripper=gripped))
-    assert set(pq.read_schema(path).names) == names_with("Table of vertices", gripper=gripped)
-    assert metadata(path) == names_with("Settings", gripper=gripped)
+    write_fields(path, labels_with(added))
+    assert set(pq.read_schema(path).names) == names_with("Table of vertices", added)
+    assert metadata(path) == names_with("Settings", added)
 
 
 def test_reasons() -> None:
@@ -160,11 +166,16 @@ def first_finger(names: Iterable[str]) -> Names:
     return {name for name in names if not re.search(r"[2-9]$", name)}
 
 
+@pytest.mark.parametrize("also", ["nothing", "load", "metrics"])
 @pytest.mark.parametrize("suffix", [".csv", ".parquet", ".json"])
-def test_grasps(tmp_path: Path, suffix: str) -> None:
+def test_grasps(tmp_path: Path, suffix: str, also: str) -> None:
     path = tmp_path / f"out{suffix}"
-    write_grasps(path, grasps())
-    whole, of_contact, in_json, settings = tables("Grasps")
+    written_grasps = replace(grasps(), load=LOAD if also == "load" else None)
+    write_grasps(path, written_grasps, metrics=grasps().metrics() if also == "metrics" else None)
+    whole, of_load, of_metrics, of_contact, in_json, settings = tables("Grasps")
+    whole |= {"load": of_load, "metrics": of_metrics}.get(also, set())
+    if also == "load":  # whose density is not given
+        settings |= tables("Settings")[2] - {"density"}
     if suffix == ".json":
         written = json.loads(path.read_text())
         assert set(written) == {"grasp3d", "grasps"}

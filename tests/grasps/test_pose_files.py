@@ -333,7 +333,7 @@ def test_acronym_is_read_from_its_documented_layout(tmp_path: Path) -> None:
     )  # fmt: skip
     assert found.settings["mass"] == 0.2
     assert found.settings["com"] == [0.0, 0.01, 0.02]
-    assert found.gripper_name == "panda"
+    assert found.gripper == "panda"
     equal(
         read_poses(tmp_path / "mug.h5", gripper=HAND).poses[:, :3, 3],
         bases[:, :3, 3] + 0.1034 * bases[:, :3, 2],

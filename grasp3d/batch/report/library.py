@@ -30,6 +30,9 @@ _NUMBERS = {
     "size": "size",
     "vertices": "vertices",
     "seconds": "seconds",
+    "held": "held",
+    "payload": "payload_best",
+    "forceNeeded": "grip_force_needed",
 }
 _ANGLES = {
     "spare": "spare_resolution",
@@ -40,7 +43,7 @@ _ANGLES = {
     "resolution90": "required_resolution_90",
 }
 _TEXTS = {"name": "mesh", "outcome": "outcome", "error": "error", "warnings": "warnings"}
-_VERDICT = {"verdict": "verdict", "verdictText": "verdict_text"}
+_VERDICT = {"verdict": "verdict", "verdictText": "verdict_text", "holdsText": "holds_text"}
 COLUMNS = (*_TEXTS, *_VERDICT, "unit", "stem", "thumbnail", *_NUMBERS, *_ANGLES)
 """Columns of the table; angles are in degrees, null: unknown, for a labelled mesh infinite."""
 

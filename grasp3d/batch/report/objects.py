@@ -28,7 +28,8 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
 
     Vertices without faces are left out. Positions are quantised to 16 bits over the surface's
     bounding box; angles, epsilon, openings and area weights are floats of 32 bits. With a gripper
-    its shape and that of the table are added, and the pose of each of the best grasps.
+    its shape and that of the table are added, and the pose of each of the best grasps; with a load
+    its numbers, and the grip force and payload at each vertex.
 
     Args:
         labels: The labelled surface.
@@ -40,6 +41,7 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
     """
     # Imported here: the pages of a library need no meshes.
     from grasp3d.batch.report.gripper_data import drawn_openings, gripper_data
+    from grasp3d.batch.report.load_data import load_data
 
     mesh, model = labels.mesh, labels.model
     used = np.unique(mesh.faces)
@@ -63,6 +65,7 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "repairs": [str(step) for step in mesh.report.repairs],
         "warnings": list(mesh.report.warnings),
         "gripper": gripper_data(labels),
+        "load": load_data(labels),
         "grasps": [
             asdict(grasp) | {"drawn_opening": opening}
             for grasp, opening in zip(grasps, drawn_openings(grasps, labels), strict=True)
@@ -94,6 +97,11 @@ def _arrays(
         "partners": quantised(labels.partners[used], low, step),
         "reason": labels.reason[used].astype(np.uint8),
     }
+    holding = labels.holding
+    if holding is not None:
+        arrays["force"] = holding.grip_force_largest[used].astype(np.float32)
+        if holding.has_payload:
+            arrays["payload"] = holding.payload[used].astype(np.float32)
     if labels.reach is not None:
         arrays["margin"] = labels.reach.approach_margin[used].astype(np.float32)
     if not np.array_equal(labels.critical_angle[used], labels.critical_angle_best[used]):

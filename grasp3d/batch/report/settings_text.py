@@ -6,6 +6,7 @@ from collections.abc import Iterator
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.lengths import describe_length
+from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 
@@ -15,7 +16,8 @@ def describe_settings(settings: BatchSettings) -> list[tuple[str, str]]:
     Args:
         settings: Settings of the batch; some are left out where they have their default value.
     """
-    return [*_model(settings.model), *_search(settings), *_mesh(settings.mesh)]
+    parts = _model(settings.model), _search(settings), _load(settings.load), _mesh(settings.mesh)
+    return [setting for part in parts for setting in part]
 
 
 def summarise_settings(settings: BatchSettings) -> list[str]:
@@ -28,7 +30,8 @@ def summarise_settings(settings: BatchSettings) -> list[str]:
     texts = [f"Friction μ {model.friction:.4g} (cone of β {_degrees(model.friction_angle)})"]
     texts.append(f"Sensor resolution α {_degrees(model.sensor_resolution)}")
     texts.append(f"{model.fingers} {'soft ' if model.torsion_radius else ''}fingers")
-    return texts + [f"{name} {value}" for name, value in search.items()]
+    texts += [f"{name} {value}" for name, value in search.items()]
+    return texts + [f"{name} {value}" for name, value in _load(settings.load)]
 
 
 def _degrees(angle: float) -> str:
@@ -73,6 +76,24 @@ def _reach(reach: ReachSettings) -> Iterator[tuple[str, str]]:
         yield "Table", f"below the mesh as it is, up {reach.up}"
     if reach.approach_within < math.pi:
         yield "Approach", f"within {_degrees(reach.approach_within)} of straight down"
+
+
+def _load(load: Load | None) -> Iterator[tuple[str, str]]:
+    """The load; nothing if there is none."""
+    if load is None:
+        return
+    parts = []
+    if load.mass is not None:
+        parts.append(f"{load.mass:.4g} kg")
+    if load.density is not None:
+        several = load.density if isinstance(load.density, tuple) else (load.density,)
+        parts.append(f"{', '.join(f'{one:.4g}' for one in several)} kg/m³")
+    parts.append(load.task if isinstance(load.task, str) else "a given task")
+    if load.grip_force is not None:
+        parts.append(f"{load.grip_force:.4g} N per finger")
+    if load.center_of_mass_radius:
+        parts.append(f"centre of mass within {_length(load.center_of_mass_radius)}")
+    yield "Load", ", ".join(parts)
 
 
 def _range(least: float, most: float) -> str:

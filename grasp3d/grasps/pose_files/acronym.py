@@ -82,8 +82,10 @@ def write_acronym(path: Path, poses: GraspPoses) -> None:
         if not np.isnan(getattr(given, field)).all():
             values[name] = getattr(given, field)
     for name in OBJECT:
-        if name in given.settings:
-            values[f"object/{name}"] = np.asarray(given.settings[name], dtype=np.float64)
+        stated = given.settings.get(name)
+        # Densities of several bodies are a text.
+        if stated is not None and not isinstance(stated, str):
+            values[f"object/{name}"] = np.asarray(stated, dtype=np.float64)
     with atomic_write(path) as part, h5py.File(part, "w") as file:
         file.attrs["grasp3d"] = package_version()
         for name, value in values.items():

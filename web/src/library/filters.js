@@ -16,6 +16,12 @@ const RANGES = [
   ["Seconds", "", (row) => row.seconds],
 ];
 
+const LOAD_RANGES = [
+  ["Payload", "kg", (row) => row.payload],
+  ["Held", "%", (row) => scaled(row.held, 100)],
+  ["Grip force", "N", (row) => row.forceNeeded],
+];
+
 function scaled(value, factor) {
   return value === null ? null : factor * value;
 }
@@ -57,7 +63,8 @@ export function showFilters(table, rows) {
   const form = byId("filters");
   const text = element("input", { type: "search", id: "search", placeholder: "part of a name" });
   const outcome = outcomeSelect();
-  const ranges = RANGES.map(range);
+  const loaded = rows.some((row) => row.holdsText);
+  const ranges = [...RANGES, ...(loaded ? LOAD_RANGES : [])].map(range);
   const clear = element("button", { type: "reset" }, "Clear");
   form.append(
     element("label", { htmlFor: "search" }, "Name ", text),

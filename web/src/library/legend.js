@@ -3,7 +3,7 @@ import { byId, element } from "../shared/dom.js";
 const swatch = (kind) => element("i", { className: kind });
 
 /** Shows the definitions of the page's values. */
-export function showLegend(data) {
+export function showLegend(data, rows) {
   const entries = [
     [[swatch("s"), "S"], "surely stable: the grasp is stable for all true normals within the sensor resolution"],
     [[swatch("m"), "M"], "ambiguous: neither surely stable nor surely unstable within the sensor resolution"],
@@ -14,6 +14,9 @@ export function showLegend(data) {
     [["Size"], "diameter of the surface's bounding sphere, in the mesh's unit"],
     [["S / M / U"], "area fractions of the labels of the best grasp found at each point of the surface"],
   ];
+  if (rows.some((row) => row.holdsText)) {
+    entries.push([["Payload"], "largest mass that a grasp surely holds with the force at hand, whatever the true normals are within the sensor resolution; held: area fraction of the grasps that surely hold the load. Without a force at hand: the smallest force of each finger that surely holds it"]);
+  }
   byId("legend").append(
     ...entries.flatMap(([term, definition]) => [element("dt", {}, ...term), element("dd", {}, definition)]),
   );

@@ -40,7 +40,7 @@ function showHeader(data, rows) {
 const data = JSON.parse(byId("data").textContent);
 const rows = unpacked(data);
 showHeader(data, rows);
-showLegend(data);
+showLegend(data, rows);
 showCurves(data);
 const table = makeTable(rows);
 const filters = showFilters(table, rows);

@@ -127,9 +127,35 @@ function verdict(cell) {
     element("b", {}, word), element("div", { className: "quiet" }, detail));
 }
 
+/** The largest payload, or the force that is needed, and the fraction of the surface that holds the load. */
+function load(cell) {
+  const { payload, forceNeeded, held, holdsText } = cell.getData();
+  if (!holdsText) return "";
+  const main = payload !== null ? `${digits(payload)} kg` : forceNeeded === null ? "none" : `${digits(forceNeeded)} N`;
+  const detail = held === null ? "" : `${percent(held)} held`;
+  return element("div", { className: "verdict", title: holdsText },
+    element("b", {}, main), element("div", { className: "quiet" }, detail));
+}
+
+/** The column of a load: of payloads, or of the forces that are needed where none is at hand. */
+function loadColumn(rows) {
+  const payloads = rows.some((row) => row.payload !== null);
+  const [field, title] = payloads ? ["payload", "Payload"] : ["forceNeeded", "Grip force"];
+  const meaning = payloads
+    ? "Largest mass that a grasp surely holds with the force at hand, and the fraction of the surface whose grasps surely hold the load"
+    : "Smallest force of each finger that surely holds the load, or 1 kg where no mass is given";
+  return {
+    ...numeric(field, title, meaning, () => "", 90),
+    hozAlign: "left",
+    formatter: load,
+    formatterPrint: (cell) => text(cell.getData().holdsText),
+  };
+}
+
 const VERDICTS = ["no", "out of reach", "with a finer sensor", "holdable"];
 
-function columns() {
+function columns(rows) {
+  const loaded = rows.some((row) => row.holdsText);
   const frozen = window.innerWidth > NARROW;
   return [
     { title: "", field: "thumbnail", width: 98, headerSort: false, formatter: picture, frozen, print: false },
@@ -164,7 +190,9 @@ function columns() {
     },
     numeric("vertices", "Vertices", "Vertices of the refined surface", (row) =>
       row.vertices === null ? "" : row.vertices.toLocaleString("en"), 90),
-    numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 90),
+    loaded
+      ? loadColumn(rows)
+      : numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 90),
     {
       ...headed("Warnings", "Warnings about the labels, or why there are none"),
       field: "warnings",
@@ -185,7 +213,7 @@ export function makeTable(rows) {
   const whole = (Math.max(1, rows.length) * ROW_HEIGHT) + HEAD_HEIGHT;
   return new Tabulator(byId("table"), {
     data: rows,
-    columns: columns(),
+    columns: columns(rows),
     layout: "fitDataStretch",
     height: Math.min(whole, Math.max(360, Math.round(0.8 * window.innerHeight))),
     rowHeight: ROW_HEIGHT,

@@ -46,6 +46,13 @@ export const QUANTITIES = {
     value: (object, vertex) => object.epsilon[vertex],
     most: (object) => largest(object.epsilon),
   },
+  payload: {
+    title: "payload at the force at hand",
+    unit: " kg",
+    array: "payload",
+    value: (object, vertex) => object.payload[vertex],
+    most: (object) => largest(object.payload),
+  },
   margin: {
     title: "approach margin of the gripper",
     unit: "°",

@@ -11,6 +11,8 @@ export function showGrasps(object, draw) {
       `β* ${degrees(grasp.critical_angle / DEGREE)}`,
       `ε ${digits(grasp.epsilon)}`,
       `opening ${length(grasp.opening, object.unit)}`,
+      ...(Number.isFinite(grasp.grip_force) ? [`force ${digits(grasp.grip_force)} N`] : []),
+      ...(Number.isFinite(grasp.payload) ? [`payload ${digits(grasp.payload)} kg`] : []),
       ...(grasp.pose.length ? [`approach ±${degrees(grasp.approach_margin / DEGREE, 0)}`] : []),
     ].join(" · ");
     const button = element("button", { type: "button" }, element("b", {}, `${number + 1} `), description);

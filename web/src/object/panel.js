@@ -53,11 +53,23 @@ export class Panel {
     const most = { friction: Math.max(1.5, object.friction), resolution: Math.max(90, object.resolution / DEGREE) };
     Object.assign(byId("friction"), { min: 0.01, max: most.friction, step: 0.01 });
     Object.assign(byId("resolution"), { min: 0, max: most.resolution, step: 0.1 });
+    this.showLoad();
     this.showQuantities();
     this.showDetails();
     showGrasps(object, (grasp) => this.drawGrasp(grasp));
     this.view.show(object);
     this.update();
+  }
+
+  /** Shows whether the load is held, if there is one. */
+  showLoad() {
+    const { load } = this.object;
+    byId("load").hidden = !load;
+    if (!load) return;
+    const held = load.held ? [`held by ${percent(load.held.S, 1)} of the surface`] : [];
+    const how = { exact: "at the worst normals", bound: "at the worst normals, a safe bound", sampled: "at the worst of sampled normals" };
+    byId("load-text").textContent = load.text;
+    byId("load-details").textContent = [...held, `forces ${how[load.how]}, at the friction and resolution of the labels`, load.remedy].filter(Boolean).join("; ");
   }
 
   /** Lists the quantities that this object has; the chosen one is kept from object to object. */

@@ -18,7 +18,19 @@ function values(object, vertex, limits) {
     ["α*", coarsest > 0 ? degrees(coarsest / DEGREE) : "no resolution is fine enough"],
     ["ε", digits(object.epsilon[vertex])],
     ["opening", Number.isFinite(object.opening[vertex]) ? length(object.opening[vertex], unit) : "no grasp"],
+    ...holding(object, vertex),
     ...(Number.isFinite(object.margin?.[vertex]) ? [["approach margin", `±${degrees(object.margin[vertex] / DEGREE)}`]] : []),
+  ];
+}
+
+/** Grip force and payload of a vertex's grasp, if there is a load. */
+function holding(object, vertex) {
+  if (!object.load || Number.isNaN(object.force[vertex])) return [];
+  const per = object.load.mass === null ? " for 1 kg" : "";
+  const force = object.force[vertex] === Infinity ? "no force is enough" : `${digits(object.force[vertex])} N${per}`;
+  return [
+    ["grip force", force],
+    ...(object.payload ? [["payload", `${digits(object.payload[vertex])} kg`]] : []),
   ];
 }
 

@@ -1,0 +1,245 @@
+"""Grip forces and payloads of grasps under a load."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.friction_cones import turned
+from grasp3d.loads import Load
+from grasp3d.quality.force_ranges import Certainty, force_range
+from grasp3d.quality.grip_forces import Resistance, grip_force
+from grasp3d.quality.payloads import payload
+from grasp3d.quality.tasks import Task
+from grasp3d.stability.label import Label
+from grasp3d.surface.load_case import LoadCase
+from grasp3d.system.progress import Progress
+
+HARD_FINGERS = (
+    "two hard fingers cannot resist a torque about the line through them: give a torsion radius "
+    "(--torsion-radius) or a gripper with flat pads, which have one"
+)
+"""Why most grasps of two hard fingers hold nothing, and what helps."""
+
+FORCE_RTOL = 1e-2
+"""Fraction of a grip force that may lie between its bounds; the larger one is given."""
+
+MOST = 0.5
+"""Fraction of the grasps from which on they are most."""
+
+
+@dataclass(frozen=True, eq=False)
+class Holding:
+    """Forces that grasps need under a load, and what they can carry, a row for each grasp.
+
+    Forces are those of each finger along its contact's normal, as data sheets of grippers state
+    them; the fingers may press differently for each wrench of the task. Friction cones are
+    circular. On creases the true normal may be any within the sensor's resolution of any normal
+    there.
+
+    Example:
+        A box of 0.5 kg, and soft fingers that press with 40 N:
+
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
+        >>> model = grasp3d.GraspModel(torsion_radius="3mm", sensor_resolution=0.2)
+        >>> load = grasp3d.Load(mass=0.5, grip_force=40.0)
+        >>> holding = grasp3d.label_surface(mesh, model, load=load).holding
+        >>> holding.grip_force.shape, holding.mass, holding.available
+        ((146,), 0.5, 40.0)
+        >>> best = int(holding.payload.argmax())
+        >>> print(f"{holding.grip_force[best]:.0f} N, {holding.payload[best]:.1f} kg")
+        7 N, 2.5 kg
+    """
+
+    case: LoadCase
+    """The load on this object."""
+    grip_force: Floats
+    """Force that each finger needs at the nominal normals [N], shape (b,), for `mass` or, if none
+    is given, for 1 kg; inf: no force suffices; nan: no grasp, or normals that cancel out."""
+    grip_force_least: Floats
+    """The same at the best normals that the sensor cannot distinguish from these, shape (b,)."""
+    grip_force_largest: Floats
+    """The same at the worst of these normals, shape (b,)."""
+    payload: Floats
+    """Mass that the force at hand holds at the worst normals [kg], shape (b,); nan: no force at
+    hand, no grasp, or a task that does not depend on the mass."""
+    resistance: Bytes
+    """`Resistance` codes at the nominal normals, shape (b,)."""
+    how: Certainty
+    """How `grip_force_least` and `grip_force_largest` are known; see `quality.force_range`."""
+
+    __repr__ = short_repr
+
+    @classmethod
+    def none(cls, case: LoadCase, size: int) -> "Holding":
+        """Rows of no grasps."""
+        unknown, codes = locked(np.full(size, np.nan)), locked(np.zeros(size, dtype=np.uint8))
+        return cls(case, unknown, unknown, unknown, unknown, codes, "exact")
+
+    @property
+    def load(self) -> Load:
+        """The load as it was given."""
+        return self.case.load
+
+    @property
+    def mass(self) -> float | None:
+        """Mass of the object [kg]; None: not given, forces are those for 1 kg."""
+        return self.case.mass
+
+    @property
+    def task(self) -> Task:
+        """The wrenches that must be resisted."""
+        return self.case.task
+
+    @property
+    def available(self) -> float | None:
+        """Force at hand of each finger [N]; None: not given."""
+        return self.case.available
+
+    @property
+    def has_payload(self) -> bool:
+        """Whether there are payloads: a force is at hand, and the task grows with the mass."""
+        return self.available is not None and self.task.mass is not None
+
+    @cached_property
+    def label(self) -> Bytes | None:
+        """`Label` codes with the force at hand, shape (b,); None without a mass or a force.
+
+        S: the load is held at all normals that may be true; U: at none, or there is no grasp; M:
+        the sensor cannot decide.
+        """
+        if self.available is None or not self.case.decided:
+            return None
+        codes = np.full(len(self.grip_force), Label.M, dtype=np.uint8)
+        codes[self.grip_force_largest <= self.available] = Label.S
+        missing = np.isnan(self.grip_force_least)
+        codes[(self.grip_force_least > self.available) | missing] = Label.U
+        return locked(codes)
+
+    @property
+    def remedy(self) -> str:
+        """What would help where most grasps hold nothing because fingers are hard; else empty."""
+        grasps = ~np.isnan(self.grip_force)
+        unresisted = np.isinf(self.grip_force) & (self.resistance == Resistance.NO_SUCH_WRENCH)
+        if self.case.torsion_radius or not unresisted.sum() > MOST * grasps.sum():
+            return ""
+        return HARD_FINGERS
+
+    def take(self, rows: slice | Ints) -> "Holding":
+        """The chosen rows."""
+        return self._with({name: values[rows] for name, values in self._arrays().items()})
+
+    def placed(self, rows: Ints, size: int) -> "Holding":
+        """The same in a table of `size` rows, of which these are `rows`; others are no grasps."""
+        arrays = {}
+        for name, values in self._arrays().items():
+            empty = np.nan if values.dtype.kind == "f" else 0
+            arrays[name] = np.full(size, empty, dtype=values.dtype)
+            arrays[name][rows] = values
+        return self._with(arrays)
+
+    def columns(self, *, texts: bool = False) -> dict[str, npt.NDArray[Any]]:
+        """Columns of tables, shape (b,), of `COLUMNS`: payload and label only where known.
+
+        Args:
+            texts: Whether labels are S, M and U instead of codes.
+        """
+        found: dict[str, npt.NDArray[Any]] = {
+            "grip_force": self.grip_force,
+            "grip_force_least": self.grip_force_least,
+            "grip_force_largest": self.grip_force_largest,
+        }
+        if self.has_payload:
+            found["payload"] = self.payload
+        if self.label is not None:
+            found["label_with_force"] = _NAMES[self.label] if texts else self.label
+        return found
+
+    def settings(self) -> dict[str, Any]:
+        """Settings in files, with how the least and the largest forces are known."""
+        return {**self.case.settings(), "force_bounds": self.how}
+
+    def _with(self, arrays: dict[str, npt.NDArray[Any]]) -> "Holding":
+        changed: dict[str, Any] = {name: locked(values) for name, values in arrays.items()}
+        return replace(self, **changed)
+
+    def _arrays(self) -> dict[str, npt.NDArray[Any]]:
+        return {name: values for name, values in vars(self).items() if name in _ARRAYS}
+
+
+COLUMNS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "label_with_force")
+"""Columns of tables that a load adds."""
+
+_NAMES = np.array([label.name for label in sorted(Label)])
+_ARRAYS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "resistance")
+
+
+def holding_of(
+    contacts: Contacts,
+    tilt: ArrayLike,
+    case: LoadCase,
+    *,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Holding:
+    """Grip forces and payloads of contacts under a load.
+
+    Args:
+        contacts: A flat batch (b,), relative to the centre of mass.
+        tilt: Largest angle between true and given normals [rad], one value or shape (b, n).
+        case: The load.
+        threads: Threads; None: one per processor.
+        progress: Called with the fraction of the work done, from 0 to 1.
+    """
+    forces = force_range(
+        contacts, case.task, tilt, rtol=FORCE_RTOL, threads=threads, progress=progress
+    )
+    least = forces.least
+    if forces.how == "sampled":
+        least = _least_turned_inward(contacts, tilt, case, least, threads)
+    payloads = np.full(contacts.batch, np.nan)
+    force, mass = case.available, case.task.mass
+    if force is not None and mass is not None:
+        if all(term.mass is not None for term in case.task.terms()):
+            with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
+                payloads = force * mass / forces.largest
+        else:
+            payloads = payload(
+                contacts, case.task, force, tilt=tilt, rtol=FORCE_RTOL, threads=threads
+            )
+    return Holding(
+        case=case,
+        grip_force=locked(forces.nominal),
+        grip_force_least=locked(least),
+        grip_force_largest=locked(forces.largest),
+        payload=locked(payloads),
+        resistance=locked(forces.resistance),
+        how=forces.how,
+    )
+
+
+def _least_turned_inward(
+    contacts: Contacts, tilt: ArrayLike, case: LoadCase, least: Floats, threads: int | None
+) -> Floats:
+    """Least forces, with further samples where none suffices: normals turned to the contacts' mean.
+
+    On a crease the nominal normal may resist nothing, though one of the faces' normals does.
+    """
+    rows = np.flatnonzero(np.isinf(least))
+    if not len(rows):
+        return least
+    tilts = np.broadcast_to(tilt, contacts.friction.shape)[rows]
+    chosen = contacts.take(rows)
+    inward = chosen.points.mean(axis=1, keepdims=True) - chosen.points
+    normals = turned(chosen.normals, inward, tilts)
+    tilted = Contacts(chosen.points, normals, chosen.friction, chosen.torsion_radius)
+    found = least.copy()
+    found[rows] = grip_force(tilted, case.task, rtol=FORCE_RTOL, threads=threads).upper
+    return found

@@ -1,0 +1,88 @@
+"""A load on one object: its mass, the task, the force at hand and the fingers' torsion."""
+
+from dataclasses import dataclass
+
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.lengths import METRES
+from grasp3d.loads import Load
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.masses import mass_of, with_load
+from grasp3d.quality.tasks import Task
+from grasp3d.settings import GraspModel
+
+
+@dataclass(frozen=True)
+class LoadCase:
+    """A load on one object, as its grasps are evaluated for it.
+
+    Example:
+        What a gripper brings: its force, and the torsion radius of its pads, here 2/3 x friction x
+        radius of a disc of the pads' area:
+
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.surface.load_case import LoadCase
+        >>> mesh = grasp3d.load_mesh(trimesh.creation.box([80, 50, 30]), unit="mm")
+        >>> gripper = grasp3d.ParallelGripper.preset("franka")
+        >>> case = LoadCase.of(grasp3d.Load(density=1000.0), mesh, grasp3d.GraspModel(), gripper)
+        >>> print(f"{case.mass:.3f} kg, {case.available:g} N, {case.torsion_radius:.2f} mm")
+        0.120 kg, 70 N, 3.29 mm
+    """
+
+    load: Load
+    """The load as it was given."""
+    mass: float | None
+    """Mass of the object [kg]; None: not given, the task is for 1 kg."""
+    task: Task
+    """The wrenches that must be resisted, torques in N times the mesh's unit."""
+    available: float | None
+    """Force at hand of each finger [N]; None: not given."""
+    torsion_radius: float
+    """Torsion radius of the contacts [mesh unit]; 0: hard fingers."""
+
+    @classmethod
+    def of(
+        cls,
+        load: Load,
+        mesh: ObjectMesh,
+        model: GraspModel,
+        gripper: ParallelGripper | None = None,
+    ) -> "LoadCase":
+        """The load on an object.
+
+        Args:
+            load: Mass or density, task, and force at hand.
+            mesh: The object; for several densities that of `mesh.masses.with_load`.
+            model: The fingers; without a torsion radius they have that of the gripper's pads.
+            gripper: Its greatest force is at hand unless the load states another one.
+
+        Raises:
+            SettingError: The centre of mass is not known, or the mass or the unit of the mesh is
+                needed but not known.
+        """
+        source = mesh.report.source
+        with_load(mesh, load)  # refuses an object whose centre of mass is not known
+        mass = mass_of(mesh, load)
+        task = load.task_for(mass, mesh.unit, source=source)
+        if mass is None and not isinstance(load.task, str):
+            mass = task.mass
+        force = load.grip_force
+        if force is None and gripper is not None:
+            force = gripper.max_force
+        torsion = model.in_unit(mesh.unit, source=source).torsion_radius
+        if torsion == 0.0 and gripper is not None and mesh.unit is not None:
+            torsion = gripper.torsion_radius(model.friction) / METRES[mesh.unit]
+        return cls(load, mass, task, force, torsion)
+
+    @property
+    def decided(self) -> bool:
+        """Whether the task is that of the object: its mass is known, or does not matter."""
+        return self.mass is not None or self.task.mass is None
+
+    def settings(self) -> dict[str, float | None]:
+        """What follows from the load and the object, as settings of files."""
+        return {
+            "object_mass": self.mass,
+            "force_at_hand": self.available,
+            "force_torsion_radius": self.torsion_radius,
+        }

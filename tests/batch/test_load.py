@@ -1,0 +1,180 @@
+"""A load in a batch: rows, files, and the report's pages."""
+
+import json
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pyarrow.parquet as pq
+import pytest
+import trimesh
+
+from grasp3d import GraspModel, MeshOptions, SurfaceLabels, label_library, label_surface, load_mesh
+from grasp3d.batch import ClusterSettings, read_summary
+from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.inputs import MeshFile
+from grasp3d.batch.labelling import label_job
+from grasp3d.batch.plan import Job
+from grasp3d.batch.report import object_script, write_report
+from grasp3d.batch.report.settings_text import describe_settings, summarise_settings
+from grasp3d.batch.row import Outcome, Row
+from grasp3d.loads import Load
+from grasp3d.storage import Folder
+from grasp3d.surface.held_area import held_fractions, payload_quantiles
+from tests.batch.test_report_gripper import header_of
+from tests.batch.test_report_page import BROWSER, OPTIONS, opened
+from tests.helpers import shapes
+from tests.helpers.reports import LocalFolder, put_object, row_of
+
+LOAD = Load(mass=0.5, grip_force=40.0)
+SETTINGS = BatchSettings(
+    GraspModel(torsion_radius="3mm", sensor_resolution=0.2),
+    mesh=MeshOptions(unit="m", max_edge=0.02),
+    best=2,
+    load=LOAD,
+)
+
+
+def block(folder: Path) -> Path:
+    mesh = trimesh.Trimesh(*shapes.box((0.08, 0.05, 0.03)), process=False)
+    mesh.export(folder / "block.ply")
+    return folder / "block.ply"
+
+
+@cache
+def labels() -> SurfaceLabels:
+    mesh = load_mesh(shapes.box((0.08, 0.05, 0.03)), SETTINGS.mesh)
+    return label_surface(mesh, SETTINGS.model, load=LOAD, threads=1)
+
+
+def row_under(load: Load | None, folder: Path, **options: Any) -> Row:
+    source = block(folder)
+    mesh = MeshFile("block.ply", str(source), source.stat().st_size, "stamp")
+    settings = replace(SETTINGS, load=load, mesh=replace(SETTINGS.mesh, **options))
+    row = label_job(Job(mesh, "block", Folder(str(folder / "out")), ""), settings)
+    assert isinstance(row, Row)
+    return row
+
+
+@pytest.mark.slow
+def test_a_row_has_the_values_of_the_labels(tmp_path: Path) -> None:
+    row = row_under(LOAD, tmp_path)
+    assert row.outcome is Outcome.LABELLED, row.error
+    holding, fractions = labels().holding, held_fractions(labels())
+    payloads = payload_quantiles(labels(), [0.1, 0.5, 0.9])
+    assert holding is not None
+    assert fractions is not None
+    assert payloads is not None
+    assert (row.mass, row.grip_force_at_hand, row.task) == (0.5, 40.0, "weight")
+    assert row.holds
+    assert row.holds_text == "holds 0.5 kg at 40 N in any orientation"
+    assert row.verdict_text is not None
+    assert "kg" not in row.verdict_text
+    assert row.held == pytest.approx(fractions["S"])
+    # Positions in the file have 32 bits.
+    assert row.payload_best == pytest.approx(holding.payload.max(), rel=0.02)
+    assert row.grip_force_needed == pytest.approx(holding.grip_force_largest.min(), rel=0.02)
+    quantiles = (row.payload_p10, row.payload_p50, row.payload_p90)
+    assert quantiles == pytest.approx(payloads.tolist(), rel=0.02)
+    assert row.grasps[0].payload == pytest.approx(40.0 * 0.5 / (row.grasps[0].grip_force or 0.0))
+    fields = pq.read_table(tmp_path / "out" / row.fields)
+    np.testing.assert_allclose(fields["payload"].to_numpy(), holding.payload, rtol=0.05)
+
+
+def test_without_a_load_all_of_that_is_null(tmp_path: Path) -> None:
+    row = row_under(None, tmp_path)
+    names = ("task", "mass", "grip_force_at_hand", "holds", "holds_text", "held",
+             "grip_force_needed", "payload_best", "payload_p50")  # fmt: skip
+    assert all(getattr(row, name) is None for name in names)
+    assert row.grasps[0].grip_force is None
+    assert row.grasps[0].payload is None
+
+
+def test_values_that_are_not_known_are_null(tmp_path: Path) -> None:
+    row = row_under(Load(density=1000.0), tmp_path)
+    assert row.mass == pytest.approx(0.12)
+    assert (row.grip_force_at_hand, row.holds, row.held, row.payload_p50) == (None,) * 4
+    assert math.isfinite(row.grip_force_needed or math.nan)
+    refused = row_under(Load(density=(1000.0, 2000.0)), tmp_path)
+    assert refused.outcome is Outcome.REFUSED
+    assert "density has 2 values" in refused.error
+
+
+@pytest.mark.slow
+def test_a_library_keeps_the_columns_and_does_not_read_files_again(tmp_path: Path) -> None:
+    block(tmp_path)
+    (tmp_path / "pushes.csv").write_text("0,0,-5,0,0,0\n")
+    load = Load(grip_force=40.0, task=str(tmp_path / "pushes.csv"))
+    settings, alone = replace(SETTINGS, load=load), ClusterSettings(workers=0)
+    source, results = str(tmp_path / "block.ply"), tmp_path / "results"
+    first = label_library([source], results, settings, cluster=alone)
+    assert not first.failed
+    again = label_library([source], results, settings, cluster=alone)
+    assert again.finished == 1
+    (tmp_path / "pushes.csv").write_text("0,0,-6,0,0,0\n")
+    changed = label_library([source], results, settings, cluster=alone)
+    assert changed.finished == 0
+    (row,) = read_summary(results)
+    assert row.task == "wrench 0,0,-6,0,0,0"
+
+
+def test_the_report_names_the_load() -> None:
+    settings = replace(SETTINGS, load=replace(LOAD, density=None, task="weight within 30 of -z"))
+    expected = "0.5 kg, weight within 30 of -z, 40 N per finger"
+    assert ("Load", expected) in describe_settings(settings)
+    assert f"Load {expected}" in summarise_settings(settings)
+    none = replace(SETTINGS, load=None)
+    assert not any("Load" in name for name, _ in describe_settings(none))
+
+
+def test_the_script_of_an_object_has_forces_and_payloads() -> None:
+    header = header_of(object_script(labels(), "block", ()))
+    assert {"force", "payload"} <= {name for name, *_ in header["arrays"]}
+    assert header["load"]["text"] == "holds 0.5 kg at 40 N in any orientation"
+    assert header["load"]["held"] == pytest.approx(held_fractions(labels()))
+    plain = header_of(object_script(replace(labels(), load=None), "block", ()))
+    assert plain["load"] is None
+    assert not {"force", "payload"} & {name for name, *_ in plain["arrays"]}
+    json.dumps(header, allow_nan=False)
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(BROWSER is None, reason="needs Chromium")
+def test_the_pages_show_payloads_and_the_table_still_fits(tmp_path: Path) -> None:
+    api = pytest.importorskip("playwright.sync_api", reason="needs playwright")
+    made = row_under(LOAD, tmp_path)
+    row = replace(
+        row_of(labels(), "block.ply", "block"),
+        holds_text=made.holds_text, held=made.held, payload_best=made.payload_best,
+        grip_force_needed=made.grip_force_needed, verdict="holdable", verdict_text="holdable",
+    )  # fmt: skip
+    output = LocalFolder(tmp_path)
+    row = replace(put_object(output, labels(), row), grasps=made.grasps)
+    output.write(row.view, object_script(labels(), row.mesh, made.grasps))
+    failed = Row("bad.ply", outcome=Outcome.REFUSED, error="bad.ply: has no faces")
+    write_report(output, [row, failed], SETTINGS)
+    address = (tmp_path / "report" / "index.html").as_uri()
+    with api.sync_playwright() as started:
+        browser = started.chromium.launch(executable_path=BROWSER, args=OPTIONS)
+        page = opened(browser.new_page(viewport={"width": 1280, "height": 900}), address)
+        holder = page.locator(".tabulator-tableholder")
+        assert holder.evaluate("one => one.scrollWidth <= one.clientWidth + 1")
+        column = page.locator("[role=columnheader]", has_text="Warnings").bounding_box()
+        assert column["width"] >= 120
+        assert column["x"] + column["width"] <= 1280 - 24
+        cell = page.locator(".tabulator-row").first.locator("[tabulator-field=payload]")
+        assert cell.inner_text().split() == [
+            f"{row.payload_best:.2f}", "kg", f"{100.0 * (row.held or 0.0):.0f}", "%", "held",
+        ]  # fmt: skip
+        assert page.locator("[role=columnheader]", has_text="Seconds").count() == 0
+        page = opened(page, f"{address.replace('index.html', 'object.html')}#block")
+        assert page.locator("#load-text").inner_text() == made.holds_text
+        assert "payload" in page.locator("#grasps button").first.inner_text()
+        page.locator("#paint").select_option("payload")
+        assert labels().holding is not None
+        largest = labels().holding.payload.max()
+        assert f"{largest:.3g} kg" in page.locator("#ramp").inner_text()
+        browser.close()

@@ -1,0 +1,99 @@
+"""A load on the command line: what is printed and written."""
+
+import json
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv as pc
+import pytest
+
+from grasp3d.surface.holding import HARD_FINGERS
+from tests.cli.test_label import export
+from tests.helpers import shapes
+from tests.helpers.commands import run_here
+
+BLOCK = shapes.box((0.08, 0.05, 0.03))
+SOFT = ("--unit", "m", "--max-edge", "0.02", "--torsion-radius", "3mm")
+LOAD = ("--mass", "500 g", "--grip-force", "40N")
+
+
+@pytest.mark.slow
+def test_label_end_to_end(tmp_path: Path) -> None:
+    export(tmp_path / "block.ply", BLOCK)
+    words = ["label", "block.ply", *SOFT, *LOAD, "--best", "2"]
+    command = [str(Path(sys.executable).with_name("grasp3d")), *words]
+    run = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert run.returncode == 0, run.stderr
+    assert "load: 0.5 kg, weight; force at hand: 40 N per finger" in run.stdout
+    assert "holds 0.5 kg at 40 N in any orientation" in run.stdout
+    assert re.search(r"held by \d+\.\d % of the surface \(S \d", run.stdout)
+    assert re.search(r"payload, 10/50/90 % of the area: [\d., ]+ kg", run.stdout)
+    assert re.search(r"opening +force +payload", run.stdout)
+    written = json.loads((tmp_path / "block_grasps.json").read_text())
+    assert written["grasp3d"]["object_mass"] == 0.5
+    best = written["grasps"][0]
+    assert best["label_with_force"] == "S"
+    assert best["payload"] == pytest.approx(40.0 * 0.5 / best["grip_force_largest"])
+
+
+@pytest.mark.slow
+def test_the_remedy_for_hard_fingers_is_printed(tmp_path: Path) -> None:
+    export(tmp_path / "block.ply", BLOCK)
+    run = run_here("label", "block.ply", *SOFT[:4], "--mass", "0.5", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert HARD_FINGERS in run.stdout
+    assert "force at hand: none given" in run.stdout
+    assert "none, none, none N" in run.stdout
+
+
+def test_label_writes_a_table_with_a_gripper(tmp_path: Path) -> None:
+    export(tmp_path / "block.ply", BLOCK)
+    density = ("--density", "1g/cm^3", "--gripper", "franka")
+    run = run_here("label", "block.ply", *SOFT[:4], *density, "-o", "out.npz", cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "load: 0.12 kg, weight; force at hand: 70 N per finger" in run.stdout
+    with np.load(tmp_path / "out.npz") as arrays:
+        assert np.nanmax(arrays["payload"]) > 1.0
+        assert set(arrays["label_with_force"]) <= {0, 1, 2}
+        assert float(str(arrays["setting_force_at_hand"])) == 70.0
+
+
+def test_evaluate_contacts(tmp_path: Path) -> None:
+    export(tmp_path / "block.ply", BLOCK)
+    grasps = [[[0.0, 0.025, 0.0], [0.0, -0.025, 0.0]], [[0.0, 0.0, 0.015], [0.0, 0.0, -0.015]]]
+    (tmp_path / "grasps.json").write_text(json.dumps(grasps))
+    task = ("--task", "weight within 0 of -z", "--sensor-resolution", "0", "-o", "out.csv")
+    run = run_here("evaluate", "block.ply", "grasps.json", *SOFT, *LOAD, *task, cwd=tmp_path)
+    assert run.returncode == 0, run.stderr
+    assert "held by 2 of 2 grasps (S 2, M 0, U 0)" in run.stdout
+    assert re.search(r"distance +force +payload", run.stdout)
+    table = pc.read_csv(tmp_path / "out.csv").to_pydict()
+    side = 0.5 * 9.80665 / (2.0 * 0.5)  # friction 0.5
+    assert table["grip_force"][0] == pytest.approx(side, rel=0.01)
+    # From below one finger carries the weight.
+    assert table["grip_force"][1] == pytest.approx(0.5 * 9.80665, rel=0.01)
+    assert table["label_with_force"] == ["S", "S"]
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        (("--mass", "-1"), "mass must be finite and above 0"),
+        (("--mass", "1", "--density", "1000"), "exclude each other"),
+        (("--density", "1,2"), "density has 2 values"),
+        (("--task", "wight"), "wight"),
+        (("--task", "missing.csv"), "missing.csv"),
+    ],
+)
+def test_mistakes_are_one_sentence_and_write_nothing(
+    tmp_path: Path, options: tuple[str, ...], message: str
+) -> None:
+    export(tmp_path / "block.ply", BLOCK)
+    run = run_here("label", "block.ply", *SOFT, *options, "-o", "out.npz", cwd=tmp_path)
+    assert run.returncode != 0
+    assert message in run.stderr
+    assert "Traceback" not in run.stderr
+    assert not (tmp_path / "out.npz").exists()
