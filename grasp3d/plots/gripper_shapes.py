@@ -10,9 +10,7 @@ from grasp3d.arrays import ArrayLike
 from grasp3d.gripper import shapes
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.gripper.shapes import Triangles
-from grasp3d.gripper.table import Table
 from grasp3d.lengths import Unit
-from grasp3d.mesh import ObjectMesh
 
 
 def gripper_shape(
@@ -58,16 +56,6 @@ def approach_arc(
         inner: Its inner radius, as a fraction of the outer one.
     """
     return surface_of(shapes.approach_triangles(pose, arcs, radius=radius, inner=inner))
-
-
-def table_shape(table: Table, mesh: ObjectMesh) -> pyvista.PolyData:
-    """A round plate below an object, somewhat larger than it.
-
-    Args:
-        table: The table.
-        mesh: The object that stands on it.
-    """
-    return surface_of(shapes.table_triangles(table, mesh))
 
 
 def surface_of(triangles: Triangles) -> pyvista.PolyData:

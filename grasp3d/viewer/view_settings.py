@@ -8,8 +8,9 @@ from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
 
 Paint = Literal[
-    "label", "critical_angle", "max_resolution", "epsilon", "epsilon_min", "approach_margin"
-]
+    "label", "critical_angle", "max_resolution", "epsilon", "epsilon_min", "approach_margin",
+    "grip_force", "payload",
+]  # fmt: skip
 MIN_WIDTH, MIN_HEIGHT, MAX_PIXELS = 320, 240, 7680
 
 _ALIKE: dict[Paint, str] = {
@@ -18,6 +19,8 @@ _ALIKE: dict[Paint, str] = {
     "epsilon": "ε does not depend on the sensor resolution",
     "epsilon_min": "the smallest ε is computed for one sensor resolution at a time",
     "approach_margin": "the approach margin does not depend on the sensor resolution",
+    "grip_force": "the grip force at the nominal normals does not depend on the sensor resolution",
+    "payload": "the payload is computed for one sensor resolution at a time",
 }
 """Why a second sensor resolution would have the same colours."""
 
@@ -46,7 +49,9 @@ class ViewSettings:
         paint: Quantity that colours show. label: S, M, U; critical_angle: beta* of the best grasp;
             max_resolution: alpha*, the coarsest resolution at which it is S; epsilon and
             epsilon_min: Ferrari-Canny epsilon, and its smallest value over the tilts;
-            approach_margin: half-width of the free approach angles of a gripper.
+            approach_margin: half-width of the free approach angles of a gripper; grip_force: force
+            that each finger needs under a load; payload: mass that the force at hand holds at all
+            normals within the resolution.
         vertex: Index of the vertex whose grasp is shown first. none: no grasp; pictures and films
             with a gripper show the best grasp that it reaches.
         compare: A second sensor resolution, shown beside the first, in the colours S, M, U; none:

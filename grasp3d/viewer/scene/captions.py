@@ -113,7 +113,7 @@ class Captions:
             fractions = text.other_fractions if number else text.fractions
             return legend_items(area, layout, [_entry(fraction) for fraction in fractions])
         grey = LegendEntry(GREY, "", ramp.grey, "") if ramp.grey else None
-        ends = f"0{ramp.unit}", f"{ramp.maximum:.3g}{ramp.unit}"
+        ends = f"0{ramp.unit}", ramp.end
         return ramp_items(area, layout, ramp.text, ends, grey)
 
     def _layout(self, area: TextArea) -> LegendLayout:

@@ -243,8 +243,7 @@ def _choose_grasp(session: Session, progress: Progress) -> None:
     assert subject is not None
     if chosen is not None and session.state.vertex is None:
         raise SettingError(session.message)
-    if session.state.paint == "approach_margin":
-        session.check_gripper()
+    session.check_paint(session.state.paint)
     best = best_reached(subject) if chosen is None else None
     if best is not None:
         session.click(best, inspect=True)

@@ -15,7 +15,9 @@ from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.gripper.reaching import Reaching, reaching_settings
 from grasp3d.lengths import Unit
+from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh, prepare_file
+from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.plausible_lengths import check_lengths, refuse_lengths
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
@@ -122,6 +124,7 @@ def open_collection(
     *,
     force: bool = True,
     reach: ReachSettings | None = None,
+    load: Load | None = None,
 ) -> Collection:
     """Collection of the objects at a path.
 
@@ -138,10 +141,11 @@ def open_collection(
         force: Accept lengths that cannot be meant for an object of this size.
         reach: The gripper that must reach each grasp, and the table; None, or without a gripper: as
             in the file, else none.
+        load: What each grasp of a mesh must hold; None: nothing, or as in the file.
 
     Raises:
         GraspError: The path holds no object to view, or a length has a unit, but that of the
-            objects is not known, or not the same.
+            objects is not known, or not the same; or there is a load for stored labels.
     """
     where, options = printable(str(target)), options or MeshOptions()
     reach = reach or ReachSettings()
@@ -149,9 +153,14 @@ def open_collection(
         raise MeshError(f"{where}: is an address; copy the file or folder to this machine first")
     if not target.exists():
         raise MeshError(f"{where}: no such file or folder")
+    stored = None if target.is_dir() else settings_of_file(target, options.max_memory)
+    if load is not None and (target.is_dir() or stored is not None):
+        raise SettingError(
+            f"{where}: has stored labels, to which a load cannot be given; view the mesh itself, "
+            "or label it again with the load"
+        )
     if target.is_dir():
         return _batch_collection(target, model, sampling, options, reach, force=force)
-    stored = settings_of_file(target, options.max_memory)
     if stored is not None:
         unit = stored.unit or options.unit
         settings = _in_unit(_merged(stored, model, sampling), unit, target.name)
@@ -164,7 +173,7 @@ def open_collection(
         unit = options.unit or read_source(target, max_memory=options.max_memory).raw.unit
         settings = _in_unit(settings, unit, target.name)
     _check(*settings, scan=False)
-    read = partial(_open_mesh, target, (reach, *settings), options, force)
+    read = partial(_open_mesh, target, (reach, *settings), options, load, force)
     return _single(target.name, read, *settings)
 
 
@@ -260,15 +269,20 @@ def _checked(subject: Subject, options: MeshOptions, lengths: Lengths) -> Subjec
 
 
 def _open_mesh(
-    path: Path, search: Search, options: MeshOptions, force: bool, progress: Progress
+    path: Path,
+    search: Search,
+    options: MeshOptions,
+    load: Load | None,
+    force: bool,
+    progress: Progress,
 ) -> Subject:
     reach, model, sampling = search
-    mesh = prepare_file(path, options)
+    mesh, load = loaded_mesh(prepare_file(path, options), load)
     if not force:
         refuse_lengths(mesh, model.lengths() | sampling.lengths())
     progress(READ)
     reaching = Reaching.of(reach, mesh)
-    return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0), reaching)
+    return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0), reaching, load)
 
 
 def _label_mesh(
@@ -277,10 +291,10 @@ def _label_mesh(
     sampling: Sampling,
     progress: Progress,
     reaching: Reaching | None = None,
+    load: Load | None = None,
 ) -> Subject:
-    labels = label_surface(
-        mesh, model, sampling=sampling, progress=progress, **Reaching.keywords(reaching)
-    )
+    found = Reaching.keywords(reaching)
+    labels = label_surface(mesh, model, sampling=sampling, load=load, progress=progress, **found)
     return warm_up(subject_of(labels))
 
 

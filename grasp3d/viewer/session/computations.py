@@ -23,6 +23,7 @@ from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.last_contact import best_last_contact
 from grasp3d.viewer.session.painting import labels_at
 from grasp3d.viewer.session.state import FixedPoints
+from grasp3d.viewer.subjects.forces import Forces
 from grasp3d.viewer.subjects.subject import Epsilons, Subject, subject_of
 
 WIDEST = math.pi / 2.0
@@ -85,7 +86,8 @@ def search_grasps(
     progress(start)
     labels = label_surface(
         mesh, model, sampling=replace(sampling, search_angle=cone),
-        progress=within(progress, start, 1.0), **Reaching.keywords(subject.reaching),
+        load=subject.load, progress=within(progress, start, 1.0),
+        **Reaching.keywords(subject.reaching),
     )  # fmt: skip
     return warm_up(subject_of(labels, subject.name))
 
@@ -152,6 +154,7 @@ def prepare_labels(subject: Subject, progress: Progress) -> Subject:
         mode=subject.mode,
         search=SearchReport(cone=subject.cone),
         reaching=subject.reaching,
+        load=subject.load,
     )
     return warm_up(replace(subject, labels=labels))
 
@@ -171,6 +174,23 @@ def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> 
     labels.compute_epsilon(within(progress, PREPARED, 1.0))
     found = labels.epsilon_range
     return replace(ready, epsilons=Epsilons(found.nominal, found.minimum, model, found.maximum))
+
+
+def compute_forces(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
+    """Compute grip force and payload of every vertex's grasp.
+
+    Args:
+        subject: With a load, and labels or partners.
+        model: Grasp model; fingers as the subject has them.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+    """
+    ready = prepare_labels(subject, within(progress, 0.0, PREPARED))
+    assert ready.labels is not None
+    model = replace(model, fingers=ready.model.fingers)
+    labels = replace(ready.labels, model=model)
+    labels.compute_holding(within(progress, PREPARED, 1.0))
+    assert labels.holding is not None
+    return replace(ready, forces=Forces.of(labels.holding, model))
 
 
 def difference(subject: Subject, other: Subject) -> float:

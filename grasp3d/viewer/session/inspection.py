@@ -9,6 +9,7 @@ from grasp3d.arrays import Floats
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.gripper.reach import Reachability
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.stability.thresholds import label_angles, max_resolution
 from grasp3d.surface.contacts import SurfaceContacts
@@ -16,6 +17,7 @@ from grasp3d.surface.epsilon import surface_epsilons
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.session.explanations import PAIR, Case, explain
+from grasp3d.viewer.session.holding_texts import HeldGrasp, held_grasp
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.session.reached_grasps import alternatives_of
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
@@ -95,9 +97,9 @@ def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspectio
     )
     if not case.smooth:
         case = replace(case, creases=_creases(subject, vertex, several=len(points) > 1))
-    return Inspection(
-        vertex, code, points, normals, model, _numbers(subject, vertex, case), explain(case)
-    )
+    force = _held(subject, vertex, model)
+    numbers, reason = _numbers(subject, vertex, case, force), _reason_text(case, force)
+    return Inspection(vertex, code, points, normals, model, numbers, reason)
 
 
 def _inspect_alternative(
@@ -127,8 +129,10 @@ def _inspect_alternative(
     values = _epsilons_of(contacts, model)
     numbers += zip(EPSILONS, map(_epsilon_text, values), strict=True)
     numbers.append(("opening", f"{grasps.opening[row]:.4g}{unit}"))
-    numbers += [*_gripper_numbers(held, unit), *_off_line_text(case)]
-    return Inspection(vertex, code, points, normals, model, tuple(numbers), explain(case), held)
+    force = _held_by(subject, contacts, model)
+    numbers += [*_force_numbers(force), *_gripper_numbers(held, unit), *_off_line_text(case)]
+    reason = _reason_text(case, force)
+    return Inspection(vertex, code, points, normals, model, tuple(numbers), reason, held)
 
 
 def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | None:
@@ -171,7 +175,9 @@ def warm_up(subject: Subject) -> Subject:
     """Inspect one grasp, so that the functions are compiled before the user's first click."""
     found = np.flatnonzero(subject.reason == Reason.FOUND)
     if subject.labels is not None and len(found):
-        _epsilons_of(_grasp(subject.labels, int(found[0])), subject.model)
+        grasp = _grasp(subject.labels, int(found[0]))
+        _epsilons_of(grasp, subject.model)
+        _held_by(subject, grasp, subject.model)
     return subject
 
 
@@ -220,7 +226,47 @@ def _unreached(subject: Subject, vertex: int) -> Reachability | None:
     return Reachability(int(subject.unreached[vertex]))
 
 
-def _numbers(subject: Subject, vertex: int, case: Case) -> tuple[tuple[str, str], ...]:
+def _held(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
+    """Force and payload of a vertex's grasp; None: no load, no grasp, or not known."""
+    load, known = subject.load_numbers, subject.forces
+    if load is None or subject.reason[vertex] != Reason.FOUND:
+        return None
+    if subject.labels is not None:
+        return _held_by(subject, _grasp(subject.labels, vertex), model)
+    if known is None or not same_settings(known.model, model):
+        return None
+    numbers = (known.grip_force, known.grip_force_least, known.grip_force_largest, known.payload)
+    force, least, largest, payload = (float(values[vertex]) for values in numbers)
+    hard = subject.reaching is None and subject.model.torsion_radius == 0.0
+    codes = known.resistance
+    resistance = None if codes is None else Resistance(int(codes[vertex]))
+    return HeldGrasp(load, force, least, largest, payload, subject.model.fingers, hard, resistance)
+
+
+def _held_by(subject: Subject, grasp: SurfaceContacts, model: GraspModel) -> HeldGrasp | None:
+    """Force and payload of one grasp; None: there is no load."""
+    case = None if subject.labels is None else subject.labels.load_case
+    if case is None:
+        return None
+    relative = model.friction / subject.model.friction
+    if subject.model.torsion_radius == 0.0:  # a pad's torsion radius is proportional to friction
+        case = replace(case, torsion_radius=case.torsion_radius * relative)
+    return held_grasp(grasp, model, case)
+
+
+def _force_numbers(force: HeldGrasp | None) -> list[tuple[str, str]]:
+    return [] if force is None else force.numbers()
+
+
+def _reason_text(case: Case, force: HeldGrasp | None) -> str:
+    """Why it is S, M or U, and whether the load is held."""
+    sentence = "" if force is None else force.sentence()
+    return f"{explain(case)} {sentence}".rstrip()
+
+
+def _numbers(
+    subject: Subject, vertex: int, case: Case, force: HeldGrasp | None
+) -> tuple[tuple[str, str], ...]:
     unit = f" {subject.unit}" if subject.unit else ""
     position = _position(subject.vertices[vertex], subject.size, unit)
     numbers = [("vertex", f"{vertex}"), ("position", position)]
@@ -232,6 +278,7 @@ def _numbers(subject: Subject, vertex: int, case: Case) -> tuple[tuple[str, str]
     if math.isfinite(opening):
         numbers.append(("opening", f"{opening:.4g}{unit}"))
     held = GripperPose.of(subject.reach, vertex)
+    numbers += _force_numbers(force)
     return (*numbers, *_gripper_numbers(held, unit), *_off_line_text(case))
 
 

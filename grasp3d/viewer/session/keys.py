@@ -140,6 +140,8 @@ KEYS: dict[str, Key] = {
     "4": Key("colours: ε", _set_paint("epsilon")),
     "5": Key("colours: smallest ε over the tilts", _set_paint("epsilon_min")),
     "6": Key("colours: approach margin of a gripper", _set_paint("approach_margin")),
+    "7": Key("colours: grip force under a load", _set_paint("grip_force")),
+    "8": Key("colours: payload of the force at hand", _set_paint("payload")),
     "c": Key("compare with a second resolution", _toggle_compare),
     "x": Key("section across x, y, z, none", _next_section),
     "[": Key("move the section down", _move_section(-SECTION_STEP)),

@@ -15,11 +15,19 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.stability.thresholds import label_angles
+from grasp3d.viewer.subjects.forces import LoadNumbers
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint
 
 UNSEARCHED = 3
 """Code of vertices whose label is unknown, as the search did not go far enough."""
+
+FORCE_PAINTS = frozenset({"grip_force", "payload"})
+"""Colours that only a load gives."""
+
+MOST = 0.95
+"""Area fraction, of that with finite values, up to which the ramps of forces and payloads go: a few
+vertices near the centre of mass, or far from it, would hide the others."""
 
 GREY = (0x9A, 0xA0, 0xA6)
 """Colour of unknown values: no grasp, or not searched."""
@@ -60,6 +68,13 @@ class Ramp:
     """Meaning of grey; empty: grey does not occur."""
     note: str = ""
     """Remark for the reader."""
+    exceeded: bool = False
+    """Whether larger values have the last colour, too."""
+
+    @property
+    def end(self) -> str:
+        """The value of the last colour as text."""
+        return f"{'≥ ' if self.exceeded else ''}{self.maximum:.3g}{self.unit}"
 
 
 def labels_at(subject: Subject, model: GraspModel) -> Bytes:
@@ -124,6 +139,10 @@ def texture_coordinates(
         margins = _approach_margin(subject)
         known = np.isfinite(margins)
         values = np.nan_to_num(margins) / _max_margin(subject)
+    elif paint in FORCE_PAINTS:
+        forces = _forces(subject, paint)
+        known = np.isfinite(forces)
+        values = np.minimum(np.where(known, forces, 0.0) / _top(subject, forces), 1.0)
     return np.stack([values, np.where(known, 0.25, 0.75)], axis=1).astype(np.float32)
 
 
@@ -178,6 +197,8 @@ def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
         return _epsilon_ramp(subject, paint, model, none)
     if paint == "approach_margin":
         return _margin_ramp(subject)
+    if paint in FORCE_PAINTS:
+        return _force_ramp(subject, paint, model, none)
     return None
 
 
@@ -210,6 +231,35 @@ def _epsilon_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) 
     return Ramp(text, _max_epsilon(subject), "", none, EQUAL_GRASPS)
 
 
+def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
+    load, unit = subject.load_numbers, " N" if paint == "grip_force" else " kg"
+    name = "grip force of each finger" if paint == "grip_force" else "payload"
+    if load is None:
+        return Ramp(f"{name}: needs a load", 1.0, unit, "no load")
+    if paint == "payload" and load.available is None:
+        return Ramp("payload: needs a force at hand", 1.0, unit, "no force")
+    text = f"{name} {_condition(paint, load)}"
+    known = subject.forces
+    status = "being computed" if subject.measurable and subject.load else "as in the file"
+    if known is None:
+        return Ramp(f"{text}; {status}", 1.0, unit, "not computed yet")
+    if not same_settings(known.model, model):
+        friction, degrees = known.model.friction, math.degrees(known.model.sensor_resolution)
+        text = f"{text}, for μ {friction:.3g}, α {degrees:.1f}°; {status}"
+    values = _forces(subject, paint)
+    weighed = subject.weights > 0.0
+    meanings = [none] * bool(none) + ["no force suffices"] * bool(np.isinf(values[weighed]).any())
+    top = _top(subject, values)
+    exceeded = bool((values[weighed & np.isfinite(values)] > top).any())
+    return Ramp(text, top, unit, ", ".join(meanings), exceeded=exceeded)
+
+
+def _condition(paint: Paint, load: LoadNumbers) -> str:
+    if paint == "grip_force":
+        return f"for {1.0 if load.mass is None else load.mass:.3g} kg"
+    return f"with {load.available:.3g} N at the worst normals"
+
+
 def same_settings(known: GraspModel, model: GraspModel) -> bool:
     """Whether epsilon computed for one model is valid for another; fingers are ignored."""
     return replace(known, fingers=model.fingers) == model
@@ -238,6 +288,24 @@ def _approach_margin(subject: Subject) -> Floats:
 def _max_margin(subject: Subject) -> float:
     """Largest approach margin of the surface [rad]."""
     return float(np.nanmax(_approach_margin(subject), initial=0.0)) or math.pi
+
+
+def _forces(subject: Subject, paint: Paint) -> Floats:
+    known = subject.forces
+    if known is None:
+        return np.full(len(subject.vertices), math.nan)
+    return known.grip_force if paint == "grip_force" else known.payload
+
+
+def _top(subject: Subject, values: Floats) -> float:
+    """Value that a fraction `MOST` of the area does not exceed."""
+    chosen = np.flatnonzero(np.isfinite(values) & (subject.weights > 0.0))
+    if not len(chosen):
+        return 1.0
+    order = chosen[np.argsort(values[chosen])]
+    areas = np.cumsum(subject.weights[order])
+    found = float(values[order[np.searchsorted(areas, MOST * areas[-1])]])
+    return found or float(values[chosen].max()) or 1.0
 
 
 def _max_epsilon(subject: Subject) -> float:

@@ -120,6 +120,8 @@ def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
     if subject.reaching is not None:
         table = "" if subject.reaching.table is None else " and a table"
         facts += f"; gripper {subject.reaching.gripper.name}{table}"
+    if subject.load_numbers is not None:
+        facts += f"; load {subject.load_numbers}"
     if subject.mode == "scan" and not stale:
         count = fixed or subject.model.fingers - 1
         facts += f", {_fingers(count)} fixed"

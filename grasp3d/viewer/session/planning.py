@@ -11,11 +11,12 @@ from grasp3d.settings import GraspModel, Sampling
 from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
     compute_epsilon,
+    compute_forces,
     prepare_labels,
     scan_with_fixed,
     search_grasps,
 )
-from grasp3d.viewer.session.painting import same_settings
+from grasp3d.viewer.session.painting import FORCE_PAINTS, same_settings
 from grasp3d.viewer.session.reached_grasps import (
     alternatives_of,
     find_alternatives,
@@ -24,7 +25,8 @@ from grasp3d.viewer.session.reached_grasps import (
 from grasp3d.viewer.session.saving import write_labels
 from grasp3d.viewer.session.state import FixedPoints, ViewState
 from grasp3d.viewer.session.wider_search import search_wider
-from grasp3d.viewer.subjects.subject import Subject
+from grasp3d.viewer.subjects.forces import Forces
+from grasp3d.viewer.subjects.subject import Epsilons, Subject
 
 if TYPE_CHECKING:
     from grasp3d.viewer.session.collection import Item
@@ -69,7 +71,7 @@ def next_job(
     """The next job; None: everything is computed.
 
     The first word of a job's key is its kind: open, save, scan, search, wider, grasps,
-    alternatives or epsilon; the rest is all that its result depends on.
+    alternatives, epsilon or forces; the rest is all that its result depends on.
 
     Args:
         viewed: The current object.
@@ -93,6 +95,7 @@ def next_job(
         or _grasps_job(subject, state, number)
         or _alternatives_job(subject, state, number)
         or _epsilon_job(subject, state, number)
+        or _forces_job(subject, state, number)
     )
 
 
@@ -199,15 +202,17 @@ def _search_job(
 
 
 def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
-    """Find the grasps of a file, if a vertex is inspected or epsilon is shown.
+    """Find the grasps of a file, if a vertex is inspected or epsilon or a force is shown.
 
-    A file with partners needs its mesh only for epsilon of another model.
+    A file with partners needs its mesh only for epsilon and forces of another model.
     """
     if subject.labels is not None or not subject.measurable:
         return None
-    known = subject.epsilons
-    other_model = known is None or not same_settings(known.model, state.model)
-    if state.vertex is None and not (other_model and _shows_epsilon(state)):
+    other_epsilon = not _is_known(subject.epsilons, state)
+    other_forces = subject.load is not None and not _is_known(subject.forces, state)
+    if state.vertex is None and not (
+        (other_epsilon and _shows_epsilon(state)) or (other_forces and _shows_force(state))
+    ):
         return None
     key = ("grasps", number)
     if subject.partners is None:
@@ -215,7 +220,7 @@ def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
         sampling = replace(subject.sampling or Sampling(), search_angle=cone)
         run = partial(search_grasps, subject, subject.model, sampling)
         return Job(key, "searching grasps", run)
-    if not other_model and not _wants_alternatives(subject, state):
+    if not (other_epsilon or other_forces or _wants_alternatives(subject, state)):
         return None
     return Job(key, "preparing grasps", partial(prepare_labels, subject))
 
@@ -239,15 +244,34 @@ def _alternatives_job(subject: Subject, state: ViewState, number: int) -> Subjec
 
 def _epsilon_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Compute epsilon, if it is shown and not known for the chosen model."""
-    known = subject.epsilons
     if not _shows_epsilon(state) or not subject.measurable:
         return None
-    if known is not None and same_settings(known.model, state.model):
+    if _is_known(subject.epsilons, state):
         return None
     model = replace(state.model, fingers=subject.model.fingers)
     key = ("epsilon", number, model, state.fixed, state.max_opening)
     return Job(key, "computing ε", partial(compute_epsilon, subject, model), DELAY)
 
 
+def _forces_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
+    """Compute grip forces, if they are shown and not known for the chosen model."""
+    if not _shows_force(state) or not subject.measurable or subject.load is None:
+        return None
+    if _is_known(subject.forces, state):
+        return None
+    model = replace(state.model, fingers=subject.model.fingers)
+    key = ("forces", number, model, state.max_opening)
+    return Job(key, "computing grip forces", partial(compute_forces, subject, model), DELAY)
+
+
+def _is_known(values: Epsilons | Forces | None, state: ViewState) -> bool:
+    """Whether numbers were computed for the chosen model."""
+    return values is not None and same_settings(values.model, state.model)
+
+
 def _shows_epsilon(state: ViewState) -> bool:
     return state.paint in {"epsilon", "epsilon_min"}
+
+
+def _shows_force(state: ViewState) -> bool:
+    return state.paint in FORCE_PAINTS

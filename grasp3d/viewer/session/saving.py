@@ -9,10 +9,11 @@ from grasp3d.export import writer_for
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.computations import prepare_labels, search_grasps
+from grasp3d.viewer.subjects.forces import Forces
 from grasp3d.viewer.subjects.subject import Epsilons, Subject
 
 SEARCHED, COMPUTED = 0.5, 0.95
-"""Fractions of the work after which the grasps are found and epsilon is computed."""
+"""Fractions of the work after which the grasps are found, and epsilon and forces are computed."""
 
 
 def check_savable(subject: Subject, model: GraspModel, path: Path) -> None:
@@ -65,11 +66,17 @@ def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Prog
     if relabelled.model != model:
         relabelled = replace(relabelled, model=model)
     relabelled.compute_labels(within(progress, SEARCHED, SEARCHED))
-    relabelled.compute_epsilon(within(progress, SEARCHED, COMPUTED))
+    middle = COMPUTED if relabelled.load is None else 0.5 * (SEARCHED + COMPUTED)
+    relabelled.compute_epsilon(within(progress, SEARCHED, middle))
+    relabelled.compute_holding(within(progress, middle, COMPUTED))
     writer_for(path)(path, relabelled)
     progress(1.0)
-    found = relabelled.epsilon_range
-    return replace(ready, epsilons=Epsilons(found.nominal, found.minimum, model, found.maximum))
+    found, holding = relabelled.epsilon_range, relabelled.holding
+    return replace(
+        ready,
+        epsilons=Epsilons(found.nominal, found.minimum, model, found.maximum),
+        forces=None if holding is None else Forces.of(holding, model),
+    )
 
 
 def _with_labels(subject: Subject, progress: Progress) -> Subject:

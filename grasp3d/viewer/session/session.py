@@ -12,6 +12,7 @@ from grasp3d.viewer.session.background import Finished, Worker
 from grasp3d.viewer.session.collection import Collection
 from grasp3d.viewer.session.computations import difference
 from grasp3d.viewer.session.inspection import Inspection, inspect, inspect_last_contact
+from grasp3d.viewer.session.painting import FORCE_PAINTS
 from grasp3d.viewer.session.planning import (
     SaveRequest,
     SubjectJob,
@@ -25,7 +26,7 @@ from grasp3d.viewer.session.saving import check_savable, write_labels
 from grasp3d.viewer.session.search_cache import SearchCache
 from grasp3d.viewer.session.state import ViewState, changed_state
 from grasp3d.viewer.subjects.subject import Subject
-from grasp3d.viewer.view_settings import ViewSettings
+from grasp3d.viewer.view_settings import Paint, ViewSettings
 
 if TYPE_CHECKING:
     from collections.abc import Hashable
@@ -154,8 +155,8 @@ class Session:
             SettingError: A value is outside its range; nothing is changed.
         """
         state = changed_state(self.state, changes)
-        if changes.get("paint") == "approach_margin" and state.paint != self.state.paint:
-            self.check_gripper()
+        if state.paint != self.state.paint:
+            self.check_paint(state.paint)
         if "fingers" in changes and not 2 <= state.model.fingers <= MAX_SEARCHED_FINGERS:
             raise SettingError(
                 f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {state.model.fingers}"
@@ -222,6 +223,39 @@ class Session:
             raise SettingError("there is no gripper; open the object with one (--gripper)")
         if table and reaching.table is None:
             raise SettingError("there is no table; open the object with one (--table)")
+
+    def check_paint(self, paint: Paint) -> None:
+        """Check that the current object has what colours show.
+
+        Raises:
+            SettingError: It has no gripper, or no load.
+        """
+        if paint == "approach_margin":
+            self.check_gripper()
+        subject = self.subject
+        if subject is None or paint not in FORCE_PAINTS:
+            return
+        if subject.load_numbers is None:
+            raise SettingError(
+                "there is no load; open the object with one (--mass, --density or --grip-force)"
+                if not self.state.fixed
+                else "with fixed fingers no grip forces are computed"
+            )
+        if paint == "payload" and subject.load_numbers.available is None:
+            raise SettingError(
+                "the force at hand is not known; open the object with one (--grip-force, or a "
+                "gripper that states its force)"
+            )
+
+    def offers(self, paint: Paint) -> bool:
+        """Whether the current object has what colours show."""
+        if self.subject is None:
+            return paint not in {"approach_margin", *FORCE_PAINTS}
+        try:
+            self.check_paint(paint)
+        except SettingError:
+            return False
+        return True
 
     def step(self, by: int) -> None:
         """Go forward or back by some objects of the collection, cyclically."""
@@ -330,7 +364,7 @@ class Session:
             self._viewed = replace(self._viewed, scan=result, fixed=self.state.fixed)
         elif kind == "grasps" or (kind == "wider" and not self._has_grasps):
             self._viewed = replace(self._viewed, subject=self._with_difference(result))
-        elif kind in {"epsilon", "alternatives"}:
+        elif kind in {"epsilon", "forces", "alternatives"}:
             self._replace(result)
         else:
             self._show(result)

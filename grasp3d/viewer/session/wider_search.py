@@ -46,8 +46,8 @@ def search_wider(
     known = _known_labels(subject, sampling, within(progress, 0.0, start))
     wide = label_surface(
         known.mesh, replace(model, fingers=known.model.fingers),
-        sampling=replace(sampling, search_angle=WIDEST), progress=within(progress, start, 1.0),
-        **Reaching.keywords(subject.reaching),
+        sampling=replace(sampling, search_angle=WIDEST), load=subject.load,
+        progress=within(progress, start, 1.0), **Reaching.keywords(subject.reaching),
     )  # fmt: skip
     return warm_up(subject_of(with_known_grasps(wide, known), subject.name))
 
@@ -117,5 +117,5 @@ def _known_labels(subject: Subject, sampling: Sampling, progress: Progress) -> S
     cone = min(subject.cone, math.pi / 2.0)
     return label_surface(
         mesh_of(subject), subject.model, sampling=replace(sampling, search_angle=cone),
-        progress=progress, **Reaching.keywords(subject.reaching),
+        load=subject.load, progress=progress, **Reaching.keywords(subject.reaching),
     )  # fmt: skip

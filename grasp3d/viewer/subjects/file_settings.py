@@ -15,9 +15,11 @@ from grasp3d.gripper.approach import Approach
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.gripper.table import Table
-from grasp3d.lengths import Length, Unit
+from grasp3d.lengths import Length, Position, Unit
+from grasp3d.loads import Load, load_from
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.stability.label import Mode
+from grasp3d.viewer.subjects.forces import LoadNumbers
 
 COMMENT = "comment grasp3d "
 NEEDED = ("mode", "friction", "sensor_resolution", "fingers", "method", "search_angle", "unit")
@@ -40,6 +42,10 @@ class FileSettings:
     unit: Unit | None
     reaching: Reaching | None = None
     """The gripper that must reach each grasp, and the table; None: ideal points."""
+    load: Load | None = None
+    """What each grasp must hold; None: nothing, or its task was made in Python."""
+    load_numbers: LoadNumbers | None = None
+    """Its mass and the force at hand; None: no load."""
 
 
 def comments_of(header: bytes) -> dict[str, str]:
@@ -74,7 +80,30 @@ def settings_from(comments: Mapping[str, str]) -> FileSettings:
         cone=cone,
         unit=options.unit,
         reaching=_reaching(values),
+        load=_load(values),
+        load_numbers=_load_numbers(values),
     )
+
+
+def _load(values: Mapping[str, str]) -> Load | None:
+    """The load; raises ValueError if it is damaged."""
+    try:
+        return load_from(values)
+    except GraspError as error:
+        raise ValueError(str(error)) from error
+
+
+def _load_numbers(values: Mapping[str, str]) -> LoadNumbers | None:
+    """What the load came to on the object; None: there is none. Raises ValueError."""
+    if "object_mass" not in values:
+        return None
+    mass, force = (
+        None if text == "None" else float(text)
+        for text in (values["object_mass"], values.get("force_at_hand", "None"))
+    )
+    if not all(number is None or 0.0 < number < math.inf for number in (mass, force)):
+        raise ValueError(f"its object_mass is {mass} and its force_at_hand {force}")
+    return LoadNumbers(mass, force)
 
 
 def _reaching(values: Mapping[str, str]) -> Reaching | None:
@@ -129,6 +158,8 @@ def _parsed(kind: type[SettingsT], values: Mapping[str, str]) -> SettingsT:
 
 def _value(text: str, hint: Any) -> Any:
     """Convert a text to the type of a hint; raises ValueError if that fails."""
+    if hint is Position:
+        return None if text == "None" else text
     if get_origin(hint) is Length:
         (hint,) = get_args(hint)
     kinds = get_args(hint) or (hint,)

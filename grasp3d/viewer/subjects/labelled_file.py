@@ -37,6 +37,12 @@ LABELLED = ("label", *_ANGLES, "max_resolution", *_EPSILONS)
 APPROACH_MARGIN = "approach_margin"
 """Vertex property of labels with a gripper."""
 
+FORCES = ("grip_force", "grip_force_least", "grip_force_largest")
+"""Vertex properties of labels with a load."""
+
+PAYLOAD = "payload"
+"""Vertex property of labels with a force at hand."""
+
 ROUNDING = 1e-6
 """Tolerance of angles and of the length of normals, stored with 32 bits [rad, 1]."""
 
@@ -62,6 +68,8 @@ class LabelledFile:
     """Nominal, smallest and largest, (3, V); nan: no grasp."""
     approach_margin: Floats
     """Half-width of the free approach angles [rad]; nan: not reached, or no gripper. (V,)"""
+    forces: Floats
+    """Nominal, least and largest grip force [N], payload [kg], (4, V); nan: no grasp, no load."""
 
 
 def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> FileSettings | None:
@@ -122,6 +130,7 @@ def read_labelled(path: Path, max_memory: float = MeshOptions.max_memory) -> Lab
         critical_angle_best=columns["critical_angle_best"].astype(np.float64),
         epsilons=_stacked(columns, _EPSILONS),
         approach_margin=_margins(settings, columns),
+        forces=_forces(settings, columns),
     )
     _check_surface(source, found)
     _check_labels(source, found, columns["max_resolution"])
@@ -147,6 +156,9 @@ def _checked_header(source: Source, header: PlyHeader, kinds: dict[str, str]) ->
         raise damaged(source, f"its grasp3d comments are not valid: {error}") from error
     if found.reaching is not None and kinds.get(APPROACH_MARGIN) not in {"f4", "f8"}:
         raise damaged(source, f"its property {APPROACH_MARGIN!r} is not a float")
+    for name in _force_names(found):
+        if kinds.get(name) not in {"f4", "f8"}:
+            raise damaged(source, f"its property {name!r} is not a float")
     return found
 
 
@@ -154,6 +166,21 @@ def _margins(settings: FileSettings, columns: dict[str, npt.NDArray[Any]]) -> Fl
     if settings.reaching is None:
         return np.full(len(columns["label"]), math.nan)
     return columns[APPROACH_MARGIN].astype(np.float64)
+
+
+def _force_names(settings: FileSettings) -> tuple[str, ...]:
+    """Vertex properties that a file with such a load has."""
+    load = settings.load_numbers
+    if load is None:
+        return ()
+    return FORCES if load.available is None else (*FORCES, PAYLOAD)
+
+
+def _forces(settings: FileSettings, columns: dict[str, npt.NDArray[Any]]) -> Floats:
+    found = np.full((len(FORCES) + 1, len(columns["label"])), math.nan)
+    for row, name in zip(found, _force_names(settings), strict=False):
+        row[:] = columns[name]
+    return found
 
 
 def _stacked(columns: dict[str, npt.NDArray[Any]], names: tuple[str, ...]) -> Floats:
@@ -186,6 +213,8 @@ def _check_labels(source: Source, found: LabelledFile, max_resolution: npt.NDArr
     margins = found.approach_margin
     if not (((margins >= 0.0) & (margins <= math.pi + ROUNDING)) | np.isnan(margins)).all():
         raise damaged(source, "its approach_margin is not always from 0 to pi, or nan")
+    if (found.forces < 0.0).any():
+        raise damaged(source, "a grip force or a payload is below 0")
     if (found.epsilons < 0.0).any() or np.isinf(found.epsilons).any():
         raise damaged(source, "an epsilon is below 0, or infinite")
     if (found.label > max(Label)).any():

@@ -14,6 +14,7 @@ from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.gripper.reach import Reach
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.lengths import Unit
+from grasp3d.loads import Load
 from grasp3d.mesh.measures import face_areas, is_closed
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.preparing import surface_extent
@@ -24,6 +25,7 @@ from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.labelled_file import LabelledFile, read_labelled
 
@@ -139,6 +141,12 @@ class Subject:
     gripper. (V,)"""
     unreached: Bytes | None = None
     """`Reachability` codes of the grasps, the reason where none is reached, (V,); None: unknown."""
+    load: Load | None = None
+    """What each grasp must hold; None: no load, or a file whose task cannot be read again."""
+    load_numbers: LoadNumbers | None = None
+    """Its mass and force at hand; None: no load."""
+    forces: Forces | None = None
+    """Grip force and payload; None: no load, or not computed yet."""
     alternatives: Alternatives | None = None
     """Other grasps of the vertex that was inspected last; None: not searched."""
 
@@ -186,6 +194,8 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
     known, epsilons = labels.deferred_epsilon.computed, None
     if known is not None:
         epsilons = Epsilons(known.nominal, known.minimum, labels.model, known.maximum)
+    case, holding = labels.load_case, labels.deferred_holding
+    held = None if holding is None else holding.computed
     return Subject(
         name=mesh.report.source if name is None else name,
         vertices=mesh.vertices,
@@ -215,6 +225,9 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         reach=reach,
         approach_margin=None if reach is None else reach.approach_margin,
         unreached=None if reach is None else reach.state,
+        load=labels.load,
+        load_numbers=None if case is None else LoadNumbers(case.mass, case.available),
+        forces=None if held is None else Forces.of(held, labels.model),
     )
 
 
@@ -263,7 +276,15 @@ def read_subject(path: Path, max_memory: float = MeshOptions.max_memory) -> Subj
         labels=None,
         reaching=stored.reaching,
         approach_margin=locked(found.approach_margin) if stored.reaching else None,
+        load=stored.load,
+        load_numbers=stored.load_numbers,
+        forces=None if stored.load_numbers is None else _forces(found),
     )
+
+
+def _forces(found: LabelledFile) -> Forces:
+    grip_force, least, largest, payload = map(locked, found.forces)
+    return Forces(grip_force, least, largest, payload, found.settings.model)
 
 
 def _file_notes(mode: Mode, *, closed: bool) -> Iterator[str]:

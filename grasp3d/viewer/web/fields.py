@@ -10,15 +10,17 @@ from grasp3d.settings import DEGREE
 from grasp3d.viewer.session.keys import DEFAULT_COMPARED
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Section
-from grasp3d.viewer.view_settings import check_comparison
+from grasp3d.viewer.view_settings import Paint, check_comparison
 
-PAINTS = {
+PAINTS: dict[Paint, str] = {
     "label": "S, M, U",
     "critical_angle": "β*, critical friction angle",
     "max_resolution": "α*, coarsest resolution at which it is S",
     "epsilon": "ε",
     "epsilon_min": "smallest ε over the tilts",
     "approach_margin": "approach margin of the gripper",
+    "grip_force": "grip force of each finger",
+    "payload": "payload",
 }
 """Quantities that colours can show, and their names in the list."""
 

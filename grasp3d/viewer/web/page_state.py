@@ -25,9 +25,6 @@ STOPS = 16
 SHORT = 22
 """Letters of a number and its name that fit into half the panel's width."""
 
-MARGIN = "approach_margin"
-"""Colours that only objects with a gripper have."""
-
 WINDOW_KEYS = frozenset({"q"})
 """Keys that only a window has."""
 OBJECT_KEYS = frozenset({"n", "p"})
@@ -56,7 +53,7 @@ def page_state(session: Session) -> dict[str, Any]:
         "paints": [
             {"name": name, "text": shown}
             for name, shown in PAINTS.items()
-            if name != MARGIN or reaching is not None or session.state.paint == MARGIN
+            if session.offers(name) or session.state.paint == name
         ],
         "gripper": "" if reaching is None else reaching.gripper.name,
         "table": reaching is not None and reaching.table is not None,
@@ -152,7 +149,7 @@ def _ramp(ramp: Ramp) -> dict[str, Any]:
     return {
         "text": ramp.text,
         "minimum": f"0{ramp.unit}",
-        "maximum": f"{ramp.maximum:.3g}{ramp.unit}",
+        "maximum": ramp.end,
         "grey": ramp.grey,
         "note": ramp.note,
         "css": f"linear-gradient(to right, {colors})",

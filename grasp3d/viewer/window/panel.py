@@ -9,7 +9,7 @@ from typing import get_args
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.scene.text_layout import ELLIPSIS, text_width
 from grasp3d.viewer.session.inspection import UNKNOWN, Inspection
-from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED
+from grasp3d.viewer.session.painting import FORCE_PAINTS, PALETTE, UNSEARCHED
 from grasp3d.viewer.session.panel_text import NOTHING, PanelText, grasp_number
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Axis, Section
@@ -35,6 +35,7 @@ from grasp3d.viewer.window.sliders import Ranges, Slider, sliders_of
 PAINTS: dict[Paint, str] = {
     "label": "S M U", "critical_angle": "β*", "max_resolution": "α*", "epsilon": "ε",
     "epsilon_min": "smallest ε", "approach_margin": "approach",
+    "grip_force": "grip force", "payload": "payload",
 }  # fmt: skip
 FINGERS = (2, 3, 4, 5)
 ROWS = 4
@@ -111,7 +112,7 @@ def panel_content(
         dragged: Name and position of a dragged slider that acts only when it is released.
     """
     sliders = {slider.name: slider for slider in sliders_of(session, ranges)}
-    keys = {f"key-{key}": partial(press, key) for key in "123456cifunpsgrhzjt,."}
+    keys = {f"key-{key}": partial(press, key) for key in "12345678cifunpsgrhzjt,."}
     upper = [
         *_title(session, text, width),
         *_fractions(session, text, width),
@@ -222,11 +223,6 @@ def _slider(slider: Slider, dragged: tuple[str, float] | None) -> Row:
 
 def _buttons(session: Session) -> list[Row]:
     state = session.state
-    paints = tuple(
-        Button(f"key-{number}", text, state.paint == paint)
-        for number, (paint, text) in enumerate(PAINTS.items(), start=1)
-        if paint != "approach_margin" or session.reaching is not None
-    )
     fingers = tuple(Button(f"fingers-{n}", str(n), state.model.fingers == n) for n in FINGERS)
     clicks = [
         Button("click-inspect", "inspect", state.click == "inspect"),
@@ -252,13 +248,25 @@ def _buttons(session: Session) -> list[Row]:
     )  # fmt: skip
     return [
         ButtonRow("fingers", fingers),
-        ButtonRow("colour", paints),
+        *_paint_buttons(session),
         ButtonRow("click", tuple(clicks)),
         ButtonRow("section", tuple(sections)),
         ButtonRow("compare", (comparison,)),
         *_gripper_buttons(session),
         ButtonRow("", others),
     ]
+
+
+def _paint_buttons(session: Session) -> list[Row]:
+    """Colours; those of a load in a row of their own."""
+    buttons = {
+        paint: Button(f"key-{number}", text, session.state.paint == paint)
+        for number, (paint, text) in enumerate(PAINTS.items(), start=1)
+        if session.offers(paint)
+    }
+    forces = tuple(button for paint, button in buttons.items() if paint in FORCE_PAINTS)
+    others = tuple(button for paint, button in buttons.items() if paint not in FORCE_PAINTS)
+    return [ButtonRow("colour", others), *([ButtonRow("load", forces)] if forces else [])]
 
 
 def _gripper_buttons(session: Session) -> list[Row]:
@@ -287,7 +295,7 @@ def _ramp(text: PanelText, width: float) -> list[Row]:
     ramp = text.ramp
     if ramp is None:
         return []
-    maximum = ELLIPSIS if text.stale else f"{ramp.maximum:.3g}{ramp.unit}"
+    maximum = ELLIPSIS if text.stale else ramp.end
     row = RampRow(ramp.text, f"0{ramp.unit}", maximum, "" if text.stale else ramp.grey)
     note = [TextRow(ramp.note, width, 11, color=QUIET, max_lines=3)] if ramp.note else []
     return [row, *note]

@@ -1,0 +1,53 @@
+"""Grip force and payload of every vertex's grasp, as far as they are known."""
+
+from dataclasses import dataclass
+
+from grasp3d.arrays import Bytes, Floats, short_repr
+from grasp3d.settings import GraspModel
+from grasp3d.surface.holding import Holding
+
+
+@dataclass(frozen=True)
+class LoadNumbers:
+    """What a load comes to on an object."""
+
+    mass: float | None
+    """[kg]; None: not given, forces are those for 1 kg."""
+    available: float | None
+    """Force at hand of each finger [N]; None: not given."""
+
+    def __str__(self) -> str:
+        mass = "1 kg (no mass is given)" if self.mass is None else f"{self.mass:.3g} kg"
+        return mass if self.available is None else f"{mass}, {self.available:.3g} N at hand"
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """Grip force and payload of every vertex's grasp, for one friction and resolution."""
+
+    grip_force: Floats
+    """That each finger needs [N]; inf: none suffices; nan: no grasp. (V,)"""
+    grip_force_least: Floats
+    """At the best normals within the sensor's resolution, (V,)."""
+    grip_force_largest: Floats
+    """At the worst of them, (V,)."""
+    payload: Floats
+    """[kg]; nan: no grasp, or no force at hand. (V,)"""
+    model: GraspModel
+    """Model for which they were computed."""
+    resistance: Bytes | None = None
+    """`Resistance` codes, (V,); None: unknown."""
+
+    __repr__ = short_repr
+
+    @classmethod
+    def of(cls, holding: Holding, model: GraspModel) -> "Forces":
+        """The forces that were computed for a model."""
+        return cls(
+            holding.grip_force,
+            holding.grip_force_least,
+            holding.grip_force_largest,
+            holding.payload,
+            model,
+            holding.resistance,
+        )

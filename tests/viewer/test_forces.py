@@ -1,0 +1,303 @@
+"""Grip force and payload in the viewer: panel, colours, files, and new searches."""
+
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import GraspModel, Label, SurfaceLabels, label_surface, load_mesh, write_ply
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.loads import Load
+from grasp3d.quality.grip_forces import Resistance
+from grasp3d.quality.tasks import Weight
+from grasp3d.viewer.session import planning
+from grasp3d.viewer.session.collection import collection_of, open_collection
+from grasp3d.viewer.session.holding_texts import HeldGrasp
+from grasp3d.viewer.session.keys import handle_key
+from grasp3d.viewer.session.painting import MOST, ramp_of, texture_coordinates, texture_image
+from grasp3d.viewer.session.panel_text import panel_text
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.subjects.forces import LoadNumbers
+from grasp3d.viewer.subjects.subject import read_subject, subject_of
+from grasp3d.viewer.view_settings import ViewSettings
+from grasp3d.viewer.web.page_state import page_state
+from grasp3d.viewer.window.panel import panel_content
+from grasp3d.viewer.window.rows import ButtonRow
+from grasp3d.viewer.window.sliders import Ranges
+from tests.helpers import viewing
+from tests.helpers.viewing import ready_session, rewritten, wait_until_idle
+
+SOFT = GraspModel(friction=0.5, torsion_radius=0.3)
+LOAD = Load(mass=0.5, grip_force=20.0)
+
+
+@pytest.fixture(autouse=True)
+def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planning, "DELAY", 0.0)
+
+
+@cache
+def held() -> SurfaceLabels:
+    """A box of 0.5 kg with soft fingers; near its edges no force suffices."""
+    box = trimesh.creation.box([8.0, 5.0, 3.0])
+    labels = label_surface(load_mesh(box, max_edge=2.0, unit="cm"), SOFT)
+    return replace(labels, load=LOAD)
+
+
+@pytest.fixture
+def session() -> Session:
+    return ready_session(replace(held()))  # nothing is computed yet
+
+
+def weakest(labels: SurfaceLabels) -> tuple[int, int]:
+    """Vertices with the smallest grip force, and with an infinite one."""
+    assert labels.holding is not None
+    force = labels.holding.grip_force
+    return int(np.nanargmin(force)), int(np.flatnonzero(np.isinf(force))[0])
+
+
+# Panel
+
+
+def test_the_panel_lists_force_and_payload_of_the_clicked_vertex(session: Session) -> None:
+    best, _ = weakest(held())
+    session.click(best)
+    seen, holding = session.inspection, held().holding
+    assert seen is not None
+    assert holding is not None
+    numbers = dict(seen.numbers)
+    force, most = holding.grip_force[best], holding.grip_force_largest[best]
+    assert most > force * 1.01
+    assert numbers["grip force"] == f"{force:.3g} N"
+    assert numbers["at worst normals"] == f"{most:.3g} N"
+    assert numbers["payload"] == f"{holding.payload[best]:.3g} kg with 20 N"
+    assert "With 20 N the load of 0.5 kg is held at all normals" in seen.reason
+    assert panel_text(session).facts.endswith("; load 0.5 kg, 20 N at hand")
+
+
+def test_the_panel_says_why_no_force_suffices(session: Session) -> None:
+    _, none = weakest(held())
+    session.click(none)
+    seen = session.inspection
+    assert seen is not None
+    assert dict(seen.numbers)["grip force"] == "none suffices"
+    assert "the fingers can only push" in seen.reason
+
+
+def test_two_hard_fingers_have_their_own_reason() -> None:
+    labels = replace(held(), model=GraspModel(), load=Load(mass=0.5))
+    session = ready_session(labels)
+    assert labels.holding is not None
+    unresisted = labels.holding.resistance == Resistance.NO_SUCH_WRENCH
+    session.click(int(np.flatnonzero(unresisted & (labels.label == Label.S))[0]))
+    seen = session.inspection
+    assert seen is not None
+    assert dict(seen.numbers)["grip force"] == "none suffices"
+    assert "payload" not in dict(seen.numbers)
+    assert "two hard fingers cannot resist a torque about the line through them" in seen.reason
+    assert "give a torsion radius, or a gripper" in seen.reason
+
+
+@pytest.mark.parametrize(
+    ("least", "nominal", "largest", "sentence"),
+    [
+        (5.0, 10.0, 20.0, "held at all normals"),
+        (5.0, 10.0, 21.0, "held at some of the normals"),
+        (21.0, 25.0, math.inf, "not held at any"),
+        (5.0, math.inf, math.inf, "No force holds it at the nominal normals: these contacts"),
+        (math.inf, math.inf, math.inf, "No force holds it: these contacts"),
+        (math.nan, math.nan, math.nan, ""),
+    ],
+)
+def test_the_sentence_is_that_of_the_label_with_force(
+    least: float, nominal: float, largest: float, sentence: str
+) -> None:
+    found = HeldGrasp(
+        LoadNumbers(0.5, 20.0), nominal, least, largest, 1.0, 3, hard=False,
+        resistance=Resistance.NO_SUCH_WRENCH,
+    )  # fmt: skip
+    assert sentence in found.sentence()
+    assert bool(found.sentence()) == bool(sentence)
+    if math.isinf(nominal):
+        assert found.numbers()[0] == ("grip force", "none suffices")
+    unknown = replace(found, load=LoadNumbers(None, None), payload=math.nan)
+    assert not (math.isfinite(nominal) and unknown.sentence())
+    if math.isfinite(nominal):
+        assert "N per kg" in unknown.numbers()[0][1]
+
+
+def test_without_a_load_nothing_is_added() -> None:
+    session = ready_session(viewing.labels())
+    session.click(40)
+    assert session.inspection is not None
+    assert not {"grip force", "payload"} & set(dict(session.inspection.numbers))
+    names = {item["name"] for item in page_state(session)["paints"]}
+    assert not names & {"grip_force", "payload"}
+    assert "load" not in panel_text(session).facts
+    for key in ("7", "8"):
+        state = session.state
+        assert handle_key(session, key)
+        assert "there is no load" in session.message
+        assert session.state == state
+
+
+def test_payload_needs_a_force_at_hand() -> None:
+    session = ready_session(replace(held(), load=Load(mass=0.5)))
+    with pytest.raises(SettingError, match="force at hand is not known"):
+        session.change(paint="payload")
+    session.change(paint="grip_force")
+    names = [item["name"] for item in page_state(session)["paints"]]
+    pressed: list[str] = []
+    assert "grip_force" in names
+    assert "payload" not in names
+    content = panel_content(session, panel_text(session), Ranges(), 320.0, press=pressed.append)
+    rows = [row for row in content.upper if isinstance(row, ButtonRow)]
+    buttons = [button.name for row in rows for button in row.buttons]
+    assert "key-7" in buttons
+    assert "key-8" not in buttons
+
+
+# Colours
+
+
+@pytest.mark.parametrize("paint", ["grip_force", "payload"])
+def test_colours_are_computed_and_follow_the_values(session: Session, paint: str) -> None:
+    session.change(paint=paint)
+    before = panel_text(session).ramp
+    assert before is not None
+    assert "being computed" in before.text
+    wait_until_idle(session)
+    subject, holding = session.subject, held().holding
+    assert subject is not None
+    assert holding is not None
+    values = holding.grip_force if paint == "grip_force" else holding.payload
+    ramp = ramp_of(subject, session.state.paint, session.model)
+    assert ramp is not None
+    known = np.isfinite(values)
+    area = subject.weights[known & (values <= ramp.maximum)].sum() / subject.weights[known].sum()
+    assert area >= MOST
+    assert ramp.exceeded == (values[known].max() > ramp.maximum)
+    assert ramp.end.endswith(" N" if paint == "grip_force" else " kg")
+    assert ramp.end.startswith("≥") == ramp.exceeded
+    u, v = texture_coordinates(subject, session.state.paint, session.model).T
+    assert np.allclose(u[known], np.minimum(values[known] / ramp.maximum, 1.0), atol=1e-6)
+    assert np.array_equal(v < 0.5, known)
+    assert texture_image(subject, session.state.paint, session.model).shape[0] == 2
+    assert ("no force suffices" in ramp.grey) == bool(np.isinf(values).any())
+
+
+def test_forces_are_computed_again_for_another_friction(session: Session) -> None:
+    session.change(paint="grip_force")
+    wait_until_idle(session)
+    session.change(friction=0.4)
+    ramp = panel_text(session).ramp
+    assert ramp is not None
+    assert "for μ 0.5" in ramp.text
+    wait_until_idle(session)
+    ramp = panel_text(session).ramp
+    assert ramp is not None
+    assert "μ" not in ramp.text
+    subject = session.subject
+    assert subject is not None
+    assert subject.forces is not None
+    relabelled = held().relabel(friction=0.4).holding
+    assert relabelled is not None
+    assert np.array_equal(subject.forces.grip_force, relabelled.grip_force, equal_nan=True)
+
+
+def test_with_fixed_fingers_there_are_no_forces(session: Session) -> None:
+    session.change(paint="payload")
+    session.change(click="fix")
+    session.click(30)
+    wait_until_idle(session)
+    ramp = panel_text(session).ramp
+    assert ramp is not None
+    assert ramp.text == "payload: needs a load"
+    with pytest.raises(SettingError, match="with fixed fingers"):
+        session.change(paint="grip_force")
+    session.change(fixed=())
+    wait_until_idle(session)
+    assert session.offers("grip_force")
+
+
+def test_a_new_search_keeps_the_load(session: Session) -> None:
+    session.change(fingers=3)
+    wait_until_idle(session)
+    subject = session.subject
+    assert subject is not None
+    assert subject.load == LOAD
+    assert subject.model.fingers == 3
+
+
+# Files
+
+
+def test_a_labelled_file_has_its_forces(tmp_path: Path) -> None:
+    path = tmp_path / "held.ply"
+    write_ply(path, held())
+    subject = read_subject(path)
+    holding = held().holding
+    assert subject.forces is not None
+    assert holding is not None
+    assert subject.load == LOAD
+    assert subject.load_numbers == LoadNumbers(0.5, 20.0)
+    for name in ("grip_force", "grip_force_least", "grip_force_largest", "payload"):
+        stored, computed = getattr(subject.forces, name), getattr(holding, name)
+        assert np.allclose(stored, computed, rtol=1e-6, equal_nan=True)
+    session = Session(open_collection(path), ViewSettings(paint="payload"))
+    wait_until_idle(session)
+    assert session.subject is not None
+    assert session.subject.labels is None  # nothing was searched again
+    session.change(friction=0.4)
+    wait_until_idle(session)
+    assert not session.failure
+    assert session.subject.forces is not None
+    assert session.subject.forces.model.friction == 0.4
+
+
+def test_a_task_made_in_python_is_shown_as_in_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "task.ply"
+    task = Weight(0.5, direction=(0, 0, -1))
+    write_ply(path, replace(held(), load=Load(task=task, grip_force=20.0)))
+    session = Session(open_collection(path), ViewSettings(paint="payload"))
+    wait_until_idle(session)
+    session.change(friction=0.4)
+    wait_until_idle(session)
+    ramp = panel_text(session).ramp
+    assert ramp is not None
+    assert ramp.text.endswith("for μ 0.5, α 22.6°; as in the file")
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "reason"),
+    [
+        (b"property float grip_force_least", b"property float grip_force_waste", "grip_force_lea"),
+        (b"comment grasp3d object_mass 0.5", b"comment grasp3d object_mass -.5", "object_mass"),
+        (b"comment grasp3d force_at_hand 20.0", b"comment grasp3d force_at_hand abcd", "abcd"),
+        (b"comment grasp3d mass 0.5", b"comment grasp3d mass -.5", "mass"),
+    ],
+)
+def test_damaged_files_are_refused(tmp_path: Path, old: bytes, new: bytes, reason: str) -> None:
+    path = tmp_path / "held.ply"
+    write_ply(path, held())
+    rewritten(path, (old, new))
+    with pytest.raises(MeshError, match=reason):
+        read_subject(path)
+
+
+def test_the_subject_of_labels_has_what_is_computed() -> None:
+    labels = replace(held())
+    assert subject_of(labels).forces is None
+    assert subject_of(labels).load_numbers == LoadNumbers(0.5, 20.0)
+    assert labels.holding is not None
+    known = subject_of(labels).forces
+    assert known is not None
+    assert known.grip_force is labels.holding.grip_force
+    session = Session(collection_of(labels))
+    wait_until_idle(session)
+    assert session.working is None
+    assert str(LoadNumbers(None, None)) == "1 kg (no mass is given)"
