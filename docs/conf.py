@@ -46,7 +46,7 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
     ("py:class", r"Floats"),  # arrays, in modules that import NumPy when it is needed
     ("py:class", r".*\.\w*T"),  # type variables
-    ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem"),  # inside results
+    ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem|.*\.tasks\.Terms?"),  # inside results
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]
 

@@ -79,6 +79,8 @@ REASONS = (
     ("place", r"post_place_retreat", "a field of ROS messages"),
     ("place", r"(?i)\bin place\b|Place contact", "in place; to place, a verb"),
     ("hands", r"most hands", "hands of robots"),
+    ("hands", r"multifingered|robotic hands", "titles of papers"),
+    ("bench", r"DexGraspBench", "the name of a program"),
     ("ground", r"--ground", "the background colour of pages"),
     ("widen", r"_widened|widen the search", "a range that is made wider, not a cone"),
     ("tell", r"cannot_tell", "the meaning of M, as labelled files state it"),

@@ -18,9 +18,6 @@ from grasp3d.mesh import ObjectMesh
 PAD_DEPTH = 0.25
 """Depth of the pads that are drawn, as a fraction of the finger's thickness."""
 
-BEHIND = 1.15
-"""Radius of an approach fan, in distances from the TCP to the palm's rear edges."""
-
 ARC_STEP = math.radians(3.0)
 """Largest angle between neighbouring points of an arc [rad]."""
 
@@ -146,17 +143,6 @@ def approach_triangles(
     vertices = moved(np.concatenate([np.zeros((0, 3)), *points]), pose)
     triangles = np.concatenate([np.zeros((0, 6), np.int64), *faces]).reshape(-1, 3)
     return _triangles(vertices, triangles)
-
-
-def approach_radius(gripper: ParallelGripper, unit: Unit = "m") -> float:
-    """Outer radius of an approach fan that shows behind the palm [unit].
-
-    Args:
-        gripper: The gripper that stands in the fan.
-        unit: Unit of the radius.
-    """
-    behind = gripper.finger_length + gripper.palm_length - gripper.end
-    return BEHIND * math.hypot(behind, 0.5 * gripper.palm_width) / METRES[unit]
 
 
 def table_triangles(table: Table, mesh: ObjectMesh) -> Triangles:
