@@ -3,6 +3,7 @@
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grasp3d.errors import SettingError
@@ -15,7 +16,13 @@ from grasp3d.lengths import (
     describe_length,
     one_line,
 )
-from grasp3d.quality.task_texts import check_task_text, inline_files, parse_task, scaled_task
+from grasp3d.quality.task_texts import (
+    check_task_text,
+    inline_files,
+    parse_task,
+    scaled_task,
+    task_files,
+)
 from grasp3d.quantities import DENSITIES, FORCES, MASSES, Quantity
 
 if TYPE_CHECKING:
@@ -95,10 +102,18 @@ class Load(LengthSettings):
 
     @property
     def chosen(self) -> "Load | None":
-        """The load as the options of the command line choose it; None: all have their defaults."""
+        """The load as the options of the command line choose it; None: all have their defaults.
+
+        The task holds the wrenches of its files, as in `with_files_read`.
+        """
         values = {one.name: getattr(self, one.name) for one in fields(self)}
         defaults = {one.name: one.default for one in fields(self)}
-        return None if values == defaults else Load(**values)
+        return None if values == defaults else Load(**values).with_files_read()
+
+    @property
+    def task_files(self) -> tuple[Path, ...]:
+        """Files that the task's text names."""
+        return task_files(self.task) if isinstance(self.task, str) else ()
 
     def with_files_read(self) -> "Load":
         """The same load, with the wrenches of files in the task's text: it needs no files.

@@ -18,6 +18,10 @@ FORCES: dict[str, float] = {"N": 1.0, "kN": 1e3, "lbf": POUND * 9.80665}
 DENSITIES: dict[str, float] = {"kg/m^3": 1.0, "g/cm^3": 1e3, "lb/in^3": POUND / INCH**3}
 """Units by name, the SI unit first, as multiples of it."""
 
+LARGEST = 1e9
+"""Largest quantity in its SI unit: larger ones are mistakes, and overflow where they are squared.
+"""
+
 QuantityT = TypeVar("QuantityT", bound="float | tuple[float, ...] | None")
 
 _TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-z][a-z/^0-9]*)?", re.IGNORECASE)
@@ -70,7 +74,7 @@ def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> floa
         units: Its units by name, the SI unit first, as multiples of it.
 
     Raises:
-        SettingError: It is neither, or it is not finite and above 0.
+        SettingError: It is neither, or it is not finite and above 0, or it is above `LARGEST`.
 
     Example:
         >>> from grasp3d.quantities import MASSES, parse_quantity
@@ -82,6 +86,8 @@ def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> floa
         raise _no_quantity(name, value, units)
     if not (number > 0.0 and math.isfinite(number)):
         raise SettingError(f"{name} must be finite and above 0 [{next(iter(units))}]; got {value}")
+    if number > LARGEST:
+        raise SettingError(f"{name} must be at most {LARGEST:g} [{next(iter(units))}]; got {value}")
     return number
 
 

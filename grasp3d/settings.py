@@ -72,7 +72,8 @@ class GraspModel(LengthSettings):
             per_finger: each finger's force.
         torsion_radius: Soft fingers: largest torsional moment about the normal per normal force, a
             length; 2/3 x friction x r for an evenly pressed disc of radius r. 0: hard fingers. It
-            affects epsilon only.
+            affects epsilon, and under a load grip force, payload and the label with force, but no
+            other labels.
 
     Example:
         >>> import math

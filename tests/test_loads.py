@@ -58,6 +58,10 @@ def test_units_are_multiples(number: float, unit: str) -> None:
         ({"mass": 0}, "mass must be finite and above 0"),
         ({"mass": math.nan}, "mass must be finite and above 0"),
         ({"mass": "inf"}, "mass must be finite and above 0"),
+        ({"mass": "1e300"}, r"mass must be at most 1e\+09 \[kg\]; got 1e300"),
+        ({"mass": "1e300 g"}, r"mass must be at most 1e\+09 \[kg\]; got 1e300 g"),
+        ({"grip_force": 2e9}, r"grip_force must be at most 1e\+09 \[N\]; got 2000000000"),
+        ({"density": (1000, 1e10)}, r"density must be at most 1e\+09 \[kg/m\^3\]"),
         ({"mass": "5N"}, r"mass must be a number \[kg\], or .* \(kg, g, lb, oz\); got '5N'"),
         ({"mass": "0,5kg"}, "mass must be a number"),
         ({"mass": ""}, "mass must be a number"),
@@ -139,6 +143,8 @@ def test_files_are_read_into_the_text(tmp_path: Path) -> None:
     path = tmp_path / "pushes.csv"
     path.write_text("5,0,0,0,0,0\n")
     load = Load(task=f"weight + {path}")
+    assert load.task_files == (path,)
+    assert load.chosen == load.with_files_read()
     alone = load.with_files_read()
     path.unlink()
     assert alone.task == "weight + wrench 5,0,0,0,0,0"
@@ -148,6 +154,7 @@ def test_files_are_read_into_the_text(tmp_path: Path) -> None:
     assert alone.with_files_read() is alone
     own = Load(task=Weight())
     assert own.with_files_read() is own
+    assert own.task_files == ()
 
 
 @given(

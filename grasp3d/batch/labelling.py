@@ -125,7 +125,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     model = settings.model.in_unit(mesh.unit, source=mesh.report.source)
     sampling = settings.search.in_unit(mesh.unit, source=mesh.report.source)
     if not force:
-        refuse_lengths(mesh, model.lengths() | sampling.lengths())
+        refuse_lengths(mesh, model.lengths() | sampling.lengths(), load)
     reading = next(clock)
     cost, allowed = labelling_cost(len(mesh.vertices), model, sampling), allowed_memory()
     if allowed is not None and cost.memory > allowed:

@@ -55,9 +55,9 @@ class BestGrasp:
     approach_margin: float | None = None
     """How wrong the approach angle about the closing axis may be [rad]."""
     grip_force: float | None = None
-    """Force of each finger that surely holds the load [N]; none: no load, or no force does."""
+    """Force of each finger that holds it at the worst normals [N]; none: no load, or none does."""
     payload: float | None = None
-    """Mass that the force at hand surely holds [kg]; none: no load, or no force at hand."""
+    """Mass that it holds at the worst normals [kg]; none: no load, or no force at hand."""
 
 
 @dataclass(frozen=True)
@@ -103,16 +103,16 @@ class Row:
     grip_force_at_hand: float | None = None
     """Force at hand of each finger [N]; none: not given."""
     holds: bool | None = None
-    """Whether some grasp surely holds the load with the force at hand."""
+    """Whether some grasp holds the load, at the worst normals, with the force at hand."""
     holds_text: str | None = None
     """The same as a sentence, or what it would take."""
     held: float | None = None
-    """Area fraction of the grasps that surely hold the load with the force at hand."""
+    """Area fraction of the grasps that hold the load, at the worst normals, with that force."""
     grip_force_needed: float | None = None
-    """Smallest force of each finger that surely holds the load [N], or 1 kg where no mass is given;
+    """Smallest force of each finger that holds it at the worst normals [N], 1 kg without a mass;
     inf: none does."""
     payload_best: float | None = None
-    """Largest mass that a grasp surely holds with the force at hand [kg]."""
+    """Largest mass that a grasp holds, at the worst normals, with the force at hand [kg]."""
     payload_p10: float | None = None
     """Quantiles of the payload over the surface [kg]; 0: no grasp found."""
     payload_p50: float | None = None

@@ -5,6 +5,7 @@ import threading
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import FrameType
 from typing import Annotated
 
@@ -102,7 +103,10 @@ class Batch:
         from grasp3d.batch.library import label_library
         from grasp3d.cli import batch_report
         from grasp3d.cli.batch_progress import show_progress
+        from grasp3d.cli.existing_files import check_not_task
 
+        for path in (Path(self.output), *([self.log] if self.log else [])):
+            check_not_task(path, self.load)
         grid = FractionGrid(self.grid_friction, parse_resolutions(self.grid_sensor_resolution))
         settings = BatchSettings(
             self.reach.touching(self.model),

@@ -79,7 +79,7 @@ class Evaluate:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli.existing_files import check_replaceable
+        from grasp3d.cli.existing_files import check_not_task, check_replaceable
         from grasp3d.grasps.pose_files import holds_poses
         from grasp3d.grasps.writing import SUFFIXES
         from grasp3d.quality.measures.known import metric_names
@@ -89,6 +89,7 @@ class Evaluate:
             metric_names(self.metrics)
         output = self.output or Path(f"{safe_stem(self.file.stem)}_grasps.csv")
         check_suffix(output, SUFFIXES, "table")
+        check_not_task(output, self.load)
         poses = holds_poses(self.contacts)
         self._check_gripper(poses=poses)
         if poses:
@@ -135,7 +136,7 @@ class Evaluate:
         distance = length_in_unit("max_distance", self.max_distance, mesh.unit, source=source)
         model = model.in_unit(mesh.unit, source=source)
         if not self.force:
-            refuse_lengths(mesh, model.lengths() | {"max_distance": distance})
+            refuse_lengths(mesh, model.lengths() | {"max_distance": distance}, load)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             grasps = evaluate_grasps(
                 mesh, points, model, max_distance=distance, load=load, progress=progress
@@ -163,7 +164,7 @@ class Evaluate:
         mesh, load = loaded_mesh(mesh, self.load.chosen)
         model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)
         if not self.force:
-            refuse_lengths(mesh, model.lengths())
+            refuse_lengths(mesh, model.lengths(), load)
         reaching = Reaching.of(self.reach, mesh)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             found = evaluate_poses(

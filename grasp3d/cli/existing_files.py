@@ -65,6 +65,25 @@ def check_replaceable(path: Path, *, overwrite: bool, source: Path | None = None
     )
 
 
+def check_not_task(path: Path, load: Load) -> None:
+    """Check that an output does not replace a file of the task.
+
+    Args:
+        path: File to create or replace.
+        load: As the options give it, with the names of the task's files.
+
+    Raises:
+        OutputError: It is one of them.
+    """
+    for file in load.task_files:
+        try:
+            same = path.samefile(file)
+        except OSError:  # one of them does not exist
+            continue
+        if same:
+            raise OutputError(f"{path}: is the file of the task; name another file")
+
+
 def check_same_settings(
     path: Path,
     mesh: "ObjectMesh",

@@ -100,7 +100,7 @@ class Label:
     def run(self) -> int:
         """Run the command, and return the exit code."""
         from grasp3d.cli import report
-        from grasp3d.cli.existing_files import check_replaceable
+        from grasp3d.cli.existing_files import check_not_task, check_replaceable
         from grasp3d.export import writer_for
 
         name = safe_stem(self.file.stem) if self.output is None else self.output.stem
@@ -110,6 +110,7 @@ class Label:
         grasp_files = (grasp_file, grasp_file.with_suffix(".png")) if self.best else ()
         self._check_grasp_file(grasp_file)
         for path in (output, *grasp_files):
+            check_not_task(path, self.load)
             check_replaceable(path, overwrite=self.overwrite, source=self.file)
         with time_limit(self.timeout, printable(str(self.file))):
             labels = self._labels((output, *grasp_files[:1]))
@@ -162,7 +163,7 @@ class Label:
         sampling = self.sampling.in_unit(mesh.unit, source=mesh.report.source)
         reaching = Reaching.of(self.reach, mesh)
         if not self.force:
-            refuse_lengths(mesh, model.lengths() | sampling.lengths())
+            refuse_lengths(mesh, model.lengths() | sampling.lengths(), load)
         for path in outputs:
             check_same_settings(
                 path, mesh, model, sampling, reaching, load, overwrite=self.overwrite

@@ -14,7 +14,10 @@ from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.names import printable
 
-LEGEND = "force: grip force that surely holds the load, in N; payload: mass that is held, in kg; "
+LEGEND = (
+    "force: grip force that holds the load at the worst normals, in N; payload: mass that is held, "
+    "in kg; "
+)
 """Meaning of the cells of tables."""
 
 LEVELS = (0.1, 0.5, 0.9)
@@ -68,11 +71,11 @@ def print_load_of_grasps(console: Console, holding: Holding | None) -> None:
 
 def force_text(force: float) -> str:
     """Format a force; inf: none suffices."""
-    return "none" if not math.isfinite(force) else f"{force:.3g}"
+    return "none" if not math.isfinite(force) else f"{force + 0.0:.3g}"  # 0, not -0
 
 
 def holding_cells(holding: Holding | None, row: int) -> list[str]:
-    """Return the grip force that surely holds the load and the payload, as far as known."""
+    """Return the grip force at the worst normals and the payload, as far as known."""
     if holding is None:
         return []
     cells = [force_text(holding.grip_force_largest[row])]

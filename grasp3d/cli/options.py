@@ -105,8 +105,15 @@ _POSITION = _text(f"X,Y,Z|{_NONE}")
 _QUANTITY = _text(f"NUMBER|{_NONE}")
 """Parser of a mass, density or force."""
 
-_TASK = _text("TASK", inline_files, optional=False)
-"""Parser of a task: the wrenches of its files are read."""
+
+def _task(text: str) -> str:
+    """Check a task and its files; it keeps their names, which outputs must not have."""
+    inline_files(text)
+    return text
+
+
+_TASK = _text("TASK", _task, optional=False)
+"""Parser of a task."""
 
 
 def optional_number(

@@ -24,7 +24,7 @@ class HoldingVerdict:
         ...     load = grasp3d.Load(mass=0.5, grip_force=force)
         ...     print(verdict_of(grasp3d.label_surface(mesh, model, load=load)).holding)
         holds 0.5 kg at 40 N in any orientation
-        needs 8.1... N; 5 N hold 0.3... kg
+        needs 8... N; 5 N hold 0.3... kg
     """
 
     holds: bool | None
@@ -41,6 +41,8 @@ class HoldingVerdict:
     force is known, or the task does not depend on the mass."""
     task: str = ""
     """What is resisted, in words after a verb."""
+    resisted: str = ""
+    """The task, if the mass has no part in it; else empty."""
     reason: str = ""
     """Why no grasp holds the load; empty where one does."""
 
@@ -52,20 +54,22 @@ class HoldingVerdict:
             holding: Forces and payloads of all grasps of an object.
         """
         forces = holding.grip_force_largest
-        needed = float(np.nanmin(forces, initial=math.inf))
+        needed = float(np.nanmin(forces, initial=math.inf)) + 0.0  # 0, not -0
         payload = math.nan
         if holding.has_payload:
             payload = float(np.nanmax(holding.payload, initial=0.0))
         enough = None if holding.available is None else needed <= holding.available
-        task = holding.load.task
-        given = f"({task})" if isinstance(task, str) else "against the given task"
+        task, pure = holding.load.task, holding.task.mass is None
+        what = task if isinstance(task, str) else "the given task"
+        given = f"({task})" if isinstance(task, str) else f"against {what}"
         return cls(
             holds=enough if holding.case.decided else None,
-            mass=holding.mass,
+            mass=None if pure else holding.mass,
             available=holding.available,
             needed=needed,
             payload=payload,
             task="in any orientation" if task == DEFAULT_TASK else given,
+            resisted=what if pure else "",
             reason="" if math.isfinite(needed) else _reason(holding),
         )
 
@@ -73,8 +77,9 @@ class HoldingVerdict:
         if self.reason:
             return f"no grasp surely holds the load ({self.reason})"
         if self.holds:
-            what = "holds" if self.mass is None else f"holds {self.mass:.3g} kg"
-            return f"{what} at {self.available:.3g} N {self.task}"
+            if self.resisted:
+                return f"resists {self.resisted} at {self.available:.3g} N"
+            return f"holds {self.mass:.3g} kg at {self.available:.3g} N {self.task}"
         needs = f"needs {self.needed:.3g} N"
         if self.holds is None:
             return self._without_answer(needs)
@@ -86,6 +91,8 @@ class HoldingVerdict:
         """The sentence where the mass or the force at hand is not known."""
         if self.available is not None:
             return f"{self.available:.3g} N hold {self.payload:.3g} kg {self.task}"
+        if self.resisted:
+            return f"{needs} {self.task}"
         what = f"{self.mass:.3g} kg" if self.mass is not None else "each kilogram"
         return f"{what} {needs} {self.task}"
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
 from grasp3d.lengths import METRES, Unit
+from grasp3d.loads import Load
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.units import guess_unit
 
@@ -35,6 +36,7 @@ RANGES = {
     "min_separation": PART,
     "torsion_radius": PART,
     "patch_radius": PART,
+    "center_of_mass_radius": PlausibleRange(0.0, 0.0, 1.0, usual=0.05, example="5mm"),
     "max_distance": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),
 }
 """Ranges by the name of the setting; others may have any length."""
@@ -89,9 +91,22 @@ def check_lengths(
         )
 
 
-def refuse_lengths(mesh: ObjectMesh, lengths: Mapping[str, float | None]) -> None:
-    """Refuse lengths, and a patch radius, that cannot be meant for a mesh. See `check_lengths`."""
-    check_lengths({**lengths, **mesh.options.lengths()}, mesh.size, mesh.unit, mesh.report.source)
+def refuse_lengths(
+    mesh: ObjectMesh, lengths: Mapping[str, float | None], load: Load | None = None
+) -> None:
+    """Refuse lengths that cannot be meant for a mesh. See `check_lengths`.
+
+    Args:
+        mesh: The object; lengths of its options are checked as well.
+        lengths: As in `check_lengths`.
+        load: With lengths in the mesh's unit; None: none.
+
+    Raises:
+        SettingError: There is such a length.
+    """
+    of_load = {} if load is None else load.lengths()
+    given = {**lengths, **mesh.options.lengths(), **of_load}
+    check_lengths(given, mesh.size, mesh.unit, mesh.report.source)
 
 
 def _given(lengths: Mapping[str, float | None]) -> Iterator[tuple[str, float, PlausibleRange]]:

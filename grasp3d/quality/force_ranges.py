@@ -17,12 +17,12 @@ tilted, by turns, to the normals that resist least in the direction in which the
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bytes, Floats, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.errors import SettingError
 from grasp3d.quality.force_options import ForceOptions
@@ -77,8 +77,8 @@ def force_range(
         task: As in `grip_force`.
         tilt: Largest angle a between true and given normals [rad], from 0 to below pi/2: one value,
             or shape (..., n).
-        bound: As in `grip_force`. With 'norm' the largest force of hard fingers is exact; with the
-            others it is a safe bound.
+        bound: As in `grip_force`. With 'norm' the largest force of hard fingers is exact, where no
+            tilt exceeds a contact's friction angle; otherwise it is a safe bound.
         masses: As in `grip_force`.
         rtol: As in `grip_force`.
         threads: Threads for a batch; None: one per processor.
@@ -115,18 +115,19 @@ def force_range(
         chosen, part = flat.take(rows), options.take(rows)
         found = part.force(chosen)
         if not tilts[rows].any():
-            least = largest = found.upper
+            least, largest = found.lower, found.upper
         else:
             limits = chosen, tilts[rows], part
             if soft:
-                largest = largest_sampled(*limits, found)
+                largest, _ = largest_sampled(*limits, found)
                 least = least_sampled(*limits, found)
             else:
                 least, largest = _bounds(*limits)
         values[:, rows] = found.upper, np.minimum(least, found.upper), largest
         resistance[rows] = found.resistance
         report(min(1.0, (first + CHUNK) / len(tilts)))
-    how: Certainty = "sampled" if soft else "exact" if bound == "norm" else "bound"
+    within = bool((tilts <= flat.friction_angle).all())
+    how: Certainty = "sampled" if soft else "exact" if bound == "norm" and within else "bound"
     if not tilts.any():
         how = "exact"
     nominal, least, largest = (locked(row.reshape(contacts.batch))[()] for row in values)
@@ -137,9 +138,14 @@ def force_range(
 def _bounds(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Floats, Floats]:
     """Least and largest force of hard fingers over all tilts, or safe bounds, shape (b,) each."""
     angles = contacts.friction_angle
-    # Where a tilt exceeds friction no force lies in all cones of that contact.
-    narrow = options.force_of_lengths(contacts, -np.minimum(tilt, angles)).upper
-    largest = np.where((tilt <= angles).all(axis=-1), narrow, math.inf)
+    largest = np.full(len(tilt), math.inf)
+    # Where a tilt exceeds friction no force lies in all cones of that contact: the others hold.
+    safe = tilt <= angles
+    for fingers in np.unique(safe[safe.any(axis=-1)], axis=0):
+        rows = np.flatnonzero((safe == fingers).all(axis=-1))
+        chosen = _fingers_of(contacts.take(rows), fingers)
+        offset = -tilt[rows][:, fingers]
+        largest[rows] = options.take(rows).force_of_lengths(chosen, offset).upper
     # Wider cones are not convex from 90 degrees on: any force may then do.
     convex = np.asarray((angles + tilt < math.pi / 2.0).all(axis=-1))
     wide = options.force_of_lengths(contacts, np.where(convex[:, None], tilt, 0.0)).lower
@@ -147,3 +153,48 @@ def _bounds(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
     if options.bound != "norm":
         least = least * np.cos(angles).min(axis=-1)
     return least, largest
+
+
+def _fingers_of(contacts: Contacts, fingers: Bools) -> Contacts:
+    """Some of the fingers of every grasp."""
+    return Contacts(
+        contacts.points[:, fingers],
+        contacts.normals[:, fingers],
+        contacts.friction[:, fingers],
+        contacts.torsion_radius[:, fingers],
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class WorstCase:
+    """Largest forces of grasps for any masses, at tilts that are searched for only once."""
+
+    contacts: Contacts
+    """A flat batch."""
+    tilts: Floats
+    options: ForceOptions
+    worst: Contacts | None
+    """Soft fingers: the same grasps at the worst tilts found for the options' own mass."""
+
+    @classmethod
+    def of(cls, contacts: Contacts, tilts: Floats, options: ForceOptions) -> "WorstCase":
+        """The worst case of a flat batch (b,) with tilts (b, n)."""
+        worst = None
+        if tilts.any() and (contacts.torsion_radius > 0.0).any():
+            nominal = options.force(contacts)
+            _, normals = largest_sampled(contacts, tilts, options, nominal)
+            worst = Contacts(contacts.points, normals, contacts.friction, contacts.torsion_radius)
+        return cls(contacts, tilts, options, worst)
+
+    def force(self, rows: Ints, masses: Floats) -> Floats:
+        """Largest forces of some of the grasps for masses (r,)."""
+        options = replace(self.options, masses=masses)
+        chosen = self.contacts.take(rows)
+        nominal = options.force(chosen).upper
+        if not self.tilts.any():
+            return nominal
+        if self.worst is None:
+            _, largest = _bounds(chosen, self.tilts[rows], options)
+        else:
+            largest = options.force(self.worst.take(rows)).upper
+        return np.maximum(nominal, largest)

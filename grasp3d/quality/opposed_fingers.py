@@ -43,11 +43,11 @@ class OpposedForces:
     def bounded(self, bound: str) -> Floats:
         """The smallest bound of the contact forces, of the kind that `grip_force` takes, (b,)."""
         if bound == "total":
-            return np.asarray(self.normal.sum(axis=-1))
+            return np.asarray(self.normal.sum(axis=-1) + 0.0)
         if bound == "norm":
             sideways = np.linalg.norm(self.tangential, axis=-1)
             return np.asarray(np.hypot(self.normal, sideways).max(axis=-1))
-        return np.asarray(self.normal.max(axis=-1))
+        return np.asarray(self.normal.max(axis=-1) + 0.0)  # never -0
 
     def in_contact_frame(self, normals: Floats) -> Floats:
         """Forces along x, y, z and torsional moments, as of `ForceCertificate`, (b, 2, 4)."""
@@ -135,7 +135,7 @@ def _pressing(twist: Floats, least: Floats, along: Floats, radius: Floats) -> Fl
             args=rest,
             tolerances={"xrtol": 4e-16, "xatol": 0.0, "fatol": 0.0, "frtol": 0.0},
         )
-        pressing[searched] = found.x
+        pressing[searched] = np.where(found.success, found.x, math.inf)
     return pressing
 
 

@@ -5,14 +5,15 @@ import math
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
-from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.errors import SettingError
+from grasp3d.quality.force_options import ForceOptions
 from grasp3d.quality.force_problem import ForceBound
-from grasp3d.quality.force_ranges import force_range
+from grasp3d.quality.force_ranges import WorstCase, force_range
 from grasp3d.quality.tasks import Task
 
-HALVINGS = 24
-"""Halvings of the interval of masses, for tasks with wrenches that do not grow with the mass."""
+STEPS = 60
+"""Most steps of the search, for tasks with wrenches that do not grow with the mass."""
 
 LARGEST_MASS = 1e6
 """Mass [kg] beyond which no payload is searched for."""
@@ -60,19 +61,41 @@ def payload(
         raise SettingError(f"the force at hand must be finite and above 0 [N]; got {force:g}")
     if task.mass is None:
         raise SettingError("a payload needs a task with a weight or an acceleration")
-
-    def largest(masses: Floats | float) -> Floats:
-        return force_range(
-            contacts, task, tilt, bound=bound, masses=masses, rtol=rtol, threads=threads
-        ).largest
-
+    task = task.scaled_to(1.0)
+    options = ForceOptions(task, bound, None, rtol, threads)
     if all(term.mass is not None for term in task.terms()):
-        return locked(force / largest(1.0))[()]
-    low, high = np.zeros(contacts.batch), np.ones(contacts.batch)
-    while (growing := (largest(high) <= force) & (high < LARGEST_MASS)).any():
-        high = np.where(growing, 2.0 * high, high)
-    for _ in range(HALVINGS):
-        middle = 0.5 * (low + high)
-        enough = largest(middle) <= force
-        low, high = np.where(enough, middle, low), np.where(enough, high, middle)
-    return locked(low)[()]
+        largest = force_range(contacts, task, tilt, bound=bound, rtol=rtol, threads=threads).largest
+        with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
+            return locked(force / largest)[()]
+    flat = contacts.reshape((-1,))
+    tilts = per_contact("tilt", tilt, contacts).reshape(-1, contacts.count)
+    found = _search(WorstCase.of(flat, tilts, options), force, rtol)
+    return locked(found.reshape(contacts.batch))[()]
+
+
+def _search(worst: WorstCase, force: float, rtol: float) -> Floats:
+    """Largest masses that a force holds: the force is convex in the mass, so secants close in."""
+    count = len(worst.contacts.points)
+    low, high = np.zeros(count), np.full(count, math.inf)
+    at_low, at_high = worst.force(np.arange(count), low) - force, np.full(count, math.inf)
+    rows = np.flatnonzero(at_low <= 0.0)
+    guess = np.ones(count)
+    for step in range(STEPS):
+        bracketed = np.isfinite(high[rows])
+        near = bracketed & (high[rows] - low[rows] <= rtol * low[rows])
+        rows = rows[~near & (low[rows] < LARGEST_MASS)]
+        if not len(rows):
+            break
+        excess = worst.force(rows, guess[rows]) - force
+        enough = excess <= 0.0
+        low[rows[enough]], at_low[rows[enough]] = guess[rows[enough]], excess[enough]
+        high[rows[~enough]], at_high[rows[~enough]] = guess[rows[~enough]], excess[~enough]
+        with np.errstate(invalid="ignore"):
+            secant = low + (high - low) * at_low / (at_low - at_high)
+        # A secant comes from below; a point just above the lower end may end the search.
+        tried = (secant, low * (1.0 + 0.9 * rtol), 0.5 * (low + high))[step % 3]
+        inside = (tried > low) & (tried < high)
+        with np.errstate(invalid="ignore"):
+            guess = np.where(inside, tried, 0.5 * (low + high))
+        guess = np.where(np.isinf(high), 2.0 * np.maximum(low, 0.5), guess)
+    return low

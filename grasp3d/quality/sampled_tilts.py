@@ -71,14 +71,17 @@ class _Tilted:
 
 def largest_sampled(
     contacts: Contacts, tilt: Floats, options: ForceOptions, nominal: GripForce
-) -> Floats:
-    """Largest force found among tilts, a certified upper bound at one of them, shape (b,).
+) -> tuple[Floats, Floats]:
+    """Largest force found among tilts, a certified upper bound at one of them.
 
     Args:
         contacts: Grasps, a flat batch.
         tilt: Largest tilts [rad], shape (b, n).
         options: The task and more.
         nominal: Their forces without tilts.
+
+    Returns:
+        The forces (b,) and the normals (b, n, 3) of these tilts.
     """
     found = _Tilted(contacts.normals, nominal.lower)
     found = found.worse(*_opened(contacts, tilt, options))
@@ -98,12 +101,14 @@ def largest_sampled(
     starts += [weakest, *np.take_along_axis(np.stack(directions), order[..., None], axis=0)]
     for start in starts:
         found = _ascend(contacts, tilt, options, start, found)
-    largest = np.array(nominal.upper)
+    largest, worst = np.array(nominal.upper), contacts.normals.copy()
     active = np.arange(len(tilt))
     for _ in range(EVALUATIONS):
         chosen, some, best = contacts.take(active), options.take(active), found.take(active)
         evaluated = some.force(_with_normals(chosen, best.normals))
         larger = np.asarray(evaluated.upper > largest[active] * (1.0 + COARSE))
+        more = active[evaluated.upper > largest[active]]
+        worst[more] = best.normals[evaluated.upper > largest[active]]
         largest[active] = np.maximum(largest[active], evaluated.upper)
         active, best = active[larger], best.take(larger)
         if not len(active):
@@ -111,7 +116,7 @@ def largest_sampled(
         weakest = evaluated.certificate.direction[larger]
         best = _ascend(contacts.take(active), tilt[active], options.take(active), weakest, best)
         found = found.replaced(active, best)
-    return largest
+    return largest, worst
 
 
 def _tilts_around(contacts: Contacts, tilt: Floats) -> Iterator[Floats]:

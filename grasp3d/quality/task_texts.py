@@ -51,6 +51,12 @@ class _Part:
     file: str = ""
     """File that holds the rows."""
 
+    @property
+    def empty(self) -> bool:
+        """Whether it has neither a force nor a torque."""
+        known = self.kind != "weight" and not self.file
+        return known and not any(map(any, self.rows))
+
 
 def check_task_text(text: str) -> str:
     """Check the text of a task; files are not opened.
@@ -95,6 +101,23 @@ def inline_files(text: str) -> str:
         'weight + wrench 5,0,0,0,0,0; 0,5,0,0,0,0.1'
     """
     return " + ".join(part.text for part in _parts(text, files=True))
+
+
+def task_files(text: str) -> tuple[Path, ...]:
+    """The files that the text of a task names; they are not opened.
+
+    Args:
+        text: The text.
+
+    Raises:
+        SettingError: It is no task.
+
+    Example:
+        >>> from grasp3d.quality.task_texts import task_files
+        >>> [path.name for path in task_files("weight + pushes.csv + ellipsoid noise.csv")]
+        ['pushes.csv', 'noise.csv']
+    """
+    return tuple(Path(part.file) for part in _parts(text) if part.file)
 
 
 def parse_task(
@@ -175,6 +198,8 @@ def _parts(text: str, *, files: bool = False) -> list[_Part]:
     count = sum(len(part.rows) for part in parts if part.kind in {"wrench", "ellipsoid"})
     if count > MAX_WRENCHES:
         raise SettingError(f"a task may have at most {MAX_WRENCHES} wrenches; got {count}")
+    if all(part.empty for part in parts):
+        raise SettingError(f"task {printable(text.strip())!r}: a task needs a force or a torque")
     return parts
 
 

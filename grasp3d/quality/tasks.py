@@ -21,6 +21,9 @@ from grasp3d.errors import SettingError
 STANDARD_GRAVITY = 9.80665
 """Acceleration of free fall [m/s^2] (CGPM 1901)."""
 
+LARGEST = 1e12
+"""Largest mass, acceleration, length, force or torque."""
+
 MOST_CORNERS = 64
 """Corners of a task up to which the force is computed for each of them."""
 
@@ -202,7 +205,9 @@ class Weight(ForceAtCenter):
     direction: Numbers3 | None = None
     """Direction of gravity in the contacts' frame, of any length; None: any direction."""
     within: float = 0.0
-    """Angle from that direction within which gravity may act [rad], at most pi / 2."""
+    """Angle from that direction within which gravity may act [rad], at most pi / 2. With a
+    `center_radius` above 0 as well the support is an upper bound: the centre is taken at its worst
+    for another direction, so that forces are too large rather than too small."""
 
     def __post_init__(self) -> None:
         super().__post_init__()
@@ -431,9 +436,11 @@ def _across(axes: Floats) -> Floats:
 
 
 def _check(name: str, value: float, unit: str, *, above: bool = False) -> None:
-    if not (math.isfinite(value) and (value > 0.0 or (value == 0.0 and not above))):
+    if not (value <= LARGEST and (value > 0.0 or (value == 0.0 and not above))):
         least = "above 0" if above else "at least 0"
-        raise SettingError(f"{name} must be finite and {least} [{unit}]; got {value:g}")
+        raise SettingError(
+            f"{name} must be {least} and at most {LARGEST:g} [{unit}]; got {value:g}"
+        )
 
 
 def _vector(name: str, values: ArrayLike, count: int) -> Floats:
@@ -451,8 +458,9 @@ def _table(name: str, values: object) -> tuple[Numbers6, ...]:
         rows = np.atleast_2d(np.asarray(values, dtype=np.float64))
     except (TypeError, ValueError) as error:
         raise SettingError(f"{name} must be rows of six numbers: {error}") from error
-    if rows.ndim != 2 or rows.shape[1] != 6 or not len(rows) or not np.isfinite(rows).all():
+    if rows.ndim != 2 or rows.shape[1] != 6 or not len(rows) or not (abs(rows) <= LARGEST).all():
         raise SettingError(
-            f"{name} must be rows of six finite numbers, force and torque; got shape {rows.shape}"
+            f"{name} must be rows of six numbers, force and torque, of up to {LARGEST:g}; "
+            f"got shape {rows.shape}"
         )
     return tuple(tuple(row) for row in rows.tolist())

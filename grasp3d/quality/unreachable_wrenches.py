@@ -20,6 +20,9 @@ EDGES = 64
 SPHERE_POINTS = 400
 """Vertices of the circumscribed polyhedron of the elliptic limit surface."""
 
+ROUNDING = 1e-11
+"""Rounding errors of unit wrenches along the direction."""
+
 APART = 1e-9
 """Remainder, relative to the wrench, that is not a rounding error."""
 
@@ -52,8 +55,9 @@ def separating_direction(
     if left <= APART:
         return None
     direction = wrench / size - weights @ generators
-    # All that the contacts can apply lies inside the cone, so the rounding of its edges is no harm.
-    return np.asarray(direction) if (generators @ direction).max() <= 1e-3 * left else None
+    lengths = np.linalg.norm(generators, axis=-1)
+    separates = ((generators @ direction) <= ROUNDING * lengths).all()
+    return np.asarray(direction) if separates else None
 
 
 @cache

@@ -56,7 +56,7 @@ def _rows(name: str, lines: list[str]) -> Iterator[Row]:
     for number, line in enumerate(lines, 1):
         if not line.strip() or line.lstrip().startswith("#"):
             continue
-        words = [word.strip() for word in next(csv.reader([line]))]
+        words = _words(name, number, line)
         if first and tuple(word.lower() for word in words) == COLUMNS:
             first = False
             continue
@@ -67,6 +67,15 @@ def _rows(name: str, lines: list[str]) -> Iterator[Row]:
                 f"{', '.join(COLUMNS)}: force [N] and torque [N m]"
             )
         yield _row(name, number, words)
+
+
+def _words(name: str, number: int, line: str) -> list[str]:
+    try:
+        return [word.strip() for word in next(csv.reader([line]))]
+    except csv.Error as error:
+        raise SettingError(
+            f"{name}: line {number} must be six numbers, {', '.join(COLUMNS)}: {error}"
+        ) from error
 
 
 def _row(name: str, number: int, words: list[str]) -> Row:

@@ -9,10 +9,9 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.contact.friction_cones import turned
 from grasp3d.loads import Load
 from grasp3d.quality.force_ranges import Certainty, force_range
-from grasp3d.quality.grip_forces import Resistance, grip_force
+from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.payloads import payload
 from grasp3d.quality.tasks import Task
 from grasp3d.stability.label import Label
@@ -55,7 +54,7 @@ class Holding:
         ((146,), 0.5, 40.0)
         >>> best = int(holding.payload.argmax())
         >>> print(f"{holding.grip_force[best]:.0f} N, {holding.payload[best]:.1f} kg")
-        7 N, 2.5 kg
+        7 N, 2.4 kg
     """
 
     case: LoadCase
@@ -201,45 +200,21 @@ def holding_of(
     forces = force_range(
         contacts, case.task, tilt, rtol=FORCE_RTOL, threads=threads, progress=progress
     )
-    least = forces.least
-    if forces.how == "sampled":
-        least = _least_turned_inward(contacts, tilt, case, least, threads)
     payloads = np.full(contacts.batch, np.nan)
     force, mass = case.available, case.task.mass
     if force is not None and mass is not None:
-        if all(term.mass is not None for term in case.task.terms()):
+        task = case.task.scaled_to(mass)
+        if all(term.mass is not None for term in task.terms()) and task == case.task:
             with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
                 payloads = force * mass / forces.largest
         else:
-            payloads = payload(
-                contacts, case.task, force, tilt=tilt, rtol=FORCE_RTOL, threads=threads
-            )
+            payloads = payload(contacts, task, force, tilt=tilt, rtol=FORCE_RTOL, threads=threads)
     return Holding(
         case=case,
         grip_force=locked(forces.nominal),
-        grip_force_least=locked(least),
+        grip_force_least=locked(forces.least),
         grip_force_largest=locked(forces.largest),
         payload=locked(payloads),
         resistance=locked(forces.resistance),
         how=forces.how,
     )
-
-
-def _least_turned_inward(
-    contacts: Contacts, tilt: ArrayLike, case: LoadCase, least: Floats, threads: int | None
-) -> Floats:
-    """Least forces, with further samples where none suffices: normals turned to the contacts' mean.
-
-    On a crease the nominal normal may resist nothing, though one of the faces' normals does.
-    """
-    rows = np.flatnonzero(np.isinf(least))
-    if not len(rows):
-        return least
-    tilts = np.broadcast_to(tilt, contacts.friction.shape)[rows]
-    chosen = contacts.take(rows)
-    inward = chosen.points.mean(axis=1, keepdims=True) - chosen.points
-    normals = turned(chosen.normals, inward, tilts)
-    tilted = Contacts(chosen.points, normals, chosen.friction, chosen.torsion_radius)
-    found = least.copy()
-    found[rows] = grip_force(tilted, case.task, rtol=FORCE_RTOL, threads=threads).upper
-    return found

@@ -104,7 +104,7 @@ def label_surface(
         >>> labels = grasp3d.label_surface(mesh, gripper=gripper, load=grasp3d.Load(mass=0.5))
         >>> held = np.nanmax(labels.holding.payload)  # nan: not reached
         >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
-        70 N hold 3.4 kg
+        70 N hold 3.3 kg
     """
     mesh, model, sampling = load_mesh(mesh), model or GraspModel(), sampling or Sampling()
     model = model.in_unit(mesh.unit, source=mesh.report.source)

@@ -141,6 +141,9 @@ class SurfaceLabels(LabelledGrasps):
         lengths = self.model.lengths() | self.mesh.options.lengths()
         if self.sampling is not None:
             lengths |= self.sampling.lengths()
+        if self.load is not None:
+            load = self.load.in_unit(self.mesh.unit, source=self.mesh.report.source)
+            lengths |= load.lengths()
         return (
             *self.mesh.report.warnings,
             *length_warnings(lengths, self.mesh.size, self.mesh.unit),

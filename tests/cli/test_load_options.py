@@ -46,6 +46,8 @@ QUICK = [
     (("--mass", "-0.5kg"), "mass must be finite and above 0 [kg]; got -0.5kg"),
     (("--task", "five.csv"), "five.csv: line 1 has 5 columns; a wrench has six"),
     (("--mass", "1", "--density", "9"), "mass and density exclude each other"),
+    (("--task", "acceleration 0"), "'acceleration 0': a task needs a force or a torque"),
+    (("--mass", "1e300"), "mass must be at most 1e+09 [kg]; got 1e300"),
     (("--task", "wieght"), "no task is called 'wieght'; known: weight"),
     (("--center-of-mass", "1,2"), "center_of_mass must be three finite lengths"),
 ]
@@ -81,6 +83,38 @@ def check_refused(mesh: str, words: tuple[str, ...], message: str, folder: Path)
     assert message in found.stderr
     assert found.stderr.count("\n") == 1
     assert sorted(folder.iterdir()) == before
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("evaluate", "box.stl", "contacts.csv", "-o", "task.csv"),
+        ("evaluate", "box.stl", "contacts.csv", "-o", "task.csv", "--mass", "0.5"),
+        ("evaluate", "box.stl", "contacts.csv", "-o", "link.csv"),
+        ("label", "box.stl", "-o", "b.ply", "--best", "2", "--grasps", "task.csv"),
+        ("batch", "box.stl", "-o", "task.csv"),
+        ("batch", "box.stl", "-o", "results", "--log", "task.csv"),
+    ],
+)
+@pytest.mark.parametrize(
+    "task", ["task.csv", "weight + ellipsoid task.csv", "pushes.csv + ./task.csv", "{}/task.csv"]
+)
+def test_no_output_replaces_the_file_of_the_task(
+    tmp_path: Path, folder: Path, words: tuple[str, ...], task: str
+) -> None:
+    for name in ("box.stl", "pushes.csv"):
+        (tmp_path / name).write_bytes((folder / name).read_bytes())
+    (tmp_path / "task.csv").write_text("5,0,0,0,0,0\n")
+    (tmp_path / "link.csv").symlink_to("task.csv")
+    (tmp_path / "contacts.csv").write_text("x1,y1,z1,x2,y2,z2\n0,15,0,0,-15,0\n")
+    before = sorted(tmp_path.iterdir())
+    given = ("--task", task.format(tmp_path), "--unit", "mm", "--overwrite")
+    found = run_here(*words, *given, cwd=tmp_path)
+    assert (found.returncode, found.stdout) == (2, "")
+    assert found.stderr.endswith(".csv: is the file of the task; name another file\n")
+    assert found.stderr.count("\n") == 1
+    assert (tmp_path / "task.csv").read_text() == "5,0,0,0,0,0\n"
+    assert sorted(tmp_path.iterdir()) == before
 
 
 @pytest.mark.parametrize("command", COMMANDS)

@@ -15,13 +15,16 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
+from grasp3d.cli.load_report import force_text
 from grasp3d.grasps import verdict_of
 from grasp3d.grasps.holding_verdict import HoldingVerdict
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.surface_poses import poses_of
 from grasp3d.loads import Load
+from grasp3d.quality import Wrenches
 from grasp3d.stability.label import Label
 from grasp3d.surface.holding import HARD_FINGERS, Holding
+from grasp3d.surface.load_case import LoadCase
 from tests.helpers import shapes
 
 PUSH = "wrench 0,0,-5,0,0,0"
@@ -49,7 +52,7 @@ def test_each_sentence() -> None:
         (Load(mass=0.5), f"0.5 kg needs {needed:.3g} N in any orientation", None),
         (Load(grip_force=5), f"5 N hold {held:.3g} kg in any orientation", None),
         (Load(), f"each kilogram needs {2.0 * needed:.3g} N in any orientation", None),
-        (Load(task=PUSH, grip_force=30), f"holds at 30 N ({PUSH})", True),
+        (Load(task=PUSH, grip_force=30), f"resists {PUSH} at 30 N", True),
     ):
         verdict = under(load)
         assert (str(verdict), verdict.holds) == (sentence, holds)
@@ -71,6 +74,29 @@ def with_forces(largest: float, nominal: float, **changed: object) -> Holding:
     one = found.take(slice(0, 1))
     values = {"grip_force_largest": np.array([largest]), "grip_force": np.array([nominal])}
     return replace(one, **{**values, **changed})  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize("mass", [None, 0.5])
+def test_the_mass_has_no_part_in_wrenches_alone(mass: float | None) -> None:
+    for load, sentence in (
+        (Load(task=PUSH, mass=mass), f"needs 7 N ({PUSH})"),
+        (Load(task=PUSH, mass=mass, grip_force=8), f"resists {PUSH} at 8 N"),
+        (Load(task=PUSH, mass=mass, grip_force=6), "needs 7 N; 6 N are at hand"),
+        (
+            Load(task=Wrenches([0, 0, -5, 0, 0, 0]), mass=mass, grip_force=8),
+            "resists the given task at 8 N",
+        ),
+    ):
+        case = LoadCase.of(load, labels().mesh, labels().model)
+        unweighed = np.full(1, math.nan)
+        verdict = HoldingVerdict.of(with_forces(7.0, 7.0, case=case, payload=unweighed))
+        assert (str(verdict), verdict.mass) == (sentence, None)
+
+
+def test_zero_has_no_sign() -> None:
+    verdict = HoldingVerdict.of(with_forces(-0.0, -0.0))
+    assert math.copysign(1.0, verdict.needed) == 1.0
+    assert force_text(-0.0) == "0"
 
 
 def test_reasons_why_nothing_is_held() -> None:

@@ -8,7 +8,7 @@ from random_grasps import Shape, random_contacts
 from grasp3d import Contacts, force_closure, grip_force
 from grasp3d.contact.friction_cones import tilted_normals, turned
 from grasp3d.errors import SettingError
-from grasp3d.quality import Weight, Wrenches, force_range, payload
+from grasp3d.quality import Acceleration, Weight, Wrenches, force_range, payload
 from tests.helpers import grasps
 from tests.helpers.forces import GRAVITY, moved, opposed
 
@@ -138,7 +138,22 @@ def test_one_task_written_in_two_ways_needs_the_same() -> None:
 def test_without_tilt_there_is_nothing_to_range_over() -> None:
     found = force_range(opposed(), NEWTON, 0.0)
     assert found.how == "exact"
-    assert found.least == found.nominal == found.largest
+    assert found.least <= found.nominal == found.largest
+    assert found.least >= found.nominal * (1.0 - 1e-3)
+
+
+def test_where_one_tilt_exceeds_friction_the_others_hold() -> None:
+    points = 0.02 * np.array([[0.0, -1, 0], [0, 1, 0], [1, 0, 0], [-1, 0, 0]])
+    contacts = Contacts(points, -points, [0.8, 0.8, 0.8, 0.1])
+    tilts = np.array([0.05, 0.05, 0.05, 0.2])
+    down = Weight(0.5, direction=(0.0, 0.0, -1.0))
+    found = force_range(contacts, down, tilts, bound="norm")
+    three = Contacts(points[:3], -points[:3], 0.8)
+    assert found.how == "bound"
+    assert found.largest == pytest.approx(force_range(three, down, 0.05, bound="norm").largest)
+    for normals in random_tilts(contacts.reshape((1,)), 0.05, 20, 8):
+        force = grip_force(with_normals(contacts, normals[0]), down, bound="norm")
+        assert force.lower <= found.largest
 
 
 @pytest.mark.parametrize("tilt", [-0.1, 2.0, math.nan])
@@ -166,6 +181,28 @@ def test_payload_beside_a_push_that_has_no_mass() -> None:
     held = grip_force(contacts, task, masses=carried)
     assert held.value == pytest.approx([20.0, 20.0], rel=5e-3)
     assert (payload(contacts, task, 1.0) == 0.0).all()
+
+
+def test_payload_beside_a_push_at_tilted_normals() -> None:
+    contacts = grasps.stacked([opposed(), moved(opposed(), [0.0, 0.01, 0.0])])
+    task = Weight() + Wrenches([[0.0, 3.0, 0.0, 0.0, 0.0, 0.0], [0.0, -3.0, 0.0, 0.0, 0.0, 0.0]])
+    carried = payload(contacts, task, 20.0, tilt=TILT)
+    assert (carried < payload(contacts, task, 20.0)).all()
+    largest = force_range(contacts, task, TILT, masses=carried).largest
+    assert largest == pytest.approx([20.0, 20.0], rel=0.1)
+
+
+def test_parts_of_a_task_carry_the_same_mass() -> None:
+    contacts = moved(opposed(), [0.0, 0.01, 0.0])
+    equal = Weight(1.0) + Acceleration(1.0, acceleration=3.0)
+    unequal = Weight(0.2) + Acceleration(4.0, acceleration=3.0)
+    assert payload(contacts, unequal, 40.0) == payload(contacts, equal, 40.0)
+
+
+def test_no_grasps_have_no_forces() -> None:
+    none = random_contacts(Shape(2, 8, soft=True), 5, 1).take(np.arange(0))
+    for task in (Weight(), Wrenches([1.0, 0, 0, 0, 0, 0]), Weight() + Wrenches(np.ones(6))):
+        assert force_range(none, task, TILT).largest.shape == (0,)
 
 
 @pytest.mark.parametrize("force", [0.0, -1.0, math.inf, math.nan])

@@ -10,12 +10,14 @@ from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
 from grasp3d.quality import Acceleration, Ellipsoid, Task, Weight, Wrenches, parse_task
-from grasp3d.quality.task_texts import check_task_text, inline_files
+from grasp3d.quality.task_texts import check_task_text, inline_files, task_files
 from grasp3d.quality.wrench_files import COLUMNS, LARGEST_FILE, MAX_WRENCHES, read_wrenches
 
 DOWN = (0.0, 0.0, -1.0)
 NUMBERS = st.floats(-1e6, 1e6)
-ROWS = st.lists(st.tuples(*[NUMBERS] * 6), min_size=1, max_size=5)
+ROWS = st.lists(st.tuples(*[NUMBERS] * 6), min_size=1, max_size=5).filter(
+    lambda rows: any(map(any, rows))
+)
 
 
 @pytest.mark.parametrize(
@@ -31,7 +33,7 @@ ROWS = st.lists(st.tuples(*[NUMBERS] * 6), min_size=1, max_size=5)
         ("weight within 90 of +y", Weight(0.5, 0.01, (0.0, 1.0, 0.0), math.pi / 2)),
         ("acceleration 5", Acceleration(0.5, 0.01, 5.0)),
         ("acceleration 5 m/s^2", Acceleration(0.5, 0.01, 5.0)),
-        ("acceleration 0", Acceleration(0.5, 0.01, 0.0)),
+        ("weight + acceleration 0", Weight(0.5, 0.01) + Acceleration(0.5, 0.01, 0.0)),
         ("weight + acceleration 5", Weight(0.5, 0.01) + Acceleration(0.5, 0.01, 5.0)),
         ("wrench 0,0,-5,0,0,0.1", Wrenches([[0, 0, -5, 0, 0, 100]])),
         ("wrench 1e+1, 0, 0, 0, 0, 0", Wrenches([[10, 0, 0, 0, 0, 0]])),
@@ -76,6 +78,9 @@ def test_gravity_acts_along_its_axis(axis: str) -> None:
         ("wrench 0,0,-5,0,0,nan", "6 finite numbers"),
         ("wrench", "6 finite numbers"),
         ("ellipsoid", "6 finite numbers"),
+        ("acceleration 0", "task 'acceleration 0': a task needs a force or a torque"),
+        ("wrench 0,0,0,0,-0,0", "a task needs a force or a torque"),
+        ("ellipsoid 0,0,0,0,0,0; 0,0,0,0,0,0 + acceleration 0", "a task needs a force or a torque"),
         ("none.csv", r"none\.csv: cannot be read \(No such file or directory\)"),
         ("ellipsoid none.csv", r"none\.csv: cannot be read"),
     ],
@@ -149,6 +154,11 @@ def test_a_first_line_of_names_is_optional(tmp_path: Path, start: str) -> None:
         (b"1;2;3;4;5;6\n", "line 1 has 1 columns"),
         (b"a,b,c,d,e,f\n1,2,3,4,5,6\n", "line 1 must be six numbers"),
         (b"1,2,3,4,5,\n", "line 1 must be six numbers"),
+        pytest.param(
+            b"1" * 200_000 + b",0,0,0,0,0\n",
+            "line 1 must be six numbers, .*: field larger than",
+            id="one long number",
+        ),
         (b"1,2,3,4,5,nan\n", "line 1 has a number that is not finite"),
         (b"1,2,3,4,5,6\nfx,fy,fz,tx,ty,tz\n", "line 2 must be six numbers"),
         (b"", "must hold from 1 to 200 wrenches, one a line; got 0"),
@@ -163,6 +173,20 @@ def test_damaged_files_are_refused(tmp_path: Path, content: bytes, words: str) -
     with pytest.raises(SettingError, match=f"pushes.csv: .*{words}") as error:
         parse_task(str(path), metres_per_unit=1.0)
     assert "\n" not in str(error.value)
+
+
+def test_the_files_of_a_task_are_named_without_opening_them() -> None:
+    text = "a.csv + weight + ellipsoid b/c.CSV + wrench 1,0,0,0,0,0"
+    assert task_files(text) == (Path("a.csv"), Path("b/c.CSV"))
+    assert task_files("weight") == ()
+
+
+def test_a_file_of_zeros_is_no_task_of_its_own(tmp_path: Path) -> None:
+    path = tmp_path / "zeros.csv"
+    path.write_text("0,0,0,0,0,0\n-0,0,0,0,0,0\n")
+    with pytest.raises(SettingError, match=r"zeros\.csv': a task needs a force or a torque"):
+        inline_files(str(path))
+    assert parse_task(f"weight + {path}").mass == 1.0
 
 
 def test_a_folder_is_no_file_of_wrenches(tmp_path: Path) -> None:

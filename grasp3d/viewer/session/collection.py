@@ -279,7 +279,7 @@ def _open_mesh(
     reach, model, sampling = search
     mesh, load = loaded_mesh(prepare_file(path, options), load)
     if not force:
-        refuse_lengths(mesh, model.lengths() | sampling.lengths())
+        refuse_lengths(mesh, model.lengths() | sampling.lengths(), load)
     progress(READ)
     reaching = Reaching.of(reach, mesh)
     return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0), reaching, load)
