@@ -359,7 +359,8 @@ def grow(space, dims, metric, task, start, goal, polytope):
         # nan compares as neither near nor visible, so removed facets need no test of their own.
         for i in range(count):
             planes[6, polytope.visible[i]] = math.nan
-            planes[8, polytope.visible[i]] = math.nan
+            if task is not None:
+                planes[8, polytope.visible[i]] = math.nan
         vertices += 1
     for i in range(size):
         distance = distance_of(planes, queue[i], task)
