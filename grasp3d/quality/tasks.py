@@ -139,6 +139,20 @@ class Term(Task):
         return np.asarray((self.farthest(u) * u).sum(axis=-1))[()]
 
 
+class WithoutMass(Term):
+    """A task of wrenches that do not grow with a mass."""
+
+    @property
+    def mass(self) -> None:
+        """None: it does not grow with a mass."""
+        return None
+
+    def scaled_to(self, mass: float) -> Self:
+        """As in `Task`."""
+        del mass
+        return self
+
+
 @dataclass(frozen=True)
 class ForceAtCenter(Term):
     """A force at the centre of mass that grows with the mass; see `Weight` and `Acceleration`."""
@@ -299,7 +313,7 @@ class Acceleration(ForceAtCenter):
 
 
 @dataclass(frozen=True)
-class Wrenches(Term):
+class Wrenches(WithoutMass):
     """Given wrenches, and all of their convex hull.
 
     Example:
@@ -318,16 +332,6 @@ class Wrenches(Term):
     def __init__(self, wrenches: ArrayLike | Sequence[Sequence[float]]) -> None:
         object.__setattr__(self, "wrenches", _table("wrenches", wrenches))
 
-    @property
-    def mass(self) -> None:
-        """None: it does not grow with a mass."""
-        return None
-
-    def scaled_to(self, mass: float) -> Self:
-        """As in `Task`."""
-        del mass
-        return self
-
     def row(self) -> tuple[Floats, Floats]:
         """As in `Term`."""
         row = np.zeros(kernels.TERM)
@@ -345,7 +349,7 @@ class Wrenches(Term):
 
 
 @dataclass(frozen=True)
-class Ellipsoid(Term):
+class Ellipsoid(WithoutMass):
     """An ellipsoid of wrenches about 0: the sums of given wrenches whose weights' squares sum to 1.
 
     Example:
@@ -362,16 +366,6 @@ class Ellipsoid(Term):
 
     def __init__(self, semi_axes: ArrayLike | Sequence[Sequence[float]]) -> None:
         object.__setattr__(self, "semi_axes", _table("semi-axes", semi_axes))
-
-    @property
-    def mass(self) -> None:
-        """None: it does not grow with a mass."""
-        return None
-
-    def scaled_to(self, mass: float) -> Self:
-        """As in `Task`."""
-        del mass
-        return self
 
     def row(self) -> tuple[Floats, Floats]:
         """As in `Term`."""
