@@ -34,7 +34,10 @@ SETTING = "setting_"
 _REACH_FIELDS = ("approach", "tcp", "closing", "approach_margin", "depth", "pregrasp_opening")
 """Arrays of a gripper's poses, for labels with a gripper."""
 
-_FIELDS = ("label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon",
+LOCATED = ("located_angle", "located_angle_best")
+"""Arrays of labels with uncertain contact locations or fingers that differ."""
+
+_FIELDS = ("label", "critical_angle", "critical_angle_best", "max_resolution", "margin", "epsilon",
            "epsilon_min", "epsilon_max", "opening", "grip", "reason")  # fmt: skip
 
 
@@ -62,7 +65,7 @@ def labels_to_table(labels: SurfaceLabels) -> Any:
     arrays = vertex_arrays(labels)
     columns = _by_axis("", labels.mesh.vertices, "f8") | _by_axis("n", arrays["normal"], "f4")
     columns["area"] = labels.mesh.vertex_areas.astype("f4")
-    for name in _FIELDS:
+    for name in (*_FIELDS, *located_arrays(labels)):
         values = arrays[name]
         columns[name] = values.astype("f4") if values.dtype.kind == "f" else values
     for finger in range(labels.partners.shape[1]):
@@ -129,6 +132,7 @@ def vertex_arrays(labels: SurfaceLabels) -> Arrays:
         "critical_angle": labels.critical_angle,
         "critical_angle_best": labels.critical_angle_best,
         "max_resolution": labels.max_resolution,
+        "margin": labels.margin,
         "epsilon": labels.epsilon,
         "epsilon_min": labels.epsilon_min,
         "epsilon_max": labels.epsilon_max,
@@ -137,9 +141,15 @@ def vertex_arrays(labels: SurfaceLabels) -> Arrays:
         "opening": labels.opening,
         "grip": labels.grip,
         "reason": labels.reason,
+        **located_arrays(labels),
         **reach_arrays(labels),
         **force_arrays(labels),
     }
+
+
+def located_arrays(labels: SurfaceLabels) -> Arrays:
+    """Located angles over the vertices; none if labels follow from the critical angles."""
+    return {} if labels.model.is_uniform else dict(zip(LOCATED, labels.located_angles, strict=True))
 
 
 def force_arrays(labels: SurfaceLabels) -> Arrays:

@@ -17,6 +17,7 @@ from grasp3d.conversions import (
     label_colors,
     labels_to_polydata,
     labels_to_table,
+    located_arrays,
     reach_arrays,
     settings_of,
     vertex_arrays,
@@ -25,18 +26,20 @@ from grasp3d.errors import OutputError
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.files import atomic_write
 from grasp3d.system.names import unsupported
-
-_PLY_TYPES = {"<f8": "double", "<f4": "float", "|u1": "uchar", "<i4": "int"}
+from grasp3d.tables.ply_files import write_ply_columns
 
 
 def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -> None:
     """Write a labelled PLY: the mesh with one label, colour and set of numbers per vertex.
 
     Per vertex: x y z (double), outward nx ny nz, red green blue, `label` (uchar: 0 U, 1 M, 2 S),
-    `critical_angle`, `critical_angle_best` and `max_resolution` (float, radians; inf and 0 where
-    there is no grasp), `epsilon`, `epsilon_min` and `epsilon_max` (float; nan where there is no
-    grasp). The settings are in comments that begin with `grasp3d`; of these `epsilon_min` and
-    `epsilon_max` name how the two are computed.
+    `critical_angle`, `critical_angle_best`, `max_resolution` and `margin` (float, radians; inf, 0
+    and -inf where there is no grasp), `epsilon`, `epsilon_min` and `epsilon_max` (float; nan where
+    there is no grasp). The settings are in comments that begin with `grasp3d`; of these
+    `epsilon_min` and `epsilon_max` name how the two are computed.
+
+    With a location error or values per finger also `located_angle` and `located_angle_best` (float,
+    radians), which decide the labels.
 
     With a gripper also the approach direction `approach_x` `approach_y` `approach_z` and
     `approach_margin` (float, radians; nan where no grasp is reached).
@@ -73,40 +76,15 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         "critical_angle": labels.critical_angle.astype("<f4"),
         "critical_angle_best": labels.critical_angle_best.astype("<f4"),
         "max_resolution": labels.max_resolution.astype("<f4"),
+        "margin": labels.margin.astype("<f4"),
         "epsilon": labels.epsilon.astype("<f4"),
         "epsilon_min": labels.epsilon_min.astype("<f4"),
         "epsilon_max": labels.epsilon_max.astype("<f4"),
+        **{name: values.astype("<f4") for name, values in located_arrays(labels).items()},
         **_reach_columns(labels),
         **_force_columns(labels),
     }
-    vertices = np.empty(
-        len(mesh.vertices), dtype=[(name, column.dtype) for name, column in columns.items()]
-    )
-    for name, column in columns.items():
-        vertices[name] = column
-    faces = np.empty(len(mesh.faces), dtype=[("count", "u1"), ("corners", "<i4", 3)])
-    faces["count"], faces["corners"] = 3, mesh.faces
-    header = "\n".join(
-        [
-            "ply",
-            f"format {'binary_little_endian' if binary else 'ascii'} 1.0",
-            *(f"comment grasp3d {key} {value}" for key, value in settings_of(labels).items()),
-            f"element vertex {len(vertices)}",
-            *(f"property {_PLY_TYPES[c.dtype.str]} {name}" for name, c in columns.items()),
-            f"element face {len(faces)}",
-            "property list uchar int vertex_indices",
-            "end_header\n",
-        ]
-    )
-    with atomic_write(Path(path)) as part, part.open("wb") as stream:
-        stream.write(header.encode("ascii"))
-        if binary:
-            vertices.tofile(stream)
-            faces.tofile(stream)
-        else:
-            for row in vertices:
-                stream.write((" ".join(str(value) for value in row) + "\n").encode())
-            np.savetxt(stream, np.column_stack([faces["count"], faces["corners"]]), fmt="%d")
+    write_ply_columns(Path(path), columns, mesh.faces, settings_of(labels), binary=binary)
 
 
 def _reach_columns(labels: SurfaceLabels) -> dict[str, npt.NDArray[Any]]:
@@ -220,15 +198,17 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     """Write a Parquet table with a row for each vertex, for pandas, Polars and DuckDB.
 
     Columns: x y z (double, in the mesh's unit), outward nx ny nz, `area` around the vertex, `label`
-    (text: S, M, U), `critical_angle`, `critical_angle_best` and `max_resolution` (radians; inf and
-    0 where there is no grasp), `epsilon`, `epsilon_min`, `epsilon_max` and `opening` (nan where
-    there is none), `grip`, `reason` (text, as in `Reason`), and of each other finger `partner_2_x`
-    ... (double) and outward `partner_2_nx` ... (nan where there is none). Numbers are floats; nan
-    and inf are kept and nothing is null. With a gripper also the axes and the origin of each pose,
-    `approach_x` ..., `closing_x` ... and `tcp_x` ... (double), `approach_margin` (radians), `depth`
-    and `pregrasp_opening`. With a load also `grip_force`, `grip_force_least`, `grip_force_largest`
-    (newtons), `payload` (kg) if a force is at hand, and `label_with_force` (text) if the mass is
-    known, too. The settings are in the schema's metadata under `grasp3d` as JSON.
+    (text: S, M, U), `critical_angle`, `critical_angle_best`, `max_resolution` and `margin`
+    (radians; inf, 0 and -inf where there is no grasp), `epsilon`, `epsilon_min`, `epsilon_max` and
+    `opening` (nan where there is none), `grip`, `reason` (text, as in `Reason`), and of each other
+    finger `partner_2_x` ... (double) and outward `partner_2_nx` ... (nan where there is none).
+    Numbers are floats; nan and inf are kept and nothing is null. With a location error or values
+    per finger also `located_angle` and `located_angle_best` (radians). With a gripper also the axes
+    and the origin of each pose, `approach_x` ..., `closing_x` ... and `tcp_x` ... (double),
+    `approach_margin` (radians), `depth` and `pregrasp_opening`. With a load also `grip_force`,
+    `grip_force_least`, `grip_force_largest` (newtons), `payload` (kg) if a force is at hand, and
+    `label_with_force` (text) if the mass is known, too. The settings are in the schema's metadata
+    under `grasp3d` as JSON.
 
     Args:
         path: File to make or replace.

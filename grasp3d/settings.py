@@ -9,7 +9,7 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from numbers import Integral
-from typing import Annotated, Any, Literal, get_args
+from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
 
 from grasp3d.errors import SettingError
 from grasp3d.lengths import (
@@ -20,6 +20,16 @@ from grasp3d.lengths import (
     comparable,
     describe_length,
 )
+from grasp3d.uncertainty import (
+    PerFinger,
+    Uncertainty,
+    check_location_error,
+    check_normal_error,
+    check_resolution,
+    fingers_in_unit,
+    friction_interval,
+    parse_fingers,
+)
 
 ANGLE = "angle"
 Radians = Annotated[float, ANGLE]
@@ -27,8 +37,9 @@ Radians = Annotated[float, ANGLE]
 Grip = Literal["squeeze", "expand", "both"]
 Actuation = Literal["total", "per_finger"]
 Method = Literal["exact", "extremes"]
-Tilts = Literal["exact", "effective_friction", "sampled_tilts"]
+Tilts = Literal["exact", "effective_friction", "sampled_tilts", "bound"]
 CandidatePoints = Literal["surface", "vertices"]
+Certainty = Literal["exact", "safe"]
 Repair = Literal["none", "safe", "full"]
 PoseFormat = Literal[
     "json", "csv", "parquet", "isaac_grasp", "acronym", "graspgen", "graspnet", "moveit"
@@ -48,6 +59,43 @@ ANGLE_ROUNDING = 1e-9
 """Angle by which a cone may exceed the cone that was searched and still count as covered [rad]."""
 
 
+class Friction:
+    """A field of settings that holds a coefficient of friction.
+
+    It takes a number, or an interval (smallest, largest), in a text '0.4..0.6', and holds its
+    middle; half its width becomes the `friction_error` of the settings.
+    """
+
+    def __init__(self, default: float) -> None:
+        self._default = default
+
+    def __get__(self, instance: object | None, _owner: type) -> float:
+        return self._default if instance is None else vars(instance)["friction"]
+
+    def __set__(self, instance: object, value: float | tuple[float, float] | str) -> None:
+        smallest, largest = friction_interval(value)
+        is_interval = smallest < largest
+        # To 15 digits, so that 0.4..0.6 is 0.5 and 0.1 and not 0.1 and a rounding error.
+        middle, half = (
+            float(f"{0.5 * one:.15g}") for one in (smallest + largest, largest - smallest)
+        )
+        vars(instance)["friction"] = middle if is_interval else smallest
+        vars(instance)["half_interval"] = half if is_interval else None
+
+
+class FingerLimits(NamedTuple):
+    """What is known about the contact of one finger."""
+
+    least_friction_angle: float
+    """Friction angle beta at the smallest friction [rad]."""
+    largest_friction_angle: float
+    """The same at the largest friction [rad]."""
+    tilt: float
+    """Largest angle between the true and the perceived normal [rad]."""
+    location_error: float
+    """Largest distance between the true and the perceived contact point, a length."""
+
+
 @dataclass(frozen=True)
 class GraspModel(LengthSettings):
     """Friction, sensor resolution and fingers, from which a grasp's label follows.
@@ -55,7 +103,8 @@ class GraspModel(LengthSettings):
     A length is a number in the mesh's unit, or has a unit: '5mm', '0.005 m', '0.5cm', '0.2in'.
 
     Attributes:
-        friction: Coulomb coefficient of friction between fingertip and object, above 0.
+        friction: Coulomb coefficient of friction between fingertip and object, above 0; or the
+            interval in which it lies, 0.4..0.6: S is decided by the smallest, U by the largest.
         sensor_resolution: Sensor resolution alpha: the angle between the two extreme normals that
             the fingertip cannot distinguish, from 0 to below 180 degrees.
         fingers: Number of fingers of a grasp, 2 to 5.
@@ -74,6 +123,16 @@ class GraspModel(LengthSettings):
             length; 2/3 x friction x r for an evenly pressed disc of radius r. 0: hard fingers. It
             affects epsilon, and under a load grip force, payload and the label with force, but no
             other labels.
+        friction_error: Largest difference between the true friction and `friction`, below it; half
+            the width of an interval.
+        normal_error: Largest angle between true and perceived normals beyond half the sensor
+            resolution, from 0 to below 90 degrees: that of joint encoders, for example.
+        location_error: Largest distance between the true and the perceived contact point, a length.
+            Two fingers: exact labels; more: safe ones, every S and U is correct.
+        per_finger: What is known less well about each finger, the one at the vertex first:
+            NAME=VALUE with commas, fingers separated by semicolons. sensor_resolution,
+            normal_error (degrees) and location_error are added to those of all fingers, friction
+            replaces theirs: 'location_error=1mm; friction=0.3..0.4'.
 
     Example:
         >>> import math
@@ -83,7 +142,7 @@ class GraspModel(LengthSettings):
         S below 16.6 degrees
     """
 
-    friction: float = 0.5
+    friction: Friction = Friction(0.5)
     sensor_resolution: Radians = 22.6 * DEGREE
     fingers: int = 2
     method: Method = "exact"
@@ -91,16 +150,13 @@ class GraspModel(LengthSettings):
     edges: int | None = None
     actuation: Actuation = "total"
     torsion_radius: Length[float] = Length(0.0)
+    friction_error: float = 0.0
+    normal_error: Radians = 0.0
+    location_error: Length[float] = Length(0.0)
+    per_finger: PerFinger = PerFinger()
 
     def __post_init__(self) -> None:
-        if not (self.friction > 0.0 and math.isfinite(self.friction)):
-            raise SettingError(f"friction must be a finite number above 0; got {self.friction:g}")
-        if not 0.0 <= self.sensor_resolution < math.pi:
-            degrees = math.degrees(self.sensor_resolution)
-            raise SettingError(
-                "sensor resolution must be at least 0 and below 180 degrees (pi radians); "
-                f"got {degrees:g} degrees (in Python angles are radians)"
-            )
+        self._check_uncertainty()
         if not (isinstance(self.fingers, int) and 1 <= self.fingers <= MAX_FINGERS):
             raise SettingError(
                 f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {self.fingers}"
@@ -124,29 +180,172 @@ class GraspModel(LengthSettings):
         check_choice("actuation", self.actuation, Actuation)
         _check_length("torsion radius", self.torsion_radius)
 
+    def _check_uncertainty(self) -> None:
+        half = vars(self).pop("half_interval")
+        if half is not None:
+            object.__setattr__(self, "friction_error", half)
+        if not 0.0 <= self.friction_error < self.friction:
+            raise SettingError(
+                f"friction error must be at least 0 and below the friction, {self.friction:g}; "
+                f"got {self.friction_error:g}"
+            )
+        check_resolution(self.sensor_resolution)
+        check_normal_error(self.normal_error)
+        check_location_error(self.location_error)
+        if self.method == "extremes" and (self.location_error != 0.0 or self.per_finger):
+            raise SettingError(
+                "method extremes tests normals only; location_error and per_finger need the method "
+                "exact"
+            )
+
+    def in_unit(self, unit: Unit | None, *, source: str = "the mesh") -> Self:
+        """See `LengthSettings`; the lengths of each finger as well."""
+        model = super().in_unit(unit, source=source)
+        fingers = fingers_in_unit(model.per_finger, unit, source=source)
+        return model if fingers == model.per_finger else replace(model, per_finger=fingers)
+
+    def with_uncertainty(self, *uncertainty: Uncertainty) -> "GraspModel":
+        """The same model with the uncertainty of a sensor, of encoders or of a user.
+
+        Args:
+            uncertainty: One value for all fingers, which replaces the sensor resolution and the
+                errors of this model, and its friction if it states one; or one for each finger:
+                then they are all there is, except for friction that they do not state.
+
+        Raises:
+            SettingError: A value is outside its range.
+        """
+        one = uncertainty[0] if len(uncertainty) == 1 else Uncertainty()
+        return replace(
+            self,
+            friction=self.friction if one.friction is None else one.friction,
+            sensor_resolution=one.sensor_resolution,
+            normal_error=one.normal_error,
+            location_error=one.location_error,
+            per_finger="" if len(uncertainty) == 1 else uncertainty,
+        )
+
+    @property
+    def fingertips(self) -> tuple[FingerLimits, ...]:
+        """What is known about the contact of each finger, the one at the vertex first.
+
+        Raises:
+            SettingError: A length has a unit (see `in_unit`), or `per_finger` is for another number
+                of fingers.
+        """
+        check_per_finger(self)
+        given = self._own_uncertainties or (Uncertainty(),) * self.fingers
+        return tuple(map(self._limits_of, given))
+
+    @property
+    def _own_uncertainties(self) -> tuple[Uncertainty, ...]:
+        return parse_fingers(self.per_finger)
+
+    def _limits_of(self, own: Uncertainty) -> FingerLimits:
+        lengths = (self.location_error, own.location_error)
+        if any(isinstance(one, str) for one in lengths):
+            raise SettingError(
+                "location errors have a unit: convert them with in_unit(unit of the mesh)"
+            )
+        return FingerLimits(
+            math.atan(self._friction_of(own)[0]),
+            math.atan(self._friction_of(own)[1]),
+            self._tilt_of(own),
+            sum(lengths),
+        )
+
+    def _friction_of(self, own: Uncertainty) -> tuple[float, float]:
+        return own.friction or self.friction_interval
+
+    def _tilt_of(self, own: Uncertainty) -> float:
+        resolution = self.sensor_resolution + own.sensor_resolution
+        return resolution / 2.0 + (self.normal_error + own.normal_error)
+
+    @property
+    def friction_interval(self) -> tuple[float, float]:
+        """Smallest and largest friction of a finger without a friction of its own."""
+        return self.friction - self.friction_error, self.friction + self.friction_error
+
+    @property
+    def friction_bounds(self) -> tuple[float | tuple[float, ...], float | tuple[float, ...]]:
+        """Smallest and largest friction, each one for all fingers or one for each."""
+        if not self.per_finger:
+            return self.friction_interval
+        pairs = [self._friction_of(own) for own in self._own_uncertainties]
+        return tuple(low for low, _ in pairs), tuple(high for _, high in pairs)
+
+    @property
+    def frictions(self) -> float | tuple[float, ...]:
+        """Nominal friction, one for all fingers or one for each: the middle of its interval."""
+        if not self.per_finger:
+            return self.friction
+        pairs = (self._friction_of(own) for own in self._own_uncertainties)
+        return tuple(0.5 * (low + high) for low, high in pairs)
+
+    @property
+    def tilt_of_fingers(self) -> float | tuple[float, ...]:
+        """`tilt`, one for all fingers or one for each, with the values of `per_finger`."""
+        if not self.per_finger:
+            return self.tilt
+        return tuple(map(self._tilt_of, self._own_uncertainties))
+
     @property
     def friction_angle(self) -> float:
-        """Half-angle beta of the friction cone [rad]."""
+        """Half-angle beta of the friction cone at the nominal friction [rad]."""
         return math.atan(self.friction)
 
     @property
     def tilt(self) -> float:
-        """How far the true normal may lie from the perceived one, alpha / 2 [rad]."""
-        return self.sensor_resolution / 2.0
+        """How far the true normal may lie from the perceived one [rad]: alpha / 2 + normal error.
+
+        That of all fingers, to which the values of `per_finger` are added.
+        """
+        return self.sensor_resolution / 2.0 + self.normal_error
 
     @property
     def effective_friction_angle(self) -> float:
         """Angle beta - alpha/2 [rad]: a grasp is S where its critical friction angle is smaller.
 
-        Wan & Howe 2018, Sec. III-A: the friction that remains whatever the tilt. Negative where
-        tilts exceed friction.
+        Wan & Howe 2018, Sec. III-A: the friction that remains whatever the tilt, here at the
+        smallest friction and with all errors of normals. Negative where tilts exceed friction.
+        Where fingers differ it is that of the worst finger.
         """
-        return self.friction_angle - self.tilt
+        if self.per_finger:
+            return min(
+                math.atan(self._friction_of(own)[0]) - self._tilt_of(own)
+                for own in self._own_uncertainties
+            )
+        return math.atan(self.friction - self.friction_error) - self.tilt
 
     @property
     def widest_friction_angle(self) -> float:
-        """Angle beta + alpha/2 [rad]: the friction angle that the best tilt is equivalent to."""
-        return self.friction_angle + self.tilt
+        """Angle beta + alpha/2 [rad]: the friction angle that the best tilt is equivalent to.
+
+        At the largest friction; where fingers differ, that of the best finger.
+        """
+        if self.per_finger:
+            return max(
+                math.atan(self._friction_of(own)[1]) + self._tilt_of(own)
+                for own in self._own_uncertainties
+            )
+        return math.atan(self.friction + self.friction_error) + self.tilt
+
+    @property
+    def certainty(self) -> Certainty:
+        """How the labels of method exact are decided where contact locations are uncertain.
+
+        'exact': an M is neither S nor U (two contacts; at creases a U may be an M). 'safe': every S
+        and every U is correct, an M may be one of them.
+        """
+        return "exact" if self.fingers == 2 or self.is_uniform else "safe"
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all contacts are known equally well, and their locations exactly.
+
+        Then labels are thresholds on the critical friction angle.
+        """
+        return self.location_error == 0.0 and not self.per_finger
 
     @property
     def unstable_from(self) -> float:
@@ -162,8 +361,13 @@ class GraspModel(LengthSettings):
     def tilts(self) -> Tilts:
         """How epsilon's minimum over all tilts is computed; see `quality.epsilon_range`.
 
-        Method extremes samples it, and the maximum, at the combinations that it tests.
+        Method extremes samples it, and the maximum, at the combinations that it tests. Where
+        contact locations are uncertain it is a lower bound.
         """
+        if self.location_error != 0.0 or any(
+            one.location_error != 0.0 for one in self._own_uncertainties
+        ):
+            return "bound"
         if self.soft or self.method == "extremes":
             return "sampled_tilts"
         return "exact" if self.edges is None else "effective_friction"
@@ -395,6 +599,7 @@ def check_search_settings(model: GraspModel, sampling: Sampling) -> None:
     """
     if not 2 <= model.fingers <= MAX_SEARCHED_FINGERS:
         raise SettingError(f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {model.fingers}")
+    check_per_finger(model)
     two_finger_settings = ("rays", "grip", "min_opening", "max_opening")
     multi_finger_settings = (
         "candidates", "min_separation", "max_spread", "candidate_points", "seed",
@@ -411,6 +616,19 @@ def check_search_settings(model: GraspModel, sampling: Sampling) -> None:
             )
 
 
+def check_per_finger(model: GraspModel) -> None:
+    """Refuse uncertainties of another number of fingers than a grasp has.
+
+    Raises:
+        SettingError: `per_finger` is for another number of fingers.
+    """
+    count = len(parse_fingers(model.per_finger))
+    if count not in {0, model.fingers}:
+        raise SettingError(
+            f"per_finger states the uncertainty of {count} fingers, but a grasp has {model.fingers}"
+        )
+
+
 def with_fingers(model: GraspModel, count: int) -> GraspModel:
     """The model for given grasps, whose number of fingers is known.
 
@@ -422,7 +640,9 @@ def with_fingers(model: GraspModel, count: int) -> GraspModel:
             f"the grasps have {count} fingers, but the model (--fingers) has {model.fingers}; "
             "fingers need not be set for given grasps"
         )
-    return replace(model, fingers=count)
+    chosen = replace(model, fingers=count)
+    check_per_finger(chosen)
+    return chosen
 
 
 def search_cone(model: GraspModel, sampling: Sampling) -> float:

@@ -2,8 +2,9 @@
 
     python scripts/make_paper_pictures.py -o docs
 
-Writes `paper_cones.png` (their Fig. 5), `paper_epsilon.png` (Fig. 7) and `paper_fractions.png`
-(Fig. 8).
+Writes `paper_tips.png` (their Fig. 4), `paper_cones.png` (Fig. 5), `paper_epsilon.png` (Fig. 7),
+`paper_fractions.png` (Fig. 8) and `paper_ceilings.png` (Fig. 11), and, of uncertainties that they
+name only, `paper_errors.png` and `paper_map.png`.
 """
 
 import argparse
@@ -13,9 +14,13 @@ from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.paper_settings import PaperSettings
 
 SHOWN = {
+    "paper_tips": "figure_04",
     "paper_cones": "figure_05",
     "paper_epsilon": "figure_07",
     "paper_fractions": "figure_08",
+    "paper_ceilings": "figure_11",
+    "paper_errors": "extension_errors",
+    "paper_map": "extension_map",
 }
 
 

@@ -24,11 +24,11 @@ from grasp3d import (
 from grasp3d.errors import OutputError
 from grasp3d.export import WRITERS, writer_for
 from grasp3d.stability import COLORS
-from tests.helpers import shapes
+from tests.helpers import shapes, viewing
 
 FIELDS = (
     "x", "y", "z", "nx", "ny", "nz", "red", "green", "blue",
-    "label", "critical_angle", "critical_angle_best", "max_resolution",
+    "label", "critical_angle", "critical_angle_best", "max_resolution", "margin",
     "epsilon", "epsilon_min", "epsilon_max",
 )  # fmt: skip
 
@@ -256,6 +256,29 @@ def test_an_interrupted_writing_leaves_the_old_file(
     assert list(tmp_path.iterdir()) == [path]
 
 
+@pytest.mark.parametrize("location_error", [0.0, 0.02])
+def test_margins_decide_the_labels_of_every_file(tmp_path: Path, location_error: float) -> None:
+    found = viewing.labels().relabel(
+        friction=0.7, friction_error=0.05, location_error=location_error
+    )
+    write_npz(tmp_path / "out.npz", found)
+    with np.load(tmp_path / "out.npz") as data:
+        arrays = {name: data[name] for name in data.files}
+    assert ((arrays["margin"] > 0.0) == (arrays["label"] == 2)).all()
+    assert ((arrays["margin"] == -math.inf) == np.isinf(arrays["critical_angle"])).all()
+    alpha = found.model.sensor_resolution
+    coarsest = np.maximum(alpha + 2.0 * arrays["margin"], 0.0)
+    assert np.allclose(arrays["max_resolution"], coarsest, atol=1e-12)
+    assert ("located_angle" in arrays) == (location_error > 0.0)
+    deciding = arrays.get("located_angle", arrays["critical_angle"])
+    assert np.allclose(arrays["margin"], found.model.effective_friction_angle - deciding)
+    assert (deciding >= arrays["critical_angle"]).all()
+    assert (str(arrays["setting_friction"]), str(arrays["setting_friction_error"])) == (
+        "0.7",
+        "0.05",
+    )
+
+
 def test_infinite_angles_stay_infinite_in_ply(tmp_path: Path) -> None:
     plyfile = shapes.reader("plyfile")
     write_ply(tmp_path / "out.ply", labels())
@@ -263,3 +286,4 @@ def test_infinite_angles_stay_infinite_in_ply(tmp_path: Path) -> None:
     none = np.isinf(labels().critical_angle)
     assert (vertex["critical_angle"][none] == math.inf).all()
     assert (vertex["max_resolution"][none] == 0.0).all()
+    assert (vertex["margin"][none] == -math.inf).all()

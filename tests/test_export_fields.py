@@ -16,7 +16,7 @@ from tests.helpers import shapes
 from tests.test_export import labels
 
 NUMBERS = (
-    "critical_angle", "critical_angle_best", "max_resolution", "epsilon", "epsilon_min",
+    "critical_angle", "critical_angle_best", "max_resolution", "margin", "epsilon", "epsilon_min",
     "epsilon_max", "opening", "grip",
 )  # fmt: skip
 

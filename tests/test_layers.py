@@ -22,6 +22,7 @@ ROOT = Path(grasp3d.__file__).parents[1]
 LAYERS = [
     "errors arrays",
     "lengths quantities",
+    "uncertainty",
     "settings system _kernels contact isolation",
     "quality reading tables costs rendering",
     "loads",
@@ -29,7 +30,7 @@ LAYERS = [
     "gripper",
     "surface planar diagnosis sweeps",
     "grasps conversions",
-    "export stored_settings",
+    "export perturbing stored_settings",
     "warming_up",
     "plots batch",
     "paper viewer",
@@ -39,7 +40,7 @@ LAYERS = [
 
 WITHIN = {
     "batch": [
-        "batch_settings folders row worker_task",
+        "batch_settings folders row sweep_grasps worker_task",
         "cluster_client identity inputs journal packed_rows report summary",
         (
             "attempts checking cluster compiling_first marker plan progress shards stored_names "
@@ -49,17 +50,19 @@ WITHIN = {
         "library",
     ],
     "cli": [
-        "load_report",
+        "load_report uncertainty_report",
         (
             "compiling_lines design_report examples existing_files gripper_report options ranges "
             "report streams"
         ),
+        "design_options",
+        "budget_report design_object",
         (
             "batch_progress batch_report check_report design grasp_report metric_report "
-            "paper_report sweep_report time_limit"
+            "paper_report perturb_report sweep_report time_limit"
         ),
         "pose_report",
-        "batch check evaluate gripper label paper sweep view warmup",
+        "batch check evaluate gripper label paper perturb sweep view warmup",
     ],
     "diagnosis": [
         "mesh_diagnosis",
@@ -86,29 +89,37 @@ WITHIN = {
         "child",
     ],
     "mesh": [
-        "manifolds measures normals ray_tracing units work_bounds",
+        "manifolds measures noise_fields normals ray_tracing units work_bounds",
         "noise refinement repair self_intersections",
         "object_mesh patches",
         "masses mesh_sources plausible_lengths surface_points",
         "preparing",
-        "primitives",
+        "noisy_copies primitives",
+        "noise_lengths",
+    ],
+    "perturbing": [
+        "advice copies noise_settings",
+        "perturbation",
+        "perturb writing",
     ],
     "paper": [
-        "markdown paper_settings",
-        "convergence figures objects quoted",
-        "numbers surfaces",
+        "markdown paper_settings true_grasps",
+        "convergence extensions objects quoted",
+        "errors figures surfaces",
+        "numbers",
         "writing",
     ],
     "planar": [
         "contacts polygons",
-        "fractions hulls",
-        "outlines",
+        "hulls located outlines",
+        "circles fractions",
+        "planar_scan polylines",
         "scanning",
     ],
     "plots": [
         "painting style views",
-        "cones curves formats fractions gripper_shapes grippers grasps",
-        "combinations fraction_figures",
+        "budgets cones curves formats fractions gripper_shapes grippers grasps perturbations",
+        "combinations error_fractions fraction_figures heat_maps tips",
         "surfaces",
     ],
     "quality": [
@@ -117,8 +128,8 @@ WITHIN = {
         "wrench_problem",
         "closure critical_angle ferrari_canny opposed_fingers",
         "force_problem",
-        "hardest_wrenches tilting",
-        "grip_forces",
+        "hardest_wrenches location_tolerance tilting",
+        "grip_forces uncertain_epsilon",
         "force_options measures",
         "sampled_tilts",
         "force_ranges",
@@ -134,9 +145,10 @@ WITHIN = {
         "child mesh_files",
     ],
     "stability": [
-        "extreme_normals label normal_sets",
-        "enumeration thresholds",
-        "angle_distributions exact sampled_normals",
+        "budgets extreme_normals label normal_sets round_shapes",
+        "enumeration located_angles thresholds",
+        "angle_distributions sampled_normals",
+        "exact",
         "stability",
         "classification",
     ],
@@ -147,13 +159,18 @@ WITHIN = {
     ],
     "surface": [
         "area_statistics contacts deferred label_table load_case",
-        "holding",
+        "holding located_angles",
         "critical_angles extreme_normals labelled_grasps sampling vertex_grasps",
         "epsilon",
         "grasp_forces grasp_metrics vertex_hulls",
         "labels",
         "held_area scanning search",
         "labelling",
+    ],
+    "sweeps": [
+        "axes",
+        "sweep_result",
+        "sweeping writing",
     ],
     "viewer": [
         "subjects view_settings",

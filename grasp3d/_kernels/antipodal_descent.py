@@ -2,8 +2,8 @@
 
 Rays sample the directions in which a vertex sees the surface. A good opposing contact on a thin
 feature or near the edge of a flat face is seen under a small solid angle, between the rays. Here a
-tree over the faces bounds from below the critical angle of every grasp of a vertex with its second
-contact on the faces of a node; nodes that cannot improve the vertex's grasp are left out.
+tree over the faces bounds from below the cost of every grasp of a vertex with its second contact on
+the faces of a node; nodes that cannot improve the vertex's grasp are left out.
 
 It is for fingers that squeeze: every point where a line leaves the object may be an opposing
 contact, whatever lies between, so that a pair of points is a grasp without tracing a ray.
@@ -76,7 +76,7 @@ def _best_on_surface(
     weights,
     best,
 ):
-    """Search for a grasp of a vertex with a critical angle below a limit; returns its face or -1.
+    """Search for a grasp of a vertex with a cost below a limit; returns its face or -1.
 
     Its barycentric coordinates are written to `best`; the other arrays are scratch.
     """
@@ -112,7 +112,9 @@ def _best_on_surface(
             w0, w1, w2 = weights[0], weights[1], weights[2]
             cosine = cosine_at(w0, w1, w2, lines, normals, own, count, worst, limits)
             if cosine > NONE:
-                turning = turning_speed(weights, lines, normals, tree.bounds[node, 7])
+                turning = turning_speed(
+                    weights, lines, normals, tree.bounds[node, 7], limits.location
+                )
                 cosine = move_on_face(
                     weights, cosine, turning, limit, lines, normals, own, count, worst, limits
                 )
@@ -133,13 +135,13 @@ def descend(vertices, worst, gain, cone, tree, centres, surface, sets, limits, g
         vertices: Vertices (n,).
         worst: Whether the angle over the worst normals of the vertex is minimised, or that over its
             best normals.
-        gain: Least decrease of the critical angle that is searched for [rad].
-        cone: Half-angle of the search cone [rad].
+        gain: Least decrease of the cost that is searched for [rad].
+        cone: Largest cost that is searched for [rad].
         tree: `FaceTree`.
         centres: Centre of each vertex's set of normals (V, 3).
         surface: `Surface`.
         sets: `ContactNormals`.
-        limits: (smallest, largest) opening.
+        limits: `PairLimits`.
         grasps: `BestPairs`; written.
     """
     nodes, highs = np.empty(STACK, dtype=np.int64), np.empty(STACK)

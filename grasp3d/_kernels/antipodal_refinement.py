@@ -4,12 +4,16 @@ import math
 
 import numpy as np
 
+from grasp3d._kernels.antipodal_candidates import line_turn
 from grasp3d._kernels.compiling import kernel
 from grasp3d._kernels.normal_angles import smallest_angle
 from grasp3d._kernels.ray_tracing import starting_rays
 
 RAYS_PER_ROUND = 13
 """Most rays per vertex of a round of refinement: two rings and a bisector."""
+
+LONGER = 1.25
+"""Factor by which openings may grow in a round: with uncertain locations wider grasps cost less."""
 
 
 @kernel
@@ -42,7 +46,19 @@ def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, owner, closin
 
 
 @kernel
-def refining_rays(vertices, radii, turn, cone, frames, sets, grasps):
+def _largest_angle(v, points, grasps):
+    """Largest angle to a normal at which a grasp near the best one may cost less [rad]."""
+    cost = grasps.worst[v]
+    if grasps.location == 0.0 or cost == math.inf:
+        return cost
+    square = 0.0
+    for k in range(3):
+        square += (grasps.partner[v, k] - points[v, k]) ** 2
+    return cost - line_turn(grasps.location, LONGER * math.sqrt(square))
+
+
+@kernel
+def refining_rays(vertices, radii, turn, cone, points, frames, sets, grasps):
     """Rays near each vertex's best grasp: a ring, and the bisector of the two normals.
 
     The bisector of n1 and -n2 has equal angles to both normals: it is the optimum wherever the
@@ -53,6 +69,7 @@ def refining_rays(vertices, radii, turn, cone, frames, sets, grasps):
         radii: Angle of the ring about the grasp of each vertex [rad] (V,).
         turn: Rotation of the ring in sixths of a turn.
         cone: Half-angle of the search cone [rad].
+        points: Positions of the vertices (V, 3).
         frames: `Frames`.
         sets: `ContactNormals`.
         grasps: `BestPairs`.
@@ -68,7 +85,7 @@ def refining_rays(vertices, radii, turn, cone, frames, sets, grasps):
     size = 0
     for v in vertices:
         sign, axis, tangent = grasps.signs[v], grasps.closing[v], frames.tangents[v]
-        radius, bound = radii[v], min(cone, grasps.worst[v])
+        radius, bound = radii[v], min(cone, _largest_angle(v, points, grasps))
         middle = frames.centres[v] - grasps.partner_normal[v]
         length = math.sqrt(np.dot(middle, middle))
         if length > 1e-9:

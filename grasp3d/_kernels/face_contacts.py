@@ -94,13 +94,24 @@ def _nearer(cosine, cosine_by, sine_by):
 
 
 @merged
+def _turned(cosine, location, opening):
+    """Cosine of an angle that the uncertain locations of contacts make larger, up to pi."""
+    sine_turn = min(location / opening, 1.0)
+    cosine_turn = math.sqrt((1.0 - sine_turn) * (1.0 + sine_turn))
+    if cosine <= -cosine_turn:
+        return -1.0
+    return cosine * cosine_turn - _sine(cosine) * sine_turn
+
+
+@merged
 def upper_bound(node, v, own, count, worst, tree, surface, limits, least):
-    """Upper bound of the cosine of critical angles of grasps of a vertex and a node's faces.
+    """Upper bound of the cosine of the costs of grasps of a vertex and a node's faces.
 
     The line to any point in the node's ball is within an angle `ball` of the line to its centre,
     and any normal within `spread` of the cone's axis. The two angles of a grasp also add up to at
     least the angle between one normal and the reversed other one. And a line that is not longer
-    than `reach` to a point beyond a plane is within an angle of the plane's normal.
+    than `reach` to a point beyond a plane is within an angle of the plane's normal. The uncertain
+    locations of contacts turn no line by less than one that is `reach` long.
     Below `least`, the bound is not made tighter.
     """
     bounds, points = tree.bounds, surface.points
@@ -115,9 +126,9 @@ def upper_bound(node, v, own, count, worst, tree, surface, limits, least):
     x, y, z = bounds[node, 0] - px, bounds[node, 1] - py, bounds[node, 2] - pz
     square = x * x + y * y + z * z
     distance = math.sqrt(square)
-    if distance - radius > limits[1] or distance + radius < limits[0]:
+    if distance - radius > limits.largest or distance + radius < limits.smallest:
         return NONE
-    reach = min(distance + radius, limits[1])
+    reach = min(distance + radius, limits.largest)
     beyond = (ax * px + ay * py + az * pz - bounds[node, 9]) / reach
     if beyond > 1.0:
         return NONE
@@ -126,7 +137,7 @@ def upper_bound(node, v, own, count, worst, tree, surface, limits, least):
     if distance > radius and bound > least:
         tangent = math.sqrt(square - radius * radius)
         cos_ball, sin_ball = tangent / distance, radius / distance
-        if tangent > limits[1]:  # the lines that touch the ball are too long
+        if tangent > limits.largest:  # the lines that touch the ball are too long
             cos_ball = (square + reach * reach - radius * radius) / (2.0 * distance * reach)
             sin_ball = _sine(cos_ball)
         bound = min(bound, _nearer(own_cosine(own, count, worst, x, y, z), cos_ball, sin_ball))
@@ -135,6 +146,10 @@ def upper_bound(node, v, own, count, worst, tree, surface, limits, least):
         if bound > least and sine > 0.0:  # otherwise both angles add up to more than pi
             opposite = -(ax * x + ay * y + az * z) / distance
             bound = min(bound, _nearer(opposite, cosine, sine))
+    if bound <= limits.cos_cone:
+        return NONE
+    if limits.location > 0.0:
+        bound = _turned(bound, limits.location, reach)
     return bound
 
 
@@ -162,9 +177,9 @@ def _longest_difference(rows):
 
 @merged
 def cosine_at(w0, w1, w2, lines, normals, own, count, worst, limits):
-    """Cosine of the critical angle of a vertex and a point inside a face.
+    """Cosine of the cost of the grasp of a vertex and a point inside a face.
 
-    NONE outside the limits of openings.
+    NONE outside the limits of openings, and of the critical angle.
     """
     dx = w0 * lines[0, 0] + w1 * lines[1, 0] + w2 * lines[2, 0]
     dy = w0 * lines[0, 1] + w1 * lines[1, 1] + w2 * lines[2, 1]
@@ -174,15 +189,20 @@ def cosine_at(w0, w1, w2, lines, normals, own, count, worst, limits):
     mz = w0 * normals[0, 2] + w1 * normals[1, 2] + w2 * normals[2, 2]
     opening = math.sqrt(dx * dx + dy * dy + dz * dz)
     length = math.sqrt(mx * mx + my * my + mz * mz)
-    if not limits[0] <= opening <= limits[1] or length < 1e-12:
+    if not limits.smallest <= opening <= limits.largest or length < 1e-12:
         return NONE
     opposite = -(mx * dx + my * dy + mz * dz) / (opening * length)
-    return min(opposite, own_cosine(own, count, worst, dx, dy, dz))
+    cosine = min(opposite, own_cosine(own, count, worst, dx, dy, dz))
+    if cosine <= limits.cos_cone:
+        return NONE
+    if limits.location > 0.0:
+        cosine = _turned(cosine, limits.location, opening)
+    return cosine
 
 
 @scratch_kernel
-def turning_speed(weights, lines, normals, cos_spread):
-    """Upper bound of the change of the critical angle per unit of barycentric coordinates [rad]."""
+def turning_speed(weights, lines, normals, cos_spread, location):
+    """Upper bound of the change of the cost per unit of barycentric coordinates [rad]."""
     square = 0.0
     for k in range(3):
         square += (
@@ -192,7 +212,12 @@ def turning_speed(weights, lines, normals, cos_spread):
     nearest = math.sqrt(square) - TOTAL * edge
     if nearest <= 0.0 or cos_spread <= 0.0:
         return math.inf
-    return edge / nearest + _longest_difference(normals) / cos_spread
+    speed = edge / nearest + _longest_difference(normals) / cos_spread
+    if location > 0.0:  # the derivative of the line's turn with respect to the opening
+        if nearest <= location:
+            return math.inf
+        speed += edge * location / (nearest * math.sqrt(nearest**2 - location**2))
+    return speed
 
 
 @scratch_kernel
@@ -204,9 +229,9 @@ def move_on_face(weights, cosine, turning, limit, lines, normals, own, count, wo
 
     Args:
         weights: Barycentric coordinates of the contact (3,); written.
-        cosine: Cosine of its critical angle.
-        turning: Upper bound of the change of the critical angle by a step of 1 [rad].
-        limit: Critical angle to be improved [rad].
+        cosine: Cosine of its cost.
+        turning: Upper bound of the change of the cost by a step of 1 [rad].
+        limit: Cost to be improved [rad].
         lines: Lines from the vertex to the corners (3, 3).
         normals: Normals at the corners (3, 3).
         own: The vertex's own normals, see `read_own`.

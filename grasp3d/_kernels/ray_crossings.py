@@ -28,7 +28,7 @@ def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
         rays: `Rays`; compacted in place.
         surface: `Surface`.
         sets: `ContactNormals`.
-        limits: (smallest, largest) opening.
+        limits: `PairLimits`.
         grasps: `BestPairs`; written.
 
     Returns:

@@ -215,7 +215,7 @@ def search_reachable(
     limits,
     reaching,
 ):
-    """Find the opposing contacts of each vertex with the smallest critical angles that are reached.
+    """Find the opposing contacts of each vertex with the smallest costs that are reached.
 
     For fingers that squeeze.
 
@@ -223,7 +223,7 @@ def search_reachable(
         vertices: Vertices (n,).
         worst: Whether contacts are ordered by the angle over the worst normals of the vertex, or
             by that over its best normals.
-        cone: Largest critical angle [rad].
+        cone: Largest cost [rad].
         spacing: Distance from which contacts are different.
         wanted: Contacts wanted of each vertex, k.
         most_failed: Contacts of each vertex that are tested and not reached, before it ends.
@@ -231,7 +231,7 @@ def search_reachable(
         centres: Centre of each vertex's set of normals (V, 3).
         surface: `Surface`.
         sets: `ContactNormals`.
-        limits: (smallest, largest) opening.
+        limits: `PairLimits`.
         reaching: (shape, limits, tree, workspace), as `reach_pair` takes them.
 
     Returns:

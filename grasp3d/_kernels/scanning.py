@@ -10,7 +10,7 @@ from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
 def scan(fixed_point, fixed_normals, points, sets, worst, best, signs):
     """Critical angles of the grasps that one fixed contact makes with every vertex.
 
-    Wan & Howe 2018, Sec. IV: both signs of the line are evaluated, for grasps that squeeze and
+    Wan & Howe 2018, Sec. III-B: both signs of the line are evaluated, for grasps that squeeze and
     grasps that expand.
 
     Args:

@@ -1,10 +1,14 @@
 """Settings of a batch: how meshes are labelled, and which processes label them."""
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.lengths import length_in_unit, parse_length
 from grasp3d.loads import Load
 from grasp3d.settings import ANGLE_ROUNDING, DEGREE, GraspModel, MeshOptions, Sampling, search_cone
 
@@ -17,22 +21,37 @@ MIN_WORKER_MEMORY = 0.5
 
 @dataclass(frozen=True)
 class FractionGrid:
-    """Frictions and sensor resolutions at which the area fractions of S, M and U are computed.
+    """Uncertainties at which the area fractions of S, M and U are computed: all combinations.
 
     Attributes:
         friction: Coulomb coefficients; none: the model's.
         sensor_resolution: Resolutions alpha [rad]; none: 0 to 60 degrees in steps of 5, and the
             model's.
+        friction_error: Largest differences between the true friction and `friction`; none: the
+            model's.
+        normal_error: Largest angles between true and perceived normals beyond alpha/2 [rad]; none:
+            the model's.
+        location_error: Largest distances between true and perceived contact points, lengths; none:
+            the model's. The grasps are those that were found at the model's.
     """
 
     friction: tuple[float, ...] = ()
     sensor_resolution: tuple[float, ...] = ()
+    friction_error: tuple[float, ...] = ()
+    normal_error: tuple[float, ...] = ()
+    location_error: tuple[float | str, ...] = ()
 
     def __post_init__(self) -> None:
         for friction in self.friction:
             GraspModel(friction=friction)
         for resolution in self.sensor_resolution:
             GraspModel(sensor_resolution=resolution)
+        for error in self.normal_error:
+            GraspModel(normal_error=error)
+        lengths = tuple(parse_length("location_error", one) for one in self.location_error)
+        object.__setattr__(self, "location_error", lengths)
+        for length in lengths:
+            GraspModel(location_error=length)
 
 
 @dataclass(frozen=True)
@@ -56,6 +75,8 @@ class BatchSettings:
     def __post_init__(self) -> None:
         if self.best < 0:
             raise SettingError(f"the number of best grasps must be at least 0; got {self.best}")
+        for friction, error in product(self.frictions, self.errors_of("friction_error")):
+            GraspModel(friction=friction, friction_error=error)
         given, needed = self.sampling.search_angle, self._needed_search_angle
         if self.grid != FractionGrid() and given is not None and given < needed - ANGLE_ROUNDING:
             raise SettingError(
@@ -75,6 +96,48 @@ class BatchSettings:
         given = self.grid.sensor_resolution or (*DEFAULT_RESOLUTIONS, self.model.sensor_resolution)
         return tuple(sorted(set(given)))
 
+    def errors_of(self, name: str) -> tuple[Any, ...]:
+        """Errors of the grid, in increasing order, or the model's.
+
+        Args:
+            name: `friction_error`, `normal_error` or `location_error`.
+        """
+        given = getattr(self.grid, name) or (getattr(self.model, name),)
+        if name == "location_error":
+            return tuple(dict.fromkeys(given))
+        return tuple(sorted(set(given)))
+
+    def grid_models(self, model: GraspModel, unit: Any = None) -> Iterator[GraspModel]:
+        """The model at every combination of the grid, all resolutions of each one by one.
+
+        Args:
+            model: The model of the labels, in the mesh's unit.
+            unit: Unit of the mesh; None: it is not known.
+
+        Raises:
+            SettingError: A location error has a unit, but that of the mesh is not known.
+        """
+        locations = [
+            length_in_unit("location_error", one, unit)
+            for one in (self.grid.location_error or (model.location_error,))
+        ]
+        for friction, error, normals, location, resolution in product(
+            self.frictions,
+            self.errors_of("friction_error"),
+            self.errors_of("normal_error"),
+            dict.fromkeys(locations),
+            self.resolutions,
+        ):
+            yield replace(
+                model,
+                friction=friction,
+                friction_error=error,
+                normal_error=normals,
+                location_error=location,
+                sensor_resolution=resolution,
+                method="exact",  # thresholds on critical angles, whatever the labels are from
+            )
+
     @property
     def search(self) -> Sampling:
         """How grasps are searched; the search angle covers the model and a grid that is given."""
@@ -89,6 +152,8 @@ class BatchSettings:
             self.model,
             friction=max(self.model.friction, *self.frictions),
             sensor_resolution=max(self.model.sensor_resolution, *self.resolutions),
+            friction_error=max(self.model.friction_error, *self.errors_of("friction_error")),
+            normal_error=max(self.model.normal_error, *self.errors_of("normal_error")),
         )
         return search_cone(widest, Sampling())
 

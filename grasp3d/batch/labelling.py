@@ -4,6 +4,7 @@ import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -19,6 +20,7 @@ from grasp3d.errors import GraspError, MeshUnreadError, OutputError
 from grasp3d.isolation import NeedsMemory, allowed_memory
 from grasp3d.reading.side_files import side_names
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
+from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Label
 from grasp3d.storage import local_copy
 from grasp3d.system.progress import ignore
@@ -106,6 +108,8 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
         method=METHOD,
         friction=settings.model.friction,
         sensor_resolution=settings.model.sensor_resolution,
+        friction_error=settings.model.friction_error,
+        normal_error=settings.model.normal_error,
         fingers=settings.model.fingers,
         gripper=None if settings.reach.gripper is None else settings.reach.gripper.name,
     )
@@ -144,6 +148,8 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         view=job.view,
         thumbnail=job.thumbnail,
         **_surface_values(labels),
+        location_error=labels.model.location_error,
+        per_finger=labels.model.per_finger,
         **_angle_values(labels),
         **_verdict_values(labels),
         **_load_values(labels),
@@ -199,16 +205,22 @@ def _surface_values(labels: "SurfaceLabels") -> dict[str, Any]:
 
 
 def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
-    beta, angles = labels.model.friction_angle, labels.angle_distribution()
+    model, angles = labels.model, labels.angle_distribution()
+    left = replace(model, sensor_resolution=0.0).effective_friction_angle  # for a sensor
     return {
         **_quantiles("critical_angle", QUARTILES, labels.angle_quantiles(QUARTILES)),
         **_quantiles("epsilon", DECILES, labels.epsilon_quantiles(DECILES)),
         **_quantiles("epsilon_min", DECILES, labels.epsilon_quantiles(DECILES, of="minimum")),
         **{
             f"required_resolution_{100.0 * fraction:.0f}": max(
-                0.0, 2.0 * (beta - angles.worst_quantile(fraction))
+                0.0, 2.0 * (left - angles.worst_quantile(fraction))
             )
             for fraction in REQUIRED
+        },
+        **{  # the largest angles are the smallest margins
+            f"margin_p{100.0 * level:.0f}": model.effective_friction_angle
+            - angles.worst_quantile(1.0 - level)
+            for level in DECILES
         },
         "search_angle": labels.search.cone,
     }
@@ -265,16 +277,30 @@ def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> d
 
 def _grid_fractions(labels: "SurfaceLabels", settings: BatchSettings) -> Iterator[AreaFractions]:
     """Area fractions over the grid; M and U only within the searched cone."""
-    angles = labels.angle_distribution()
-    for friction in settings.frictions:
-        for resolution in settings.resolutions:
-            model = GraspModel(friction=friction, sensor_resolution=resolution)
-            stable = float(angles.worst_below(model.effective_friction_angle))
-            ambiguous = unstable = None
-            if search_cone(model, Sampling()) <= angles.limit + ANGLE_ROUNDING:
-                fractions = angles.fractions(friction=friction, sensor_resolution=resolution)
-                ambiguous, unstable = fractions["M"], fractions["U"]
-            yield AreaFractions(friction, resolution, stable, ambiguous, unstable)
+    models = settings.grid_models(labels.model, labels.mesh.unit)
+    for location, group in groupby(models, lambda model: model.location_error):
+        same = location == labels.model.location_error
+        angles = labels.angle_distribution(**({} if same else {"location_error": location}))
+        for model in group:
+            yield _fractions_of(model, angles)
+
+
+def _fractions_of(model: GraspModel, angles: AngleDistribution) -> AreaFractions:
+    stable = float(angles.worst_below(model.effective_friction_angle))
+    ambiguous = unstable = None
+    if search_cone(model, Sampling()) <= angles.limit + ANGLE_ROUNDING:
+        unstable = 1.0 - float(angles.best_below(model.unstable_from))
+        ambiguous = max(0.0, 1.0 - stable - unstable)
+    return AreaFractions(
+        model.friction,
+        model.sensor_resolution,
+        stable,
+        ambiguous,
+        unstable,
+        model.friction_error,
+        model.normal_error,
+        model.location_error,
+    )
 
 
 def _best_grasps(labels: "SurfaceLabels", count: int) -> tuple[BestGrasp, ...]:

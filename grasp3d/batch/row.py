@@ -27,6 +27,12 @@ class AreaFractions:
     """M; none where atan(friction) + alpha/2 exceeds the searched cone."""
     no_grasp_found: float | None
     """U; none as above."""
+    friction_error: float = 0.0
+    """Largest difference between the true friction and `friction`."""
+    normal_error: float = 0.0
+    """Largest angle between true and perceived normals beyond alpha/2 [rad]."""
+    location_error: float = 0.0
+    """Largest distance between true and perceived contact points, in the mesh's unit."""
 
 
 @dataclass(frozen=True)
@@ -83,6 +89,14 @@ class Row:
     """Coulomb coefficient of the labels."""
     sensor_resolution: float | None = None
     """Resolution alpha of the labels [rad]."""
+    friction_error: float | None = None
+    """Largest difference between the true friction and `friction`."""
+    normal_error: float | None = None
+    """Largest angle between true and perceived normals beyond alpha/2 [rad]."""
+    location_error: float | None = None
+    """Largest distance between true and perceived contact points, in the mesh's unit."""
+    per_finger: str | None = None
+    """What is known less well about each finger, as text with lengths in the mesh's unit."""
     fingers: int | None = None
     gripper: str | None = None
     """Name of the gripper that must reach the grasps."""
@@ -149,6 +163,11 @@ class Row:
     critical_angle_p50: float | None = None
     critical_angle_p75: float | None = None
     critical_angle_p90: float | None = None
+    margin_p10: float | None = None
+    """Quantiles of the margin over the surface [rad]: by how much the friction angle exceeds what
+    the critical angle and all uncertainties need; -inf: no grasp found."""
+    margin_p50: float | None = None
+    margin_p90: float | None = None
     epsilon_p10: float | None = None
     """Quantiles of epsilon at the nominal normals over the surface; 0: no grasp found."""
     epsilon_p50: float | None = None

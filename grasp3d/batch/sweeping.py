@@ -5,8 +5,10 @@ import time
 from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
+from typing import Any
 
 from grasp3d.batch.inputs import MeshFile, find_meshes, real_path
+from grasp3d.batch.sweep_grasps import search_at_each
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.planar import Circle, square
@@ -21,7 +23,8 @@ from grasp3d.settings import (
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.stability.label import Mode
 from grasp3d.storage import local_copy, local_path
-from grasp3d.sweeps import Sweep, mean_sweep, sweep
+from grasp3d.sweeps import AxisValues, LocatedGrasps, Sweep, mean_sweep, sweep
+from grasp3d.sweeps.axes import NAMES, axis_values
 from grasp3d.system.progress import Progress
 
 SHAPES: dict[str, Callable[[], AngleDistribution]] = {
@@ -37,12 +40,15 @@ MAX_SHOWN_MEMBERS = 6
 
 @dataclass(frozen=True)
 class SweepSettings:
-    """Frictions and sensor resolutions of a sweep, and how meshes are labelled.
+    """Values of the uncertainties in a sweep, of which two may have several, and how to label.
 
     Attributes:
         friction: Coulomb coefficients.
         sensor_resolution: Resolutions alpha [rad].
         sampling: Its search angle, if given, must cover all frictions and resolutions.
+        friction_error: Largest differences between the true friction and `friction`.
+        normal_error: Largest angles between true and perceived normals beyond alpha/2 [rad].
+        location_error: Largest distances between true and perceived contact points, lengths.
     """
 
     friction: tuple[float, ...]
@@ -51,14 +57,14 @@ class SweepSettings:
     mesh: MeshOptions = field(default_factory=MeshOptions)
     fingers: int = 2
     reach: ReachSettings = field(default_factory=ReachSettings)
+    friction_error: tuple[float, ...] = (0.0,)
+    normal_error: tuple[float, ...] = (0.0,)
+    location_error: tuple[float | str, ...] = (0.0,)
 
     def __post_init__(self) -> None:
         if not self.friction or not self.sensor_resolution:
             raise SettingError("a sweep needs at least one friction and one sensor resolution")
-        for friction in self.friction:
-            GraspModel(friction=friction)
-        for resolution in self.sensor_resolution:
-            GraspModel(sensor_resolution=resolution)
+        _ = self.axes.rows_and_columns  # raises an error if there are more than two
         check_search_settings(self.model, self.sampling)
         given, needed = self.sampling.search_angle, search_cone(self.model, Sampling())
         if given is not None and given < needed - ANGLE_ROUNDING:
@@ -68,12 +74,24 @@ class SweepSettings:
             )
 
     @property
+    def values(self) -> dict[str, Any]:
+        """The values of each uncertainty, as `sweep` takes them."""
+        return {name: getattr(self, name) for name in NAMES}
+
+    @property
+    def axes(self) -> AxisValues:
+        """The values of each uncertainty, in order."""
+        return axis_values(**self.values)
+
+    @property
     def model(self) -> GraspModel:
         """Largest friction and coarsest resolution, which need the widest search."""
         return GraspModel(
             friction=max(self.friction),
             sensor_resolution=max(self.sensor_resolution),
             fingers=self.fingers,
+            friction_error=max(self.friction_error),
+            normal_error=max(self.normal_error),
         )
 
 
@@ -212,7 +230,9 @@ def sweep_mesh(
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> SweptMesh:
-    """Label a mesh file once and compute its area fractions at all frictions and resolutions.
+    """Label a mesh file and compute its area fractions at all values of the uncertainties.
+
+    It is labelled once for each location error, at most `MAX_SEARCHES` times.
 
     Args:
         mesh: The file.
@@ -237,20 +257,26 @@ def sweep_mesh(
         sampling = settings.sampling.in_unit(surface.unit, source=surface.report.source)
         if not force:
             refuse_lengths(surface, sampling.lengths())
-        labels = label_surface(
-            surface,
+        reaching = Reaching.keywords(Reaching.of(settings.reach, surface))
+        grasps = search_at_each(
+            lambda model, report: label_surface(
+                surface,
+                model,
+                sampling=sampling,
+                threads=threads,
+                progress=report,
+                **reaching,
+            ),
             settings.model,
-            sampling=sampling,
-            threads=threads,
-            progress=progress,
-            **Reaching.keywords(Reaching.of(settings.reach, surface)),
+            settings.axes.location_errors(),
+            progress,
         )
     except GraspError as error:
         return SweptMesh(mesh.name, error=str(error), seconds=time.perf_counter() - begun)
     return SweptMesh(
         mesh.name,
-        _swept(mesh.name, labels.angle_distribution(), settings, mode=labels.mode),
-        warnings=labels.warnings,
+        _swept(mesh.name, grasps, settings, mode="label"),
+        warnings=grasps.searches[0].warnings,
         crease_fraction=surface.crease_fraction,
         seconds=time.perf_counter() - begun,
     )
@@ -294,12 +320,6 @@ def gather(
 
 
 def _swept(
-    name: str, distribution: AngleDistribution, settings: SweepSettings, *, mode: Mode
+    name: str, source: AngleDistribution | LocatedGrasps, settings: SweepSettings, *, mode: Mode
 ) -> Sweep:
-    return sweep(
-        distribution,
-        friction=settings.friction,
-        sensor_resolution=settings.sensor_resolution,
-        name=name,
-        mode=mode,
-    )
+    return sweep(source, **settings.values, name=name, mode=mode)

@@ -19,6 +19,7 @@ from grasp3d.cli.gripper import Gripper
 from grasp3d.cli.label import Label
 from grasp3d.cli.options import Flag
 from grasp3d.cli.paper import Paper
+from grasp3d.cli.perturb import Perturb
 from grasp3d.cli.streams import (
     check_output,
     discard_output,
@@ -39,6 +40,7 @@ Command = (
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
     | Annotated[Batch, tyro.conf.subcommand("batch")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
+    | Annotated[Perturb, tyro.conf.subcommand("perturb")]
     | Annotated[Design, tyro.conf.subcommand("design")]
     | Annotated[Gripper, tyro.conf.subcommand("gripper")]
     | Annotated[View, tyro.conf.subcommand("view")]

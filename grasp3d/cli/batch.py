@@ -26,7 +26,7 @@ from grasp3d.cli.options import (
     SurfaceOptions,
     command,
 )
-from grasp3d.cli.ranges import parse_resolutions
+from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers, parse_resolutions
 from grasp3d.errors import SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.loads import Load
@@ -66,6 +66,22 @@ class Batch:
     """Sensor resolutions in degrees at which area fractions are computed: numbers, and ranges that
     include both ends (default: 0:60:5 and the model's, with M and U only within the searched cone).
     A grid that is given makes the searched cone large enough for all of it."""
+
+    grid_friction_error: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP", help_behavior_hint="")
+    ] = ()
+    """Errors of friction at which area fractions are computed (default: the model's)."""
+
+    grid_normal_error: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="DEGREES|FROM:TO:STEP", help_behavior_hint="")
+    ] = ()
+    """Normal errors in degrees at which area fractions are computed (default: the model's)."""
+
+    grid_location_error: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="LENGTH|FROM:TO:STEP", help_behavior_hint="")
+    ] = ()
+    """Location errors at which area fractions are computed, for the grasps found at the model's
+    (default: the model's)."""
 
     best: int = 5
     """Number of best distinct grasps in the summary of each mesh; 0: none."""
@@ -107,7 +123,13 @@ class Batch:
 
         for path in (Path(self.output), *([self.log] if self.log else [])):
             check_not_task(path, self.load)
-        grid = FractionGrid(self.grid_friction, parse_resolutions(self.grid_sensor_resolution))
+        grid = FractionGrid(
+            self.grid_friction,
+            parse_resolutions(self.grid_sensor_resolution),
+            parse_numbers("friction error", self.grid_friction_error),
+            parse_angles("normal error", self.grid_normal_error),
+            parse_lengths("location error", self.grid_location_error),
+        )
         settings = BatchSettings(
             self.reach.touching(self.model),
             self.sampling,

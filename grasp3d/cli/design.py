@@ -1,35 +1,48 @@
-"""The command `grasp3d design`: relates friction and the resolution of tactile sensors."""
+"""The command `grasp3d design`: relates friction, sensors, encoders, and their uncertainty."""
 
 import math
-from dataclasses import dataclass
-from typing import Annotated
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from grasp3d.cli.options import Flag, Frictions, LengthOption, SensorResolution, command
-from grasp3d.contact.sensor import Sensor, radius_of, resolution_limit
+from grasp3d.cli.design_options import FrictionList, GraspOptions, JointOptions, intervals
+from grasp3d.cli.options import Flag, LengthOption, OutputFile, SensorResolution, command
+from grasp3d.contact.overlap import overlapping_field
+from grasp3d.contact.sensor import Sensor, radius_of
 from grasp3d.errors import SettingError
 from grasp3d.lengths import Unit, length_in_unit
+from grasp3d.uncertainty import Interval, Uncertainty
+
+if TYPE_CHECKING:
+    from grasp3d.contact.grasp_samples import GraspSamples
+    from grasp3d.contact.requirements import FingerDesign
+    from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 
 DEFAULT_FRICTIONS = tuple(step / 10.0 for step in range(1, 11))
 DEFAULT_RADIUS: dict[Unit, float] = {"m": 0.01, "cm": 1.0, "mm": 10.0, "in": 10.0 / 25.4}
 """Radius of a fingertip of 2 cm diameter, as in Wan & Howe 2018."""
 
-_NO_DEFAULT = tyro.conf.arg(help_behavior_hint="")
+BUDGET_FRICTION = (0.5, 0.5)
+"""Friction of a budget if none is given."""
+
 _CURVATURE = tyro.conf.arg(metavar="FLOAT", help_behavior_hint="")
 
 
 @command
 @dataclass(frozen=True)
 class Design:
-    """Compute the sensor for a friction, or the friction for a sensor.
+    """Compute the sensor for a friction, the friction for a sensor, or the budget of a finger.
 
     With --friction: the coarsest sensor for surely stable grasps. With a sensor, given by
     --receptive-field or --sensor-resolution: the least friction. With both: whether the sensor is
-    fine enough for each friction.
+    fine enough for each friction. With an interval of friction, joints, further errors or an
+    object: how much of the friction angle each uncertainty takes, what margin is left, and the
+    limit of each uncertainty given the others.
     """
 
-    friction: Annotated[Frictions, _NO_DEFAULT] = ()
+    friction: FrictionList = ()
 
     fingertip_radius: LengthOption = None
     """Radius of a hemispherical fingertip (default: 10mm)."""
@@ -41,8 +54,21 @@ class Design:
     flat: Flag = False
     """The fingertip is flat."""
 
+    cylinder: Flag = False
+    """The fingertip is a cylinder of that radius: its normal turns around the axis only."""
+
+    fingertip_axes: Annotated[
+        tuple[LengthOption, ...],
+        tyro.conf.arg(metavar="LENGTH LENGTH LENGTH", help_behavior_hint=""),
+    ] = ()
+    """Semi-axes of a fingertip that is an ellipsoid."""
+
     receptive_field: LengthOption = None
     """Sensor: length of the arc on the fingertip within which it cannot distinguish contacts."""
+
+    pitch: LengthOption = None
+    """Distance between neighbouring sensing elements whose receptive fields overlap: together they
+    distinguish more than one of them."""
 
     sensor_resolution: SensorResolution = None
     """Sensor, by its resolution in degrees instead."""
@@ -51,42 +77,120 @@ class Design:
     """Distance between two opposing fingers; with it the uncertainty of contact locations is
     included."""
 
+    joints: JointOptions = field(default_factory=JointOptions)
+    """The joints of each finger, and their encoders. A LENGTH has a unit, or is in --print-unit."""
+
+    grasps: GraspOptions = field(default_factory=GraspOptions)
+    """What else is uncertain, and the grasps that the design is for."""
+
+    figure: OutputFile = None
+    """Figure of the budgets as stacked bars (.svg, .png or .pdf)."""
+
     print_unit: Unit = "mm"
     """Unit of the printed lengths, and of lengths without a unit."""
 
     def __post_init__(self) -> None:
-        fingertip = {
-            "--fingertip-radius": self.fingertip_radius is not None,
-            "--curvature": self.curvature is not None,
-            "--flat": self.flat,
-        }
-        given = [name for name, is_given in fingertip.items() if is_given]
-        if len(given) > 1:
-            raise SettingError(f"{' and '.join(given)} each define the fingertip; give one")
+        intervals(self.friction)  # raises an error before anything is printed
+        self._check_tip()
         if self.receptive_field is not None and self.sensor_resolution is not None:
             raise SettingError(
                 "--receptive-field and --sensor-resolution each define the sensor; give one"
             )
-        for friction in self.friction:
-            resolution_limit(friction)  # raises an error before anything is printed
+        if self.pitch is not None and self.receptive_field is None:
+            raise SettingError("--pitch is that of receptive fields; give --receptive-field")
+        if self.object_size is not None and self.grasps.object is not None:
+            raise SettingError(
+                "--object-size and --object each define the distance between the fingers; give one"
+            )
         size = self._length("object_size")
         if size is not None and not 0.0 < size < math.inf:
             raise SettingError(f"object size must be a finite length above 0; got {size:g}")
 
+    def _check_tip(self) -> None:
+        fingertip = {
+            "--fingertip-radius": self.fingertip_radius is not None,
+            "--curvature": self.curvature is not None,
+            "--flat": self.flat,
+            "--fingertip-axes": bool(self.fingertip_axes),
+        }
+        given = [name for name, is_given in fingertip.items() if is_given]
+        if len(given) > 1:
+            raise SettingError(f"{' and '.join(given)} each define the fingertip; give one")
+        if self.cylinder and given[:1] not in ([], ["--fingertip-radius"]):
+            raise SettingError(f"--cylinder takes a --fingertip-radius; {given[0]} is another tip")
+        if self.fingertip_axes and self.sensor_resolution is not None:
+            raise SettingError(
+                "the resolution of an ellipsoid varies over the fingertip; give --receptive-field "
+                "instead of --sensor-resolution"
+            )
+
     def run(self) -> int:
         """Run the command, and return the exit code."""
+        if self.has_budget:
+            return self._run_budget()
         from grasp3d.cli import design_report as report
 
         setup = report.Setup(self.radius, self._length("object_size"), self.print_unit)
-        sensor = self.sensor
+        sensor, frictions = self.sensor, tuple(smallest for smallest, _ in self.frictions)
         if sensor is None:
-            frictions = self.friction or DEFAULT_FRICTIONS
-            report.print_limits(setup, frictions, paper=self == Design())
+            shown = frictions or DEFAULT_FRICTIONS
+            report.print_limits(setup, shown, paper=self == Design())
             return 0
         report.print_sensor(setup, sensor)
-        if self.friction:
-            report.print_comparison(setup, sensor, self.friction)
+        if frictions:
+            report.print_comparison(setup, sensor, frictions)
         return 0
+
+    def _run_budget(self) -> int:
+        """Print the budget of each friction, and write the figure."""
+        from grasp3d.cli import budget_report as report
+        from grasp3d.plots.formats import METADATA, save_as
+        from grasp3d.system.files import check_suffix, check_writable
+
+        if self.figure is not None:
+            check_suffix(self.figure, METADATA, "figure")
+            check_writable(self.figure, source=self.grasps.object)
+        designs = self.designs
+        grasps, source = self._grasps(designs)
+        report.print_finger(self.print_unit, self.tip, self.sensor, designs[0].encoders)
+        report.print_designs(self.print_unit, self.tip, designs, grasps, source)
+        if self.figure is not None:
+            from grasp3d.plots.budgets import budget_figure
+
+            save_as(budget_figure(report.mean_budgets(designs, grasps)), self.figure)
+            report.print_written(self.figure)
+        return 0
+
+    @property
+    def has_budget(self) -> bool:
+        """Whether the options ask for more than Wan & Howe's sensor and friction."""
+        return (
+            any(smallest < largest for smallest, largest in self.frictions)
+            or self.joints != JointOptions()
+            or self.grasps != GraspOptions()
+            or self.figure is not None
+            or not isinstance(self.tip, float)
+        )
+
+    @property
+    def frictions(self) -> tuple[Interval, ...]:
+        """Smallest and largest friction of each value given."""
+        return intervals(self.friction)
+
+    @cached_property
+    def designs(self) -> "tuple[FingerDesign, ...]":
+        """The finger of the options, at each friction."""
+        from grasp3d.contact.requirements import FingerDesign
+
+        other = Uncertainty(
+            normal_error=self.grasps.normal_error or 0.0,
+            location_error=self._converted("location_error", self.grasps.location_error) or 0.0,
+        )
+        encoders = self.joints.encoders(self.print_unit)
+        return tuple(
+            FingerDesign(friction, self.sensor, encoders, other)
+            for friction in self.frictions or (BUDGET_FRICTION,)
+        )
 
     @property
     def radius(self) -> float:
@@ -98,17 +202,46 @@ class Design:
         radius = self._length("fingertip_radius")
         return DEFAULT_RADIUS[self.print_unit] if radius is None else radius
 
+    @cached_property
+    def tip(self) -> "float | CylinderTip | EllipsoidTip":
+        """The fingertip: the radius of a round one, inf for a flat one, or a tip of other shape."""
+        if not self.cylinder and not self.fingertip_axes:
+            return self.radius
+        from grasp3d.contact.tips import CylinderTip, EllipsoidTip
+
+        if self.cylinder:
+            return CylinderTip(self.radius)
+        axes = (self._converted("fingertip_axes", axis) for axis in self.fingertip_axes)
+        return EllipsoidTip(tuple(axes))  # type: ignore[arg-type]
+
     @property
     def sensor(self) -> Sensor | None:
         """The sensor of the options; None: the options define none."""
-        field = self._length("receptive_field")
-        if field is not None:
-            return Sensor(field, self.radius)
+        length, tip = self._length("receptive_field"), self.tip
+        if length is not None:
+            pitch = self._length("pitch")
+            length = length if pitch is None else overlapping_field(length, pitch)
+            return Sensor(length, tip) if isinstance(tip, float) else tip.sensor(length)
         if self.sensor_resolution is not None:
             return Sensor.for_resolution(self.sensor_resolution, self.radius)
         return None
 
+    def _grasps(self, designs: "tuple[FingerDesign, ...]") -> "tuple[GraspSamples, str]":
+        """The grasps that the design is for, and what they are of."""
+        from grasp3d.contact.grasp_samples import GraspSamples
+
+        if self.grasps.object is not None:
+            from grasp3d.cli.design_object import grasps_of
+
+            return grasps_of(self.grasps, designs, self.print_unit)
+        size = self._length("object_size")
+        opening = math.inf if size is None else size
+        return GraspSamples(self.grasps.critical_angle or 0.0, opening), ""
+
     def _length(self, name: str) -> float | None:
         """A length in the printed unit."""
-        length: float | None = length_in_unit(name, getattr(self, name), self.print_unit)
+        return self._converted(name, getattr(self, name))
+
+    def _converted(self, name: str, value: float | str | None) -> float | None:
+        length: float | None = length_in_unit(name, value, self.print_unit)
         return length

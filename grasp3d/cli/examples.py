@@ -39,11 +39,21 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "sweep 'meshes/*.glb' --friction 0.5 --fraction 0.5 --max-opening 80mm -o glb.csv",
         ),
     ),
+    "perturb": (
+        (
+            "The errors to enter for a scan with errors of 0.3 mm",
+            "perturb meshes/knob.ply --unit m --noise 0.3mm --copies 10 --patch-radius 5mm",
+        ),
+        (
+            "For a filtered depth image, whose errors are alike over 4 mm",
+            "perturb meshes/knob.ply --unit m --noise 1mm --correlation 4mm --copies 10",
+        ),
+    ),
     "design": (
         ("The coarsest sensor for two frictions", "design --friction 0.2 0.5"),
         (
-            "The friction that a sensor requires, on an object of 5 cm",
-            "design --fingertip-radius 8mm --receptive-field 3mm --object-size 5cm",
+            "What each uncertainty of a finger costs, and the encoders that it needs",
+            "design --friction 0.4..0.6 --receptive-field 4mm --joint-lengths 6cm --object-size 50",
         ),
     ),
     "gripper": (

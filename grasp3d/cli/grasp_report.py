@@ -10,6 +10,13 @@ from rich.table import Table
 from grasp3d.arrays import Floats
 from grasp3d.cli.load_report import LEGEND, holding_cells, holding_headings, print_load_of_grasps
 from grasp3d.cli.report import angle_text, escaped
+from grasp3d.cli.uncertainty_report import (
+    MARGIN,
+    friction_text,
+    is_uncertain,
+    margin_text,
+    uncertainty_lines,
+)
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.stability.label import COLORS, MEANING, Label
@@ -50,6 +57,8 @@ def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
     console.print(
         f"critical friction angle, {_PERCENTS} % of the grasps: {_angles(grasps.critical_angle)}"
     )
+    for line in uncertainty_lines(grasps, None, of="grasps", unit=grasps.mesh.unit):
+        console.print(escaped(line), soft_wrap=True)
     console.print(_distance_text(grasps))
     print_load_of_grasps(console, grasps.holding)
     warnings = grasps.mesh.report.warnings
@@ -98,7 +107,8 @@ def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
     console.print(
         f"[bold]{escaped(mesh.report.source)}[/]: "
         f"{counted(grasps.size, 'grasps')} of {model.fingers} fingers; friction "
-        f"{model.friction:g}, sensor resolution {math.degrees(model.sensor_resolution):.4g}°",
+        f"{friction_text(model)}, sensor resolution "
+        f"{math.degrees(model.sensor_resolution):.4g}°",
         soft_wrap=True,
     )
 
@@ -106,6 +116,7 @@ def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
 def _legend(grasps: SurfaceGrasps) -> str:
     approach = "" if grasps.reach is None else _APPROACH
     forces = "" if grasps.holding is None else LEGEND
+    forces += MARGIN if is_uncertain(grasps.model) else ""
     unit = grasps.mesh.unit or "the unit of the mesh, which is not stated"
     return f"{approach}{forces}{_LEGEND}{unit}"
 
@@ -130,7 +141,8 @@ def _table(grasps: SurfaceGrasps, count: int, *, distances: bool = False) -> Tab
     """Return a table of the first grasps, optionally with their distances from the surface."""
     several = grasps.contacts.count > 2
     table = Table(box=None, pad_edge=False)
-    headings = ["grasp", "label", "β*", "α*", "ε", "ε_min", "opening"]
+    uncertain = is_uncertain(grasps.model)
+    headings = ["grasp", "label", "β*", "α*", *["margin"] * uncertain, "ε", "ε_min", "opening"]
     reach, holding = grasps.reach, grasps.holding
     headings += ["separation"] * several + ["distance"] * distances
     headings += ["approach"] * (reach is not None and not several)
@@ -143,6 +155,7 @@ def _table(grasps: SurfaceGrasps, count: int, *, distances: bool = False) -> Tab
             label_name(Label(int(grasps.label[row]))),
             angle_text(grasps.critical_angle[row]),
             angle_text(grasps.max_resolution[row]) if grasps.max_resolution[row] > 0.0 else "none",
+            *([margin_text(grasps.margin[row])] if uncertain else []),
             _number(grasps.epsilon[row]),
             _number(grasps.epsilon_min[row]),
             f"{grasps.opening[row]:.4g}",

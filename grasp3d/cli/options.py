@@ -30,6 +30,8 @@ from grasp3d.loads import Load, TaskField
 from grasp3d.quality.task_texts import inline_files
 from grasp3d.quantities import Quantity
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
+from grasp3d.settings import Friction as FrictionField
+from grasp3d.uncertainty import PerFinger, parse_fingers
 from grasp3d.viewer.view_settings import ViewSettings
 
 _NONE = "none"
@@ -96,7 +98,7 @@ def _text(
     )
 
 
-_TEXT_FIELDS = (Length, Position, Quantity, TaskField)
+_TEXT_FIELDS = (FrictionField, Length, PerFinger, Position, Quantity, TaskField)
 """Kinds of fields that take texts."""
 
 _POSITION = _text(f"X,Y,Z|{_NONE}")
@@ -114,6 +116,39 @@ def _task(text: str) -> str:
 
 _TASK = _text("TASK", _task, optional=False)
 """Parser of a task."""
+
+
+def _friction(text: str) -> float | str:
+    """Return a number, or the text of an interval; the settings check both. Raises ValueError."""
+    try:
+        return float(text)
+    except ValueError:
+        if ".." not in text:
+            raise
+        return text
+
+
+_FRICTION = _text("NUMBER|LOW..HIGH", _friction, optional=False)
+"""Parser of a coefficient of friction, or of the interval in which it lies."""
+
+
+def _fingers(text: str) -> str:
+    """Check the uncertainty of each finger; '' for none. Raises ValueError."""
+    try:
+        parse_fingers("" if text.lower() == _NONE else text)
+    except SettingError as error:
+        raise ValueError(str(error)) from error
+    return "" if text.lower() == _NONE else text
+
+
+_PER_FINGER = tyro.constructors.PrimitiveConstructorSpec[Any](
+    nargs=1,
+    metavar=f"NAME=VALUE,...;...|{_NONE}",
+    instance_from_str=lambda words: _fingers(words[0]),
+    is_instance=lambda value: isinstance(value, str),
+    str_from_instance=lambda value: [value or _NONE],
+)
+"""Parser of the uncertainty of each finger."""
 
 
 def optional_number(
@@ -206,7 +241,9 @@ def _options_of(settings: type) -> Any:
 
 def _value_type(hint: Any) -> Any:
     """Return the type of a field's values: of those that parse texts numbers, texts or none."""
-    texts = get_origin(hint) in {Length, Quantity} or hint in {Position, TaskField}
+    if hint is PerFinger:
+        return str
+    texts = get_origin(hint) in {Length, Quantity} or hint in {FrictionField, Position, TaskField}
     return float | str | None if texts else hint
 
 
@@ -223,10 +260,20 @@ def _parser(hint: Any) -> tuple[Any, ...]:
         return (_GRIPPER,)
     if get_origin(hint) is Length:
         return (_length(optional=NoneType in get_args(get_args(hint)[0])),)
-    for kind, parser in ((Position, _POSITION), (Quantity, _QUANTITY), (TaskField, _TASK)):
+    for kind, parser in _PARSERS.items():
         if kind in {hint, get_origin(hint)}:
             return (parser,)
     return tuple(optional_number(number) for number in (int, float) if hint == number | None)
+
+
+_PARSERS = {
+    FrictionField: _FRICTION,
+    PerFinger: _PER_FINGER,
+    Position: _POSITION,
+    Quantity: _QUANTITY,
+    TaskField: _TASK,
+}
+"""Parsers by the kind of field."""
 
 
 def _is_angle(hint: Any) -> bool:
@@ -251,10 +298,16 @@ def _model_option(
     return tyro.conf.arg(help=text, metavar=metavar, help_behavior_hint=default)
 
 
-Friction = Annotated[float, _model_option("friction")]
+Friction = Annotated[
+    float,
+    tyro.conf.arg(help="Coulomb coefficient of friction between fingertip and object, above 0."),
+]
 """A coefficient of friction."""
 
-Frictions = Annotated[tuple[float, ...], _model_option("friction", "One value or more.")]
+Frictions = Annotated[
+    tuple[float, ...],
+    tyro.conf.arg(help="Coulomb coefficients of friction between fingertip and object, above 0."),
+]
 """Coefficients of friction."""
 
 SensorResolution = Annotated[float | None, _model_option("sensor_resolution", default=""), _DEGREES]
@@ -275,6 +328,26 @@ SensorResolutionRanges = Annotated[
     ),
 ]
 """Sensor resolutions in degrees as words for `parse_resolutions`."""
+
+NormalErrorRanges = Annotated[
+    tuple[str, ...],
+    _model_option("normal_error", "In degrees.", metavar="DEGREES|FROM:TO:STEP [...]"),
+]
+"""Normal errors in degrees as words for `parse_angles`."""
+
+LocationErrorRanges = Annotated[
+    tuple[str, ...], _model_option("location_error", metavar="LENGTH|FROM:TO:STEP [...]")
+]
+"""Location errors as words for `parse_lengths`."""
+
+FrictionErrorRanges = Annotated[
+    tuple[str, ...],
+    tyro.conf.arg(
+        help="Largest difference between the true friction and the coefficient, below it.",
+        metavar="NUMBER|FROM:TO:STEP [...]",
+    ),
+]
+"""Errors of friction as words for `parse_numbers`."""
 
 Fingers = Annotated[int, _model_option("fingers")]
 """A number of fingers."""

@@ -13,14 +13,15 @@ from grasp3d.settings import DEGREE
 @command
 @dataclass(frozen=True)
 class Paper:
-    """Recompute Wan & Howe 2018: figures 5 to 11, their 3-D counterparts, numbers.
+    """Recompute Wan & Howe 2018: figures 4 to 11, their 3-D counterparts, numbers.
 
     Without options friction and sensor resolutions are those of the paper.
     """
 
     output: Annotated[Path, tyro.conf.arg(aliases=["-o"], metavar="FOLDER")]
-    """Folder for figure_05 to figure_11 and surface_..., each as .svg and .png, and numbers.md;
-    created if it is missing. Figures 5 and 6 are drawings, always for friction 1 and 30 degrees."""
+    """Folder for figure_04 to figure_11, extension_... and surface_..., each as .svg and .png, and
+    numbers.md; created if it is missing. Figures 4 to 6 are drawings, always for the same tip,
+    friction 1 and 30 degrees. extension_... have uncertain locations, friction and normals."""
 
     friction: Friction = 1.0
 

@@ -10,6 +10,13 @@ from rich.table import Table
 from grasp3d.cli.grasp_report import MAX_ROWS, label_name
 from grasp3d.cli.load_report import LEGEND, holding_cells, holding_headings, print_load_of_grasps
 from grasp3d.cli.report import angle_text, escaped
+from grasp3d.cli.uncertainty_report import (
+    MARGIN,
+    friction_text,
+    is_uncertain,
+    margin_text,
+    uncertainty_lines,
+)
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.gripper.closing import MEANING as CLOSINGS
 from grasp3d.gripper.closing import Closing
@@ -33,11 +40,13 @@ def print_poses(found: EvaluatedPoses, output: Path) -> None:
     mesh, model = found.mesh, found.model
     console.print(
         f"[bold]{escaped(mesh.report.source)}[/]: {counted(found.size, 'poses')} of gripper "
-        f"{escaped(found.gripper.name)}; friction {model.friction:g}, sensor resolution "
+        f"{escaped(found.gripper.name)}; friction {friction_text(model)}, sensor resolution "
         f"{math.degrees(model.sensor_resolution):.4g}°",
         soft_wrap=True,
     )
     console.print(_counts(found))
+    for line in uncertainty_lines(found, None, of="poses", unit=mesh.unit):
+        console.print(escaped(line), soft_wrap=True)
     if not np.isnan(found.outcome).all():
         console.print(_outcomes(found), soft_wrap=True)
     print_load_of_grasps(console, found.holding)
@@ -47,6 +56,7 @@ def print_poses(found: EvaluatedPoses, output: Path) -> None:
         console.print(f"the first {MAX_ROWS} of {found.size}:")
     console.print(_rows(found))
     forces = "" if found.holding is None else LEGEND
+    forces += MARGIN if is_uncertain(model) else ""
     console.print(f"{forces}{_LEGEND}{mesh.unit}", soft_wrap=True)
     console.print(f"written: {escaped(str(output))}", soft_wrap=True)
 
@@ -86,7 +96,8 @@ def _outcomes(found: EvaluatedPoses) -> str:
 def _rows(found: EvaluatedPoses) -> Table:
     """Return a table of the first poses."""
     table = Table(box=None, pad_edge=False)
-    headings = ["pose", "label", "β*", "α*", "ε", "ε_min", "opening", "area"]
+    margin = ["margin"] * is_uncertain(found.model)
+    headings = ["pose", "label", "β*", "α*", *margin, "ε", "ε_min", "opening", "area"]
     for heading in (*headings, *holding_headings(found.holding), "jaws"):
         table.add_column(heading, justify="right", no_wrap=True)
     for row in range(min(MAX_ROWS, found.size)):
@@ -99,11 +110,13 @@ def _cells(found: EvaluatedPoses, row: int) -> list[str]:
     state = Closing(int(found.state[row]))
     jaws = state.name.lower().replace("_", " ")
     if state != Closing.CLOSED:
-        return ["none"] * 4 + [""] * (2 + len(holding_headings(found.holding))) + [jaws]
+        numbers = 4 + is_uncertain(found.model)
+        return ["none"] * numbers + [""] * (2 + len(holding_headings(found.holding))) + [jaws]
     resolution = found.max_resolution[row]
     return [
         angle_text(found.critical_angle[row]),
         angle_text(resolution) if resolution > 0.0 else "none",
+        *([margin_text(found.margin[row])] if is_uncertain(found.model) else []),
         f"{found.epsilon[row]:.3f}",
         f"{found.epsilon_min[row]:.3f}",
         f"{found.opening[row]:.4g}",

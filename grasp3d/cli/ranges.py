@@ -1,10 +1,11 @@
-"""Parsing of ranges of numbers on the command line."""
+"""Parsing of numbers, angles and lengths on the command line, one by one or as ranges."""
 
 import math
 
 from grasp3d.errors import SettingError
+from grasp3d.lengths import METRES, parse_length
 
-MAX_RESOLUTIONS = 10_000
+MAX_VALUES = 10_000
 
 
 def parse_resolutions(words: tuple[str, ...]) -> tuple[float, ...]:
@@ -19,29 +20,104 @@ def parse_resolutions(words: tuple[str, ...]) -> tuple[float, ...]:
     Raises:
         SettingError: A word is neither a number nor a range, or there are too many resolutions.
     """
-    degrees: set[float] = set()
+    return parse_angles("sensor resolution", words)
+
+
+def parse_angles(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
+    """Parse angles: numbers and ranges FROM:TO:STEP in degrees.
+
+    Args:
+        what: What one of them is, for the error.
+        words: Words of the command line.
+
+    Returns:
+        Angles [rad], in increasing order, without duplicates.
+
+    Raises:
+        SettingError: A word is neither a number nor a range, or there are too many.
+    """
+    return tuple(math.radians(degree) for degree in _numbers(what, "a number of degrees", words))
+
+
+def parse_numbers(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
+    """Parse numbers and ranges FROM:TO:STEP; see `parse_angles`.
+
+    Args:
+        what: What one of them is, for the error.
+        words: Words of the command line.
+
+    Returns:
+        The numbers, in increasing order, without duplicates.
+
+    Raises:
+        SettingError: A word is neither a number nor a range, or there are too many.
+    """
+    return _numbers(what, "a number", words)
+
+
+def parse_lengths(what: str, words: tuple[str, ...]) -> tuple[float | str, ...]:
+    """Parse lengths and ranges of them, FROM:TO:STEP, with or without a unit.
+
+    A unit at the end of a range is that of all its numbers without one: 0:5:0.5mm.
+
+    Args:
+        what: What one of them is, for the error.
+        words: Words of the command line.
+
+    Returns:
+        Lengths as `parse_length` returns them, without duplicates.
+
+    Raises:
+        SettingError: A word is neither a length nor a range, or there are too many.
+
+    Example:
+        >>> from grasp3d.cli.ranges import parse_lengths
+        >>> parse_lengths("location error", ("0:2:1mm", "0.5mm"))
+        (0.0, '1 mm', '2 mm', '0.5 mm')
+    """
+    lengths: dict[float | str, None] = {}
+    for word in map(str.lower, words):
+        unit = next(
+            (one for one in sorted(METRES, key=len, reverse=True) if word.endswith(one)), ""
+        )
+        parts = [part.removesuffix(unit).strip() for part in word.split(":")]
+        if any(part.endswith(tuple(METRES)) for part in parts):
+            raise _no_range(what, "a length", word)
+        for number in _range(what, "a length", word, parts):
+            lengths[parse_length(what, f"{number:.15g} {unit}")] = None
+        _check_count(what, len(lengths), word)
+    return tuple(lengths)
+
+
+def _numbers(what: str, kind: str, words: tuple[str, ...]) -> tuple[float, ...]:
+    numbers: set[float] = set()
     for word in words:
-        degrees.update(_range(word))
-        if len(degrees) > MAX_RESOLUTIONS:
-            raise SettingError(f"sensor resolutions: more than {MAX_RESOLUTIONS} ({word})")
-    return tuple(math.radians(degree) for degree in sorted(degrees))
+        numbers.update(_range(what, kind, word, word.split(":")))
+        _check_count(what, len(numbers), word)
+    return tuple(sorted(numbers))
 
 
-def _range(word: str) -> list[float]:
-    """Return the numbers of a word [degrees]."""
-    message = (
-        f"sensor resolution {word!r} must be a number of degrees, or FROM:TO:STEP with STEP above 0"
-    )
+def _range(what: str, kind: str, word: str, parts: list[str]) -> list[float]:
+    """Return the numbers of a word."""
     try:
-        numbers = [float(part) for part in word.split(":")]
+        numbers = [float(part) for part in parts]
     except ValueError as error:
-        raise SettingError(message) from error
+        raise _no_range(what, kind, word) from error
     if len(numbers) == 1:
         return numbers
     if len(numbers) != len(("from", "to", "step")) or not all(map(math.isfinite, numbers)):
-        raise SettingError(message)
+        raise _no_range(what, kind, word)
     first, last, step = numbers
     if not (step > 0.0 and first <= last):
-        raise SettingError(message)
-    count = min(int((last - first) / step + 1e-9), MAX_RESOLUTIONS) + 1
+        raise _no_range(what, kind, word)
+    count = min(int((last - first) / step + 1e-9), MAX_VALUES) + 1
     return [round(first + step * index, 9) for index in range(count)]
+
+
+def _check_count(what: str, count: int, word: str) -> None:
+    if count > MAX_VALUES:
+        raise SettingError(f"{what}s: more than {MAX_VALUES} ({word})")
+
+
+def _no_range(what: str, kind: str, word: str) -> SettingError:
+    return SettingError(f"{what} {word!r} must be {kind}, or FROM:TO:STEP with STEP above 0")

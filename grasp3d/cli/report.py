@@ -13,12 +13,14 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from grasp3d.cli.load_report import print_load
+from grasp3d.cli.uncertainty_report import friction_text, uncertainty_lines
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.lengths import Unit
 from grasp3d.settings import Sampling, Tilts
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.stability.label import Label as Code
+from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.counts import counted
@@ -38,6 +40,7 @@ _MINIMUM: dict[Tilts, str] = {
     "exact": "smallest over all tilts",
     "effective_friction": "at the effective friction",
     "sampled_tilts": "smallest over sampled tilts",
+    "bound": "bound over all uncertainties",
 }
 
 
@@ -92,6 +95,9 @@ def print_labels(labels: SurfaceLabels, output: Path) -> None:
         "critical friction angle, 10/50/90 % of the area: "
         + ", ".join(angle_text(angle) for angle in labels.angle_quantiles([0.1, 0.5, 0.9]))
     )
+    weights = vertex_weights(mesh, "area")
+    for line in uncertainty_lines(labels, weights, of="area", unit=mesh.unit):
+        console.print(escaped(line), soft_wrap=True)
     console.print(_epsilon_text(labels), soft_wrap=True)
     print_load(console, labels)
     counts = np.bincount(labels.reason, minlength=len(Reason))
@@ -113,7 +119,7 @@ def _print_settings(console: Console, labels: SurfaceLabels) -> None:
     console.print(
         f"[bold]{escaped(mesh.report.source)}[/]: "
         f"{counted(len(mesh.vertices), 'vertices')}, "
-        f"size {length_with_unit(mesh.size, mesh.unit)}; friction {model.friction:g}, "
+        f"size {length_with_unit(mesh.size, mesh.unit)}; friction {friction_text(model)}, "
         f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
         + ("" if model.fingers == 2 else f", {model.fingers} fingers"),
         soft_wrap=True,

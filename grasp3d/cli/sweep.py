@@ -1,9 +1,9 @@
-"""The command `grasp3d sweep`: area fractions of labels over friction and sensor resolution."""
+"""The command `grasp3d sweep`: area fractions of labels over two of the uncertainties."""
 
 from dataclasses import asdict, dataclass, field
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -11,9 +11,13 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
     ClusterOptions,
     Fingers,
+    Flag,
     Force,
+    FrictionErrorRanges,
     Frictions,
     Inputs,
+    LocationErrorRanges,
+    NormalErrorRanges,
     OutputFile,
     Overwrite,
     Quiet,
@@ -23,14 +27,21 @@ from grasp3d.cli.options import (
     SurfaceOptions,
     command,
 )
-from grasp3d.cli.ranges import parse_resolutions
+from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers, parse_resolutions
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
-from grasp3d.settings import MeshOptions, Sampling
+from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.names import safe_stem
 
 if TYPE_CHECKING:
     from grasp3d.batch.sweeping import SweepSettings, SweptMesh, Target
+    from grasp3d.sweeps import Sweep as SweptFractions
+
+FRICTIONS, RESOLUTIONS = (0.2, 0.5, 1.0), ("0:60:1", "22.6")
+"""Default values of friction and sensor resolution."""
+
+MAX_ROWS = 4
+"""Rows of a sweep with axes other than friction and resolution that are drawn one by one."""
 
 
 @command
@@ -38,8 +49,10 @@ if TYPE_CHECKING:
 class Sweep:
     """Compute area fractions of S, M and U over friction and sensor resolution.
 
-    Also prints the sensor resolution that is required for given area fractions of S. Each mesh is
-    labelled once; for a folder the mean over its meshes is added. Writes a table and a figure.
+    Or over any two of the uncertainties: those that have several values. Also prints the sensor
+    resolution that is required for given area fractions of S. Each mesh is labelled once, and once
+    more for each further location error, at most five times; for a folder the mean over its meshes
+    is added. Writes a table and a figure.
     """
 
     targets: Annotated[Inputs, tyro.conf.arg(metavar="PATH|circle|square|sphere [...]")]
@@ -55,9 +68,22 @@ class Sweep:
     figure: OutputFile = None
     """Figure (.svg, .png or .pdf) (default: the name of the table with the suffix .svg)."""
 
-    friction: Frictions = (0.2, 0.5, 1.0)
+    friction: Frictions = FRICTIONS
 
-    sensor_resolution: SensorResolutionRanges = ("0:60:1", "22.6")
+    sensor_resolution: SensorResolutionRanges = RESOLUTIONS
+
+    friction_error: FrictionErrorRanges = ("0",)
+
+    normal_error: NormalErrorRanges = ("0",)
+
+    location_error: LocationErrorRanges = ("0",)
+    """Largest distance between the true and the perceived contact point, a length; for shapes in
+    closed form as a part of their radius or half side. Where errors have several values, those of
+    friction and sensor resolution are 0.5 and 22.6 unless they are given."""
+
+    heat_map: Flag = False
+    """Draw S and M as heat maps over both axes, also for friction and sensor resolution, and for
+    four rows or fewer, which otherwise have a panel each."""
 
     fraction: tuple[float, ...] = (0.5, 0.9)
     """Area fractions of S, above 0 and at most 1. For each the required sensor resolution is
@@ -98,17 +124,14 @@ class Sweep:
             gather,
         )
         from grasp3d.cli import sweep_report
-        from grasp3d.plots.formats import save_as
-        from grasp3d.plots.fractions import sweep_figure
         from grasp3d.sweeps import write_sweeps
 
         settings = SweepSettings(
-            tuple(sorted(set(self.friction))),
-            parse_resolutions(self.sensor_resolution),
-            self.sampling,
-            self.mesh,
-            self.fingers,
-            self.reach,
+            sampling=self.sampling,
+            mesh=self.mesh,
+            fingers=self.fingers,
+            reach=self.reach,
+            **self._values,
         )
         fractions = sorted(set(self.fraction))
         targets = find_targets(self.targets)
@@ -124,12 +147,52 @@ class Sweep:
         )
         if shown:
             members = {target.name: target.members for target in swept if target.members}
-            save_as(sweep_figure(shown, members=members, fractions=fractions), figure)
+            self._draw(shown, members, figure)
         if not self.quiet:
             sweep_report.print_sweeps(swept, fractions)
             sweep_report.print_notes(targets, meshes, fractions)
             sweep_report.print_written([table, *([figure] if shown else [])])
         return 1 if failures else 0
+
+    @property
+    def _values(self) -> dict[str, Any]:
+        """Values of each uncertainty; errors with several values leave one for the defaults."""
+        errors: dict[str, tuple[Any, ...]] = {
+            "friction_error": parse_numbers("friction error", self.friction_error),
+            "normal_error": parse_angles("normal error", self.normal_error),
+            "location_error": parse_lengths("location error", self.location_error),
+        }
+        free = 2 - sum(len(set(values)) > 1 for values in errors.values())
+        friction = tuple(sorted(set(self.friction)))
+        resolution = parse_resolutions(self.sensor_resolution)
+        default = GraspModel()
+        if self.friction == FRICTIONS and (free < 1 or (free < 2 and len(resolution) > 1)):
+            friction = (default.friction,)
+        if self.sensor_resolution == RESOLUTIONS and (free < 1 or (free < 2 and len(friction) > 1)):
+            resolution = (default.sensor_resolution,)
+        return {"friction": friction, "sensor_resolution": resolution, **errors}
+
+    def _draw(
+        self,
+        shown: list["SweptFractions"],
+        members: dict[str, tuple["SweptFractions", ...]],
+        path: Path,
+    ) -> None:
+        """Write the figure."""
+        from grasp3d.plots.formats import save_as
+
+        fractions = sorted(set(self.fraction))
+        first = shown[0]
+        several = min(first.stable.shape) > 1
+        many = len(first.stable) > MAX_ROWS and not first.axes.is_default
+        if several and (self.heat_map or many):
+            from grasp3d.plots.heat_maps import heat_map_figure
+
+            save_as(heat_map_figure(shown, fractions=fractions), path)
+            return
+        from grasp3d.plots.fractions import sweep_figure
+
+        save_as(sweep_figure(shown, members=members, fractions=fractions), path)
 
     def _outputs(self, targets: list["Target"]) -> tuple[Path, Path]:
         """Return the paths of table and figure, checked to be writable and not to be meshes."""

@@ -13,6 +13,7 @@ from grasp3d.cli.report import escaped
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.sweeps import Sweep
+from grasp3d.sweeps.axes import AXES, COLUMN, ROW, describe_value
 
 MIN_RESOLUTION = 0.05
 """Resolution below which no sensor is fine enough [degrees]."""
@@ -22,6 +23,9 @@ MAX_CREASES = 1.0 / 3.0
 
 MAX_COLUMNS, MAX_ANGLES = 5, 6
 """Columns that fit beside a name: of area fractions, and of angles."""
+
+MAX_ROWS = 8
+"""Rows of a sweep with other axes than friction and resolution that are printed."""
 
 
 def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> None:
@@ -35,7 +39,11 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
     shown = [sweep for target in targets for sweep in target.shown]
     if not shown:
         return
-    console.print("area fractions of S/M/U [%] by sensor resolution:")
+    axes = shown[0].axes
+    fixed = "" if axes.is_default else f", {axes.fixed_text}"
+    console.print(
+        f"area fractions of S/M/U [%] by {AXES[shown[0].columns].words}{fixed}:", soft_wrap=True
+    )
     console.print(_fraction_table(shown))
     console.print(escaped(_legend(shown)), soft_wrap=True)
     if fractions:
@@ -44,8 +52,13 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
             "(none: at no resolution)",
             soft_wrap=True,
         )
-        every = dict.fromkeys(sweep for target in targets for sweep in target.sweeps)
-        console.print(_required_table(list(every), fractions))
+        every = list(dict.fromkeys(sweep for target in targets for sweep in target.sweeps))
+        if shown[0].columns == COLUMN:
+            console.print(_required_table(every, fractions))
+            return
+        for fraction in fractions:
+            console.print(f"{100.0 * fraction:g} %, by {AXES[shown[0].columns].words}:")
+            console.print(_required_entries(every, fraction))
 
 
 def print_notes(
@@ -103,20 +116,45 @@ def print_written(paths: Sequence[Path]) -> None:
 
 
 def _fraction_table(sweeps: Sequence[Sweep]) -> Table:
-    columns = _shown_columns(sweeps[0])
+    return _grid_table(
+        sweeps,
+        [
+            [list(map(_percents, *rows)) for rows in zip(one.stable, one.ambiguous, strict=True)]
+            for one in sweeps
+        ],
+    )
+
+
+def _required_entries(sweeps: Sequence[Sweep], fraction: float) -> Table:
+    """Return a table of required resolutions over rows and columns of sweeps."""
+    required = [one.required_resolution(fraction) for one in sweeps]
+    return _grid_table(sweeps, [[list(map(_angle, row)) for row in one] for one in required])
+
+
+def _grid_table(sweeps: Sequence[Sweep], cells: Sequence[Sequence[Sequence[str]]]) -> Table:
+    """Return a table with a line for each sweep and row, and some of the columns.
+
+    Args:
+        sweeps: The sweeps.
+        cells: Their cells, by sweep, row and column.
+    """
+    first = sweeps[0]
+    columns, rows = _shown_columns(first), _shown_rows(first)
     table = Table(box=None, pad_edge=False)
     table.add_column("", overflow="fold", min_width=12)
-    table.add_column("friction", justify="right", no_wrap=True)
+    table.add_column(AXES[first.rows].words, justify="right", no_wrap=True)
     for column in columns:
-        degrees = math.degrees(sweeps[0].sensor_resolution[column])
-        table.add_column(f"{degrees:.4g}°", justify="right", no_wrap=True)
-    for sweep in sweeps:
-        for row, friction in enumerate(sweep.friction):
-            cells = (
-                _percents(sweep.stable[row, column], sweep.ambiguous[row, column])
-                for column in columns
+        value = float(first.axes.values[first.columns][column])
+        heading = describe_value(first.columns, value, first.unit)
+        table.add_column(heading, justify="right", no_wrap=True)
+    for sweep, entries in zip(sweeps, cells, strict=True):
+        for number, row in enumerate(rows):
+            value = float(first.axes.values[first.rows][row])
+            table.add_row(
+                "" if number else escaped(sweep.name),
+                describe_value(first.rows, value, first.unit),
+                *(entries[row][column] for column in columns),
             )
-            table.add_row("" if row else escaped(sweep.name), f"{friction:g}", *cells)
     return table
 
 
@@ -127,16 +165,24 @@ def _percents(stable: float, ambiguous: float) -> str:
 
 
 def _shown_columns(sweep: Sweep) -> list[int]:
-    """Return indices of evenly spaced resolutions; the default one replaces its neighbour."""
-    degrees = np.degrees(sweep.sensor_resolution)
-    if len(degrees) <= MAX_COLUMNS:
-        return list(range(len(degrees)))
-    shown = np.linspace(degrees[0], degrees[-1], MAX_COLUMNS)
-    default = math.degrees(GraspModel().sensor_resolution)
-    if np.isclose(degrees[1:-1], default).any():
+    """Return indices of evenly spaced columns; the default resolution replaces its neighbour."""
+    values = sweep.axes.values[sweep.columns]
+    if len(values) <= MAX_COLUMNS:
+        return list(range(len(values)))
+    shown = np.linspace(values[0], values[-1], MAX_COLUMNS)
+    default = GraspModel().sensor_resolution
+    if sweep.columns == COLUMN and np.isclose(values[1:-1], default).any():
         inner = shown[1:-1]
         inner[np.argmin(np.abs(inner - default))] = default
-    return sorted({int(np.argmin(np.abs(degrees - value))) for value in shown})
+    return sorted({int(np.argmin(np.abs(values - value))) for value in shown})
+
+
+def _shown_rows(sweep: Sweep) -> list[int]:
+    """Return indices of rows: all frictions of the default axes, otherwise evenly spaced ones."""
+    count = len(sweep.stable)
+    if sweep.axes.is_default or count <= MAX_ROWS:
+        return list(range(count))
+    return [round(index) for index in np.linspace(0, count - 1, MAX_ROWS)]
 
 
 def _legend(sweeps: Sequence[Sweep]) -> str:
@@ -153,19 +199,23 @@ def _required_table(sweeps: Sequence[Sweep], fractions: Sequence[float]) -> Tabl
     table = Table(box=None, pad_edge=False)
     table.add_column("", overflow="fold", min_width=12)
     percents = [f"{100.0 * fraction:g} %" for fraction in fractions]
-    frictions = [f"{friction:g}" for friction in sweeps[0].friction]
-    wide = len(frictions) * len(fractions) <= MAX_ANGLES
-    columns = [f"μ {friction}\n{percent}" for friction in frictions for percent in percents]
-    for heading in columns if wide else ["friction", *percents]:
+    first, shown = sweeps[0], _shown_rows(sweeps[0])
+    texts = [
+        describe_value(first.rows, float(value), first.unit)
+        for value in first.axes.values[first.rows][shown]
+    ]
+    wide = first.rows == ROW and len(texts) * len(fractions) <= MAX_ANGLES
+    columns = [f"μ {text}\n{percent}" for text in texts for percent in percents]
+    for heading in columns if wide else [AXES[first.rows].words, *percents]:
         table.add_column(heading, justify="right", no_wrap=True)
     for sweep in sweeps:
         required = np.stack([sweep.required_resolution(value) for value in fractions], axis=1)
-        rows = [[_angle(angle) for angle in angles] for angles in required]
+        rows = [[_angle(angle) for angle in angles] for angles in required[shown]]
         if wide:
             table.add_row(escaped(sweep.name), *(cell for cells in rows for cell in cells))
             continue
-        for number, (friction, cells) in enumerate(zip(frictions, rows, strict=True)):
-            table.add_row("" if number else escaped(sweep.name), friction, *cells)
+        for number, (text, cells) in enumerate(zip(texts, rows, strict=True)):
+            table.add_row("" if number else escaped(sweep.name), text, *cells)
     return table
 
 

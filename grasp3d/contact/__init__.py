@@ -1,4 +1,4 @@
-"""Contacts of fingers with an object, friction cones, and tactile sensors."""
+"""Contacts of fingers, friction cones, tactile sensors, encoders, and budgets of margins."""
 
 from lazy_loader import attach_stub
 

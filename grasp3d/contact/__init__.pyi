@@ -1,4 +1,12 @@
+from .budget import MarginBudget as MarginBudget
 from .contacts import Contacts as Contacts
+from .encoders import JointEncoders as JointEncoders
 from .friction_cones import effective_friction as effective_friction
+from .grasp_samples import GraspSamples as GraspSamples
+from .overlap import overlapping_field as overlapping_field
+from .requirements import FingerDesign as FingerDesign
 from .sensor import Sensor as Sensor
 from .sensor import resolution_limit as resolution_limit
+from .tips import CylinderTip as CylinderTip
+from .tips import EllipsoidTip as EllipsoidTip
+from .tips import TipResolution as TipResolution

@@ -145,7 +145,7 @@ def on_arcs(first: Floats, second: Floats, fractions: Floats) -> Floats:
 def effective_friction(friction: ArrayLike, sensor_resolution: ArrayLike) -> Floats:
     """Friction that remains at every normal within the sensor's resolution.
 
-    Wan & Howe 2018, Sec. III: tan(atan(friction) - sensor_resolution / 2).
+    Wan & Howe 2018, Sec. III-A: tan(atan(friction) - sensor_resolution / 2).
 
     Args:
         friction: Coulomb coefficients, at least 0, any shape.

@@ -4,13 +4,13 @@ A fingertip localises a contact only to within its receptive field, an arc of le
 surface. On a tip of radius R the normals of that arc differ by up to alpha = l / R: the sensor
 resolution. A flat tip has the same normal everywhere, so alpha = 0 and only the location is
 uncertain. Fewer than seven contacts (four in the plane) are surely stable only while
-alpha < 2 atan(friction) (Wan & Howe 2018, Sec. III, who write alpha <= 2 beta; at the bound itself
-no grasp is).
+alpha < 2 atan(friction) (Wan & Howe 2018, Sec. IV-A, who write alpha <= 2 beta; at the bound
+itself no grasp is).
 
-Wan & Howe's numbers, for a hemispherical fingertip of 2 cm diameter: friction 0.5 needs 53 degrees,
-an arc of about 9 mm and 10 sensors; friction 0.2 needs 22.6 degrees, about 4 mm and 50 sensors.
-Computed here: 53.13 degrees, 9.27 mm, 10; 22.62 degrees, 3.95 mm and 52. Their 50 follows from
-3.95 mm rounded to 4.
+Wan & Howe's numbers (Sec. IV-A), for a hemispherical fingertip of 2 cm diameter: friction 0.5 needs
+53 degrees, an arc of about 9 mm and 10 sensors; friction 0.2 needs 22.6 degrees, about 4 mm and 50
+sensors. Computed here: 53.13 degrees, 9.27 mm, 10; 22.62 degrees, 3.95 mm and 52. Their 50 follows
+from 3.95 mm rounded to 4.
 
 Lengths may be in any unit, the same for all.
 """
@@ -19,6 +19,7 @@ import math
 from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
+from grasp3d.uncertainty import Uncertainty
 
 SMALL_UNCERTAINTY = 0.05
 """Largest location uncertainty that is small against the object, as a fraction of its size. At that
@@ -32,7 +33,7 @@ COUNT_ROUNDING = 1e-12
 def resolution_limit(friction: float) -> float:
     """Resolution alpha that a sensor must stay below for any grasp to be surely stable [rad].
 
-    Wan & Howe 2018, Sec. III: 2 atan(friction).
+    Wan & Howe 2018, Sec. IV-A: 2 atan(friction).
 
     Args:
         friction: Coulomb coefficient, above 0.
@@ -177,6 +178,17 @@ class Sensor:
     def location_uncertainty(self) -> float:
         """Largest distance between true and perceived contact point: half the receptive field."""
         return self.receptive_field / 2.0
+
+    @property
+    def uncertainty(self) -> Uncertainty:
+        """What this sensor leaves uncertain about a contact: its normal and its location.
+
+        The location error is a length in the sensor's unit: a number, which is in the unit of the
+        mesh that a model with it is used for.
+        """
+        return Uncertainty(
+            sensor_resolution=self.resolution, location_error=self.location_uncertainty
+        )
 
     @property
     def sensors_by_discs(self) -> int | None:

@@ -14,7 +14,8 @@ from grasp3d.settings import Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.sampling.antipodal import opening_limits
+from grasp3d.surface.located_angles import located_angles_of
+from grasp3d.surface.sampling.antipodal import Ranking, largest_cost, pair_limits
 from grasp3d.surface.sampling.reachable import ReachSearch
 from grasp3d.surface.vertex_grasps import Reason
 
@@ -63,9 +64,10 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> SurfaceGr
     known = _known(labels, own)
     limited = reaching.within_stroke(mesh, labels.sampling or Sampling())
     with ThreadPoolExecutor(1) as executor:
-        search = ReachSearch(
-            mesh, reaching, labels.search.cone, opening_limits(mesh, limited), executor
-        )
+        cone, ranking = labels.search.cone, Ranking.of(labels.model)
+        limits = pair_limits(mesh, limited, cone, ranking)
+        most = largest_cost(cone, ranking)
+        search = ReachSearch(mesh, reaching, cone, limits, executor, most)
         found = search.partners_of(np.array([own]), count, TESTS_PER_GRASP * count)
     signs = np.concatenate([known.signs, np.ones(count, dtype=np.int64)])
     faces = np.concatenate([known.points.faces, found.faces[0]])
@@ -121,7 +123,8 @@ def _grasps(
         table=reaching.table, approach=reaching.approach, threads=1,
     )  # fmt: skip
     worst, best = critical_angles(contacts, threads=1)
-    order = np.argsort(worst, kind="stable")
+    located, _ = located_angles_of(contacts, (worst, best), labels.model, threads=1)
+    order = np.argsort(located, kind="stable")
     order = order[reach.reached[order]]
     return SurfaceGrasps(
         contacts.take(order),

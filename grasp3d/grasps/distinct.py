@@ -112,9 +112,10 @@ def ranked_vertices(labels: SurfaceLabels) -> Ints:
     With a load whose mass and force are known also the grip forces.
     """
     vertices = labels.grasps.vertices
-    vertices = vertices[np.isfinite(labels.critical_angle[vertices])]
+    angles, _ = labels.located_angles
+    vertices = vertices[np.isfinite(angles[vertices])]
     quality = -np.nan_to_num(labels.epsilon[vertices])
-    step = np.floor(labels.critical_angle[vertices] / ANGLE_STEP)
+    step = np.floor(angles[vertices] / ANGLE_STEP)
     margin = np.zeros(len(vertices))
     if labels.reach is not None:
         margin = np.floor(np.nan_to_num(labels.reach.approach_margin[vertices]) / MARGIN_STEP)

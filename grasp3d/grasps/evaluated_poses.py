@@ -21,11 +21,14 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.measures.known import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues, metrics
-from grasp3d.quality.tilting import EpsilonRange, epsilon_range
+from grasp3d.quality.tilting import EpsilonRange
+from grasp3d.quality.uncertain_epsilon import WrenchErrors, uncertain_epsilon_range
 from grasp3d.settings import GraspModel
 from grasp3d.stability.classification import classify
 from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles, max_resolution
+from grasp3d.stability.located_angles import ContactLimits, PairLines, located_pairs
+from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.epsilon import BOUND_RTOL, EPSILON_RTOL
 from grasp3d.surface.grasp_metrics import EDGES, longest_axis
@@ -65,6 +68,7 @@ class EvaluatedPoses(LabelledGrasps):
     load: Load | None = None
     """What each grasp must hold; None: `holding` is not computed."""
     threads: int | None = None
+    deferred_located: Deferred[WorstAndBest] = field(init=False, repr=False)
     deferred_label: Deferred[Bytes] = field(init=False, repr=False)
     deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
     deferred_holding: Deferred[Holding] | None = field(init=False, repr=False)
@@ -74,9 +78,12 @@ class EvaluatedPoses(LabelledGrasps):
     def __post_init__(self) -> None:
         used = self.contacts, self.jaws.closed, self.model, self.threads
         scale, case = self.mesh.torque_scale, self.load_case
+        radius = 0.0 if case is None else case.center_radius
+        located = Deferred(partial(_located, self.critical_angle, *used))
         self._defer(
-            partial(_labels, self.critical_angle, *used),
-            partial(_epsilons, scale, *used),
+            located,
+            partial(_labels, located, *used),
+            partial(_epsilons, scale, radius, *used),
             None if case is None else partial(_holding, case, *used),
         )
 
@@ -111,7 +118,7 @@ class EvaluatedPoses(LabelledGrasps):
         return Contacts(
             self.jaws.points[rows] - self.mesh.center_mass,
             self.jaws.normals[rows],
-            self.model.friction,
+            self.model.frictions,
             self.model.torsion_radius,
         )
 
@@ -122,11 +129,6 @@ class EvaluatedPoses(LabelledGrasps):
         if self.contacts is not None:
             angles[self.jaws.closed] = critical_friction_angle(self.contacts)
         return locked(angles)
-
-    @cached_property
-    def max_resolution(self) -> Floats:
-        """Coarsest sensor resolution below which the grasp is S [rad], shape (k,); 0: none."""
-        return locked(max_resolution(self.critical_angle, self.model))
 
     @property
     def outcome(self) -> Floats:
@@ -186,10 +188,10 @@ class EvaluatedPoses(LabelledGrasps):
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
 
-        `grasp` (its number from 1), `name`, `closing`, `label`, `critical_angle`, `max_resolution`
-        [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `opening`, `collides`, `reachable`, `area1`,
-        `area2`, with a load also `grip_force` and more, see `Holding.columns`; `outcome`, contacts
-        `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
+        `grasp` (its number from 1), `name`, `closing`, `label`, `critical_angle`, `max_resolution`,
+        `margin` [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `opening`, `collides`, `reachable`,
+        `area1`, `area2`, with a load also `grip_force` and more, see `Holding.columns`; `outcome`,
+        contacts `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
         """
         from grasp3d.tables import table_of_columns
 
@@ -227,6 +229,7 @@ class EvaluatedPoses(LabelledGrasps):
             "label": labels[self.label],
             "critical_angle": self.critical_angle,
             "max_resolution": self.max_resolution,
+            "margin": self.margin,
             "epsilon": epsilon.nominal,
             "epsilon_min": epsilon.minimum,
             "epsilon_max": epsilon.maximum,
@@ -254,8 +257,27 @@ class EvaluatedPoses(LabelledGrasps):
         return {**load_settings(self.load), **self.holding.settings()}
 
 
-def _labels(
+def _located(
     angles: Floats,
+    contacts: Contacts | None,
+    closed: Bools,
+    model: GraspModel,
+    _threads: int | None,
+    _progress: Progress,
+) -> WorstAndBest:
+    """Located angles, shape (k,) each; nan where the jaws do not close on the object."""
+    if contacts is None or model.is_uniform:
+        return angles, angles
+    found = np.full((2, len(closed)), math.nan)
+    found[:, closed] = located_pairs(
+        angles[closed], angles[closed], PairLines.of_contacts(contacts),
+        ContactLimits.of(model.fingertips),
+    )  # fmt: skip
+    return locked(found[0]), locked(found[1])
+
+
+def _labels(
+    located: Deferred[WorstAndBest],
     contacts: Contacts | None,
     closed: Bools,
     model: GraspModel,
@@ -267,12 +289,14 @@ def _labels(
     if contacts is None:
         return locked(codes)
     if model.method == "exact":
-        codes[closed] = label_angles(angles[closed], angles[closed], model)
+        worst, best = located.value
+        codes[closed] = label_angles(worst[closed], best[closed], model)
     else:
         codes[closed] = classify(
             contacts,
-            model.sensor_resolution,
+            2.0 * model.tilt,
             method=model.method,
+            friction_interval=model.friction_interval if model.friction_error else None,
             extreme_normals=model.extreme_normals,
             options=EpsilonOptions.of_model(
                 model, torque_scale=1.0, rtol=EPSILON_RTOL, threads=threads
@@ -284,6 +308,7 @@ def _labels(
 
 def _epsilons(
     torque_scale: float,
+    center_radius: float,
     contacts: Contacts | None,
     closed: Bools,
     model: GraspModel,
@@ -296,9 +321,10 @@ def _epsilons(
         options = EpsilonOptions.of_model(
             model, torque_scale=torque_scale, rtol=EPSILON_RTOL, threads=threads
         )
-        found = epsilon_range(
-            contacts, model.tilt, options, bound_rtol=BOUND_RTOL, progress=progress
-        )
+        found = uncertain_epsilon_range(
+            contacts, model.tilt_of_fingers, WrenchErrors.of_model(model, center_radius), options,
+            bound_rtol=BOUND_RTOL, progress=progress,
+        )  # fmt: skip
         values[:, closed] = found.nominal, found.minimum, found.maximum
     return EpsilonRange(*map(locked, values))
 
@@ -315,5 +341,8 @@ def _holding(
     if contacts is None:
         return Holding.none(case, len(closed))
     soft = Contacts(contacts.points, contacts.normals, contacts.friction, case.torsion_radius)
-    found = holding_of(soft, model.tilt, case, threads=threads, progress=progress)
+    found = holding_of(
+        soft, model.tilt_of_fingers, case, friction=model.friction_bounds, threads=threads,
+        progress=progress,
+    )  # fmt: skip
     return found.placed(np.flatnonzero(closed), len(closed))

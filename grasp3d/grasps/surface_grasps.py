@@ -19,7 +19,8 @@ from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
-from grasp3d.stability.thresholds import label_angles, max_resolution
+from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.epsilon import grasps_with_normals, surface_epsilons
@@ -29,6 +30,7 @@ from grasp3d.surface.grasp_metrics import surface_metrics
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.located_angles import located_angles_of
 from grasp3d.system.progress import Progress
 
 
@@ -71,6 +73,8 @@ class SurfaceGrasps(LabelledGrasps):
     """What each grasp must hold; None: `holding` is not computed."""
     threads: int | None = None
     """Threads for what is computed when it is first read; None: one per processor."""
+    deferred_located: Deferred[WorstAndBest] = field(init=False, repr=False)
+    """`located_angles`, which take closure tests for three fingers and more."""
     deferred_label: Deferred[Bytes] = field(init=False, repr=False)
     """`label`, which takes an enumeration with method extremes."""
     deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
@@ -83,9 +87,12 @@ class SurfaceGrasps(LabelledGrasps):
     def __post_init__(self) -> None:
         angles = self.critical_angle, self.critical_angle_best
         case, used = self.load_case, (self.contacts, self.model)
+        located = Deferred(partial(_located, self.contacts, angles, self.model, self.threads))
+        radius = 0.0 if case is None else case.center_radius
         self._defer(
-            partial(_labels, self.contacts, angles, self.model, self.threads),
-            partial(_epsilons, *used, self.threads),
+            located,
+            partial(_labels, self.contacts, located, self.model, self.threads),
+            partial(_epsilons, *used, radius, self.threads),
             None if case is None else partial(_holding, *used, case, self.threads),
         )
 
@@ -96,11 +103,6 @@ class SurfaceGrasps(LabelledGrasps):
             return None
         gripper = None if self.reaching is None else self.reaching.gripper
         return LoadCase.of(self.load, self.mesh, self.model, gripper)
-
-    @cached_property
-    def max_resolution(self) -> Floats:
-        """Coarsest sensor resolution below which the grasp is S [rad], shape (b,); 0: none."""
-        return locked(max_resolution(self.critical_angle, self.model))
 
     @property
     def size(self) -> int:
@@ -178,17 +180,27 @@ class SurfaceGrasps(LabelledGrasps):
         return import_module("grasp3d.viewer.show").show(self, **options)
 
 
+def _located(
+    contacts: SurfaceContacts,
+    angles: WorstAndBest,
+    model: GraspModel,
+    threads: int | None,
+    _progress: Progress,
+) -> WorstAndBest:
+    return located_angles_of(contacts, angles, model, threads=threads)
+
+
 def _labels(
     contacts: SurfaceContacts,
-    angles: tuple[Floats, Floats],
+    located: Deferred[WorstAndBest],
     model: GraspModel,
     threads: int | None,
     progress: Progress,
 ) -> Bytes:
     """Label codes by the model's method, shape (b,)."""
     if model.method == "exact":
-        return locked(label_angles(*angles, model))
-    chosen = np.flatnonzero(np.isfinite(angles[0]))
+        return locked(label_angles(*located.value, model))
+    chosen = np.flatnonzero(np.isfinite(located.value[0]))
     codes = np.full(contacts.size, Label.U, dtype=np.uint8)
     if len(chosen):
         grasps = contacts.take(chosen)
@@ -197,9 +209,15 @@ def _labels(
 
 
 def _epsilons(
-    contacts: SurfaceContacts, model: GraspModel, threads: int | None, progress: Progress
+    contacts: SurfaceContacts,
+    model: GraspModel,
+    center_radius: float,
+    threads: int | None,
+    progress: Progress,
 ) -> EpsilonRange:
-    return surface_epsilons(contacts, model, threads=threads, progress=progress)
+    return surface_epsilons(
+        contacts, model, center_radius=center_radius, threads=threads, progress=progress
+    )
 
 
 def _holding(

@@ -18,9 +18,9 @@ def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
 
     Returns:
         The poses in their order, in the unit of the mesh: openings, and as columns label, critical
-        angle, alpha*, epsilon, approach margin, depth, contacts and normals into the object, with a
-        load also grip forces and payload. The score is 1 - beta*/beta, from 1 where no friction is
-        needed to 0 where no sensor makes the grasp S.
+        angle, alpha*, margin, epsilon, approach margin, depth, contacts and normals into the
+        object, with a load also grip forces and payload. The score is 1 - beta*/beta, from 1 where
+        no friction is needed to 0 where no sensor makes the grasp S.
 
     Raises:
         SettingError: The grasps have no poses: there is no gripper, or one does not reach them.
@@ -74,6 +74,7 @@ def _columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[np.generic]]:
         "critical_angle": grasps.critical_angle,
         "critical_angle_best": grasps.critical_angle_best,
         "max_resolution": grasps.max_resolution,
+        "margin": grasps.margin,
         "epsilon": epsilon.nominal,
         "epsilon_min": epsilon.minimum,
         "epsilon_max": epsilon.maximum,

@@ -35,11 +35,12 @@ def write_grasps(
     """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
 
     One row, in JSON one entry, for each grasp: `grasp` (its number from 1), `label`,
-    `critical_angle`, `critical_angle_best`, `max_resolution` [rad], `epsilon`, `epsilon_min`,
-    `epsilon_max`, `rank`, `opening`, `separation`; and for each contact its position on the surface
-    `x1` `y1` `z1`, the outward normal there `nx1` `ny1` `nz1`, `distance1`, its distance from the
-    surface before it was moved there, and `on_crease1`. nan is written as an empty cell, in JSON as
-    null, where infinite numbers are null as well. JSON and Parquet contain the settings.
+    `critical_angle`, `critical_angle_best`, `max_resolution`, `margin` [rad], `epsilon`,
+    `epsilon_min`, `epsilon_max`, `rank`, `opening`, `separation`; and for each contact its position
+    on the surface `x1` `y1` `z1`, the outward normal there `nx1` `ny1` `nz1`, `distance1`, its
+    distance from the surface before it was moved there, and `on_crease1`. nan is written as an
+    empty cell, in JSON as null, where infinite numbers are null as well. JSON and Parquet contain
+    the settings.
 
     With a load also `grip_force`, `grip_force_least`, `grip_force_largest` [N], `payload` [kg] if a
     force is at hand, and `label_with_force` if the mass is known, too; see `Holding`.
@@ -130,6 +131,7 @@ def _grasp_columns(
         "critical_angle": grasps.critical_angle,
         "critical_angle_best": grasps.critical_angle_best,
         "max_resolution": grasps.max_resolution,
+        "margin": grasps.margin,
         "epsilon": epsilon.nominal,
         "epsilon_min": epsilon.minimum,
         "epsilon_max": epsilon.maximum,

@@ -41,12 +41,33 @@ def normal_noise(points: Floats, faces: Ints) -> float:
     Returns:
         Median error over the area [rad]; 0 where no normal has neighbours on all sides.
     """
-    noise = 0.0
+    return normal_noise_and_crease(points, faces)[0]
+
+
+def normal_noise_and_crease(points: Floats, faces: Ints) -> tuple[float, float]:
+    """The estimate of `normal_noise`, and the crease angle at which it was made [rad].
+
+    Args:
+        points: Positions (V, 3).
+        faces: Faces (F, 3), all with an area.
+    """
+    noise, crease = 0.0, CREASES[0][0]
     for crease, largest in CREASES:
-        noise = SCALE * _median_deviation(points, faces, corner_normals(points, faces, crease))
+        noise = noise_below_creases(points, faces, crease)
         if noise <= largest:
             break
-    return noise
+    return noise, crease
+
+
+def noise_below_creases(points: Floats, faces: Ints, crease: float) -> float:
+    """The estimate of `normal_noise` where edges that bend by more than an angle are left out.
+
+    Args:
+        points: Positions (V, 3).
+        faces: Faces (F, 3), all with an area.
+        crease: Largest bend of an edge that counts as smooth [rad].
+    """
+    return SCALE * _median_deviation(points, faces, corner_normals(points, faces, crease))
 
 
 def _median_deviation(points: Floats, faces: Ints, normals: CornerNormals) -> float:

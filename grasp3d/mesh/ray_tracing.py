@@ -7,7 +7,7 @@ import numpy.typing as npt
 from embreex.mesh_construction import TriangleMesh
 from embreex.rtcore_scene import EmbreeScene
 
-from grasp3d._kernels.antipodal_candidates import BestPairs
+from grasp3d._kernels.antipodal_candidates import BestPairs, PairLimits
 from grasp3d._kernels.normal_sets import ContactNormals
 from grasp3d._kernels.ray_crossings import evaluate_crossings
 from grasp3d._kernels.ray_tracing import Rays, write_rays
@@ -49,12 +49,12 @@ class SurfaceRays(FaceRays):
         self._surface = surface
         self._sets = sets
 
-    def evaluate_all(self, rays: Rays, limits: tuple[float, float], grasps: BestPairs) -> int:
+    def evaluate_all(self, rays: Rays, limits: PairLimits, grasps: BestPairs) -> int:
         """Follow every ray through all its crossings and keep each vertex's best grasps.
 
         Args:
             rays: The rays; modified.
-            limits: (smallest, largest) opening in the normalised frame.
+            limits: Openings and location error in the normalised frame.
             grasps: The best grasps so far; modified.
 
         Returns:

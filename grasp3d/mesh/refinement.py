@@ -60,6 +60,31 @@ def refine(
     )
 
 
+def refined_corners(vertices: Floats, faces: Ints, max_edge: float) -> tuple[Ints, Floats]:
+    """Where the faces that `refine` makes lie on the given ones.
+
+    Args:
+        vertices: Positions (V, 3).
+        faces: Faces (F, 3).
+        max_edge: Longest edge allowed, in the unit of `vertices`.
+
+    Returns:
+        The given face of each face (F',), in the order of `refine`; barycentric coordinates of its
+        three corners there, shape (F', 3, 3).
+    """
+    # Each face has corners of its own, with their coordinates as columns beside the position; how a
+    # face is divided depends on the lengths of its edges only.
+    rows = np.hstack([vertices[faces].reshape(-1, 3), np.tile(np.eye(3), (len(faces), 1))])
+    rows, corners, parents = trimesh.remesh.subdivide_to_size(
+        rows,
+        np.arange(len(rows)).reshape(-1, 3),
+        max_edge * (1.0 + 1e-9),
+        max_iter=MAX_ROUNDS,
+        return_index=True,
+    )
+    return parents, rows[corners][..., 3:]
+
+
 def _first_nearby(points: Floats, same: Ints, given: int, tolerance: float) -> Ints:
     """First point within a tolerance of each added point, shape (n,).
 

@@ -1,7 +1,9 @@
-"""Figures 5 to 11 of Wan & Howe 2018, one function each."""
+"""Figures 4 to 11 of Wan & Howe 2018, and two beside them, one function each."""
 
 from collections.abc import Callable
 
+from grasp3d.contact.sensor import Sensor
+from grasp3d.paper.extensions import over_errors, over_resolution_and_location
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import Circle, Outline, scan, square
 from grasp3d.plots.combinations import combinations_figure
@@ -9,11 +11,21 @@ from grasp3d.plots.cones import cone_figure
 from grasp3d.plots.curves import curves_figure
 from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure
 from grasp3d.plots.style import Drawing
+from grasp3d.plots.tips import tips_figure
 from grasp3d.settings import DEGREE, GraspModel
+from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.sweeps import Sweep, sweep
 
 CONE_MODEL = GraspModel(friction=1.0, sensor_resolution=30.0 * DEGREE)
 """Model of the drawings of cones for all settings: all its angles are clearly visible."""
+
+TIP = Sensor(receptive_field=4.0, fingertip_radius=10.0)
+"""The paper's hemispherical tip, with the receptive field that it needs at friction 0.2 [mm]."""
+
+
+def tips(_: PaperSettings) -> Drawing:
+    """Draw a counterpart of Fig. 4: receptive fields of a flat and a round tip."""
+    return tips_figure(TIP)
 
 
 def cone(_: PaperSettings) -> Drawing:
@@ -48,11 +60,17 @@ def square_fractions(settings: PaperSettings) -> Drawing:
 
 
 def ceilings(settings: PaperSettings) -> Drawing:
-    """Draw Fig. 11: the best possible accuracy of a learned predictor."""
-    return ceiling_figure([swept(outline, settings) for outline in (Circle(), square())])
+    """Draw Fig. 11: the best possible accuracy of a learned predictor.
+
+    The paper's curve is that of the sphere, by area; those of circle and square, by perimeter, are
+    for comparison.
+    """
+    sphere = swept(SphereAngles(), settings, name="sphere (the paper's)")
+    return ceiling_figure([sphere, *(swept(outline, settings) for outline in (Circle(), square()))])
 
 
 FIGURES: dict[str, Callable[[PaperSettings], Drawing]] = {
+    "figure_04": tips,
     "figure_05": cone,
     "figure_06": combinations,
     "figure_07": circle_curves,
@@ -60,16 +78,18 @@ FIGURES: dict[str, Callable[[PaperSettings], Drawing]] = {
     "figure_09": square_curves,
     "figure_10": square_fractions,
     "figure_11": ceilings,
+    "extension_errors": over_errors,
+    "extension_map": over_resolution_and_location,
 }
 """Functions that draw the figures, by the name of their files without suffix."""
 
 
-def swept(outline: Outline, settings: PaperSettings) -> Sweep:
-    """Fractions of an outline's perimeter over the resolution, in closed form."""
+def swept(angles: AngleDistribution, settings: PaperSettings, *, name: str = "") -> Sweep:
+    """Fractions of an outline's perimeter or of a sphere over the resolution, in closed form."""
     return sweep(
-        outline,
+        angles,
         friction=settings.friction,
         sensor_resolution=settings.swept,
-        name=outline.name,
+        name=angles.name if isinstance(angles, Outline) else name,
         mode="scan",
     )

@@ -5,6 +5,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from grasp3d.paper.errors import receptive_fields, uncertainties
 from grasp3d.paper.markdown import fraction_cells, percent, table
 from grasp3d.paper.objects import ScannedObject
 from grasp3d.paper.paper_settings import PaperSettings
@@ -45,6 +46,8 @@ def numbers_page(
             for outline in (Circle(), square())
         },
         "In space": _in_space(objects, settings),
+        "Receptive field and location (Fig. 4)": receptive_fields(),
+        "Further uncertainties": uncertainties(settings, objects),
         **sampled,
     }
     parts = [_HEAD, *(f"## {title}\n\n{text}" for title, text in sections.items())]

@@ -56,6 +56,8 @@ class ScannedObject:
     scans: tuple[SurfaceLabels, ...]
     view: View
     closed_form: AngleDistribution | None = None
+    length: float = 1.0
+    """Radius or half a side of a solid, half the size of a real object [mesh unit]."""
 
     def sweep(self, settings: PaperSettings) -> Sweep:
         """Area fractions over the resolution."""
@@ -101,7 +103,8 @@ def real_object(
     """
     point = best_contact_point(mesh, settings.models[0], progress) if fixed is None else fixed
     (finger,) = fixed_fingers(scan_surface(mesh, settings.models[0], fixed=point))
-    return _scanned(name, mesh, point, settings, view_of(finger.normal))
+    scanned = _scanned(name, mesh, point, settings, view_of(finger.normal))
+    return replace(scanned, length=mesh.size / 2.0)
 
 
 def best_contact_point(

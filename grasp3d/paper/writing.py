@@ -49,7 +49,9 @@ def write_paper(
     fixed: ArrayLike | None = None,
     progress: Progress | None = None,
 ) -> Paper:
-    """Recompute Wan & Howe 2018: Fig. 5 to 11, their counterparts in space, and all numbers.
+    """Recompute Wan & Howe 2018: Fig. 4 to 11, their counterparts in space, and all numbers.
+
+    Two more figures have the uncertainties that the paper names and works out no more.
 
     Files of the same names are replaced atomically; other files in the folder are not changed.
 

@@ -4,6 +4,11 @@ Along an edge the second finger's normal is constant, so whether the critical an
 only on the direction of the line through both contacts, and changes only where that direction makes
 one of a few angles with a normal. There a line through the fixed contact crosses the edge; each
 piece between two such points is classified at its middle.
+
+Uncertain locations move the second contact against the first by up to d1 + d2, so that the whole
+disc of that radius must be (or some point of it must not be) within the cones. The boundaries are
+then lines parallel to those through the fixed contact, d1 + d2 away, and the circle of that radius
+about it: their crossings with the edges are in closed form, too.
 """
 
 import math
@@ -12,6 +17,7 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.planar.contacts import TIE, OutlineContacts, turn_between
+from grasp3d.planar.located import Lines
 
 CHUNK = 1 << 16
 """Pairs of an angle and an edge in memory at once."""
@@ -24,6 +30,7 @@ def length_below(
     along: Floats,
     *,
     best: bool,
+    location: float = 0.0,
 ) -> Floats:
     """Length of the part of the edges whose critical angle is below given angles.
 
@@ -32,7 +39,9 @@ def length_below(
         fixed: The contact of the first finger.
         edges: The edges' starting points and normals (k,).
         along: The edges from start to end, shape (k, 2).
-        best: Whether to take the best normals of the fixed finger instead of the worst.
+        best: Whether to take the best normals of the fixed finger and the best true locations
+            instead of the worst.
+        location: Sum of the two location errors [unit].
 
     Returns:
         Lengths [unit], of the shape of angles.
@@ -40,9 +49,12 @@ def length_below(
     clipped = np.clip(np.asarray(angles, dtype=np.float64), 0.0, 1.5 * math.pi)
     flat = clipped.reshape(-1)
     step = max(1, CHUNK // len(along))
+    chunks = [flat[start : start + step, None, None] for start in range(0, len(flat), step)]
     parts = [
-        _length_below(flat[start : start + step, None, None], fixed, edges, along, best=best)
-        for start in range(0, len(flat), step)
+        _length_below(chunk, fixed, edges, along, best=best)
+        if location == 0.0
+        else _located_length(chunk, fixed, edges, along, best=best, location=location)
+        for chunk in chunks
     ]
     return np.concatenate([np.zeros(0), *parts]).reshape(clipped.shape)
 
@@ -67,25 +79,89 @@ def _length_below(
     return np.asarray(np.where(external | internal, lengths, 0.0).sum(axis=(1, 2)))
 
 
+def _located_length(
+    angle: Floats,
+    fixed: OutlineContacts,
+    edges: OutlineContacts,
+    along: Floats,
+    *,
+    best: bool,
+    location: float,
+) -> Floats:
+    """See `length_below`; angle (b, 1, 1), result (b,)."""
+    ranges = fixed.half_range[0], np.zeros(1)
+    reach = angle + ranges[0] if best else angle - ranges[0]
+    directions = [fixed.middle[0] + side * reach for side in (-1.0, 1.0)]
+    directions += [edges.middle[:, None] + side * angle for side in (-1.0, 1.0)]
+    # Contacts nearer than the location errors have lines of any direction: turned by 90 degrees.
+    directions += [direction + 0.5 * math.pi for direction in directions]
+    point = fixed.points[0]
+    lines = [
+        _crossings(point, directions, edges.points, along, shift)
+        for shift in (-location, 0.0, location)
+    ]
+    circle = _circle_crossings(point, edges.points, along, location)
+    breaks = _ordered([*lines, np.broadcast_to(circle, (*lines[0].shape[:2], 2))])
+    half = 0.5 * (breaks[..., 1:] + breaks[..., :-1])[..., None]
+    apart = edges.points[:, None] - point + half * along[:, None]
+    grasps = Lines(
+        np.arctan2(apart[..., 1], apart[..., 0]),
+        np.hypot(apart[..., 0], apart[..., 1]),
+        fixed.middle[0],
+        edges.middle[:, None],
+    )
+    found = grasps.best(ranges, location) if best else grasps.worst(ranges, location)
+    lengths = np.hypot(along[:, 0], along[:, 1])[:, None] * np.diff(breaks)
+    return np.asarray(np.where(found - angle < -TIE, lengths, 0.0).sum(axis=(1, 2)))
+
+
 def _breaks(point: Floats, directions: list[Floats], starts: Floats, along: Floats) -> Floats:
     """Parameters from 0 to 1 along each edge where lines through a point cross it, in order.
+
+    See `_crossings`; shape (b, k, len(directions) + 2), the ends included.
+    """
+    return _ordered([_crossings(point, directions, starts, along)])
+
+
+def _crossings(
+    point: Floats, directions: list[Floats], starts: Floats, along: Floats, shift: float = 0.0
+) -> Floats:
+    """Parameters along each edge where lines cross it, 0 at its start and 1 at its end.
 
     Lines parallel to an edge make no break: the direction is the same along all of it.
 
     Args:
-        point: Shape (2,).
+        point: Point that the lines pass, shape (2,).
         directions: Polar angles of the lines, each of shape (b, k or 1, 1).
         starts: Shape (k, 2).
         along: Shape (k, 2).
+        shift: Distance of the lines from the point, to their left.
 
     Returns:
-        Shape (b, k, len(directions) + 2).
+        Shape (b, k, len(directions)).
     """
     shape = np.broadcast_shapes(*(d.shape for d in directions), (len(along), 1))
     phi = np.concatenate([np.broadcast_to(d, shape) for d in directions], axis=-1)
     back = point - starts
-    above = np.cos(phi) * back[:, 1:] - np.sin(phi) * back[:, :1]
+    above = np.cos(phi) * back[:, 1:] - np.sin(phi) * back[:, :1] + shift
     slope = np.cos(phi) * along[:, 1:] - np.sin(phi) * along[:, :1]
-    crossing = np.divide(above, slope, out=np.zeros_like(above), where=slope != 0.0)
-    ends = np.broadcast_to([0.0, 1.0], (*shape[:2], 2))
-    return np.sort(np.clip(np.concatenate([ends, crossing], axis=-1), 0.0, 1.0), axis=-1)
+    return np.asarray(np.divide(above, slope, out=np.zeros_like(above), where=slope != 0.0))
+
+
+def _circle_crossings(point: Floats, starts: Floats, along: Floats, radius: float) -> Floats:
+    """Parameters along each edge where the circle about a point crosses it, shape (k, 2).
+
+    Where it does not, both are those of the edge's point nearest to the centre.
+    """
+    squared = (along**2).sum(axis=1)
+    back = point - starts
+    nearest = (back * along).sum(axis=1) / squared
+    distance = (back[:, 0] * along[:, 1] - back[:, 1] * along[:, 0]) ** 2 / squared
+    half = np.sqrt(np.maximum(radius**2 - distance, 0.0) / squared)
+    return np.stack([nearest - half, nearest + half], axis=-1)
+
+
+def _ordered(crossings: list[Floats]) -> Floats:
+    """Parameters (b, k, m) from 0 to 1 in order, with both ends."""
+    ends = np.broadcast_to([0.0, 1.0], (*crossings[0].shape[:2], 2))
+    return np.sort(np.clip(np.concatenate([ends, *crossings], axis=-1), 0.0, 1.0), axis=-1)

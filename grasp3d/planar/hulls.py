@@ -144,7 +144,7 @@ def face_normals(half_range: float) -> Floats:
 def tested_normals(half_range: float, tilt: float, friction_angle: float, *, rings: bool) -> Floats:
     """Normals that are tested of those that the sensor cannot distinguish.
 
-    Wan & Howe 2018, Sec. III and IV: the normals on both sides of the contact with their extreme
+    Wan & Howe 2018, Sec. III: the normals on both sides of the contact with their extreme
     tilts, and the bisecting one. With rings there are more between them, so that no possible normal
     is farther than the friction angle from a tested one.
 

@@ -1,170 +1,19 @@
-"""The second finger scanned along an outline: epsilon and labels (Wan & Howe 2018, Sec. IV)."""
-
-import math
-from dataclasses import dataclass
-from functools import cached_property, partial
-from typing import Literal
+"""The second finger scanned along an outline (Wan & Howe 2018, Sec. III-B)."""
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Bytes, Floats, locked, short_repr
-from grasp3d.contact.friction_cones import effective_friction
+from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import STRAIGHT, TIE, OutlineContacts, critical_angles
-from grasp3d.planar.hulls import EpsilonRange, Pairs, extreme_normals, face_normals, tested_normals
+from grasp3d.planar.located import PairLimits, located_angles
 from grasp3d.planar.outlines import Outline
+from grasp3d.planar.planar_scan import PlanarScan
 from grasp3d.planar.polygons import TINY
-from grasp3d.settings import GraspModel, check_choice, whole_number
-from grasp3d.stability.label import Label
+from grasp3d.settings import GraspModel, whole_number
 from grasp3d.stability.thresholds import label_angles
-
-Kind = Literal["exact", "extremes", "four"]
 
 FEWEST_POINTS = 8
 FEWEST_EDGES = 2
-
-
-@dataclass(frozen=True, eq=False)
-class PlanarScan:
-    """A finger fixed on an outline and a second one at k points along it.
-
-    The first row is the fixed finger's own point, which makes no grasp: U, epsilon 0, critical
-    angle inf. What comes from wrench hulls is computed at first use.
-    """
-
-    outline: Outline
-    model: GraspModel
-    edges: int
-    """Number of forces of a planar cone."""
-    rings: bool
-    """Whether normals between the extreme ones were added where these leave gaps."""
-    position: Floats
-    """Arc length [unit], rising from the fixed finger's to less than a perimeter beyond it."""
-    weights: Floats
-    """Fraction of the perimeter that is nearest to each point; 0 for corners and the fixed point.
-    """
-    contacts: OutlineContacts
-    """Contacts at the points, relative to the center of mass."""
-    critical_angle: Floats
-    """Critical friction angle over the worst normals [rad], closed form."""
-    critical_angle_best: Floats
-    """The same over the best normals; smaller at corners, or if the fixed finger is at one."""
-    label: Bytes
-    """Exact `Label` codes, from the critical angles."""
-
-    __repr__ = short_repr
-
-    @property
-    def points(self) -> Floats:
-        """The points in the outline's frame [unit], shape (k, 2)."""
-        return locked(self.contacts.points + self.outline.center_mass)
-
-    @cached_property
-    def at_corner(self) -> Bools:
-        """Whether a point is a corner, with a range of normals, shape (k,)."""
-        return locked(self.contacts.half_range > STRAIGHT)
-
-    @cached_property
-    def angle(self) -> Floats:
-        """Angle about the center of mass from the fixed finger, from 0 to 2 pi [rad]."""
-        x, y = self.contacts.points.T
-        turn = np.arctan2(y, x)
-        return locked(np.remainder(turn - turn[0], 2.0 * math.pi))
-
-    @cached_property
-    def epsilon(self) -> Floats:
-        """Epsilon at the perceived normals; at corners the bisecting ones."""
-        beta = self.model.friction_angle
-        return self._pairs.over_combinations(lambda _: np.zeros(1), beta).lowest
-
-    @cached_property
-    def epsilon_extremes(self) -> Floats:
-        """Epsilon of the four combinations of extreme normals, shape (4, k).
-
-        Tilts of the fixed and the scanned finger, + counter-clockwise: ++, +-, -+, --. At corners
-        the normals are the extreme ones of the whole range, exterior angle + alpha.
-        """
-        return locked(self._four[0])
-
-    @cached_property
-    def epsilon_effective(self) -> Floats:
-        """Epsilon at the effective friction; at corners the smallest over faces and bisector."""
-        beta = math.atan(effective_friction(self.model.friction, self.model.sensor_resolution))
-        return self._pairs.over_combinations(face_normals, beta).lowest
-
-    @property
-    def epsilon_min(self) -> Floats:
-        """Smallest epsilon over all tested normals.
-
-        Raises:
-            SettingError: The rings need too many normals.
-        """
-        return self._tested.lowest
-
-    @property
-    def epsilon_max(self) -> Floats:
-        """Largest epsilon over all tested normals; see `epsilon_min`."""
-        return self._tested.highest
-
-    @cached_property
-    def label_extremes(self) -> Bytes:
-        """`Label` codes from force closure at the tested normals alone; see `epsilon_min`.
-
-        With rings the same as `label`, except within rounding of a threshold.
-        """
-        return locked(_labels(self._tested.all_closed, self._tested.any_closed))
-
-    @cached_property
-    def label_four(self) -> Bytes:
-        """`Label` codes from the four combinations of extreme normals alone.
-
-        They differ from the exact ones where alpha > 2 beta: the extreme cones of a contact then
-        leave a gap between them. If the line between the contacts lies within alpha/2 - beta of a
-        perceived normal, in the gap, no combination is force-closed and the label is U, although it
-        is M wherever the line is less than alpha/2 + beta off both normals. At corners there is a
-        gap where exterior angle + alpha exceed 2 beta; where they exceed 180 degrees the label may
-        even be S, from extreme normals that point to the opposite side.
-        """
-        closed = self._four[1]
-        return locked(_labels(np.all(closed, axis=0), np.any(closed, axis=0)))
-
-    def fractions(self, *, of: Kind = "exact") -> dict[str, float]:
-        """Fractions of the perimeter that are S, M and U, weighted with `weights`.
-
-        Args:
-            of: 'exact': `label`; 'extremes': `label_extremes`; 'four': `label_four`.
-
-        Raises:
-            SettingError: `of` is unknown, or the rings need too many normals.
-        """
-        check_choice("kind of labels", of, Kind)
-        labels = getattr(self, "label" if of == "exact" else f"label_{of}")
-        return {
-            label.name: float(self.weights[labels == label].sum())
-            for label in sorted(Label, reverse=True)
-        }
-
-    @cached_property
-    def _pairs(self) -> Pairs:
-        row = slice(0, 1)
-        contacts = self.contacts
-        fixed = OutlineContacts(contacts.points[row], contacts.first[row], contacts.last[row])
-        scale, actuation = self.outline.torque_scale, self.model.actuation
-        return Pairs(fixed, contacts, scale, actuation, self.edges)
-
-    @cached_property
-    def _four(self) -> tuple[Floats, Bools]:
-        """Epsilon and closure of the combinations of extreme normals, shape (4, k)."""
-        choose = partial(extreme_normals, tilt=self.model.tilt)
-        return self._pairs.each_combination(choose, self.model.friction_angle)
-
-    @cached_property
-    def _tested(self) -> EpsilonRange:
-        beta = self.model.friction_angle
-        choose = partial(
-            tested_normals, tilt=self.model.tilt, friction_angle=beta, rings=self.rings
-        )
-        return self._pairs.over_combinations(choose, beta)
 
 
 def scan(
@@ -175,12 +24,13 @@ def scan(
     edges: int = 2,
     rings: bool = True,
 ) -> PlanarScan:
-    """Scan the second finger along an outline (Wan & Howe 2018, Sec. IV).
+    """Scan the second finger along an outline (Wan & Howe 2018, Sec. III-B).
 
     Args:
         outline: The curve, with the first finger fixed on it.
-        model: Friction, sensor resolution and actuation; None: the defaults. Its `edges` and
-            `torsion_radius` have no effect in the plane.
+        model: Friction, sensor resolution, further uncertainties and actuation; None: the
+            defaults. Lengths are numbers in the outline's unit. Its `edges` and `torsion_radius`
+            have no effect in the plane.
         points: Number of evenly spaced points, the fixed finger's first, at least 8; corners are
             added. For fractions of the perimeter every edge should contain some.
         edges: Number of unit forces of a planar friction cone, at least 2, evenly spaced from one
@@ -191,6 +41,17 @@ def scan(
 
     Raises:
         SettingError: A setting is outside its range, or all points are corners.
+
+    Example:
+        Contacts known to within a tenth of the circle's radius:
+
+        >>> import grasp3d
+        >>> model = grasp3d.GraspModel(friction=(0.9, 1.1), location_error=0.1)
+        >>> found = grasp3d.planar.scan(grasp3d.planar.Circle(), model)
+        >>> {name: round(fraction, 2) for name, fraction in found.fractions().items()}
+        {'S': 0.27, 'M': 0.39, 'U': 0.34}
+        >>> bool((found.located_angles[0] >= found.critical_angle).all())
+        True
     """
     settings = GraspModel() if model is None else model
     travel = _travel(outline, whole_number("points", points, FEWEST_POINTS))
@@ -199,6 +60,9 @@ def scan(
     contacts = outline.contacts_about_center(position)
     fixed = outline.contacts_about_center(position[:1])
     worst, best = critical_angles(fixed, contacts)
+    located = (worst, best)
+    if not settings.is_uniform:
+        located = located_angles(fixed, contacts, PairLimits.of_model(settings))
     return PlanarScan(
         outline=outline,
         model=settings,
@@ -209,7 +73,8 @@ def scan(
         contacts=contacts,
         critical_angle=locked(worst),
         critical_angle_best=locked(best),
-        label=locked(label_angles(worst + TIE, best + TIE, settings)),
+        located_angles=(locked(located[0]), locked(located[1])),
+        label=locked(label_angles(located[0] + TIE, located[1] + TIE, settings)),
     )
 
 
@@ -232,8 +97,3 @@ def _weights(travel: Floats, contacts: OutlineContacts, perimeter: float) -> Flo
     weights = np.zeros(len(travel))
     weights[smooth] = np.diff(np.concatenate([[0.0], bounds, [perimeter]])) / perimeter
     return weights
-
-
-def _labels(all_closed: Bools, any_closed: Bools) -> Bytes:
-    """S where all are force-closed, U where none is, M elsewhere."""
-    return np.where(all_closed, Label.S, np.where(any_closed, Label.M, Label.U)).astype(np.uint8)

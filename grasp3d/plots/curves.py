@@ -175,7 +175,7 @@ def _widest(run: Run, corners: Floats) -> tuple[float, float]:
 def _corner_spans(scan: PlanarScan, x: Floats) -> list[tuple[float, float]]:
     """Abscissa of each corner, and its range of normals [degrees].
 
-    Wan & Howe 2018, Sec. IV: exterior angle + alpha.
+    Wan & Howe 2018, Sec. III-B: exterior angle + alpha.
     """
     corners = np.flatnonzero(at_corner(scan))
     spans = 2.0 * scan.contacts.half_range[corners] + scan.model.sensor_resolution

@@ -1,4 +1,4 @@
-"""Panels of area fractions S, M and U over the sensor's resolution, and of accuracy ceilings."""
+"""Panels of area fractions S, M and U over the sensor's resolution or another uncertainty."""
 
 import math
 from collections.abc import Mapping, Sequence
@@ -23,6 +23,7 @@ from grasp3d.plots.style import (
 )
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.sweeps import Sweep
+from grasp3d.sweeps.axes import AXES, COLUMN, AxisName, describe_value
 
 PANEL = 1.7
 """Least width of a panel [inch]."""
@@ -43,9 +44,10 @@ def stack_fractions(
 
     Args:
         axes: Axes to draw on, in degrees and percent.
-        sweep: The sweep.
-        row: Row of its friction.
-        fractions: Area fractions whose required resolution is marked.
+        sweep: The sweep; along the axis is what varies from column to column.
+        row: Row of its friction, or of what else varies from row to row.
+        fractions: Area fractions whose required resolution is marked, if resolutions are along the
+            axis.
     """
     degrees, stable, certain = _widened(
         sweep, 100.0 * sweep.stable[row], 100.0 * (1.0 - sweep.unstable[row])
@@ -56,7 +58,9 @@ def stack_fractions(
         Label.U: (certain, np.full_like(stable, 100.0)),
     }
     required = {
-        fraction: math.degrees(sweep.required_resolution(fraction)[row]) for fraction in fractions
+        fraction: math.degrees(sweep.required_resolution(fraction)[row])
+        for fraction in fractions
+        if sweep.columns == COLUMN
     }
     marks = {
         fraction: resolution
@@ -70,29 +74,66 @@ def stack_fractions(
         left = resolution > 0.2 * degrees[0] + 0.8 * degrees[-1]
         _mark(axes, resolution, 100.0 * fraction, left=left)
     axes.set(xlim=(degrees[0], degrees[-1]), ylim=(0.0, 100.0), yticks=[0, 25, 50, 75, 100])
-    _degree_ticks(axes, sweep)
+    _ticks(axes, sweep)
 
 
 def draw_ceiling(axes: Axes, sweeps: Sequence[Sweep]) -> None:
     """Draw the best accuracy of any predictor over the resolution (Wan & Howe 2018, Fig. 11).
 
-    One line for each sweep and friction, labelled with what differs among them.
+    One line for each sweep and row, labelled with what differs among them.
 
     Args:
         axes: Axes to draw on, in degrees and percent.
         sweeps: The sweeps.
     """
-    lines = [(sweep, row) for sweep in sweeps for row in range(len(sweep.friction))]
-    one_friction = len({float(sweep.friction[row]) for sweep, row in lines}) == 1
+    lines = [(sweep, row) for sweep in sweeps for row in range(len(sweep.stable))]
+    one_row = len({row_text(sweep, row) for sweep, row in lines}) == 1
     for number, (sweep, row) in enumerate(lines):
-        friction = f"μ = {sweep.friction[row]:g}"
-        name = friction if len(sweeps) == 1 else sweep.name
-        label = name if one_friction or len(sweeps) == 1 else f"{name}, {friction}"
+        value = row_text(sweep, row)
+        name = value if len(sweeps) == 1 else sweep.name
+        label = name if one_row or len(sweeps) == 1 else f"{name}, {value}"
         degrees, height = _widened(sweep, 100.0 * sweep.accuracy_ceiling[row])
         axes.plot(degrees, height, label=label, **_line(number))
     axes.set(ylim=(50.0, 100.0), yticks=[50, 60, 70, 80, 90, 100])
     axes.margins(x=0.0)
-    _degree_ticks(axes, sweeps[0])
+    _ticks(axes, sweeps[0])
+
+
+def row_text(sweep: Sweep, row: int) -> str:
+    """What is particular to a row of a sweep, as text: 'μ = 0.5'.
+
+    Args:
+        sweep: The sweep.
+        row: The row.
+    """
+    value = float(sweep.axes.values[sweep.rows][row])
+    return f"{AXES[sweep.rows].symbol} = {describe_value(sweep.rows, value, sweep.unit)}"
+
+
+def axis_title(sweep: Sweep, name: AxisName) -> str:
+    """Name of an axis, with the unit of its values.
+
+    Args:
+        sweep: The sweep, for the unit of lengths.
+        name: The axis.
+    """
+    axis = AXES[name]
+    if name == COLUMN:
+        return rf"{axis.words} $\alpha$ [°]"
+    if name == "location_error":
+        return f"{axis.words} [{sweep.unit}]" if sweep.unit else axis.words
+    return f"{axis.words} [{axis.unit}]" if axis.is_angle else axis.words
+
+
+def axis_numbers(sweep: Sweep, name: AxisName) -> Floats:
+    """Values of an axis as they are drawn: angles in degrees.
+
+    Args:
+        sweep: The sweep.
+        name: The axis.
+    """
+    values = sweep.axes.values[name]
+    return np.degrees(values) if AXES[name].is_angle else values
 
 
 @styled
@@ -105,12 +146,12 @@ def sweep_figure(
     """Draw one row for each sweep: its stacked fractions at each friction, and its ceiling.
 
     Args:
-        sweeps: Sweeps of the same frictions; at least one.
+        sweeps: Sweeps of the same axes; at least one.
         members: By a mean's name, the sweeps it is the mean of, whose S are drawn as thin lines.
         fractions: Area fractions whose required resolution is marked.
     """
     members = members or {}
-    rows, columns = len(sweeps), len(sweeps[0].friction) + 1
+    rows, columns = len(sweeps), len(sweeps[0].stable) + 1
     figure = new_figure(max(PAGE, PANEL * columns), ROW * rows + MARGINS)
     grid = figure.subplots(rows, columns, squeeze=False, sharex=True)
     for panels, sweep in zip(grid, sweeps, strict=True):
@@ -123,15 +164,17 @@ def sweep_figure(
         draw_ceiling(panels[-1], [sweep])
         lines = wrap(as_text(sweep.name), NAME)
         panels[0].set_ylabel("\n".join(lines), fontweight="bold", parse_math=False)
-    for axes, friction in zip(grid[0, :-1], sweeps[0].friction, strict=True):
-        axes.set_title(f"friction μ = {friction:g}")
+    for row, axes in enumerate(grid[0, :-1]):
+        words = "friction " if sweeps[0].rows == "friction" else ""
+        axes.set_title(f"{words}{row_text(sweeps[0], row)}")
     grid[0, -1].set_title("accuracy ceiling [%]")
     figure.supylabel("area fraction [%]", fontsize="medium")
+    if not sweeps[0].axes.is_default:
+        figure.suptitle(sweeps[0].axes.fixed_text, fontsize="medium")
     for axes in grid[-1]:
-        axes.set_xlabel(r"sensor resolution $\alpha$ [°]")
-    _add_legend(
-        figure, [*grid[0, -1].get_lines(), *_legend_lines(fractions, bool(members))], sweeps
-    )
+        axes.set_xlabel(axis_title(sweeps[0], sweeps[0].columns))
+    marked = fractions if sweeps[0].columns == COLUMN else ()
+    _add_legend(figure, [*grid[0, -1].get_lines(), *_legend_lines(marked, bool(members))], sweeps)
     return figure
 
 
@@ -164,7 +207,7 @@ def _add_legend(figure: Figure, lines: Sequence[Line2D], sweeps: Sequence[Sweep]
 
 def _widened(sweep: Sweep, *heights: Floats) -> tuple[Floats, ...]:
     """Resolutions [degrees] and heights over them; a single resolution becomes a bar."""
-    degrees = np.degrees(sweep.sensor_resolution)
+    degrees = axis_numbers(sweep, sweep.columns)
     if len(degrees) > 1:
         return (degrees, *heights)
     return (degrees + np.array([-0.5, 0.5]), *(np.repeat(height, 2) for height in heights))
@@ -213,8 +256,9 @@ def _line(number: int) -> dict[str, Any]:
     }
 
 
-def _degree_ticks(axes: Axes, sweep: Sweep) -> None:
-    if len(sweep.sensor_resolution) == 1:
-        axes.set_xticks([round(math.degrees(sweep.sensor_resolution[0]), 3)])
+def _ticks(axes: Axes, sweep: Sweep) -> None:
+    numbers = axis_numbers(sweep, sweep.columns)
+    if len(numbers) == 1:
+        axes.set_xticks([round(float(numbers[0]), 3)])
     else:
         axes.xaxis.set_major_locator(MaxNLocator(4, steps=[1, 1.5, 2, 3, 5, 10]))

@@ -15,6 +15,7 @@ from .grip_forces import ForceCertificate as ForceCertificate
 from .grip_forces import GripForce as GripForce
 from .grip_forces import Resistance as Resistance
 from .grip_forces import grip_force as grip_force
+from .location_tolerance import location_tolerance as location_tolerance
 from .measures.known import METRICS as METRICS
 from .measures.known import metric_names as metric_names
 from .measures.measuring import MetricValues as MetricValues

@@ -4,7 +4,8 @@ A surface point is S where its critical friction angle over the worst normals is
 beta - alpha/2, and U where that over the best normals is beta + alpha/2 or more (for three fingers
 and more, while beta + alpha/2 is below 90 degrees). So two cumulative distributions of angles
 determine the fractions for every friction and sensor resolution, and the sensor resolution that a
-fraction S requires.
+fraction S requires. With uncertain contact locations the angles are those over the worst and the
+best locations as well, and the distribution is that at one location error.
 """
 
 import math
@@ -17,7 +18,9 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel
+from grasp3d.stability.round_shapes import critical_angle_below, location_ratio, worst_angle
 from grasp3d.stability.thresholds import unstable_from
+from grasp3d.uncertainty import check_location_error
 
 FRACTION_ROUNDING = 1e-12
 """Fraction of a surface that rounding errors may amount to."""
@@ -29,7 +32,7 @@ BISECTIONS = 60
 def accuracy_ceiling(fractions: dict[str, float]) -> float:
     """Highest possible accuracy of a predictor of grasp success that uses this sensor.
 
-    All S and U are predicted correctly, and half of M (Wan & Howe 2018, Sec. V): S + U + M / 2.
+    All S and U are predicted correctly, and half of M (Wan & Howe 2018, Sec. IV-C): S + U + M / 2.
 
     Args:
         fractions: Fractions of the surface under the keys S, M and U.
@@ -41,6 +44,16 @@ def check_fraction(fraction: float) -> None:
     """Raise SettingError unless a fraction lies between 0 and 1."""
     if not 0.0 <= fraction <= 1.0:
         raise SettingError(f"a fraction must be from 0 to 1; got {fraction:g}")
+
+
+def check_number(location_error: float) -> None:
+    """Raise SettingError unless a location error is a finite number of at least 0, no text."""
+    if isinstance(location_error, str):
+        raise SettingError(
+            "the location error on a shape without a unit must be a number in the unit of its "
+            f"radius; got {location_error!r}"
+        )
+    check_location_error(location_error)
 
 
 class AngleDistribution(ABC):
@@ -85,29 +98,54 @@ class AngleDistribution(ABC):
                 low = middle
         return high
 
-    def fractions(self, *, friction: float, sensor_resolution: float) -> dict[str, float]:
+    def fractions(
+        self,
+        *,
+        friction: float | tuple[float, float],
+        sensor_resolution: float,
+        friction_error: float = 0.0,
+        normal_error: float = 0.0,
+    ) -> dict[str, float]:
         """Area fractions S, M and U.
 
         Args:
-            friction: Coulomb coefficient, above 0.
+            friction: Coulomb coefficient, above 0, or the interval in which it lies.
             sensor_resolution: Resolution alpha [rad].
+            friction_error: Largest difference between the true friction and `friction`.
+            normal_error: Largest angle between true and perceived normals beyond alpha/2 [rad].
 
         Raises:
             SettingError: A value is outside its range.
             SearchCoverageError: The search did not cover all grasps that this needs.
         """
-        model = GraspModel(friction=friction, sensor_resolution=sensor_resolution)
-        stable, ambiguous, unstable = self.fractions_at(model.friction_angle, model.tilt)
+        model = GraspModel(
+            friction=friction,
+            sensor_resolution=sensor_resolution,
+            friction_error=friction_error,
+            normal_error=normal_error,
+        )
+        least, largest = map(math.atan, model.friction_interval)
+        stable, ambiguous, unstable = self.fractions_at(
+            least, model.tilt, largest_friction_angle=largest
+        )
         return {"S": float(stable), "M": float(ambiguous), "U": float(unstable)}
 
     def fractions_at(
-        self, friction_angle: ArrayLike, tilt: ArrayLike
+        self,
+        friction_angle: ArrayLike,
+        tilt: ArrayLike,
+        *,
+        largest_friction_angle: ArrayLike | None = None,
     ) -> tuple[Floats, Floats, Floats]:
         """Area fractions S, M and U, for arrays of settings.
 
         Args:
-            friction_angle: Half-angles beta of the friction cones [rad].
-            tilt: Halves of the resolutions alpha [rad]; both are broadcast together.
+            friction_angle: Half-angles beta of the friction cones [rad]; where friction is an
+                interval, those at the smallest friction.
+            tilt: Largest angles between true and perceived normals [rad]: halves of the resolutions
+                alpha, and further errors of the normals.
+            largest_friction_angle: Half-angles at the largest friction [rad]; None: the same. All
+                are broadcast together.
 
         Returns:
             Three arrays of their common shape.
@@ -116,7 +154,8 @@ class AngleDistribution(ABC):
             SearchCoverageError: The search did not cover all grasps that this needs.
         """
         beta, a = np.asarray(friction_angle, float), np.asarray(tilt, float)
-        widest = float(np.max(beta + a, initial=0.0))
+        largest = beta if largest_friction_angle is None else np.asarray(largest_friction_angle)
+        widest = float(np.max(largest + a, initial=0.0))
         if min(widest, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
             raise SearchCoverageError(
                 f"atan(friction) + alpha/2 is {math.degrees(widest):.4g} degrees, but grasps "
@@ -124,15 +163,25 @@ class AngleDistribution(ABC):
                 f"with Sampling(search_angle={min(widest, math.pi / 2.0):.4g})"
             )
         stable = self.worst_below(beta - a)
-        unstable = 1.0 - self.best_below(unstable_from(beta, a, self.fingers))
+        unstable = 1.0 - self.best_below(unstable_from(largest, a, self.fingers))
+        stable, unstable = np.broadcast_arrays(stable, unstable)
         return stable, np.maximum(0.0, 1.0 - stable - unstable), unstable
 
-    def required_resolution(self, fraction: float, *, friction: float) -> float:
+    def required_resolution(
+        self,
+        fraction: float,
+        *,
+        friction: float | tuple[float, float],
+        friction_error: float = 0.0,
+        normal_error: float = 0.0,
+    ) -> float:
         """Coarsest sensor resolution alpha below which a fraction of the surface is S [rad].
 
         Args:
             fraction: Area fraction, above 0, at most 1.
-            friction: Coulomb coefficient, above 0.
+            friction: Coulomb coefficient, above 0, or the interval in which it lies.
+            friction_error: Largest difference between the true friction and `friction`.
+            normal_error: Largest angle between true and perceived normals beyond alpha/2 [rad].
 
         Returns:
             The resolution; 0 where no sensor is fine enough.
@@ -143,14 +192,17 @@ class AngleDistribution(ABC):
         """
         if not 0.0 < fraction <= 1.0:
             raise SettingError(f"the fraction must be above 0 and at most 1; got {fraction:g}")
-        beta, angle = GraspModel(friction=friction).friction_angle, self.worst_quantile(fraction)
+        model = GraspModel(
+            friction=friction, friction_error=friction_error, normal_error=normal_error
+        )
+        beta, angle = math.atan(model.friction_interval[0]), self.worst_quantile(fraction)
         if angle > self.limit and min(beta, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
             raise SearchCoverageError(
                 f"atan(friction) is {math.degrees(beta):.4g} degrees, but grasps were searched "
                 f"only up to {math.degrees(self.limit):.4g}; label the surface again with "
                 f"Sampling(search_angle={beta:.4g})"
             )
-        return max(0.0, 2.0 * (beta - angle))
+        return max(0.0, 2.0 * (beta - angle - normal_error))
 
 
 @dataclass(frozen=True, eq=False)
@@ -206,18 +258,54 @@ class SphereAngles(AngleDistribution):
 
     The line through contacts that are an angle t apart about the centre makes the angle
     (pi - t) / 2 with both normals.
+
+    Attributes:
+        location_error: Largest distance between a true and a perceived contact point, for both
+            fingers, as a number in the unit of the radius.
+        radius: Radius of the sphere.
+
+    Example:
+        >>> from grasp3d.stability import SphereAngles
+        >>> sphere = SphereAngles(location_error=2.0, radius=30.0)
+        >>> found = sphere.fractions(friction=0.5, sensor_resolution=0.2)
+        >>> {name: round(fraction, 3) for name, fraction in found.items()}
+        {'S': 0.084, 'M': 0.202, 'U': 0.715}
     """
 
+    location_error: float = 0.0
+    radius: float = 1.0
+
+    def __post_init__(self) -> None:
+        if not 0.0 < self.radius < math.inf:
+            raise SettingError(
+                f"the radius of a sphere must be a finite number above 0; got {self.radius:g}"
+            )
+        check_number(self.location_error)
+
+    def angle_distribution(self, *, location_error: float = 0.0) -> "SphereAngles":
+        """Distribution on the same sphere at another location error, see `SphereAngles`.
+
+        Raises:
+            SettingError: The location error is not a finite number of at least 0.
+        """
+        return SphereAngles(location_error, self.radius)
+
     def worst_below(self, angles: ArrayLike) -> Floats:
-        """See `AngleDistribution`: sin(angle)^2."""
-        within = np.clip(np.asarray(angles, dtype=np.float64), 0.0, math.pi / 2.0)
-        return np.asarray(np.sin(within) ** 2)
+        """See `AngleDistribution`: sin(x)^2, where the worst line at beta* = x has that angle."""
+        return np.asarray(np.sin(critical_angle_below(angles, self._ratio)) ** 2)
 
     def best_below(self, angles: ArrayLike) -> Floats:
-        """See `AngleDistribution`: a sphere has no creases."""
-        return self.worst_below(angles)
+        """See `AngleDistribution`: sin(angle)^2, for every location error.
+
+        A sphere has no creases, and no line is nearer to both normals than the perceived one.
+        """
+        return np.asarray(np.sin(critical_angle_below(angles, 0.0)) ** 2)
 
     def worst_quantile(self, fraction: float) -> float:
         """See `AngleDistribution`: the inverse of `worst_below`."""
         check_fraction(fraction)
-        return math.asin(math.sqrt(fraction))
+        return float(worst_angle(math.asin(math.sqrt(fraction)), self._ratio))
+
+    @property
+    def _ratio(self) -> float:
+        return location_ratio(self.radius, self.location_error, self.location_error)

@@ -22,6 +22,8 @@ def classify(
     *,
     method: Method = "exact",
     friction_interval: tuple[ArrayLike, ArrayLike] | None = None,
+    normal_error: ArrayLike = 0.0,
+    location_error: ArrayLike = 0.0,
     creases: Mapping[int, ArrayLike] | None = None,
     extreme_normals: int = 8,
     rings: int | None = None,
@@ -51,6 +53,12 @@ def classify(
         friction_interval: Smallest and largest friction coefficient, where friction is uncertain:
             each above 0, one number or of shape (..., n), with the contacts' friction between them;
             None: the contacts' friction alone. S is decided by the smallest, U by the largest.
+        normal_error: Largest angle between true and perceived normals beyond alpha/2 [rad], from 0
+            to below pi / 2, as joint encoders cause it: one value, or shape (..., n).
+        location_error: Largest distance between true and perceived contacts, in the unit of the
+            points, at least 0: one value, or shape (..., n). Normals do not change with the
+            location. Method exact only. Two contacts: exact, U safe on creases; more: safe, every S
+            and U is correct, and grasps with a contact on a crease are M.
         creases: For contacts on creases and corners, by number: inward normals of the faces that
             meet there, shape (k, 3) or (..., k, 3). The contact may have any normal between them,
             tilted by up to alpha/2. They affect labels, and with method extremes epsilon. Method
@@ -83,6 +91,10 @@ def classify(
         whole_number("rings", rings, 1)
     whole_number("extreme normals", extreme_normals, MIN_EXTREMES)
     tilt = _resolutions(contacts, sensor_resolution) / 2.0
+    tilt = tilt + _errors("normal error", normal_error, contacts, math.pi / 2.0)
+    location = _errors("location error", location_error, contacts, math.inf)
+    if method == "extremes" and location.any():
+        raise SettingError("method extremes tests normals only; a location_error needs exact")
     low, high = _friction_range(contacts, friction_interval)
     flat = contacts.reshape((-1,))
     problem = StabilityProblem(
@@ -94,6 +106,7 @@ def classify(
         extreme_normals=extreme_normals,
         rings=rings,
         options=options or EpsilonOptions(),
+        location=location.reshape(-1, contacts.count),
     )
     stable, unstable, hulls = decide(problem, method)
     label = np.full(len(stable), Label.M, dtype=np.uint8)
@@ -117,6 +130,15 @@ def _resolutions(contacts: Contacts, sensor_resolution: ArrayLike) -> Floats:
             f"got {sensor_resolution!r} (radians)"
         )
     return alpha
+
+
+def _errors(name: str, values: ArrayLike, contacts: Contacts, limit: float) -> Floats:
+    """Check errors and broadcast them to the contacts, shape (..., n)."""
+    errors = per_contact(name, values, contacts)
+    if not ((errors >= 0.0) & (errors < limit)).all():
+        below = "" if math.isinf(limit) else f" and below {limit:.4g} (radians)"
+        raise SettingError(f"{name} must be at least 0{below}; got {values!r}")
+    return errors
 
 
 def _friction_range(

@@ -16,7 +16,14 @@ from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.settings import Method
 from grasp3d.stability.enumeration import closure_at
 from grasp3d.stability.extreme_normals import Tested, check_combinations, extreme_normals
+from grasp3d.stability.located_angles import (
+    ContactLimits,
+    PairLines,
+    located_grasps,
+    located_pairs,
+)
 from grasp3d.stability.normal_sets import STEP, Creases, angles_to_set, sampled_set
+from grasp3d.stability.sampled_normals import WorstAndBest
 
 MIN_FORM_CLOSURE = 7
 """Fewest contacts of a grasp that is force-closed without friction."""
@@ -42,6 +49,8 @@ class StabilityProblem(NamedTuple):
     """Number of extreme normals on a rim, for method extremes."""
     rings: int | None
     options: EpsilonOptions
+    location: Floats
+    """Largest distance between true and perceived contact points, shape (b, n)."""
 
     @property
     def hard(self) -> Contacts:
@@ -74,6 +83,11 @@ class StabilityProblem(NamedTuple):
         return self.high.friction_angle - self.contacts.friction_angle + self.tilt
 
     @property
+    def limits(self) -> ContactLimits:
+        """What is known about the contacts, relative to thresholds that all have in common."""
+        return ContactLimits.of_angles(self.narrowest_angle, self.widest_angle, self.location)
+
+    @property
     def tested(self) -> Tested:
         """Normals that the enumeration tests at each contact."""
         return extreme_normals(
@@ -92,6 +106,8 @@ def decide(problem: StabilityProblem, method: Method) -> tuple[Bools, Bools, Int
     if problem.contacts.count == 1:
         none = np.zeros(len(problem.tilt), dtype=np.bool_)  # a single force has no equilibrium
         return none, ~none, np.zeros(len(none), dtype=np.int64)
+    if problem.location.any():
+        return _of_located(problem)
     if problem.contacts.count == 2:
         return _of_pairs(problem)
     if problem.creases:
@@ -106,6 +122,58 @@ def _by_extremes(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
         return ~low.failing, ~low.closing, low.hulls
     high = closure_at(problem.high, tested, problem.options)
     return ~low.failing, ~high.closing, low.hulls + high.hulls
+
+
+def located_angles(problem: StabilityProblem) -> WorstAndBest:
+    """Located angles of grasps (b,), see `stability.located_angles`; method exact.
+
+    inf where two contacts are at one point; nan for three contacts and more with one on a crease.
+    """
+    contacts = problem.hard
+    if contacts.count == 2:
+        lines = _lines_of_pairs(problem)
+        turned = math.pi - lines.best, math.pi - lines.worst
+        worst, best = (
+            np.minimum(angles.max(axis=1), reverse.max(axis=1))
+            for angles, reverse in zip((lines.worst, lines.best), turned, strict=True)
+        )
+        worst[lines.openings == 0.0] = best[lines.openings == 0.0] = math.inf
+        return located_pairs(worst, best, lines, problem.limits)
+    if problem.creases:
+        return np.full(len(problem.tilt), math.nan), np.full(len(problem.tilt), math.nan)
+    critical = critical_friction_angle(contacts, threads=problem.threads)
+    return located_grasps(contacts, critical, problem.limits, threads=problem.threads)
+
+
+def _lines_of_pairs(problem: StabilityProblem) -> PairLines:
+    contacts = problem.hard
+    if not problem.creases:
+        return PairLines.of_contacts(contacts)
+    sets = [problem.creases.get(i, contacts.normals[:, i, None]) for i in range(2)]
+    widths = np.array([rows.shape[1] for rows in sets])
+    # The last corner of a set may be repeated.
+    counts = np.stack([(rows == rows[:, -1:]).all(axis=2).argmax(axis=1) + 1 for rows in sets], 1)
+    start = np.arange(len(contacts.points))[:, None] * widths.sum() + np.array([0, widths[0]])
+    together = np.concatenate(sets, axis=1).reshape(-1, 3)
+    return PairLines.of_sets(
+        contacts.points, start.ravel(), counts.ravel(), together, contacts.normals
+    )
+
+
+def _of_located(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
+    """Contacts with uncertain locations: thresholds on their located angles."""
+    worst, best = located_angles(problem)
+    widest = problem.widest_angle.max(axis=1)
+    stable, unstable = worst < problem.narrowest_angle.min(axis=1), best >= widest
+    if problem.contacts.count > 2:
+        unstable &= (problem.widest_angle < RIGHT_ANGLE).all(axis=1)
+    else:  # contacts at one point: any line may be the true one
+        together = np.isinf(worst)
+        normals = problem.contacts.normals[together]
+        between = angles_between(normals[:, 0], -normals[:, 1])
+        stable[together] = False
+        unstable[together] = between >= problem.widest_angle[together].sum(axis=1)
+    return stable, unstable, np.zeros(len(stable), dtype=np.int64)
 
 
 def _of_pairs(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:

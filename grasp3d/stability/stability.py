@@ -14,7 +14,7 @@ from grasp3d.quality.ferrari_canny import Epsilon, epsilon_with
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
 from grasp3d.settings import Method
 from grasp3d.stability.enumeration import Extremes, extremes
-from grasp3d.stability.exact import StabilityProblem, closing_normals
+from grasp3d.stability.exact import StabilityProblem, closing_normals, located_angles
 from grasp3d.stability.extreme_normals import Tested
 
 
@@ -46,6 +46,18 @@ class Stability:
         """beta* at the perceived normals [rad], shape (...)."""
         problem = self._problem
         return self._shaped(critical_friction_angle(problem.contacts, threads=problem.threads))
+
+    @cached_property
+    def margin(self) -> Floats:
+        """Margin [rad]: beta - alpha/2 - beta*, less all other uncertainties, shape (...).
+
+        With method exact a grasp is S iff it is above 0. Of the finger with the least; beta at the
+        smallest friction. -inf for two contacts at one point; nan for three contacts and more with
+        one on a crease.
+        """
+        problem = self._problem
+        worst, _ = located_angles(problem)
+        return self._shaped(problem.narrowest_angle.min(axis=1) - worst)
 
     @cached_property
     def worst(self) -> ForceClosure:
@@ -97,7 +109,7 @@ class Stability:
     def epsilon_effective(self) -> Floats:
         """Epsilon at the effective friction tan(beta - alpha/2), shape (...).
 
-        Wan & Howe 2018, Sec. III. For hard fingers with circular cones it is the smallest epsilon
+        Wan & Howe 2018, Sec. III-A. For hard fingers with circular cones it is the smallest epsilon
         over all tilts if none of them exceeds friction; else it is 0.
         """
         return self._shaped(self._effective.lower)

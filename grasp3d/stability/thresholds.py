@@ -36,8 +36,11 @@ def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:
     """Label grasps by their critical friction angles.
 
     Args:
-        worst: Critical angle over the worst normals [rad], any shape; inf for no grasp.
-        best: Critical angle over the best normals [rad]; equal to `worst` except at creases.
+        worst: Critical angle over the worst normals [rad], any shape; inf for no grasp. Located
+            ones where contact locations are uncertain or fingers differ, see
+            `stability.located_angles`.
+        best: Critical angle over the best normals [rad]; equal to `worst` except at creases, and
+            where locations are uncertain.
         model: Friction, sensor resolution and number of fingers.
 
     Returns:
@@ -52,11 +55,33 @@ def label_angles(worst: Floats, best: Floats, model: GraspModel) -> Bytes:
 def max_resolution(worst: Floats, model: GraspModel) -> Floats:
     """Coarsest sensor resolution below which the grasp is S [rad]: alpha* = 2 (beta - beta*).
 
+    With the smallest friction, and less twice the error of normals, where these are uncertain.
+
     Args:
-        worst: Critical angle over the worst normals [rad], any shape.
-        model: Friction; its sensor resolution does not matter.
+        worst: Critical angle over the worst normals [rad], any shape; as in `label_angles`.
+        model: Friction and error of normals; its sensor resolution does not matter.
 
     Returns:
         Same shape; 0 where no sensor is fine enough.
     """
-    return np.maximum(0.0, 2.0 * (model.friction_angle - worst))
+    if model.per_finger:
+        exact = model.effective_friction_angle + model.sensor_resolution / 2.0
+    else:
+        exact = math.atan(model.friction_interval[0]) - model.normal_error
+    return np.maximum(0.0, 2.0 * (exact - worst))
+
+
+def margins(worst: Floats, model: GraspModel) -> Floats:
+    """Margin of each grasp [rad]: beta - alpha/2 - beta*; it is S iff that is above 0.
+
+    The angle by which friction may be smaller, or normals less certain, and the grasp is still
+    surely stable.
+
+    Args:
+        worst: Critical angle over the worst normals [rad], any shape; as in `label_angles`.
+        model: Friction, sensor resolution and errors.
+
+    Returns:
+        Same shape; -inf for no grasp, nan where `worst` is.
+    """
+    return np.asarray(model.effective_friction_angle - worst)

@@ -87,7 +87,7 @@ class SurfaceContacts:
             ContactError: The normals of a contact cancel out.
         """
         points = self.points - self.mesh.center_mass
-        return Contacts(points, self.normals, model.friction, model.torsion_radius)
+        return Contacts(points, self.normals, model.frictions, model.torsion_radius)
 
     def take(self, which: slice | Ints | Bools) -> "SurfaceContacts":
         """The chosen grasps."""

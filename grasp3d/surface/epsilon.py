@@ -7,7 +7,8 @@ import numpy as np
 from grasp3d.arrays import Ints, locked
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import epsilon_with
-from grasp3d.quality.tilting import EpsilonRange, epsilon_range
+from grasp3d.quality.tilting import EpsilonRange
+from grasp3d.quality.uncertain_epsilon import WrenchErrors, uncertain_epsilon_range
 from grasp3d.settings import GraspModel
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.extreme_normals import hull_epsilons
@@ -24,6 +25,7 @@ def surface_epsilons(
     grasps: SurfaceContacts,
     model: GraspModel,
     *,
+    center_radius: float = 0.0,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> EpsilonRange:
@@ -32,7 +34,9 @@ def surface_epsilons(
     Args:
         grasps: The grasps.
         model: Friction, resolution, edges, actuation and torsion. With method extremes the minimum
-            and the maximum are those over the combinations of extreme normals.
+            and the maximum are those over the combinations of extreme normals, at the smallest and
+            at the largest friction.
+        center_radius: Radius of the ball in which the centre of mass lies, in the mesh's unit.
         threads: Threads; None: one per processor.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -55,9 +59,10 @@ def surface_epsilons(
         values[0, chosen] = epsilon_with(contacts, options).lower
         values[1:, chosen] = hull_epsilons(chosen_grasps, model, options, progress=progress)
     else:
-        found = epsilon_range(
-            contacts, model.tilt, options, bound_rtol=BOUND_RTOL, progress=progress
-        )
+        found = uncertain_epsilon_range(
+            contacts, model.tilt_of_fingers, WrenchErrors.of_model(model, center_radius), options,
+            bound_rtol=BOUND_RTOL, progress=progress,
+        )  # fmt: skip
         values[:, chosen] = found.nominal, found.minimum, found.maximum
     return EpsilonRange(*map(locked, values))
 

@@ -65,8 +65,10 @@ def hull_labels(
     options = EpsilonOptions(edges=model.edges, threads=threads)
     done = 0
     for rows, contacts, tested in _groups(grasps, model):
-        found = closure_at(contacts, tested, options)
-        labels[rows[~found.closing]] = Label.U
+        low, high = _over_friction(contacts, model)
+        found = closure_at(low, tested, options)
+        best = found if high is low else closure_at(high, tested, options)
+        labels[rows[~best.closing]] = Label.U
         labels[rows[~found.failing]] = Label.S
         done += len(rows)
         if progress is not None:
@@ -83,6 +85,8 @@ def hull_epsilons(
 ) -> tuple[Floats, Floats]:
     """Smallest and largest epsilon over the combinations of extreme normals, shape (b,) each.
 
+    The smallest at the smallest friction, the largest at the largest.
+
     Args:
         grasps: The grasps.
         model: Friction, sensor resolution, torsion and number of extreme normals.
@@ -94,8 +98,10 @@ def hull_epsilons(
     """
     found, done = np.zeros((2, grasps.size)), 0
     for rows, contacts, tested in _groups(grasps, model):
-        epsilons = extremes(contacts, tested, options)
-        found[:, rows] = epsilons.minimum, epsilons.maximum
+        low, high = _over_friction(contacts, model)
+        worst = extremes(low, tested, options)
+        best = worst if high is low else extremes(high, tested, options)
+        found[:, rows] = worst.minimum, best.maximum
         done += len(rows)
         if progress is not None:
             progress(done / grasps.size)
@@ -122,6 +128,14 @@ def _groups(grasps: SurfaceContacts, model: GraspModel) -> Iterator[tuple[Ints, 
             tilt = np.full((len(rows), grasps.count), model.tilt)
             count = model.extreme_normals
             yield rows, contacts, extreme_normals(contacts, tilt, count=count, creases=creases)
+
+
+def _over_friction(contacts: Contacts, model: GraspModel) -> tuple[Contacts, Contacts]:
+    """The contacts with their smallest and with their largest friction."""
+    if model.friction_error == 0.0:
+        return contacts, contacts
+    low, high = model.friction_interval
+    return contacts.with_friction(low), contacts.with_friction(high)
 
 
 def _normals(grasps: SurfaceContacts) -> list[Floats]:

@@ -45,8 +45,9 @@ def surface_holding(
     known = grasps.take(chosen)
     soft = replace(model, torsion_radius=case.torsion_radius)
     found = holding_of(
-        known.contacts(soft), tilts_of(known, model), case, threads=threads, progress=progress
-    )
+        known.contacts(soft), tilts_of(known, model), case, friction=model.friction_bounds,
+        threads=threads, progress=progress,
+    )  # fmt: skip
     if len(chosen) == grasps.size:
         return found
     return _unknown_normals(found.placed(chosen, grasps.size))
@@ -104,4 +105,4 @@ def tilts_of(grasps: SurfaceContacts, model: GraspModel) -> Floats:
     spread = np.maximum.reduceat(angles, grasps.set_start[:-1]) if len(angles) else angles
     spread = np.where(grasps.on_crease, spread.reshape(grasps.size, grasps.count), 0.0)
     spread = np.where(grasps.any_normal, WIDEST, spread)
-    return np.minimum(spread + model.tilt, WIDEST)
+    return np.asarray(np.minimum(spread + np.asarray(model.tilt_of_fingers), WIDEST))

@@ -10,13 +10,13 @@ import numpy.typing as npt
 from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
 from grasp3d.loads import Load
-from grasp3d.quality.force_ranges import Certainty, force_range
+from grasp3d.quality.force_ranges import Certainty, ForceRange, force_range
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.payloads import payload
 from grasp3d.quality.tasks import Task
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.system.progress import Progress
+from grasp3d.system.progress import Progress, ignore, within
 
 HARD_FINGERS = (
     "two hard fingers cannot resist a torque about the line through them: give a torsion radius "
@@ -185,21 +185,24 @@ def holding_of(
     tilt: ArrayLike,
     case: LoadCase,
     *,
+    friction: tuple[ArrayLike, ArrayLike],
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Holding:
-    """Grip forces and payloads of contacts under a load.
+    """Grip forces and payloads of contacts under a load, at the perceived contact locations.
 
     Args:
         contacts: A flat batch (b,), relative to the centre of mass.
         tilt: Largest angle between true and given normals [rad], one value or shape (b, n).
         case: The load.
+        friction: Smallest and largest coefficient, one for all contacts or shape (n,): the largest
+            force and the payload are those of the smallest friction, the least force that of the
+            largest.
         threads: Threads; None: one per processor.
         progress: Called with the fraction of the work done, from 0 to 1.
     """
-    forces = force_range(
-        contacts, case.task, tilt, rtol=FORCE_RTOL, threads=threads, progress=progress
-    )
+    forces = _forces(contacts, tilt, case, friction, threads, progress)
+    weakest = contacts.with_friction(friction[0])
     payloads = np.full(contacts.batch, np.nan)
     force, mass = case.available, case.task.mass
     if force is not None and mass is not None:
@@ -208,7 +211,7 @@ def holding_of(
             with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
                 payloads = force * mass / forces.largest
         else:
-            payloads = payload(contacts, task, force, tilt=tilt, rtol=FORCE_RTOL, threads=threads)
+            payloads = payload(weakest, task, force, tilt=tilt, rtol=FORCE_RTOL, threads=threads)
     return Holding(
         case=case,
         grip_force=locked(forces.nominal),
@@ -218,3 +221,28 @@ def holding_of(
         resistance=locked(forces.resistance),
         how=forces.how,
     )
+
+
+def _forces(
+    contacts: Contacts,
+    tilt: ArrayLike,
+    case: LoadCase,
+    friction: tuple[ArrayLike, ArrayLike],
+    threads: int | None,
+    progress: Progress | None,
+) -> ForceRange:
+    """Forces at the nominal contacts, and the least and the largest over tilts and friction."""
+    report = progress or ignore
+    if np.array_equal(friction[0], friction[1]):
+        return force_range(
+            contacts, case.task, tilt, rtol=FORCE_RTOL, threads=threads, progress=report
+        )
+    nominal, low, high = (
+        force_range(chosen, case.task, angle, rtol=FORCE_RTOL, threads=threads, progress=step)
+        for chosen, angle, step in (
+            (contacts, 0.0, ignore),
+            (contacts.with_friction(friction[0]), tilt, within(report, 0.0, 0.5)),
+            (contacts.with_friction(friction[1]), tilt, within(report, 0.5, 1.0)),
+        )
+    )
+    return replace(nominal, least=high.least, largest=low.largest, how=low.how)

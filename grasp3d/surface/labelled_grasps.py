@@ -2,9 +2,11 @@
 
 from collections.abc import Callable
 
-from grasp3d.arrays import Bytes, Floats
+from grasp3d.arrays import Bytes, Floats, locked
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import GraspModel
+from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.stability.thresholds import margins, max_resolution
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.holding import Holding
 from grasp3d.system.progress import Progress
@@ -14,12 +16,14 @@ class LabelledGrasps:
     """Grasps on a surface, one for each row of the arrays, with labels and epsilon."""
 
     model: GraspModel
+    deferred_located: Deferred[WorstAndBest]
     deferred_label: Deferred[Bytes]
     deferred_epsilon: Deferred[EpsilonRange]
     deferred_holding: Deferred[Holding] | None
 
     def _defer(
         self,
+        located: Deferred[WorstAndBest],
         label: Callable[[Progress], Bytes],
         epsilon: Callable[[Progress], EpsilonRange],
         holding: Callable[[Progress], Holding] | None = None,
@@ -28,6 +32,7 @@ class LabelledGrasps:
 
         Functions that refer to the dataclass itself would keep it alive with its copies.
         """
+        object.__setattr__(self, "deferred_located", located)
         object.__setattr__(self, "deferred_label", Deferred(label))
         object.__setattr__(self, "deferred_epsilon", Deferred(epsilon))
         later = None if holding is None else Deferred(holding)
@@ -37,6 +42,35 @@ class LabelledGrasps:
     def label(self) -> Bytes:
         """`Label` codes by `model.method`: 0 U, 1 M, 2 S."""
         return self.deferred_label.value
+
+    @property
+    def located_angles(self) -> WorstAndBest:
+        """Critical angles (worst, best) with all that is not known about the contacts [rad].
+
+        Uncertain contact locations turn the line between two contacts, and fingers of `per_finger`
+        differ; see `stability.located_angles`. Without both they are `critical_angle` and
+        `critical_angle_best`. The label is S iff the worst is below
+        `model.effective_friction_angle`, U iff the best is at least `model.unstable_from`. Two
+        contacts: exact, at creases safe; more: safe.
+        """
+        return self.deferred_located.value
+
+    @property
+    def margin(self) -> Floats:
+        """Margin of the grasps [rad]: beta - alpha/2 - beta*, less all other uncertainties.
+
+        S iff above 0 (with method exact); the angle by which friction may be smaller, or normals
+        less certain, and the grasp is still surely stable. -inf where there is no grasp.
+        """
+        return locked(margins(self.located_angles[0], self.model))
+
+    @property
+    def max_resolution(self) -> Floats:
+        """Coarsest sensor resolution below which the grasp is S [rad]; 0: none is fine enough.
+
+        With the other uncertainties of the model as they are.
+        """
+        return locked(max_resolution(self.located_angles[0], self.model))
 
     @property
     def epsilon_range(self) -> EpsilonRange:
@@ -59,7 +93,8 @@ class LabelledGrasps:
         """Smallest epsilon over the tilts within the sensor's resolution.
 
         `model.tilts` says how it is computed: 'exact', by the 'effective_friction' of polygonal
-        cones, or over 'sampled_tilts' for soft fingers and with method extremes; see
+        cones, over 'sampled_tilts' for soft fingers and with method extremes, or as a 'bound' where
+        contact locations are uncertain; see
         `quality.epsilon_range`.
         """
         return self.epsilon_range.minimum

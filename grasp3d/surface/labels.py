@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from functools import cached_property, partial
+from functools import partial
 from importlib import import_module
 from typing import Any, Literal
 
@@ -23,7 +23,7 @@ from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, check_choice, search_cone
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
-from grasp3d.stability.thresholds import max_resolution
+from grasp3d.stability.sampled_normals import WorstAndBest
 from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
 from grasp3d.surface.deferred import Deferred
 from grasp3d.surface.grasp_forces import vertex_holding
@@ -33,7 +33,8 @@ from grasp3d.surface.label_table import LEVELS, label_table
 from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_grasps import VertexGrasps
-from grasp3d.surface.vertex_hulls import vertex_epsilons, vertex_labels
+from grasp3d.surface.vertex_hulls import vertex_angles, vertex_epsilons, vertex_labels
+from grasp3d.uncertainty import Uncertainty
 
 Quantity = Literal["nominal", "minimum", "maximum"]
 
@@ -75,7 +76,7 @@ class SurfaceLabels(LabelledGrasps):
         >>> [grasp3d.Label(code).name for code in labels.label[:3]]
         ['S', 'S', 'S']
         >>> labels.to_dataframe().shape, labels.to_trimesh(), labels.to_polydata().n_points
-        ((42, 23), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
+        ((42, 24), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
     """
 
     grasps: VertexGrasps
@@ -92,6 +93,8 @@ class SurfaceLabels(LabelledGrasps):
     threads: int | None = None
     """Threads for what is computed when it is first read; None: one per processor. The results do
     not depend on it."""
+    deferred_located: Deferred[WorstAndBest] = field(init=False, repr=False)
+    """`located_angles`, which take closure tests for three fingers and more."""
     deferred_label: Deferred[Bytes] = field(init=False, repr=False)
     """`label`, which takes an enumeration with method extremes."""
     deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
@@ -101,9 +104,12 @@ class SurfaceLabels(LabelledGrasps):
 
     def __post_init__(self) -> None:
         case, used = self.load_case, (self.grasps, self.model)
+        located = Deferred(partial(vertex_angles, *used, self.threads))
+        radius = 0.0 if case is None else case.center_radius
         self._defer(
-            partial(vertex_labels, *used, self.threads),
-            partial(vertex_epsilons, *used, self.threads),
+            located,
+            partial(vertex_labels, *used, located, self.threads),
+            partial(vertex_epsilons, *used, radius, self.threads),
             None if case is None else partial(vertex_holding, *used, case, self.threads),
         )
 
@@ -208,22 +214,29 @@ class SurfaceLabels(LabelledGrasps):
         """
         return self.grasps.reach
 
-    @cached_property
-    def max_resolution(self) -> Floats:
-        """Coarsest sensor resolution below which the grasp is S [rad], shape (V,); 0: none."""
-        return locked(max_resolution(self.critical_angle, self.model))
-
     def relabel(
-        self, *, friction: float | None = None, sensor_resolution: float | None = None
+        self,
+        *,
+        friction: float | tuple[float, float] | None = None,
+        sensor_resolution: float | None = None,
+        friction_error: float | None = None,
+        normal_error: float | None = None,
+        location_error: float | str | None = None,
+        per_finger: str | Sequence[Uncertainty] | None = None,
     ) -> "SurfaceLabels":
-        """Label the same grasps for another friction or resolution, without a new search.
+        """Label the same grasps for another friction, resolution or error, without a new search.
 
         Epsilon and grip forces are those of the new model at the same grasps. With method extremes
-        the hulls are enumerated again.
+        the hulls are enumerated again. The grasps are those that were best for the model of the
+        search: with a larger location error others, with a larger opening, may have more margin.
 
         Args:
-            friction: Coulomb coefficient; None: unchanged.
+            friction: Coulomb coefficient or interval; None: unchanged.
             sensor_resolution: Resolution alpha [rad]; None: unchanged.
+            friction_error: As in `GraspModel`; None: unchanged.
+            normal_error: As in `GraspModel` [rad]; None: unchanged.
+            location_error: As in `GraspModel`, in the mesh's unit or with a unit; None: unchanged.
+            per_finger: As in `GraspModel`; None: unchanged.
 
         Raises:
             SearchCoverageError: The search cone was too narrow for the new values.
@@ -239,13 +252,17 @@ class SurfaceLabels(LabelledGrasps):
             >>> labels.relabel(sensor_resolution=0.1)
             <SurfaceLabels of trimesh.Trimesh: 482 ...; S 68.0%, M 20.8%, U 11.1%>
         """
-        model = replace(
-            self.model,
-            friction=self.model.friction if friction is None else friction,
-            sensor_resolution=(
-                self.model.sensor_resolution if sensor_resolution is None else sensor_resolution
-            ),
-        )
+        given = {
+            "friction": friction,
+            "sensor_resolution": sensor_resolution,
+            "friction_error": friction_error,
+            "normal_error": normal_error,
+            "location_error": location_error,
+            "per_finger": per_finger,
+        }
+        changed: dict[str, Any] = {name: one for name, one in given.items() if one is not None}
+        model = replace(self.model, **changed)
+        model = model.in_unit(self.mesh.unit, source=self.mesh.report.source)
         needed = search_cone(model, Sampling())
         if needed > max(self.search.cone, search_cone(self.model, Sampling())) + ANGLE_ROUNDING:
             raise SearchCoverageError(
@@ -274,20 +291,25 @@ class SurfaceLabels(LabelledGrasps):
             for label in sorted(Label, reverse=True)
         }
 
-    def angle_distribution(self, *, weights: Weights = "area") -> SampledAngles:
+    def angle_distribution(
+        self, *, weights: Weights = "area", location_error: float | str | None = None
+    ) -> SampledAngles:
         """Distribution of critical angles: fractions S, M and U at any friction and resolution.
 
         They are those of method exact, whatever `model.method` is. Settings that need a wider cone
-        than was searched raise SearchCoverageError.
+        than was searched raise SearchCoverageError. The angles are the located ones.
 
         Args:
             weights: As in `fractions`.
+            location_error: As in `GraspModel`, instead of the model's own; None: that.
         """
         values = self._weights(weights)
         weighted = values > 0.0
+        labels = self if location_error is None else self.relabel(location_error=location_error)
+        worst, best = labels.located_angles
         return SampledAngles(
-            worst=locked(self.critical_angle[weighted]),
-            best=locked(self.critical_angle_best[weighted]),
+            worst=locked(worst[weighted]),
+            best=locked(best[weighted]),
             weights=locked(values[weighted]),
             limit=self.search.cone,
             fingers=self.model.fingers,

@@ -39,6 +39,8 @@ class LoadCase:
     """Force at hand of each finger [N]; None: not given."""
     torsion_radius: float
     """Torsion radius of the contacts [mesh unit]; 0: hard fingers."""
+    center_radius: float = 0.0
+    """Radius of the ball in which the centre of mass lies [mesh unit]."""
 
     @classmethod
     def of(
@@ -72,7 +74,8 @@ class LoadCase:
         torsion = model.in_unit(mesh.unit, source=source).torsion_radius
         if torsion == 0.0 and gripper is not None and mesh.unit is not None:
             torsion = gripper.torsion_radius(model.friction) / METRES[mesh.unit]
-        return cls(load, mass, task, force, torsion)
+        radius = load.in_unit(mesh.unit, source=source).center_of_mass_radius
+        return cls(load, mass, task, force, torsion, radius)
 
     @property
     def decided(self) -> bool:

@@ -1,4 +1,4 @@
-"""Scan of a surface: all fingers but one are fixed (Wan & Howe 2018, Sec. IV)."""
+"""Scan of a surface: all fingers but one are fixed (Wan & Howe 2018, Sec. III-B)."""
 
 import math
 
@@ -29,9 +29,9 @@ def scan_surface(
 ) -> SurfaceLabels:
     """Fix all fingers but one and label every vertex as the contact point of the last finger.
 
-    Wan & Howe 2018, Sec. IV, fix one finger of two. Here the grasp is given, so a U is a proof as
-    well, except at the position of a fixed finger (`Reason.SAME_POINT`). Grasps of two fingers may
-    be external or internal.
+    Wan & Howe 2018, Sec. III-B, fix one finger of two. Here the grasp is given, so a U is a proof
+    as well, except at the position of a fixed finger (`Reason.SAME_POINT`). Grasps of two fingers
+    may be external or internal.
 
     Args:
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,

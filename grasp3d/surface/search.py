@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from grasp3d.arrays import Bytes
+from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.gripper.reach import Reach, reach_grasps
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
@@ -13,7 +13,7 @@ from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.labels import SearchReport, SurfaceLabels
-from grasp3d.surface.sampling.antipodal import best_pairs
+from grasp3d.surface.sampling.antipodal import Ranking, best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps, grasps_at, grasps_differ
 from grasp3d.system.progress import Progress, within
@@ -40,9 +40,11 @@ def label_pairs(
         threads: Threads to use.
         progress: Called with the fraction of the work done, from 0 to 1.
     """
-    cone = search_cone(model, sampling)
+    cone, ranking = search_cone(model, sampling), Ranking.of(model)
     limited = sampling if reaching is None else reaching.within_stroke(mesh, sampling)
-    grasps = best_pairs(mesh, limited, cone, threads=threads, reaching=reaching, progress=progress)
+    grasps = best_pairs(
+        mesh, limited, cone, threads=threads, reaching=reaching, ranking=ranking, progress=progress
+    )
     points = SurfacePoints(
         grasps.partner_points.faces[..., None], grasps.partner_points.weights[..., None, :]
     )
@@ -50,9 +52,12 @@ def label_pairs(
     normals = np.full((len(mesh.vertices), 1, 3), math.nan)
     partners = SurfacePoints(points.faces[found, 0], points.weights[found, 0])
     normals[found] = SurfaceContacts(mesh, partners).normals
+    angles = grasps.worst, grasps.best
+    if ranking != Ranking():  # costs, which are more than the critical angles
+        angles = _angles_of_pairs(mesh, points, np.unique(mesh.canonical[found]))
     vertex_grasps = VertexGrasps.of(
         mesh,
-        angles=(grasps.worst, grasps.best),
+        angles=angles,
         partners=grasps.partner[:, None],
         partner_normals=normals,
         partner_points=points,
@@ -67,6 +72,18 @@ def label_pairs(
         vertex_grasps, model, sampling=sampling, mode="label", search=report, reaching=reaching,
         threads=threads,
     )  # fmt: skip
+
+
+def _angles_of_pairs(
+    mesh: ObjectMesh, points: SurfacePoints, vertices: Ints
+) -> tuple[Floats, Floats]:
+    """Critical angles (V,) of the two grasps that each of some vertices has."""
+    angles = np.full((2, len(mesh.vertices)), math.inf)
+    for number in range(2):
+        contacts = grasps_at(mesh, points, vertices, number)
+        angles[number, vertices] = critical_angles(contacts)[number]
+    worst, best = angles[:, mesh.canonical]
+    return worst, best
 
 
 def label_multifinger(

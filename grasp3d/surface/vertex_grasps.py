@@ -1,7 +1,9 @@
 """The best grasp of every vertex: one contact at the vertex, the others anywhere on the surface."""
 
+import math
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -11,7 +13,11 @@ from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_
 from grasp3d.gripper.reach import Reach
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.settings import GraspModel
+from grasp3d.stability.located_angles import ContactLimits, PairLines, located_pairs
+from grasp3d.stability.sampled_normals import WorstAndBest
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
+from grasp3d.surface.located_angles import lines_of_pairs, located_angles_of
 
 
 class Reason(IntEnum):
@@ -103,6 +109,59 @@ class VertexGrasps:
             reason=locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8),
             reach=reach,
         )
+
+    def located_angles(self, model: GraspModel, *, threads: int | None = None) -> WorstAndBest:
+        """Critical angles with all that a model does not know about the contacts, shape (V,) each.
+
+        See `stability.located_angles`; `critical_angle` and `critical_angle_best` where contact
+        locations are known and fingers are alike. Two contacts take a closed form.
+
+        Args:
+            model: The model, with lengths in the mesh's unit.
+            threads: Threads; None: one per processor.
+        """
+        if model.is_uniform:
+            return self.critical_angle, self.critical_angle_best
+        angles, limits = (
+            (self.critical_angle, self.critical_angle_best),
+            ContactLimits.of(model.fingertips),
+        )
+        if model.fingers == 2:
+            worst, best = located_pairs(*angles, self._pair_lines, limits)
+            return locked(worst), locked(best)
+        # Other frictions and resolutions have the same angles, which take many closure tests.
+        if limits.key not in self._located:
+            self._located.clear()
+            self._located[limits.key] = self._of_many(model, threads)
+        return self._located[limits.key]
+
+    @cached_property
+    def _located(self) -> dict[bytes, WorstAndBest]:
+        """The last located angles of three contacts and more, by what is known about contacts."""
+        return {}
+
+    def _of_many(self, model: GraspModel, threads: int | None) -> WorstAndBest:
+        """Located angles of three contacts and more, shape (V,) each."""
+        angles, vertices = (self.critical_angle, self.critical_angle_best), self.vertices
+        found = np.full((2, len(self.critical_angle)), math.inf)
+        contacts = grasps_at(self.mesh, self.partner_points, vertices, 0)
+        chosen = angles[0][vertices], angles[1][vertices]
+        found[:, vertices] = located_angles_of(contacts, chosen, model, threads=threads)
+        worst, best = found[:, self.mesh.canonical]
+        return locked(worst), locked(best)
+
+    @cached_property
+    def _pair_lines(self) -> PairLines:
+        """Lines of the grasps of two contacts, a row for each vertex (V,)."""
+        vertices, canonical = self.vertices, self.mesh.canonical
+        rows = np.full(len(canonical), 0)
+        rows[vertices] = np.arange(len(vertices))
+        worst = grasps_at(self.mesh, self.partner_points, vertices, 0)
+        lines = lines_of_pairs(grasps_at(self.mesh, self.partner_points, vertices, 1))
+        openings = np.linalg.norm(worst.points[:, 1] - worst.points[:, 0], axis=1)
+        if not len(vertices):
+            return PairLines.none(len(canonical))
+        return lines.with_openings(openings).at(rows[canonical])
 
     @property
     def vertices(self) -> Ints:

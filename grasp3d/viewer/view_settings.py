@@ -9,7 +9,7 @@ from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
 
 Paint = Literal[
     "label", "critical_angle", "max_resolution", "epsilon", "epsilon_min", "approach_margin",
-    "grip_force", "payload",
+    "grip_force", "payload", "margin",
 ]  # fmt: skip
 MIN_WIDTH, MIN_HEIGHT, MAX_PIXELS = 320, 240, 7680
 
@@ -51,7 +51,8 @@ class ViewSettings:
             epsilon_min: Ferrari-Canny epsilon, and its smallest value over the tilts;
             approach_margin: half-width of the free approach angles of a gripper; grip_force: force
             that each finger needs under a load; payload: mass that the force at hand holds at all
-            normals within the resolution.
+            normals within the resolution; margin: angle by which it is S, below 0 by which it
+            fails to be.
         vertex: Index of the vertex whose grasp is shown first. none: no grasp; pictures and films
             with a gripper show the best grasp that it reaches.
         compare: A second sensor resolution, shown beside the first, in the colours S, M, U; none:

@@ -17,6 +17,7 @@ from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
 from grasp3d.batch.plan import Job
 from grasp3d.batch.row import Outcome, Row
+from grasp3d.errors import SettingError
 from grasp3d.grasps import verdict_of
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.isolation import NeedsMemory
@@ -107,6 +108,53 @@ def test_fractions_over_the_grid_are_those_of_relabelling(tmp_path: Path) -> Non
         again = labels.relabel(friction=one.friction, sensor_resolution=one.sensor_resolution)
         found = (one.stable, one.ambiguous, one.no_grasp_found)
         assert found == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
+
+
+@pytest.mark.slow
+def test_the_grid_has_every_combination_of_the_uncertainties(tmp_path: Path) -> None:
+    source = egg(tmp_path)
+    grid = FractionGrid(
+        (0.3,), (0.0, 0.2), friction_error=(0.0, 0.1), normal_error=(0.05,),
+        location_error=(0.0, "1 mm"),
+    )  # fmt: skip
+    model = replace(SETTINGS.model, location_error="0.5mm")
+    settings = replace(
+        SETTINGS, model=model, grid=grid, mesh=replace(SETTINGS.mesh, unit="cm"), best=0
+    )
+    row, labels = row_of(job_of(source, tmp_path / "out"), settings), labels_of(source, settings)
+    assert (row.friction_error, row.normal_error, row.location_error) == (0.0, 0.0, 0.05)
+    found = [(one.friction_error, one.location_error) for one in row.fractions]
+    assert found == [(error, delta) for error in (0.0, 0.1) for delta in (0.0, 0.1) for _ in "ab"]
+    for one in row.fractions:
+        again = labels.relabel(
+            friction=one.friction,
+            sensor_resolution=one.sensor_resolution,
+            friction_error=one.friction_error,
+            normal_error=one.normal_error,
+            location_error=one.location_error,
+        )
+        values = (one.stable, one.ambiguous, one.no_grasp_found)
+        assert values == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
+    margins = (row.margin_p10, row.margin_p50, row.margin_p90)
+    assert None not in margins
+    assert sorted(margins) == list(margins)
+    assert (row.margin_p50 > 0.0) == (row.stable > 0.5)
+    alone = labels.angle_distribution().worst_quantile(0.5)
+    assert row.required_resolution_50 == pytest.approx(
+        max(0.0, 2.0 * (labels.model.friction_angle - alone))
+    )
+
+
+def test_errors_of_the_grid_are_checked() -> None:
+    with pytest.raises(SettingError, match="below the friction"):
+        BatchSettings(grid=FractionGrid((0.2, 0.5), friction_error=(0.3,)))
+    with pytest.raises(SettingError, match="normal error must be"):
+        FractionGrid(normal_error=(2.0,))
+    with pytest.raises(SettingError, match="must be a length"):
+        FractionGrid(location_error=("2 feet",))
+    narrow = Sampling(search_angle=0.6)
+    with pytest.raises(SettingError, match="search angle must be at least"):
+        BatchSettings(sampling=narrow, grid=FractionGrid(normal_error=(0.3,)))
 
 
 @pytest.mark.slow

@@ -274,6 +274,56 @@ def test_curves_are_quartiles_over_the_meshes_with_values() -> None:
     assert curve["M"][2] is curve["U"][2] is None
 
 
+def test_each_combination_of_errors_has_a_curve() -> None:
+    """Locations are in millimetres, so that meshes in other units have the same curves."""
+    rows = [
+        Row(
+            f"{unit}.ply",
+            unit=unit,
+            fractions=tuple(
+                AreaFractions(0.5, alpha, 0.5, 0.5, 0.0, error, math.radians(2.0), location)
+                for error in (0.0, 0.1)
+                for location in (0.0, length)
+                for alpha in (0.0, 0.2)
+            ),
+        )
+        for unit, length in (("m", 0.001), ("mm", 1.0))
+    ]
+    found = [
+        library_data(rows, BatchSettings(GraspModel(friction_error=error, location_error=location)))
+        for error, location in ((0.1, "1 mm"), (0.0, 0.0), (0.1, 0.0), (0.0, 0.7))
+    ]
+    assert [curve["name"] for curve in found[0]["curves"]] == [
+        "0.5, normals ± 2°",
+        "0.5, normals ± 2°, locations ± 1 mm",
+        "0.5 ± 0.1, normals ± 2°",
+        "0.5 ± 0.1, normals ± 2°, locations ± 1 mm",
+    ]
+    assert [data["curve"] for data in found] == [3, 0, 2, 1]
+    assert [data["uncertain"] for data in found] == [True, False, True, True]
+    assert all(curve["meshes"] == [2, 2] for curve in found[0]["curves"])
+    assert library_data([], BatchSettings())["curve"] == 0
+
+
+def test_uncertainties_are_described() -> None:
+    model = GraspModel(
+        friction=(0.4, 0.6),
+        normal_error=2.0 * DEGREE,
+        location_error="1mm",
+        per_finger="; friction=0.3..0.4",
+    )
+    text = dict(describe_settings(BatchSettings(model)))
+    assert text["Friction"] == "μ 0.4 to 0.6 (cone of β 21.8° to 30.96°)"
+    assert text["Normals"] == "within a further 2°"
+    assert text["Contact locations"] == "within 1 mm"
+    assert text["Each finger"] == model.per_finger
+    summary = summarise_settings(BatchSettings(model))
+    assert {"Normals within a further 2°", "Contact locations within 1 mm"} <= set(summary)
+    assert not {"Normals", "Contact locations", "Each finger"} & set(
+        dict(describe_settings(BatchSettings()))
+    )
+
+
 def test_describe_settings() -> None:
     text = dict(describe_settings(BatchSettings()))
     assert text["Friction"] == "μ 0.5 (cone of β 26.57°)"

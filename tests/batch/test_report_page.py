@@ -316,6 +316,66 @@ def test_fractions_follow_the_sliders(page: Any, report: Report, name: str) -> N
 
 
 @pytest.mark.slow
+@pytest.mark.parametrize("per_finger", ["", "normal_error=3; friction=0.3..0.6"])
+def test_fractions_follow_the_sliders_of_further_uncertainties(
+    page: Any, tmp_path: Path, per_finger: str
+) -> None:
+    model = GraspModel(
+        friction=(0.4, 0.6), normal_error=2.0 * DEGREE, location_error=0.002, per_finger=per_finger
+    )
+    mesh, wide = load_mesh(LIBRARY / "spray.glb"), Sampling(rays=8, search_angle=60.0 * DEGREE)
+    labels, output = label_surface(mesh, model, sampling=wide, threads=1), LocalFolder(tmp_path)
+    row = put_object(output, labels, row_of(labels, "spray", "spray"))
+    write_report(output, [row], BatchSettings(model))
+    opened(page, Report(tmp_path).address("object.html#spray"))
+    assert fractions(page) == pytest.approx(labels.fractions(), abs=1e-3)
+    assert "within 0.002 m, as labelled" in page.locator("#located").inner_text()
+    assert page.locator("#frictionError").is_disabled() == bool(per_finger)
+    changes: list[tuple[str, float, dict[str, float]]] = [
+        ("#normalError", 7.5, {"normal_error": 7.5 * DEGREE}),
+        ("#resolution", 10.0, {"sensor_resolution": 10.0 * DEGREE}),
+    ]
+    if not per_finger:
+        changes += [
+            ("#frictionError", 0.0, {"friction_error": 0.0}),
+            ("#friction", 0.3, {"friction": 0.3}),
+        ]
+    again = labels
+    for slider, value, changed in changes:
+        page.locator(slider).fill(str(value))
+        again = again.relabel(**changed)
+        assert fractions(page) == pytest.approx(again.fractions(), abs=1e-3)
+    page.get_by_role("button", name="As labelled").click()
+    assert fractions(page) == pytest.approx(labels.fractions(), abs=1e-3)
+    frame = page.locator("canvas").bounding_box()
+    page.mouse.click(frame["x"] + 0.5 * frame["width"], frame["y"] + 0.5 * frame["height"])
+    vertex = int(page.locator("#vertex").get_attribute("data-vertex"))
+    text = page.locator("#vertex").inner_text().replace("−", "-")
+    assert f"{math.degrees(labels.margin[vertex]):.1f}°" in text
+    assert ("of β" in text) == (not per_finger)
+
+
+@pytest.mark.slow
+def test_uncertain_labels_show_their_margin_in_a_table_that_fits(
+    browser: Any, report: Report, tmp_path: Path
+) -> None:
+    model, output = replace(MODEL, friction_error=0.1), LocalFolder(tmp_path)
+    for folder in ("objects", "thumbnails"):
+        shutil.copytree(report.folder / "report" / folder, tmp_path / "report" / folder)
+    rows = [replace(row, margin_p50=-0.1) for row in report.rows[:4]] + report.rows[4:]
+    write_report(output, rows, BatchSettings(model))
+    context = browser.new_context(viewport={"width": 1280, "height": 800})
+    page = opened(context.new_page(), Report(tmp_path).address())
+    holder = page.locator(".tabulator-tableholder")
+    assert holder.evaluate("one => one.scrollWidth <= one.clientWidth + 1")
+    assert page.get_by_role("button", name="Margin median").count() == 1
+    assert page.get_by_role("button", name="Vertices").count() == 0
+    assert "-5.7°" in page.locator(".tabulator-row").first.inner_text()
+    assert "Margin" in page.locator("#legend").inner_text()
+    context.close()
+
+
+@pytest.mark.slow
 def test_three_fingers_are_never_surely_unstable_from_90_degrees_on(
     page: Any, report: Report, tmp_path: Path
 ) -> None:

@@ -240,7 +240,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "curvature": (["--curvature", "-1"], "curvature must be a finite number of at least 0"),
     "resolution": (["--sensor-resolution", "180"], "below 180 degrees"),
     "no resolution": (["--sensor-resolution", "0"], "above 0"),
-    "friction": (["--friction", "0.5", "0"], "friction must be a finite number above 0; got 0"),
+    "friction": (["--friction", "0.5", "0"], "friction must be a finite number above 0"),
     "sensor, bad friction": (["--receptive-field", "4", "--friction", "-1"], "friction must be"),
     "size": (["--object-size", "0"], "object size must be a finite length above 0; got 0"),
     "endless size": (["--object-size", "inf"], "object size must be a finite length above 0"),
@@ -257,7 +257,7 @@ def test_bad_settings_print_one_line_with_exit_code_2(name: str) -> None:
     assert run.stderr.count("\n") == 1
 
 
-@pytest.mark.parametrize("arguments", [("--friction", "high"), ("--unit", "mm"), ("mug.stl",)])
+@pytest.mark.parametrize("arguments", [("--friction", "high"), ("--mass", "1"), ("mug.stl",)])
 def test_bad_usage_has_exit_code_2_and_refers_to_the_help(arguments: tuple[str, ...]) -> None:
     run = design(*arguments)
     assert run.returncode == 2

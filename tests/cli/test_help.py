@@ -13,6 +13,7 @@ from grasp3d.cli.examples import EXAMPLES
 from grasp3d.cli.gripper import Gripper
 from grasp3d.cli.label import Label
 from grasp3d.cli.paper import Paper
+from grasp3d.cli.perturb import Perturb
 from grasp3d.cli.sweep import Sweep
 from grasp3d.cli.view import View
 from tests.helpers.commands import run_here as grasp3d
@@ -59,7 +60,7 @@ def test_the_examples_are_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
 ) -> None:
     """Those of `design` are run, the others parsed: they take longer."""
-    for command in (Label, Check, Evaluate, Batch, Sweep, Gripper, View, Paper):
+    for command in (Label, Check, Evaluate, Batch, Sweep, Gripper, View, Paper, Perturb):
         monkeypatch.setattr(command, "run", lambda _: 0)
     run = grasp3d(*shlex.split(words), cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")

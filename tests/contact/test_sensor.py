@@ -211,6 +211,24 @@ def test_the_numbers_of_the_paper() -> None:
     assert Sensor(4.0, 10.0).sensors_by_discs == 50  # 3.95 mm rounded to 4, as in the paper
 
 
+@given(sensors())
+def test_the_uncertainty_of_a_sensor_covers_all_contacts_within_its_receptive_field(
+    sensor: Sensor,
+) -> None:
+    uncertainty = sensor.uncertainty
+    assert uncertainty.sensor_resolution == sensor.resolution
+    assert (uncertainty.normal_error, uncertainty.friction) == (0.0, None)
+    chord = sensor.receptive_field / 2.0
+    if not sensor.flat:
+        chord = 2.0 * sensor.fingertip_radius * math.sin(sensor.tilt / 2.0)
+    assert chord <= uncertainty.location_error * (1.0 + 1e-12)
+    assert uncertainty.location_error == sensor.receptive_field / 2.0
+    # Independent errors of normals and of locations are safe: a little more than the exact value.
+    for opening in (1e-2, 1.0, 1e3):
+        turn = math.asin(min(1.0, 2.0 * uncertainty.location_error / opening))
+        assert turn >= sensor.line_error(opening) - 1e-12
+
+
 def test_a_flat_fingertip_has_one_normal_and_an_uncertain_location() -> None:
     for sensor in (Sensor(4.0, math.inf), Sensor.of_curvature(4.0, 0.0)):
         assert (sensor.flat, sensor.curvature, sensor.resolution, sensor.tilt) == (True, 0, 0, 0)

@@ -15,6 +15,7 @@ import pyvista
 
 from grasp3d import (
     GraspModel,
+    MeshOptions,
     ParallelGripper,
     Sampling,
     SurfaceLabels,
@@ -33,6 +34,7 @@ from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.writing import write_grasps
 from grasp3d.loads import Load
 from grasp3d.mesh.repair import RepairStep
+from grasp3d.perturbing import NoiseSettings, perturb_surface, write_perturbation
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.sweeps import write_sweeps
 from tests.helpers import shapes
@@ -96,22 +98,28 @@ def with_gripper() -> SurfaceLabels:
     return label_surface(labels().mesh, GraspModel(), gripper=gripper)
 
 
-@pytest.fixture(params=["points", "gripper", "load"])
+@pytest.fixture(params=["points", "errors", "gripper", "load"])
 def added(request: pytest.FixtureRequest) -> str:
-    """What there is besides contact points: nothing, a gripper, or a gripper and a load."""
+    """What there is besides contact points: nothing, a location error, a gripper, also a load."""
     return str(request.param)
 
 
 def labels_with(added: str) -> SurfaceLabels:
     if added == "points":
         return labels()
+    if added == "errors":
+        return labels().relabel(location_error=0.01)
     return replace(with_gripper(), load=Load(mass=0.5)) if added == "load" else with_gripper()
 
 
 def names_with(title: str, added: str) -> Names:
-    """Names in the first table of a section, with a gripper in the second, a load in the third."""
-    count = 1 + ["points", "gripper", "load"].index(added)
-    return set[str]().union(*tables(title)[:count])
+    """Names in the first table of a section, and in those of what is added."""
+    first, *others = tables(title)
+    order = ["gripper", "load"] if title == "Settings" else ["errors", "gripper", "load"]
+    chosen = ["gripper", "load"] if added == "load" else [added]
+    return first.union(
+        *(table for name, table in zip(order, others, strict=True) if name in chosen)
+    )
 
 
 def test_labelled_ply(tmp_path: Path, added: str) -> None:
@@ -193,6 +201,24 @@ def test_sweeps(tmp_path: Path) -> None:
     write_sweeps(tmp_path / "out.csv", [swept], fractions=[0.5, 0.9])
     written = pc.read_csv(tmp_path / "out.csv").column_names
     assert set(written) == tables("Tables of sweeps")[0]
+
+
+def test_noisy_copies(tmp_path: Path) -> None:
+    noise = NoiseSettings(noise=0.01, copies=2)
+    found = perturb_surface(shapes.sphere(1), noise=noise, options=MeshOptions(max_edge=9.0))
+    for suffix in ("csv", "parquet", "ply"):
+        write_perturbation(tmp_path / f"out.{suffix}", found)
+    columns, added = tables("Noisy copies")
+    assert set(pq.read_table(tmp_path / "out.parquet").column_names) == columns
+    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns
+    header = (tmp_path / "out.ply").read_bytes().partition(b"end_header")[0].decode()
+    assert set(re.findall(r"property float (\w{3,})", header)) == columns - {"x", "y", "z"}
+    written = set(re.findall(r"comment grasp3d (\w+)", header))
+    assert written == metadata(tmp_path / "out.parquet")
+    added = {name for name in added if name not in {"given", "roughness", "inf"}}
+    assert added < written
+    labelled = set().union(*tables("Settings"))
+    assert written - added <= labelled
 
 
 def test_reports_of_check(tmp_path: Path) -> None:

@@ -22,8 +22,8 @@ Floats = NDArray[np.float64]
 
 TRIANGLE = np.array([[math.cos(a), math.sin(a), 0.0] for a in np.radians([0.0, 120.0, 240.0])])
 FIELDS = (
-    "label", "critical_angle", "critical_angle_best", "max_resolution", "epsilon", "epsilon_min",
-    "epsilon_max", "rank", "opening", "separation",
+    "label", "critical_angle", "critical_angle_best", "max_resolution", "margin", "epsilon",
+    "epsilon_min", "epsilon_max", "rank", "opening", "separation",
 )  # fmt: skip
 
 

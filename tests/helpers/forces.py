@@ -47,7 +47,7 @@ def check_proof(
     reach = np.linalg.norm(contacts.points, axis=-1).max(axis=-1) + 1e-300
     missing = wrench_of(contacts, proof.forces) + proof.wrench
     missing[..., 3:] /= reach[..., None]
-    assert (np.abs(missing).max(axis=-1) <= 1e-9 * size)[finite].all(), "forces do not balance"
+    assert (np.abs(missing).max(axis=-1) <= 1e-8 * size)[finite].all(), "forces do not balance"
     normal = (proof.forces[..., :3] * contacts.normals).sum(axis=-1)
     sideways = np.linalg.norm(proof.forces[..., :3] - normal[..., None] * contacts.normals, axis=-1)
     friction, radius = contacts.friction, contacts.torsion_radius

@@ -118,7 +118,7 @@ def test_contacts_at_one_point_push_along_their_best_line(seed: int) -> None:
 @given(seeds, st.floats(0.05, 1.0))
 @few
 def test_tilts_within_the_margin_keep_force_closure(seed: int, fraction: float) -> None:
-    """Wan & Howe 2018, Sec. III: the effective friction, negative angles included."""
+    """Wan & Howe 2018, Sec. III-A: the effective friction, negative angles included."""
     rng = np.random.default_rng(seed)
     contacts = (
         grasps.frictionless_grasp(seed % 10)

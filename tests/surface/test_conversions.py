@@ -81,7 +81,7 @@ def test_a_trimesh_of_labels_has_colours_unit_and_every_array(
     for name, values in made.vertex_attributes.items():
         same = {"partner_2": "partners", "partner_2_normal": "partner_normals"}.get(name, name)
         np.testing.assert_array_equal(values, stored[same].reshape(values.shape))
-    assert len(made.vertex_attributes) == 13
+    assert len(made.vertex_attributes) == 14
     assert made.metadata["grasp3d"]["friction"] == 0.5
     again = load_mesh(made, max_edge=9.0)
     assert again.unit == made.units == "cm"

@@ -261,7 +261,7 @@ def _set_values(path: Path, **columns: Any) -> None:
         ("red", "green", "blue", "label"), "u1"
     )
     names = ("x", "y", "z", "nx", "ny", "nz", "red", "green", "blue", "label", "critical_angle",
-             "critical_angle_best", "max_resolution", "epsilon", "epsilon_min",
+             "critical_angle_best", "max_resolution", "margin", "epsilon", "epsilon_min",
              "epsilon_max")  # fmt: skip
     dtype = np.dtype([(name, kinds.get(name, "<f4")) for name in names])
     rows = np.frombuffer(data, dtype, len(viewing.labels().label), start).copy()
@@ -283,6 +283,8 @@ def _set_values(path: Path, **columns: Any) -> None:
         ({"critical_angle": 4.0}, "its critical_angle is not always"),
         ({"critical_angle": 0.1, "critical_angle_best": 0.5}, "above its critical_angle"),
         ({"max_resolution": math.nan}, "its max_resolution is not"),
+        ({"margin": 0.5}, "its margin does not match its angles"),
+        ({"margin": math.nan}, "its margin does not match its angles"),
         ({"epsilon_min": -1.0}, "an epsilon is below 0"),
         ({"epsilon": math.inf}, "an epsilon is below 0, or infinite"),
         ({"nx": 3.0}, "normals are not of length 1"),
@@ -303,7 +305,7 @@ def test_impossible_numbers_are_refused(file: Path, columns: dict[str, Any], mes
         ((b"property float epsilon\n", b"property int epsilon\n"), "'epsilon' is not a float"),
         ((b"float nx", b"float mx"), "'nx' is not a float"),
         ((b"comment grasp3d friction 0.75", b"comment grasp3d friction -1.0"), "above 0"),
-        ((b"comment grasp3d friction 0.75", b"comment grasp3d friction fast"), "could not convert"),
+        ((b"comment grasp3d friction 0.75", b"comment grasp3d friction fast"), "friction must be"),
         (
             (b"comment grasp3d friction 0.75", b"comment grasp3d frictiom 0.75"),
             "no comment 'friction'",

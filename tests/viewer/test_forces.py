@@ -4,6 +4,7 @@ import math
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,8 @@ from grasp3d import GraspModel, Label, SurfaceLabels, label_surface, load_mesh, 
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.loads import Load
 from grasp3d.quality.grip_forces import Resistance
-from grasp3d.quality.tasks import Weight
+from grasp3d.quality.tasks import Weight, Wrenches
+from grasp3d.surface import Reason
 from grasp3d.viewer.session import planning
 from grasp3d.viewer.session.collection import collection_of, open_collection
 from grasp3d.viewer.session.holding_texts import HeldGrasp
@@ -257,6 +259,51 @@ def test_a_labelled_file_has_its_forces(tmp_path: Path) -> None:
     assert not session.failure
     assert session.subject.forces is not None
     assert session.subject.forces.model.friction == 0.4
+
+
+PULL = "wrench 0,0,-5,0,0,0"
+
+
+def pulled(task: Any = PULL, force: float | None = 20.0) -> SurfaceLabels:
+    """Labels for a task of a given wrench, which does not depend on the mass."""
+    return replace(held(), load=Load(task=task, grip_force=force))
+
+
+@pytest.mark.parametrize("force", [None, 20.0])
+def test_a_task_of_wrenches_mentions_no_mass(tmp_path: Path, force: float | None) -> None:
+    path = tmp_path / "pulled.ply"
+    write_ply(path, pulled(force=force))
+    in_memory, stored = subject_of(pulled(force=force)), read_subject(path)
+    assert in_memory.load_numbers == stored.load_numbers == LoadNumbers(None, force, by_mass=False)
+    for collection in (collection_of(pulled(force=force)), open_collection(path)):
+        session = Session(collection, ViewSettings(paint="grip_force"))
+        wait_until_idle(session)
+        session.click(int(np.flatnonzero(held().reason == Reason.FOUND)[0]))
+        wait_until_idle(session)
+        text = panel_text(session)
+        assert text.ramp is not None
+        assert text.ramp.text.startswith("grip force of each finger for given wrenches")
+        assert text.inspection is not None
+        numbers = [value for _, value in text.inspection.numbers]
+        shown = " ".join([text.facts, text.inspection.reason, *numbers])
+        assert "kg" not in shown
+        assert "given wrenches" in text.facts
+        assert not session.offers("payload")
+        assert force is None or "With 20 N the load is" in shown or "No force holds it" in shown
+
+
+def test_a_task_of_wrenches_made_in_python_can_be_opened(tmp_path: Path) -> None:
+    path = tmp_path / "pulled.ply"
+    write_ply(path, pulled(Wrenches([[0.0, 0.0, -5.0, 0.0, 0.0, 0.0]])))
+    assert read_subject(path).load_numbers == LoadNumbers(None, 20.0, by_mass=False)
+
+
+def test_a_file_without_the_payload_of_its_mass_is_refused(tmp_path: Path) -> None:
+    path = tmp_path / "held.ply"
+    write_ply(path, held())
+    rewritten(path, (b"property float payload", b"property float pay_load"))
+    with pytest.raises(MeshError, match="'payload' is not a float"):
+        read_subject(path)
 
 
 def test_a_task_made_in_python_is_shown_as_in_the_file(tmp_path: Path) -> None:

@@ -270,6 +270,28 @@ def test_sliders_follow_keyboard_and_mouse(seen: Visitor, labels: SurfaceLabels)
 
 
 @pytest.mark.slow
+def test_errors_of_friction_and_normals(seen: Visitor, labels: SurfaceLabels) -> None:
+    assert seen.page.locator("#normal-error").count() == 0
+    seen.page.locator("#show-errors").check()
+    friction_error = replace(labels.model, friction_error=0.05)
+    for name, value, model in (
+        ("friction-error", "0.05", friction_error),
+        ("normal-error", "3", replace(friction_error, normal_error=3.0 * DEGREE)),
+    ):
+        seen.page.locator(f"#{name}-number").fill(value)
+        seen.page.locator(f"#{name}-number").press("Enter")
+        seen.shows(fractions(replace(labels, model=model), 0.3))
+    seen.page.select_option("#paint", "margin")
+    seen.until(lambda: "margin: S above 0°" in seen.page.locator("#ramp").inner_text())
+    seen.click_middle()
+    seen.page.wait_for_selector("#budget")
+    assert "normal error 3.0°" in seen.page.locator("#budget").inner_text()
+    assert "margin" in seen.page.locator("#numbers").inner_text()
+    assert seen.page.locator("#location-error").is_enabled()
+    assert not seen.errors
+
+
+@pytest.mark.slow
 def test_invalid_values_are_refused_with_a_message(seen: Visitor) -> None:
     for name, value in (("friction", "-1"), ("resolution", "200"), ("opening", "-3")):
         field = seen.page.locator("#opening" if name == "opening" else f"#{name}-number")

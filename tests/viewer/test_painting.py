@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from grasp3d import GraspModel, Label, SurfaceLabels
 from grasp3d.errors import SearchCoverageError
 from grasp3d.viewer.session.painting import (
+    BOTH_SIDES,
     GREY,
     PALETTE,
     RAMP,
@@ -83,8 +84,32 @@ def test_the_texture_has_the_colours_of_the_labels_apart_from_rounding(
 ) -> None:
     subject = subject_of(viewing.labels() if fingers == 2 else viewing.three_fingers())
     model = replace(subject.model, friction=friction, sensor_resolution=resolution)
-    worst, best = subject.critical_angle, subject.critical_angle_best
-    stable, reach = model.friction_angle - model.tilt, model.friction_angle + model.tilt
+    _check_texture(subject, model)
+
+
+@given(
+    friction=st.floats(0.2, 2.0),
+    resolution=RESOLUTIONS,
+    error=st.floats(0.0, 0.15),
+    normals=st.floats(0.0, 0.3),
+    location=st.floats(0.0, 0.5),
+)
+@settings(max_examples=60, deadline=None)
+def test_the_texture_has_the_colours_of_labels_with_errors(
+    friction: float, resolution: float, error: float, normals: float, location: float
+) -> None:
+    subject = subject_of(viewing.labels())
+    model = replace(
+        subject.model, friction=friction, sensor_resolution=resolution, friction_error=error,
+        normal_error=normals, location_error=location,
+    )  # fmt: skip
+    _check_texture(subject, model)
+
+
+def _check_texture(subject: Subject, model: GraspModel) -> None:
+    """Check that the nearest pixels at the vertices have the colours of the labels."""
+    worst, best = subject.angles(model)
+    stable, reach = model.effective_friction_angle, model.widest_friction_angle
     near = (np.abs(worst - stable) < 3e-6) | (np.abs(best - reach) < 3e-6)
     wrong = (_texture(subject, model) != PALETTE[labels_at(subject, model)]).any(axis=1)
     assert not (wrong & ~near).any()
@@ -130,6 +155,27 @@ def _ramp_color(subject: Subject, paint: str, model: GraspModel) -> NDArray[np.u
     across, up = texture_coordinates(subject, paint, model).T.astype(float)  # type: ignore[arg-type]
     columns = np.minimum(np.floor(across * WIDE), WIDE - 1).astype(int)
     return np.asarray(image[(up > 0.5).astype(int), columns])
+
+
+@pytest.mark.parametrize("location", [0.0, 0.02])
+def test_margins_change_colour_where_they_are_0(location: float) -> None:
+    labels = viewing.labels().relabel(friction=0.6, location_error=location, friction_error=0.1)
+    subject, model = subject_of(labels), labels.model
+    ramp = ramp_of(subject, "margin", model)
+    assert ramp is not None
+    assert ramp.maximum == -ramp.minimum == pytest.approx(math.degrees(model.friction_angle))
+    assert ramp.start == f"≤ −{ramp.maximum:.3g}°"
+    known = np.isfinite(labels.located_angles[0])
+    colors = _ramp_color(subject, "margin", model).astype(int)
+    assert (colors[~known] == PALETTE[UNSEARCHED]).all()
+    margins = np.degrees(labels.margin[known])
+    steps = np.clip(255.0 * (0.5 + 0.5 * margins / ramp.maximum), 0, 255)
+    around = np.clip(np.rint(steps).astype(int)[:, None] + [-1, 0, 1], 0, 255)
+    assert (BOTH_SIDES[around] == colors[known][:, None]).all(axis=2).any(axis=1).all()
+    green = (colors[:, 1] > colors[:, 0])[known]  # as in no colour below 0
+    clear = np.abs(margins) > 0.2
+    assert (green == (margins > 0.0))[clear].all()
+    assert (green == (labels.label[known] == Label.S))[clear].all()
 
 
 @pytest.mark.parametrize("paint", ["critical_angle", "max_resolution", "epsilon", "epsilon_min"])

@@ -87,7 +87,7 @@ def middle(one: HitArea) -> tuple[float, float]:
 @given(st.lists(WORDS, max_size=30), st.floats(20.0, 400.0))
 def test_wrapped_lines_fit_and_are_complete(words: list[str], width: float) -> None:
     text = " ".join(words)
-    lines = wrapped(text, width)
+    lines = wrapped(text, width, max_lines=len(text) + 1)
     assert "".join(lines).replace(" ", "") == "".join(text.split())
     widest = max((text_width(letter) for letter in text), default=0.0)
     assert all(text_width(line) <= max(width, widest) for line in lines)

@@ -80,7 +80,7 @@ def window(opened_window: Window) -> Window:
         made.press("section-off")
     for key, wrong in (
         ("c", made.state["compare"] is not None), ("f", made.state["click"] == "fix"), ("1", True),
-        ("u", True), ("r", True),
+        ("u", True), ("r", True), ("e", "normal_error" in made.state["areas"]),
     ):  # fmt: skip
         if wrong:
             made.key(key)
@@ -90,6 +90,7 @@ def window(opened_window: Window) -> Window:
             (state["vertex"], state["compare"], state["section"], state["fixed"])
             == (None, None, None, [])
             and state["working"] is None
+            and "normal_error" not in state["areas"]
         ),
         "the initial state",
     )
@@ -211,7 +212,7 @@ def test_the_help_is_in_front_of_the_scene(window: Window) -> None:
 
 def test_keys_of_vtk_are_disabled(window: Window) -> None:
     before = window.picture()
-    window.key("w", "e", "b", "v", "t", "j", "3", "1", "a", "l", "shift+w", "ctrl+q", "F5")
+    window.key("w", "b", "v", "t", "j", "3", "1", "a", "l", "shift+w", "ctrl+q", "F5")
     window.key("2")
     window.until(lambda state: state["paint"] == "critical_angle", "another key")
     window.key("1")
@@ -225,6 +226,19 @@ def test_keys_of_vtk_are_disabled(window: Window) -> None:
         lambda state: (state["friction"], state["resolution"]) == pytest.approx(next_job), "more"
     )
     window.key("Left", "Down")
+
+
+def test_the_sliders_of_errors_move_the_borders(window: Window) -> None:
+    before = window.state["fractions"]["S"]
+    window.key("e")
+    state = window.until(lambda state: "normal_error" in state["areas"], "more sliders")
+    box, (start, end) = state["areas"]["normal_error"]
+    window.click(int(start + 0.5 * (end - start)), int(0.5 * (box[1] + box[3])))
+    window.until(lambda state: state["fractions"]["S"] < before - 0.02, "fewer S")
+    window.key("z")
+    window.until(lambda state: state["fractions"]["S"] == before, "the same S")
+    window.key("e")
+    window.until(lambda state: "normal_error" not in state["areas"], "fewer sliders")
 
 
 def test_the_layout_follows_the_size_of_the_window(window: Window) -> None:

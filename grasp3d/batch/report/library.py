@@ -10,6 +10,8 @@ import numpy as np
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report.settings_text import describe_settings, summarise_settings
 from grasp3d.batch.row import AreaFractions, Row
+from grasp3d.lengths import METRES, to_metres
+from grasp3d.settings import GraspModel
 
 VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
 """Path of the objects' scripts below the output folder, and their suffix."""
@@ -41,6 +43,7 @@ _ANGLES = {
     "resolution50": "required_resolution_50",
     "resolution80": "required_resolution_80",
     "resolution90": "required_resolution_90",
+    "spareAngle": "margin_p50",
 }
 _TEXTS = {"name": "mesh", "outcome": "outcome", "error": "error", "warnings": "warnings"}
 _VERDICT = {"verdict": "verdict", "verdictText": "verdict_text", "holdsText": "holds_text"}
@@ -55,16 +58,28 @@ def library_data(rows: Collection[Row], settings: BatchSettings) -> dict[str, An
         rows: All meshes.
         settings: Settings of the labels.
     """
-    model = settings.model
+    model, found = settings.model, curves(rows)
     return {
         "friction": model.friction,
         "resolution": _rounded(math.degrees(model.sensor_resolution)),
+        "uncertain": is_uncertain(model),
         "summary": summarise_settings(settings),
         "settings": describe_settings(settings),
         "columns": COLUMNS,
         "rows": [_values(row) for row in rows],
-        "curves": curves(rows),
+        "curves": found,
+        "curve": _curve_of(model, found),
     }
+
+
+def is_uncertain(model: GraspModel) -> bool:
+    """Whether anything but the sensor's normals is uncertain.
+
+    Args:
+        model: Model of the labels.
+    """
+    errors = (model.friction_error, model.normal_error, model.location_error, model.per_finger)
+    return any(errors)
 
 
 def object_list(rows: Collection[Row]) -> list[tuple[str, str]]:
@@ -80,22 +95,27 @@ def stem_of(row: Row) -> str:
 def curves(rows: Collection[Row]) -> list[dict[str, Any]]:
     """Quartiles of the area fractions over the labelled meshes, for each friction of the grid.
 
+    And for each error of friction, normals and locations, if the grid has several.
+
     Returns:
-        By friction: `friction`; `resolution` [degrees]; `meshes`, the number of meshes at each
+        By friction and errors: `friction`; `errors` of friction, normals [rad] and locations [mm];
+        `name`, the same as text; `resolution` [degrees]; `meshes`, the number of meshes at each
         resolution; `S`, `M` and `U`, the quartiles at each resolution, none where no mesh has the
         value; `searched`, the number of meshes with M and U.
     """
-    grid: dict[float, dict[float, list[AreaFractions]]] = defaultdict(lambda: defaultdict(list))
+    grid: dict[_Errors, dict[float, list[AreaFractions]]] = defaultdict(lambda: defaultdict(list))
     for row in rows:
         for one in row.fractions:
-            grid[one.friction][one.sensor_resolution].append(one)
+            grid[_errors_of(one, row.unit)][one.sensor_resolution].append(one)
     found = []
-    for friction, by_resolution in sorted(grid.items()):
+    for errors, by_resolution in sorted(grid.items()):
         resolutions = sorted(by_resolution)
         columns = [by_resolution[resolution] for resolution in resolutions]
         found.append(
             {
-                "friction": friction,
+                "friction": errors[0],
+                "errors": [_rounded(error) for error in errors[1:4]],
+                "name": _name_of(*errors),
                 "resolution": [_rounded(math.degrees(resolution)) for resolution in resolutions],
                 "meshes": [len(column) for column in columns],
                 "S": [_quartiles([one.stable for one in column]) for column in columns],
@@ -107,6 +127,51 @@ def curves(rows: Collection[Row]) -> list[dict[str, Any]]:
             }
         )
     return found
+
+
+_Errors = tuple[float, float, float, float, str]
+"""Friction, its error, the error of normals [rad], that of locations and its unit."""
+
+
+def _errors_of(one: AreaFractions, unit: str | None) -> _Errors:
+    """Settings of area fractions; locations in millimetres, or in an unknown unit."""
+    metres = {str(name): size for name, size in METRES.items()}.get(unit or "", 0.0)
+    known = metres > 0.0 and one.location_error > 0.0
+    location = 1000.0 * metres * one.location_error if known else one.location_error
+    return (
+        one.friction,
+        one.friction_error,
+        one.normal_error,
+        float(f"{location:.9g}"),
+        "mm" if known else "",
+    )
+
+
+def _curve_of(model: GraspModel, found: Sequence[dict[str, Any]]) -> int:
+    """Number of the curve that is nearest to a model; a length without a unit is the largest."""
+    length = model.location_error
+    location = (
+        1000.0 * to_metres(length) if isinstance(length, str) else (math.inf if length else 0.0)
+    )
+    wanted = (model.friction, model.friction_error, model.normal_error, location)
+    return min(
+        range(len(found)),
+        key=lambda number: [
+            -at if math.isinf(to) else abs(at - to)
+            for at, to in zip(
+                (found[number]["friction"], *found[number]["errors"]), wanted, strict=True
+            )
+        ],
+        default=0,
+    )
+
+
+def _name_of(friction: float, error: float, normals: float, location: float, unit: str) -> str:
+    """Friction and errors as text: '0.5 ± 0.1, normals ± 2°, locations ± 1 mm'."""
+    parts = [f"{friction:.4g} ± {error:.4g}" if error else f"{friction:.4g}"]
+    parts += [f"normals ± {math.degrees(normals):.4g}°"] if normals else []
+    parts += [f"locations ± {location:.4g} {unit}".rstrip()] if location else []
+    return ", ".join(parts)
 
 
 def _quartiles(values: Sequence[float | None]) -> list[float] | None:

@@ -27,7 +27,8 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
     """Write the page's data of a labelled surface, as a script with one function call.
 
     Vertices without faces are left out. Positions are quantised to 16 bits over the surface's
-    bounding box; angles, epsilon, openings and area weights are floats of 32 bits. With a gripper
+    bounding box; angles, epsilon, openings and area weights are floats of 32 bits; where contact
+    locations are uncertain, the angles include them at the labels' location error. With a gripper
     its shape and that of the table are added, and the pose of each of the best grasps; with a load
     its numbers, and the grip force and payload at each vertex.
 
@@ -57,6 +58,14 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "step": step.tolist(),
         "friction": model.friction,
         "resolution": model.sensor_resolution,
+        "frictionError": model.friction_error,
+        "normalError": model.normal_error,
+        "locationError": model.location_error,
+        "perFinger": model.per_finger,
+        "limits": {
+            "stable": model.effective_friction_angle,
+            "widest": model.widest_friction_angle,
+        },
         "fingers": model.fingers,
         "method": model.method,
         "cone": max(labels.search.cone, search_cone(model, Sampling())),
@@ -82,7 +91,7 @@ def _arrays(
     step: npt.NDArray[np.float64],
 ) -> dict[str, npt.NDArray[Any]]:
     """Values at the vertices with faces, in the order of the mesh."""
-    mesh = labels.mesh
+    mesh, model = labels.mesh, labels.model
     count = len(mesh.vertices)
     row = np.zeros(count, dtype=np.uint16 if len(used) <= _SMALL else np.uint32)
     row[used] = np.arange(len(used))
@@ -106,6 +115,11 @@ def _arrays(
         arrays["margin"] = labels.reach.approach_margin[used].astype(np.float32)
     if not np.array_equal(labels.critical_angle[used], labels.critical_angle_best[used]):
         arrays["best"] = labels.critical_angle_best[used].astype(np.float32)
+    if not model.is_uniform:
+        worst, best = labels.located_angles
+        arrays["locatedWorst"] = worst[used].astype(np.float32)
+        if not np.array_equal(worst[used], best[used]):
+            arrays["locatedBest"] = best[used].astype(np.float32)
     if len(used) < count:
         arrays["numbers"] = used.astype(np.uint32)
     return arrays

@@ -27,11 +27,29 @@ def summarise_settings(settings: BatchSettings) -> list[str]:
         settings: Settings of the batch.
     """
     model, search = settings.model, dict(_search(settings))
-    texts = [f"Friction μ {model.friction:.4g} (cone of β {_degrees(model.friction_angle)})"]
+    texts = [f"Friction {_friction(model)}"]
     texts.append(f"Sensor resolution α {_degrees(model.sensor_resolution)}")
+    texts += [f"{name} {value}" for name, value in _errors(model)]
     texts.append(f"{model.fingers} {'soft ' if model.torsion_radius else ''}fingers")
     texts += [f"{name} {value}" for name, value in search.items()]
     return texts + [f"{name} {value}" for name, value in _load(settings.load)]
+
+
+def _friction(model: GraspModel) -> str:
+    smallest, largest = model.friction_interval
+    number = f"{smallest:.4g} to {largest:.4g}" if smallest < largest else f"{model.friction:.4g}"
+    angles = [_degrees(math.atan(one)) for one in dict.fromkeys((smallest, largest))]
+    return f"μ {number} (cone of β {' to '.join(angles)})"
+
+
+def _errors(model: GraspModel) -> Iterator[tuple[str, str]]:
+    """What is uncertain beside friction and the sensor's normals; nothing if nothing is."""
+    if model.normal_error:
+        yield "Normals", f"within a further {_degrees(model.normal_error)}"
+    if model.location_error:
+        yield "Contact locations", f"within {_length(model.location_error)}"
+    if model.per_finger:
+        yield "Each finger", model.per_finger
 
 
 def _degrees(angle: float) -> str:
@@ -39,8 +57,9 @@ def _degrees(angle: float) -> str:
 
 
 def _model(model: GraspModel) -> Iterator[tuple[str, str]]:
-    yield "Friction", f"μ {model.friction:.4g} (cone of β {_degrees(model.friction_angle)})"
+    yield "Friction", _friction(model)
     yield "Sensor resolution", f"α {_degrees(model.sensor_resolution)}"
+    yield from _errors(model)
     yield "Fingers", f"{model.fingers}{', soft' if model.torsion_radius else ''}"
     if model.method == "extremes":
         yield "Labels", f"from wrench hulls at {model.extreme_normals} extreme normals, sampled"

@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 from scipy.sparse import coo_array
 
-from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
+from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, BestPairs, PairLimits
 from grasp3d._kernels.antipodal_descent import descend
 from grasp3d._kernels.antipodal_directions import Frames, seed_rays
 from grasp3d._kernels.antipodal_neighbours import neighbour_rays
@@ -33,7 +33,7 @@ from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import Sampling
+from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.sampling.reachable import ReachSearch
 from grasp3d.system.progress import Progress, ignore
 
@@ -94,14 +94,46 @@ SYMMETRIC = 1e-9
 """Third moment, in object sizes cubed, below which the object is symmetric along an axis."""
 
 
+@dataclass(frozen=True)
+class Ranking:
+    """Uncertainties of the contacts that the best of several grasps depends on.
+
+    Those that cost every grasp the same do not count.
+    """
+
+    location: float = 0.0
+    """Sum of the location errors of both contacts, in the mesh's unit."""
+    first_extra: float = 0.0
+    """Angle by which the finger at the vertex is known less well than the other one [rad]."""
+    second_extra: float = 0.0
+    """The same of the other finger; one of the two is 0 [rad]."""
+
+    @classmethod
+    def of(cls, model: GraspModel) -> "Ranking":
+        """The uncertainties of a model for two fingers, with lengths in the mesh's unit."""
+        if model.is_uniform:
+            return cls()
+        first, second = model.fingertips
+        difference = (first.least_friction_angle - first.tilt) - (
+            second.least_friction_angle - second.tilt
+        )
+        return cls(
+            first.location_error + second.location_error,
+            max(-difference, 0.0),
+            max(difference, 0.0),
+        )
+
+
 @dataclass(frozen=True, eq=False)
 class AntipodalGrasps:
     """The best antipodal grasp found at each vertex, in the mesh's frame and unit."""
 
     worst: Floats
-    """Critical friction angle over the contacts' worst normals [rad], inf: none found. (V,)"""
+    """Cost over the contacts' worst normals [rad], inf: none found. (V,)
+
+    The critical friction angle, plus what `Ranking` adds to it."""
     best: Floats
-    """Smallest one over the contacts' best normals, possibly of another grasp. (V,)"""
+    """Smallest cost over the contacts' best normals, possibly of another grasp. (V,)"""
     partner: Floats
     """Second contact of the grasp of `worst`, nan where there is none. (V, 3)"""
     partner_normal: Floats
@@ -130,11 +162,14 @@ def best_pairs(
     *,
     threads: int,
     reaching: Reaching | None = None,
+    ranking: Ranking = Ranking(),
     progress: Progress | None = None,
 ) -> AntipodalGrasps:
     """Search for the best antipodal grasp through every vertex of the surface.
 
-    The result does not depend on the number of threads.
+    The best is the one with the largest margin: with the smallest critical friction angle plus the
+    angle by which the line between the contacts may turn. The result does not depend on the number
+    of threads.
 
     Args:
         mesh: The surface.
@@ -142,19 +177,37 @@ def best_pairs(
         cone: Half-angle of the cone of directions about the inward normals [rad].
         threads: Threads to use.
         reaching: The gripper that must reach the grasps; None: ideal points.
+        ranking: Which uncertainties of the contacts the best grasp depends on.
         progress: Called with the fraction of the work done, from 0 to 1.
     """
     with ThreadPoolExecutor(threads) as executor:
-        search = _Search(mesh, sampling, cone, threads, executor, progress or ignore, reaching)
+        search = _Search(
+            mesh, sampling, cone, threads, executor, progress or ignore, reaching, ranking
+        )
         return search.run()
 
 
-def opening_limits(mesh: ObjectMesh, sampling: Sampling) -> tuple[float, float]:
-    """(smallest, largest) opening in the normalised frame, with a tolerance for rounding."""
-    return (
+def pair_limits(mesh: ObjectMesh, sampling: Sampling, cone: float, ranking: Ranking) -> PairLimits:
+    """Limits of pairs of contacts in the normalised frame, openings with a tolerance for rounding.
+
+    Args:
+        mesh: The surface.
+        sampling: Limits of openings.
+        cone: Largest critical angle that is searched for [rad].
+        ranking: Uncertainties of the contacts.
+    """
+    location = ranking.location / mesh.size
+    return PairLimits(
         max(sampling.min_opening / mesh.size - OPENING_SLACK, SMALLEST_OPENING),
         sampling.max_opening / mesh.size + OPENING_SLACK,
+        location,
+        math.cos(cone) if location > 0.0 else -2.0,
     )
+
+
+def largest_cost(cone: float, ranking: Ranking) -> float:
+    """Largest cost of a grasp whose critical angle is within the search cone [rad]."""
+    return cone if ranking.location == 0.0 else min(cone + math.pi / 2.0, math.pi)
 
 
 def tangents(mesh: ObjectMesh) -> Floats:
@@ -212,6 +265,7 @@ class _Search:
     executor: ThreadPoolExecutor
     progress: Progress
     reaching: Reaching | None = None
+    ranking: Ranking = Ranking()
     traced: int = field(default=0, init=False)
     reach: Reach | None = field(default=None, init=False)
 
@@ -220,7 +274,7 @@ class _Search:
         count = len(mesh.vertices)
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
         self.vertices = np.unique(mesh.faces)
-        self.limits = opening_limits(mesh, self.sampling)
+        self.limits = pair_limits(mesh, self.sampling, self.cone, self.ranking)
         self.sets = mesh.contact_normals
         self.surface = mesh.contact_surface
         self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
@@ -242,6 +296,9 @@ class _Search:
             start_angles=np.full((count, STARTS), math.inf),
             start_signs=np.zeros((count, STARTS), dtype=np.int8),
             distinct_cosine=math.cos(self.spacing),
+            location=self.limits.location,
+            first_extra=self.ranking.first_extra,
+            second_extra=self.ranking.second_extra,
         )
 
     def run(self) -> AntipodalGrasps:
@@ -268,7 +325,10 @@ class _Search:
             rounds += self._refine_all(radii)
             self.progress(0.85 + 0.15 * (sweep + 1) / sweeps)
         if self.reaching is not None:
-            reach = ReachSearch(self.mesh, self.reaching, self.cone, self.limits, self.executor)
+            reach = ReachSearch(
+                self.mesh, self.reaching, self.cone, self.limits, self.executor,
+                largest_cost(self.cone, self.ranking),
+            )  # fmt: skip
             ideal, self.grasps = (
                 self.grasps,
                 reach.run(self.grasps, self.tracer, self.neighbours, squeeze=squeezing),
@@ -279,7 +339,7 @@ class _Search:
     def _descend(self) -> None:
         """Search the whole surface by branch and bound; at creases for the best normals too."""
         tree = face_tree(self.surface)
-        vertices = self._unfinished()
+        vertices = self._unfinished(anywhere=True)
         creases = vertices[self.sets.counts[vertices] != 1]
         for chosen, worst, start in ((vertices, True, 0.45), (creases, False, 0.65)):
             number = max(-(-len(chosen) // DESCENDING), CHUNKS * self.threads)
@@ -293,7 +353,7 @@ class _Search:
             vertices,
             worst,
             GAIN if worst else GAIN_BEST,
-            self.cone,
+            largest_cost(self.cone, self.ranking),
             tree,
             self.frames.centres,
             self.surface,
@@ -305,7 +365,7 @@ class _Search:
     def _refine_near_limit(self) -> None:
         """Refine grasps whose openings are near the largest one."""
         openings = np.linalg.norm(self.grasps.partner - self.surface.points, axis=1)
-        near = openings > NEAR_LIMIT * self.limits[1]
+        near = openings > NEAR_LIMIT * self.limits.largest
         self._refine_all(np.where(near, FIRST_RING * self.spacing, 0.0), NEAR_ROUNDS)
 
     def _refine_all(self, radii: Floats, most: int = MAX_ROUNDS) -> int:
@@ -395,15 +455,29 @@ class _Search:
         self._trace(
             vertices,
             lambda chunk: refining_rays(
-                chunk, radii, turn, self.cone, self.frames, self.sets, self.grasps
+                chunk, radii, turn, self.cone, self.surface.points, self.frames, self.sets,
+                self.grasps,
             ),
             RAYS_PER_ROUND,
-        )
+        )  # fmt: skip
 
-    def _unfinished(self) -> Ints:
-        """Vertices whose critical angle is not within the tolerance of 0, its minimum."""
+    def _unfinished(self, *, anywhere: bool = False) -> Ints:
+        """Vertices whose critical angle is not within the tolerance of 0, its minimum.
+
+        There the opening does not change to first order either, so that the cost is a minimum too:
+        a better grasp can only be elsewhere.
+
+        Args:
+            anywhere: Whether better grasps elsewhere count.
+        """
         smooth = self.mesh.normal_sets.counts[self.vertices] == 1
-        bound = np.where(smooth, self.grasps.worst[self.vertices], math.inf)
+        angles = self.grasps.worst[self.vertices]
+        if self.limits.location > 0.0 and not anywhere:
+            lines = self.grasps.partner[self.vertices] - self.surface.points[self.vertices]
+            with np.errstate(invalid="ignore"):
+                sines = self.limits.location / np.linalg.norm(lines, axis=1)
+            angles = angles - np.arcsin(np.minimum(np.nan_to_num(sines), 1.0))
+        bound = np.where(smooth, angles, math.inf)
         return self.vertices[bound > self.sampling.tolerance]
 
     def _trace(

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.antipodal_candidates import FOUND, BestPairs
+from grasp3d._kernels.antipodal_candidates import FOUND, BestPairs, PairLimits
 from grasp3d._kernels.antipodal_neighbours import neighbour_rays
 from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.gripper_shape import ReachResults, make_workspace, no_results
@@ -72,9 +72,11 @@ class ReachSearch:
     reaching: Reaching
     cone: float
     """Largest critical angle [rad]."""
-    limits: tuple[float, float]
-    """(smallest, largest) opening."""
+    limits: PairLimits
+    """Openings and location error."""
     executor: ThreadPoolExecutor
+    most: float
+    """Largest cost that is searched for [rad]."""
 
     def __post_init__(self) -> None:
         mesh, reaching = self.mesh, self.reaching
@@ -169,7 +171,7 @@ class ReachSearch:
                 vertices.astype(np.int32), self.centres[vertices], np.ones(count, dtype=np.int8),
                 count,
             )  # fmt: skip
-            tracer.evaluate_all(rays, (self.limits[0], np.inf), one)
+            tracer.evaluate_all(rays, self.limits._replace(largest=np.inf), one)
         return vertices[one.best[vertices] < self.cone]
 
     def partners_of(
@@ -191,7 +193,7 @@ class ReachSearch:
 
         def work(rows: slice, reaching: Any) -> None:
             faces[rows], weights[rows] = search_reachable(
-                vertices[rows], worst, self.cone, self.spacing, wanted, most_failed,
+                vertices[rows], worst, self.most, self.spacing, wanted, most_failed,
                 self.tree, self.centres,
                 self.surface, self.sets, self.limits, reaching,
             )  # fmt: skip

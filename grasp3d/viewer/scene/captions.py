@@ -113,8 +113,8 @@ class Captions:
             fractions = text.other_fractions if number else text.fractions
             return legend_items(area, layout, [_entry(fraction) for fraction in fractions])
         grey = LegendEntry(GREY, "", ramp.grey, "") if ramp.grey else None
-        ends = f"0{ramp.unit}", ramp.end
-        return ramp_items(area, layout, ramp.text, ends, grey)
+        ends = ramp.start, ramp.end
+        return ramp_items(area, layout, ramp.text, ends, grey, ramp.colors)
 
     def _layout(self, area: TextArea) -> LegendLayout:
         """Layout of the label legend, which also determines the height of a ramp's legend."""
@@ -142,7 +142,23 @@ def _caption(session: Session, model: GraspModel, *, full: bool) -> tuple[str, .
         return (resolution,)
     fingers = FINGERS.get(model.fingers, f"{model.fingers} fingers")
     friction = f"μ {round(model.friction, 4):g}"
-    return resolution, friction, fingers, *_limit(session), *_gripper(session)
+    if model.friction_error > 0.0:
+        friction += f" ± {round(model.friction_error, 4):g}"
+    errors = _errors(session, model)
+    return resolution, friction, *errors, fingers, *_limit(session), *_gripper(session)
+
+
+def _errors(session: Session, model: GraspModel) -> tuple[str, ...]:
+    """The errors of normals and contact locations."""
+    parts = []
+    if model.normal_error > 0.0:
+        parts.append(f"normals ± {round(math.degrees(model.normal_error), 2):g}°")
+    if model.location_error > 0.0:
+        unit = session.subject.unit if session.subject else None
+        parts.append(f"locations ± {model.location_error:.4g} {unit or ''}".rstrip())
+    if model.per_finger:
+        parts.append("errors of each finger")
+    return tuple(parts)
 
 
 def _gripper(session: Session) -> tuple[str, ...]:

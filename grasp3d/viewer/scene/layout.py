@@ -4,6 +4,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from grasp3d.arrays import Bytes
 from grasp3d.viewer.scene.text_layout import middle_cut, shortened, text_width
 from grasp3d.viewer.session.painting import RAMP
 
@@ -230,6 +231,7 @@ def ramp_items(
     text: str,
     ends: tuple[str, str],
     grey: LegendEntry | None,
+    colors: Bytes = RAMP,
 ) -> list[OverlayItem]:
     """A colour ramp with its name above, and the meaning of grey beside it if grey occurs."""
     begin, end = ends
@@ -244,7 +246,7 @@ def ramp_items(
     items: list[OverlayItem] = [
         TextLine(name, start, y + area.line, size),
         TextLine(begin, start, y, size, QUIET),
-        *_bands(left, y + 0.15 * size, width, 0.8 * size),
+        *_bands(left, y + 0.15 * size, width, 0.8 * size, colors),
         TextLine(end, left + width + 0.5 * size, y, size, QUIET),
     ]
     x = left + width + last + 1.8 * size
@@ -259,9 +261,9 @@ def _brief(text: str, size: int, space: float) -> str:
     return text if text_width(text, size) <= space else text.split(":", maxsplit=1)[0]
 
 
-def _bands(x: float, y: float, width: float, height: float) -> list[OverlayItem]:
+def _bands(x: float, y: float, width: float, height: float, ramp: Bytes) -> list[OverlayItem]:
     step = width / BANDS
-    colors = RAMP[[(2 * band + 1) * len(RAMP) // (2 * BANDS) for band in range(BANDS)]]
+    colors = ramp[[(2 * band + 1) * len(ramp) // (2 * BANDS) for band in range(BANDS)]]
     return [
         Rectangle(x + band * step, y, step, height, "#{:02X}{:02X}{:02X}".format(*color))
         for band, color in enumerate(colors)

@@ -103,7 +103,8 @@ class Marks:
             grasp = MarkedContacts(inspection.points, inspection.normals)
             model = inspection.model
         grasp_key = (grasp.points.tobytes(), grasp.normals.tobytes())
-        cones_key = model and (model.friction_angle, model.tilt, cones)
+        safe = model and model.effective_friction_angle
+        cones_key = model and (model.friction_angle, model.tilt, safe, cones)
         before, self._content = self._content, (fixed_key, grasp_key, cones_key)
         if fixed_key != before[0]:
             self._show_fixed(_fixed_contacts(subject, fixed), size)
@@ -157,9 +158,10 @@ class Marks:
         nominal = closed(cone_rims(grasp.points, outward, beta, length))
         safe: list[Floats] = []
         self._safe_cones.show([])
-        if beta > tilt:
-            self._safe_cones.show(cone_surfaces(grasp.points, outward, beta - tilt, length))
-            safe = closed(cone_rims(grasp.points, outward, beta - tilt, length))
+        inner = model.effective_friction_angle if model else 0.0
+        if inner > 0.0:
+            self._safe_cones.show(cone_surfaces(grasp.points, outward, inner, length))
+            safe = closed(cone_rims(grasp.points, outward, inner, length))
         extreme = _extreme_cones(grasp, beta, tilt, length) if tilt > 0.0 else []
         self._grey_lines.show(nominal)
         self._blue_lines.show(safe)

@@ -29,6 +29,7 @@ class Pane:
         self.renderer = renderer
         self._subject: Subject | None = None
         self._painted: tuple[Subject, Paint, GraspModel, bool] | None = None
+        self._located: Floats | None = None
         self._data: pyvista.PolyData | None = None
         self._mapper, self._back_mapper = pyvista.DataSetMapper(), pyvista.DataSetMapper()
         self._texture, self._image = vtkTexture(), pyvista.ImageData()
@@ -66,8 +67,11 @@ class Pane:
             return
         if not _same_shape(subject, self._subject):
             self._draw(subject)
-        if paint == "label" or before is None or subject is not before[0] or paint != before[1]:
+        located = subject.angles(model)[0]
+        same = before is not None and (subject is before[0] and paint == before[1])
+        if paint == "label" or not same or located is not self._located:
             self._set_coordinates(subject, paint, model)
+        self._located = located
         image = texture_image(subject, paint, model)
         self._set_image(faded(image) if stale else image)
         self._subject, self._painted = subject, (subject, paint, model, stale)

@@ -316,6 +316,7 @@ def _scan_grasp(grasps: SurfaceGrasps, row: int, progress: Progress) -> Subject:
         between=bool(contacts.surface_points.weights[0, 0].max() < 1.0),
         creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
         held=GripperPose.of(grasps.reach, row),
+        grasp=contacts,
     )
     return warm_up(replace(subject_of(labels), last_contact=shown, reaching=grasps.reaching))
 

@@ -24,6 +24,7 @@ from grasp3d.viewer.session.last_contact import best_last_contact
 from grasp3d.viewer.session.painting import labels_at
 from grasp3d.viewer.session.state import FixedPoints
 from grasp3d.viewer.subjects.forces import Forces
+from grasp3d.viewer.subjects.located import Located
 from grasp3d.viewer.subjects.subject import Epsilons, Subject, subject_of
 
 WIDEST = math.pi / 2.0
@@ -191,6 +192,21 @@ def compute_forces(subject: Subject, model: GraspModel, progress: Progress) -> S
     labels.compute_holding(within(progress, PREPARED, 1.0))
     assert labels.holding is not None
     return replace(ready, forces=Forces.of(labels.holding, model))
+
+
+def locate_contacts(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
+    """Compute the located angles of every vertex's grasp.
+
+    Args:
+        subject: With labels.
+        model: Grasp model; fingers as the subject has them.
+        progress: Called with the finished fraction of the work, from 0 to 1.
+
+    Raises:
+        SettingError: The model is for another number of fingers.
+    """
+    progress(0.0)
+    return replace(subject, located=Located.of(subject.labels, model))
 
 
 def difference(subject: Subject, other: Subject) -> float:

@@ -40,9 +40,10 @@ class Case:
     code: int
     """Label, or `UNSEARCHED`."""
     worst: float
-    """Critical friction angle over the worst normals [rad]; inf: no grasp."""
+    """Critical friction angle over the worst normals [rad]; inf: no grasp. With uncertain contact
+    locations or different fingers the located angle."""
     best: float
-    """Critical friction angle over the best normals [rad]."""
+    """The same over the best normals [rad]."""
     cone: float
     """Largest critical friction angle that was searched [rad]."""
     reason: Reason | None
@@ -55,11 +56,24 @@ class Case:
     """Name of the gripper that must reach the grasp; None: ideal points."""
     unreached: Reachability | None = None
     """Why the gripper does not reach the best grasp of the vertex; None: it does, or unknown."""
+    perceived: tuple[float, float] | None = None
+    """Critical friction angles at the perceived contact points, over the worst and over the best
+    normals [rad]; None: `worst` and `best`, as these points are exact and the fingers alike."""
+
+    @property
+    def angles(self) -> tuple[float, float]:
+        """Critical friction angles at the perceived contact points, worst and best normals."""
+        return (self.worst, self.best) if self.perceived is None else self.perceived
 
     @property
     def smooth(self) -> bool:
         """Whether every finger has a single normal, as far as the angles show."""
-        return self.worst - self.best < SAME
+        return self.angles[0] - self.angles[1] < SAME
+
+    @property
+    def margin(self) -> float:
+        """Angle by which the grasp is S [rad]; below 0: by which it is not; -inf: no grasp."""
+        return self.stable - self.worst
 
     @property
     def stable(self) -> float:
@@ -111,22 +125,52 @@ def _unstable_limit(case: Case) -> str:
 
 
 def _limit(case: Case, limit: float, sign: str) -> str:
-    beta, tilt = case.model.friction_angle, case.model.tilt
-    precise = partial(angle_text, limit=case.worst if sign == "−" else case.best)
-    if tilt == 0.0:
+    model, low = case.model, sign == "−"
+    precise = partial(angle_text, limit=case.worst if low else case.best)
+    if model.per_finger:
+        return f"{precise(limit)} of the {'worst' if low else 'best'} finger"
+    beta = math.atan(model.friction_interval[0 if low else 1])
+    if model.tilt == 0.0:
         return f"β = {precise(limit)}"
-    return f"{angle_text(beta)} {sign} {angle_text(tilt)} = {precise(limit)}"
+    tilts = [model.sensor_resolution / 2.0, model.normal_error]
+    terms = [f"{sign} {angle_text(tilt)}" for tilt in tilts if tilt > 0.0]
+    return f"{angle_text(beta)} {' '.join(terms)} = {precise(limit)}"
 
 
 def _cause(case: Case, limit: float) -> str:
     """What decides when every finger has one normal: one finger's normal, or the whole grasp."""
-    line, angle = case.off_line, angle_text(case.worst, limit)
-    if line is None or abs(max(line) - case.worst) >= SAME:
+    line, worst = case.off_line, case.angles[0]
+    angle = angle_text(worst, limit)
+    if line is None or abs(max(line) - worst) >= SAME:
         return f"the grasp is force-closed for friction angles above β* = {angle}"
     if abs(line[0] - line[1]) < SAME:
         return f"both contact normals are {angle} off the line through the contacts"
     finger = FINGERS[line.index(max(line))]
     return f"the {finger} finger's normal is {angle} off the line through the contacts"
+
+
+def _located(case: Case, text: str) -> str:
+    """What uncertain contact locations and different fingers make of a critical angle."""
+    if case.perceived is None:
+        return ""
+    if case.model.location_error == 0.0:
+        return f"; with the errors of each finger {text}"
+    return f"; with the contact points anywhere within their location errors {text}"
+
+
+def _all_true(model: GraspModel) -> str:
+    """Everything that may be true of a grasp within a model's errors."""
+    normals = "all true normals within the sensor resolution"
+    if model.normal_error > 0.0 or model.per_finger:
+        normals += " and their error"
+    locations = [] if model.location_error == 0.0 else ["all contact points within theirs"]
+    frictions = [] if model.friction_error == 0.0 else ["any friction of its interval"]
+    parts = [normals, *locations, *frictions]
+    return ", ".join(parts[:-1]) + (" and " if len(parts) > 1 else "") + parts[-1]
+
+
+def _bounded(angle: float, limit: float) -> str:
+    return "unbounded" if math.isinf(angle) else angle_text(angle, limit)
 
 
 def _crease(case: Case) -> str:
@@ -148,16 +192,14 @@ def _crease(case: Case) -> str:
 
 
 def _stable(case: Case) -> str:
-    angle = angle_text(case.worst, case.stable)
+    angle = angle_text(case.angles[0], case.stable)
     cause = _cause(case, case.stable)
     if not case.smooth:
         cause = f"{_crease(case)}; for the worst of these normals β* is {angle}"
     elif " off the line " in cause:
         cause = f"no contact normal is more than {angle} off the line through the contacts"
-    return (
-        f"{cause}, below {_stable_limit(case)}: the grasp is stable for all true normals within "
-        "the sensor resolution"
-    )
+    cause += _located(case, f"β* is {angle_text(case.worst, case.stable)}")
+    return f"{cause}, below {_stable_limit(case)}: the grasp is stable for {_all_true(case.model)}"
 
 
 def _unstable(case: Case) -> str:
@@ -166,6 +208,8 @@ def _unstable(case: Case) -> str:
     if not case.smooth:
         edge = "the first finger's sharp edge" if 0 in case.creases else "a sharp edge"
         needs += f" even with the best normals on {edge}"
+    if case.perceived is not None:
+        needs += " and the best true contact points" if case.model.location_error else ""
     limit = _unstable_limit(case)
     if case.model.tilt == 0.0:
         return f"{needs}, and the friction allows no more than {limit}"
@@ -187,11 +231,19 @@ def _ambiguous(case: Case) -> str:
         )
     if case.smooth:
         nearer = min((case.stable, case.unstable), key=lambda limit: abs(limit - case.worst))
-        return f"{_cause(case, nearer)}: {sure}, {unstable}"
-    worst = "unbounded" if math.isinf(case.worst) else angle_text(case.worst, case.stable)
-    best = angle_text(case.best, case.unstable)
+        between = (
+            f"β* is from {angle_text(case.best, case.unstable)} to "
+            f"{_bounded(case.worst, case.stable)}"
+        )
+        return f"{_cause(case, nearer)}{_located(case, between)}: {sure}, {unstable}"
+    worst, best = case.angles
+    located = _located(
+        case,
+        f"from {angle_text(case.best, case.unstable)} to {_bounded(case.worst, case.stable)}",
+    )
     return (
-        f"{_crease(case)}: β* is {worst} for the worst and {best} for the best of these normals; "
+        f"{_crease(case)}: β* is {_bounded(worst, case.stable)} for the worst and "
+        f"{angle_text(best, case.unstable)} for the best of these normals{located}; "
         f"{sure}, {unstable}"
     )
 

@@ -46,7 +46,7 @@ class HeldGrasp:
     def _text(self, force: float) -> str:
         if math.isinf(force):
             return "none suffices"
-        return f"{force:.3g} N{'' if self.load.mass is not None else ' per kg'}"
+        return f"{force:.3g} N{'' if self.load.decided else ' per kg'}"
 
     def sentence(self) -> str:
         """Whether the force at hand holds the load, or why none does; empty: that is unknown."""
@@ -55,10 +55,11 @@ class HeldGrasp:
         if math.isinf(self.grip_force):
             where = "" if math.isinf(self.least) else " at the nominal normals"
             return f"No force holds it{where}: {self._why()}."
-        available, mass = self.load.available, self.load.mass
-        if available is None or mass is None:
+        available = self.load.available
+        if available is None or not self.load.decided:
             return ""
-        start = f"With {available:.3g} N the load of {mass:.3g} kg is"
+        mass = f" of {self.load.mass:.3g} kg" if self.load.by_mass else ""
+        start = f"With {available:.3g} N the load{mass} is"
         if self.largest <= available:
             return f"{start} held at all normals within the sensor resolution."
         if self.least > available:
@@ -82,6 +83,6 @@ def held_grasp(contacts: SurfaceContacts, model: GraspModel, case: LoadCase) -> 
     numbers = (found.grip_force, found.grip_force_least, found.grip_force_largest, found.payload)
     force, least, largest, payload = (float(values[0]) for values in numbers)
     return HeldGrasp(
-        LoadNumbers(case.mass, case.available), force, least, largest, payload, contacts.count,
+        LoadNumbers.of(case), force, least, largest, payload, contacts.count,
         hard=case.torsion_radius == 0.0, resistance=Resistance(int(found.resistance[0])),
     )  # fmt: skip

@@ -11,13 +11,15 @@ from grasp3d.gripper.reach import Reachability
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
-from grasp3d.stability.thresholds import label_angles, max_resolution
+from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.epsilon import surface_epsilons
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
+from grasp3d.viewer.session.angle_texts import angle_numbers, budget_text
 from grasp3d.viewer.session.explanations import PAIR, Case, explain
 from grasp3d.viewer.session.holding_texts import HeldGrasp, held_grasp
+from grasp3d.viewer.session.located_grasps import last_angles, located_grasp
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.session.reached_grasps import alternatives_of
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
@@ -52,6 +54,8 @@ class Inspection:
     """Which grasp of the vertex it is, from 1."""
     count: int | None = 1
     """Number of grasps of the vertex that are known; None: others are not searched yet."""
+    budget: str = ""
+    """What the friction angle is spent on; empty: no grasp."""
 
 
 def inspect(subject: Subject, vertex: int, model: GraspModel, alternative: int = 0) -> Inspection:
@@ -79,8 +83,9 @@ def inspect(subject: Subject, vertex: int, model: GraspModel, alternative: int =
 
 def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspection:
     """Inspect the best grasp of a vertex, or say why there is none."""
-    worst, best = subject.critical_angle[vertex], subject.critical_angle_best[vertex]
+    worst, best = (angles[vertex] for angles in subject.angles(model))
     code = int(label_codes(subject, worst[None], best[None], model)[0])
+    perceived = subject.critical_angle[vertex], subject.critical_angle_best[vertex]
     points, normals = _contacts(subject, vertex)
     off = _off_line(points, normals) if len(points) == PAIR else None
     case = Case(
@@ -94,21 +99,25 @@ def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspectio
         off_line=off,
         gripper=None if subject.reaching is None else subject.reaching.gripper.name,
         unreached=_unreached(subject, vertex),
+        perceived=_perceived(model, *perceived),
     )
     if not case.smooth:
         case = replace(case, creases=_creases(subject, vertex, several=len(points) > 1))
     force = _held(subject, vertex, model)
     numbers, reason = _numbers(subject, vertex, case, force), _reason_text(case, force)
-    return Inspection(vertex, code, points, normals, model, numbers, reason)
+    return Inspection(
+        vertex, code, points, normals, model, numbers, reason, budget=budget_text(case)
+    )
 
 
 def _inspect_alternative(
     subject: Subject, vertex: int, grasps: SurfaceGrasps, row: int, model: GraspModel
 ) -> Inspection:
     """Inspect one of the other grasps of a vertex."""
-    worst, best = grasps.critical_angle[row], grasps.critical_angle_best[row]
-    code = int(label_angles(worst[None], best[None], model)[0])
+    perceived = grasps.critical_angle[row], grasps.critical_angle_best[row]
     contacts = grasps.contacts.take(slice(row, row + 1))
+    worst, best = located_grasp(contacts, *perceived, model)
+    code = int(label_angles(np.array([worst]), np.array([best]), model)[0])
     points, normals = contacts.points[0], contacts.normals[0]
     case = Case(
         model=model,
@@ -120,19 +129,28 @@ def _inspect_alternative(
         reason=Reason.FOUND,
         off_line=_off_line(points, normals) if len(points) == PAIR else None,
         creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
+        perceived=_perceived(model, *perceived),
     )
     unit = f" {subject.unit}" if subject.unit else ""
     held = GripperPose.of(grasps.reach, row)
     position = _position(subject.vertices[vertex], subject.size, unit)
     numbers = [("vertex", f"{vertex}"), ("position", position)]
-    numbers += [("β*", _critical_angles(case)), ("α*", _max_resolution(case))]
+    numbers += angle_numbers(case)
     values = _epsilons_of(contacts, model)
     numbers += zip(EPSILONS, map(_epsilon_text, values), strict=True)
     numbers.append(("opening", f"{grasps.opening[row]:.4g}{unit}"))
     force = _held_by(subject, contacts, model)
     numbers += [*_force_numbers(force), *_gripper_numbers(held, unit), *_off_line_text(case)]
     reason = _reason_text(case, force)
-    return Inspection(vertex, code, points, normals, model, tuple(numbers), reason, held)
+    budget = budget_text(case)
+    return Inspection(
+        vertex, code, points, normals, model, tuple(numbers), reason, held, budget=budget
+    )
+
+
+def _perceived(model: GraspModel, worst: float, best: float) -> tuple[float, float] | None:
+    """Critical angles at the perceived contact points, if others decide the labels."""
+    return None if model.is_uniform else (float(worst), float(best))
 
 
 def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | None:
@@ -145,30 +163,33 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
     found = subject.last_contact
     if found is None:
         return None
-    code = int(label_codes(subject, np.array([found.worst]), np.array([found.best]), model)[0])
+    worst, best = last_angles(found, model)
+    code = int(label_codes(subject, np.array([worst]), np.array([best]), model)[0])
     off = _off_line(found.points, found.normals) if len(found.points) == PAIR else None
     case = Case(
         model=model,
         mode=subject.mode,
         code=code,
-        worst=found.worst,
-        best=found.best,
+        worst=worst,
+        best=best,
         cone=subject.cone,
         reason=Reason.FOUND,
         off_line=off,
         creases=found.creases,
+        perceived=_perceived(model, found.worst, found.best),
     )
     unit = f" {subject.unit}" if subject.unit else ""
     numbers = [("position", _position(found.points[0], subject.size, unit))]
     if found.between:
         numbers.append(("location", "between vertices"))
-    numbers += [("β*", _critical_angles(case)), ("α*", _max_resolution(case))]
+    numbers += angle_numbers(case)
     gaps = np.linalg.norm(found.points[:, None] - found.points, axis=2)
     numbers.append(("opening", f"{gaps.max():.4g}{unit}"))
     numbers += [*_gripper_numbers(found.held, unit), *_off_line_text(case)]
     return Inspection(
-        None, code, found.points, found.normals, model, tuple(numbers), explain(case), found.held
-    )
+        None, code, found.points, found.normals, model, tuple(numbers), explain(case), found.held,
+        budget=budget_text(case),
+    )  # fmt: skip
 
 
 def warm_up(subject: Subject) -> Subject:
@@ -177,6 +198,8 @@ def warm_up(subject: Subject) -> Subject:
     if subject.labels is not None and len(found):
         grasp = _grasp(subject.labels, int(found[0]))
         _epsilons_of(grasp, subject.model)
+        if grasp.count == PAIR and subject.model.method == "exact":
+            located_grasp(grasp, 0.0, 0.0, replace(subject.model, location_error=subject.size))
         _held_by(subject, grasp, subject.model)
     return subject
 
@@ -272,7 +295,7 @@ def _numbers(
     numbers = [("vertex", f"{vertex}"), ("position", position)]
     if math.isinf(case.best):
         return (*numbers, ("β*", "no grasp"))
-    numbers += [("β*", _critical_angles(case)), ("α*", _max_resolution(case))]
+    numbers += angle_numbers(case)
     numbers += zip(EPSILONS, _epsilon_texts(subject, vertex, case.model), strict=True)
     opening = subject.opening[vertex]
     if math.isfinite(opening):
@@ -306,18 +329,6 @@ def _off_line_text(case: Case) -> list[tuple[str, str]]:
         return []
     first, second = (math.degrees(angle) for angle in case.off_line)
     return [("normals off the line", f"{first:.1f}° and {second:.1f}°")]
-
-
-def _critical_angles(case: Case) -> str:
-    worst, best = (f"{math.degrees(angle):.1f}°" for angle in (case.worst, case.best))
-    if worst == best:
-        return worst
-    return f"{worst if math.isfinite(case.worst) else 'none'} (worst), {best} (best normals)"
-
-
-def _max_resolution(case: Case) -> str:
-    coarsest = float(max_resolution(np.array(case.worst), case.model))
-    return f"{math.degrees(coarsest):.1f}°" if coarsest > 0.0 else "no sensor is fine enough"
 
 
 def _epsilon_texts(subject: Subject, vertex: int, model: GraspModel) -> list[str]:

@@ -11,6 +11,8 @@ from grasp3d.viewer.session.state import Axis, Section
 from grasp3d.viewer.view_settings import Paint, check_comparison
 
 FRICTION_STEP, RESOLUTION_STEP = 0.05, 2.0 * DEGREE
+LEAST_FRICTION = 0.01
+"""Smallest friction that can be true within the friction error that is chosen."""
 SECTION_STEP = 0.05
 DEFAULT_COMPARED = 40.0 * DEGREE
 """Initial second resolution of a comparison [rad]."""
@@ -46,9 +48,12 @@ def handle_key(session: Session, key: str) -> bool:
 
 
 def _change_friction(by: float) -> Callable[[Session], None]:
-    return lambda session: session.change(
-        friction=round(max(FRICTION_STEP, session.state.model.friction + by), 10)
-    )
+    def change(session: Session) -> None:
+        model = session.state.model
+        least = max(FRICTION_STEP, model.friction_error + LEAST_FRICTION)
+        session.change(friction=round(max(least, model.friction + by), 10))
+
+    return change
 
 
 def _change_resolution(by: float) -> Callable[[Session], None]:
@@ -104,6 +109,10 @@ def _toggle_table(session: Session) -> None:
     session.change(show_table=not session.state.show_table)
 
 
+def _toggle_errors(session: Session) -> None:
+    session.change(show_errors=not session.state.show_errors)
+
+
 def _toggle_click(session: Session) -> None:
     session.change(click="inspect" if session.state.click == "fix" else "fix")
 
@@ -122,8 +131,8 @@ DRAWING: tuple[tuple[str, str], ...] = (
     ("rod between them", "line through the contacts, visible through the object"),
     ("arrow", "inward contact normal, along which the finger pushes"),
     ("grey cone", "friction cone, half-angle β"),
-    ("blue cone", "its part that is safe for all normals within the resolution, β − α/2"),
-    ("thin outlines", "friction cones of the extreme normals, tilted by α/2 to either side"),
+    ("blue cone", "its part that is safe for all normals and frictions within their errors"),
+    ("thin outlines", "friction cones of the extreme normals, tilted to either side"),
     ("black balls", "fixed fingers"),
     ("blue fan", "free approach angles of the gripper about its closing axis"),
 )
@@ -142,6 +151,8 @@ KEYS: dict[str, Key] = {
     "6": Key("colours: approach margin of a gripper", _set_paint("approach_margin")),
     "7": Key("colours: grip force under a load", _set_paint("grip_force")),
     "8": Key("colours: payload of the force at hand", _set_paint("payload")),
+    "9": Key("colours: margin, by how much it is S", _set_paint("margin")),
+    "e": Key("choose errors of friction, normals and locations", _toggle_errors),
     "c": Key("compare with a second resolution", _toggle_compare),
     "x": Key("section across x, y, z, none", _next_section),
     "[": Key("move the section down", _move_section(-SECTION_STEP)),

@@ -114,6 +114,7 @@ class _Candidates:
             best=float(self.smallest.min()),
             between=bool(chosen.points.weights.max() < 1.0),
             creases=tuple(int(finger) for finger in np.flatnonzero(grasp.on_crease[0])),
+            grasp=grasp,
         )
 
     def _take(self, rows: Ints) -> "_Candidates":

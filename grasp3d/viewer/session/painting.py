@@ -34,8 +34,8 @@ GREY = (0x9A, 0xA0, 0xA6)
 
 PALETTE = np.array([*(COLORS[label] for label in sorted(Label)), GREY], dtype=np.uint8)
 
-WIDE = 2048
-"""Width of the texture image of a ramp [pixels], for 180 degrees or the largest epsilon."""
+WIDE = 4096
+"""Width of the texture image of a ramp [pixels], for −180 to 180 degrees or the largest epsilon."""
 
 HALF = 0.5 + 1e-7
 """Texture coordinate of an angle exactly at a limit; above 0.5, so that rounding cannot put it
@@ -51,6 +51,13 @@ STEPS = 256
 RAMP = np.array(colormaps["viridis"](np.linspace(0.0, 1.0, STEPS))[:, :3] * 255.0, dtype=np.uint8)
 """Colours of a ramp, from the lowest value to the highest, shape (STEPS, 3); none is grey."""
 
+_SIDES = np.concatenate([np.linspace(0.0, 0.4, STEPS // 2), np.linspace(0.6, 1.0, STEPS // 2)])
+BOTH_SIDES = np.array(colormaps["BrBG"](_SIDES)[:, :3] * 255.0, dtype=np.uint8)
+"""Colours of values on both sides of 0, brown below and green above, shape (STEPS, 3).
+
+They jump at 0, so that the border is sharp and none is grey.
+"""
+
 PALE, PALE_FRACTION = (0xDD, 0xE0, 0xE4), 0.7
 """Colour and fraction that are mixed into the colours of an outdated surface."""
 
@@ -62,7 +69,7 @@ class Ramp:
     text: str
     """Its name."""
     maximum: float
-    """Value of the last colour; the first is 0."""
+    """Value of the last colour."""
     unit: str
     grey: str = ""
     """Meaning of grey; empty: grey does not occur."""
@@ -70,6 +77,18 @@ class Ramp:
     """Remark for the reader."""
     exceeded: bool = False
     """Whether larger values have the last colour, too."""
+    minimum: float = 0.0
+    """Value of the first colour; lower values have it, too."""
+
+    @property
+    def colors(self) -> Bytes:
+        """The colours, shape (STEPS, 3)."""
+        return BOTH_SIDES if self.minimum < 0.0 else RAMP
+
+    @property
+    def start(self) -> str:
+        """The value of the first colour as text."""
+        return f"≤ −{-self.minimum:.3g}{self.unit}" if self.minimum < 0.0 else f"0{self.unit}"
 
     @property
     def end(self) -> str:
@@ -83,11 +102,11 @@ def labels_at(subject: Subject, model: GraspModel) -> Bytes:
     Returns:
         Codes, shape (V,).
     """
-    return label_codes(subject, subject.critical_angle, subject.critical_angle_best, model)
+    return label_codes(subject, *subject.angles(model), model)
 
 
 def label_codes(subject: Subject, worst: Floats, best: Floats, model: GraspModel) -> Bytes:
-    """Label given critical angles of a subject.
+    """Label given critical angles of a subject, located ones if contact locations are uncertain.
 
     Beyond the searched cone the search may have missed a better grasp: U is then unknown, and so
     is M if the missed grasp could be S.
@@ -118,18 +137,22 @@ def texture_coordinates(
     """Texture coordinates of each vertex, from 0 to 1, shape (V, 2).
 
     For labels they are relative to the two limits, which both lie exactly in the middle of the
-    image and move with the sliders. For numbers they do not depend on the model.
+    image and move with the sliders. For numbers they do not depend on the model, except for its
+    location error.
 
     Args:
         subject: The surface.
         paint: The quantity that is shown.
         model: Friction and resolution.
     """
-    worst, best = subject.critical_angle, subject.critical_angle_best
+    worst, best = subject.angles(model)
+    if paint == "critical_angle":
+        worst = subject.critical_angle
     if paint == "label":
         both = [_about(worst, model.effective_friction_angle), _about(best, model.unstable_from)]
         return np.stack(both, axis=1).astype(np.float32)
-    values = np.minimum(worst, math.pi) / math.pi
+    # Located angles of different fingers may be below 0.
+    values = np.clip(worst, -math.pi, math.pi) / (2.0 * math.pi) + 0.5
     known = np.isfinite(worst)
     if paint in {"epsilon", "epsilon_min"}:
         epsilon = _epsilon(subject, paint)
@@ -165,15 +188,22 @@ def texture_image(subject: Subject, paint: Paint, model: GraspModel) -> Bytes:
     if ramp is None:
         return _labels(subject, model)
     columns = (np.arange(WIDE) + 0.5) / WIDE
+    angles = (2.0 * columns - 1.0) * math.pi
+    values = columns
     if paint == "critical_angle":
-        values = columns * math.pi / math.radians(ramp.maximum)
+        values = angles / math.radians(ramp.maximum)
     elif paint == "max_resolution":
-        coarsest = 2.0 * (model.friction_angle - columns * math.pi)
-        values = coarsest / math.radians(ramp.maximum)
-    else:
-        values = columns
+        values = 2.0 * (_sharp(model) - angles) / math.radians(ramp.maximum)
+    elif paint == "margin":
+        margins = model.effective_friction_angle - angles
+        values = 0.5 + margins / (2.0 * math.radians(ramp.maximum))
     steps = np.clip(values * STEPS, 0, STEPS - 1).astype(int)
-    return np.stack([RAMP[steps], np.broadcast_to(PALETTE[UNSEARCHED], (WIDE, 3))])
+    return np.stack([ramp.colors[steps], np.broadcast_to(PALETTE[UNSEARCHED], (WIDE, 3))])
+
+
+def _sharp(model: GraspModel) -> float:
+    """Critical angle below which a grasp is S with a sensor that resolves everything [rad]."""
+    return model.effective_friction_angle + model.sensor_resolution / 2.0
 
 
 def faded(image: Bytes) -> Bytes:
@@ -191,18 +221,33 @@ def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
         maximum = math.degrees(min(subject.cone, math.pi / 2.0))
         return Ramp("β*: critical friction angle", maximum, "°", none)
     if paint == "max_resolution":
-        maximum = 2.0 * math.degrees(model.friction_angle)
-        return Ramp("α*: coarsest resolution at which it is S", maximum, "°", none)
+        # Without friction to spare none is S; then the scale is that of exact friction and normals.
+        most = _sharp(model) if _sharp(model) > 0.0 else model.friction_angle
+        text = "α*: coarsest resolution at which it is S"
+        return Ramp(text, 2.0 * math.degrees(most), "°", none)
+    if paint == "margin":
+        return _margin_ramp(model, none)
+    return _other_ramp(subject, paint, model, none)
+
+
+def _other_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp | None:
+    """Legend of a quantity that does not follow from critical angles; None: labels."""
     if paint in {"epsilon", "epsilon_min"}:
         return _epsilon_ramp(subject, paint, model, none)
     if paint == "approach_margin":
-        return _margin_ramp(subject)
+        return _approach_ramp(subject)
     if paint in FORCE_PAINTS:
         return _force_ramp(subject, paint, model, none)
     return None
 
 
-def _margin_ramp(subject: Subject) -> Ramp:
+def _margin_ramp(model: GraspModel, none: str) -> Ramp:
+    most = math.degrees(model.friction_angle)
+    note = "green: by how much it is S; brown: by how much it fails to be S"
+    return Ramp("margin: S above 0°", most, "°", none, note, minimum=-most)
+
+
+def _approach_ramp(subject: Subject) -> Ramp:
     if subject.approach_margin is None:
         return Ramp("approach margin: needs a gripper", 180.0, "°", "no gripper")
     if subject.model.fingers > 2:
@@ -238,6 +283,8 @@ def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) ->
         return Ramp(f"{name}: needs a load", 1.0, unit, "no load")
     if paint == "payload" and load.available is None:
         return Ramp("payload: needs a force at hand", 1.0, unit, "no force")
+    if paint == "payload" and not load.by_mass:
+        return Ramp("payload: the task does not depend on the mass", 1.0, unit, "no payload")
     text = f"{name} {_condition(paint, load)}"
     known = subject.forces
     status = "being computed" if subject.measurable and subject.load else "as in the file"
@@ -256,7 +303,7 @@ def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) ->
 
 def _condition(paint: Paint, load: LoadNumbers) -> str:
     if paint == "grip_force":
-        return f"for {1.0 if load.mass is None else load.mass:.3g} kg"
+        return f"for {load.task.partition(' (')[0]}"
     return f"with {load.available:.3g} N at the worst normals"
 
 

@@ -9,6 +9,7 @@ import numpy as np
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspection import Inspection
+from grasp3d.viewer.session.located_grasps import last_angles
 from grasp3d.viewer.session.painting import (
     PALETTE,
     UNSEARCHED,
@@ -18,6 +19,7 @@ from grasp3d.viewer.session.painting import (
     labels_at,
     ramp_of,
 )
+from grasp3d.viewer.session.planning import ranked_otherwise
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.subjects.subject import Subject
 
@@ -111,6 +113,12 @@ def grasp_number(inspection: Inspection) -> str:
     return f"{inspection.number} of {count}"
 
 
+def interval_text(model: GraspModel) -> str:
+    """Smallest and largest friction."""
+    low, high = model.friction_interval
+    return f"{low:.4g} to {high:.4g}"
+
+
 def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
     unit = subject.unit or "(unit not stated)"
     facts = (
@@ -143,6 +151,13 @@ def _notes(session: Session) -> Iterator[str]:
     if state.fixed and missing > 0:
         more = "finger" if missing == 1 else "fingers"
         yield f"fix {missing} more {more}: these are labels for {len(state.fixed) + 1} fingers"
+    if not state.fixed and ranked_otherwise(subject, state):
+        yield (
+            "these are the best grasps for another location error, until a search has found those "
+            "for this one"
+        )
+    if state.model.per_finger:
+        yield f"added for each finger: {state.model.per_finger} (angles in degrees)"
     models = [session.model] + [session.other_model] * (session.other_model is not None)
     if any(model is not None and not subject.covers(model) for model in models):
         yield (
@@ -155,9 +170,12 @@ def _rules(session: Session) -> tuple[str, ...]:
     """Limits of S and U for the chosen friction and resolutions."""
     state = session.state
     fingers = len(state.fixed) + 1 if state.fixed else state.model.fingers
-    model = replace(state.model, fingers=fingers)
+    model = state.model
+    if model.fingers != fingers:
+        model = replace(model, fingers=fingers)
     if state.compared is None:
-        return (f"β*: {_rule(model)}",)
+        name = "β*" if model.is_uniform else "located β*"
+        return (f"{name}: {_rule(model)}",)
     other = replace(model, sensor_resolution=state.compared)
     return tuple(
         f"α {math.degrees(one.sensor_resolution):.4g}°: {_rule(one)}" for one in (model, other)
@@ -195,5 +213,5 @@ def _label_between(subject: Subject, model: GraspModel) -> int | None:
     found = subject.last_contact
     if found is None or not found.between:
         return None
-    worst, best = np.array([found.worst]), np.array([found.best])
+    worst, best = (np.array([angle]) for angle in last_angles(found, model))
     return int(label_codes(subject, worst, best, model)[0])

@@ -12,6 +12,7 @@ from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
     compute_epsilon,
     compute_forces,
+    locate_contacts,
     prepare_labels,
     scan_with_fixed,
     search_grasps,
@@ -26,6 +27,7 @@ from grasp3d.viewer.session.saving import write_labels
 from grasp3d.viewer.session.state import FixedPoints, ViewState
 from grasp3d.viewer.session.wider_search import search_wider
 from grasp3d.viewer.subjects.forces import Forces
+from grasp3d.viewer.subjects.located import PAIR, dependence
 from grasp3d.viewer.subjects.subject import Epsilons, Subject
 
 if TYPE_CHECKING:
@@ -71,7 +73,7 @@ def next_job(
     """The next job; None: everything is computed.
 
     The first word of a job's key is its kind: open, save, scan, search, wider, grasps,
-    alternatives, epsilon or forces; the rest is all that its result depends on.
+    alternatives, located, epsilon or forces; the rest is all that its result depends on.
 
     Args:
         viewed: The current object.
@@ -89,10 +91,11 @@ def next_job(
         if viewed.scan is None or viewed.fixed != state.fixed:
             run = partial(scan_with_fixed, subject, state.model, state.fixed)
             return Job(("scan", number, state.fixed), "scanning", run)
-        return _epsilon_job(viewed.scan, state, number)
+        return _located_job(viewed.scan, state, number) or _epsilon_job(viewed.scan, state, number)
     return (
         _search_job(subject, state, sampling, number)
         or _grasps_job(subject, state, number)
+        or _located_job(subject, state, number)
         or _alternatives_job(subject, state, number)
         or _epsilon_job(subject, state, number)
         or _forces_job(subject, state, number)
@@ -130,18 +133,27 @@ def _limits(subject: Subject, sampling: Sampling) -> Sampling:
 def is_stale(viewed: ViewedItem, state: ViewState, sampling: Sampling) -> bool:
     """Whether the displayed surface has other fingers, limits or fixed fingers than are chosen.
 
-    A surface whose search did not go far enough is not stale: its unknown part is grey.
+    Or its file lacks the contacts from which labels with a location error follow. A surface whose
+    search did not go far enough is not stale: its unknown part is grey.
 
     Args:
         viewed: The current object.
         state: The user's choices.
         sampling: Search settings, apart from those in `state`.
     """
-    if viewed.subject is None:
+    subject = viewed.subject
+    if subject is None:
         return False
     if state.fixed:
-        return viewed.scan is None or viewed.fixed != state.fixed
-    return needs_search(viewed.subject, state, sampling)
+        scan = viewed.scan
+        return scan is None or viewed.fixed != state.fixed or not _locates(scan, state)
+    return needs_search(subject, state, sampling) or not _locates(subject, state)
+
+
+def _locates(subject: Subject, state: ViewState) -> bool:
+    """Whether the labels for the chosen errors of contact locations are known."""
+    model, fingers = state.model, subject.model.fingers
+    return subject.locates(model if model.fingers == fingers else replace(model, fingers=fingers))
 
 
 def missing_result(subject: Subject, state: ViewState) -> str:
@@ -152,6 +164,8 @@ def missing_result(subject: Subject, state: ViewState) -> str:
         return f"labels for {count} fixed {'finger' if count == 1 else 'fingers'}"
     if subject.model.fingers != fingers:
         return f"grasps for {fingers} fingers"
+    if not _locates(subject, state):
+        return "labels with these errors"
     limit = "largest opening" if fingers == 2 else "largest spread"
     return f"grasps for this {limit}"
 
@@ -180,15 +194,16 @@ def limited_sampling(sampling: Sampling, state: ViewState) -> Sampling:
 
 def _covers(subject: Subject, state: ViewState) -> bool:
     """Whether the search went far enough for all displayed resolutions."""
-    compared = state.model.sensor_resolution if state.compared is None else state.compared
-    other = replace(state.model, sensor_resolution=compared)
+    if state.compared is None:
+        return subject.covers(state.model)
+    other = replace(state.model, sensor_resolution=state.compared)
     return subject.covers(state.model) and subject.covers(other)
 
 
 def _search_job(
     subject: Subject, state: ViewState, sampling: Sampling, number: int
 ) -> SubjectJob | None:
-    """Search for other fingers or limits, or a wider cone."""
+    """Search for other fingers or limits, a wider cone, or another location error."""
     search = limited_sampling(sampling, state)
     wide = not _covers(subject, state)
     if needs_search(subject, state, sampling):
@@ -198,20 +213,40 @@ def _search_job(
     if wide:
         run = partial(search_wider, subject, state.model, search)
         return Job(("wider", number, search), "searching grasps", run, DELAY)
+    if ranked_otherwise(subject, state):
+        run = partial(search_grasps, subject, state.model, search)
+        errors = ("search", number, state.model.fingers, search, state.model.location_error)
+        return Job(errors, "searching grasps for this location error", run, DELAY)
     return None
 
 
-def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
-    """Find the grasps of a file, if a vertex is inspected or epsilon or a force is shown.
+def ranked_otherwise(subject: Subject, state: ViewState) -> bool:
+    """Whether the grasps are the best ones for another location error than is chosen.
 
-    A file with partners needs its mesh only for epsilon and forces of another model.
+    A location error affects wide grasps of two fingers less, so that others may be the best.
+    Meanwhile the labels are those of the known grasps.
+    """
+    if subject.mode == "scan" or subject.model.fingers != PAIR:
+        return False
+    return subject.model.location_error != state.model.location_error
+
+
+def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
+    """Find the grasps of a file, if a vertex is inspected, or epsilon, a force or errors need them.
+
+    A file with partners needs its mesh only for another model's epsilon, forces and labels.
     """
     if subject.labels is not None or not subject.measurable:
         return None
     other_epsilon = not _is_known(subject.epsilons, state)
     other_forces = subject.load is not None and not _is_known(subject.forces, state)
-    if state.vertex is None and not (
-        (other_epsilon and _shows_epsilon(state)) or (other_forces and _shows_force(state))
+    located = _locates(subject, state)
+    if (
+        state.vertex is None
+        and located
+        and not (
+            (other_epsilon and _shows_epsilon(state)) or (other_forces and _shows_force(state))
+        )
     ):
         return None
     key = ("grasps", number)
@@ -220,9 +255,18 @@ def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
         sampling = replace(subject.sampling or Sampling(), search_angle=cone)
         run = partial(search_grasps, subject, subject.model, sampling)
         return Job(key, "searching grasps", run)
-    if not (other_epsilon or other_forces or _wants_alternatives(subject, state)):
+    if located and not (other_epsilon or other_forces or _wants_alternatives(subject, state)):
         return None
     return Job(key, "preparing grasps", partial(prepare_labels, subject))
+
+
+def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
+    """Compute how far uncertain contact locations affect three fingers and more."""
+    if subject.labels is None or _locates(subject, state):
+        return None
+    model = replace(state.model, fingers=subject.model.fingers)
+    key = ("located", number, dependence(model), model.fingers, state.fixed, state.max_opening)
+    return Job(key, "computing labels with errors", partial(locate_contacts, subject, model), DELAY)
 
 
 def _wants_alternatives(subject: Subject, state: ViewState) -> bool:

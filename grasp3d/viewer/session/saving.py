@@ -59,12 +59,8 @@ def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Prog
     check_savable(subject, model, path)
     ready = _with_labels(subject, within(progress, 0.0, SEARCHED))
     assert ready.labels is not None
-    relabelled = ready.labels.relabel(
-        friction=model.friction, sensor_resolution=model.sensor_resolution
-    )
     model = replace(model, fingers=ready.model.fingers)
-    if relabelled.model != model:
-        relabelled = replace(relabelled, model=model)
+    relabelled = replace(ready.labels, model=model)
     relabelled.compute_labels(within(progress, SEARCHED, SEARCHED))
     middle = COMPUTED if relabelled.load is None else 0.5 * (SEARCHED + COMPUTED)
     relabelled.compute_epsilon(within(progress, SEARCHED, middle))

@@ -24,7 +24,7 @@ from grasp3d.viewer.session.planning import (
 )
 from grasp3d.viewer.session.saving import check_savable, write_labels
 from grasp3d.viewer.session.search_cache import SearchCache
-from grasp3d.viewer.session.state import ViewState, changed_state
+from grasp3d.viewer.session.state import ViewState, changed_state, has_errors
 from grasp3d.viewer.subjects.subject import Subject
 from grasp3d.viewer.view_settings import Paint, ViewSettings
 
@@ -53,6 +53,7 @@ class Session:
             paint=settings.paint,
             compare=settings.compare,
             vertex=settings.vertex,
+            show_errors=has_errors(collection.model),
         )
         self.revision = 0
         self._message = ""
@@ -92,7 +93,9 @@ class Session:
         """Chosen friction and resolution, with the displayed surface's number of fingers."""
         subject = self.subject
         fingers = self.state.model.fingers if subject is None else subject.model.fingers
-        return replace(self.state.model, fingers=fingers)
+        model = self.state.model
+        # A copy checks all settings again, which takes longer than the labels of a small surface.
+        return model if model.fingers == fingers else replace(model, fingers=fingers)
 
     @property
     def other_model(self) -> GraspModel | None:
@@ -148,8 +151,7 @@ class Session:
         """Change some choices.
 
         Args:
-            changes: Fields of `ViewState`, and friction, sensor_resolution and fingers of its
-                model.
+            changes: Fields of `ViewState`, and those of its model in `OF_MODEL`.
 
         Raises:
             SettingError: A value is outside its range; nothing is changed.
@@ -161,7 +163,29 @@ class Session:
             raise SettingError(
                 f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {state.model.fingers}"
             )
+        if state.model.fingers != self.state.model.fingers:
+            _ = state.model.fingertips  # raises an error if errors are given for other fingers
+        if state.model.location_error != self.state.model.location_error:
+            self._check_location(state.model)
         self._set_state(state)
+
+    @property
+    def location_problem(self) -> str:
+        """Why no location error can be chosen; empty if one can."""
+        if self.state.model.method == "extremes":
+            return "method extremes tests normals only, not contact locations"
+        subject = self._viewed.subject
+        if subject is None or subject.measurable:
+            return ""
+        return (
+            "the file does not contain the fixed fingers of its scan, without which no location "
+            "error can be chosen; scan the mesh again"
+        )
+
+    def _check_location(self, model: GraspModel) -> None:
+        subject, problem = self._viewed.subject, self.location_problem
+        if problem and not (subject is not None and subject.locates(model)):
+            raise SettingError(problem)
 
     def click(self, vertex: int | None, *, inspect: bool = False) -> None:
         """Handle a click on a vertex; None: beside the object.
@@ -246,6 +270,8 @@ class Session:
                 "the force at hand is not known; open the object with one (--grip-force, or a "
                 "gripper that states its force)"
             )
+        if paint == "payload" and not subject.load_numbers.by_mass:
+            raise SettingError("the task does not depend on the mass, so there is no payload")
 
     def offers(self, paint: Paint) -> bool:
         """Whether the current object has what colours show."""
@@ -364,7 +390,7 @@ class Session:
             self._viewed = replace(self._viewed, scan=result, fixed=self.state.fixed)
         elif kind == "grasps" or (kind == "wider" and not self._has_grasps):
             self._viewed = replace(self._viewed, subject=self._with_difference(result))
-        elif kind in {"epsilon", "forces", "alternatives"}:
+        elif kind in {"epsilon", "forces", "alternatives", "located"}:
             self._replace(result)
         else:
             self._show(result)

@@ -14,6 +14,11 @@ from grasp3d.viewer.view_settings import Paint, comparison_problem
 
 Axis = Literal["x", "y", "z"]
 Click = Literal["inspect", "fix"]
+OF_MODEL: dict[str, type] = {
+    "friction": float, "sensor_resolution": float, "fingers": int, "friction_error": float,
+    "normal_error": float, "location_error": float,
+}  # fmt: skip
+"""Fields of the model that a user changes one by one, and their types."""
 FixedPoints = tuple[tuple[float, float, float], ...]
 """Contact points of fixed fingers, in the mesh's frame."""
 
@@ -70,6 +75,8 @@ class ViewState:
     """Whether the gripper is drawn at the inspected grasp, if there is one."""
     show_table: bool = True
     """Whether the table is drawn, if there is one."""
+    show_errors: bool = False
+    """Whether the errors of friction, normals and locations are chosen, besides the resolution."""
     fixed: FixedPoints = ()
     """Contact points of the fixed fingers; none: every vertex has its best grasp."""
 
@@ -97,24 +104,28 @@ class ViewState:
         return None if comparison_problem(self.paint) else self.compare
 
 
+def has_errors(model: GraspModel) -> bool:
+    """Whether a model has other errors than the sensor resolution."""
+    return not model.is_uniform or max(model.friction_error, model.normal_error) > 0.0
+
+
 def changed_state(state: ViewState, changes: Mapping[str, Any]) -> ViewState:
     """A state with some choices changed.
 
     Args:
         state: The state before.
-        changes: Fields of `ViewState`, and friction, sensor_resolution and fingers of its model. If
-            there are now fewer fingers, the last fixed ones are released.
+        changes: Fields of `ViewState`, and those of its model in `OF_MODEL`. If there are now fewer
+            fingers, the last fixed ones are released.
 
     Raises:
         SettingError: A value is outside its range, or there is no such field.
     """
-    types: dict[str, type] = {"friction": float, "sensor_resolution": float, "fingers": int}
-    unknown = set(changes) - set(types) - {field.name for field in fields(ViewState)}
+    unknown = set(changes) - set(OF_MODEL) - {field.name for field in fields(ViewState)}
     if unknown:
         raise SettingError(f"the viewer has no setting {min(unknown)!r}")
     try:
-        of_model = {name: kind(changes[name]) for name, kind in types.items() if name in changes}
-        others = {name: value for name, value in changes.items() if name not in types}
+        of_model = {name: kind(changes[name]) for name, kind in OF_MODEL.items() if name in changes}
+        others = {name: value for name, value in changes.items() if name not in OF_MODEL}
         changed = replace(state, **others)
     except (TypeError, ValueError) as error:
         raise SettingError(f"a value has the wrong type: {error}") from error

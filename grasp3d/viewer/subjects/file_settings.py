@@ -72,6 +72,7 @@ def settings_from(comments: Mapping[str, str]) -> FileSettings:
         raise ValueError(f"its mode is {mode[:20]!r} and its search angle {cone}")
     values = dict(comments, unit="None" if comments["unit"] == "unknown" else comments["unit"])
     options = _parsed(MeshOptions, values)
+    load = _load(values)
     return FileSettings(
         model=_parsed(GraspModel, values),
         sampling=None if mode == "scan" else _parsed(Sampling, values),
@@ -80,8 +81,8 @@ def settings_from(comments: Mapping[str, str]) -> FileSettings:
         cone=cone,
         unit=options.unit,
         reaching=_reaching(values),
-        load=_load(values),
-        load_numbers=_load_numbers(values),
+        load=load,
+        load_numbers=_load_numbers(values, load, options.unit),
     )
 
 
@@ -93,7 +94,9 @@ def _load(values: Mapping[str, str]) -> Load | None:
         raise ValueError(str(error)) from error
 
 
-def _load_numbers(values: Mapping[str, str]) -> LoadNumbers | None:
+def _load_numbers(
+    values: Mapping[str, str], load: Load | None, unit: Unit | None
+) -> LoadNumbers | None:
     """What the load came to on the object; None: there is none. Raises ValueError."""
     if "object_mass" not in values:
         return None
@@ -103,7 +106,17 @@ def _load_numbers(values: Mapping[str, str]) -> LoadNumbers | None:
     )
     if not all(number is None or 0.0 < number < math.inf for number in (mass, force)):
         raise ValueError(f"its object_mass is {mass} and its force_at_hand {force}")
-    return LoadNumbers(mass, force)
+    return LoadNumbers(mass, force, mass is not None or _depends_on_mass(load, unit))
+
+
+def _depends_on_mass(load: Load | None, unit: Unit | None) -> bool:
+    """Whether a task depends on the mass; a task that cannot be read again counts as one."""
+    if load is None:
+        return True
+    try:
+        return load.task_for(None, unit).mass is not None
+    except GraspError as error:
+        raise ValueError(str(error)) from error
 
 
 def _reaching(values: Mapping[str, str]) -> Reaching | None:

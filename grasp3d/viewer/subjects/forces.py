@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from grasp3d.arrays import Bytes, Floats, short_repr
 from grasp3d.settings import GraspModel
 from grasp3d.surface.holding import Holding
+from grasp3d.surface.load_case import LoadCase
 
 
 @dataclass(frozen=True)
@@ -12,13 +13,32 @@ class LoadNumbers:
     """What a load comes to on an object."""
 
     mass: float | None
-    """[kg]; None: not given, forces are those for 1 kg."""
+    """[kg]; None: not given, forces are those for 1 kg if the task depends on the mass."""
     available: float | None
     """Force at hand of each finger [N]; None: not given."""
+    by_mass: bool = True
+    """Whether the task depends on the mass; given wrenches alone do not."""
+
+    @classmethod
+    def of(cls, case: LoadCase) -> "LoadNumbers":
+        """What a load comes to on an object."""
+        return cls(case.mass, case.available, case.task.mass is not None)
 
     def __str__(self) -> str:
-        mass = "1 kg (no mass is given)" if self.mass is None else f"{self.mass:.3g} kg"
-        return mass if self.available is None else f"{mass}, {self.available:.3g} N at hand"
+        text = self.task
+        return text if self.available is None else f"{text}, {self.available:.3g} N at hand"
+
+    @property
+    def task(self) -> str:
+        """What must be held, in a few words."""
+        if not self.by_mass:
+            return "given wrenches"
+        return "1 kg (no mass is given)" if self.mass is None else f"{self.mass:.3g} kg"
+
+    @property
+    def decided(self) -> bool:
+        """Whether the task is that of the object: its mass is known, or does not matter."""
+        return self.mass is not None or not self.by_mass
 
 
 @dataclass(frozen=True, eq=False)

@@ -8,7 +8,7 @@ an ordinary mesh.
 """
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
@@ -43,6 +43,12 @@ FORCES = ("grip_force", "grip_force_least", "grip_force_largest")
 PAYLOAD = "payload"
 """Vertex property of labels with a force at hand."""
 
+MARGIN = "margin"
+"""Vertex property of every labelled file since labels have margins."""
+
+LOCATED = ("located_angle", "located_angle_best")
+"""Vertex properties of labels with uncertain contact locations or different fingers."""
+
 ROUNDING = 1e-6
 """Tolerance of angles and of the length of normals, stored with 32 bits [rad, 1]."""
 
@@ -70,6 +76,14 @@ class LabelledFile:
     """Half-width of the free approach angles [rad]; nan: not reached, or no gripper. (V,)"""
     forces: Floats
     """Nominal, least and largest grip force [N], payload [kg], (4, V); nan: no grasp, no load."""
+    located: tuple[Floats, Floats] | None = None
+    """Critical angles with uncertain contact locations and different fingers, over the worst and
+    over the best normals [rad], (V,) each; None: contact locations are exact and fingers alike."""
+
+    @property
+    def deciding_angles(self) -> tuple[Floats, Floats]:
+        """The critical angles that decide the labels, over the worst and the best normals."""
+        return self.located or (self.critical_angle, self.critical_angle_best)
 
 
 def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> FileSettings | None:
@@ -131,9 +145,11 @@ def read_labelled(path: Path, max_memory: float = MeshOptions.max_memory) -> Lab
         epsilons=_stacked(columns, _EPSILONS),
         approach_margin=_margins(settings, columns),
         forces=_forces(settings, columns),
+        located=_located(settings, columns),
     )
     _check_surface(source, found)
     _check_labels(source, found, columns["max_resolution"])
+    _check_margins(source, found, columns)
     return found
 
 
@@ -156,9 +172,13 @@ def _checked_header(source: Source, header: PlyHeader, kinds: dict[str, str]) ->
         raise damaged(source, f"its grasp3d comments are not valid: {error}") from error
     if found.reaching is not None and kinds.get(APPROACH_MARGIN) not in {"f4", "f8"}:
         raise damaged(source, f"its property {APPROACH_MARGIN!r} is not a float")
-    for name in _force_names(found):
+    for name in (*_located_names(found), *_force_names(found)):
         if kinds.get(name) not in {"f4", "f8"}:
             raise damaged(source, f"its property {name!r} is not a float")
+    load = found.load_numbers
+    if load is not None and load.available is not None and PAYLOAD not in kinds:
+        # A task made in Python cannot be read again, but it does not depend on the mass.
+        return replace(found, load_numbers=replace(load, by_mass=False))
     return found
 
 
@@ -173,14 +193,31 @@ def _force_names(settings: FileSettings) -> tuple[str, ...]:
     load = settings.load_numbers
     if load is None:
         return ()
-    return FORCES if load.available is None else (*FORCES, PAYLOAD)
+    has_payload = load.available is not None and load.by_mass and settings.load is not None
+    return (*FORCES, PAYLOAD) if has_payload else FORCES
 
 
 def _forces(settings: FileSettings, columns: dict[str, npt.NDArray[Any]]) -> Floats:
     found = np.full((len(FORCES) + 1, len(columns["label"])), math.nan)
-    for row, name in zip(found, _force_names(settings), strict=False):
-        row[:] = columns[name]
+    if settings.load_numbers is not None:
+        for row, name in zip(found, (*FORCES, PAYLOAD), strict=True):
+            row[:] = columns.get(name, math.nan)
     return found
+
+
+def _located_names(settings: FileSettings) -> tuple[str, ...]:
+    """Vertex properties of a file whose labels are no thresholds on its critical angles."""
+    return () if settings.model.is_uniform else LOCATED
+
+
+def _located(
+    settings: FileSettings, columns: dict[str, npt.NDArray[Any]]
+) -> tuple[Floats, Floats] | None:
+    names = _located_names(settings)
+    if not names:
+        return None
+    worst, best = (columns[name].astype(np.float64) for name in names)
+    return worst, best
 
 
 def _stacked(columns: dict[str, npt.NDArray[Any]], names: tuple[str, ...]) -> Floats:
@@ -223,9 +260,23 @@ def _check_labels(source: Source, found: LabelledFile, max_resolution: npt.NDArr
         raise damaged(source, "its labels do not match its critical angles")
 
 
+def _check_margins(
+    source: Source, found: LabelledFile, columns: dict[str, npt.NDArray[Any]]
+) -> None:
+    """Check the margins and the angles that they follow from."""
+    worst, best = found.deciding_angles
+    if np.isnan(worst).any() or not (best <= worst + ROUNDING).all():
+        raise damaged(source, f"its {' and '.join(LOCATED)} are not in order")
+    expected = found.settings.model.effective_friction_angle - worst
+    stored = columns.get(MARGIN, expected).astype(np.float64)
+    with np.errstate(invalid="ignore"):  # inf - inf
+        if not ((np.abs(stored - expected) < ROUNDING) | (stored == expected)).all():
+            raise damaged(source, f"its {MARGIN} does not match its angles")
+
+
 def _count_wrong_labels(found: LabelledFile) -> int:
     """Number of vertices whose label does not follow from their angles, apart from rounding."""
-    worst, best, model = found.critical_angle, found.critical_angle_best, found.settings.model
+    (worst, best), model = found.deciding_angles, found.settings.model
     limit, stable = model.unstable_from, model.effective_friction_angle
     with np.errstate(invalid="ignore"):  # inf - inf
         near = (np.abs(worst - stable) < ROUNDING) | (np.abs(best - limit) < ROUNDING)

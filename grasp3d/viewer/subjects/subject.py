@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
 
@@ -23,11 +23,16 @@ from grasp3d.settings import GraspModel, MeshOptions, Sampling, search_cone
 from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.labelled_file import LabelledFile, read_labelled
+from grasp3d.viewer.subjects.located import PAIR, Located, dependence, fits
+
+KEPT = 4
+"""Sets of located angles that are kept: those of two panes, before and after a change."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,6 +69,8 @@ class LastContact:
     """Indices of the fingers that are on sharp edges (creases), from 0."""
     held: GripperPose | None = None
     """Pose of a gripper, if it reaches the grasp."""
+    grasp: SurfaceContacts | None = None
+    """The contacts on the surface, (1, n); None: unknown."""
 
     __repr__ = short_repr
 
@@ -149,6 +156,10 @@ class Subject:
     """Grip force and payload; None: no load, or not computed yet."""
     alternatives: Alternatives | None = None
     """Other grasps of the vertex that was inspected last; None: not searched."""
+    located: Located | None = None
+    """Located angles in its file, or that took a computation; None: none."""
+    _known: dict[object, Located] = field(init=False, repr=False, default_factory=dict)
+    """Located angles that were computed last, by what they depend on."""
 
     __repr__ = short_repr
 
@@ -172,6 +183,37 @@ class Subject:
         """Transform points (..., 3) to a frame in which the surface is centred and of size 1."""
         return (points - self.center) / self.size
 
+    def angles(self, model: GraspModel) -> tuple[Floats, Floats]:
+        """Critical angles that decide the labels for a model, over the worst and best normals.
+
+        Located angles where contact locations are uncertain or fingers differ, else
+        `critical_angle` and `critical_angle_best`; these also where the former are not known.
+
+        Args:
+            model: Friction and errors; fingers as the subject has them.
+
+        Returns:
+            Shape (V,) each [rad].
+        """
+        if model.is_uniform or not self.locates(model):
+            return self.critical_angle, self.critical_angle_best
+        known, key = self._known, dependence(model)
+        if key not in known:
+            if len(known) >= KEPT:
+                known.pop(next(iter(known)))
+            same = self.located is not None and self.located.key == key
+            known[key] = self.located if same and self.located else Located.of(self.labels, model)
+        return known[key].worst, known[key].best
+
+    def locates(self, model: GraspModel) -> bool:
+        """Whether the angles that decide the labels for a model are known, or quickly computed.
+
+        Those of three fingers and more take too long for a move of a slider.
+        """
+        if model.is_uniform or (self.located is not None and self.located.key == dependence(model)):
+            return True
+        return self.labels is not None and model.fingers == PAIR and fits(model)
+
     @property
     def measurable(self) -> bool:
         """Whether the grasps are known or can be searched; false for a file of a scan."""
@@ -179,8 +221,9 @@ class Subject:
 
     def covers(self, model: GraspModel) -> bool:
         """Whether the search went far enough for a model."""
-        needed = search_cone(model, Sampling())
-        return needed <= max(self.cone, search_cone(self.model, Sampling())) + 1e-9  # rounding
+        any_cone = Sampling()
+        needed, searched = search_cone(model, any_cone), search_cone(self.model, any_cone)
+        return needed <= max(self.cone, searched) + 1e-9  # rounding
 
 
 def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
@@ -226,7 +269,7 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         approach_margin=None if reach is None else reach.approach_margin,
         unreached=None if reach is None else reach.state,
         load=labels.load,
-        load_numbers=None if case is None else LoadNumbers(case.mass, case.available),
+        load_numbers=None if case is None else LoadNumbers.of(case),
         forces=None if held is None else Forces.of(held, labels.model),
     )
 
@@ -247,9 +290,7 @@ def read_subject(path: Path, max_memory: float = MeshOptions.max_memory) -> Subj
     stored, model = found.settings, found.settings.model
     count, closed = len(found.vertices), is_closed(found.faces)
     weights, nominal, minimum, maximum = map(locked, (_weights(found), *found.epsilons))
-    other = weights[
-        found.label != label_angles(found.critical_angle, found.critical_angle_best, model)
-    ].sum()
+    other = weights[found.label != label_angles(*found.deciding_angles, model)].sum()
     _, size = surface_extent(found.vertices, found.faces)
     return Subject(
         name=path.name,
@@ -279,6 +320,7 @@ def read_subject(path: Path, max_memory: float = MeshOptions.max_memory) -> Subj
         load=stored.load,
         load_numbers=stored.load_numbers,
         forces=None if stored.load_numbers is None else _forces(found),
+        located=None if found.located is None else Located(*found.located, dependence(model)),
     )
 
 

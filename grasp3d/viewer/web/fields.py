@@ -21,11 +21,15 @@ PAINTS: dict[Paint, str] = {
     "approach_margin": "approach margin of the gripper",
     "grip_force": "grip force of each finger",
     "payload": "payload",
+    "margin": "margin: how far it is S, or fails to be",
 }
 """Quantities that colours can show, and their names in the list."""
 
 COARSEST = 180.0
 """Upper limit of resolutions [degrees]."""
+
+MOST_NORMAL_ERROR = 90.0
+"""Upper limit of normal errors [degrees]."""
 
 
 def field_values(session: Session) -> dict[str, Any]:
@@ -34,6 +38,10 @@ def field_values(session: Session) -> dict[str, Any]:
     return {
         "friction": state.model.friction,
         "resolution": _degrees(state.model.sensor_resolution),
+        "show_errors": state.show_errors,
+        "friction_error": state.model.friction_error,
+        "normal_error": _degrees(state.model.normal_error),
+        "location_error": state.model.location_error,
         "comparing": state.compare is not None,
         "compare": _degrees(DEFAULT_COMPARED if state.compare is None else state.compare),
         "paint": state.paint,
@@ -66,6 +74,9 @@ _VALID = {
     "friction": "friction must be a number above 0",
     "resolution": "sensor resolution must be from 0 to below 180 degrees",
     "compare": "the second resolution must be from 0 to below 180 degrees",
+    "friction_error": "friction error must be a number of at least 0 and below the friction",
+    "normal_error": "normal error must be from 0 to below 90 degrees",
+    "location_error": "location error must be a number of at least 0",
     "opening": "the largest opening must be a number above 0",
 }
 """Messages for invalid numbers."""
@@ -77,6 +88,10 @@ def _friction(session: Session, value: Any) -> None:
 
 def _resolution(session: Session, value: Any) -> None:
     session.change(sensor_resolution=_number(value, below=COARSEST) * DEGREE)
+
+
+def _normal_error(session: Session, value: Any) -> None:
+    session.change(normal_error=_number(value, below=MOST_NORMAL_ERROR) * DEGREE)
 
 
 def _comparing(session: Session, value: Any) -> None:
@@ -135,6 +150,10 @@ def _flipped(session: Session, value: Any) -> None:
 _SETTERS: dict[str, Callable[[Session, Any], None]] = {
     "friction": _friction,
     "resolution": _resolution,
+    "show_errors": lambda session, value: session.change(show_errors=bool(value)),
+    "friction_error": lambda session, value: session.change(friction_error=_number(value)),
+    "normal_error": _normal_error,
+    "location_error": lambda session, value: session.change(location_error=_number(value)),
     "comparing": _comparing,
     "compare": _compare,
     "paint": lambda session, value: session.change(paint=value),

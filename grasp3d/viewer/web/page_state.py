@@ -7,7 +7,7 @@ from typing import Any
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspection import Inspection
 from grasp3d.viewer.session.keys import DRAWING, KEYS, MOUSE
-from grasp3d.viewer.session.painting import PALETTE, RAMP, Ramp
+from grasp3d.viewer.session.painting import PALETTE, Ramp
 from grasp3d.viewer.session.panel_text import (
     NOTHING,
     LabelFraction,
@@ -66,6 +66,8 @@ def page_state(session: Session) -> dict[str, Any]:
         "hint": click_hint(session),
         "stale": text.stale,
         "uncompared": comparison_problem(session.state.paint),
+        "unlocated": session.location_problem,
+        "size": 0.0 if subject is None else subject.size,
         "message": text.message,
         "notes": list(text.notes),
         "ready": subject is not None,
@@ -144,11 +146,11 @@ def progress_state(session: Session) -> dict[str, Any]:
 
 
 def _ramp(ramp: Ramp) -> dict[str, Any]:
-    steps = [int(k * (len(RAMP) - 1) / (STOPS - 1)) for k in range(STOPS)]
-    colors = ", ".join("rgb({}, {}, {})".format(*RAMP[step]) for step in steps)
+    steps = [int(k * (len(ramp.colors) - 1) / (STOPS - 1)) for k in range(STOPS)]
+    colors = ", ".join("rgb({}, {}, {})".format(*ramp.colors[step]) for step in steps)
     return {
         "text": ramp.text,
-        "minimum": f"0{ramp.unit}",
+        "minimum": ramp.start,
         "maximum": ramp.end,
         "grey": ramp.grey,
         "note": ramp.note,
@@ -161,6 +163,7 @@ def _inspection(inspection: Inspection) -> dict[str, Any]:
         "vertex": inspection.vertex,
         "color": _hex(PALETTE[inspection.code]),
         "reason": inspection.reason,
+        "budget": inspection.budget,
         "grasp": grasp_number(inspection),
         "several": inspection.count not in {None, 1},
         "numbers": [

@@ -35,7 +35,7 @@ from grasp3d.viewer.window.sliders import Ranges, Slider, sliders_of
 PAINTS: dict[Paint, str] = {
     "label": "S M U", "critical_angle": "β*", "max_resolution": "α*", "epsilon": "ε",
     "epsilon_min": "smallest ε", "approach_margin": "approach",
-    "grip_force": "grip force", "payload": "payload",
+    "grip_force": "grip force", "payload": "payload", "margin": "margin",
 }  # fmt: skip
 FINGERS = (2, 3, 4, 5)
 ROWS = 4
@@ -112,7 +112,7 @@ def panel_content(
         dragged: Name and position of a dragged slider that acts only when it is released.
     """
     sliders = {slider.name: slider for slider in sliders_of(session, ranges)}
-    keys = {f"key-{key}": partial(press, key) for key in "12345678cifunpsgrhzjt,."}
+    keys = {f"key-{key}": partial(press, key) for key in "123456789cifunpsgrhzjte,."}
     upper = [
         *_title(session, text, width),
         *_fractions(session, text, width),
@@ -239,6 +239,7 @@ def _buttons(session: Session) -> list[Row]:
     if section is not None:
         sections.append(Button("key-i", "flip", section.flipped))
     compare = "side by side" if state.compared is not None else "with a second α"
+    errors = Button("key-e", "of friction, normals, locations", state.show_errors)
     comparison = Button(
         "key-c", compare, state.compared is not None, muted=bool(comparison_problem(state.paint))
     )
@@ -252,6 +253,7 @@ def _buttons(session: Session) -> list[Row]:
         ButtonRow("click", tuple(clicks)),
         ButtonRow("section", tuple(sections)),
         ButtonRow("compare", (comparison,)),
+        ButtonRow("errors", (errors,)),
         *_gripper_buttons(session),
         ButtonRow("", others),
     ]
@@ -296,7 +298,8 @@ def _ramp(text: PanelText, width: float) -> list[Row]:
     if ramp is None:
         return []
     maximum = ELLIPSIS if text.stale else ramp.end
-    row = RampRow(ramp.text, f"0{ramp.unit}", maximum, "" if text.stale else ramp.grey)
+    grey, two_sided = "" if text.stale else ramp.grey, ramp.minimum < 0.0
+    row = RampRow(ramp.text, ramp.start, maximum, grey, two_sided)
     note = [TextRow(ramp.note, width, 11, color=QUIET, max_lines=3)] if ramp.note else []
     return [row, *note]
 
@@ -322,7 +325,12 @@ def _vertex(session: Session, text: PanelText, width: float) -> list[Row]:
         TextRow(found.reason, width),
         Gap(4),
         *(ValueRow(name, value) for name, value in found.numbers),
+        *_budget(found.budget, width),
     ]
+
+
+def _budget(budget: str, width: float) -> list[Row]:
+    return [Gap(3), TextRow(budget, width, color=QUIET)] if budget else []
 
 
 def _pending_vertex(text: PanelText) -> str:

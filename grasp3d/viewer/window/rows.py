@@ -14,7 +14,7 @@ from grasp3d.viewer.scene.text_layout import (
     text_width,
     wrapped,
 )
-from grasp3d.viewer.session.painting import GREY, RAMP
+from grasp3d.viewer.session.painting import BOTH_SIDES, GREY, RAMP
 from grasp3d.viewer.window.canvas import (
     ACCENT,
     HOVER,
@@ -228,13 +228,15 @@ class RampRow(StaticRow):
     high: str
     grey: str = ""
     """Meaning of grey; empty: grey does not occur."""
+    two_sided: bool = False
+    """Whether there are values below 0, which have colours of their own."""
     height: float = 52
 
     def draw(self, canvas: Canvas, box: Box, hovered: str | None) -> None:  # noqa: ARG002
         """Draw name, ramp and end values."""
         left, top, right, _ = box
         canvas.text(left, top + 9, shortened(self.text, right - left))
-        canvas.strip((left, top + 20, right, top + 32), RAMP)
+        canvas.strip((left, top + 20, right, top + 32), BOTH_SIDES if self.two_sided else RAMP)
         canvas.text(left, top + 43, self.low, color=QUIET)
         canvas.text(right, top + 43, self.high, color=QUIET, anchor="r")
         if self.grey:

@@ -89,15 +89,14 @@ function showValues(curve) {
 }
 
 /** Shows the area fractions over the sensor resolution, at a selected friction. */
-export function showCurves({ curves, friction }) {
+export function showCurves({ curves, curve: shown }) {
   if (!curves.length) {
     byId("curves").replaceChildren(byId("curves-title"), element("p", {}, "No mesh was labelled."));
     return;
   }
   const select = byId("friction");
-  select.append(...curves.map((one, number) => element("option", { value: number }, digits(one.friction, 4))));
-  const nearest = curves.map((one) => Math.abs(one.friction - friction));
-  select.value = nearest.indexOf(Math.min(...nearest));
+  select.append(...curves.map((one, number) => element("option", { value: number }, one.name)));
+  select.value = shown;
   byId("curve-key").append(
     ...KINDS.map(([kind, meaning, name]) => {
       const swatch = element("i");

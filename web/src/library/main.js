@@ -42,6 +42,6 @@ const rows = unpacked(data);
 showHeader(data, rows);
 showLegend(data, rows);
 showCurves(data);
-const table = makeTable(rows);
+const table = makeTable(rows, data.uncertain);
 const filters = showFilters(table, rows);
 showLists(rows, filters, table);

@@ -152,9 +152,18 @@ function loadColumn(rows) {
   };
 }
 
+/** The margin, where more than the sensor's normals is uncertain; otherwise the number of vertices. */
+function marginColumn() {
+  const meaning = "Median margin over the surface: by how much the friction angle exceeds what β* and all uncertainties need; S is where it is above 0";
+  return numeric("spareAngle", "Margin median", meaning, (row) => {
+    if (row.outcome !== "labelled") return "";
+    return row.spareAngle === null ? "no grasp" : degrees(row.spareAngle);
+  }, 90);
+}
+
 const VERDICTS = ["no", "out of reach", "with a finer sensor", "holdable"];
 
-function columns(rows) {
+function columns(rows, uncertain) {
   const loaded = rows.some((row) => row.holdsText);
   const frozen = window.innerWidth > NARROW;
   return [
@@ -188,8 +197,10 @@ function columns(rows) {
         row.size === null ? "" : length(row.size, row.unit), 80),
       sorter: byNumber((row) => (row.size === null ? null : row.size * (IN_METRES[row.unit] ?? 1))),
     },
-    numeric("vertices", "Vertices", "Vertices of the refined surface", (row) =>
-      row.vertices === null ? "" : row.vertices.toLocaleString("en"), 90),
+    uncertain
+      ? marginColumn()
+      : numeric("vertices", "Vertices", "Vertices of the refined surface", (row) =>
+        row.vertices === null ? "" : row.vertices.toLocaleString("en"), 90),
     loaded
       ? loadColumn(rows)
       : numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 90),
@@ -209,11 +220,11 @@ function columns(rows) {
 }
 
 /** The table of all meshes; only the visible rows are in the page. */
-export function makeTable(rows) {
+export function makeTable(rows, uncertain) {
   const whole = (Math.max(1, rows.length) * ROW_HEIGHT) + HEAD_HEIGHT;
   return new Tabulator(byId("table"), {
     data: rows,
-    columns: columns(rows),
+    columns: columns(rows, uncertain),
     layout: "fitDataStretch",
     height: Math.min(whole, Math.max(360, Math.round(0.8 * window.innerHeight))),
     rowHeight: ROW_HEIGHT,

@@ -37,8 +37,14 @@ export const QUANTITIES = {
   resolution: {
     title: "α*: coarsest resolution for S",
     unit: "°",
-    value: (object, vertex, limits) => Math.max(0, 2 * (limits.beta - object.worst[vertex])) / DEGREE,
-    most: (object, limits) => (2 * limits.beta) / DEGREE,
+    value: (object, vertex, limits) => Math.max(0, limits.sensor - 2 * object.locatedWorst[vertex]) / DEGREE,
+    most: (object, limits) => Math.max(0, limits.sensor) / DEGREE,
+  },
+  spareAngle: {
+    title: "margin: friction angle to spare in S",
+    unit: "°",
+    value: (object, vertex, limits) => Math.max(0, limits.stable - object.locatedWorst[vertex]) / DEGREE,
+    most: (object, limits) => Math.max(0, limits.stable) / DEGREE,
   },
   epsilon: {
     title: "ε: Ferrari–Canny quality",

@@ -2,7 +2,6 @@ import { escaped } from "../shared/formatting.js";
 
 const FORMAT = 1;
 const KINDS = { u1: Uint8Array, u2: Uint16Array, u4: Uint32Array, f4: Float32Array };
-const OPTIONAL = { best: "worst" };
 
 /** Loads the script of one object; unlike fetch, this works for pages opened as files. */
 export function loadObject(stem) {
@@ -39,7 +38,11 @@ async function decoded(header, data) {
     object[name] = new Kind(bytes.slice(start, end));
     start = end;
   }
-  for (const [name, substitute] of Object.entries(OPTIONAL)) object[name] ??= object[substitute];
+  for (const name of ["frictionError", "normalError", "locationError"]) object[name] ??= 0;
+  object.best ??= object.worst;
+  // Critical angles over the true contact locations too, which the labels follow from.
+  object.locatedBest ??= object.locatedWorst ?? object.best;
+  object.locatedWorst ??= object.worst;
   object.points = points(object, object.positions);
   object.others = points(object, object.partners);
   object.count = object.worst.length;

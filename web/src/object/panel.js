@@ -4,31 +4,35 @@ import { QUANTITIES, rampCss, vertexColors } from "./colors.js";
 import { showGrasps } from "./grasps.js";
 import { showVertex } from "./picked_vertex.js";
 import { MEANING } from "./reasons.js";
-import { M, S, U, UNSEARCHED, areaFractions, labelsAt, thresholds } from "./thresholds.js";
+import { M, S, SETTINGS, U, UNSEARCHED, areaFractions, labelsAt, thresholds } from "./thresholds.js";
 
 const DEGREE = Math.PI / 180;
 const SHOWN = [S, M, U, UNSEARCHED];
+const UNCHANGED = Object.fromEntries(SETTINGS.map((name) => [name, null]));
+const UNITS = { friction: 1, resolution: DEGREE, frictionError: 1, normalError: DEGREE };
 
 /** The panel beside the 3-D view. */
 export class Panel {
   constructor(view) {
     this.view = view;
-    this.chosen = { friction: null, resolution: null }; // kept from object to object
+    this.chosen = { ...UNCHANGED }; // kept from object to object
     byId("paint").addEventListener("change", () => this.update());
     byId("reset").addEventListener("click", () => this.view.reset());
     byId("as-labelled").addEventListener("click", () => {
-      this.chosen = { friction: null, resolution: null };
+      this.chosen = { ...UNCHANGED };
       this.update();
     });
-    this.listen("friction", 1, (value) => value > 0);
-    this.listen("resolution", DEGREE, (value) => value >= 0 && value < Math.PI);
+    this.listen("friction", (value) => value > 0);
+    this.listen("resolution", (value) => value >= 0 && value < Math.PI);
+    this.listen("frictionError", (value) => value >= 0);
+    this.listen("normalError", (value) => value >= 0 && value < Math.PI / 2);
     view.onPick((vertex) => this.pick(vertex));
   }
 
-  listen(name, unit, isValid) {
+  listen(name, isValid) {
     for (const id of [name, `${name}-number`]) {
       byId(id).addEventListener("input", (event) => {
-        const value = Number(event.target.value) * unit;
+        const value = Number(event.target.value) * UNITS[name];
         if (event.target.value === "" || !isValid(value)) return;
         this.chosen[name] = value;
         this.update(event.target);
@@ -50,15 +54,32 @@ export class Panel {
       object.method === "extremes"
         ? "The labels in the table are from sampled extreme normals; here they are from thresholds on the exact critical angle, so a few may differ."
         : "";
-    const most = { friction: Math.max(1.5, object.friction), resolution: Math.max(90, object.resolution / DEGREE) };
-    Object.assign(byId("friction"), { min: 0.01, max: most.friction, step: 0.01 });
-    Object.assign(byId("resolution"), { min: 0, max: most.resolution, step: 0.1 });
+    const labelled = (name) => object[name] / UNITS[name];
+    Object.assign(byId("friction"), { min: 0.01, max: Math.max(1.5, object.friction), step: 0.01 });
+    Object.assign(byId("resolution"), { min: 0, max: Math.max(90, labelled("resolution")), step: 0.1 });
+    Object.assign(byId("frictionError"), { min: 0, max: Math.max(0.5, object.frictionError), step: 0.01 });
+    Object.assign(byId("normalError"), { min: 0, max: Math.max(30, labelled("normalError")), step: 0.1 });
+    this.showErrors();
     this.showLoad();
     this.showQuantities();
     this.showDetails();
     showGrasps(object, (grasp) => this.drawGrasp(grasp));
     this.view.show(object);
     this.update();
+  }
+
+  /** Shows what is uncertain beside the sensor's normals; locations and single fingers are as labelled. */
+  showErrors() {
+    const { object } = this;
+    const { locationError, perFinger, unit } = object;
+    byId("errors").open ||= Boolean(object.frictionError || object.normalError || locationError || perFinger);
+    byId("located").textContent = [
+      locationError ? `Contact locations are within ${length(locationError, unit)}, as labelled.` : "",
+      perFinger ? `Each finger, as labelled: ${perFinger}.` : "",
+    ].filter(Boolean).join(" ");
+    for (const name of ["friction", "frictionError"]) {
+      for (const id of [name, `${name}-number`]) byId(id).disabled = Boolean(perFinger);
+    }
   }
 
   /** Shows whether the load is held, if there is one. */
@@ -82,15 +103,15 @@ export class Panel {
 
   update(moved = null) {
     const { object } = this;
-    const friction = this.chosen.friction ?? object.friction;
-    const resolution = this.chosen.resolution ?? object.resolution;
-    const shown = { friction, resolution: resolution / DEGREE };
-    for (const [name, value] of Object.entries(shown)) {
+    const fixed = object.perFinger ? ["friction", "frictionError"] : [];
+    const chosen = (name) => (fixed.includes(name) ? null : this.chosen[name]);
+    const settings = Object.fromEntries(SETTINGS.map((name) => [name, chosen(name) ?? object[name]]));
+    for (const [name, value] of Object.entries(settings)) {
       for (const id of [name, `${name}-number`]) {
-        if (byId(id) !== moved) byId(id).value = String(Number(value.toPrecision(5)));
+        if (byId(id) !== moved) byId(id).value = String(Number((value / UNITS[name]).toPrecision(5)));
       }
     }
-    this.limits = thresholds(object, friction, resolution);
+    this.limits = thresholds(object, settings);
     this.labels = labelsAt(object, this.limits);
     const { stable, unstable } = this.limits;
     byId("thresholds").textContent = [

@@ -10,17 +10,32 @@ function values(object, vertex, limits) {
   const [worst, best] = [object.worst[vertex], object.best[vertex]];
   const position = [...object.points.subarray(3 * vertex, 3 * vertex + 3)].map((one) => digits(one, 4));
   const angle = (value) => (value === Infinity ? "none" : degrees(value / DEGREE));
-  const coarsest = 2 * (limits.beta - worst);
+  const located = object.locatedWorst[vertex];
+  const coarsest = limits.sensor - 2 * located;
   return [
     ["vertex", String(object.numbers?.[vertex] ?? vertex)],
     ["position", `${position.join(", ")}${unit ? ` ${unit}` : ""}`],
     ["β*", worst === best ? angle(worst) : `${angle(worst)} (best normals ${angle(best)})`],
     ["α*", coarsest > 0 ? degrees(coarsest / DEGREE) : "no resolution is fine enough"],
+    ["margin", Number.isFinite(located) ? degrees((limits.stable - located) / DEGREE) : "none"],
+    ...budget(object, vertex, limits),
     ["ε", digits(object.epsilon[vertex])],
     ["opening", Number.isFinite(object.opening[vertex]) ? length(object.opening[vertex], unit) : "no grasp"],
     ...holding(object, vertex),
     ...(Number.isFinite(object.margin?.[vertex]) ? [["approach margin", `±${degrees(object.margin[vertex] / DEGREE)}`]] : []),
   ];
+}
+
+/** How the friction angle is used up, if more than the sensor's normals is uncertain. */
+function budget(object, vertex, limits) {
+  const [worst, located] = [object.worst[vertex], object.locatedWorst[vertex]];
+  if (!Number.isFinite(located) || object.perFinger) return [];
+  const parts = { "β*": worst, friction: limits.beta - limits.least, normals: limits.tilt, locations: located - worst };
+  if (parts.friction === 0 && parts.locations === 0) return [];
+  const shown = Object.entries(parts).filter(([, part]) => part > 1e-6);
+  const margin = (limits.stable - located) / DEGREE;
+  const texts = shown.map(([name, part]) => `${name} ${degrees(part / DEGREE)}`);
+  return [["of β", `${degrees(limits.beta / DEGREE)} = ${texts.join(" + ")} ${margin < 0 ? "−" : "+"} margin ${degrees(Math.abs(margin))}`]];
 }
 
 /** Grip force and payload of a vertex's grasp, if there is a load. */

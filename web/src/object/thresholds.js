@@ -8,14 +8,32 @@ export const UNSEARCHED = 3;
 const ROUNDING = 1e-9;
 const RIGHT_ANGLE = Math.PI / 2;
 
-/** The thresholds at a friction and a resolution [rad], and whether they exceed the searched cone. */
-export function thresholds(object, friction, resolution) {
-  const beta = Math.atan(friction);
-  const reach = beta + resolution / 2;
+/** Names of what the thresholds depend on. */
+export const SETTINGS = ["friction", "resolution", "frictionError", "normalError"];
+
+/** Friction angles at the smallest and at the largest friction [rad]. */
+function frictionAngles(object, { friction, frictionError }) {
+  if (!object.perFinger) return [Math.atan(Math.max(0, friction - frictionError)), Math.atan(friction + frictionError)];
+  // Fingers differ: their friction is that of the labels.
+  const { stable, widest } = object.limits;
+  const labelled = object.resolution / 2 + object.normalError;
+  return [stable + labelled, widest - labelled];
+}
+
+/** The thresholds at some settings [rad], and whether they exceed the searched cone. */
+export function thresholds(object, settings) {
+  const tilt = settings.resolution / 2 + settings.normalError;
+  const [least, most] = frictionAngles(object, settings);
+  const reach = most + tilt;
   const neverUnstable = object.fingers > 2 && reach >= RIGHT_ANGLE;
   return {
-    beta,
-    stable: beta - resolution / 2,
+    beta: Math.atan(settings.friction),
+    least,
+    tilt,
+    simple: !object.perFinger && settings.frictionError === 0 && settings.normalError === 0,
+    // The coarsest sensor resolution for a critical angle of 0: alpha* = sensor - 2 beta*.
+    sensor: 2 * (least - settings.normalError),
+    stable: least - tilt,
     reach,
     unstable: neverUnstable ? Infinity : reach,
     beyond: Math.min(reach, RIGHT_ANGLE) > object.cone + ROUNDING,
@@ -27,7 +45,7 @@ export function thresholds(object, friction, resolution) {
  * would be U, and M where such a grasp could be S, are unsearched.
  */
 export function labelOf(object, vertex, limits) {
-  const [worst, best] = [object.worst[vertex], object.best[vertex]];
+  const [worst, best] = [object.locatedWorst[vertex], object.locatedBest[vertex]];
   const searched = object.cone + ROUNDING;
   if (worst < limits.stable) return S;
   if (best >= limits.unstable) return limits.beyond ? UNSEARCHED : U;

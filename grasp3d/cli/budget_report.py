@@ -1,0 +1,306 @@
+"""Printed report of `grasp3d design` with everything that is uncertain: budgets and limits."""
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+
+import numpy as np
+from rich.console import Console
+from rich.table import Table
+
+from grasp3d.cli.design_options import friction_text
+from grasp3d.cli.report import escaped
+from grasp3d.contact.budget import CRITICAL, MARGIN, MarginBudget
+from grasp3d.contact.encoders import JointEncoders
+from grasp3d.contact.grasp_samples import GraspSamples
+from grasp3d.contact.requirements import FingerDesign
+from grasp3d.contact.sensor import Sensor
+from grasp3d.contact.tips import CylinderTip, EllipsoidTip
+from grasp3d.lengths import Unit
+from grasp3d.uncertainty import friction_interval
+
+Tip = float | CylinderTip | EllipsoidTip
+
+FRACTIONS = (0.5, 0.9)
+"""Area fractions of an object that limits are printed for."""
+
+NARROWEST, WIDEST = 8, 34
+"""Characters of a whole bar."""
+
+BESIDE_BAR = 32
+"""Characters beside a bar."""
+
+_BAR, _MISSING, _THIN = "█", "░", "▏"
+_ASCII = str.maketrans({_BAR: "#", _MISSING: "-", _THIN: "|"})
+"""For terminals without block characters."""
+
+_LIMITS_NOTE = (
+    "Each limit holds with all other values as given. any: no value is too large; none: none is "
+    "small enough."
+)
+_LOCATIONS_NOTE = (
+    "The uncertainty of contact locations is not included: give --object-size or --object to "
+    "include it."
+)
+_OBJECT_NOTE = (
+    "Counted for two grasps at each vertex, the best with exact locations and the best with the "
+    "location error as given: other grasps may be better, so there may be more S and wider limits."
+)
+
+
+def print_finger(
+    unit: Unit, tip: Tip, sensor: Sensor | None, encoders: JointEncoders | None
+) -> None:
+    """Print the fingertip, its sensor and the encoders of its joints.
+
+    Args:
+        unit: Unit of all lengths.
+        tip: Radius of a round fingertip, inf for a flat one, or a tip of another shape.
+        sensor: The sensor; None: not given.
+        encoders: The encoders; None: not given.
+    """
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column(overflow="fold")
+    table.add_column(overflow="fold")
+    rows = [("fingertip", _tip_text(unit, tip))]
+    if sensor is not None:
+        rows += _sensor_rows(unit, tip, sensor)
+    if encoders is not None:
+        rows += _encoder_rows(unit, encoders)
+    for row in rows:
+        table.add_row(*row)
+    console = Console()
+    console.print("[bold]Finger[/]")
+    console.print(table)
+
+
+def _tip_text(unit: Unit, tip: Tip) -> str:
+    if isinstance(tip, EllipsoidTip):
+        return f"ellipsoid, semi-axes {' x '.join(f'{axis:.4g}' for axis in tip.semi_axes)} {unit}"
+    if isinstance(tip, CylinderTip):
+        return f"cylinder, radius {tip.radius:.4g} {unit}"
+    return "flat" if math.isinf(tip) else f"radius {tip:.4g} {unit}"
+
+
+def _sensor_rows(unit: Unit, tip: Tip, sensor: Sensor) -> Iterator[tuple[str, str]]:
+    yield "receptive field", f"{sensor.receptive_field:.4g} {unit}"
+    if isinstance(tip, EllipsoidTip):
+        yield "sensor resolution, at worst", _angle(sensor.resolution)
+        for axis in range(3):
+            towards = np.eye(3)[axis]
+            found = tip.resolution_at(sensor.receptive_field, towards).resolution
+            yield f"  at the end of semi-axis {axis + 1}", _angle(found)
+        yield "sensors on half of it", f"at least {tip.sensors_by_discs(sensor.receptive_field)}"
+    elif isinstance(tip, CylinderTip):
+        yield "sensor resolution, at worst", f"{_angle(sensor.resolution)}, around the axis"
+    else:
+        yield "sensor resolution", _angle(sensor.resolution)
+    yield "location uncertainty", f"± {sensor.location_uncertainty:.4g} {unit}"
+
+
+def _encoder_rows(unit: Unit, encoders: JointEncoders) -> Iterator[tuple[str, str]]:
+    errors = encoders.angle_errors
+    if not any(errors):
+        yield "encoders", f"of {len(errors)} joints, exact: give --encoder-counts"
+        return
+    yield "encoders", ", ".join(f"± {_small_angle(error)}" for error in errors)
+    if encoders.kind == "prismatic":
+        yield "  location, along the closing axis", f"± {encoders.closing_error:.4g} {unit}"
+        return
+    yield "  normals turn by up to", _small_angle(encoders.normal_error)
+    yield "  location", f"± {encoders.location_error:.4g} {unit}"
+
+
+def print_designs(
+    unit: Unit, tip: Tip, designs: Sequence[FingerDesign], grasps: GraspSamples, source: str
+) -> None:
+    """Print for each friction the budget, the limits, and what each uncertainty costs an object.
+
+    Args:
+        unit: Unit of all lengths.
+        tip: The fingertip, see `print_finger`.
+        designs: The same finger at several frictions.
+        grasps: The grasps that it is for.
+        source: The object that they are of; '': one grasp.
+    """
+    console = Console(emoji=False)
+    if source:
+        console.print(f"\n[bold]Object[/]: {escaped(source)}", soft_wrap=True)
+    for friction, budget in mean_budgets(designs, grasps).items():
+        console.print(f"\n{_heading(unit, friction, grasps, source)}")
+        _print_bars(console, budget)
+        console.print(_verdict(budget, source))
+    if source:
+        console.print("\n[bold]Area fraction of S, and without one of the uncertainties[/]")
+        console.print(_losses(designs, grasps))
+        console.print(_OBJECT_NOTE)
+    console.print("\n[bold]Limits[/]")
+    console.print(_limits(unit, tip, designs, grasps, FRACTIONS if source else (1.0,)))
+    console.print(_LIMITS_NOTE)
+    if not np.isfinite(grasps.opening).any():
+        console.print(_LOCATIONS_NOTE)
+
+
+def print_written(path: Path) -> None:
+    """Print the name of a file that was written.
+
+    Args:
+        path: The file.
+    """
+    Console(emoji=False).print(f"written: {escaped(str(path))}", soft_wrap=True)
+
+
+def mean_budgets(designs: Sequence[FingerDesign], grasps: GraspSamples) -> dict[str, MarginBudget]:
+    """The mean budget of the grasps for each friction, which is a text in the result.
+
+    Args:
+        designs: The same finger at several frictions.
+        grasps: The grasps that it is for.
+
+    Raises:
+        SettingError: There is no grasp.
+    """
+    return {
+        friction_text(friction_interval(design.friction)): design.budget(grasps).mean(
+            grasps.weights
+        )
+        for design in designs
+    }
+
+
+def _heading(unit: Unit, friction: str, grasps: GraspSamples, source: str) -> str:
+    if source:
+        return f"[bold]Budget at friction {friction}[/], mean over the area with a grasp"
+    opening = float(np.asarray(grasps.opening).flat[0])
+    apart = "" if math.isinf(opening) else f", two fingers {opening:.4g} {unit} apart"
+    return f"[bold]Budget at friction {friction}[/]{apart}"
+
+
+def _print_bars(console: Console, budget: MarginBudget) -> None:
+    """Print the friction angle and below it its parts, each bar where the one before ends."""
+    width = min(WIDEST, max(NARROWEST, console.width - BESIDE_BAR))
+    total = float(budget.friction_angle)
+    scale = width / max(total, float(budget.uncertain + budget.critical_angle))
+
+    def block(bar: str) -> str:
+        return bar.translate(_ASCII) if console.options.ascii_only else bar
+
+    table = Table(box=None, pad_edge=False, show_header=False)
+    table.add_column()
+    table.add_column(justify="right")
+    table.add_column(no_wrap=True)
+    table.add_row("friction angle", _angle(total), block(_bar(0.0, total, scale)))
+    start = 0.0
+    for name, value in budget.stack.items():
+        angle = float(value)
+        if name not in (CRITICAL, MARGIN) and angle == 0.0:
+            continue
+        low, high = sorted((start, start + angle))
+        style = "" if name != MARGIN else "green" if angle > 0.0 else "red"
+        bar = block(_bar(low, high, scale, _MISSING if angle < 0.0 else _BAR))
+        table.add_row(name, _angle(angle), f"[{style}]{bar}[/]" if style else bar)
+        start += angle
+    console.print(table)
+
+
+def _verdict(budget: MarginBudget, source: str) -> str:
+    """The margin in words, and what costs the most."""
+    angle = _angle(float(budget.margin))
+    stable = "surely stable" if float(budget.margin) > 0.0 else "not surely stable"
+    margin = f"the mean margin is {angle}" if source else f"{stable}: the margin is {angle}"
+    costliest = str(budget.costliest)
+    return f"{margin}; {costliest} takes the most" if costliest else margin
+
+
+def _bar(low: float, high: float, scale: float, block: str = _BAR) -> str:
+    start, end = round(low * scale), round(high * scale)
+    thin = "" if high == low else _THIN
+    return " " * start + (block * (end - start) or thin)
+
+
+def _losses(designs: Sequence[FingerDesign], grasps: GraspSamples) -> Table:
+    """Fractions S, and those with one uncertainty removed, a column for each friction."""
+    frictions = [friction_text(friction_interval(design.friction)) for design in designs]
+    table = _table("exact", *(f"μ {friction}" for friction in frictions))
+    budgets = [design.budget(grasps) for design in designs]
+    used = [
+        name
+        for name in budgets[0].parts
+        if any(np.any(budget.parts[name] != 0.0) for budget in budgets)
+    ]
+    changes: dict[str, Callable[[FingerDesign], FingerDesign]] = {"nothing": lambda one: one}
+    for name in used:
+        changes[name] = lambda one, name=name: one.without(name)  # type: ignore[misc]
+    changes["everything"] = lambda one: FingerDesign(one.without("friction").friction)
+    for text, change in changes.items():
+        fractions = (change(design).stable_fraction(grasps) for design in designs)
+        table.add_row(text, *(f"{100.0 * fraction:.1f} %" for fraction in fractions))
+    return table
+
+
+def _limits(
+    unit: Unit,
+    tip: Tip,
+    designs: Sequence[FingerDesign],
+    grasps: GraspSamples,
+    fractions: Sequence[float],
+) -> Table:
+    """Limits of every uncertainty, a row for each friction and fraction."""
+    located = bool(np.isfinite(grasps.opening).any())
+    several = len(fractions) > 1
+    headings = ["friction", *(["S on"] if several else []), "least friction\nabove"]
+    headings += [f"receptive field\nbelow, {unit}", "resolution\nbelow"]
+    headings += ["counts\nat least"] if designs[0].encoders else []
+    headings += [f"other location\nerror below, {unit}"] if located else []
+    table = _table(*headings)
+    for design in designs:
+        for fraction in fractions:
+            row = [friction_text(friction_interval(design.friction))]
+            row += [f"{100.0 * fraction:g} %"] if several else []
+            row += _limits_of(design, grasps, fraction, tip, located=located)
+            table.add_row(*row)
+    return table
+
+
+def _limits_of(
+    design: FingerDesign, grasps: GraspSamples, fraction: float, tip: Tip, *, located: bool
+) -> Iterator[str]:
+    friction = design.required_friction(grasps, fraction)
+    yield f"{friction:.4g}" if math.isfinite(friction) else "none"
+    field = design.required_field(grasps, fraction, tip=tip)
+    yield _limit(field)
+    yield _resolution(field, tip)
+    if design.encoders is not None:
+        counts = design.required_counts(grasps, fraction)
+        yield "none" if counts is None else f"{counts:,}"
+    if located:
+        yield _limit(design.required_location(grasps, fraction))
+
+
+def _resolution(field: float, tip: Tip) -> str:
+    """Resolution of the largest receptive field."""
+    if not 0.0 < field < math.inf:
+        return _limit(field)
+    sensor = Sensor(field, tip) if isinstance(tip, float) else tip.sensor(field)
+    return _angle(sensor.resolution)
+
+
+def _limit(value: float) -> str:
+    if value == 0.0:
+        return "none"
+    return f"{value:#.4g}" if math.isfinite(value) else "any"
+
+
+def _table(*headings: str) -> Table:
+    table = Table(box=None, pad_edge=False)
+    for number, heading in enumerate(headings):
+        table.add_column(heading, justify="right" if number else "left", overflow="fold")
+    return table
+
+
+def _angle(angle: float) -> str:
+    return f"{round(math.degrees(angle), 2) + 0.0:.2f}°"  # never -0.00
+
+
+def _small_angle(angle: float) -> str:
+    return f"{math.degrees(angle):.3g}°"

@@ -1,0 +1,142 @@
+"""The command `grasp3d perturb`: labels noisy copies of a scan."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import tyro
+
+from grasp3d.cli.options import (
+    Force,
+    InputFile,
+    LengthOption,
+    ModelOptions,
+    OutputFile,
+    Overwrite,
+    Quiet,
+    SamplingOptions,
+    SurfaceOptions,
+    command,
+)
+from grasp3d.perturbing.noise_settings import NoiseSettings
+from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.system.names import safe_stem
+
+if TYPE_CHECKING:
+    from grasp3d.perturbing.perturbation import Perturbation
+
+
+@command
+@dataclass(frozen=True)
+class Perturb:
+    """Label noisy copies of a scan, and print the errors to enter for it.
+
+    For each vertex: the fraction of the copies that are S, M and U. With the normal and location
+    error that it prints, only what is S in nearly all copies is S.
+    """
+
+    file: tyro.conf.Positional[InputFile]
+    """Mesh file: STL, OBJ, PLY, OFF, GLB, 3MF, ..."""
+
+    output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
+    """Results for each vertex (.ply, .csv or .parquet) (default: NAME_noise.ply in this folder)."""
+
+    figure: OutputFile = None
+    """Figure (.svg, .png or .pdf) (default: none)."""
+
+    noise: LengthOption = None
+    """Standard deviation of the scanner's errors along the normals, a length (default: estimated
+    from the roughness of the surface)."""
+
+    correlation: LengthOption = 0.0
+    """Distance over which the errors of neighbours are alike, a length, such as the filter of a
+    depth camera. 0: white noise, every vertex has its own error (default: 0)."""
+
+    copies: int = NoiseSettings.copies
+    """Number of noisy copies; 200 for numbers that hardly depend on chance."""
+
+    level: float = NoiseSettings.level
+    """Fraction of the copies in which what is S must be S."""
+
+    noise_seed: int = NoiseSettings.seed
+    """Seed of the noise; the same seed gives the same copies."""
+
+    model: ModelOptions = field(default_factory=GraspModel)
+    """Friction, sensor resolution and fingers."""
+
+    sampling: SamplingOptions = field(default_factory=Sampling)
+    """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
+    80mm, 8cm, 0.08m, 3in."""
+
+    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
+
+    force: Force = False
+
+    overwrite: Overwrite = False
+
+    quiet: Quiet = False
+
+    def __post_init__(self) -> None:
+        self._noise()
+
+    def _noise(self) -> NoiseSettings:
+        return NoiseSettings(
+            noise=self.noise,
+            correlation=self.correlation or 0.0,
+            copies=self.copies,
+            level=self.level,
+            seed=self.noise_seed,
+        )
+
+    def run(self) -> int:
+        """Run the command, and return the exit code."""
+        from grasp3d.cli import perturb_report
+        from grasp3d.cli.existing_files import check_replaceable
+        from grasp3d.perturbing.writing import SUFFIXES, write_perturbation
+        from grasp3d.plots.formats import METADATA
+        from grasp3d.rendering import check_rendering
+        from grasp3d.system.files import check_suffix
+
+        output = self.output or Path(f"{safe_stem(self.file.stem)}_noise.ply")
+        check_suffix(output, SUFFIXES, "table or mesh")
+        if self.figure is not None:
+            check_suffix(self.figure, METADATA, "figure")
+            check_rendering()
+        written = [path for path in (output, self.figure) if path is not None]
+        for path in written:
+            check_replaceable(path, overwrite=self.overwrite, source=self.file)
+        found = self._found()
+        write_perturbation(output, found)
+        if self.figure is not None:
+            self._draw(found, self.figure)
+        if not self.quiet:
+            perturb_report.print_perturbation(found, written)
+        return 0
+
+    def _found(self) -> "Perturbation":
+        """Read the mesh, and label its copies."""
+        from grasp3d.cli import report
+        from grasp3d.mesh.noisy_copies import movable_surface
+        from grasp3d.mesh.plausible_lengths import refuse_lengths
+        from grasp3d.perturbing.perturb import perturb_movable
+
+        surface = movable_surface(self.file, self.mesh)
+        unit, source = surface.mesh.unit, surface.mesh.report.source
+        model = self.model.in_unit(unit, source=source)
+        sampling = self.sampling.in_unit(unit, source=source)
+        if not self.force:
+            lengths = model.lengths() | sampling.lengths() | surface.mesh.options.lengths()
+            refuse_lengths(surface.mesh, lengths)
+        text = f"labelling {self.copies} copies of {self.file.name}"
+        with report.progress(text, quiet=self.quiet) as progress:
+            return perturb_movable(
+                surface, model, noise=self._noise(), sampling=sampling, progress=progress
+            )
+
+    def _draw(self, found: "Perturbation", path: Path) -> None:
+        """Draw the surface, its copies, and the labels with the errors to enter."""
+        from grasp3d.plots.formats import save_as
+        from grasp3d.plots.perturbations import perturbation_figure
+
+        save_as(perturbation_figure(found), path)

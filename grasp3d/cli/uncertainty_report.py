@@ -1,0 +1,109 @@
+"""Printed lines on what is uncertain beside the sensor's normals, and on the margin it leaves."""
+
+import math
+from collections.abc import Sequence
+from typing import Any, Protocol
+
+import numpy as np
+
+from grasp3d.arrays import Floats
+from grasp3d.lengths import Unit, describe_length
+from grasp3d.settings import GraspModel
+from grasp3d.stability.budgets import margin_budget
+from grasp3d.surface.area_statistics import quantiles
+
+LEVELS = (0.1, 0.5, 0.9)
+"""Levels of the quantiles of margins."""
+
+MARGIN = "margin: friction angle to spare, S: above 0; "
+"""Part of the legend of a table."""
+
+
+class _Labelled(Protocol):
+    """A surface or grasps with labels."""
+
+    @property
+    def model(self) -> Any: ...
+    @property
+    def critical_angle(self) -> Floats: ...
+    @property
+    def margin(self) -> Floats: ...
+
+
+def is_uncertain(model: GraspModel) -> bool:
+    """Whether anything but the sensor's normals is uncertain.
+
+    Args:
+        model: The model.
+    """
+    return bool(
+        model.friction_error or model.normal_error or model.location_error or model.per_finger
+    )
+
+
+def friction_text(model: GraspModel) -> str:
+    """Friction as text: '0.5', or '0.4 to 0.6'.
+
+    Args:
+        model: The model.
+    """
+    ends = dict.fromkeys(model.friction_interval)
+    return (
+        " to ".join(f"{end:.6g}" for end in ends)
+        if model.friction_error
+        else (f"{model.friction:g}")
+    )
+
+
+def uncertainty_lines(
+    labelled: _Labelled, weights: Floats | None, *, of: str, unit: Unit | None
+) -> list[str]:
+    """What is uncertain, the margins, and the mean budget; nothing if only normals are.
+
+    Args:
+        labelled: Labels of a surface, or grasps.
+        weights: Area of each vertex, shape (k,); None: all grasps equally.
+        of: What the margins are of: 'area', 'grasps'.
+        unit: Unit of the mesh.
+    """
+    model = labelled.model
+    if not is_uncertain(model):
+        return []
+    lines = [f"uncertain: {', '.join(_uncertainties(model, unit))}"]
+    critical = np.where(np.isfinite(labelled.critical_angle), labelled.critical_angle, np.inf)
+    given = np.ones(len(critical)) if weights is None else weights
+    used = np.where(np.isfinite(critical), given, 0.0)
+    if not used.sum() > 0.0:
+        return lines
+    margin = np.where(np.isfinite(critical), labelled.margin, -np.inf)
+    percents = "/".join(f"{100.0 * level:.0f}" for level in LEVELS)
+    texts = ", ".join(map(margin_text, quantiles(margin, LEVELS, given)))
+    budget = margin_budget(model, critical, model.effective_friction_angle - margin)
+    return [
+        *lines,
+        f"margin, {percents} % of the {of}: {texts} (S: above 0)",
+        f"mean budget: {budget.mean(used).line}",
+    ]
+
+
+def margin_text(margin: float) -> str:
+    """Format a margin in degrees; -inf means that there is no grasp.
+
+    Args:
+        margin: The margin [rad].
+    """
+    return "none" if not math.isfinite(margin) else f"{math.degrees(margin) + 0.0:.1f}°"
+
+
+def _uncertainties(model: GraspModel, unit: Unit | None) -> Sequence[str]:
+    parts = [f"friction {friction_text(model)}"] if model.friction_error else []
+    if model.normal_error:
+        parts.append(f"normals by a further {math.degrees(model.normal_error):.4g}°")
+    if model.location_error:
+        length = describe_length(model.location_error)
+        known = isinstance(model.location_error, str)
+        parts.append(f"contact locations by {length}{'' if known or not unit else f' {unit}'}")
+    if model.per_finger:
+        fingers = map(str.strip, model.per_finger.split(";"))
+        parts += [f"finger {number} {own}" for number, own in enumerate(fingers, 1) if own]
+    return parts

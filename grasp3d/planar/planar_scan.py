@@ -1,0 +1,230 @@
+"""Labels and epsilon of a finger scanned along an outline (Wan & Howe 2018, Sec. III-B)."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Literal
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Bytes, Floats, locked, short_repr
+from grasp3d.contact.friction_cones import effective_friction
+from grasp3d.errors import SettingError
+from grasp3d.planar.contacts import STRAIGHT, TIE, OutlineContacts
+from grasp3d.planar.hulls import EpsilonRange, Pairs, extreme_normals, face_normals, tested_normals
+from grasp3d.planar.outlines import Outline
+from grasp3d.settings import GraspModel, check_choice
+from grasp3d.stability.label import Label
+
+Kind = Literal["exact", "extremes", "four"]
+
+
+@dataclass(frozen=True, eq=False)
+class PlanarScan:
+    """A finger fixed on an outline and a second one at k points along it.
+
+    The first row is the fixed finger's own point, which makes no grasp: U, epsilon 0, critical
+    angle inf. What comes from wrench hulls is computed at first use, at the perceived locations;
+    `label` and `located_angles` alone take uncertain locations into account.
+    """
+
+    outline: Outline
+    model: GraspModel
+    edges: int
+    """Number of forces of a planar cone."""
+    rings: bool
+    """Whether normals between the extreme ones were added where these leave gaps."""
+    position: Floats
+    """Arc length [unit], rising from the fixed finger's to less than a perimeter beyond it."""
+    weights: Floats
+    """Fraction of the perimeter that is nearest to each point; 0 for corners and the fixed point.
+    """
+    contacts: OutlineContacts
+    """Contacts at the points, relative to the center of mass."""
+    critical_angle: Floats
+    """Critical friction angle over the worst normals [rad], closed form."""
+    critical_angle_best: Floats
+    """The same over the best normals; smaller at corners, or if the fixed finger is at one."""
+    located_angles: tuple[Floats, Floats]
+    """Worst and best angles over the normals and all true locations [rad]: the critical angles,
+    unless the model has a location error or fingers that differ."""
+    label: Bytes
+    """Exact `Label` codes, from the located angles."""
+
+    __repr__ = short_repr
+
+    @property
+    def margin(self) -> Floats:
+        """Effective friction angle less the worst angle [rad]: S where it is above 0; shape (k,).
+
+        -inf where there is no grasp.
+        """
+        return locked(self.model.effective_friction_angle - (self.located_angles[0] + TIE))
+
+    @property
+    def points(self) -> Floats:
+        """The points in the outline's frame [unit], shape (k, 2)."""
+        return locked(self.contacts.points + self.outline.center_mass)
+
+    @cached_property
+    def at_corner(self) -> Bools:
+        """Whether a point is a corner, with a range of normals, shape (k,)."""
+        return locked(self.contacts.half_range > STRAIGHT)
+
+    @cached_property
+    def angle(self) -> Floats:
+        """Angle about the center of mass from the fixed finger, from 0 to 2 pi [rad]."""
+        x, y = self.contacts.points.T
+        turn = np.arctan2(y, x)
+        return locked(np.remainder(turn - turn[0], 2.0 * math.pi))
+
+    @cached_property
+    def epsilon(self) -> Floats:
+        """Epsilon at the perceived normals and nominal friction; at corners the bisecting ones."""
+        beta = self.model.friction_angle
+        return self._pairs.over_combinations(lambda _: np.zeros(1), beta).lowest
+
+    @cached_property
+    def epsilon_extremes(self) -> Floats:
+        """Epsilon of the four combinations of extreme normals, shape (4, k), at nominal friction.
+
+        Tilts of the fixed and the scanned finger, + counter-clockwise: ++, +-, -+, --. At corners
+        the normals are the extreme ones of the whole range, exterior angle + alpha.
+        """
+        return locked(self._four[0])
+
+    @cached_property
+    def epsilon_effective(self) -> Floats:
+        """Epsilon at the effective friction; at corners the smallest over faces and bisector.
+
+        The effective friction is that of the smallest friction and all errors of normals.
+        """
+        beta = math.atan(effective_friction(self._frictions[0], 2.0 * self._tilt))
+        return self._pairs.over_combinations(face_normals, beta).lowest
+
+    @property
+    def epsilon_min(self) -> Floats:
+        """Smallest epsilon over all tested normals, at the smallest friction.
+
+        Raises:
+            SettingError: The rings need too many normals.
+        """
+        return self._tested[0].lowest
+
+    @property
+    def epsilon_max(self) -> Floats:
+        """Largest epsilon over all tested normals, at the largest friction; see `epsilon_min`."""
+        return self._tested[1].highest
+
+    @cached_property
+    def label_extremes(self) -> Bytes:
+        """`Label` codes from force closure at the tested normals alone; see `epsilon_min`.
+
+        With rings the same as `label`, except within rounding of a threshold.
+
+        Raises:
+            SettingError: The rings need too many normals, or the model has a location error: hulls
+                test normals and friction only.
+        """
+        self._check_located()
+        least, largest = self._tested
+        return locked(_labels(least.all_closed, largest.any_closed))
+
+    @cached_property
+    def label_four(self) -> Bytes:
+        """`Label` codes from the four combinations of extreme normals alone.
+
+        They differ from the exact ones where alpha > 2 beta: the extreme cones of a contact then
+        leave a gap between them. If the line between the contacts lies within alpha/2 - beta of a
+        perceived normal, in the gap, no combination is force-closed and the label is U, although it
+        is M wherever the line is less than alpha/2 + beta off both normals. At corners there is a
+        gap where exterior angle + alpha exceed 2 beta; where they exceed 180 degrees the label may
+        even be S, from extreme normals that point to the opposite side.
+
+        Raises:
+            SettingError: The model has a location error; see `label_extremes`.
+        """
+        self._check_located()
+        least, largest = self._frictions
+        if least == largest:
+            closed = [self._four[1]] * 2
+        else:
+            closed = [self._four_at(math.atan(friction))[1] for friction in (least, largest)]
+        return locked(_labels(np.all(closed[0], axis=0), np.any(closed[1], axis=0)))
+
+    def fractions(self, *, of: Kind = "exact") -> dict[str, float]:
+        """Fractions of the perimeter that are S, M and U, weighted with `weights`.
+
+        Args:
+            of: 'exact': `label`; 'extremes': `label_extremes`; 'four': `label_four`.
+
+        Raises:
+            SettingError: `of` is unknown, or the rings need too many normals.
+        """
+        check_choice("kind of labels", of, Kind)
+        labels = getattr(self, "label" if of == "exact" else f"label_{of}")
+        return {
+            label.name: float(self.weights[labels == label].sum())
+            for label in sorted(Label, reverse=True)
+        }
+
+    @cached_property
+    def _pairs(self) -> Pairs:
+        row = slice(0, 1)
+        contacts = self.contacts
+        fixed = OutlineContacts(contacts.points[row], contacts.first[row], contacts.last[row])
+        scale, actuation = self.outline.torque_scale, self.model.actuation
+        return Pairs(fixed, contacts, scale, actuation, self.edges)
+
+    @property
+    def _tilt(self) -> float:
+        """Largest tilt of both fingers' normals [rad]."""
+        self._check_fingers()
+        return self.model.tilt
+
+    @property
+    def _frictions(self) -> tuple[float, float]:
+        """Smallest and largest friction of both fingers."""
+        self._check_fingers()
+        return self.model.friction_interval
+
+    def _check_fingers(self) -> None:
+        if self.model.per_finger:
+            raise SettingError(
+                "wrench hulls of planar grasps have equal fingers; leave per_finger empty, or use "
+                "label and located_angles"
+            )
+
+    def _check_located(self) -> None:
+        if self.model.location_error != 0.0:
+            raise SettingError(
+                "wrench hulls test normals and friction, not contact locations; set location_error "
+                "to 0, or use the exact label"
+            )
+
+    @cached_property
+    def _four(self) -> tuple[Floats, Bools]:
+        """Epsilon and closure of the combinations of extreme normals, shape (4, k)."""
+        return self._four_at(self.model.friction_angle)
+
+    def _four_at(self, friction_angle: float) -> tuple[Floats, Bools]:
+        choose = partial(extreme_normals, tilt=self._tilt)
+        return self._pairs.each_combination(choose, friction_angle)
+
+    @cached_property
+    def _tested(self) -> tuple[EpsilonRange, EpsilonRange]:
+        """Ranges over the tested normals at the smallest and at the largest friction."""
+        least, largest = map(math.atan, self._frictions)
+        low = self._tested_at(least)
+        return low, low if largest == least else self._tested_at(largest)
+
+    def _tested_at(self, friction_angle: float) -> EpsilonRange:
+        choose = partial(
+            tested_normals, tilt=self._tilt, friction_angle=friction_angle, rings=self.rings
+        )
+        return self._pairs.over_combinations(choose, friction_angle)
+
+
+def _labels(all_closed: Bools, any_closed: Bools) -> Bytes:
+    """S where all are force-closed, U where none is, M elsewhere."""
+    return np.where(all_closed, Label.S, np.where(any_closed, Label.M, Label.U)).astype(np.uint8)

@@ -1,0 +1,174 @@
+"""Polygons, the paper's square among them (Wan & Howe 2018, Sec. III-B)."""
+
+import math
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
+from grasp3d.planar.contacts import STRAIGHT, OutlineContacts
+from grasp3d.planar.fractions import length_below
+from grasp3d.planar.outlines import Outline, wrapped_position
+from grasp3d.planar.polygons import TINY, area_centroid, length, simple_polygon
+from grasp3d.settings import whole_number
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class Polyline(Outline):
+    """Any closed polygon that does not touch itself; arc lengths begin at its first corner."""
+
+    corners: Floats
+    """Counter-clockwise corners without repetitions [unit], shape (n, 2)."""
+    fixed: float
+    name: str
+
+    __repr__ = short_repr
+
+    def __init__(self, corners: ArrayLike, fixed: float = 0.0, *, name: str = "polygon") -> None:
+        """Check, copy and lock.
+
+        Args:
+            corners: Shape (k, 2), in either order; clockwise ones are reversed behind the first.
+            fixed: Position of the fixed finger: arc length counter-clockwise from the first corner
+                [unit], taken modulo the perimeter.
+            name: Name for titles.
+
+        Raises:
+            SettingError: The corners are not a polygon, or the fixed position is not finite.
+        """
+        object.__setattr__(self, "corners", locked(simple_polygon(corners)))
+        object.__setattr__(self, "fixed", wrapped_position(fixed, self.perimeter))
+        object.__setattr__(self, "name", name)
+
+    @cached_property
+    def perimeter(self) -> float:
+        """See `Outline`."""
+        return float(self._ends[-1])
+
+    @cached_property
+    def center_mass(self) -> Floats:
+        """See `Outline`."""
+        return locked(area_centroid(self.corners))
+
+    @cached_property
+    def torque_scale(self) -> float:
+        """See `Outline`."""
+        return float(np.hypot(*self._edges.points.T).max())
+
+    @cached_property
+    def corner_positions(self) -> Floats:
+        """See `Outline`."""
+        starts = self._ends - self._lengths
+        starts[0] = 0.0
+        return locked(starts[self._corners.half_range > STRAIGHT])
+
+    def contacts_about_center(self, positions: ArrayLike) -> OutlineContacts:
+        """See `Outline`; a contact within 1e-12 perimeters of a corner is at the corner."""
+        wrapped = np.remainder(np.asarray(positions, dtype=np.float64), self.perimeter)
+        edge = np.minimum(np.searchsorted(self._ends, wrapped, side="right"), len(self._ends) - 1)
+        left = self._ends[edge] - wrapped
+        fraction = 1.0 - left / self._lengths[edge]
+        near = TINY * self.perimeter
+        at_end, at_start = left <= near, self._lengths[edge] - left <= near
+        edge = np.where(at_end, (edge + 1) % len(self._ends), edge)
+        corner = at_end | at_start
+        fraction = np.where(corner, 0.0, fraction)
+        points = self._edges.points[edge] + fraction[:, None] * self._along[edge]
+        normals = self._edges.last[edge]
+        first = np.where(corner[:, None], self._corners.first[edge], normals)
+        return OutlineContacts(locked(points), locked(first), locked(normals))
+
+    def fraction_below(self, angles: ArrayLike, *, location: float, best: bool) -> Floats:
+        """See `Outline`: from the points of the edges where the label changes."""
+        below = length_below(
+            angles, self._finger, self._edges, self._along, best=best, location=location
+        )
+        return np.minimum(below / self.perimeter, 1.0)
+
+    @cached_property
+    def _finger(self) -> OutlineContacts:
+        return self.contacts_about_center([self.fixed])
+
+    @cached_property
+    def _along(self) -> Floats:
+        return np.asarray(np.roll(self.corners, -1, axis=0) - self.corners)
+
+    @cached_property
+    def _lengths(self) -> Floats:
+        return np.asarray(np.hypot(*self._along.T))
+
+    @cached_property
+    def _ends(self) -> Floats:
+        return np.cumsum(self._lengths)
+
+    @cached_property
+    def _edges(self) -> OutlineContacts:
+        """Start point and normal of every edge."""
+        normals = np.stack([-self._along[:, 1], self._along[:, 0]], axis=-1)
+        normals /= self._lengths[:, None]
+        return OutlineContacts(self.corners - self.center_mass, normals, normals)
+
+    @cached_property
+    def _corners(self) -> OutlineContacts:
+        """Every corner with the normals of the edges before and behind it."""
+        edges = self._edges
+        return OutlineContacts(edges.points, np.roll(edges.last, 1, axis=0), edges.last)
+
+
+def square(half_side: float = 1.0) -> Polyline:
+    """Return the paper's square, the fixed finger in the middle of its bottom side.
+
+    Args:
+        half_side: Half of a side [unit].
+
+    Raises:
+        SettingError: It is not a length.
+    """
+    h = length("half side of the square", half_side)
+    return Polyline([(0.0, -h), (h, -h), (h, h), (-h, h), (-h, -h)], name="square")
+
+
+def regular_polygon(sides: int, radius: float = 1.0) -> Polyline:
+    """Return a regular polygon, the fixed finger in the middle of its bottom side.
+
+    Args:
+        sides: Number of sides, at least 3.
+        radius: Distance of the corners from the center [unit].
+
+    Raises:
+        SettingError: There are fewer sides, or the radius is not a length.
+    """
+    count = whole_number("the number of sides", sides, 3)
+    r = length("radius of the polygon", radius)
+    turn = (np.arange(count) + 0.5) * (2.0 * math.pi / count) - math.pi / 2.0
+    corners = r * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
+    start = (0.0, -r * math.cos(math.pi / count))
+    return Polyline(np.vstack([[start], corners]), name=f"regular polygon of {count} sides")
+
+
+def square_fractions(
+    *,
+    friction: float | tuple[float, float],
+    sensor_resolution: float,
+    friction_error: float = 0.0,
+    normal_error: float = 0.0,
+    location_error: float = 0.0,
+) -> dict[str, float]:
+    """Fractions of the paper's square that are S, M and U; see `Outline.fractions`.
+
+    `location_error` is a number of half sides.
+
+    Example:
+        >>> from grasp3d.planar import square_fractions
+        >>> found = square_fractions(friction=1.0, sensor_resolution=0.4, location_error=0.1)
+        >>> {name: round(fraction, 3) for name, fraction in found.items()}
+        {'S': 0.25, 'M': 0.362, 'U': 0.388}
+    """
+    return square().fractions(
+        friction=friction,
+        sensor_resolution=sensor_resolution,
+        friction_error=friction_error,
+        normal_error=normal_error,
+        location_error=location_error,
+    )

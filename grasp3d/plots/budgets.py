@@ -1,0 +1,72 @@
+"""Budgets of margins as stacked bars: what each uncertainty takes of the friction angle."""
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from matplotlib.figure import Figure
+
+from grasp3d.contact.budget import CRITICAL, MARGIN, PARTS, MarginBudget
+from grasp3d.errors import SettingError
+from grasp3d.plots.style import LABEL_COLORS, PAGE, as_text, new_figure, styled
+from grasp3d.stability.label import Label
+
+COLORS = {
+    CRITICAL: "#BBBBBB",
+    PARTS["friction"]: "#0072B2",
+    PARTS["resolution"]: "#CC79A7",
+    PARTS["normals"]: "#7F3C8D",
+    PARTS["location"]: "#E69F00",
+    PARTS["encoders"]: "#56B4E9",
+    MARGIN: LABEL_COLORS[Label.S],
+}
+"""Colours of the parts, distinguishable for colour-blind readers; a margin has that of S."""
+
+ROW, REST = 0.32, 0.9
+"""Height of a bar, and of the rest of the figure [inch]."""
+
+
+@styled
+def budget_figure(budgets: Mapping[str, MarginBudget]) -> Figure:
+    """A stacked bar for each budget of one grasp; a line marks the friction angle.
+
+    Where the parts exceed the friction angle, the bar passes the line: there is no margin.
+
+    Args:
+        budgets: Budgets of one grasp each, such as means, by their names.
+
+    Raises:
+        SettingError: There is none, or one is of several grasps.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.contact import MarginBudget
+        >>> from grasp3d.plots.budgets import budget_figure
+        >>> sensor = grasp3d.Sensor(receptive_field=4.0, fingertip_radius=10.0)
+        >>> budget = MarginBudget.of(0.0, friction=(0.4, 0.6), sensor=sensor, opening=50.0)
+        >>> budget_figure({"pinch": budget}).savefig("budget.svg")
+    """
+    if not budgets or any(budget.friction_angle.size != 1 for budget in budgets.values()):
+        raise SettingError("a figure of budgets needs budgets of one grasp each, such as means")
+    figure = new_figure(PAGE, REST + ROW * len(budgets))
+    axes = figure.add_subplot()
+    shown: dict[str, Any] = {}
+    for row, budget in enumerate(budgets.values()):
+        start = 0.0
+        for name, value in budget.stack.items():
+            angle = math.degrees(value.item())
+            if angle > 0.0:
+                bar = axes.barh(row, angle, 0.7, start, color=COLORS[name], label=name)
+                shown.setdefault(name, bar)
+                start += angle
+        limit = math.degrees(budget.friction_angle.item())
+        axes.plot([limit, limit], [row - 0.45, row + 0.45], color="black", linewidth=1.2)
+    axes.set_yticks(range(len(budgets)), [as_text(name) for name in budgets])
+    axes.invert_yaxis()
+    axes.grid(axis="y", visible=False)
+    axes.set_xlabel("friction angle and its parts [degrees]; black: friction angle")
+    ordered = [name for name in COLORS if name in shown]
+    figure.legend(
+        [shown[name] for name in ordered], ordered, loc="outside upper center", ncols=len(COLORS)
+    )
+    return figure

@@ -1,0 +1,116 @@
+"""Heat maps of area fractions S and M over two uncertainties, and of the required resolution."""
+
+import math
+from collections.abc import Iterable, Sequence
+from textwrap import wrap
+from typing import Any
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.collections import QuadMesh
+from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
+
+from grasp3d.arrays import Floats
+from grasp3d.plots.fractions import axis_numbers, axis_title
+from grasp3d.plots.style import LABEL_COLORS, LINES, PAGE, as_text, new_figure, styled
+from grasp3d.stability.label import Label
+from grasp3d.sweeps import Sweep
+from grasp3d.sweeps.axes import COLUMN
+
+HEIGHT, MARGINS = 2.1, 0.75
+"""Height of a row of maps, and of what is above and below them [inch]."""
+NAME = 20
+"""Characters of a name in one line."""
+_LINE: dict[str, Any] = {"colors": "black", "linewidths": 0.8}
+
+
+@styled
+def heat_map_figure(sweeps: Sequence[Sweep], *, fractions: Sequence[float] = ()) -> Figure:
+    """Draw one row for each sweep: S and M over both axes, and the resolution that is required.
+
+    The last map is the coarsest sensor resolution below which the first of `fractions` is S, given
+    what the axes state; it is left out if one axis is the resolution.
+
+    Args:
+        sweeps: Sweeps of the same axes with several values each; at least one.
+        fractions: Area fractions of S that are drawn as lines, each above 0 and at most 1.
+    """
+    needed = list(fractions[:1]) if sweeps[0].columns != COLUMN else []
+    figure = new_figure(PAGE, HEIGHT * len(sweeps) + MARGINS)
+    grid = figure.subplots(len(sweeps), 2 + len(needed), squeeze=False, sharex=True, sharey=True)
+    shown = _tens(sweep.stable for sweep in sweeps), _tens(sweep.ambiguous for sweep in sweeps)
+    for panels, sweep in zip(grid, sweeps, strict=True):
+        for panel, heights, label, largest in zip(
+            panels, (sweep.stable, sweep.ambiguous), (Label.S, Label.M), shown, strict=False
+        ):
+            drawn = draw_heat_map(panel, sweep, 100.0 * heights, color(label), largest=largest)
+            figure.colorbar(drawn, ax=panel)
+        _draw_lines(panels[0], sweep, fractions)
+        for fraction in needed:
+            degrees = np.degrees(sweep.required_resolution(fraction))
+            drawn = draw_heat_map(panels[2], sweep, degrees, _blue(), largest=degrees.max() or 1.0)
+            figure.colorbar(drawn, ax=panels[2])
+        rows, name = axis_title(sweep, sweep.rows), "\n".join(wrap(as_text(sweep.name), NAME))
+        panels[0].set_ylabel(f"{name}\n{rows}" if name else rows, parse_math=False)
+    titles = ["surely stable (S) [%]", "ambiguous (M) [%]"]
+    titles += [rf"$\alpha$ below which {100.0 * one:g} % are S [°]" for one in needed]
+    for panel, title in zip(grid[0], titles, strict=True):
+        panel.set_title(title)
+    for panel in grid[-1]:
+        panel.set_xlabel(axis_title(sweeps[0], sweeps[0].columns))
+    figure.suptitle(sweeps[0].axes.fixed_text, fontsize="medium")
+    return figure
+
+
+def draw_heat_map(
+    axes: Axes, sweep: Sweep, heights: Floats, colors: Colormap, *, largest: float = 100.0
+) -> QuadMesh:
+    """Draw values over the rows and columns of a sweep.
+
+    Args:
+        axes: Axes to draw on; columns are along the horizontal axis.
+        sweep: The sweep.
+        heights: The values, shape (m, k).
+        colors: Colours from 0 to the largest value.
+        largest: The largest value.
+    """
+    x, y = axis_numbers(sweep, sweep.columns), axis_numbers(sweep, sweep.rows)
+    drawn = axes.pcolormesh(
+        x, y, heights, shading="nearest", cmap=colors, vmin=0.0, vmax=largest, rasterized=True
+    )
+    axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
+    axes.grid(visible=False)
+    for side in (axes.xaxis, axes.yaxis):
+        side.set_major_locator(MaxNLocator(5, steps=[1, 1.5, 2, 3, 5, 10]))
+    return drawn
+
+
+def color(label: Label) -> Colormap:
+    """Colours of a heat map of a label: white at 0, the label's colour at all of the area.
+
+    Args:
+        label: The label.
+    """
+    return LinearSegmentedColormap.from_list(label.name, ["white", LABEL_COLORS[label]])
+
+
+def _tens(fractions: Iterable[Floats]) -> float:
+    """The largest fraction, rounded up to tens of percents."""
+    return max(10.0, 10.0 * math.ceil(max(10.0 * float(one.max()) for one in fractions)))
+
+
+def _blue() -> Colormap:
+    return LinearSegmentedColormap.from_list("resolution", ["white", LINES[0]["color"]])
+
+
+def _draw_lines(axes: Axes, sweep: Sweep, fractions: Sequence[float]) -> None:
+    """Draw lines along which S is a given fraction, with the percents on them."""
+    levels = sorted(100.0 * one for one in fractions)
+    low, high = 100.0 * sweep.stable.min(), 100.0 * sweep.stable.max()
+    inside = [level for level in levels if low < level < high]
+    if inside:
+        x, y = axis_numbers(sweep, sweep.columns), axis_numbers(sweep, sweep.rows)
+        lines = axes.contour(x, y, 100.0 * sweep.stable, levels=inside, **_LINE)
+        axes.clabel(lines, fmt="%g %%", fontsize="small")

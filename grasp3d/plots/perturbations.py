@@ -1,0 +1,78 @@
+"""Figure of a scan's labels, those of its noisy copies, and those with the errors to enter."""
+
+import math
+from typing import Any
+
+import numpy as np
+from matplotlib.cm import ScalarMappable
+from matplotlib.colors import LinearSegmentedColormap
+from matplotlib.figure import Figure
+
+from grasp3d.arrays import Bytes
+from grasp3d.perturbing.perturbation import Perturbation
+from grasp3d.plots.painting import paint_labels
+from grasp3d.plots.style import LABEL_COLORS, PAGE, as_text, label_patches, new_figure, styled
+from grasp3d.rendering import View, picture
+from grasp3d.stability.label import MEANING, Label
+from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labels import SurfaceLabels
+
+HEIGHT = 3.1
+"""Height of the figure [inch]."""
+PIXELS = (720, 720)
+FRACTIONS = LinearSegmentedColormap.from_list("S", ["#3F3F46", "#D4D7DB", LABEL_COLORS[Label.S]])
+"""Colours of the fraction of copies: from dark grey to the colour of S."""
+
+
+@styled
+def perturbation_figure(found: Perturbation, *, view: View | None = None) -> Figure:
+    """Draw a scan's labels, the fraction of its copies that is S, and the advised labels.
+
+    Args:
+        found: Results of the noisy copies.
+        view: Direction of view; None: from above and the side.
+
+    Raises:
+        OutputError: OpenGL is not available.
+    """
+    labels = found.labels
+    panels = [
+        ("as scanned", paint_labels(labels, view=view, size=PIXELS), _fractions(labels)),
+        (
+            f"fraction of {found.settings.copies} noisy copies that are S",
+            _paint_fractions(found, view),
+            "",
+        ),
+    ]
+    if found.advice.stable_fraction > 0.0:
+        advised = label_surface(
+            labels.mesh, found.model, sampling=labels.sampling, threads=labels.threads
+        )
+        degrees = math.degrees(found.advice.normal_error)
+        picture_ = paint_labels(advised, view=view, size=PIXELS)
+        panels.append((f"with a normal error of {degrees:.3g}°", picture_, _fractions(advised)))
+    figure = new_figure(PAGE, HEIGHT)
+    grid = figure.subplots(1, len(panels), squeeze=False)[0]
+    for axes, (title, image, below) in zip(grid, panels, strict=True):
+        axes.imshow(image)
+        axes.set(xticks=[], yticks=[])
+        axes.grid(visible=False)
+        axes.spines[:].set_visible(False)
+        axes.set_title(title)
+        axes.set_xlabel(below)
+    figure.suptitle(as_text(labels.mesh.report.source), fontsize="medium")
+    scale: dict[str, Any] = {"orientation": "horizontal", "shrink": 0.7, "aspect": 30, "pad": 0.02}
+    figure.colorbar(ScalarMappable(cmap=FRACTIONS), ax=grid[1], **scale)
+    figure.legend(handles=label_patches(MEANING["label"]), loc="outside lower center", ncols=3)
+    return figure
+
+
+def _paint_fractions(found: Perturbation, view: View | None) -> Bytes:
+    """Render the surface in the colours of the fraction of copies that are S."""
+    colors = np.asarray(255.0 * FRACTIONS(found.stable)[:, :3], dtype=np.uint8)
+    mesh = found.mesh
+    return picture(mesh.vertices, mesh.faces, colors, normals=-mesh.normals, view=view, size=PIXELS)
+
+
+def _fractions(labels: SurfaceLabels) -> str:
+    return "   ".join(f"{name} {100.0 * part:.1f} %" for name, part in labels.fractions().items())

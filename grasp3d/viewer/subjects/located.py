@@ -1,0 +1,51 @@
+"""Critical angles that include uncertain contact locations and differences of the fingers."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.settings import GraspModel
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.uncertainty import parse_fingers
+
+PAIR = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Located:
+    """Located angles of every vertex's grasp; see `stability.located_angles`."""
+
+    worst: Floats
+    """Over the worst normals and contact points [rad]; inf: no grasp. (V,)"""
+    best: Floats
+    """Over the best ones, (V,)."""
+    key: object
+    """What they depend on, see `dependence`."""
+
+    __repr__ = short_repr
+
+    @classmethod
+    def of(cls, labels: SurfaceLabels | None, model: GraspModel) -> "Located":
+        """Located angles of labels for a model.
+
+        Raises:
+            SettingError: The model is for another number of fingers.
+        """
+        assert labels is not None
+        worst, best = labels.grasps.located_angles(model)
+        # A file has no second grasp, of the best normals at a crease, whose line could be turned.
+        return cls(worst, locked(np.minimum(best, labels.critical_angle_best)), dependence(model))
+
+
+def dependence(model: GraspModel) -> object:
+    """What located angles depend on: of equal fingers the location error alone.
+
+    The thresholds that they are compared with have all that the fingers have in common.
+    """
+    return model if model.per_finger else model.location_error
+
+
+def fits(model: GraspModel) -> bool:
+    """Whether the values of single fingers are for the model's number of fingers."""
+    return not model.per_finger or len(parse_fingers(model.per_finger)) == model.fingers

@@ -1,0 +1,114 @@
+"""`grasp3d perturb`."""
+
+import re
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import label_surface, load_mesh
+from grasp3d.tables import read_columns
+from tests.helpers import shapes
+from tests.helpers.commands import run_here as grasp3d
+
+QUICK = ("--copies", "3", "--max-edge", "9cm", "--unit", "cm", "--rays", "16")
+
+
+@pytest.fixture
+def scan(tmp_path: Path) -> Path:
+    """A ball of 8 cm with errors of 0.2 mm."""
+    points, faces = shapes.sphere(3, radius=4.0)
+    errors = np.random.default_rng(0).normal(0.0, 0.005, len(points))
+    path = tmp_path / "scan.ply"
+    trimesh.Trimesh(points * (1.0 + errors)[:, None], faces, process=False).export(path)
+    return path
+
+
+def test_it_prints_what_to_enter_and_writes_the_results(scan: Path) -> None:
+    done = grasp3d("perturb", scan.name, "--noise", "0.2mm", *QUICK, cwd=scan.parent)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "noise: 0.2 mm along the normals, as given, white; 3 copies" in done.stdout
+    entered = re.search(r"enter: --normal-error (\S+) --location-error (\S+)mm", done.stdout)
+    assert entered
+    assert 1.0 < float(entered[1]) < 30.0
+    assert 0.0 < float(entered[2]) < 0.2
+    assert (scan.parent / "scan_noise.ply").exists()
+    again = grasp3d("perturb", scan.name, "--noise", "0.2mm", *QUICK, cwd=scan.parent)
+    assert again.stdout == done.stdout  # it replaces its own results
+
+
+def test_what_it_prints_can_be_entered(scan: Path) -> None:
+    done = grasp3d("perturb", scan.name, *QUICK, "-o", "a.csv", cwd=scan.parent)
+    assert "estimated from the surface's roughness" in done.stdout
+    words = re.search(r"enter: (.+)", done.stdout)
+    assert words
+    label = grasp3d(
+        "label", scan.name, "--unit", "cm", "--max-edge", "9cm", "--rays", "16",
+        *words[1].split(), "-o", "b.ply", cwd=scan.parent,
+    )  # fmt: skip
+    assert (label.returncode, label.stderr) == (0, "")
+    fraction = re.search(r"with these (\S+) % of the area are S", done.stdout)
+    assert fraction
+    stable = re.search(r"S    surely stable +(\S+) %", label.stdout)
+    assert stable
+    assert float(stable[1]) == pytest.approx(float(fraction[1]), abs=0.3)
+    rows = read_columns(scan.parent / "a.csv")
+    assert len(rows["stable"]) == len(load_mesh(scan, unit="cm", max_edge=9.0).vertices)
+
+
+def test_where_noise_is_too_strong_the_cure_is_named(scan: Path) -> None:
+    done = grasp3d("perturb", scan.name, "--noise", "5mm", *QUICK, "-q", cwd=scan.parent)
+    assert (done.returncode, done.stdout) == (0, "")
+    done = grasp3d("perturb", scan.name, "--noise", "5mm", *QUICK, cwd=scan.parent)
+    assert "no errors to enter" in done.stdout
+    assert "--patch-radius" in done.stdout
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--noise", "0"], "noise must be a finite length above 0"),
+        (["--noise", "9cm"], "noise is 9, but the size of scan.ply"),
+        (["--copies", "1"], "copies must be a whole number of at least 2"),
+        (["--level", "2"], "level must be above 0.5 and below 1"),
+        (["-o", "a.txt"], "supported are .ply .csv .parquet"),
+        (["--figure", "a.gif"], "supported are .svg .png .pdf"),
+        (["--method", "extremes"], "method exact"),
+        (["-o", "scan.ply"], "scan.ply"),
+    ],
+)
+def test_bad_input_is_one_line(scan: Path, words: list[str], message: str) -> None:
+    before = scan.read_bytes()
+    done = grasp3d(
+        "perturb", scan.name, "--unit", "cm", "--max-edge", "9cm", *words, cwd=scan.parent
+    )
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert scan.read_bytes() == before
+    assert list(scan.parent.iterdir()) == [scan]
+
+
+def test_a_smooth_mesh_needs_a_noise(tmp_path: Path) -> None:
+    trimesh.creation.box([0.1, 0.1, 0.1]).export(tmp_path / "box.stl")
+    done = grasp3d("perturb", "box.stl", "--unit", "m", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "no noise that can be measured" in done.stderr
+
+
+@pytest.mark.slow
+def test_the_figure_shows_the_surface(scan: Path) -> None:
+    from PIL import Image
+
+    done = grasp3d(
+        "perturb", scan.name, "--noise", "0.2mm", *QUICK, "--figure", "a.png", cwd=scan.parent
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.rstrip().endswith("a.png")
+    with Image.open(scan.parent / "a.png") as image:
+        pixels = np.asarray(image.convert("RGB")).reshape(-1, 3)
+    assert len(np.unique(pixels, axis=0)) > 500
+    labels = label_surface(load_mesh(scan, unit="cm", max_edge=9.0))
+    assert labels.fractions()["S"] > 0.9

@@ -1,0 +1,256 @@
+"""Uncertainties on the command line: options, printed reports, and sweeps over them."""
+
+import json
+import math
+import re
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+
+import numpy as np
+import pyarrow.csv as pc
+import pytest
+import tyro
+
+from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d.batch.sweep_grasps import MAX_SEARCHES, search_at_each
+from grasp3d.cli.options import ModelOptions
+from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers
+from grasp3d.errors import SettingError
+from grasp3d.mesh.primitives import box_mesh
+from grasp3d.planar import Circle
+from grasp3d.sweeps import sweep
+from tests.cli.test_label import export
+from tests.helpers import shapes
+from tests.helpers.commands import run_here as grasp3d
+
+COARSE = ("--max-edge", "inf", "--rays", "8", "--unit", "mm")
+ERRORS = (
+    "--friction", "0.4..0.6", "--sensor-resolution", "10", "--normal-error", "2",
+    "--location-error", "1mm",
+)  # fmt: skip
+MODEL = GraspModel(
+    friction=(0.4, 0.6),
+    sensor_resolution=math.radians(10.0),
+    normal_error=math.radians(2.0),
+    location_error="1mm",
+)
+
+
+def parsed(*words: str) -> GraspModel:
+    model: GraspModel = tyro.cli(ModelOptions, args=list(words))
+    return model
+
+
+def test_the_options_are_the_settings() -> None:
+    assert asdict(parsed(*ERRORS)) == asdict(MODEL)
+    assert asdict(parsed()) == asdict(GraspModel())
+    assert parsed("--friction", "0.7", "--friction-error", "0.1").friction_interval == (
+        pytest.approx(0.6),
+        pytest.approx(0.8),
+    )
+    fingers = "location_error=1mm; friction=0.3..0.4"
+    assert parsed("--per-finger", fingers).per_finger == GraspModel(per_finger=fingers).per_finger
+    assert parsed("--per-finger", "none").per_finger == ""
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--friction", "0.6..0.4"), "the smallest first"),
+        (("--friction", "slippery"), "could not convert string to float: 'slippery'"),
+        (("--friction", "0"), "friction must be a finite number above 0"),
+        (("--friction", "0.4..0.5..0.6"), "an interval of two"),
+        (("--per-finger", "alpha=3"), "the uncertainty of a finger must be NAME=VALUE"),
+        (("--per-finger", "normal_error=steep"), "must be an angle in degrees"),
+        (("--normal-error", "95"), "below 90 degrees"),
+        (("--location-error", "-1mm"), "finite length of at least 0"),
+        (("--location-error", "1 furlong"), "must be a length"),
+        (("--friction-error", "0.5"), "below the friction, 0.5"),
+    ],
+)
+def test_bad_options_are_errors_of_usage(
+    words: tuple[str, ...], message: str, tmp_path: Path
+) -> None:
+    export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
+    done = grasp3d("label", "box.stl", "--unit", "mm", *words, cwd=tmp_path)
+    assert done.returncode == 2
+    printed = " ".join(re.sub("[│╭╮╰╯─]", " ", done.stdout + done.stderr).split())
+    assert message in printed
+    assert "Traceback" not in printed
+    assert [path.name for path in tmp_path.iterdir()] == ["box.stl"]
+
+
+def test_ranges_of_lengths_and_numbers() -> None:
+    assert parse_lengths("it", ("0:2:1mm", "0.5mm")) == (0.0, "1 mm", "2 mm", "0.5 mm")
+    assert parse_lengths("it", ("0:0.002:0.001",)) == (0.0, 0.001, 0.002)
+    assert parse_lengths("it", ("1 MM", "1mm", "1cm:2cm:1cm")) == ("1 mm", "1 cm", "2 cm")
+    assert parse_numbers("it", ("0.1", "0:0.2:0.1")) == pytest.approx((0.0, 0.1, 0.2))
+    assert parse_angles("it", ("180",)) == (math.pi,)
+    for word in ("a", "1mm:2", "2:1:1mm", "1mm:2cm:1mm", "1:2:0mm", "mm"):
+        with pytest.raises(SettingError, match="must be a length, or FROM:TO:STEP"):
+            parse_lengths("it", (word,))
+    with pytest.raises(SettingError, match="more than 10000"):
+        parse_lengths("location error", ("0:1:1e-5m",))
+
+
+@pytest.mark.slow
+def test_the_report_of_labels_has_the_uncertainties_and_the_mean_budget(tmp_path: Path) -> None:
+    source = export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
+    done = grasp3d("label", "box.stl", *ERRORS, *COARSE, "--best", "1", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    lines = done.stdout.splitlines()
+    assert "friction 0.4 to 0.6, sensor resolution 10°" in lines[0]
+    assert (
+        "uncertain: friction 0.4 to 0.6, normals by a further 2°, contact locations by 1 mm"
+        in lines
+    )
+    mesh = load_mesh(source, unit="mm", max_edge=math.inf)
+    labels = label_surface(mesh, MODEL, sampling=Sampling(rays=8))
+    weights = mesh.vertex_areas / mesh.vertex_areas.sum()
+    (budget,) = [line for line in lines if line.startswith("mean budget: friction angle 26.57°")]
+    assert "friction 4.76°" in budget
+    assert "sensor resolution 5.00° + normal error 2.00° + location" in budget
+    mean = math.degrees(float(weights @ labels.margin))
+    assert float(budget.rpartition("margin ")[2].rstrip("°")) == pytest.approx(mean, abs=0.006)
+    numbers = [float(number) for number in re.findall(r"(-?[\d.]+)°", budget)]
+    assert numbers[0] == pytest.approx(sum(numbers[1:]), abs=0.05)
+    (margins,) = [line for line in lines if line.startswith("margin, 10/50/90 % of the area: ")]
+    assert margins.endswith("(S: above 0)")
+    (heading,) = [line for line in lines if line.startswith("grasp  label")]
+    assert heading.split()[:5] == ["grasp", "label", "β*", "α*", "margin"]
+
+
+def test_without_further_uncertainties_the_report_has_no_margin(tmp_path: Path) -> None:
+    export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
+    done = grasp3d("label", "box.stl", *COARSE, "--best", "1", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert not re.search("margin|uncertain|budget", done.stdout)
+
+
+def test_the_report_of_grasps_has_their_margins(tmp_path: Path) -> None:
+    export(tmp_path / "box.stl", shapes.box((40.0, 60.0, 80.0)))
+    pairs = [[[-20, 0, 0], [20, 0, 0]], [[-20, 0, 0], [0, 30, 0]]]
+    (tmp_path / "pairs.json").write_text(json.dumps(pairs), encoding="utf-8")
+    done = grasp3d(
+        "evaluate", "box.stl", "pairs.json", *ERRORS, "--unit", "mm", "-o", "out.csv", cwd=tmp_path
+    )
+    assert (done.returncode, done.stderr) == (0, "")
+    turn = math.degrees(math.asin(2.0 / 40.0))
+    margin = math.degrees(math.atan(0.4)) - 7.0 - turn
+    first, second = (
+        line.split() for line in done.stdout.splitlines() if re.match(r" +[12] +■", line)
+    )
+    assert f"{margin:.1f}°" in first
+    assert [cell for cell in second if cell.startswith("-")]
+    assert "margin: friction angle to spare, S: above 0" in done.stdout
+    assert "uncertain: " in done.stdout
+
+
+@pytest.mark.slow
+def test_a_sweep_over_location_errors(tmp_path: Path) -> None:
+    done = grasp3d(
+        "sweep", "circle", "sphere", "--location-error", "0:0.2:0.1", "--fraction", "0.1",
+        cwd=tmp_path,
+    )  # fmt: skip
+    assert (done.returncode, done.stderr) == (0, "")
+    assert done.stdout.startswith("area fractions of S/M/U [%] by sensor resolution, friction 0.5:")
+    assert "location error" in done.stdout
+    rows = pc.read_csv(tmp_path / "sweep.csv").to_pylist()
+    assert len(rows) == 2 * 3 * 62
+    assert {row["location_error"] for row in rows} == {0.0, 0.1, 0.2}
+    assert {row["friction"] for row in rows} == {0.5}
+    assert (tmp_path / "sweep.svg").exists()
+
+
+def test_every_line_of_the_required_resolutions_has_its_name(tmp_path: Path) -> None:
+    words = ("--location-error", "0", "0.1", "--fraction", "0.1", "0.2")
+    done = grasp3d("sweep", "circle", "square", *words, cwd=tmp_path, columns=80)
+    table = done.stdout.split("required resolution")[1].splitlines()[1:6]
+    assert [line.split()[0] for line in table] == ["location", "circle", "0.1", "square", "0.1"]
+
+
+@pytest.mark.parametrize(
+    ("words", "fixed", "rows"),
+    [
+        (("--friction-error", "0.1"), "friction error 0.1", 3 * 62),
+        (("--location-error", "0", "0.1", "--friction", "0.3", "0.5"), "resolution 22.6°", 4),
+        (
+            ("--location-error", "0", "0.1", "--normal-error", "0", "5", "10"),
+            "friction 0.5, sensor resolution 22.6°",
+            6,
+        ),
+        (("--normal-error", "0:20:1", "--sensor-resolution", "10"), "resolution 10°", 3 * 21),
+    ],
+)
+def test_defaults_leave_two_axes(
+    words: tuple[str, ...], fixed: str, rows: int, tmp_path: Path
+) -> None:
+    done = grasp3d("sweep", "sphere", *words, cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert fixed in done.stdout.splitlines()[0]
+    assert len(pc.read_csv(tmp_path / "sphere_sweep.csv")) == rows
+
+
+def test_the_required_resolution_over_two_errors_is_printed(tmp_path: Path) -> None:
+    words = ("--location-error", "0", "0.1", "--normal-error", "0", "5", "--friction", "1")
+    done = grasp3d("sweep", "circle", *words, "--fraction", "0.2", cwd=tmp_path)
+    table = done.stdout.split("20 %, by location error:")[1].splitlines()
+    printed = [float(cell.rstrip("°")) for cell in table[2].split()[-2:] + table[3].split()[-2:]]
+    swept = sweep(
+        Circle(),
+        friction=1.0,
+        sensor_resolution=0.1,
+        normal_error=np.radians([0.0, 5.0]),
+        location_error=[0.0, 0.1],
+    )
+    expected = np.degrees(swept.required_resolution(0.2)).ravel()
+    assert printed == pytest.approx(expected.tolist(), abs=0.051)
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--location-error", "1mm"), "a shape without a unit"),
+        (("--normal-error", "steep"), "normal error 'steep' must be a number of degrees"),
+        (("--friction-error", "0.3"), "below the friction, 0.2"),
+        (("--location-error", "1", "2", "--sensor-resolution", "1", "2", "--friction", "1", "2"),
+         "two axes, but 3 settings have several values"),
+    ],
+)  # fmt: skip
+def test_a_bad_sweep_prints_one_line_and_writes_nothing(
+    words: tuple[str, ...], message: str, tmp_path: Path
+) -> None:
+    done = grasp3d("sweep", "sphere", *words, cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_sweep_searches_at_each_location_error() -> None:
+    """At each of them every vertex has the best grasp of all searches."""
+    mesh = box_mesh((1.0, 2.0, 3.0), max_edge=1.0)
+    seen: list[float | str] = []
+
+    def label(model: GraspModel, progress: Callable[[float], None]) -> SurfaceLabels:
+        seen.append(model.location_error)
+        progress(0.5)
+        progress(1.0)
+        return label_surface(mesh, model, sampling=Sampling(rays=8), threads=1)
+
+    few = search_at_each(label, GraspModel(), [0.0, 0.1])
+    assert seen == [0.0, 0.1]
+    for delta in (0.0, 0.05, 0.1):
+        best = few.angle_distribution(location_error=delta)
+        for one in few.searches:
+            alone = one.angle_distribution(location_error=delta)
+            assert (best.worst <= alone.worst).all()
+            assert (best.best <= alone.best).all()
+    seen.clear()
+    values = list(np.linspace(0.0, 0.1, 30))
+    steps: list[float] = []
+    search_at_each(label, GraspModel(), values, steps.append)
+    assert len(seen) == MAX_SEARCHES
+    assert (seen[0], seen[-1]) == (values[0], values[-1])
+    assert steps == pytest.approx(np.arange(1, 11) / 10.0)

@@ -1,0 +1,43 @@
+import math
+
+import numpy as np
+import pytest
+
+import grasp3d
+from grasp3d.stability import margin_budget
+from grasp3d.uncertainty import Uncertainty
+
+
+def test_the_margin_is_the_effective_friction_angle_minus_the_located_angle() -> None:
+    model = grasp3d.GraspModel(
+        friction=(0.4, 0.6), sensor_resolution=0.2, normal_error=0.03, location_error=0.01
+    )
+    critical = np.array([0.0, 0.1, math.inf])
+    located = np.array([0.05, 0.3, math.inf])
+    budget = margin_budget(model, critical, located)
+    np.testing.assert_allclose(budget.margin, model.effective_friction_angle - located)
+    np.testing.assert_allclose(budget.location, [0.05, 0.2, 0.0])
+    assert budget.friction[0] == pytest.approx(math.atan(0.5) - math.atan(0.4))
+    assert (budget.resolution[0], budget.normals[0], budget.encoders[0]) == (0.1, 0.03, 0.0)
+    exact = margin_budget(model, critical)
+    np.testing.assert_allclose(exact.margin, model.effective_friction_angle - critical)
+
+
+def test_where_fingers_differ_the_parts_are_those_of_the_worst() -> None:
+    fingers = (
+        Uncertainty(sensor_resolution=0.1, location_error="1mm"),
+        Uncertainty(sensor_resolution=0.3, normal_error=0.05, friction=(0.3, 0.4)),
+    )
+    model = grasp3d.GraspModel(friction=0.5, sensor_resolution=0.2).with_uncertainty(*fingers)
+    budget = margin_budget(model, 0.1, 0.12)
+    assert float(budget.margin) == pytest.approx(model.effective_friction_angle - 0.12)
+    assert float(budget.friction_angle) == pytest.approx(math.atan(0.35))
+    assert float(budget.resolution) == pytest.approx(0.15)
+    assert float(budget.normals) == pytest.approx(0.05)
+
+
+def test_a_model_without_errors_has_a_budget_of_the_sensor_alone() -> None:
+    model = grasp3d.GraspModel()
+    budget = margin_budget(model, 0.1)
+    assert budget.costliest == "sensor resolution"
+    assert float(budget.uncertain) == pytest.approx(model.tilt)

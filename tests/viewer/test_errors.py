@@ -1,0 +1,409 @@
+"""Errors of friction, normals and contact locations in the viewer."""
+
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, load_mesh, write_ply
+from grasp3d.errors import MeshError, SettingError
+from grasp3d.settings import DEGREE
+from grasp3d.viewer.session import planning
+from grasp3d.viewer.session.collection import Collection, collection_of, open_collection
+from grasp3d.viewer.session.computations import mesh_of
+from grasp3d.viewer.session.history import History
+from grasp3d.viewer.session.inspection import inspect
+from grasp3d.viewer.session.keys import handle_key
+from grasp3d.viewer.session.panel_text import panel_text
+from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.subjects.subject import read_subject, subject_of
+from grasp3d.viewer.web.fields import set_field
+from grasp3d.viewer.web.page_state import page_state
+from grasp3d.viewer.window.sliders import Ranges, Slider, sliders_of
+from tests.helpers import viewing
+from tests.helpers.viewing import ready_session, rewritten, wait_until_idle
+
+EACH = "location_error=0.02, normal_error=3; friction=0.3..0.9"
+WIDE = Sampling(rays=16, search_angle=60.0 * DEGREE)
+
+
+@pytest.fixture(autouse=True)
+def no_delay(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(planning, "DELAY", 0.0)
+
+
+@cache
+def slab() -> SurfaceLabels:
+    """A slab: pinched across its thickness, of 4 mm, or held along its length."""
+    box = trimesh.creation.box([0.004, 0.06, 0.08])
+    return label_surface(load_mesh(box, unit="m", max_edge=0.02), sampling=WIDE)
+
+
+@pytest.fixture
+def session() -> Session:
+    return ready_session(slab())
+
+
+def slider(session: Session, name: str) -> Slider:
+    return {one.name: one for one in sliders_of(session, Ranges())}[name]
+
+
+def fractions(session: Session) -> dict[str, float]:
+    return {one.letter: one.fraction for one in panel_text(session).fractions}
+
+
+# Choices
+
+
+def test_errors_are_chosen_when_they_are_wanted(session: Session) -> None:
+    assert {one.name for one in sliders_of(session, Ranges())}.isdisjoint({"normal_error"})
+    handle_key(session, "e")
+    names = [one.name for one in sliders_of(session, Ranges())]
+    assert names[2:5] == ["friction_error", "normal_error", "location_error"]
+    assert Session(with_model(GraspModel(friction="0.4..0.6"))).state.show_errors
+
+
+def with_model(model: GraspModel) -> Collection:
+    return collection_of(replace(slab(), model=model))
+
+
+@pytest.mark.parametrize(
+    ("name", "position", "field", "value", "shown"),
+    [
+        ("friction_error", 0.2, "friction_error", 0.1, "± 0.10"),
+        ("normal_error", 0.25, "normal_error", 5.0 * DEGREE, "5.0°"),
+    ],
+)
+def test_a_slider_sets_an_error(
+    session: Session, name: str, position: float, field: str, value: float, shown: str
+) -> None:
+    session.change(show_errors=True)
+    slider(session, name).set(position)
+    assert getattr(session.state.model, field) == pytest.approx(value)
+    moved = slider(session, name)
+    assert moved.position == pytest.approx(position)
+    assert moved.value == shown == moved.value_at(position)
+
+
+def test_the_location_error_is_a_length_of_the_mesh(session: Session) -> None:
+    session.change(show_errors=True)
+    slider(session, "location_error").set(0.4)
+    subject = session.subject
+    assert subject is not None
+    chosen = session.state.model.location_error
+    assert chosen == pytest.approx(0.4 * 0.05 * subject.size, rel=0.01)
+    assert slider(session, "location_error").value == f"{chosen:.4g} m"
+    session.change(location_error=0.2 * subject.size)
+    assert slider(session, "location_error").position == pytest.approx(1.0)
+
+
+def test_friction_stays_above_its_error(session: Session) -> None:
+    session.change(show_errors=True, friction_error=0.2)
+    slider(session, "friction").set(0.0)
+    assert session.state.model.friction == pytest.approx(0.21)
+    for _ in range(3):
+        handle_key(session, "Left")
+    assert session.state.model.friction == pytest.approx(0.21)
+    slider(session, "friction_error").set(1.0)
+    assert session.state.model.friction_error == pytest.approx(0.2)
+    with pytest.raises(SettingError, match="below the friction"):
+        session.change(friction=0.1)
+    assert slider(session, "friction").text == "friction μ, 0.01 to 0.41"
+
+
+@pytest.mark.parametrize(
+    ("name", "value", "message"),
+    [
+        ("friction_error", "fast", "friction error must be a number"),
+        ("friction_error", 0.7, "below the friction"),
+        ("normal_error", 90.0, "normal error must be from 0"),
+        ("location_error", -1.0, "location error must be a number"),
+        ("location_error", None, "location error must be a number"),
+    ],
+)
+def test_a_page_refuses_impossible_errors(
+    session: Session, name: str, value: object, message: str
+) -> None:
+    before = session.state
+    with pytest.raises(SettingError, match=message):
+        set_field(session, name, value)
+    assert session.state == before
+
+
+def test_the_page_has_the_errors(session: Session) -> None:
+    for name, value in (("friction_error", 0.1), ("normal_error", 2.0), ("location_error", 1e-3)):
+        set_field(session, name, value)
+        assert page_state(session)[name] == pytest.approx(value)
+    model = session.state.model
+    assert model.friction_interval == pytest.approx((0.4, 0.6))
+    assert model.normal_error == pytest.approx(2.0 * DEGREE)
+    assert page_state(session)["unlocated"] == ""
+
+
+def test_undo_restores_errors(session: Session) -> None:
+    history = History(session)
+    session.change(location_error=1e-3, normal_error=0.1)
+    history.undo()
+    assert session.state.model == slab().model
+
+
+# Labels
+
+
+@given(
+    friction_error=st.floats(0.0, 0.2),
+    normal_error=st.floats(0.0, 0.2),
+    location_error=st.floats(0.0, 2e-3),
+)
+@settings(max_examples=30, deadline=None)
+def test_labels_are_those_of_relabel(
+    friction_error: float, normal_error: float, location_error: float
+) -> None:
+    session = ready_session(slab())
+    errors: dict[str, Any] = {
+        "friction_error": friction_error,
+        "normal_error": normal_error,
+        "location_error": location_error,
+    }
+    # Friction that is no more than was searched for.
+    session.change(friction=0.5 - friction_error, sensor_resolution=0.1, **errors)
+    session.close()
+    labels = slab().relabel(friction=0.5 - friction_error, sensor_resolution=0.1, **errors)
+    found = fractions(session)
+    for letter, fraction in labels.fractions().items():
+        assert found[letter] == pytest.approx(fraction, abs=1e-12)
+
+
+@cache
+def tube() -> SurfaceLabels:
+    """A tube whose wall, of 4 mm, can be pinched, or held across its diameter of 80 mm."""
+    mesh = trimesh.creation.annulus(0.036, 0.040, 0.06, sections=48)
+    return label_surface(load_mesh(mesh, unit="m", max_edge=0.02), sampling=WIDE)
+
+
+def test_a_location_error_has_grasps_of_its_own() -> None:
+    session = ready_session(tube())
+    pinched = 1.5e-3  # turns the line of a pinch by 49 degrees
+    session.change(location_error=pinched)
+    immediate, text = fractions(session), panel_text(session)
+    assert text.working is not None
+    assert "searching" in text.working[0]
+    assert not text.stale
+    assert any("another location error" in note for note in text.notes)
+    wait_until_idle(session)
+    assert fractions(session)["S"] > immediate["S"] + 0.2
+    assert not any("location error" in note for note in panel_text(session).notes)
+    searched = label_surface(
+        tube().mesh, replace(tube().model, location_error=pinched), sampling=WIDE
+    )
+    assert fractions(session)["S"] == pytest.approx(searched.fractions()["S"], abs=0.02)
+    session.change(location_error=0.0)
+    wait_until_idle(session)
+    assert fractions(session)["S"] == pytest.approx(tube().fractions()["S"])
+
+
+def test_three_fingers_are_located_in_the_background() -> None:
+    session = ready_session(viewing.three_fingers())
+    session.change(location_error=0.01)
+    assert session.stale
+    with pytest.raises(SettingError, match="labels with these errors are still being searched"):
+        session.check_current()
+    wait_until_idle(session)
+    assert not session.failure
+    labels = viewing.three_fingers().relabel(location_error=0.01)
+    for letter, fraction in labels.fractions().items():
+        assert fractions(session)[letter] == pytest.approx(fraction)
+
+
+def test_fixed_fingers_have_errors_too(session: Session) -> None:
+    session.change(click="fix")
+    session.click(3)
+    wait_until_idle(session)
+    before = fractions(session)["S"]
+    seen = session.inspection
+    assert seen is not None
+    session.change(location_error=5e-3)
+    wait_until_idle(session)
+    after = session.inspection
+    assert after is not None
+    assert fractions(session)["S"] <= before
+    assert "located β*" in dict(after.numbers)
+    assert "located β*" not in dict(seen.numbers)
+
+
+def test_values_of_single_fingers_are_named() -> None:
+    session = ready_session(replace(slab(), model=GraspModel(per_finger=EACH)))
+    text = panel_text(session)
+    assert any(note.startswith("added for each finger: normal_error=3") for note in text.notes)
+    assert text.rules[0].startswith("located β*")
+    labels = replace(slab(), model=GraspModel(per_finger=EACH))
+    for letter, fraction in labels.fractions().items():
+        assert fractions(session)[letter] == pytest.approx(fraction, abs=1e-12)
+    with pytest.raises(SettingError, match="uncertainty of 2 fingers"):
+        session.change(fingers=3)
+    assert session.state.model.fingers == 2
+
+
+# Inspection
+
+
+def test_a_vertex_has_a_margin_and_its_budget() -> None:
+    labels = slab().relabel(friction_error=0.1, normal_error=0.02, location_error=1e-4)
+    subject, model = subject_of(labels), labels.model
+    for vertex in np.flatnonzero(np.isfinite(labels.located_angles[0]))[::40]:
+        seen = inspect(subject, int(vertex), model)
+        numbers = dict(seen.numbers)
+        margin = math.degrees(labels.margin[vertex])
+        assert float(numbers["margin"].rstrip("°").replace("−", "-")) == pytest.approx(
+            margin, abs=0.06
+        )
+        assert (seen.code == Label.S) == (margin > 0.0)
+        total, parts = seen.budget.split(" = ")
+        values = [
+            float(part.split()[-1].rstrip("°").replace("−", "-")) for part in parts.split("+")
+        ]
+        assert float(total.removeprefix("β ").rstrip("°")) == pytest.approx(sum(values), abs=0.4)
+        for name in ("β*", "friction", "α/2", "normal error", "location", "margin"):
+            assert name in seen.budget
+        coarsest = math.degrees(labels.max_resolution[vertex])
+        shown = f"{coarsest:.1f}°" if coarsest > 0.0 else "no sensor is fine enough"
+        assert numbers["α*"] == shown
+
+
+def test_explanations_name_the_errors() -> None:
+    labels = slab().relabel(friction_error=0.1, normal_error=0.02, location_error=1e-4)
+    subject = subject_of(labels)
+    vertex = int(np.flatnonzero(labels.label == Label.S)[0])
+    reason = inspect(subject, vertex, labels.model).reason
+    assert "with the contact points anywhere within their location errors β* is " in reason
+    assert "below 21.8° − 11.3° − 1.1° = 9.4°" in reason
+    assert reason.endswith(
+        "for all true normals within the sensor resolution and their error, all contact points "
+        "within theirs and any friction of its interval."
+    )
+    coarse = slab().relabel(location_error=1.9e-3)
+    smooth = coarse.critical_angle == coarse.critical_angle_best
+    vertex = int(np.flatnonzero((coarse.label == Label.M) & smooth)[0])
+    reason = inspect(subject_of(coarse), vertex, coarse.model).reason
+    assert "location errors β* is from " in reason
+    plain = inspect(subject_of(slab()), 0, slab().model)
+    assert "errors" not in plain.reason
+    assert "located β*" not in dict(plain.numbers)
+    assert plain.budget.startswith("β 26.6° = β* ")
+
+
+# Files
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        GraspModel(friction="0.4..0.6", normal_error=0.03),
+        GraspModel(location_error=5e-4, friction=(0.4, 0.5)),
+        GraspModel(per_finger=EACH),
+        GraspModel(per_finger="location_error=1; friction=0.25..0.75"),
+    ],
+)
+def test_a_labelled_file_has_the_errors_and_labels_of_its_model(
+    tmp_path: Path, model: GraspModel
+) -> None:
+    labels = replace(slab(), model=model)
+    write_ply(tmp_path / "slab.ply", labels)
+    subject = read_subject(tmp_path / "slab.ply")
+    assert subject.model == model
+    assert subject.locates(model)
+    for stored, computed in zip(subject.angles(model), labels.located_angles, strict=True):
+        assert np.allclose(stored, computed, atol=1e-6)
+    session = ready_session(open_collection(tmp_path / "slab.ply"))
+    assert session.subject is not None
+    assert session.subject.labels is None  # nothing was searched
+    for letter, fraction in labels.fractions().items():
+        assert fractions(session)[letter] == pytest.approx(fraction, abs=1e-9)
+
+
+def test_other_location_errors_of_a_file_are_searched(tmp_path: Path) -> None:
+    write_ply(tmp_path / "tube.ply", tube().relabel(location_error=2e-4))
+    session = ready_session(open_collection(tmp_path / "tube.ply"))
+    session.change(friction=0.4)
+    assert not session.stale
+    session.change(location_error=1.5e-3)
+    assert session.stale
+    assert not panel_text(session).fractions
+    wait_until_idle(session)
+    assert not session.stale
+    assert fractions(session)["S"] > 0.2
+
+
+def test_a_file_of_a_scan_says_why_it_has_no_location_error(tmp_path: Path) -> None:
+    write_ply(tmp_path / "scan.ply", viewing.scan())
+    session = ready_session(open_collection(tmp_path / "scan.ply"))
+    session.change(show_errors=True)
+    chosen = slider(session, "location_error")
+    assert chosen.value == "not available"
+    with pytest.raises(SettingError, match="does not contain the fixed fingers"):
+        chosen.set(0.5)
+    assert "fixed fingers" in page_state(session)["unlocated"]
+    session.change(friction_error=0.1, normal_error=0.1)  # these need no contacts
+    assert not session.stale
+
+
+def test_sampled_hulls_have_no_location_error() -> None:
+    session = ready_session(with_model(GraspModel(method="extremes")))
+    assert "tests normals only" in session.location_problem
+    with pytest.raises(SettingError, match="method extremes tests normals only"):
+        session.change(location_error=1e-3)
+
+
+def test_saved_labels_have_the_chosen_errors(session: Session, tmp_path: Path) -> None:
+    errors: dict[str, Any] = {
+        "friction_error": 0.1, "normal_error": 0.02, "location_error": 5e-4,
+    }  # fmt: skip
+    session.change(friction=0.4, **errors)
+    wait_until_idle(session)
+    session.save(tmp_path / "saved.ply")
+    model = read_subject(tmp_path / "saved.ply").model
+    assert model == replace(slab().model, friction=0.4, **errors)
+    again = ready_session(open_collection(tmp_path / "saved.ply"))
+    assert fractions(again) == pytest.approx(fractions(session), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("old", "new", "message"),
+    [
+        (
+            b"comment grasp3d friction_error 0.1",
+            b"comment grasp3d friction_error 0.9",
+            "friction e",
+        ),
+        (
+            b"comment grasp3d location_error 0.0",
+            b"comment grasp3d location_error -0.",
+            "location error must",
+        ),
+        (b"comment grasp3d per_finger ", b"comment grasp3d per_finger friction=x", "friction must"),
+        (
+            b"property float located_angle_best",
+            b"property float lacated_angle_best",
+            "located_angl",
+        ),
+        (b"property float located_angle\n", b"property int located_angle\n", "'located_angle' is"),
+    ],
+)
+def test_damaged_errors_are_refused(tmp_path: Path, old: bytes, new: bytes, message: str) -> None:
+    path = tmp_path / "slab.ply"
+    write_ply(path, slab().relabel(friction_error=0.1, location_error=5e-4))
+    rewritten(path, (old, new))
+    with pytest.raises(MeshError, match=message):
+        open_collection(path).items[0].open(lambda _: None)
+
+
+def test_the_mesh_of_a_file_is_that_of_the_labels(tmp_path: Path) -> None:
+    write_ply(tmp_path / "slab.ply", slab())
+    assert len(mesh_of(read_subject(tmp_path / "slab.ply")).vertices) == len(slab().label)
