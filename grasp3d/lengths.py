@@ -228,6 +228,27 @@ def describe_length(length: float | str | None) -> str:
     return "none" if length is None else f"{length:.4g}"
 
 
+def small_length(length: float | str, unit: Unit | None = None, digits: int = 4) -> str:
+    """A length that is small beside the object, for reports: in millimetres if its unit is metric.
+
+    Args:
+        length: A number in `unit`, or a text with a unit of its own.
+        unit: Unit of the number; None: not known.
+        digits: Significant digits.
+
+    Example:
+        >>> from grasp3d.lengths import small_length
+        >>> small_length(0.001, "m"), small_length("0.1 cm"), small_length(0.25, "in")
+        ('1 mm', '1 mm', '0.25 in')
+    """
+    if isinstance(length, str):
+        number, own = length.split(" ")
+        return small_length(float(number), next(one for one in METRES if one == own), digits)
+    if unit is None or unit == "in":
+        return f"{length:.{digits}g}" + (f" {unit}" if unit else "")
+    return f"{1000.0 * METRES[unit] * length:.{digits}g} mm"
+
+
 def _is_number(value: object) -> bool:
     """Whether it is one number; arrays of several have `__float__` too."""
     single = getattr(value, "shape", ()) == ()

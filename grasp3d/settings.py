@@ -26,6 +26,7 @@ from grasp3d.uncertainty import (
     check_location_error,
     check_normal_error,
     check_resolution,
+    check_tilt,
     fingers_in_unit,
     friction_interval,
     parse_fingers,
@@ -123,16 +124,19 @@ class GraspModel(LengthSettings):
             length; 2/3 x friction x r for an evenly pressed disc of radius r. 0: hard fingers. It
             affects epsilon, and under a load grip force, payload and the label with force, but no
             other labels.
-        friction_error: Largest difference between the true friction and `friction`, below it; half
-            the width of an interval.
+        friction_error: Largest difference between the true friction and `friction`, to either side;
+            smaller than `friction`. 0.1 at a friction of 0.5 is the interval 0.4..0.6.
         normal_error: Largest angle between true and perceived normals beyond half the sensor
             resolution, from 0 to below 90 degrees: that of joint encoders, for example.
         location_error: Largest distance between the true and the perceived contact point, a length.
             Two fingers: exact labels; more: safe ones, every S and U is correct.
-        per_finger: What is known less well about each finger, the one at the vertex first:
-            NAME=VALUE with commas, fingers separated by semicolons. sensor_resolution,
-            normal_error (degrees) and location_error are added to those of all fingers, friction
-            replaces theirs: 'location_error=1mm; friction=0.3..0.4'.
+        per_finger: What is known less well about each finger: 'finger 1; finger 2', separated by
+            semicolons. Finger 1 is at the vertex (of given grasps: at the first contact). Each is
+            NAME=VALUE, separated by commas, or empty: sensor_resolution and normal_error in
+            degrees and location_error, a length, are added to those of all fingers, friction
+            replaces theirs. 'location_error=1mm; normal_error=2, friction=0.3..0.4': the contact
+            of finger 1 is known to a further 1 mm, the normal of finger 2 to a further 2 degrees,
+            and its friction is from 0.3 to 0.4.
 
     Example:
         >>> import math
@@ -183,6 +187,12 @@ class GraspModel(LengthSettings):
     def _check_uncertainty(self) -> None:
         half = vars(self).pop("half_interval")
         if half is not None:
+            if self.friction_error not in {0.0, half}:
+                low, high = self.friction - half, self.friction + half
+                raise SettingError(
+                    f"friction is an interval, {low:.6g} to {high:.6g}, and friction_error is "
+                    f"{self.friction_error:g}: give one of them (or friction_error=0)"
+                )
             object.__setattr__(self, "friction_error", half)
         if not 0.0 <= self.friction_error < self.friction:
             raise SettingError(
@@ -192,6 +202,8 @@ class GraspModel(LengthSettings):
         check_resolution(self.sensor_resolution)
         check_normal_error(self.normal_error)
         check_location_error(self.location_error)
+        for own in self._own_uncertainties or (Uncertainty(),):
+            check_tilt(self._tilt_of(own))
         if self.method == "extremes" and (self.location_error != 0.0 or self.per_finger):
             raise SettingError(
                 "method extremes tests normals only; location_error and per_finger need the method "
@@ -219,6 +231,7 @@ class GraspModel(LengthSettings):
         return replace(
             self,
             friction=self.friction if one.friction is None else one.friction,
+            friction_error=self.friction_error if one.friction is None else 0.0,
             sensor_resolution=one.sensor_resolution,
             normal_error=one.normal_error,
             location_error=one.location_error,
@@ -625,7 +638,9 @@ def check_per_finger(model: GraspModel) -> None:
     count = len(parse_fingers(model.per_finger))
     if count not in {0, model.fingers}:
         raise SettingError(
-            f"per_finger states the uncertainty of {count} fingers, but a grasp has {model.fingers}"
+            f"per_finger (--per-finger) is for {count} finger{'s' if count > 1 else ''}, but a "
+            f"grasp has {model.fingers}: separate the fingers by semicolons, and leave a finger "
+            "empty of which nothing further is known ('location_error=1mm;' for two fingers)"
         )
 
 

@@ -7,7 +7,7 @@ normals.
 
 import math
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
 
 from grasp3d.errors import SettingError
@@ -107,6 +107,15 @@ def check_normal_error(error: float) -> None:
         )
 
 
+def check_tilt(tilt: float) -> None:
+    """Raise SettingError unless true normals differ by less than pi / 2 from perceived ones."""
+    if not tilt < math.pi / 2.0:
+        raise SettingError(
+            "half the sensor resolution and the normal error, with those of a finger, must add up "
+            f"to less than 90 degrees; got {math.degrees(tilt):.4g} degrees"
+        )
+
+
 def check_location_error(error: float) -> None:
     """Raise SettingError unless a location error is a finite length of at least 0, in any unit."""
     if not all(0.0 <= one < math.inf for one in comparable(error) or ()):
@@ -168,7 +177,8 @@ def parse_uncertainty(text: str) -> Uncertainty:
         if name not in known or not separator or name in values:
             raise SettingError(
                 f"the uncertainty of a finger must be NAME=VALUE, separated by commas, with the "
-                f"names {', '.join(known)}, each once; got {part!r}"
+                f"names {', '.join(known)}, each at most once ('location_error=1mm, "
+                f"friction=0.3..0.4'); got {part!r}"
             )
         values[name] = _angle(name, value) if name in _ANGLES else value
     return Uncertainty(**values)  # type: ignore[arg-type]
@@ -210,7 +220,7 @@ def parse_fingers(value: str | Sequence[Uncertainty]) -> tuple[Uncertainty, ...]
         SettingError: It is neither.
     """
     if isinstance(value, str):
-        return tuple(map(parse_uncertainty, value.split(";"))) if value.strip() else ()
+        return tuple(_parsed_fingers(value.split(";"))) if value.strip() else ()
     given = list(value) if isinstance(value, Sequence) else []
     fingers = tuple(one for one in given if isinstance(one, Uncertainty))
     if not fingers or len(fingers) < len(given):
@@ -219,6 +229,14 @@ def parse_fingers(value: str | Sequence[Uncertainty]) -> tuple[Uncertainty, ...]
             f"one Uncertainty for each finger; got {value!r}"
         )
     return fingers
+
+
+def _parsed_fingers(texts: Sequence[str]) -> Iterator[Uncertainty]:
+    for number, text in enumerate(texts, 1):
+        try:
+            yield parse_uncertainty(text)
+        except SettingError as error:
+            raise SettingError(f"finger {number}: {error}") from error
 
 
 def describe_fingers(values: Sequence[Uncertainty]) -> str:

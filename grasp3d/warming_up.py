@@ -57,7 +57,6 @@ def warmup(fingers: int = PAIR, *, gripper: bool = False, forces: bool = False) 
     before = len(announcer.compiled)
     for count in sorted({PAIR, fingers}):
         compile_kernels(count, gripper, forces)
-    _locate()
     return tuple(phase.work for phase in announcer.compiled[before:])
 
 
@@ -98,6 +97,7 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     from grasp3d.surface.scanning import scan_surface
 
     _solid(patch_radius=0.1)
+    _locate()
     model = GraspModel(fingers=fingers)
     sampling = Sampling(grip="both") if fingers == PAIR else Sampling()
     labels = label_surface(solid, model, sampling=sampling, threads=1)

@@ -1,9 +1,10 @@
-"""Measure the viewer's response times on a large mesh: moving a slider, clicking.
+"""Measure the viewer's response times on a large mesh: moving sliders, clicking.
 
 The mug of the library is refined to a number of vertices. A move consists of changing the session,
-updating the surface's colours and the panel's texts; a click of finding the vertex, inspecting it
-and marking its grasp. VTK's rendering time is printed separately: it dominates without a graphics
-card.
+updating the surface's colours and the panel's texts: of the friction, while nothing else is
+uncertain; then of the friction error and of the location error, while friction, normals and
+locations are uncertain. A click consists of finding the vertex, inspecting it and marking its
+grasp. VTK's rendering time is printed separately: it dominates without a graphics card.
 
     python scripts/bench_viewer.py [--vertices 100000] [--moves 60] [--clicks 60]
 """
@@ -71,6 +72,29 @@ def measure_moves(session: Session, scene: Scene, count: int) -> Times:
     return times
 
 
+def measure_errors(session: Session, scene: Scene, count: int) -> Times:
+    """Move the sliders of the friction error and of the location error back and forth."""
+    times: Times = {}
+    size = session.subject.size if session.subject else 1.0
+    # Within the cone that was searched, and with the best grasps for this location error.
+    session.change(friction=0.3, normal_error=0.02, location_error=0.01 * size)
+    wait_until_idle(session)
+    scene.update(session)
+    for name, largest in (("friction_error", 0.17), ("location_error", 0.02 * size)):
+        for step in range(count):
+            value = largest * (1.0 + step % 40) / 40.0
+
+            def move(name: str = name, value: float = value) -> None:
+                session.change(**{name: value})
+                scene.update(session)
+                panel_text(session)
+
+            timed(times, f"move of the {name.replace('_', ' ')}", move)
+            scene.plotter.render()
+    session.change(normal_error=0.0, friction_error=0.0, location_error=0.0)
+    return times
+
+
 def measure_clicks(session: Session, scene: Scene, count: int) -> Times:
     """Click on random points of the object."""
     times: Times = {}
@@ -92,6 +116,13 @@ def measure_clicks(session: Session, scene: Scene, count: int) -> Times:
         total = times["click"][-1] + rendering["rendering"][0]
         times.setdefault("click and rendering", []).append(total)
     return times
+
+
+def wait_until_idle(session: Session) -> None:
+    """Wait for computations in the background."""
+    while session.working is not None:
+        session.poll()
+        time.sleep(0.01)
 
 
 def report(times: Times, limits: dict[str, float]) -> None:
@@ -122,18 +153,19 @@ def main() -> None:
     choose_window()
     labels = labelled(options.vertices)
     session = Session(collection_of(labels), ViewSettings())
-    while session.working is not None:
-        session.poll()
-        time.sleep(0.01)
+    wait_until_idle(session)
     plotter = new_plotter(session.settings, off_screen=True)
     scene = Scene(plotter)
     scene.update(session)
     scene.screenshot()
     times = measure_moves(session, scene, options.moves)
+    times |= measure_errors(session, scene, options.moves)
+    wait_until_idle(session)
     times |= measure_clicks(session, scene, options.clicks)
     width, height = plotter.window_size
     print(f"{len(labels.mesh.vertices):,} vertices, {width} x {height} pixels")
-    report(times, {"move of a slider": MOVE, "click": CLICK, "click and rendering": CLICK})
+    limits = dict.fromkeys((name for name in times if name.startswith("move")), MOVE)
+    report(times, {**limits, "click": CLICK, "click and rendering": CLICK})
     plotter.close()
 
 

@@ -70,7 +70,10 @@ def test_lengths_become_numbers_in_the_unit_of_the_mesh(unit: Any, number: float
 
 def test_every_length_of_the_settings_takes_a_unit() -> None:
     for settings, names in (
-        (GraspModel(torsion_radius="5mm"), {"torsion_radius"}),
+        (
+            GraspModel(torsion_radius="5mm", location_error="5mm"),
+            {"torsion_radius", "location_error"},
+        ),
         (
             Sampling(min_opening="5mm", max_opening="5mm", min_separation="5mm", max_spread="5mm"),
             {"min_opening", "max_opening", "min_separation", "max_spread"},

@@ -172,21 +172,28 @@ def nearest_label(pixels: NDArray[np.float64]) -> NDArray[np.int64]:
 
 
 @needs_opengl
-@pytest.mark.parametrize("degrees", [15.0, 30.0])
-def test_every_pixel_of_a_labelled_sphere_agrees_with_the_closed_form(degrees: float) -> None:
-    model = GraspModel(friction=1.0, sensor_resolution=math.radians(degrees))
+@pytest.mark.parametrize(("degrees", "location"), [(15.0, 0.0), (30.0, 0.0), (15.0, 0.06)])
+def test_every_pixel_of_a_labelled_sphere_agrees_with_the_closed_form(
+    degrees: float, location: float
+) -> None:
+    model = GraspModel(
+        friction=1.0, sensor_resolution=math.radians(degrees), location_error=location
+    )
     scanned = scan_surface(sphere_mesh(subdivisions=4), model, fixed=(0.0, 0.0, -1.0))
     image = paint_labels(scanned, view=FRONT, size=(SIZE, SIZE)).astype(float)
     pixel = (np.arange(SIZE) + 0.5 - SIZE / 2.0) * (2.0 * MARGIN / SIZE)
     y, z = np.meshgrid(pixel, -pixel)
     inside = np.hypot(y, z) < 0.98
     critical = np.arccos(np.clip(z, -1.0, 1.0)) / 2.0  # half the angle from the opposite pole
+    turn = np.arcsin(np.minimum(location / np.cos(critical), 1.0))  # contacts 2 cos apart
     expected = np.full(z.shape, int(Label.M))
-    expected[critical < model.friction_angle - model.tilt] = Label.S
+    expected[critical + turn < model.friction_angle - model.tilt] = Label.S
+    # The line is the bisector of both normals: none within its turn is better.
     expected[critical >= model.friction_angle + model.tilt] = Label.U
     found = nearest_label(image[inside])
     assert (found == expected[inside]).mean() > 0.985
-    near = np.abs(np.abs(critical - model.friction_angle) - model.tilt) < 0.02
+    near = np.abs(critical + turn - model.friction_angle + model.tilt) < 0.02
+    near |= np.abs(critical - model.friction_angle - model.tilt) < 0.02
     assert (found == expected[inside])[~near[inside]].all()
 
 

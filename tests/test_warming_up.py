@@ -51,6 +51,7 @@ if __name__ == "__main__":
         run("label", *mug, "--best", 2)
         run("label", *mug, "-o", "patches.ply", "--patch-radius", "5mm")
         run("label", *mug, "-o", "extremes.ply", "--method", "extremes", "--edges", 4)
+        run("label", *mug, "-o", "located.ply", "--location-error", "1mm", "--normal-error", 2)
         run("label", *mug, "-o", "soft.ply", "--torsion-radius", "5mm")
         run("evaluate", *mug, "mug_grasps.json", "-q")
         run("sweep", *mug)
@@ -135,7 +136,9 @@ def test_after_warmup_no_command_compiles(tmp_path: Path) -> None:
     printed, lines, compiled = run("compile")
     assert printed.startswith("compiled in ")
     works = [line.split("kernels for ")[1].split(",")[0] for line in lines.splitlines()]
-    assert works == ["meshes", "contact patches", "two fingers", "epsilon"]
+    assert works == [
+        "meshes", "contact patches", "uncertain contact locations", "two fingers", "epsilon",
+    ]  # fmt: skip
     known = {f"grasp3d._kernels.{kernel}" for phase in PHASES for kernel in phase.kernels}
     assert set(printed.splitlines()[-1].split()[1:]) <= known
     printed, lines, after = run("use")

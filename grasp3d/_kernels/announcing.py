@@ -62,6 +62,9 @@ TWO_FINGERS = Phase(
         "surface_contacts.write_normals_of_all",
     ),
 )
+LOCATIONS = Phase(
+    "uncertain contact locations", 2, ("pair_lines.locate_pairs", "pair_lines.pair_angles")
+)
 MORE_FINGERS = Phase(
     "three fingers and more",
     35,
@@ -91,7 +94,9 @@ FORCES = Phase(
     30,
     ("grip_force.task_forces", "grip_force.wrench_forces", "tasks.reach"),
 )
-PHASES = (MESHES, PATCHES, TWO_FINGERS, MORE_FINGERS, EPSILON, SCANS, GRIPPERS, FORCES)
+PHASES = (
+    MESHES, PATCHES, TWO_FINGERS, LOCATIONS, MORE_FINGERS, EPSILON, SCANS, GRIPPERS, FORCES,
+)  # fmt: skip
 
 
 class NotCompiledError(Exception):
@@ -160,7 +165,7 @@ def seconds_missing(fingers: int, *, gripper: bool = False, forces: bool = False
     phases = [MESHES]
     if fingers:  # a search for more fingers starts from the grasps of two
         last = SCANS if fingers == PAIR else MORE_FINGERS
-        phases += [PATCHES, TWO_FINGERS, EPSILON, last]
+        phases += [PATCHES, TWO_FINGERS, LOCATIONS, EPSILON, last]
         phases += [GRIPPERS] if gripper else []
         phases += [FORCES] if forces else []
     return sum(phase.seconds for phase in phases if not phase.compiled)

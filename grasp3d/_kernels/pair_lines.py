@@ -14,12 +14,15 @@ from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
 BISECTIONS = 52
 """Halvings of an arc of lines, down to rounding errors."""
 
+OPPOSITE = 1e-8
+"""Length of the sum of two unit vectors, up to which they are opposite to each other."""
+
 ALIKE = 1e-12
 """Difference of what is added to two angles, up to which they are compared directly [rad]."""
 
 
 @kernel
-def pair_angles(points, start, counts, normals, worst, best, lines, openings):
+def pair_angles(points, start, counts, normals, largest, smallest, lines, openings):
     """Angles between the normals of two contacts and the line from the first to the second.
 
     Args:
@@ -27,9 +30,9 @@ def pair_angles(points, start, counts, normals, worst, best, lines, openings):
         start: First row of each contact's normals (2 b,).
         counts: Number of its normals, 0: every direction (2 b,).
         normals: Inward unit normals (K, 3).
-        worst: Written, largest angle of the first contact's normals to the line, and of the second
-            one's to the reversed line [rad]; inf where both are at one point (b, 2).
-        best: Written, the same of the smallest angles (b, 2).
+        largest: Written, largest angle of the first contact's normals to the line, and of the
+            second one's to the reversed line [rad]; inf where both are at one point (b, 2).
+        smallest: Written, the same of the smallest angles (b, 2).
         lines: Written, unit vectors from the first contact to the second (b, 3).
         openings: Written, distances between the contacts (b,).
     """
@@ -39,14 +42,14 @@ def pair_angles(points, start, counts, normals, worst, best, lines, openings):
         opening = math.sqrt(x * x + y * y + z * z)
         openings[g] = opening
         if not opening > 0.0:
-            worst[g], best[g], lines[g] = math.inf, math.inf, 0.0
+            largest[g], smallest[g], lines[g] = math.inf, math.inf, 0.0
             continue
         x, y, z = x / opening, y / opening, z / opening
         lines[g, 0], lines[g, 1], lines[g, 2] = x, y, z
         for i in range(2):
             first, count, side = start[2 * g + i], counts[2 * g + i], 1.0 - 2.0 * i
-            worst[g, i] = largest_angle(normals, first, count, side * x, side * y, side * z)
-            best[g, i] = smallest_angle(normals, first, count, side * x, side * y, side * z)
+            largest[g, i] = largest_angle(normals, first, count, side * x, side * y, side * z)
+            smallest[g, i] = smallest_angle(normals, first, count, side * x, side * y, side * z)
 
 
 @merged
@@ -111,7 +114,9 @@ def _equal(d, m1, m2, sine, cosine):
         return _angle(x, y, z, m2[0], m2[1], m2[2])
     bx, by, bz = m1[0] + m2[0], m1[1] + m2[1], m1[2] + m2[2]
     length = math.sqrt(bx * bx + by * by + bz * bz)
-    if bx * dx + by * dy + bz * dz >= cosine * length and length > 0.0:
+    if length < OPPOSITE:  # every line across both is in balance, and one is in the cap
+        return 0.5 * math.pi
+    if cosine <= -1.0 or bx * dx + by * dy + bz * dz >= cosine * length:
         return _angle(bx, by, bz, m1[0], m1[1], m1[2])
     x, y, z = _crossing(d, m1, m2, sine, cosine)
     return _angle(x, y, z, m1[0], m1[1], m1[2])
@@ -132,6 +137,9 @@ def _unequal(d, m1, m2, sine, cosine, extra1, extra2):
     # On the shortest way between the normals both are balanced at one line.
     apart = _angle(m1[0], m1[1], m1[2], m2[0], m2[1], m2[2])
     balanced = 0.5 * (apart + extra1 + extra2)
+    bx, by, bz = m1[0] + m2[0], m1[1] + m2[1], m1[2] + m2[2]
+    if cosine <= -1.0 or math.sqrt(bx * bx + by * by + bz * bz) < OPPOSITE:
+        return balanced
     p, q = math.sin(apart - balanced + extra1), math.sin(balanced - extra1)
     x, y, z = p * m1[0] + q * m2[0], p * m1[1] + q * m2[1], p * m1[2] + q * m2[2]
     length = math.sqrt(x * x + y * y + z * z)
@@ -142,7 +150,9 @@ def _unequal(d, m1, m2, sine, cosine, extra1, extra2):
     ux, uy, uz = _tangent(dx, dy, dz, m1[0], m1[1], m1[2])
     vx, vy, vz = _tangent(dx, dy, dz, m2[0], m2[1], m2[2])
     turn = _angle(ux, uy, uz, vx, vy, vz)
-    vx, vy, vz = _tangent(ux, uy, uz, vx, vy, vz)
+    wx, wy, wz = dy * uz - dz * uy, dz * ux - dx * uz, dx * uy - dy * ux
+    side = 1.0 if wx * vx + wy * vy + wz * vz >= 0.0 else -1.0
+    vx, vy, vz = side * wx, side * wy, side * wz
     low, high, value = 0.0, turn, math.inf
     for _ in range(BISECTIONS):
         middle = 0.5 * (low + high)
@@ -183,7 +193,7 @@ def smallest_over_lines(d, m1, m2, sine, extra1, extra2):
 
 @kernel
 def locate_pairs(
-    critical, critical_best, openings, openings_best, worst, best, lines, normals, single,
+    critical, critical_best, openings, openings_best, angles, angles_best, lines, normals, single,
     location, worst_extras, best_extras, located, located_best,
 ):  # fmt: skip
     """Critical angles of pairs of contacts that include what is not known about their contacts.
@@ -193,9 +203,10 @@ def locate_pairs(
         critical_best: The same over the best normals (b,).
         openings: Distances between the contacts of the grasps of `critical` (b,).
         openings_best: The same of the grasps of `critical_best`, which may be others (b,).
-        worst: Largest angles between normals and lines, see `pair_angles` (b, 2).
-        best: The same of the smallest angles, of the grasps of `critical_best` (b, 2).
-        lines: Lines from the first to the second contact of the same (b, 3).
+        angles: Largest and smallest angles between normals and lines of the grasps of `critical`,
+            see `pair_angles` (2, b, 2).
+        angles_best: The same of the grasps of `critical_best` (2, b, 2).
+        lines: Lines from the first to the second contact of the latter (b, 3).
         normals: First normal and reversed second one of the same (b, 2, 3).
         single: Whether both contacts have these normals alone; else the best is bounded (b,).
         location: Sum of the location errors of both contacts, (b,) or (1,).
@@ -213,8 +224,8 @@ def locate_pairs(
         else:
             angle = critical[g]
             if one != 0.0 or two != 0.0:
-                squeezing = max(worst[g, 0] + one, worst[g, 1] + two)
-                expanding = max(math.pi - best[g, 0] + one, math.pi - best[g, 1] + two)
+                squeezing = max(angles[0, g, 0] + one, angles[0, g, 1] + two)
+                expanding = max(math.pi - angles[1, g, 0] + one, math.pi - angles[1, g, 1] + two)
                 angle = min(squeezing, expanding)
             located[g] = angle + line_turn(error, openings[g]) if error > 0.0 else angle
         one, two = best_extras[row, 0], best_extras[row, 1]
@@ -227,9 +238,9 @@ def locate_pairs(
         value = math.inf
         turn = math.pi if error > openings_best[g] else line_turn(error, openings_best[g])
         for sign in (1.0, -1.0):
-            first, second = best[g, 0], best[g, 1]
+            first, second = angles_best[1, g, 0], angles_best[1, g, 1]
             if sign < 0.0:
-                first, second = math.pi - worst[g, 0], math.pi - worst[g, 1]
+                first, second = math.pi - angles_best[0, g, 0], math.pi - angles_best[0, g, 1]
             # No line in the cap is nearer to any normal by more than its turn.
             bound = max(max(first - turn, 0.0) + one, max(second - turn, 0.0) + two)
             if bound < value and single[g]:

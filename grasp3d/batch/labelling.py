@@ -20,7 +20,7 @@ from grasp3d.errors import GraspError, MeshUnreadError, OutputError
 from grasp3d.isolation import NeedsMemory, allowed_memory
 from grasp3d.reading.side_files import side_names
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
-from grasp3d.stability.angle_distributions import AngleDistribution
+from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label
 from grasp3d.storage import local_copy
 from grasp3d.system.progress import ignore
@@ -129,7 +129,10 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     model = settings.model.in_unit(mesh.unit, source=mesh.report.source)
     sampling = settings.search.in_unit(mesh.unit, source=mesh.report.source)
     if not force:
-        refuse_lengths(mesh, model.lengths() | sampling.lengths(), load)
+        lengths = settings.model.lengths() | settings.search.lengths()
+        refuse_lengths(mesh, lengths, load, per_finger=settings.model.per_finger)
+        for location in settings.errors_of("location_error"):
+            refuse_lengths(mesh, {"location_error": location})
     reading = next(clock)
     cost, allowed = labelling_cost(len(mesh.vertices), model, sampling), allowed_memory()
     if allowed is not None and cost.memory > allowed:
@@ -205,7 +208,7 @@ def _surface_values(labels: "SurfaceLabels") -> dict[str, Any]:
 
 
 def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
-    model, angles = labels.model, labels.angle_distribution()
+    model, angles = labels.model, _angles_for(labels, labels.model)
     left = replace(model, sensor_resolution=0.0).effective_friction_angle  # for a sensor
     return {
         **_quantiles("critical_angle", QUARTILES, labels.angle_quantiles(QUARTILES)),
@@ -278,11 +281,25 @@ def _quantiles(name: str, levels: Iterable[float], values: Iterable[float]) -> d
 def _grid_fractions(labels: "SurfaceLabels", settings: BatchSettings) -> Iterator[AreaFractions]:
     """Area fractions over the grid; M and U only within the searched cone."""
     models = settings.grid_models(labels.model, labels.mesh.unit)
-    for location, group in groupby(models, lambda model: model.location_error):
-        same = location == labels.model.location_error
-        angles = labels.angle_distribution(**({} if same else {"location_error": location}))
-        for model in group:
+    # Where fingers have a friction of their own, they differ more or less with that of the others.
+    for _, group in groupby(models, lambda one: (one.friction_interval, one.location_error)):
+        members = list(group)
+        angles = _angles_for(labels, members[0])
+        for model in members:
             yield _fractions_of(model, angles)
+
+
+def _angles_for(labels: "SurfaceLabels", model: GraspModel) -> AngleDistribution:
+    """Distribution of located angles, to be compared with the thresholds of a model.
+
+    They depend on the model's location error and on how its fingers differ.
+    """
+    from grasp3d.surface.area_statistics import vertex_weights
+
+    weights = vertex_weights(labels.mesh, "area")
+    used = weights > 0.0
+    worst, best = labels.grasps.located_angles(model, threads=labels.threads)
+    return SampledAngles(worst[used], best[used], weights[used], limit=labels.search.cone)
 
 
 def _fractions_of(model: GraspModel, angles: AngleDistribution) -> AreaFractions:

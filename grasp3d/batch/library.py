@@ -174,7 +174,7 @@ def _rows(
         started=lambda job: counter.start(job.mesh),
         kernels=settings.model.fingers,
         gripper=settings.reach.gripper is not None,
-        forces=settings.load is not None,
+        forces=settings.needs_forces,
     ):
         row = _row_of(result, store.rows)
         if check_shared_folder and row.labels:

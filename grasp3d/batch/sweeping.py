@@ -256,7 +256,8 @@ def sweep_mesh(
             surface = prepare_file(path, settings.mesh, threads=threads)
         sampling = settings.sampling.in_unit(surface.unit, source=surface.report.source)
         if not force:
-            refuse_lengths(surface, sampling.lengths())
+            largest = settings.axes.location_errors()[-1]
+            refuse_lengths(surface, settings.sampling.lengths() | {"location_error": largest})
         reaching = Reaching.keywords(Reaching.of(settings.reach, surface))
         grasps = search_at_each(
             lambda model, report: label_surface(

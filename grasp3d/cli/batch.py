@@ -26,7 +26,7 @@ from grasp3d.cli.options import (
     SurfaceOptions,
     command,
 )
-from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers, parse_resolutions
+from grasp3d.cli.ranges import parse_angles, parse_frictions, parse_lengths, parse_numbers
 from grasp3d.errors import SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.loads import Load
@@ -55,7 +55,9 @@ class Batch:
 
     force: Force = False
 
-    grid_friction: Annotated[tuple[float, ...], tyro.conf.arg(help_behavior_hint="")] = ()
+    grid_friction: Annotated[
+        tuple[str, ...], tyro.conf.arg(metavar="NUMBER|FROM:TO:STEP", help_behavior_hint="")
+    ] = ()
     """Coulomb coefficients at which area fractions are computed besides the labels (default: the
     model's)."""
 
@@ -124,11 +126,11 @@ class Batch:
         for path in (Path(self.output), *([self.log] if self.log else [])):
             check_not_task(path, self.load)
         grid = FractionGrid(
-            self.grid_friction,
-            parse_resolutions(self.grid_sensor_resolution),
-            parse_numbers("friction error", self.grid_friction_error),
-            parse_angles("normal error", self.grid_normal_error),
-            parse_lengths("location error", self.grid_location_error),
+            parse_frictions("--grid-friction", self.grid_friction),
+            parse_angles("--grid-sensor-resolution", self.grid_sensor_resolution),
+            parse_numbers("--grid-friction-error", self.grid_friction_error),
+            parse_angles("--grid-normal-error", self.grid_normal_error),
+            parse_lengths("--grid-location-error", self.grid_location_error),
         )
         settings = BatchSettings(
             self.reach.touching(self.model),
@@ -156,7 +158,7 @@ class Batch:
         if self.quiet:
             batch_report.print_failed(library)
         else:
-            batch_report.print_library(library, report=self.report)
+            batch_report.print_library(library, settings.model, report=self.report)
         return 1 if library.failed else 0
 
     @property

@@ -9,6 +9,7 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d.cli.design_options import friction_text
+from grasp3d.cli.design_report import FLAT
 from grasp3d.cli.report import escaped
 from grasp3d.contact.budget import CRITICAL, MARGIN, MarginBudget
 from grasp3d.contact.encoders import JointEncoders
@@ -17,7 +18,8 @@ from grasp3d.contact.requirements import FingerDesign
 from grasp3d.contact.sensor import Sensor
 from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 from grasp3d.lengths import Unit
-from grasp3d.uncertainty import friction_interval
+from grasp3d.system.counts import counted
+from grasp3d.uncertainty import Uncertainty, friction_interval
 
 Tip = float | CylinderTip | EllipsoidTip
 
@@ -49,15 +51,20 @@ _OBJECT_NOTE = (
 
 
 def print_finger(
-    unit: Unit, tip: Tip, sensor: Sensor | None, encoders: JointEncoders | None
+    unit: Unit,
+    tip: Tip,
+    sensor: Sensor | None,
+    encoders: JointEncoders | None,
+    other: Uncertainty | None = None,
 ) -> None:
-    """Print the fingertip, its sensor and the encoders of its joints.
+    """Print the fingertip, its sensor, the encoders of its joints, and further errors.
 
     Args:
         unit: Unit of all lengths.
         tip: Radius of a round fingertip, inf for a flat one, or a tip of another shape.
         sensor: The sensor; None: not given.
         encoders: The encoders; None: not given.
+        other: Errors beside those of sensor and encoders; None: there are none.
     """
     table = Table(box=None, pad_edge=False, show_header=False)
     table.add_column(overflow="fold")
@@ -67,6 +74,8 @@ def print_finger(
         rows += _sensor_rows(unit, tip, sensor)
     if encoders is not None:
         rows += _encoder_rows(unit, encoders)
+    if other is not None:
+        rows += _other_rows(unit, other)
     for row in rows:
         table.add_row(*row)
     console = Console()
@@ -93,22 +102,32 @@ def _sensor_rows(unit: Unit, tip: Tip, sensor: Sensor) -> Iterator[tuple[str, st
         yield "sensors on half of it", f"at least {tip.sensors_by_discs(sensor.receptive_field)}"
     elif isinstance(tip, CylinderTip):
         yield "sensor resolution, at worst", f"{_angle(sensor.resolution)}, around the axis"
+    elif sensor.flat:
+        yield "sensor resolution", FLAT
     else:
         yield "sensor resolution", _angle(sensor.resolution)
-    yield "location uncertainty", f"± {sensor.location_uncertainty:.4g} {unit}"
+    yield "location uncertainty", f"within {sensor.location_uncertainty:.4g} {unit}"
 
 
 def _encoder_rows(unit: Unit, encoders: JointEncoders) -> Iterator[tuple[str, str]]:
     errors = encoders.angle_errors
     if not any(errors):
-        yield "encoders", f"of {len(errors)} joints, exact: give --encoder-counts"
+        yield "encoders", f"of {counted(len(errors), 'joints')}, exact: give --encoder-counts"
         return
     yield "encoders", ", ".join(f"± {_small_angle(error)}" for error in errors)
     if encoders.kind == "prismatic":
         yield "  location, along the closing axis", f"± {encoders.closing_error:.4g} {unit}"
         return
     yield "  normals turn by up to", _small_angle(encoders.normal_error)
-    yield "  location", f"± {encoders.location_error:.4g} {unit}"
+    yield "  contact location", f"within {encoders.location_error:.4g} {unit}"
+
+
+def _other_rows(unit: Unit, other: Uncertainty) -> Iterator[tuple[str, str]]:
+    """The errors that were given beside sensor and encoders."""
+    if other.normal_error:
+        yield "other normal error", f"within {_small_angle(other.normal_error)}"
+    if other.location_error:
+        yield "other location error", f"within {float(other.location_error):.4g} {unit}"
 
 
 def print_designs(
@@ -131,7 +150,7 @@ def print_designs(
         _print_bars(console, budget)
         console.print(_verdict(budget, source))
     if source:
-        console.print("\n[bold]Area fraction of S, and without one of the uncertainties[/]")
+        console.print("\n[bold]Area fraction of S: as given, and without an uncertainty[/]")
         console.print(_losses(designs, grasps))
         console.print(_OBJECT_NOTE)
     console.print("\n[bold]Limits[/]")
@@ -208,6 +227,8 @@ def _verdict(budget: MarginBudget, source: str) -> str:
     angle = _angle(float(budget.margin))
     stable = "surely stable" if float(budget.margin) > 0.0 else "not surely stable"
     margin = f"the mean margin is {angle}" if source else f"{stable}: the margin is {angle}"
+    if float(budget.critical_angle) >= float(budget.friction_angle):
+        return f"{margin}; the critical angle alone exceeds the friction angle"
     costliest = str(budget.costliest)
     return f"{margin}; {costliest} takes the most" if costliest else margin
 
@@ -221,17 +242,17 @@ def _bar(low: float, high: float, scale: float, block: str = _BAR) -> str:
 def _losses(designs: Sequence[FingerDesign], grasps: GraspSamples) -> Table:
     """Fractions S, and those with one uncertainty removed, a column for each friction."""
     frictions = [friction_text(friction_interval(design.friction)) for design in designs]
-    table = _table("exact", *(f"μ {friction}" for friction in frictions))
+    table = _table("", *(f"μ {friction}" for friction in frictions))
     budgets = [design.budget(grasps) for design in designs]
     used = [
         name
         for name in budgets[0].parts
         if any(np.any(budget.parts[name] != 0.0) for budget in budgets)
     ]
-    changes: dict[str, Callable[[FingerDesign], FingerDesign]] = {"nothing": lambda one: one}
+    changes: dict[str, Callable[[FingerDesign], FingerDesign]] = {"as given": lambda one: one}
     for name in used:
-        changes[name] = lambda one, name=name: one.without(name)  # type: ignore[misc]
-    changes["everything"] = lambda one: FingerDesign(one.without("friction").friction)
+        changes[f"without {name}"] = lambda one, name=name: one.without(name)  # type: ignore[misc]
+    changes["without any"] = lambda one: FingerDesign(one.without("friction").friction)
     for text, change in changes.items():
         fractions = (change(design).stable_fraction(grasps) for design in designs)
         table.add_row(text, *(f"{100.0 * fraction:.1f} %" for fraction in fractions))
@@ -249,7 +270,8 @@ def _limits(
     located = bool(np.isfinite(grasps.opening).any())
     several = len(fractions) > 1
     headings = ["friction", *(["S on"] if several else []), "least friction\nabove"]
-    headings += [f"receptive field\nbelow, {unit}", "resolution\nbelow"]
+    headings += [f"receptive field\nbelow, {unit}"]
+    headings += [] if _is_flat(tip) else ["resolution\nbelow"]
     headings += ["counts\nat least"] if designs[0].encoders else []
     headings += [f"other location\nerror below, {unit}"] if located else []
     table = _table(*headings)
@@ -269,12 +291,17 @@ def _limits_of(
     yield f"{friction:.4g}" if math.isfinite(friction) else "none"
     field = design.required_field(grasps, fraction, tip=tip)
     yield _limit(field)
-    yield _resolution(field, tip)
+    if not _is_flat(tip):
+        yield _resolution(field, tip)
     if design.encoders is not None:
         counts = design.required_counts(grasps, fraction)
         yield "none" if counts is None else f"{counts:,}"
     if located:
         yield _limit(design.required_location(grasps, fraction))
+
+
+def _is_flat(tip: Tip) -> bool:
+    return isinstance(tip, float) and math.isinf(tip)
 
 
 def _resolution(field: float, tip: Tip) -> str:

@@ -3,17 +3,18 @@
 import math
 from dataclasses import dataclass, field
 from functools import cached_property
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from grasp3d.cli.design_options import FrictionList, GraspOptions, JointOptions, intervals
-from grasp3d.cli.options import Flag, LengthOption, OutputFile, SensorResolution, command
+from grasp3d.cli.design_options import FrictionList, GraspOptions, JointOptions
+from grasp3d.cli.options import Flag, Force, LengthOption, OutputFile, SensorResolution, command
 from grasp3d.contact.overlap import overlapping_field
 from grasp3d.contact.sensor import Sensor, radius_of
 from grasp3d.errors import SettingError
 from grasp3d.lengths import Unit, length_in_unit
-from grasp3d.uncertainty import Interval, Uncertainty
+from grasp3d.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
     from grasp3d.contact.grasp_samples import GraspSamples
@@ -84,13 +85,15 @@ class Design:
     """What else is uncertain, and the grasps that the design is for."""
 
     figure: OutputFile = None
-    """Figure of the budgets as stacked bars (.svg, .png or .pdf)."""
+    """Figure of the budgets as stacked bars, one for each friction (.svg, .png or .pdf); what is
+    printed does not depend on it."""
 
     print_unit: Unit = "mm"
     """Unit of the printed lengths, and of lengths without a unit."""
 
+    force: Force = False
+
     def __post_init__(self) -> None:
-        intervals(self.friction)  # raises an error before anything is printed
         self._check_tip()
         if self.receptive_field is not None and self.sensor_resolution is not None:
             raise SettingError(
@@ -126,56 +129,77 @@ class Design:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
+        self._check_figure()
         if self.has_budget:
-            return self._run_budget()
+            self._print_budget()
+        else:
+            self._print_sensor()
+        return 0
+
+    def _check_figure(self) -> None:
+        """Check before the work that the figure can be written, and that it shows anything."""
+        if self.figure is None:
+            return
+        from grasp3d.plots.formats import METADATA
+        from grasp3d.system.files import check_suffix, check_writable
+
+        check_suffix(self.figure, METADATA, "figure")
+        if not self.has_budget and (self.sensor is None or not self.friction):
+            raise SettingError(
+                "--figure draws the budget of a finger: give --friction and a sensor "
+                "(--receptive-field or --sensor-resolution), or what else is uncertain"
+            )
+        check_writable(self.figure, source=self.grasps.object)
+
+    def _print_sensor(self) -> None:
+        """Print what Wan & Howe's model says: the coarsest sensor, or the least friction."""
         from grasp3d.cli import design_report as report
 
         setup = report.Setup(self.radius, self._length("object_size"), self.print_unit)
-        sensor, frictions = self.sensor, tuple(smallest for smallest, _ in self.frictions)
+        sensor, frictions = self.sensor, tuple(smallest for smallest, _ in self.friction)
         if sensor is None:
             shown = frictions or DEFAULT_FRICTIONS
             report.print_limits(setup, shown, paper=self == Design())
-            return 0
+            return
         report.print_sensor(setup, sensor)
         if frictions:
             report.print_comparison(setup, sensor, frictions)
-        return 0
+        if self.figure is not None:
+            grasps, _ = self._grasps(self.designs)
+            self._draw(self.figure, grasps)
 
-    def _run_budget(self) -> int:
+    def _print_budget(self) -> None:
         """Print the budget of each friction, and write the figure."""
         from grasp3d.cli import budget_report as report
-        from grasp3d.plots.formats import METADATA, save_as
-        from grasp3d.system.files import check_suffix, check_writable
 
-        if self.figure is not None:
-            check_suffix(self.figure, METADATA, "figure")
-            check_writable(self.figure, source=self.grasps.object)
         designs = self.designs
         grasps, source = self._grasps(designs)
-        report.print_finger(self.print_unit, self.tip, self.sensor, designs[0].encoders)
+        report.print_finger(
+            self.print_unit, self.tip, self.sensor, designs[0].encoders, designs[0].other
+        )
         report.print_designs(self.print_unit, self.tip, designs, grasps, source)
         if self.figure is not None:
-            from grasp3d.plots.budgets import budget_figure
+            self._draw(self.figure, grasps)
 
-            save_as(budget_figure(report.mean_budgets(designs, grasps)), self.figure)
-            report.print_written(self.figure)
-        return 0
+    def _draw(self, path: Path, grasps: "GraspSamples") -> None:
+        """Draw the budget of each friction as a bar."""
+        from grasp3d.cli import budget_report as report
+        from grasp3d.plots.budgets import budget_figure
+        from grasp3d.plots.formats import save_as
+
+        budgets = report.mean_budgets(self.designs, grasps)
+        save_as(budget_figure({f"μ {friction}": one for friction, one in budgets.items()}), path)
+        report.print_written(path)
 
     @property
     def has_budget(self) -> bool:
         """Whether the options ask for more than Wan & Howe's sensor and friction."""
         return (
-            any(smallest < largest for smallest, largest in self.frictions)
+            any(smallest < largest for smallest, largest in self.friction)
             or self.joints != JointOptions()
             or self.grasps != GraspOptions()
-            or self.figure is not None
             or not isinstance(self.tip, float)
         )
-
-    @property
-    def frictions(self) -> tuple[Interval, ...]:
-        """Smallest and largest friction of each value given."""
-        return intervals(self.friction)
 
     @cached_property
     def designs(self) -> "tuple[FingerDesign, ...]":
@@ -189,7 +213,7 @@ class Design:
         encoders = self.joints.encoders(self.print_unit)
         return tuple(
             FingerDesign(friction, self.sensor, encoders, other)
-            for friction in self.frictions or (BUDGET_FRICTION,)
+            for friction in self.friction or (BUDGET_FRICTION,)
         )
 
     @property
@@ -233,10 +257,30 @@ class Design:
         if self.grasps.object is not None:
             from grasp3d.cli.design_object import grasps_of
 
-            return grasps_of(self.grasps, designs, self.print_unit)
+            return grasps_of(self.grasps, designs, self.print_unit, self._given_lengths)
         size = self._length("object_size")
+        if size is not None and not self.force:
+            from grasp3d.mesh.plausible_lengths import check_lengths
+
+            error = {"location_error": self._with_unit(self.grasps.location_error)}
+            check_lengths(error, size, self.print_unit, "the object (--object-size)")
         opening = math.inf if size is None else size
         return GraspSamples(self.grasps.critical_angle or 0.0, opening), ""
+
+    @property
+    def _given_lengths(self) -> dict[str, float | str | None]:
+        """Lengths that are compared with an object's size, with their units; none with --force."""
+        given = {
+            "location_error": self.grasps.location_error,
+            "receptive_field": self.receptive_field,
+            "max_opening": self.grasps.max_opening,
+        }
+        return {} if self.force else {name: self._with_unit(one) for name, one in given.items()}
+
+    def _with_unit(self, length: float | str | None) -> float | str | None:
+        """A length with the unit that is meant if it has none."""
+        bare = isinstance(length, float) and 0.0 < length < math.inf
+        return f"{length:.15g} {self.print_unit}" if bare else length
 
     def _length(self, name: str) -> float | None:
         """A length in the printed unit."""

@@ -1,7 +1,7 @@
 """Grasps of an object, for `grasp3d design --object`."""
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -12,6 +12,7 @@ from grasp3d.contact.requirements import FingerDesign
 from grasp3d.errors import SettingError
 from grasp3d.lengths import METRES, Unit
 from grasp3d.mesh import load_mesh
+from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labelling import label_surface
@@ -23,7 +24,10 @@ TYPICAL_ERROR = 0.01
 
 
 def grasps_of(
-    options: GraspOptions, designs: Sequence[FingerDesign], unit: Unit
+    options: GraspOptions,
+    designs: Sequence[FingerDesign],
+    unit: Unit,
+    lengths: Mapping[str, float | str | None],
 ) -> tuple[GraspSamples, str]:
     """Search an object for the best grasps at each vertex, and give their angles and openings.
 
@@ -35,6 +39,8 @@ def grasps_of(
         options: The mesh and how it is searched.
         designs: The same finger at several frictions; lengths in `unit`.
         unit: Unit of the lengths, and of the openings returned.
+        lengths: As they were given, with a unit; those that cannot be meant for an object of this
+            size are refused.
 
     Returns:
         The grasps, two at each vertex, weighted by area, and the name of the mesh with its number
@@ -42,7 +48,8 @@ def grasps_of(
 
     Raises:
         MeshError: The mesh cannot be read.
-        SettingError: The unit of the mesh is not known, or no grasp was found.
+        SettingError: The unit of the mesh is not known, a length cannot be meant, or no grasp was
+            found.
     """
     assert options.object is not None
     mesh = load_mesh(options.object, MeshOptions(unit=options.unit))
@@ -52,6 +59,7 @@ def grasps_of(
             f"the unit of {name} is not known, but a design is in {unit}: give the unit of its "
             "coordinates with --unit"
         )
+    refuse_lengths(mesh, lengths)
     widest = math.inf if options.max_opening is None else options.max_opening
     scale = METRES[mesh.unit] / METRES[unit]
     columns = []

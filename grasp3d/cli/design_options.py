@@ -15,42 +15,25 @@ from grasp3d.uncertainty import Interval, friction_interval
 _BETWEEN = ".."
 
 
-def _interval_of(words: list[str]) -> tuple[float, ...]:
-    """Return the numbers of a friction; the command checks them. Raises ValueError."""
-    return tuple(map(float, words[0].split(_BETWEEN)))
-
-
 _INTERVAL: tyro.constructors.PrimitiveConstructorSpec[Any] = (
     tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
         metavar=f"NUMBER|LOW{_BETWEEN}HIGH",
-        instance_from_str=_interval_of,
+        instance_from_str=lambda words: friction_interval(words[0]),
         is_instance=lambda value: isinstance(value, tuple),
-        str_from_instance=lambda value: [_BETWEEN.join(f"{end:g}" for end in value)],
+        str_from_instance=lambda value: [friction_text(value)],
     )
 )
 
 FrictionList = Annotated[
-    tuple[Annotated[tuple[float, ...], _INTERVAL], ...],
+    tuple[Annotated[Interval, _INTERVAL], ...],
     tyro.conf.arg(
         help="Coulomb coefficient of friction between fingertip and object, above 0, or the "
         "interval in which it lies, 0.4..0.6. One value or more.",
         help_behavior_hint="",
     ),
 ]
-"""Frictions, each one number or the two ends of an interval."""
-
-
-def intervals(frictions: tuple[tuple[float, ...], ...]) -> tuple[Interval, ...]:
-    """Smallest and largest friction of each value.
-
-    Args:
-        frictions: As `FrictionList` parses them.
-
-    Raises:
-        SettingError: They are not above 0 in increasing order.
-    """
-    return tuple(friction_interval(one[0] if len(one) == 1 else one) for one in frictions)
+"""Frictions, each as its smallest and largest value."""
 
 
 def friction_text(friction: Interval) -> str:

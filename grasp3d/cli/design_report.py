@@ -14,6 +14,9 @@ from grasp3d.lengths import Unit
 ROUNDING = 1e-12
 """Margin up to which a sensor is not fine enough [rad]."""
 
+FLAT = "0°: its normal is the same everywhere"
+"""Sensor resolution of a flat fingertip."""
+
 _COUNTS_NOTE = (
     "Numbers of sensors are for the whole hemisphere, by area: 'discs' as in Wan & Howe, 'caps' "
     "on the curved surface. Both are lower bounds: real layouts overlap, by a fifth at least."
@@ -132,8 +135,8 @@ def print_sensor(setup: Setup, sensor: Sensor) -> None:
 def _sensor_rows(setup: Setup, sensor: Sensor) -> Iterator[tuple[str, str]]:
     yield "fingertip", setup.fingertip
     yield "receptive field", setup.length(sensor.receptive_field)
-    yield "sensor resolution", _angle(sensor.resolution)
-    yield "location uncertainty", f"± {setup.length(sensor.location_uncertainty)}"
+    yield "sensor resolution", FLAT if sensor.flat else _angle(sensor.resolution)
+    yield "location uncertainty", f"within {setup.length(sensor.location_uncertainty)}"
     if not sensor.flat:
         discs, caps = _counts(sensor)
         yield "sensors on the hemisphere", f"at least {discs} (discs), {caps} (caps)"

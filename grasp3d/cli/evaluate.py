@@ -134,9 +134,10 @@ class Evaluate:
         mesh, load = loaded_mesh(prepare_file(self.file, self.mesh), self.load.chosen)
         source = mesh.report.source
         distance = length_in_unit("max_distance", self.max_distance, mesh.unit, source=source)
+        given = model.lengths() | {"max_distance": self.max_distance}
         model = model.in_unit(mesh.unit, source=source)
         if not self.force:
-            refuse_lengths(mesh, model.lengths() | {"max_distance": distance}, load)
+            refuse_lengths(mesh, given, load, per_finger=self.model.per_finger)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             grasps = evaluate_grasps(
                 mesh, points, model, max_distance=distance, load=load, progress=progress
@@ -164,7 +165,8 @@ class Evaluate:
         mesh, load = loaded_mesh(mesh, self.load.chosen)
         model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)
         if not self.force:
-            refuse_lengths(mesh, model.lengths(), load)
+            given = self.model.lengths()
+            refuse_lengths(mesh, given, load, per_finger=self.model.per_finger)
         reaching = Reaching.of(self.reach, mesh)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             found = evaluate_poses(

@@ -12,13 +12,14 @@ from grasp3d.cli.load_report import LEGEND, holding_cells, holding_headings, pri
 from grasp3d.cli.report import angle_text, escaped
 from grasp3d.cli.uncertainty_report import (
     MARGIN,
-    friction_text,
     is_uncertain,
     margin_text,
     uncertainty_lines,
 )
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.meanings import epsilon_min_text
+from grasp3d.model_text import friction_text
 from grasp3d.stability.label import COLORS, MEANING, Label
 from grasp3d.system.counts import counted
 
@@ -31,7 +32,6 @@ _PERCENTS = "/".join(f"{100.0 * level:.0f}" for level in LEVELS)
 
 _LEGEND = (
     "β*: critical friction angle; α*: the grasp is surely stable at any smaller sensor resolution; "
-    "ε_min: smallest epsilon over the tilts; lengths in "
 )
 
 _APPROACH = "approach: how far the approach may turn about the closing axis; "
@@ -118,7 +118,7 @@ def _legend(grasps: SurfaceGrasps) -> str:
     forces = "" if grasps.holding is None else LEGEND
     forces += MARGIN if is_uncertain(grasps.model) else ""
     unit = grasps.mesh.unit or "the unit of the mesh, which is not stated"
-    return f"{approach}{forces}{_LEGEND}{unit}"
+    return f"{approach}{forces}{_LEGEND}{epsilon_min_text(grasps.model)}; lengths in {unit}"
 
 
 def _print_written(console: Console, *outputs: Path) -> None:

@@ -23,7 +23,7 @@ from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout, time
 from grasp3d.errors import SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.loads import Load
-from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, Sampling
+from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, Sampling, check_per_finger
 from grasp3d.system.names import printable, safe_stem
 from grasp3d.system.steps import begin_step
 
@@ -96,6 +96,7 @@ class Label:
                 "grasps_format is for poses of a gripper of two fingers; give one with --gripper"
             )
         check_timeout(self.timeout)
+        check_per_finger(self.model)
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
@@ -163,7 +164,8 @@ class Label:
         sampling = self.sampling.in_unit(mesh.unit, source=mesh.report.source)
         reaching = Reaching.of(self.reach, mesh)
         if not self.force:
-            refuse_lengths(mesh, model.lengths() | sampling.lengths(), load)
+            lengths = self.model.lengths() | self.sampling.lengths()
+            refuse_lengths(mesh, lengths, load, per_finger=self.model.per_finger)
         for path in outputs:
             check_same_settings(
                 path, mesh, model, sampling, reaching, load, overwrite=self.overwrite

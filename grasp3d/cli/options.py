@@ -7,7 +7,7 @@ import math
 import textwrap
 from collections.abc import Callable
 from pathlib import Path
-from types import NoneType
+from types import GenericAlias, NoneType
 from typing import (
     TYPE_CHECKING,
     Annotated,
@@ -45,34 +45,51 @@ _METAVARS = {
 CommandT = TypeVar("CommandT")
 
 
-def _radians(words: list[str]) -> float | None:
-    return None if words[0].lower() == _NONE else math.radians(float(words[0]))
+def option_name(field: str) -> str:
+    """Return the option of a field: `location_error` is given with `--location-error`."""
+    return f"--{field.replace('_', '-')}"
 
 
 def _degrees(angle: float | None) -> list[str]:
     return [_NONE if angle is None else f"{math.degrees(angle):.6g}"]
 
 
-_DEGREES = tyro.constructors.PrimitiveConstructorSpec(
-    nargs=1,
-    metavar="DEGREES",
-    instance_from_str=_radians,
-    is_instance=lambda value: value is None or isinstance(value, float),
-    str_from_instance=_degrees,
-)
+def _angle(
+    option: str, *, optional: bool = True
+) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
+    """Return the parser of an angle in degrees, or of `none` if that is allowed.
+
+    Its errors, like those of lengths and of fingers, are of the settings: one sentence, where tyro
+    would print a box.
+    """
+
+    def parse(words: list[str]) -> float | None:
+        if optional and words[0].lower() == _NONE:
+            return None
+        try:
+            return math.radians(float(words[0]))
+        except ValueError as error:
+            raise SettingError(f"{option} must be a number of degrees; got {words[0]!r}") from error
+
+    return tyro.constructors.PrimitiveConstructorSpec(
+        nargs=1,
+        metavar="DEGREES",
+        instance_from_str=parse,
+        is_instance=lambda value: value is None or isinstance(value, float),
+        str_from_instance=_degrees,
+    )
 
 
-def _length(*, optional: bool) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
+def _length(
+    option: str, *, optional: bool = True
+) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
     """Return the parser of a length, or of `none` if that is allowed."""
     none = f"|{_NONE}" if optional else ""
 
     def parse(words: list[str]) -> float | str | None:
         if optional and words[0].lower() == _NONE:
             return None
-        try:
-            return parse_length("it", words[0])  # type: ignore[no-any-return]
-        except SettingError as error:
-            raise ValueError(str(error)) from error
+        return parse_length(option, words[0])  # type: ignore[no-any-return]
 
     return tyro.constructors.PrimitiveConstructorSpec(
         nargs=1,
@@ -98,6 +115,10 @@ def _text(
     )
 
 
+_DEGREES, _ANY_LENGTH = _angle("an angle"), _length("a length")
+_NAMED = {id(_DEGREES): _angle, id(_ANY_LENGTH): _length}
+"""Parsers whose errors get the name of the option in `command`."""
+
 _TEXT_FIELDS = (FrictionField, Length, PerFinger, Position, Quantity, TaskField)
 """Kinds of fields that take texts."""
 
@@ -118,27 +139,23 @@ _TASK = _text("TASK", _task, optional=False)
 """Parser of a task."""
 
 
-def _friction(text: str) -> float | str:
-    """Return a number, or the text of an interval; the settings check both. Raises ValueError."""
-    try:
-        return float(text)
-    except ValueError:
-        if ".." not in text:
-            raise
-        return text
-
-
-_FRICTION = _text("NUMBER|LOW..HIGH", _friction, optional=False)
-"""Parser of a coefficient of friction, or of the interval in which it lies."""
+_FRICTION = _text("NUMBER|LOW..HIGH", optional=False)
+"""Parser of a coefficient of friction, or of the interval in which it lies: the settings check it.
+"""
 
 
 def _fingers(text: str) -> str:
-    """Check the uncertainty of each finger; '' for none. Raises ValueError."""
+    """Check the uncertainty of each finger; '' for none.
+
+    Raises:
+        SettingError: It is none.
+    """
+    given = "" if text.lower() == _NONE else text
     try:
-        parse_fingers("" if text.lower() == _NONE else text)
+        parse_fingers(given)
     except SettingError as error:
-        raise ValueError(str(error)) from error
-    return "" if text.lower() == _NONE else text
+        raise SettingError(f"--per-finger: {error}") from error
+    return given
 
 
 _PER_FINGER = tyro.constructors.PrimitiveConstructorSpec[Any](
@@ -194,11 +211,12 @@ def _help_texts(settings: type) -> dict[str, str]:
     }
 
 
-def _options_of(settings: type) -> Any:
+def _options_of(settings: type, *, hidden: tuple[str, ...] = ()) -> Any:
     """Return the command-line options of a settings class, with angles in degrees.
 
     Args:
         settings: A frozen dataclass whose angles are annotated as `Radians`.
+        hidden: Fields that a command does not take: they have no options, only their defaults.
     """
     hints, helps = get_type_hints(settings, include_extras=True), _help_texts(settings)
     fields = [
@@ -212,7 +230,8 @@ def _options_of(settings: type) -> Any:
                         metavar=_METAVARS.get(field.name),
                         help_behavior_hint=_default_text(field.default),
                     ),
-                    *_parser(hints[field.name]),
+                    *_parser(hints[field.name], option_name(field.name)),
+                    *([tyro.conf.Suppress] if field.name in hidden else []),
                 )
             ],
             dataclasses.field(default=field.default),
@@ -252,14 +271,14 @@ def _default_text(default: object) -> str | None:
     return f"(default: {_NONE})" if default is None else None
 
 
-def _parser(hint: Any) -> tuple[Any, ...]:
+def _parser(hint: Any, option: str) -> tuple[Any, ...]:
     """Return the parser of a type of field, or nothing if tyro parses it as needed."""
     if _is_angle(hint):
-        return (_DEGREES,)
+        return (_angle(option, optional=NoneType in get_args(hint)),)
     if hint == ParallelGripper | None:
         return (_GRIPPER,)
     if get_origin(hint) is Length:
-        return (_length(optional=NoneType in get_args(get_args(hint)[0])),)
+        return (_length(option, optional=NoneType in get_args(get_args(hint)[0])),)
     for kind, parser in _PARSERS.items():
         if kind in {hint, get_origin(hint)}:
             return (parser,)
@@ -304,11 +323,15 @@ Friction = Annotated[
 ]
 """A coefficient of friction."""
 
-Frictions = Annotated[
-    tuple[float, ...],
-    tyro.conf.arg(help="Coulomb coefficients of friction between fingertip and object, above 0."),
+FrictionRanges = Annotated[
+    tuple[str, ...],
+    tyro.conf.arg(
+        help="Coulomb coefficients of friction between fingertip and object, above 0. For an "
+        "interval give its middle here and half its width with --friction-error.",
+        metavar="NUMBER|FROM:TO:STEP [...]",
+    ),
 ]
-"""Coefficients of friction."""
+"""Coefficients of friction as words for `parse_numbers`."""
 
 SensorResolution = Annotated[float | None, _model_option("sensor_resolution", default=""), _DEGREES]
 """A sensor resolution [rad], given in degrees; None: not given."""
@@ -343,7 +366,8 @@ LocationErrorRanges = Annotated[
 FrictionErrorRanges = Annotated[
     tuple[str, ...],
     tyro.conf.arg(
-        help="Largest difference between the true friction and the coefficient, below it.",
+        help="Largest difference between the true friction and the coefficient, to either side; "
+        "smaller than the coefficient. --friction 0.5 --friction-error 0.1: from 0.4 to 0.6.",
         metavar="NUMBER|FROM:TO:STEP [...]",
     ),
 ]
@@ -352,9 +376,7 @@ FrictionErrorRanges = Annotated[
 Fingers = Annotated[int, _model_option("fingers")]
 """A number of fingers."""
 
-LengthOption = Annotated[
-    float | str | None, _length(optional=True), tyro.conf.arg(help_behavior_hint="")
-]
+LengthOption = Annotated[float | str | None, _ANY_LENGTH, tyro.conf.arg(help_behavior_hint="")]
 """A length: a number, a text with a unit, or none."""
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(help_behavior_hint="")]
@@ -412,13 +434,31 @@ def command(kind: type[CommandT]) -> type[CommandT]:
             continue
         if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
             helped = tyro.conf.arg(help=" ".join(str(text.value.value).split()))
-            hints = kind.__annotations__
-            hints[field.target.id] = Annotated[hints[field.target.id], helped]
+            hints, name = kind.__annotations__, field.target.id
+            hints[name] = Annotated[_with_option(hints[name], option_name(name)), helped]
     return kind
 
 
+def _with_option(hint: Any, option: str) -> Any:
+    """Return a type whose parsers of angles and lengths name the option in their errors."""
+    if get_origin(hint) is tuple:
+        return GenericAlias(tuple, tuple(_with_option(one, option) for one in get_args(hint)))
+    if get_origin(hint) is not Annotated:
+        return hint
+    parsers = (_NAMED.get(id(one)) for one in hint.__metadata__)
+    named = [
+        one if parser is None else parser(option)
+        for one, parser in zip(hint.__metadata__, parsers, strict=True)
+    ]
+    return Annotated[_with_option(hint.__origin__, option), *named]
+
+
+NOT_OF_NOISE = ("location_error", "per_finger", "method", "extreme_normals")
+"""Fields of `GraspModel` that labels of noisy copies do not take."""
+
 if TYPE_CHECKING:
     ModelOptions = GraspModel
+    NoisyModelOptions = GraspModel
     SamplingOptions = Sampling
     SurfaceOptions = MeshOptions
     ReachOptions = ReachSettings
@@ -427,6 +467,7 @@ if TYPE_CHECKING:
     ViewOptions = ViewSettings
 else:
     ModelOptions = _options_of(GraspModel)
+    NoisyModelOptions = _options_of(GraspModel, hidden=NOT_OF_NOISE)
     SamplingOptions = _options_of(Sampling)
     SurfaceOptions = _options_of(MeshOptions)
     ReachOptions = _options_of(ReachSettings)

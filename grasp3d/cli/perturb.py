@@ -10,7 +10,7 @@ from grasp3d.cli.options import (
     Force,
     InputFile,
     LengthOption,
-    ModelOptions,
+    NoisyModelOptions,
     OutputFile,
     Overwrite,
     Quiet,
@@ -31,8 +31,10 @@ if TYPE_CHECKING:
 class Perturb:
     """Label noisy copies of a scan, and print the errors to enter for it.
 
-    For each vertex: the fraction of the copies that are S, M and U. With the normal and location
-    error that it prints, only what is S in nearly all copies is S.
+    A scan is off by the scanner's noise. This command adds such noise to it again and again, labels
+    each copy, and writes for each vertex in how many of them it is S, M and U. It prints a normal
+    error and a location error: labelled with these (grasp3d label, batch, evaluate), the scan is S
+    only where nearly all of its copies are S.
     """
 
     file: tyro.conf.Positional[InputFile]
@@ -45,24 +47,26 @@ class Perturb:
     """Figure (.svg, .png or .pdf) (default: none)."""
 
     noise: LengthOption = None
-    """Standard deviation of the scanner's errors along the normals, a length (default: estimated
-    from the roughness of the surface)."""
+    """Noise of the scanner: standard deviation of its points' errors along the normals, a length
+    (default: estimated from the roughness of the surface)."""
 
     correlation: LengthOption = 0.0
-    """Distance over which the errors of neighbours are alike, a length, such as the filter of a
-    depth camera. 0: white noise, every vertex has its own error (default: 0)."""
+    """Distance over which the errors of neighbours are alike, a length: the radius of a depth
+    camera's filter, the edge of a voxel. 0: the errors of neighbours are independent (default:
+    0)."""
 
     copies: int = NoiseSettings.copies
     """Number of noisy copies; 200 for numbers that hardly depend on chance."""
 
     level: float = NoiseSettings.level
-    """Fraction of the copies in which what is S must be S."""
+    """What is S with the printed errors must be S in at least this fraction of the copies."""
 
     noise_seed: int = NoiseSettings.seed
     """Seed of the noise; the same seed gives the same copies."""
 
-    model: ModelOptions = field(default_factory=GraspModel)
-    """Friction, sensor resolution and fingers."""
+    model: NoisyModelOptions = field(default_factory=GraspModel)
+    """Friction, sensor resolution and fingers. Errors of contact locations, and those of single
+    fingers, are none of the scan's: add them afterwards to the errors that are printed."""
 
     sampling: SamplingOptions = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
@@ -126,8 +130,7 @@ class Perturb:
         model = self.model.in_unit(unit, source=source)
         sampling = self.sampling.in_unit(unit, source=source)
         if not self.force:
-            lengths = model.lengths() | sampling.lengths() | surface.mesh.options.lengths()
-            refuse_lengths(surface.mesh, lengths)
+            refuse_lengths(surface.mesh, self.model.lengths() | self.sampling.lengths())
         text = f"labelling {self.copies} copies of {self.file.name}"
         with report.progress(text, quiet=self.quiet) as progress:
             return perturb_movable(

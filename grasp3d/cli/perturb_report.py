@@ -8,7 +8,8 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d.cli.report import CHECK_HINT, escaped, length_with_unit
-from grasp3d.lengths import METRES, Unit
+from grasp3d.lengths import Unit, small_length
+from grasp3d.model_text import error_texts, friction_text
 from grasp3d.perturbing.perturbation import Perturbation
 from grasp3d.stability.label import COLORS, MEANING, Label
 from grasp3d.system.counts import counted
@@ -17,16 +18,16 @@ MIN_STABLE = 0.01
 """Area fraction that is S below which errors to enter are of no use."""
 
 NO_ADVICE = (
-    "[yellow]no errors to enter:[/] hardly anything would be S in {:g} % of the copies; average "
-    "the normals over a patch of some edge lengths (--patch-radius), or smooth the scan"
+    "[yellow]no errors to enter:[/] with errors large enough for this noise hardly any of the area "
+    "would be S; {}, or smooth the scan"
 )
-"""What is printed then."""
+"""What is printed then, with a remedy."""
 
 NOT_PASSED = (
-    "[yellow]not all of it is reliable:[/] some part of the surface is too rough, see `stable` in "
-    "the file; a wider patch helps (--patch-radius)"
+    "[yellow]not all of this S is reliable:[/] `stable` in the file is the fraction of the copies "
+    "that are S at each vertex; where it is low, the surface is too rough: {}"
 )
-"""What is printed where larger errors leave too little S."""
+"""What is printed where larger errors leave too little S, with a remedy."""
 
 
 def print_perturbation(found: Perturbation, written: Sequence[Path]) -> None:
@@ -40,9 +41,14 @@ def print_perturbation(found: Perturbation, written: Sequence[Path]) -> None:
     mesh, model = found.mesh, found.labels.model
     console.print(
         f"[bold]{escaped(mesh.report.source)}[/]: {counted(len(mesh.vertices), 'vertices')}, "
-        f"size {length_with_unit(mesh.size, mesh.unit)}; friction {model.friction:g}, "
-        f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°"
-        + ("" if model.fingers == 2 else f", {model.fingers} fingers"),
+        f"size {length_with_unit(mesh.size, mesh.unit)}; friction {friction_text(model)}, "
+        + ", ".join(
+            [
+                f"sensor resolution {math.degrees(model.sensor_resolution):.4g}°",
+                *error_texts(model, mesh.unit),
+                *([] if model.fingers == 2 else [f"{model.fingers} fingers"]),
+            ]
+        ),
         soft_wrap=True,
     )
     console.print(_noise(found), soft_wrap=True)
@@ -61,19 +67,19 @@ def _noise(found: Perturbation) -> str:
     assert settings.noise is not None  # it is a number in results
     origin = "estimated from the surface's roughness" if found.estimated else "as given"
     kind = (
-        f"alike within {short_length(settings.correlation, unit)}"
+        f"alike within {_length(settings.correlation, unit)}"
         if settings.correlation
-        else "white"
+        else "independent at every vertex"
     )
     return (
-        f"noise: {short_length(settings.noise, unit)} along the normals, {origin}, {kind}; "
-        f"{counted(settings.copies, 'copies')}"
+        f"noise of each of the {counted(settings.copies, 'copies')}: "
+        f"{_length(settings.noise, unit)} along the normals ({origin}), {kind}"
     )
 
 
 def _fractions(found: Perturbation) -> Table:
     """Area fractions of the labels of the surface itself, and of the copies."""
-    table = Table("label", "", "this surface", "its copies", box=None, pad_edge=False)
+    table = Table("label", "", "scan", "noisy copies", box=None, pad_edge=False)
     for column in table.columns[2:]:
         column.justify = "right"
     areas = found.mesh.vertex_areas / found.mesh.vertex_areas.sum()
@@ -93,38 +99,50 @@ def _fractions(found: Perturbation) -> Table:
 def _measured(found: Perturbation) -> list[str]:
     """What noise does to normals, contacts and grasps."""
     advice, unit, level = found.advice, found.mesh.unit, found.settings.level
-    where = "across their line " if found.labels.model.fingers == 2 else ""
-    turn, shift = _angle(advice.measured_turn), short_length(found.shift_across, unit)
-    covered = f"({100.0 * level:g} % of area and copies)"
-    lines = [f"within {turn} normals turn, within {shift} contacts shift {where}{covered}"]
-    if not math.isnan(found.confirmed_fraction):
-        lines.append(
-            f"of what is S in a copy, {_percent(found.confirmed_fraction)} of the area have a "
-            "grasp that is S on this surface"
-        )
-    return lines
+    where = " across the line between them" if found.labels.model.fingers == 2 else ""
+    turn, shift = _angle(advice.measured_turn), _length(found.shift_across, unit)
+    measured = (
+        f"over {100.0 * level:g} % of the area and copies, normals turn by at most {turn} and "
+        f"contacts shift by at most {shift}{where}"
+    )
+    if math.isnan(found.confirmed_fraction):
+        return [measured]
+    right = (
+        f"{_percent(found.confirmed_fraction)} of the area that is S in a copy has a grasp that is "
+        "S on the scan as well; the rest is S because of the noise"
+    )
+    return [measured, right]
 
 
 def _advised(found: Perturbation) -> list[str]:
     """The errors to enter, and how they were checked."""
     advice, level = found.advice, 100.0 * found.settings.level
     if advice.stable_fraction < MIN_STABLE:
-        return [NO_ADVICE.format(level)]
-    location = short_length(advice.location_error, found.mesh.unit).replace(" ", "")
+        return [NO_ADVICE.format(_remedy(found))]
+    location = _length(advice.location_error, found.mesh.unit).replace(" ", "")
     words = f"--normal-error {math.degrees(advice.normal_error):.4g} --location-error {location}"
     stable, failing = map(_percent, (advice.stable_fraction, advice.unconfirmed_fraction))
-    lines = [
-        f"[bold]enter: {words}[/]",
-        f"with these {stable} of the area are S; {failing} of it in under {level:g} % of copies",
-    ]
-    return lines if advice.passed else [*lines, NOT_PASSED]
+    own = found.labels.model.normal_error
+    contained = f" (they contain the {math.degrees(own):.4g}° given)" if own else ""
+    checked = (
+        f"with these errors{contained} {stable} of the area is S; {failing} of that is S in fewer "
+        f"than {level:g} % of the copies"
+    )
+    lines = [f"[bold]enter: {words}[/]", checked]
+    return lines if advice.passed else [*lines, NOT_PASSED.format(_remedy(found))]
 
 
-def short_length(length: float, unit: Unit | None) -> str:
-    """Format a small length: in millimetres if the mesh's unit is metric, else in that unit."""
-    if unit is None or unit == "in":
-        return f"{length:.3g}" + (f" {unit}" if unit else "")
-    return f"{1000.0 * METRES[unit] * length:.3g} mm"
+def _remedy(found: Perturbation) -> str:
+    """What makes the labels depend less on noise."""
+    patch = found.mesh.options.patch_radius
+    if patch:
+        radius = _length(patch, found.mesh.unit)
+        return f"average the normals over a patch larger than {radius} (--patch-radius)"
+    return "average the normals over a patch of a few edge lengths (--patch-radius)"
+
+
+def _length(length: float, unit: Unit | None) -> str:
+    return small_length(length, unit, digits=3)
 
 
 def _percent(fraction: float) -> str:

@@ -12,7 +12,6 @@ from grasp3d.cli.load_report import LEGEND, holding_cells, holding_headings, pri
 from grasp3d.cli.report import angle_text, escaped
 from grasp3d.cli.uncertainty_report import (
     MARGIN,
-    friction_text,
     is_uncertain,
     margin_text,
     uncertainty_lines,
@@ -20,6 +19,7 @@ from grasp3d.cli.uncertainty_report import (
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.gripper.closing import MEANING as CLOSINGS
 from grasp3d.gripper.closing import Closing
+from grasp3d.model_text import friction_text
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted
 

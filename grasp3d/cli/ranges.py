@@ -4,6 +4,10 @@ import math
 
 from grasp3d.errors import SettingError
 from grasp3d.lengths import METRES, parse_length
+from grasp3d.uncertainty import friction_interval
+
+_LENGTH = f"a length (a number, or a number with a unit: {', '.join(METRES)})"
+"""What one word of lengths must be."""
 
 MAX_VALUES = 10_000
 
@@ -20,7 +24,7 @@ def parse_resolutions(words: tuple[str, ...]) -> tuple[float, ...]:
     Raises:
         SettingError: A word is neither a number nor a range, or there are too many resolutions.
     """
-    return parse_angles("sensor resolution", words)
+    return parse_angles("--sensor-resolution", words)
 
 
 def parse_angles(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
@@ -55,6 +59,33 @@ def parse_numbers(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
     return _numbers(what, "a number", words)
 
 
+def parse_frictions(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
+    """Parse coefficients of friction: numbers and ranges FROM:TO:STEP; see `parse_angles`.
+
+    Args:
+        what: What one of them is, for the error.
+        words: Words of the command line.
+
+    Returns:
+        The coefficients, in increasing order, without duplicates.
+
+    Raises:
+        SettingError: As for `parse_numbers`, or a word is an interval LOW..HIGH: the width of all
+            intervals is that of another option, of the same name with `-error`.
+    """
+    for word in words:
+        try:
+            low, high = friction_interval(word)
+        except SettingError:
+            continue  # what is no interval either is refused below
+        if low < high:
+            raise SettingError(
+                f"{what} takes no interval {word} here: give its middle and half its width, "
+                f"{what} {0.5 * (low + high):.6g} {what}-error {0.5 * (high - low):.6g}"
+            )
+    return parse_numbers(what, words)
+
+
 def parse_lengths(what: str, words: tuple[str, ...]) -> tuple[float | str, ...]:
     """Parse lengths and ranges of them, FROM:TO:STEP, with or without a unit.
 
@@ -82,8 +113,8 @@ def parse_lengths(what: str, words: tuple[str, ...]) -> tuple[float | str, ...]:
         )
         parts = [part.removesuffix(unit).strip() for part in word.split(":")]
         if any(part.endswith(tuple(METRES)) for part in parts):
-            raise _no_range(what, "a length", word)
-        for number in _range(what, "a length", word, parts):
+            raise _no_range(what, _LENGTH, word)
+        for number in _range(what, _LENGTH, word, parts):
             lengths[parse_length(what, f"{number:.15g} {unit}")] = None
         _check_count(what, len(lengths), word)
     return tuple(lengths)
@@ -116,8 +147,10 @@ def _range(what: str, kind: str, word: str, parts: list[str]) -> list[float]:
 
 def _check_count(what: str, count: int, word: str) -> None:
     if count > MAX_VALUES:
-        raise SettingError(f"{what}s: more than {MAX_VALUES} ({word})")
+        raise SettingError(f"{what} has more than {MAX_VALUES} values ({word}); use a larger STEP")
 
 
 def _no_range(what: str, kind: str, word: str) -> SettingError:
-    return SettingError(f"{what} {word!r} must be {kind}, or FROM:TO:STEP with STEP above 0")
+    return SettingError(
+        f"{what} must be {kind}, or a range FROM:TO:STEP with STEP above 0; got {word!r}"
+    )

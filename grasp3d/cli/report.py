@@ -13,11 +13,13 @@ from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, T
 from rich.table import Table
 
 from grasp3d.cli.load_report import print_load
-from grasp3d.cli.uncertainty_report import friction_text, uncertainty_lines
+from grasp3d.cli.uncertainty_report import uncertainty_lines
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.lengths import Unit
-from grasp3d.settings import Sampling, Tilts
+from grasp3d.meanings import MINIMUM
+from grasp3d.model_text import friction_text
+from grasp3d.settings import Sampling
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.stability.label import Label as Code
 from grasp3d.surface.area_statistics import vertex_weights
@@ -36,12 +38,6 @@ _REASONS = {
 """Explanations of vertices without a grasp."""
 
 CHECK_HINT = "`grasp3d check` reports the defects of a mesh and their remedies"
-_MINIMUM: dict[Tilts, str] = {
-    "exact": "smallest over all tilts",
-    "effective_friction": "at the effective friction",
-    "sampled_tilts": "smallest over sampled tilts",
-    "bound": "bound over all uncertainties",
-}
 
 
 def escaped(text: str) -> str:
@@ -143,7 +139,7 @@ def _epsilon_text(labels: SurfaceLabels) -> str:
         ", ".join(f"{value:.3f}" for value in labels.epsilon_quantiles([0.1, 0.5, 0.9], of=of))
         for of in ("nominal", "minimum")
     )
-    return f"epsilon, 10/50/90 % of the area: {nominal}; {_MINIMUM[labels.model.tilts]}: {minimum}"
+    return f"epsilon, 10/50/90 % of the area: {nominal}; {MINIMUM[labels.model.tilts]}: {minimum}"
 
 
 def _reaching_text(reaching: Reaching, size: float, unit: Unit | None) -> str:

@@ -14,7 +14,7 @@ from grasp3d.cli.options import (
     Flag,
     Force,
     FrictionErrorRanges,
-    Frictions,
+    FrictionRanges,
     Inputs,
     LocationErrorRanges,
     NormalErrorRanges,
@@ -27,7 +27,13 @@ from grasp3d.cli.options import (
     SurfaceOptions,
     command,
 )
-from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers, parse_resolutions
+from grasp3d.cli.ranges import (
+    parse_angles,
+    parse_frictions,
+    parse_lengths,
+    parse_numbers,
+    parse_resolutions,
+)
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
@@ -37,8 +43,11 @@ if TYPE_CHECKING:
     from grasp3d.batch.sweeping import SweepSettings, SweptMesh, Target
     from grasp3d.sweeps import Sweep as SweptFractions
 
-FRICTIONS, RESOLUTIONS = (0.2, 0.5, 1.0), ("0:60:1", "22.6")
+FRICTIONS, RESOLUTIONS = ("0.2", "0.5", "1.0"), ("0:60:1", "22.6")
 """Default values of friction and sensor resolution."""
+
+SHAPE_SIZE = 2.0
+"""Size of the shapes in closed form, in radii."""
 
 MAX_ROWS = 4
 """Rows of a sweep with axes other than friction and resolution that are drawn one by one."""
@@ -68,7 +77,7 @@ class Sweep:
     figure: OutputFile = None
     """Figure (.svg, .png or .pdf) (default: the name of the table with the suffix .svg)."""
 
-    friction: Frictions = FRICTIONS
+    friction: FrictionRanges = FRICTIONS
 
     sensor_resolution: SensorResolutionRanges = RESOLUTIONS
 
@@ -136,6 +145,7 @@ class Sweep:
         fractions = sorted(set(self.fraction))
         targets = find_targets(self.targets)
         check_fingers(targets, settings)
+        self._check_shapes(targets, settings)
         table, figure = self._outputs(targets)
         meshes = self._swept(targets, settings)
         failures = {mesh.name: mesh.error for mesh in meshes if mesh.error}
@@ -158,12 +168,12 @@ class Sweep:
     def _values(self) -> dict[str, Any]:
         """Values of each uncertainty; errors with several values leave one for the defaults."""
         errors: dict[str, tuple[Any, ...]] = {
-            "friction_error": parse_numbers("friction error", self.friction_error),
-            "normal_error": parse_angles("normal error", self.normal_error),
-            "location_error": parse_lengths("location error", self.location_error),
+            "friction_error": parse_numbers("--friction-error", self.friction_error),
+            "normal_error": parse_angles("--normal-error", self.normal_error),
+            "location_error": parse_lengths("--location-error", self.location_error),
         }
         free = 2 - sum(len(set(values)) > 1 for values in errors.values())
-        friction = tuple(sorted(set(self.friction)))
+        friction = parse_frictions("--friction", self.friction)
         resolution = parse_resolutions(self.sensor_resolution)
         default = GraspModel()
         if self.friction == FRICTIONS and (free < 1 or (free < 2 and len(resolution) > 1)):
@@ -171,6 +181,18 @@ class Sweep:
         if self.sensor_resolution == RESOLUTIONS and (free < 1 or (free < 2 and len(friction) > 1)):
             resolution = (default.sensor_resolution,)
         return {"friction": friction, "sensor_resolution": resolution, **errors}
+
+    def _check_shapes(self, targets: list["Target"], settings: "SweepSettings") -> None:
+        """Refuse location errors that cannot be meant for shapes, as for meshes."""
+        shapes = [target.name for target in targets if not target.files and not target.folder]
+        axes = settings.axes
+        largest = float(axes.values["location_error"][-1])
+        if shapes and axes.unit is None and largest > SHAPE_SIZE and not self.force:
+            raise SettingError(
+                f"location_error is {largest:.4g}, more than {shapes[0]} is large: for shapes in "
+                "closed form it is a part of the radius or half side, such as 0.05; give a smaller "
+                "one, or accept it with --force"
+            )
 
     def _draw(
         self,

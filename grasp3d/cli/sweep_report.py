@@ -13,7 +13,7 @@ from grasp3d.cli.report import escaped
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.sweeps import Sweep
-from grasp3d.sweeps.axes import AXES, COLUMN, ROW, describe_value
+from grasp3d.sweeps.axes import AXES, COLUMN, ROW, AxisName, describe_value
 
 MIN_RESOLUTION = 0.05
 """Resolution below which no sensor is fine enough [degrees]."""
@@ -42,7 +42,8 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
     axes = shown[0].axes
     fixed = "" if axes.is_default else f", {axes.fixed_text}"
     console.print(
-        f"area fractions of S/M/U [%] by {AXES[shown[0].columns].words}{fixed}:", soft_wrap=True
+        f"area fractions of S/M/U [%] by {_axis(shown, shown[0].columns)}{fixed}:",
+        soft_wrap=True,
     )
     console.print(_fraction_table(shown))
     console.print(escaped(_legend(shown)), soft_wrap=True)
@@ -57,7 +58,7 @@ def print_sweeps(targets: Sequence[SweptTarget], fractions: Sequence[float]) -> 
             console.print(_required_table(every, fractions))
             return
         for fraction in fractions:
-            console.print(f"{100.0 * fraction:g} %, by {AXES[shown[0].columns].words}:")
+            console.print(f"{100.0 * fraction:g} %, by {_axis(shown, shown[0].columns)}:")
             console.print(_required_entries(every, fraction))
 
 
@@ -142,7 +143,7 @@ def _grid_table(sweeps: Sequence[Sweep], cells: Sequence[Sequence[Sequence[str]]
     columns, rows = _shown_columns(first), _shown_rows(first)
     table = Table(box=None, pad_edge=False)
     table.add_column("", overflow="fold", min_width=12)
-    table.add_column(AXES[first.rows].words, justify="right", no_wrap=True)
+    table.add_column(_axis(sweeps, first.rows, "\n"), justify="right", no_wrap=True)
     for column in columns:
         value = float(first.axes.values[first.columns][column])
         heading = describe_value(first.columns, value, first.unit)
@@ -156,6 +157,16 @@ def _grid_table(sweeps: Sequence[Sweep], cells: Sequence[Sequence[Sequence[str]]
                 *(entries[row][column] for column in columns),
             )
     return table
+
+
+def _axis(sweeps: Sequence[Sweep], name: AxisName, separator: str = " ") -> str:
+    """Return the name of an axis, with the unit of values that are printed without one."""
+    words = AXES[name].words
+    if name != "location_error" or sweeps[0].unit:
+        return words
+    units = {"scan": "radius = 1", "label": "in the mesh's unit"}
+    modes = dict.fromkeys(sweep.mode for sweep in sweeps)
+    return f"{words}{separator}({', '.join(units[mode] for mode in modes)})"
 
 
 def _percents(stable: float, ambiguous: float) -> str:
@@ -206,7 +217,7 @@ def _required_table(sweeps: Sequence[Sweep], fractions: Sequence[float]) -> Tabl
     ]
     wide = first.rows == ROW and len(texts) * len(fractions) <= MAX_ANGLES
     columns = [f"μ {text}\n{percent}" for text in texts for percent in percents]
-    for heading in columns if wide else [AXES[first.rows].words, *percents]:
+    for heading in columns if wide else [_axis(sweeps, first.rows, "\n"), *percents]:
         table.add_column(heading, justify="right", no_wrap=True)
     for sweep in sweeps:
         required = np.stack([sweep.required_resolution(value) for value in fractions], axis=1)

@@ -2,12 +2,15 @@
 
 import math
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.lengths import Unit, describe_length
+from grasp3d.lengths import Unit, small_length
+from grasp3d.meanings import SAFE_LABELS
+from grasp3d.model_text import error_texts, friction_text
 from grasp3d.settings import GraspModel
 from grasp3d.stability.budgets import margin_budget
 from grasp3d.surface.area_statistics import quantiles
@@ -41,20 +44,6 @@ def is_uncertain(model: GraspModel) -> bool:
     )
 
 
-def friction_text(model: GraspModel) -> str:
-    """Friction as text: '0.5', or '0.4 to 0.6'.
-
-    Args:
-        model: The model.
-    """
-    ends = dict.fromkeys(model.friction_interval)
-    return (
-        " to ".join(f"{end:.6g}" for end in ends)
-        if model.friction_error
-        else (f"{model.friction:g}")
-    )
-
-
 def uncertainty_lines(
     labelled: _Labelled, weights: Floats | None, *, of: str, unit: Unit | None
 ) -> list[str]:
@@ -69,7 +58,9 @@ def uncertainty_lines(
     model = labelled.model
     if not is_uncertain(model):
         return []
-    lines = [f"uncertain: {', '.join(_uncertainties(model, unit))}"]
+    lines = [f"uncertain: {'; '.join(_uncertainties(model, unit))}"]
+    if model.certainty == "safe":
+        lines.append(f"safe labels: {SAFE_LABELS}")
     critical = np.where(np.isfinite(labelled.critical_angle), labelled.critical_angle, np.inf)
     given = np.ones(len(critical)) if weights is None else weights
     used = np.where(np.isfinite(critical), given, 0.0)
@@ -100,10 +91,6 @@ def _uncertainties(model: GraspModel, unit: Unit | None) -> Sequence[str]:
     if model.normal_error:
         parts.append(f"normals by a further {math.degrees(model.normal_error):.4g}°")
     if model.location_error:
-        length = describe_length(model.location_error)
-        known = isinstance(model.location_error, str)
-        parts.append(f"contact locations by {length}{'' if known or not unit else f' {unit}'}")
-    if model.per_finger:
-        fingers = map(str.strip, model.per_finger.split(";"))
-        parts += [f"finger {number} {own}" for number, own in enumerate(fingers, 1) if own]
-    return parts
+        stated = "" if unit or isinstance(model.location_error, str) else " (unit not stated)"
+        parts.append(f"contact locations by {small_length(model.location_error, unit)}{stated}")
+    return parts + error_texts(replace(model, normal_error=0.0, location_error=0.0), unit)

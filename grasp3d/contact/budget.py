@@ -102,7 +102,8 @@ class MarginBudget:
 
         Each contact lies within the sum of all location errors of the perceived one, delta, so the
         line turns by up to eta = asin(min(1, 2 delta / opening)). This angle is split in proportion
-        to the location errors: the encoders' fraction of it is counted as theirs.
+        to the location errors: the encoders' fraction of it is counted as theirs. The margin is
+        that of labels with the sum of the uncertainties.
 
         Args:
             critical_angle: Critical friction angle beta* [rad], shape (...); inf: no grasp.
@@ -121,9 +122,8 @@ class MarginBudget:
         beta = math.atan(0.5 * (smallest + largest))
         known = sensor.uncertainty if isinstance(sensor, Sensor) else sensor
         total, joints = (known or Uncertainty()) + further, encoders or JointEncoders.exact()
-        lengths = _number(total.location_error), joints.location_error
-        left = np.maximum(0.0, np.asarray(opening) - 2.0 * joints.closing_error)
-        location, moved = _turns(left, *lengths)
+        lengths = _number(total.location_error), joints.contact_error
+        location, moved = _turns(np.asarray(opening, dtype=np.float64), *lengths)
         return cls(
             friction_angle=np.asarray(beta),
             critical_angle=np.asarray(critical_angle, dtype=np.float64),

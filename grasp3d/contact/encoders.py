@@ -64,8 +64,8 @@ class JointEncoders:
             raise SettingError(f"encoder counts must be above 0; got {self.counts}")
         if isinstance(self.counts, tuple) and len(given) != len(self.lengths):
             raise SettingError(
-                f"{len(given)} encoder counts for {len(self.lengths)} joints; give one for all, "
-                "or one for each joint"
+                f"encoder counts must be one for all joints or one for each; got {len(given)}, but "
+                f"joints: {len(self.lengths)}"
             )
         if not all(0.0 <= length < math.inf for length in self.lengths):
             raise SettingError(
@@ -109,9 +109,8 @@ class JointEncoders:
     def closing_error(self) -> float:
         """Largest distance between true and perceived contact along the closing axis.
 
-        Of prismatic joints, which move the contact along the line through both contacts: that turns
-        neither normals nor line, it only changes the opening. 0 for revolute joints, whose
-        `location_error` holds in every direction.
+        Of prismatic joints, which move the contact along the closing axis: that turns no normals. 0
+        for revolute joints, whose `location_error` holds in every direction.
         """
         return self._travel / (2.0 * math.pi) if self.kind == "prismatic" else 0.0
 
@@ -121,13 +120,23 @@ class JointEncoders:
         return sum(length * error for length, error in pairs)
 
     @property
+    def contact_error(self) -> float:
+        """Largest distance between the true and the perceived contact, in any direction.
+
+        `location_error` or `closing_error`. An error along the closing axis turns no line by
+        itself, but it makes the opening shorter, on which other location errors then act: so it is
+        one of them.
+        """
+        return max(self.location_error, self.closing_error)
+
+    @property
     def uncertainty(self) -> Uncertainty:
         """What these encoders make uncertain about a contact; the unit is that of the lengths.
 
         Raises:
             SettingError: The normal error is 90 degrees or more.
         """
-        return Uncertainty(normal_error=self.normal_error, location_error=self.location_error)
+        return Uncertainty(normal_error=self.normal_error, location_error=self.contact_error)
 
 
 def _numbers(values: object) -> tuple[float, ...]:

@@ -26,7 +26,7 @@ from grasp3d.quality.uncertain_epsilon import WrenchErrors, uncertain_epsilon_ra
 from grasp3d.settings import GraspModel
 from grasp3d.stability.classification import classify
 from grasp3d.stability.label import Label
-from grasp3d.stability.located_angles import ContactLimits, PairLines, located_pairs
+from grasp3d.stability.located_angles import ContactLimits, located_contacts
 from grasp3d.stability.sampled_normals import WorstAndBest
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.deferred import Deferred
@@ -269,10 +269,8 @@ def _located(
     if contacts is None or model.is_uniform:
         return angles, angles
     found = np.full((2, len(closed)), math.nan)
-    found[:, closed] = located_pairs(
-        angles[closed], angles[closed], PairLines.of_contacts(contacts),
-        ContactLimits.of(model.fingertips),
-    )  # fmt: skip
+    limits = ContactLimits.of(model.fingertips)
+    found[:, closed] = located_contacts(contacts, angles[closed], limits)
     return locked(found[0]), locked(found[1])
 
 
@@ -337,12 +335,11 @@ def _holding(
     threads: int | None,
     progress: Progress,
 ) -> Holding:
-    """Grip forces and payloads, with the torsion radius of the load, rows (k,)."""
+    """Grip forces and payloads, with the torsion radius of the load case, rows (k,)."""
     if contacts is None:
         return Holding.none(case, len(closed))
-    soft = Contacts(contacts.points, contacts.normals, contacts.friction, case.torsion_radius)
     found = holding_of(
-        soft, model.tilt_of_fingers, case, friction=model.friction_bounds, threads=threads,
+        contacts, model.tilt_of_fingers, case, friction=model.friction_bounds, threads=threads,
         progress=progress,
     )  # fmt: skip
     return found.placed(np.flatnonzero(closed), len(closed))

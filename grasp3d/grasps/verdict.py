@@ -58,7 +58,7 @@ class Verdict:
     max_resolution: float
     """Of the best grasp: coarsest sensor resolution below which it is S [rad]; 0: none."""
     reason: str = ""
-    """Out of reach: why."""
+    """Out of reach, and no: why."""
     holding: HoldingVerdict | None = None
     """Whether the load is held; None: there is no load."""
 
@@ -77,6 +77,8 @@ class Verdict:
             return f"{self.word}: {grasps}, {spare}{margin} to spare"
         if self.word == "with a finer sensor":
             return f"{self.word} (resolution below {math.degrees(self.max_resolution):.1f}°)"
+        if self.word == "no":
+            return f"not holdable: {self.reason}"
         return f"{self.word} ({self.reason})" if self.reason else self.word
 
 
@@ -101,13 +103,13 @@ def _verdict(labels: SurfaceLabels) -> Verdict:
     vertices = ranked_vertices(labels)
     vertices = vertices[labels.max_resolution[vertices] > FINEST]
     if not len(vertices):
-        word: Word = "out of reach" if _is_out_of_reach(labels) else "no"
-        reason = _reason(labels) if word == "out of reach" else ""
-        return Verdict(word, 0, math.nan, math.nan, 0.0, reason)
+        if _is_out_of_reach(labels):
+            return Verdict("out of reach", 0, math.nan, math.nan, 0.0, _reason(labels))
+        return Verdict("no", 0, math.nan, math.nan, 0.0, _why_none(labels))
     best = vertices[0]
     resolution = float(labels.max_resolution[best])
     stable = vertices[labels.label[vertices] == Label.S]
-    word = "holdable" if len(stable) else "with a finer sensor"
+    word: Word = "holdable" if len(stable) else "with a finer sensor"
     points = grasps_at(labels.mesh, labels.partner_points, stable, 0).points
     margin = math.nan if labels.reach is None else float(labels.reach.approach_margin[best])
     return Verdict(
@@ -124,6 +126,13 @@ def _is_out_of_reach(labels: SurfaceLabels) -> bool:
     reasons = labels.reason[labels.mesh.on_surface]
     outside = Reason.OPENING if labels.reaching is not None else Reason.NOT_REACHED
     return bool(np.isin(reasons, [Reason.NOT_REACHED, outside]).any())
+
+
+def _why_none(labels: SurfaceLabels) -> str:
+    """Why no sensor makes any grasp S."""
+    if not (labels.reason == Reason.FOUND).any():
+        return "no grasp was found"
+    return "at no sensor resolution is a grasp S"
 
 
 def _reason(labels: SurfaceLabels) -> str:

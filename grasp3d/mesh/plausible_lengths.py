@@ -5,10 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
-from grasp3d.lengths import METRES, Unit
+from grasp3d.lengths import METRES, Unit, describe_length, length_in_unit
 from grasp3d.loads import Load
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.mesh.units import guess_unit
+from grasp3d.mesh.units import guess_unit, unit_warning
+from grasp3d.uncertainty import parse_fingers
 
 
 @dataclass(frozen=True)
@@ -37,6 +38,7 @@ RANGES = {
     "torsion_radius": PART,
     "patch_radius": PART,
     "location_error": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),
+    "receptive_field": PlausibleRange(0.0, 0.0, 1.0, usual=0.05, example="4mm"),
     "center_of_mass_radius": PlausibleRange(0.0, 0.0, 1.0, usual=0.05, example="5mm"),
     "max_distance": PlausibleRange(0.0, 0.0, 1.0, usual=0.02, example="2mm"),
 }
@@ -67,33 +69,44 @@ def length_warnings(
 
 
 def check_lengths(
-    lengths: Mapping[str, float | None], size: float, unit: Unit | None, source: str
+    lengths: Mapping[str, float | str | None], size: float, unit: Unit | None, source: str
 ) -> None:
     """Refuse a length that cannot be meant for an object of this size.
 
     Args:
-        lengths: Lengths in the mesh's unit, by the name of the setting.
+        lengths: Lengths by the name of the setting: numbers in the mesh's unit, or as they were
+            given, with a unit, which then is in the message.
         size: Diameter of the object, in the mesh's unit.
         unit: The mesh's unit; None: not known.
         source: Name of the mesh.
 
     Raises:
-        SettingError: There is such a length; the message names the unit that is likely.
+        SettingError: There is such a length; the message names the unit that is likely. Or a length
+            has a unit, but the mesh has none.
     """
-    for name, length, limits in _given(lengths):
+    numbers = {
+        name: length_in_unit(name, length, unit, source=source) for name, length in lengths.items()
+    }
+    for name, length, limits in _given(numbers):
         if limits.least <= length / size <= limits.most:
             continue
         own = f" {unit}" if unit else ""
-        remedy = _remedy(name, length, size, unit, limits)
+        given = lengths[name]
+        shown = describe_length(given) if isinstance(given, str) else f"{length:.4g}{own}"
+        remedy = _remedy(name, given or length, size, unit, limits)
         raise SettingError(
-            f"{name} is {length:.4g}{own}, {_times(length / size)} the size of {source}, "
+            f"{name} is {shown}, {_times(length / size)} the size of {source}, "
             f"{size:.4g}{own}: {remedy}, or accept it with --force "
             "(in Python force=True)"
         )
 
 
 def refuse_lengths(
-    mesh: ObjectMesh, lengths: Mapping[str, float | None], load: Load | None = None
+    mesh: ObjectMesh,
+    lengths: Mapping[str, float | str | None],
+    load: Load | None = None,
+    *,
+    per_finger: str = "",
 ) -> None:
     """Refuse lengths that cannot be meant for a mesh. See `check_lengths`.
 
@@ -101,13 +114,16 @@ def refuse_lengths(
         mesh: The object; lengths of its options are checked as well.
         lengths: As in `check_lengths`.
         load: With lengths in the mesh's unit; None: none.
+        per_finger: As in `GraspModel`; the location error of each finger is checked.
 
     Raises:
         SettingError: There is such a length.
     """
     of_load = {} if load is None else load.lengths()
     given = {**lengths, **mesh.options.lengths(), **of_load}
-    check_lengths(given, mesh.size, mesh.unit, mesh.report.source)
+    fingers = ({"location_error": one.location_error} for one in parse_fingers(per_finger))
+    for each in (given, *fingers):
+        check_lengths(each, mesh.size, mesh.unit, mesh.report.source)
 
 
 def _given(lengths: Mapping[str, float | None]) -> Iterator[tuple[str, float, PlausibleRange]]:
@@ -119,27 +135,38 @@ def _given(lengths: Mapping[str, float | None]) -> Iterator[tuple[str, float, Pl
 
 
 def _remedy(
-    name: str, length: float, size: float, unit: Unit | None, limits: PlausibleRange
+    name: str, given: float | str, size: float, unit: Unit | None, limits: PlausibleRange
 ) -> str:
-    """What to write instead."""
-    of_mesh = unit or guess_unit(size).unit
-    likely = None if of_mesh is None else _likely_unit(length, limits.usual * size, of_mesh)
-    if likely is None:
-        return f"give it with its unit, such as {limits.example}"
-    written = f"--{name.replace('_', '-')} {length:g}{likely}"
-    if unit is None:
-        return (
-            f"if the mesh is in {of_mesh} and the length in {likely}, give --unit {of_mesh} and "
-            f"{written}"
-        )
-    return f"if it is in {likely}, give {written}"
+    """What to write instead: the length in another unit, or the unit of the mesh."""
+    number, own = given.split(" ") if isinstance(given, str) else (f"{given:g}", "")
+    usual, option = limits.usual * size, f"--{name.replace('_', '-')}"
+    of_mesh = guess_unit(size).unit
+    if of_mesh is not None and (unit is None or unit_warning(size, unit)):
+        if own and _is_likely(length_in_unit(name, given, of_mesh), usual):
+            return f"if the mesh is in {of_mesh}, not in {unit}, give --unit {of_mesh}"
+        likely = None if own else _likely_unit(float(number), usual, of_mesh)
+        if likely is not None:
+            return (
+                f"if the mesh is in {of_mesh} and the length in {likely}, give --unit {of_mesh} "
+                f"and {option} {number}{likely}"
+            )
+    likely = None if unit is None else _likely_unit(float(number), usual, unit)
+    if likely is not None:
+        return f"if it is in {likely}, give {option} {number}{likely}"
+    if own:
+        return "check its number and its unit, and that of the mesh (--unit)"
+    return f"give it with its unit, such as {limits.example}"
+
+
+def _is_likely(length: float, usual: float) -> bool:
+    return 1.0 / LIKELY <= length / usual <= LIKELY
 
 
 def _likely_unit(length: float, usual: float, unit: Unit) -> Unit | None:
     """The unit in which a length is nearest to an ordinary one; None: there is none."""
     ratios = {other: length * METRES[other] / (usual * METRES[unit]) for other in METRES}
     nearest = min(ratios, key=lambda other: abs(math.log(ratios[other])))
-    return nearest if 1.0 / LIKELY <= ratios[nearest] <= LIKELY else None
+    return nearest if _is_likely(ratios[nearest], 1.0) else None
 
 
 def _times(ratio: float) -> str:

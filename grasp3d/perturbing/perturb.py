@@ -131,8 +131,8 @@ def _check_model(model: GraspModel) -> None:
         raise SettingError("noisy copies need the method exact; method extremes has no margins")
     if not model.is_uniform:
         raise SettingError(
-            "noisy copies are labelled without location_error and per_finger; leave them out, and "
-            "add them to the errors that are found"
+            "noisy copies are labelled without location_error and per_finger: leave them out here, "
+            "and add them to the errors of the result"
         )
 
 

@@ -4,6 +4,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grasp3d.contact.budget import CRITICAL, MARGIN, PARTS, MarginBudget
@@ -22,15 +23,25 @@ COLORS = {
 }
 """Colours of the parts, distinguishable for colour-blind readers; a margin has that of S."""
 
+NEGATIVE = "margin below 0"
+BAR = 0.7
+"""Height of a bar, as a fraction of its row."""
+_EXCESS: dict[str, Any] = {
+    "facecolor": "none", "edgecolor": "black", "hatch": "////", "linewidth": 0.0,
+}  # fmt: skip
+
 ROW, REST = 0.32, 0.9
 """Height of a bar, and of the rest of the figure [inch]."""
+IN_LINE, LINE = 6, 0.18
+"""Most entries in a line of the legend, and the height of a further line [inch]."""
 
 
 @styled
 def budget_figure(budgets: Mapping[str, MarginBudget]) -> Figure:
     """A stacked bar for each budget of one grasp; a line marks the friction angle.
 
-    Where the parts exceed the friction angle, the bar passes the line: there is no margin.
+    Beside each bar is its margin. Where the parts exceed the friction angle, the bar passes the
+    line: it is hatched from there on, as long as the margin is below 0.
 
     Args:
         budgets: Budgets of one grasp each, such as means, by their names.
@@ -52,21 +63,40 @@ def budget_figure(budgets: Mapping[str, MarginBudget]) -> Figure:
     axes = figure.add_subplot()
     shown: dict[str, Any] = {}
     for row, budget in enumerate(budgets.values()):
-        start = 0.0
-        for name, value in budget.stack.items():
-            angle = math.degrees(value.item())
-            if angle > 0.0:
-                bar = axes.barh(row, angle, 0.7, start, color=COLORS[name], label=name)
-                shown.setdefault(name, bar)
-                start += angle
-        limit = math.degrees(budget.friction_angle.item())
-        axes.plot([limit, limit], [row - 0.45, row + 0.45], color="black", linewidth=1.2)
+        for name, bar in _draw_bar(axes, row, budget).items():
+            shown.setdefault(name, bar)
     axes.set_yticks(range(len(budgets)), [as_text(name) for name in budgets])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
-    axes.set_xlabel("friction angle and its parts [degrees]; black: friction angle")
-    ordered = [name for name in COLORS if name in shown]
+    axes.set_xlabel("friction angle and its parts [degrees]; line: friction angle; number: margin")
+    ordered = [name for name in (*COLORS, NEGATIVE) if name in shown]
+    lines = math.ceil(len(ordered) / IN_LINE)
+    figure.set_figheight(figure.get_figheight() + LINE * (lines - 1))
     figure.legend(
-        [shown[name] for name in ordered], ordered, loc="outside upper center", ncols=len(COLORS)
+        [shown[name] for name in ordered],
+        ordered,
+        loc="outside upper center",
+        ncols=math.ceil(len(ordered) / lines),
     )
     return figure
+
+
+def _draw_bar(axes: Axes, row: int, budget: MarginBudget) -> dict[str, Any]:
+    """Draw the parts of one budget, its friction angle and its margin; returns bars by name."""
+    drawn: dict[str, Any] = {}
+    end, limit = 0.0, math.degrees(budget.friction_angle.item())
+    for name, value in budget.stack.items():
+        angle = math.degrees(value.item())
+        if angle > 0.0:
+            drawn[name] = axes.barh(row, angle, BAR, end, color=COLORS[name], label=name)
+            end += angle
+    axes.plot([limit, limit], [row - 0.45, row + 0.45], color="black", linewidth=1.2)
+    margin = math.degrees(budget.margin.item())
+    if margin < 0.0:
+        drawn[NEGATIVE] = axes.barh(row, -margin, BAR, limit, **_EXCESS)
+    text = f"{margin:+.1f}°".replace("-", "\N{MINUS SIGN}")
+    axes.annotate(
+        text, (max(end, limit), row), (4.0, 0.0), textcoords="offset points",
+        va="center", fontsize="small",
+    )  # fmt: skip
+    return drawn

@@ -12,6 +12,8 @@ from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from grasp3d.arrays import Floats
+from grasp3d.planar import Circle, Polyline
+from grasp3d.planar.outlines import Outline
 from grasp3d.plots.style import (
     LABEL_COLORS,
     LINES,
@@ -21,6 +23,7 @@ from grasp3d.plots.style import (
     new_figure,
     styled,
 )
+from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.sweeps import Sweep
 from grasp3d.sweeps.axes import AXES, COLUMN, AxisName, describe_value
@@ -33,6 +36,8 @@ MARGINS = 1.25
 """Height of titles and legend above and below the rows [inch]."""
 NAME = 20
 """Characters of a name in one line."""
+SQUARE = 8.0
+"""Perimeter of a square whose half side is 1."""
 LEAST, ENOUGH = 13.0, 30.0
 """Thickness of an area that is needed for its letter, and that is ample [%]."""
 
@@ -110,19 +115,32 @@ def row_text(sweep: Sweep, row: int) -> str:
     return f"{AXES[sweep.rows].symbol} = {describe_value(sweep.rows, value, sweep.unit)}"
 
 
-def axis_title(sweep: Sweep, name: AxisName) -> str:
+def axis_title(name: AxisName, sweeps: Sequence[Sweep]) -> str:
     """Name of an axis, with the unit of its values.
 
     Args:
-        sweep: The sweep, for the unit of lengths.
         name: The axis.
+        sweeps: The sweeps along it, for the unit of lengths; at least one.
     """
     axis = AXES[name]
     if name == COLUMN:
         return rf"{axis.words} $\alpha$ [°]"
     if name == "location_error":
-        return f"{axis.words} [{sweep.unit}]" if sweep.unit else axis.words
+        return f"{axis.words} [{' or '.join(dict.fromkeys(map(_length_unit, sweeps)))}]"
     return f"{axis.words} [{axis.unit}]" if axis.is_angle else axis.words
+
+
+def _length_unit(sweep: Sweep) -> str:
+    """Unit of the location errors, or what they are multiples of."""
+    if sweep.unit:
+        return sweep.unit
+    angles = sweep.distribution
+    shape = getattr(angles, "outline", angles)
+    if isinstance(shape, Circle | SphereAngles) and shape.radius == 1.0:
+        return "radii"
+    if isinstance(shape, Polyline) and shape.name == "square" and shape.perimeter == SQUARE:
+        return "half sides"
+    return "unit of the shape" if isinstance(shape, Outline | SphereAngles) else "mesh unit"
 
 
 def axis_numbers(sweep: Sweep, name: AxisName) -> Floats:
@@ -172,7 +190,7 @@ def sweep_figure(
     if not sweeps[0].axes.is_default:
         figure.suptitle(sweeps[0].axes.fixed_text, fontsize="medium")
     for axes in grid[-1]:
-        axes.set_xlabel(axis_title(sweeps[0], sweeps[0].columns))
+        axes.set_xlabel(axis_title(sweeps[0].columns, sweeps))
     marked = fractions if sweeps[0].columns == COLUMN else ()
     _add_legend(figure, [*grid[0, -1].get_lines(), *_legend_lines(marked, bool(members))], sweeps)
     return figure

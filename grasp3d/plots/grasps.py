@@ -11,6 +11,7 @@ from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.gripper.shapes import Triangles, gripper_triangles
 from grasp3d.lengths import METRES
+from grasp3d.model_text import model_line
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import PAGE, as_text, label_patches, new_figure, styled
 from grasp3d.plots.views import views_of, views_of_gripper
@@ -131,8 +132,7 @@ def grasp_figure(labels: SurfaceLabels, grasps: SurfaceGrasps, pictures: list[By
     model = labels.model
     figure.suptitle(
         f"{_short(labels.mesh.report.source)}\n"
-        f"{model.fingers} fingers, friction {model.friction:g}, "
-        rf"$\alpha$ = {math.degrees(model.sensor_resolution):.4g}°",
+        f"{model.fingers} fingers, {model_line(model, labels.mesh.unit)}",
         fontsize=8.5,
     )
     grid = figure.subplots(rows, columns, squeeze=False).ravel()

@@ -8,8 +8,9 @@ from typing import Any
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import QuadMesh
-from matplotlib.colors import Colormap, LinearSegmentedColormap
+from matplotlib.colors import Colormap, LinearSegmentedColormap, to_rgb
 from matplotlib.figure import Figure
+from matplotlib.patches import Patch
 from matplotlib.ticker import MaxNLocator
 
 from grasp3d.arrays import Floats
@@ -23,6 +24,12 @@ HEIGHT, MARGINS = 2.1, 0.75
 """Height of a row of maps, and of what is above and below them [inch]."""
 NAME = 20
 """Characters of a name in one line."""
+TINT = 0.12
+"""Of the smallest values, which differ from 0, where 0 is hatched."""
+_HATCH: dict[str, Any] = {
+    "facecolor": "#ECECEE", "edgecolor": "#9A9AA0", "hatch": "////", "linewidth": 0.0,
+}  # fmt: skip
+"""Of values of 0 that have a meaning of their own."""
 _LINE: dict[str, Any] = {"colors": "black", "linewidths": 0.8}
 
 
@@ -31,7 +38,8 @@ def heat_map_figure(sweeps: Sequence[Sweep], *, fractions: Sequence[float] = ())
     """Draw one row for each sweep: S and M over both axes, and the resolution that is required.
 
     The last map is the coarsest sensor resolution below which the first of `fractions` is S, given
-    what the axes state; it is left out if one axis is the resolution.
+    what the axes state; it is left out if one axis is the resolution. Maps are hatched where
+    nothing is S, and where no resolution is fine enough.
 
     Args:
         sweeps: Sweeps of the same axes with several values each; at least one.
@@ -41,31 +49,47 @@ def heat_map_figure(sweeps: Sequence[Sweep], *, fractions: Sequence[float] = ())
     figure = new_figure(PAGE, HEIGHT * len(sweeps) + MARGINS)
     grid = figure.subplots(len(sweeps), 2 + len(needed), squeeze=False, sharex=True, sharey=True)
     shown = _tens(sweep.stable for sweep in sweeps), _tens(sweep.ambiguous for sweep in sweeps)
+    hatched = []
     for panels, sweep in zip(grid, sweeps, strict=True):
-        for panel, heights, label, largest in zip(
-            panels, (sweep.stable, sweep.ambiguous), (Label.S, Label.M), shown, strict=False
-        ):
-            drawn = draw_heat_map(panel, sweep, 100.0 * heights, color(label), largest=largest)
-            figure.colorbar(drawn, ax=panel)
-        _draw_lines(panels[0], sweep, fractions)
+        maps = [
+            (100.0 * sweep.stable, color(Label.S, least=TINT), shown[0], "S: none"),
+            (100.0 * sweep.ambiguous, color(Label.M), shown[1], ""),
+        ]
         for fraction in needed:
             degrees = np.degrees(sweep.required_resolution(fraction))
-            drawn = draw_heat_map(panels[2], sweep, degrees, _blue(), largest=degrees.max() or 1.0)
-            figure.colorbar(drawn, ax=panels[2])
-        rows, name = axis_title(sweep, sweep.rows), "\n".join(wrap(as_text(sweep.name), NAME))
+            maps.append((degrees, _blue(), degrees.max(), r"$\alpha$: no sensor is fine enough"))
+        for panel, (heights, colors, largest, none) in zip(panels, maps, strict=True):
+            drawn = draw_heat_map(
+                panel, sweep, heights, colors, largest=largest, hatched=bool(none)
+            )
+            bar = figure.colorbar(drawn, ax=panel)
+            bar.ax.set_visible(largest > 0.0)
+            hatched += [none] if none and not heights.all() else []
+        _draw_lines(panels[0], sweep, fractions)
+        rows = axis_title(sweep.rows, sweeps)
+        name = "\n".join(wrap(as_text(sweep.name), NAME))
         panels[0].set_ylabel(f"{name}\n{rows}" if name else rows, parse_math=False)
     titles = ["surely stable (S) [%]", "ambiguous (M) [%]"]
     titles += [rf"$\alpha$ below which {100.0 * one:g} % are S [°]" for one in needed]
     for panel, title in zip(grid[0], titles, strict=True):
         panel.set_title(title)
     for panel in grid[-1]:
-        panel.set_xlabel(axis_title(sweeps[0], sweeps[0].columns))
+        panel.set_xlabel(axis_title(sweeps[0].columns, sweeps))
     figure.suptitle(sweeps[0].axes.fixed_text, fontsize="medium")
+    if hatched:
+        patch = Patch(label="; ".join(dict.fromkeys(hatched)), **_HATCH)
+        figure.legend(handles=[patch], loc="outside lower center")
     return figure
 
 
 def draw_heat_map(
-    axes: Axes, sweep: Sweep, heights: Floats, colors: Colormap, *, largest: float = 100.0
+    axes: Axes,
+    sweep: Sweep,
+    heights: Floats,
+    colors: Colormap,
+    *,
+    largest: float = 100.0,
+    hatched: bool = False,
 ) -> QuadMesh:
     """Draw values over the rows and columns of a sweep.
 
@@ -75,11 +99,15 @@ def draw_heat_map(
         heights: The values, shape (m, k).
         colors: Colours from 0 to the largest value.
         largest: The largest value.
+        hatched: Whether values of 0 are hatched.
     """
     x, y = axis_numbers(sweep, sweep.columns), axis_numbers(sweep, sweep.rows)
+    shown = np.ma.masked_where((heights == 0.0) & hatched, heights)
     drawn = axes.pcolormesh(
-        x, y, heights, shading="nearest", cmap=colors, vmin=0.0, vmax=largest, rasterized=True
+        x, y, shown, shading="nearest", cmap=colors, vmin=0.0, vmax=largest or 1.0, rasterized=True
     )
+    if shown.mask.any():
+        axes.patch.set(**_HATCH)  # the background, seen where nothing is drawn
     axes.set(xlim=(x[0], x[-1]), ylim=(y[0], y[-1]))
     axes.grid(visible=False)
     for side in (axes.xaxis, axes.yaxis):
@@ -87,13 +115,19 @@ def draw_heat_map(
     return drawn
 
 
-def color(label: Label) -> Colormap:
-    """Colours of a heat map of a label: white at 0, the label's colour at all of the area.
+def color(label: Label, *, least: float = 0.0) -> Colormap:
+    """Colours of a heat map of a label: nearly white at 0, the label's colour at the largest value.
 
     Args:
         label: The label.
+        least: How much of the label's colour there is at 0; 0: white.
     """
-    return LinearSegmentedColormap.from_list(label.name, ["white", LABEL_COLORS[label]])
+    return _colors(label.name, LABEL_COLORS[label], least)
+
+
+def _colors(name: str, most: str, least: float) -> Colormap:
+    full = np.array(to_rgb(most))
+    return LinearSegmentedColormap.from_list(name, np.stack([1.0 - least * (1.0 - full), full]))
 
 
 def _tens(fractions: Iterable[Floats]) -> float:
@@ -102,7 +136,7 @@ def _tens(fractions: Iterable[Floats]) -> float:
 
 
 def _blue() -> Colormap:
-    return LinearSegmentedColormap.from_list("resolution", ["white", LINES[0]["color"]])
+    return _colors("resolution", LINES[0]["color"], TINT)
 
 
 def _draw_lines(axes: Axes, sweep: Sweep, fractions: Sequence[float]) -> None:

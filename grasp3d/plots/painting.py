@@ -14,11 +14,12 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.rendering import Finger, View, picture
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import COLORS, Label
+from grasp3d.stability.located_angles import ContactLimits, located_contacts
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 
 POSITION, NORMAL, WORST, BEST, COLUMNS = slice(0, 3), slice(3, 6), 6, 7, 8
-"""Columns of a triangle's corner: position, outward normal, critical angles."""
+"""Columns of a triangle's corner: position, outward normal, located angles."""
 
 OPACITY = 0.65
 """Opacity of a gripper: what it holds remains visible."""
@@ -37,7 +38,7 @@ def paint_labels(
 ) -> Bytes:
     """Render a surface in the colours of its labels.
 
-    Between the vertices of a triangle the critical angles are interpolated, not the colours; with
+    Between the vertices of a triangle the located angles are interpolated, not the colours; with
     labels of method extremes, which have no angles, the borders are halfway.
 
     Args:
@@ -121,7 +122,7 @@ def _parts(labels: SurfaceLabels) -> dict[Label, Floats]:
 
 
 def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
-    """Critical angles, worst and best, at the corners of the faces, shape (F, 3, 2).
+    """Located angles, worst and best, at the corners of the faces, shape (F, 3, 2).
 
     A crease has no area, but the angles of its wider range of normals would extend over the faces
     next to it; so in a scan each face takes the angle of the same grasp at its own normal. With
@@ -132,8 +133,7 @@ def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
         worst = model.effective_friction_angle - np.where(labels.label == Label.S, 1.0, -1.0)
         best = _unstable_from(model) + np.where(labels.label == Label.U, 1.0, -1.0)
         return np.stack([worst, best], axis=1)[mesh.faces]
-    both = np.stack([labels.critical_angle, labels.critical_angle_best], axis=1)
-    angles = np.minimum(both, math.pi)[mesh.faces]
+    angles = np.minimum(np.stack(labels.located_angles, axis=1), math.pi)[mesh.faces]
     if labels.mode != "scan":
         return angles
     found = labels.reason == Reason.FOUND
@@ -142,16 +142,19 @@ def _corner_angles(labels: SurfaceLabels, inward: Floats) -> Floats:
     at = np.nonzero(creased[mesh.faces])
     vertex = mesh.faces[at]
     grasps = Contacts(
-        np.concatenate([mesh.vertices[vertex, None], labels.partners[vertex]], axis=1),
+        np.concatenate([mesh.vertices[vertex, None], labels.partners[vertex]], axis=1)
+        - mesh.center,
         np.concatenate([inward[at][:, None], labels.partner_normals[vertex]], axis=1),
     )
-    own = np.asarray(critical_friction_angle(grasps))[:, None]
+    critical = np.asarray(critical_friction_angle(grasps, threads=labels.threads))
+    limits = ContactLimits.of(model.fingertips)
+    own = np.stack(located_contacts(grasps, critical, limits, threads=labels.threads), axis=1)
     angles[at] = np.clip(own, angles[at][:, 1:], angles[at][:, :1])
     return angles
 
 
 def _unstable_from(model: GraspModel) -> float:
-    """Critical angle from which the surface is U [rad]; at most pi, the value for no grasp."""
+    """Located angle from which the surface is U [rad]; at most pi, the value for no grasp."""
     return min(model.unstable_from, math.pi)
 
 

@@ -1,6 +1,5 @@
 """Figure of a scan's labels, those of its noisy copies, and those with the errors to enter."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -9,6 +8,7 @@ from matplotlib.colors import LinearSegmentedColormap
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes
+from grasp3d.model_text import error_texts
 from grasp3d.perturbing.perturbation import Perturbation
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import LABEL_COLORS, PAGE, as_text, label_patches, new_figure, styled
@@ -48,9 +48,9 @@ def perturbation_figure(found: Perturbation, *, view: View | None = None) -> Fig
         advised = label_surface(
             labels.mesh, found.model, sampling=labels.sampling, threads=labels.threads
         )
-        degrees = math.degrees(found.advice.normal_error)
+        errors = ",\n".join(error_texts(found.model, labels.mesh.unit))
         picture_ = paint_labels(advised, view=view, size=PIXELS)
-        panels.append((f"with a normal error of {degrees:.3g}°", picture_, _fractions(advised)))
+        panels.append((f"with {errors or 'no further error'}", picture_, _fractions(advised)))
     figure = new_figure(PAGE, HEIGHT)
     grid = figure.subplots(1, len(panels), squeeze=False)[0]
     for axes, (title, image, below) in zip(grid, panels, strict=True):

@@ -5,12 +5,16 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d.arrays import Floats, locked
+from grasp3d.arrays import Bools, Floats, locked
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.over_friction import FrictionCases, over_friction
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
 from grasp3d.settings import GraspModel
-from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.progress import Progress, ignore
+
+COLLINEAR = 1e-9
+"""Width of contacts on a line, relative to its length."""
 
 
 @dataclass(frozen=True)
@@ -50,9 +54,10 @@ def uncertain_epsilon_range(
     The minimum is at the smallest friction, the bound on the maximum at the largest. Contacts that
     are d away from their perceived positions change the support function by at most d / rho, for
     actuation 'total' the largest d, for 'per_finger' their sum, and the span of two hard fingers
-    turns with the line between them. A centre of mass c away from the nominal one changes epsilon
-    by at most the factor s = (k + sqrt(k^2 + 4)) / 2, k = c / rho: the largest singular value of
-    the change of reference point.
+    turns with the line between them; of three and more on one line the minimum is 0. A centre of
+    mass c away from the nominal one changes epsilon by at most the factor
+    s = (k + sqrt(k^2 + 4)) / 2, k = c / rho: the largest singular value of the change of reference
+    point.
 
     Args:
         contacts: The contacts (b, n) at their nominal friction.
@@ -71,6 +76,7 @@ def uncertain_epsilon_range(
     if any(errors.location):
         change, turned = _of_locations(contacts, errors.location, options)
         minimum = np.maximum(minimum * turned - change, 0.0)
+        minimum = np.where(_on_a_line(contacts), 0.0, minimum)
         with np.errstate(divide="ignore"):
             maximum = (maximum + change) / turned
         largest = 1.0 if options.actuation == "total" else float(contacts.count)
@@ -90,14 +96,13 @@ def _over_friction(
     bound_rtol: float | None,
     progress: Progress,
 ) -> EpsilonRange:
-    nominal, low, high = (
-        epsilon_range(chosen, angle, options, bound_rtol=bound_rtol, progress=report)
-        for chosen, angle, report in (
-            (contacts, 0.0, ignore),
-            (contacts.with_friction(errors.friction[0]), tilt, within(progress, 0.0, 0.5)),
-            (contacts.with_friction(errors.friction[1]), tilt, within(progress, 0.5, 1.0)),
-        )
-    )
+    def epsilons(
+        contacts: Contacts, tilt: float | tuple[float, ...], progress: Progress
+    ) -> EpsilonRange:
+        return epsilon_range(contacts, tilt, options, bound_rtol=bound_rtol, progress=progress)
+
+    cases = FrictionCases(contacts, *map(contacts.with_friction, errors.friction))
+    nominal, low, high = over_friction(epsilons, cases, tilt, progress)
     return EpsilonRange(nominal.nominal, low.minimum, high.maximum)
 
 
@@ -123,6 +128,20 @@ def _of_locations(
     moved = 0.5 * sum(location) / scale + np.linalg.norm(middle, axis=-1) * turn
     sine = np.minimum(np.hypot(moved, turn) / size, 1.0)
     return change, np.sqrt((1.0 - sine) * (1.0 + sine))
+
+
+def _on_a_line(contacts: Contacts) -> Bools:
+    """Whether three hard contacts or more are on one line, up to rounding, shape (b,).
+
+    Epsilon is that within the wrenches that they span, without the torque about the line. Contacts
+    beside the line resist that torque too, however little.
+    """
+    if contacts.count < 3:
+        return np.zeros(contacts.batch, dtype=np.bool_)
+    centred = contacts.points - contacts.points.mean(axis=-2, keepdims=True)
+    lengths = np.linalg.svd(centred, compute_uv=False)
+    straight = lengths[..., 1] <= COLLINEAR * np.maximum(lengths[..., 0], 1e-300)
+    return np.asarray(straight & (contacts.torsion_radius == 0.0).all(axis=-1))
 
 
 def _largest_wrench(contacts: Contacts, errors: WrenchErrors, options: EpsilonOptions) -> Floats:

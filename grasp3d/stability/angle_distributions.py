@@ -10,7 +10,7 @@ best locations as well, and the distribution is that at one location error.
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 from functools import cached_property
 
 import numpy as np
@@ -64,6 +64,10 @@ class AngleDistribution(ABC):
 
     fingers: int = 2
     """Contacts of the grasps; three and more are never U from beta + alpha/2 = 90 degrees on."""
+
+    further_tilt: float = 0.0
+    """Largest angle that is added to alpha/2 for one of the fingers [rad]; the critical angles
+    include it."""
 
     @abstractmethod
     def worst_below(self, angles: ArrayLike) -> Floats:
@@ -155,7 +159,7 @@ class AngleDistribution(ABC):
         """
         beta, a = np.asarray(friction_angle, float), np.asarray(tilt, float)
         largest = beta if largest_friction_angle is None else np.asarray(largest_friction_angle)
-        widest = float(np.max(largest + a, initial=0.0))
+        widest = float(np.max(largest + a, initial=0.0)) + self.further_tilt
         if min(widest, math.pi / 2.0) > self.limit + ANGLE_ROUNDING:
             raise SearchCoverageError(
                 f"atan(friction) + alpha/2 is {math.degrees(widest):.4g} degrees, but grasps "
@@ -163,7 +167,8 @@ class AngleDistribution(ABC):
                 f"with Sampling(search_angle={min(widest, math.pi / 2.0):.4g})"
             )
         stable = self.worst_below(beta - a)
-        unstable = 1.0 - self.best_below(unstable_from(largest, a, self.fingers))
+        reached = unstable_from(largest, a + self.further_tilt, self.fingers)
+        unstable = 1.0 - self.best_below(reached - self.further_tilt)
         stable, unstable = np.broadcast_arrays(stable, unstable)
         return stable, np.maximum(0.0, 1.0 - stable - unstable), unstable
 
@@ -217,12 +222,13 @@ class SampledAngles(AngleDistribution):
     """Fraction of the surface of each sample, shape (k,); their sum is 1."""
     limit: float = math.inf
     fingers: int = 2
+    further_tilt: float = 0.0
 
     __repr__ = short_repr
 
     def __reduce__(self) -> tuple[type["SampledAngles"], tuple[object, ...]]:
         """Pickle the arguments alone, without the cached cumulative distributions."""
-        return SampledAngles, (self.worst, self.best, self.weights, self.limit, self.fingers)
+        return SampledAngles, tuple(getattr(self, field.name) for field in fields(self))
 
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""

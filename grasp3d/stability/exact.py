@@ -132,10 +132,10 @@ def located_angles(problem: StabilityProblem) -> WorstAndBest:
     contacts = problem.hard
     if contacts.count == 2:
         lines = _lines_of_pairs(problem)
-        turned = math.pi - lines.best, math.pi - lines.worst
+        turned = math.pi - lines.angles[::-1]
         worst, best = (
             np.minimum(angles.max(axis=1), reverse.max(axis=1))
-            for angles, reverse in zip((lines.worst, lines.best), turned, strict=True)
+            for angles, reverse in zip(lines.angles, turned, strict=True)
         )
         worst[lines.openings == 0.0] = best[lines.openings == 0.0] = math.inf
         return located_pairs(worst, best, lines, problem.limits)
@@ -173,6 +173,8 @@ def _of_located(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
         between = angles_between(normals[:, 0], -normals[:, 1])
         stable[together] = False
         unstable[together] = between >= problem.widest_angle[together].sum(axis=1)
+        if problem.creases:  # the normals of a crease may be nearer to each other than the middle
+            unstable[together] = False
     return stable, unstable, np.zeros(len(stable), dtype=np.int64)
 
 

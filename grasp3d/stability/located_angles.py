@@ -8,7 +8,7 @@ and more they are safe: every S and U is correct.
 """
 
 import math
-from dataclasses import dataclass, fields, replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -22,7 +22,7 @@ from grasp3d.settings import FingerLimits
 TOLERANCE = 1e-3
 """Three contacts and more: accuracy of the angles [rad]."""
 
-PROVING = (1.0, 0.8, 0.5)
+PROVING = (1.0, 0.99, 0.97, 0.93, 0.85, 0.7, 0.5)
 """Three contacts and more: fractions of the critical angle at which directions are computed that
 separate the grasp; the one that proves the most is taken."""
 
@@ -83,17 +83,17 @@ class PairLines:
     """Distance between the contacts of the grasps with the worst normals, shape (b,)."""
     openings_best: Floats
     """The same of the grasps with the best normals, which may be others on creases, shape (b,)."""
-    worst: Floats
-    """Largest angles of the first contact's normals to the line from the first to the second, and
-    of the second one's to the opposite [rad], shape (b, 2)."""
-    best: Floats
-    """Smallest angles, of the grasps with the best normals, shape (b, 2)."""
+    angles: Floats
+    """Largest and smallest angles of the first contact's normals to the line from the first to the
+    second, and of the second one's to the opposite [rad], shape (2, b, 2)."""
+    angles_best: Floats
+    """The same of the grasps with the best normals, shape (2, b, 2)."""
     lines: Floats
-    """Unit vectors from the first to the second contact of the same, shape (b, 3)."""
+    """Unit vectors from the first to the second contact of the latter, shape (b, 3)."""
     normals: Floats
-    """First normal and reversed second one of the same, shape (b, 2, 3)."""
+    """First normal and reversed second one of the latter, shape (b, 2, 3)."""
     single: Bools
-    """Whether both contacts have these normals alone, shape (b,)."""
+    """Whether both of the latter's contacts have these normals alone, shape (b,)."""
 
     @classmethod
     def of_contacts(cls, contacts: Contacts) -> "PairLines":
@@ -117,17 +117,17 @@ class PairLines:
             set_normals: Inward unit normals (K, 3).
             normals: The middle of each set (b, 2, 3).
         """
-        worst, best = np.empty((2, len(points), 2))
+        angles = np.empty((2, len(points), 2))
         lines, openings = np.empty((len(points), 3)), np.empty(len(points))
         pair_angles(
-            np.array(points), np.array(start), np.array(counts), np.array(set_normals), worst,
-            best, lines, openings,
+            np.array(points), np.array(start), np.array(counts), np.array(set_normals), angles[0],
+            angles[1], lines, openings,
         )  # fmt: skip
         return cls(
             openings=openings,
             openings_best=openings,
-            worst=worst,
-            best=best,
+            angles=angles,
+            angles_best=angles,
             lines=lines,
             normals=normals * np.array([1.0, -1.0])[:, None],
             single=np.asarray((counts == 1).reshape(-1, 2).all(axis=1)),
@@ -136,24 +136,32 @@ class PairLines:
     @classmethod
     def none(cls, count: int) -> "PairLines":
         """Lines of so many missing grasps."""
-        openings, angles = np.zeros(count), np.zeros((count, 2))
+        openings, angles = np.zeros(count), np.zeros((2, count, 2))
         return cls(
             openings=openings,
             openings_best=openings,
-            worst=angles,
-            best=angles,
+            angles=angles,
+            angles_best=angles,
             lines=np.zeros((count, 3)),
             normals=np.zeros((count, 2, 3)),
             single=np.zeros(count, dtype=np.bool_),
         )
 
-    def with_openings(self, openings: Floats) -> "PairLines":
-        """The same lines of the best grasps, with openings (b,) of those with worst normals."""
-        return replace(self, openings=openings)
+    def with_best(self, best: "PairLines") -> "PairLines":
+        """These lines, of grasps with the worst normals, beside those with the best normals."""
+        return replace(best, openings=self.openings, angles=self.angles)
 
     def at(self, rows: Ints) -> "PairLines":
         """The lines of chosen grasps."""
-        return PairLines(*(getattr(self, field.name)[rows] for field in fields(self)))
+        return PairLines(
+            openings=self.openings[rows],
+            openings_best=self.openings_best[rows],
+            angles=self.angles.take(rows, axis=1),
+            angles_best=self.angles_best.take(rows, axis=1),
+            lines=self.lines[rows],
+            normals=self.normals[rows],
+            single=self.single[rows],
+        )
 
 
 def located_pairs(
@@ -172,13 +180,30 @@ def located_pairs(
     worst_extras = limits.inner.max(axis=1, keepdims=True) - limits.inner
     lift = limits.inner.max(axis=1)
     locate_pairs(
-        np.ascontiguousarray(critical), np.ascontiguousarray(critical_best), lines.openings,
-        lines.openings_best, lines.worst, lines.best, lines.lines, lines.normals, lines.single,
-        np.ascontiguousarray(limits.location.sum(axis=1)), worst_extras,
+        # Copies: read-only arrays would be compiled for once more.
+        np.array(critical), np.array(critical_best), lines.openings,
+        lines.openings_best, lines.angles, lines.angles_best, lines.lines, lines.normals,
+        lines.single, np.ascontiguousarray(limits.location.sum(axis=1)), worst_extras,
         np.ascontiguousarray(limits.outer), found[0], found[1],
     )  # fmt: skip
     found[0] -= lift
     return found[0], found[1]
+
+
+def located_contacts(
+    contacts: Contacts, critical: Floats, limits: ContactLimits, *, threads: int | None = None
+) -> tuple[Floats, Floats]:
+    """(worst, best) located angles of grasps with one normal at each contact, shape (b,) each.
+
+    Args:
+        contacts: The contacts, shape (b, n).
+        critical: Their critical friction angles [rad], shape (b,).
+        limits: What is known about the contacts.
+        threads: Threads; None: one per processor.
+    """
+    if contacts.count == 2:
+        return located_pairs(critical, critical, PairLines.of_contacts(contacts), limits)
+    return located_grasps(contacts, critical, limits, threads=threads)
 
 
 def located_grasps(

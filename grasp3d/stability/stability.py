@@ -51,9 +51,10 @@ class Stability:
     def margin(self) -> Floats:
         """Margin [rad]: beta - alpha/2 - beta*, less all other uncertainties, shape (...).
 
-        With method exact a grasp is S iff it is above 0. Of the finger with the least; beta at the
-        smallest friction. -inf for two contacts at one point; nan for three contacts and more with
-        one on a crease.
+        With method exact a grasp is S iff it is above 0; where the tilt of one of three contacts or
+        more exceeds its friction, an S that the others hold alone may have a negative one. Of the
+        finger with the least; beta at the smallest friction. -inf for two contacts at one point;
+        nan for three contacts and more with one on a crease.
         """
         problem = self._problem
         worst, _ = located_angles(problem)

@@ -30,7 +30,7 @@ def surface_holding(
 
     Args:
         grasps: The grasps (b,).
-        model: Friction and resolution; the torsion radius is that of the load.
+        model: Friction and resolution; the torsion radius is that of the load case.
         case: The load.
         threads: Threads; None: one per processor.
         progress: Called with the fraction of the work done, from 0 to 1.
@@ -43,9 +43,8 @@ def surface_holding(
     if not len(chosen):
         return _unknown_normals(Holding.none(case, grasps.size))
     known = grasps.take(chosen)
-    soft = replace(model, torsion_radius=case.torsion_radius)
     found = holding_of(
-        known.contacts(soft), tilts_of(known, model), case, friction=model.friction_bounds,
+        known.contacts(model), tilts_of(known, model), case, friction=model.friction_bounds,
         threads=threads, progress=progress,
     )  # fmt: skip
     if len(chosen) == grasps.size:

@@ -12,11 +12,12 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.loads import Load
 from grasp3d.quality.force_ranges import Certainty, ForceRange, force_range
 from grasp3d.quality.grip_forces import Resistance
+from grasp3d.quality.over_friction import FrictionCases, over_friction
 from grasp3d.quality.payloads import payload
 from grasp3d.quality.tasks import Task
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.system.progress import Progress, ignore
 
 HARD_FINGERS = (
     "two hard fingers cannot resist a torque about the line through them: give a torsion radius "
@@ -192,17 +193,21 @@ def holding_of(
     """Grip forces and payloads of contacts under a load, at the perceived contact locations.
 
     Args:
-        contacts: A flat batch (b,), relative to the centre of mass.
+        contacts: A flat batch (b,), relative to the centre of mass, at nominal friction; torsion
+            radii are those of the load case.
         tilt: Largest angle between true and given normals [rad], one value or shape (b, n).
         case: The load.
         friction: Smallest and largest coefficient, one for all contacts or shape (n,): the largest
             force and the payload are those of the smallest friction, the least force that of the
-            largest.
+            largest, each with the torsion radius of a gripper's pads at that friction.
         threads: Threads; None: one per processor.
         progress: Called with the fraction of the work done, from 0 to 1.
     """
-    forces = _forces(contacts, tilt, case, friction, threads, progress)
-    weakest = contacts.with_friction(friction[0])
+    known = np.array_equal(friction[0], friction[1])
+    cases = FrictionCases(
+        case.at_friction(contacts), *(case.at_friction(contacts, bound) for bound in friction)
+    )
+    forces = _forces(cases, tilt, case.task, known, threads, progress or ignore)
     payloads = np.full(contacts.batch, np.nan)
     force, mass = case.available, case.task.mass
     if force is not None and mass is not None:
@@ -211,7 +216,9 @@ def holding_of(
             with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
                 payloads = force * mass / forces.largest
         else:
-            payloads = payload(weakest, task, force, tilt=tilt, rtol=FORCE_RTOL, threads=threads)
+            payloads = payload(
+                cases.weakest, task, force, tilt=tilt, rtol=FORCE_RTOL, threads=threads
+            )
     return Holding(
         case=case,
         grip_force=locked(forces.nominal),
@@ -224,25 +231,21 @@ def holding_of(
 
 
 def _forces(
-    contacts: Contacts,
+    cases: FrictionCases,
     tilt: ArrayLike,
-    case: LoadCase,
-    friction: tuple[ArrayLike, ArrayLike],
+    task: Task,
+    friction_known: bool,
     threads: int | None,
-    progress: Progress | None,
+    progress: Progress,
 ) -> ForceRange:
     """Forces at the nominal contacts, and the least and the largest over tilts and friction."""
-    report = progress or ignore
-    if np.array_equal(friction[0], friction[1]):
+
+    def forces(contacts: Contacts, tilt: ArrayLike, progress: Progress) -> ForceRange:
         return force_range(
-            contacts, case.task, tilt, rtol=FORCE_RTOL, threads=threads, progress=report
+            contacts, task, tilt, rtol=FORCE_RTOL, threads=threads, progress=progress
         )
-    nominal, low, high = (
-        force_range(chosen, case.task, angle, rtol=FORCE_RTOL, threads=threads, progress=step)
-        for chosen, angle, step in (
-            (contacts, 0.0, ignore),
-            (contacts.with_friction(friction[0]), tilt, within(report, 0.0, 0.5)),
-            (contacts.with_friction(friction[1]), tilt, within(report, 0.5, 1.0)),
-        )
-    )
+
+    if friction_known:
+        return forces(cases.nominal, tilt, progress)
+    nominal, low, high = over_friction(forces, cases, tilt, progress)
     return replace(nominal, least=high.least, largest=low.largest, how=low.how)

@@ -5,7 +5,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from html import escape
 
 from grasp3d.arrays import Floats
-from grasp3d.lengths import describe_length
+from grasp3d.model_text import model_line
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import COLORS, MEANING, Label, Mode
 
@@ -43,11 +43,8 @@ def label_table(
     Returns:
         An HTML element.
     """
-    alpha = math.degrees(model.sensor_resolution)
     grasps = "scan" if mode == "scan" else f"{model.fingers} fingers"
-    friction = "–".join(dict.fromkeys(f"{end:.3g}" for end in model.friction_interval))
-    errors = "".join(f", {escape(text)}" for text in _errors(model))
-    summary = f"μ {friction}, α {alpha:.3g}°{errors}, {grasps}, {count:,} vertices"
+    summary = f"{escape(model_line(model))}, {grasps}, {count:,} vertices"
     rows = "".join(
         f'<tr><th scope="row" style="{_CELL}">{name}</th><td style="{_CELL}">{value}</td></tr>'
         for name, value in (*_labels(fractions, mode), *_numbers(angles, epsilons))
@@ -57,16 +54,6 @@ def label_table(
         f"<div><strong>{escape(source)}</strong> {summary}{_bar(fractions)}"
         f"<table>{rows}</table>{f'<ul>{notes}</ul>' if notes else ''}</div>"
     )
-
-
-def _errors(model: GraspModel) -> Iterator[str]:
-    """What is uncertain beside friction and the sensor's normals."""
-    if model.normal_error:
-        yield f"normals ± {math.degrees(model.normal_error):.3g}°"
-    if model.location_error:
-        yield f"locations ± {describe_length(model.location_error)}"
-    if model.per_finger:
-        yield f"fingers: {model.per_finger}"
 
 
 def _color(letter: str) -> str:

@@ -78,7 +78,7 @@ def label_surface(
         >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
         >>> labels = grasp3d.label_surface(mesh)
         >>> labels
-        <SurfaceLabels of trimesh.Trimesh: 146 vertices, 2 fingers, friction 0.5, ...; S 67.4%, ...>
+        <SurfaceLabels of trimesh.Trimesh: 146 vertices, 2 fingers, μ 0.5, ...; S 67.4%, ...>
         >>> labels.label.shape, labels.partners.shape
         ((146,), (146, 1, 3))
 

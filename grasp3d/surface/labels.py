@@ -11,13 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, locked
-from grasp3d.errors import SearchCoverageError
+from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.gripper.reach import Reach
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.model_text import model_line
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, check_choice, search_cone
@@ -34,7 +35,7 @@ from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_grasps import VertexGrasps
 from grasp3d.surface.vertex_hulls import vertex_angles, vertex_epsilons, vertex_labels
-from grasp3d.uncertainty import Uncertainty
+from grasp3d.uncertainty import Uncertainty, friction_interval, parse_fingers
 
 Quantity = Literal["nominal", "minimum", "maximum"]
 
@@ -114,13 +115,13 @@ class SurfaceLabels(LabelledGrasps):
         )
 
     def __repr__(self) -> str:
-        model, alpha = self.model, math.degrees(self.model.sensor_resolution)
+        model = self.model
         known = model.method == "exact" or self.deferred_label.computed is not None
         found = self.fractions() if known else {}
         fractions = (f"{name} {fraction:.1%}" for name, fraction in found.items())
         return (
             f"<SurfaceLabels of {self.mesh.report.source}: {len(self.reason):,} vertices, "
-            f"{model.fingers} fingers, friction {model.friction:g}, resolution {alpha:g} degrees; "
+            f"{model.fingers} fingers, {model_line(model, self.mesh.unit)}; "
             f"{', '.join(fractions) or 'not labelled yet'}>"
         )
 
@@ -165,7 +166,11 @@ class SurfaceLabels(LabelledGrasps):
 
     @property
     def critical_angle_best(self) -> Floats:
-        """The same over the best normals, shape (V,); different at creases only."""
+        """The same over the best normals, shape (V,).
+
+        Different at creases, and where locations are uncertain: there it is that of the best
+        aligned grasp, which may have less margin than that of `critical_angle`.
+        """
         return self.grasps.critical_angle_best
 
     @property
@@ -261,6 +266,8 @@ class SurfaceLabels(LabelledGrasps):
             "per_finger": per_finger,
         }
         changed: dict[str, Any] = {name: one for name, one in given.items() if one is not None}
+        if friction is not None and len(set(friction_interval(friction))) > 1:
+            changed.setdefault("friction_error", 0.0)  # the interval states it
         model = replace(self.model, **changed)
         model = model.in_unit(self.mesh.unit, source=self.mesh.report.source)
         needed = search_cone(model, Sampling())
@@ -297,22 +304,46 @@ class SurfaceLabels(LabelledGrasps):
         """Distribution of critical angles: fractions S, M and U at any friction and resolution.
 
         They are those of method exact, whatever `model.method` is. Settings that need a wider cone
-        than was searched raise SearchCoverageError. The angles are the located ones.
+        than was searched raise SearchCoverageError. The angles are the located ones, with the
+        largest tilt that any finger has beyond those of all: so a vertex is S where the worst is
+        below atan(friction) minus the tilt of all fingers, and U where the best is at least
+        atan(friction) plus it.
 
         Args:
             weights: As in `fractions`.
             location_error: As in `GraspModel`, instead of the model's own; None: that.
+
+        Raises:
+            SettingError: Fingers have a friction of their own.
+
+        Example:
+            >>> import trimesh
+            >>> import grasp3d
+            >>> cone = trimesh.creation.cone(radius=0.03, height=0.1, sections=32)
+            >>> mesh = grasp3d.load_mesh(cone, unit="m", max_edge=0.02)
+            >>> model = grasp3d.GraspModel(sensor_resolution=0.1, per_finger="; normal_error=2")
+            >>> angles = grasp3d.label_surface(mesh, model).angle_distribution()
+            >>> found = angles.fractions(friction=0.5, sensor_resolution=0.1)
+            >>> {name: round(fraction, 2) for name, fraction in found.items()}
+            {'S': 0.68, 'M': 0.21, 'U': 0.11}
         """
+        if any(own.friction is not None for own in parse_fingers(self.model.per_finger)):
+            raise SettingError(
+                "fingers with a friction of their own have no distribution over friction: state "
+                "the friction of all fingers (--friction) instead of that in per_finger"
+            )
         values = self._weights(weights)
         weighted = values > 0.0
         labels = self if location_error is None else self.relabel(location_error=location_error)
         worst, best = labels.located_angles
+        further = max(np.ravel(self.model.tilt_of_fingers)) - self.model.tilt
         return SampledAngles(
-            worst=locked(worst[weighted]),
-            best=locked(best[weighted]),
+            worst=locked(worst[weighted] + further),
+            best=locked(best[weighted] - further),
             weights=locked(values[weighted]),
             limit=self.search.cone,
             fingers=self.model.fingers,
+            further_tilt=further,
         )
 
     def angle_quantiles(self, levels: ArrayLike, *, weights: Weights = "area") -> Floats:

@@ -2,6 +2,10 @@
 
 from dataclasses import dataclass
 
+import numpy as np
+
+from grasp3d.arrays import ArrayLike
+from grasp3d.contact.contacts import Contacts
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.lengths import METRES
 from grasp3d.loads import Load
@@ -38,9 +42,13 @@ class LoadCase:
     available: float | None
     """Force at hand of each finger [N]; None: not given."""
     torsion_radius: float
-    """Torsion radius of the contacts [mesh unit]; 0: hard fingers."""
+    """Torsion radius of the contacts at nominal friction [mesh unit]: that given, or that of the
+    gripper's pads, the smallest where the friction of the fingers differs; 0: hard fingers."""
     center_radius: float = 0.0
     """Radius of the ball in which the centre of mass lies [mesh unit]."""
+    pad_torsion: float | None = None
+    """Torsion radius of the gripper's pads per friction, to which it is proportional [mesh unit];
+    None: there are no pads, or a torsion radius is given, which is that at any friction."""
 
     @classmethod
     def of(
@@ -71,16 +79,41 @@ class LoadCase:
         force = load.grip_force
         if force is None and gripper is not None:
             force = gripper.max_force
-        torsion = model.in_unit(mesh.unit, source=source).torsion_radius
+        torsion, pads = model.in_unit(mesh.unit, source=source).torsion_radius, None
         if torsion == 0.0 and gripper is not None and mesh.unit is not None:
-            torsion = gripper.torsion_radius(model.friction) / METRES[mesh.unit]
+            pads = gripper.torsion_radius(1.0) / METRES[mesh.unit]
+            torsion = pads * float(np.min(model.frictions))
         radius = load.in_unit(mesh.unit, source=source).center_of_mass_radius
-        return cls(load, mass, task, force, torsion, radius)
+        return cls(load, mass, task, force, torsion, radius, pads)
 
     @property
     def decided(self) -> bool:
         """Whether the task is that of the object: its mass is known, or does not matter."""
         return self.mass is not None or self.task.mass is None
+
+    def at_friction(self, contacts: Contacts, friction: ArrayLike | None = None) -> Contacts:
+        """Contacts with another friction, and with the torsion radius that they then have.
+
+        Args:
+            contacts: The contacts; their own torsion radii do not matter.
+            friction: One value, or shape (..., n); None: theirs.
+
+        Example:
+            Pads that rub less also resist less torque about their normal:
+
+            >>> import trimesh
+            >>> import grasp3d
+            >>> box = trimesh.creation.box([80, 50, 30])
+            >>> mesh = grasp3d.load_mesh(box, unit="mm", max_edge=20)
+            >>> franka, model = grasp3d.ParallelGripper.preset("franka"), grasp3d.GraspModel()
+            >>> case = grasp3d.surface.LoadCase.of(grasp3d.Load(), mesh, model, franka)
+            >>> sides = grasp3d.Contacts([[0, -25, 0], [0, 25, 0]], [[0, 1, 0], [0, -1, 0]])
+            >>> case.at_friction(sides, (0.25, 0.5)).torsion_radius.round(2).tolist()
+            [1.65, 3.29]
+        """
+        own = contacts.friction if friction is None else np.asarray(friction, dtype=float)
+        torsion = self.torsion_radius if self.pad_torsion is None else self.pad_torsion * own
+        return Contacts(contacts.points, contacts.normals, own, torsion)
 
     def settings(self) -> dict[str, float | None]:
         """What follows from the load and the object, as settings of files."""

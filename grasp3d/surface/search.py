@@ -1,6 +1,7 @@
 """Search for the best grasp through every vertex, with labels as the result."""
 
 import math
+from functools import partial
 
 import numpy as np
 
@@ -13,10 +14,15 @@ from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.labels import SearchReport, SurfaceLabels
-from grasp3d.surface.sampling.antipodal import Ranking, best_pairs
+from grasp3d.surface.merged_grasps import with_more_margin
+from grasp3d.surface.sampling.antipodal import AntipodalGrasps, Ranking, best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps, grasps_at, grasps_differ
 from grasp3d.system.progress import Progress, within
+
+BEFORE_MARGINS = 0.35
+"""Fraction of the work for two fingers that the search by critical angles is expected to take,
+where one by margins follows."""
 
 BEFORE_ANGLES = 0.9
 """Fraction of the work for three fingers and more that the search is expected to take."""
@@ -42,48 +48,73 @@ def label_pairs(
     """
     cone, ranking = search_cone(model, sampling), Ranking.of(model)
     limited = sampling if reaching is None else reaching.within_stroke(mesh, sampling)
-    grasps = best_pairs(
-        mesh, limited, cone, threads=threads, reaching=reaching, ranking=ranking, progress=progress
-    )
-    points = SurfacePoints(
-        grasps.partner_points.faces[..., None], grasps.partner_points.weights[..., None, :]
-    )
-    found = np.flatnonzero((grasps.reason == Reason.FOUND) & mesh.on_surface)
-    normals = np.full((len(mesh.vertices), 1, 3), math.nan)
-    partners = SurfacePoints(points.faces[found, 0], points.weights[found, 0])
-    normals[found] = SurfaceContacts(mesh, partners).normals
-    angles = grasps.worst, grasps.best
-    if ranking != Ranking():  # costs, which are more than the critical angles
-        angles = _angles_of_pairs(mesh, points, np.unique(mesh.canonical[found]))
-    vertex_grasps = VertexGrasps.of(
-        mesh,
-        angles=angles,
-        partners=grasps.partner[:, None],
-        partner_normals=normals,
-        partner_points=points,
-        grip=grasps.grip,
-        reason=grasps.reason,
-        reach=grasps.reach,
-    )
+    find = partial(best_pairs, mesh, limited, cone, threads=threads, reaching=reaching)
+    alike = ranking == Ranking()
+    first = within(progress, 0.0, 1.0 if alike else BEFORE_MARGINS)
+    searches = [find(progress=first)]
+    grasps = _grasps_of_pairs(mesh, searches[0])
+    if not alike:  # with larger openings or other normals, grasps may have more margin
+        rest = within(progress, BEFORE_MARGINS, 1.0)
+        searches.append(find(ranking=ranking, progress=rest))
+        grasps = with_more_margin(
+            grasps, _grasps_of_pairs(mesh, searches[1], are_costs=True), model
+        )
     report = SearchReport(
-        cone, rays=grasps.rays, rounds=grasps.rounds, still_falling=grasps.still_falling
+        cone,
+        rays=sum(one.rays for one in searches),
+        rounds=sum(one.rounds for one in searches),
+        still_falling=searches[-1].still_falling,
     )
     return SurfaceLabels(
-        vertex_grasps, model, sampling=sampling, mode="label", search=report, reaching=reaching,
+        grasps, model, sampling=sampling, mode="label", search=report, reaching=reaching,
         threads=threads,
     )  # fmt: skip
 
 
+def _grasps_of_pairs(
+    mesh: ObjectMesh, found: AntipodalGrasps, *, are_costs: bool = False
+) -> VertexGrasps:
+    """The grasps that a search has found; it may have found costs in place of critical angles."""
+    points = SurfacePoints(
+        found.partner_points.faces[..., None], found.partner_points.weights[..., None, :]
+    )
+    having = np.flatnonzero((found.reason == Reason.FOUND) & mesh.on_surface)
+    normals = np.full((len(mesh.vertices), 1, 3), math.nan)
+    partners = SurfacePoints(points.faces[having, 0], points.weights[having, 0])
+    normals[having] = SurfaceContacts(mesh, partners).normals
+    angles = found.worst, found.best
+    if are_costs:
+        angles, points = _angles_of_pairs(mesh, points, np.unique(mesh.canonical[having]))
+    return VertexGrasps.of(
+        mesh,
+        angles=angles,
+        partners=found.partner[:, None],
+        partner_normals=normals,
+        partner_points=points,
+        grip=found.grip,
+        reason=found.reason,
+        reach=found.reach,
+    )
+
+
 def _angles_of_pairs(
     mesh: ObjectMesh, points: SurfacePoints, vertices: Ints
-) -> tuple[Floats, Floats]:
-    """Critical angles (V,) of the two grasps that each of some vertices has."""
-    angles = np.full((2, len(mesh.vertices)), math.inf)
-    for number in range(2):
-        contacts = grasps_at(mesh, points, vertices, number)
-        angles[number, vertices] = critical_angles(contacts)[number]
-    worst, best = angles[:, mesh.canonical]
-    return worst, best
+) -> tuple[tuple[Floats, Floats], SurfacePoints]:
+    """Critical angles (V,) of the grasps of some vertices, and points of the two that have them.
+
+    A grasp of the smallest cost over the best normals may not have the smallest angle.
+    """
+    worst, best, other = np.full((3, len(mesh.vertices)), math.inf)
+    worst[vertices], best[vertices] = critical_angles(grasps_at(mesh, points, vertices, 0))
+    other[vertices] = critical_angles(grasps_at(mesh, points, vertices, 1))[1]
+    numbers = np.where(other < best, 1, 0)[mesh.canonical]
+    rows = np.arange(len(numbers))
+    both = SurfacePoints(
+        np.stack([points.faces[:, 0], points.faces[rows, numbers]], axis=1),
+        np.stack([points.weights[:, 0], points.weights[rows, numbers]], axis=1),
+    )
+    best = np.minimum(best, other)
+    return (worst[mesh.canonical], best[mesh.canonical]), both
 
 
 def label_multifinger(

@@ -45,7 +45,10 @@ class VertexGrasps:
     critical_angle: Floats
     """Critical friction angle over the worst normals of the contacts [rad]; inf: no grasp. (V,)"""
     critical_angle_best: Floats
-    """The same over the best normals; different at creases only. (V,)"""
+    """The same over the best normals. (V,)
+
+    Different at creases, and where locations are uncertain: there it is that of the best aligned
+    grasp, which may have less margin than that of `critical_angle`."""
     partners: Floats
     """Opposing contacts of the vertex's best grasp; nan where there is none. (V, n - 1, 3)"""
     partner_normals: Floats
@@ -156,12 +159,13 @@ class VertexGrasps:
         vertices, canonical = self.vertices, self.mesh.canonical
         rows = np.full(len(canonical), 0)
         rows[vertices] = np.arange(len(vertices))
-        worst = grasps_at(self.mesh, self.partner_points, vertices, 0)
-        lines = lines_of_pairs(grasps_at(self.mesh, self.partner_points, vertices, 1))
-        openings = np.linalg.norm(worst.points[:, 1] - worst.points[:, 0], axis=1)
         if not len(vertices):
             return PairLines.none(len(canonical))
-        return lines.with_openings(openings).at(rows[canonical])
+        worst, best = (
+            lines_of_pairs(grasps_at(self.mesh, self.partner_points, vertices, number))
+            for number in range(2)
+        )
+        return worst.with_best(best).at(rows[canonical])
 
     @property
     def vertices(self) -> Ints:

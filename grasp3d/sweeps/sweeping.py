@@ -11,7 +11,7 @@ from grasp3d.lengths import Unit
 from grasp3d.settings import check_choice
 from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Mode
-from grasp3d.sweeps.axes import NAMES, AxisValues, axis_values
+from grasp3d.sweeps.axes import NAMES, AxisName, AxisValues, axis_values
 from grasp3d.sweeps.sweep_result import Sweep
 
 
@@ -27,8 +27,8 @@ def sweep(
     *,
     friction: ArrayLike,
     sensor_resolution: ArrayLike,
-    friction_error: ArrayLike = 0.0,
-    normal_error: ArrayLike = 0.0,
+    friction_error: ArrayLike | None = None,
+    normal_error: ArrayLike | None = None,
     location_error: ArrayLike | str | Sequence[float | str] | None = None,
     name: str = "",
     mode: Mode = "label",
@@ -43,16 +43,18 @@ def sweep(
         friction: Coulomb coefficients above 0.
         sensor_resolution: Resolutions alpha [rad].
         friction_error: Largest differences between the true friction and `friction`, below it.
+            None, here and below: that of the labels' model; 0 where critical angles are given.
         normal_error: Largest angles between true and perceived normals beyond alpha/2 [rad].
         location_error: Largest distances between true and perceived contact points: lengths, in the
             unit of the mesh or with a unit. The grasps are the same at all of them. None: that of
-            `source`.
+            `source`, critical angles too.
         name: Name of the surface.
         mode: Whether the grasps were searched ('label') or given ('scan').
 
     Raises:
-        SettingError: A value is outside its range, more than two settings have several values, or
-            the critical angles are not known at a location error.
+        SettingError: A value is outside its range, more than two settings have several values, the
+            critical angles are not known at a location error, or fingers have a friction of their
+            own.
         SearchCoverageError: The search did not cover all values.
 
     Example:
@@ -90,9 +92,9 @@ def sweep(
     axes = axis_values(
         friction=friction,
         sensor_resolution=sensor_resolution,
-        friction_error=friction_error,
-        normal_error=normal_error,
-        location_error=_location_of(source) if location_error is None else location_error,
+        friction_error=_error_of(source, "friction_error", friction_error),
+        normal_error=_error_of(source, "normal_error", normal_error),
+        location_error=_error_of(source, "location_error", location_error),
     )
     distributions = tuple(_angles_at(source, one) for one in axes.location_errors())
     return _swept(axes, distributions, name=name, mode=mode)
@@ -119,23 +121,23 @@ def _swept(
     return Sweep(name, mode, axes, stable, ambiguous, unstable, distributions)
 
 
-def _location_of(source: Any) -> float | str:
-    """Location error of critical angles or of labels: a length."""
-    location: float | str = getattr(getattr(source, "model", source), "location_error", 0.0)
-    return location
+def _error_of(source: Any, name: AxisName, given: Any) -> Any:
+    """Values of an error; None: the one of labels, and the location error of critical angles."""
+    return getattr(getattr(source, "model", source), name, 0.0) if given is None else given
 
 
 def _angles_at(
     source: AngleDistribution | LocatedGrasps, location: float | str
 ) -> AngleDistribution:
     """Critical angles at a location error."""
-    if isinstance(source, AngleDistribution) and location == _location_of(source):
+    known = _error_of(source, "location_error", None)
+    if isinstance(source, AngleDistribution) and location == known:
         return source
     located = getattr(source, "angle_distribution", None)
     if located is None:
         raise SettingError(
-            f"the location error of these critical angles is {_location_of(source)}, not "
-            f"{location}: give the labels instead, grasp3d.sweep(labels, ...)"
+            f"the location error of these critical angles is {known}, not {location}: give the "
+            "labels instead, grasp3d.sweep(labels, ...)"
         )
     found: AngleDistribution = located(location_error=location)
     return found
@@ -147,7 +149,7 @@ def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
     Its required resolution is that of the mean fractions, not the mean of required resolutions.
 
     Args:
-        sweeps: Sweeps of the same values, mode and number of fingers; at least one.
+        sweeps: Sweeps of the same values, mode and fingers; at least one.
         name: Name of the mean.
 
     Raises:
@@ -168,8 +170,9 @@ def mean_sweep(sweeps: Sequence[Sweep], *, name: str = "") -> Sweep:
     return _swept(first.axes, tuple(map(_MeanAngles, parts)), name=name, mode=first.mode)
 
 
-def _kind(one: Sweep) -> tuple[Mode, int, Unit | None]:
-    return one.mode, one.distribution.fingers, one.unit
+def _kind(one: Sweep) -> tuple[Mode, int, Unit | None, float]:
+    angles = one.distribution
+    return one.mode, angles.fingers, one.unit, angles.further_tilt
 
 
 class _MeanAngles(AngleDistribution):
@@ -179,6 +182,7 @@ class _MeanAngles(AngleDistribution):
         self._parts = parts
         self.limit = min(part.limit for part in parts)
         self.fingers = parts[0].fingers
+        self.further_tilt = parts[0].further_tilt
 
     def worst_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""

@@ -5,6 +5,7 @@ from dataclasses import dataclass
 from typing import Literal
 
 from grasp3d.errors import SettingError
+from grasp3d.meanings import EPSILON_MIN
 from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
 
 Paint = Literal[
@@ -17,7 +18,7 @@ _ALIKE: dict[Paint, str] = {
     "critical_angle": "β* does not depend on the sensor resolution",
     "max_resolution": "α* does not depend on the sensor resolution",
     "epsilon": "ε does not depend on the sensor resolution",
-    "epsilon_min": "the smallest ε is computed for one sensor resolution at a time",
+    "epsilon_min": f"{EPSILON_MIN} is computed for one sensor resolution at a time",
     "approach_margin": "the approach margin does not depend on the sensor resolution",
     "grip_force": "the grip force at the nominal normals does not depend on the sensor resolution",
     "payload": "the payload is computed for one sensor resolution at a time",
@@ -48,7 +49,7 @@ class ViewSettings:
     Attributes:
         paint: Quantity that colours show. label: S, M, U; critical_angle: beta* of the best grasp;
             max_resolution: alpha*, the coarsest resolution at which it is S; epsilon and
-            epsilon_min: Ferrari-Canny epsilon, and its smallest value over the tilts;
+            epsilon_min: Ferrari-Canny epsilon, and its smallest value over all uncertainties;
             approach_margin: half-width of the free approach angles of a gripper; grip_force: force
             that each finger needs under a load; payload: mass that the force at hand holds at all
             normals within the resolution; margin: angle by which it is S, below 0 by which it

@@ -145,6 +145,33 @@ def test_the_grid_has_every_combination_of_the_uncertainties(tmp_path: Path) -> 
     )
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize("fingers", ["; normal_error=5", "location_error=0.5mm; friction=0.3..0.5"])
+def test_fractions_over_the_grid_are_those_of_differing_fingers(
+    tmp_path: Path, fingers: str
+) -> None:
+    source, grid = egg(tmp_path), FractionGrid((0.3, 0.6), (0.0, 0.2), normal_error=(0.0, 0.05))
+    model = replace(SETTINGS.model, per_finger=fingers)
+    settings = replace(SETTINGS, model=model, grid=grid, best=0)
+    row, labels = row_of(job_of(source, tmp_path / "out"), settings), labels_of(source, settings)
+    assert len({one.stable for one in row.fractions}) > 4
+    for one in row.fractions:
+        again = labels.relabel(
+            friction=one.friction,
+            sensor_resolution=one.sensor_resolution,
+            normal_error=one.normal_error,
+        )
+        found = (one.stable, one.ambiguous, one.no_grasp_found)
+        assert found == pytest.approx(tuple(again.fractions().values()), abs=1e-12)
+    weights = labels.mesh.vertex_areas / labels.mesh.vertex_areas.sum()
+    for values, median in (
+        (labels.max_resolution, row.required_resolution_50),
+        (labels.margin, row.margin_p50),
+    ):
+        assert median is not None
+        assert weights[values > median + 1e-9].sum() <= 0.5 <= weights[values > median - 1e-9].sum()
+
+
 def test_errors_of_the_grid_are_checked() -> None:
     with pytest.raises(SettingError, match="below the friction"):
         BatchSettings(grid=FractionGrid((0.2, 0.5), friction_error=(0.3,)))

@@ -33,7 +33,7 @@ from grasp3d.batch.report.settings_text import describe_settings, summarise_sett
 from grasp3d.batch.report.thumbnails import HEIGHT, WIDTH
 from grasp3d.batch.report.views import ELEVATIONS
 from grasp3d.batch.row import AreaFractions, Outcome, Row
-from grasp3d.mesh.primitives import box_mesh, sphere_mesh
+from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
 from grasp3d.stability.thresholds import label_angles
@@ -293,16 +293,48 @@ def test_each_combination_of_errors_has_a_curve() -> None:
         library_data(rows, BatchSettings(GraspModel(friction_error=error, location_error=location)))
         for error, location in ((0.1, "1 mm"), (0.0, 0.0), (0.1, 0.0), (0.0, 0.7))
     ]
-    assert [curve["name"] for curve in found[0]["curves"]] == [
-        "0.5, normals ± 2°",
-        "0.5, normals ± 2°, locations ± 1 mm",
-        "0.5 ± 0.1, normals ± 2°",
-        "0.5 ± 0.1, normals ± 2°, locations ± 1 mm",
+    assert [curve["at"] for curve in found[0]["curves"]] == [
+        ["0.5", "0", "2°", "0"],
+        ["0.5", "0", "2°", "1 mm"],
+        ["0.5", "0.1", "2°", "0"],
+        ["0.5", "0.1", "2°", "1 mm"],
     ]
+    assert {axis["title"]: axis["values"] for axis in found[0]["axes"]} == {
+        "Friction μ": ["0.5"],
+        "Friction error": ["0", "0.1"],
+        "Normal error": ["2°"],
+        "Location error": ["0", "1 mm"],
+    }
     assert [data["curve"] for data in found] == [3, 0, 2, 1]
     assert [data["uncertain"] for data in found] == [True, False, True, True]
     assert all(curve["meshes"] == [2, 2] for curve in found[0]["curves"])
     assert library_data([], BatchSettings())["curve"] == 0
+
+
+def test_values_of_an_axis_ascend_as_numbers() -> None:
+    row = Row(
+        "a.ply",
+        unit="mm",
+        fractions=tuple(
+            AreaFractions(mu, 0.0, 0.5, 0.5, 0.0, 0.0, math.radians(degrees))
+            for mu in (10.0, 2.0, 0.5)
+            for degrees in (10.0, 9.0)
+        ),
+    )
+    axes = {axis["name"]: axis["values"] for axis in library_data([row], BatchSettings())["axes"]}
+    assert axes["friction"] == ["0.5", "2", "10"]
+    assert axes["normalError"] == ["9°", "10°"]
+
+
+def test_only_safe_labels_are_called_safe(box: SurfaceLabels) -> None:
+    exact, three = GraspModel(location_error=0.001), GraspModel(location_error=0.001, fingers=3)
+    assert library_data([], BatchSettings(exact))["certainty"] == ""
+    text = "every S and U is correct, an M may be one of them"
+    assert library_data([], BatchSettings(three))["certainty"] == text
+    assert decoded(object_script(box, "box", ()))[0]["certainty"] == ""
+    search = Sampling(candidates=8)
+    safe = label_surface(cylinder_mesh(0.5, 1.0, max_edge=0.5), three, sampling=search, threads=1)
+    assert decoded(object_script(safe, "cylinder", ()))[0]["certainty"] == text
 
 
 def test_uncertainties_are_described() -> None:
@@ -310,13 +342,14 @@ def test_uncertainties_are_described() -> None:
         friction=(0.4, 0.6),
         normal_error=2.0 * DEGREE,
         location_error="1mm",
-        per_finger="; friction=0.3..0.4",
+        per_finger="location_error=1mm, normal_error=2; friction=0.3..0.4",
     )
     text = dict(describe_settings(BatchSettings(model)))
     assert text["Friction"] == "μ 0.4 to 0.6 (cone of β 21.8° to 30.96°)"
     assert text["Normals"] == "within a further 2°"
     assert text["Contact locations"] == "within 1 mm"
-    assert text["Each finger"] == model.per_finger
+    fingers = "finger 1: normals ± 2°, locations ± 1 mm more; finger 2: friction 0.3 to 0.4"
+    assert text["Each finger"] == fingers
     summary = summarise_settings(BatchSettings(model))
     assert {"Normals within a further 2°", "Contact locations within 1 mm"} <= set(summary)
     assert not {"Normals", "Contact locations", "Each finger"} & set(

@@ -231,7 +231,10 @@ def test_the_death_of_a_worker_and_the_client_does_not_change_the_rows(
     ("arguments", "message"),
     [
         (["in", "-o", "out", "--grid-friction", "0"], "friction must be"),
-        (["in", "-o", "out", "--grid-sensor-resolution", "x"], "sensor resolution 'x'"),
+        (
+            ["in", "-o", "out", "--grid-sensor-resolution", "x"],
+            "resolution must be a number of degrees",
+        ),
         (["in", "-o", "out", "--timeout", "0"], "timeout must be"),
         (["in", "-o", "out", "--worker-memory", "0.01"], "worker memory must be"),
         (["in", "-o", "out", "--scheduler", "tcp://127.0.0.1:1"], "127.0.0.1:1"),

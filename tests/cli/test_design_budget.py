@@ -57,7 +57,8 @@ def test_a_budget_has_a_bar_for_each_part() -> None:
     assert ends == sorted(ends)  # each bar begins where the one before ends
     values = facts(text[: text.index("Budget")])
     assert values["encoders"] == "± 0.0439°, ± 0.0439°"
-    assert values["location"].startswith("± 0.06903 mm")
+    assert values["location uncertainty"] == "within 2 mm"
+    assert values["contact location"].startswith("within 0.06903 mm")
 
 
 def test_the_limits_are_those_of_the_design() -> None:
@@ -100,15 +101,19 @@ def test_parallel_jaws_only_move_along_the_closing_axis() -> None:
         "--location-error", "1mm", "--object-size", "20mm",
     )  # fmt: skip
     assert "± 0.01 mm" in text
-    assert bars(text)["location"][0] == degrees(math.asin(2.0 / 19.98))
-    assert "encoders" not in bars(text)
+    found, turn = bars(text), math.asin(2.02 / 20.0)
+    assert found["location"][0] == degrees(turn / 1.01)
+    assert found["encoders"][0] == degrees(turn * 0.01 / 1.01)
 
 
 def test_further_errors_and_the_critical_angle_take_their_parts() -> None:
-    found = bars(
-        printed("--normal-error", 2, "--location-error", "1mm", "--object-size", "40mm",
-                "--critical-angle", 5)
+    text = printed(
+        "--normal-error", 2, "--location-error", "1mm", "--object-size", "40mm",
+        "--critical-angle", 5,
     )  # fmt: skip
+    found, values = bars(text), facts(text[: text.index("Budget")])
+    assert values["other normal error"] == "within 2°"
+    assert values["other location error"] == "within 1 mm"
     assert found["friction angle"][0] == "26.57°"  # a friction of 0.5, if none is given
     assert (found["critical angle"][0], found["normal error"][0]) == ("5.00°", "2.00°")
     assert found["location"][0] == degrees(math.asin(2.0 / 40.0))
@@ -126,6 +131,34 @@ def test_several_frictions_have_a_budget_each(tmp_path: Path) -> None:
         "0.3",
         "0.4..0.6",
     ]
+
+
+def test_the_figure_does_not_change_what_is_printed(tmp_path: Path) -> None:
+    words = ("--friction", 0.5, "--receptive-field", 4, "--object-size", 50)
+    figure = tmp_path / "a.png"
+    text, drawn = printed(*words), printed(*words, "--figure", figure)
+    assert "Comparison of this sensor with each friction" in text
+    assert drawn.splitlines()[:-1] == text.splitlines()
+    assert drawn.splitlines()[-1].startswith("written: ")
+    assert figure.read_bytes().startswith(b"\x89PNG")
+
+
+def test_a_critical_angle_above_the_friction_angle_is_named_as_the_cause() -> None:
+    cause = "the critical angle alone exceeds the friction angle"
+    words = ("--friction", "0.2..0.3", "--receptive-field", 4)
+    above = " ".join(printed(*words, "--critical-angle", 20).split())
+    below = " ".join(printed(*words, "--critical-angle", 13).split())
+    assert cause in above
+    assert "takes the most" not in above
+    assert cause not in below
+    assert "sensor resolution takes the most" in below
+
+
+def test_a_flat_tip_has_no_limit_of_its_resolution() -> None:
+    text = printed("--flat", "--receptive-field", 4, "--joint-lengths", 60, "--object-size", 50)
+    assert "0.00°" not in text[: text.index("Budget")]
+    assert "of 1 joint, exact" in text
+    assert "resolution" not in text[text.index("Limits") :]
 
 
 def test_an_ellipsoid_is_as_coarse_as_where_its_normal_turns_most() -> None:
@@ -177,12 +210,11 @@ def test_an_object_has_its_own_angles_and_openings(box: Path, tmp_path: Path) ->
     assert 0.0 < fraction < 100.0
     table = text[text.index("Area fraction of S") :].replace(" %", "%")
     rows = dict(re.findall(r"^([a-z ]+?) {2,}(\d+\.\d)%", table, re.MULTILINE))
-    assert list(rows) == [
-        "nothing", "friction", "sensor resolution", "location", "encoders", "everything",
-    ]  # fmt: skip
-    assert rows["nothing"] == f"{fraction:.1f}"
+    names = ("friction", "sensor resolution", "location", "encoders", "any")
+    assert list(rows) == ["as given", *(f"without {name}" for name in names)]
+    assert rows["as given"] == f"{fraction:.1f}"
     without = given.without("sensor resolution").stable_fraction(grasps)
-    assert rows["sensor resolution"] == f"{100.0 * without:.1f}"
+    assert rows["without sensor resolution"] == f"{100.0 * without:.1f}"
     limits = text[text.index("Limits") :]
     levels = [line.split()[1] for line in limits.splitlines() if line.startswith("0.4..0.6")]
     assert levels == ["50", "90"]
@@ -193,6 +225,31 @@ def test_an_object_without_a_unit_is_refused(box: Path) -> None:
     run = design("--object", box, "--friction", 0.5)
     assert (run.returncode, run.stdout) == (2, "")
     assert "the unit of box.stl is not known, but a design is in mm" in " ".join(run.stderr.split())
+
+
+def test_lengths_that_cannot_be_meant_are_refused(box: Path) -> None:
+    on_box = ("--object", box, "--unit", "mm", "--friction", 0.5)
+    for words, message in (
+        ((*on_box, "--location-error", "5m"), "location_error is 5 m, 50.5 times the size of box"),
+        (
+            (*on_box, "--location-error", 200),
+            "location_error is 200 mm, 2.02 times the size of box",
+        ),
+        (
+            (*on_box, "--receptive-field", "120mm", "--fingertip-radius", "60mm"),
+            "receptive_field is 120 mm, 1.21 times the size of box",
+        ),
+        (
+            ("--object-size", "50mm", "--location-error", "1m"),
+            "location_error is 1 m, 20 times the size of the object (--object-size), 50 mm",
+        ),
+    ):
+        run = design(*words)
+        assert (run.returncode, run.stdout) == (2, "")
+        assert message in run.stderr
+        assert "accept it with --force" in run.stderr
+    accepted = printed("--object-size", "50mm", "--location-error", "1m", "--force")
+    assert bars(accepted)["location"][0] == "90.00°"
 
 
 def test_an_object_that_cannot_be_held_is_refused(tmp_path: Path) -> None:
@@ -221,7 +278,7 @@ BAD: dict[str, tuple[tuple[object, ...], str]] = {
     "jaws": (("--parallel-jaws",), "--parallel-jaws needs --joint-lengths"),
     "counts": (("--encoder-counts", 0, "--joint-lengths", 5), "encoder counts must be above 0"),
     "many counts": (
-        ("--encoder-counts", 9, 9, "--joint-lengths", 5), "2 encoder counts for 1 joints",
+        ("--encoder-counts", 9, 9, "--joint-lengths", 5), "one for all joints or one for each",
     ),
     "axes": (("--fingertip-axes", 8, 10, "--friction", 0.5), "three finite lengths above 0"),
     "axes and radius": (
@@ -241,6 +298,8 @@ BAD: dict[str, tuple[tuple[object, ...], str]] = {
     "normals": (("--normal-error", 90), "normal error must be at least 0 and below 90 degrees"),
     "location": (("--location-error", -1), "location error must be a finite length of at least 0"),
     "figure": (("--figure", "budget.txt"), ".svg"),
+    "nothing to draw": (("--figure", "a.png"), "--figure draws the budget of a finger"),
+    "no friction": (("--figure", "a.png", "--receptive-field", 4), "--figure draws the budget"),
     "no object": (("--object", "missing.stl"), "missing.stl"),
 }  # fmt: skip
 

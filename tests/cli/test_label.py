@@ -178,7 +178,6 @@ def test_bad_input_of_a_process_is_one_line_as_well(tmp_path: Path) -> None:
         ["label"],
         ["label", "x", "--frict", "1"],
         ["bake"],
-        ["label", "x", "--friction", "high"],
         ["label", "x", "--edges", "some"],
         ["label", "x", "--actuation", "both"],
     ],

@@ -28,7 +28,9 @@ def scan(tmp_path: Path) -> Path:
 def test_it_prints_what_to_enter_and_writes_the_results(scan: Path) -> None:
     done = grasp3d("perturb", scan.name, "--noise", "0.2mm", *QUICK, cwd=scan.parent)
     assert (done.returncode, done.stderr) == (0, "")
-    assert "noise: 0.2 mm along the normals, as given, white; 3 copies" in done.stdout
+    noise = "noise of each of the 3 copies: 0.2 mm along the normals (as given), independent at"
+    assert noise in done.stdout
+    assert re.search(r"over 95 % of the area and copies, normals turn by at most \d", done.stdout)
     entered = re.search(r"enter: --normal-error (\S+) --location-error (\S+)mm", done.stdout)
     assert entered
     assert 1.0 < float(entered[1]) < 30.0
@@ -48,7 +50,7 @@ def test_what_it_prints_can_be_entered(scan: Path) -> None:
         *words[1].split(), "-o", "b.ply", cwd=scan.parent,
     )  # fmt: skip
     assert (label.returncode, label.stderr) == (0, "")
-    fraction = re.search(r"with these (\S+) % of the area are S", done.stdout)
+    fraction = re.search(r"with these errors (\S+) % of the area is S", done.stdout)
     assert fraction
     stable = re.search(r"S    surely stable +(\S+) %", label.stdout)
     assert stable
@@ -62,7 +64,40 @@ def test_where_noise_is_too_strong_the_cure_is_named(scan: Path) -> None:
     assert (done.returncode, done.stdout) == (0, "")
     done = grasp3d("perturb", scan.name, "--noise", "5mm", *QUICK, cwd=scan.parent)
     assert "no errors to enter" in done.stdout
-    assert "--patch-radius" in done.stdout
+    assert "over a patch of a few edge lengths (--patch-radius)" in done.stdout
+    patch = ("--patch-radius", "4mm", "--correlation", "0.5mm")
+    done = grasp3d("perturb", scan.name, "--noise", "7mm", *QUICK, *patch, cwd=scan.parent)
+    assert "no errors to enter" in done.stdout
+    assert "over a patch larger than 4 mm (--patch-radius)" in done.stdout
+    assert "alike within 0.5 mm" in done.stdout
+
+
+def test_the_model_is_stated_and_its_normal_error_contained(scan: Path) -> None:
+    words = ("--friction", "0.4..0.6", "--normal-error", "2", "--noise", "0.2mm")
+    done = grasp3d("perturb", scan.name, *words, *QUICK, cwd=scan.parent)
+    assert "friction 0.4 to 0.6, sensor resolution 22.6°, normals ± 2°" in done.stdout
+    assert "with these errors (they contain the 2° given) " in done.stdout
+    entered = re.search(r"enter: --normal-error (\S+)", done.stdout)
+    assert entered
+    assert float(entered[1]) > 3.0
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("--location-error", "1mm"),
+        ("--per-finger", "location_error=1mm; normal_error=2"),
+        ("--method", "extremes"),
+    ],
+)
+def test_what_noisy_copies_do_not_take_is_no_option(scan: Path, words: tuple[str, str]) -> None:
+    done = grasp3d("perturb", "missing.ply", *words, cwd=scan.parent)
+    assert done.returncode == 2
+    assert "Unrecognized" in done.stderr
+    assert words[0] in done.stderr
+    assert "missing.ply" not in done.stderr  # refused before anything is read
+    helped = grasp3d("perturb", "--help", cwd=scan.parent)
+    assert words[0] not in re.findall(r"--[a-z-]+", helped.stdout)
 
 
 @pytest.mark.parametrize(
@@ -74,7 +109,6 @@ def test_where_noise_is_too_strong_the_cure_is_named(scan: Path) -> None:
         (["--level", "2"], "level must be above 0.5 and below 1"),
         (["-o", "a.txt"], "supported are .ply .csv .parquet"),
         (["--figure", "a.gif"], "supported are .svg .png .pdf"),
-        (["--method", "extremes"], "method exact"),
         (["-o", "scan.ply"], "scan.ply"),
     ],
 )

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from scipy.spatial.transform import Rotation
 
 import grasp3d
-from grasp3d.contact import JointEncoders, MarginBudget
+from grasp3d.contact import FingerDesign, GraspSamples, JointEncoders, MarginBudget
 from grasp3d.contact.budget import PARTS
 from grasp3d.errors import SettingError
 from grasp3d.uncertainty import Uncertainty
@@ -127,12 +127,68 @@ def test_locations_are_split_in_proportion_to_their_errors() -> None:
     assert moved + float(budget.location) == pytest.approx(math.asin(8.0 / 20.0))
 
 
-def test_jaws_with_encoders_only_change_the_opening() -> None:
+def test_errors_along_the_closing_axis_are_errors_of_location_by_encoders() -> None:
     jaws = JointEncoders(500, (100.0,), "prismatic")  # 0.1 mm each
     other = Uncertainty(location_error=1.0)
     budget = MarginBudget.of(0.0, friction=0.5, encoders=jaws, other=other, opening=20.0)
-    assert float(budget.encoders) == 0.0
-    assert float(budget.location) == pytest.approx(math.asin(2.0 / 19.8))
+    turn = math.asin(2.2 / 20.0)
+    assert float(budget.encoders) == pytest.approx(turn * 0.1 / 1.1)
+    assert float(budget.location) == pytest.approx(turn / 1.1)
+
+
+@settings(max_examples=40, deadline=None)
+@given(
+    frictions,
+    st.floats(1.0, 100.0),
+    st.sampled_from(["revolute", "prismatic"]),
+    st.floats(10.0, 5000.0),
+    st.floats(0.0, 0.6),
+)
+def test_the_margin_of_a_budget_is_that_of_a_label(
+    friction: tuple[float, float], opening: float, kind: str, counts: float, off: float
+) -> None:
+    """With all errors of a sensor and of either kind of encoders."""
+    encoders = JointEncoders(counts, (20.0, 5.0), kind)  # type: ignore[arg-type]
+    design = FingerDesign(friction, SENSOR, encoders, Uncertainty(location_error=0.1))
+    total = design.uncertainty
+    toward = np.array([math.cos(off), math.sin(off), 0.0])
+    contacts = grasp3d.Contacts(
+        np.array([[0.0, 0.0, 0.0], [opening, 0.0, 0.0]]),
+        np.array([toward, [-1.0, 0.0, 0.0]]),
+        friction=friction[0],
+    )
+    label = grasp3d.classify(
+        contacts,
+        total.sensor_resolution,
+        friction_interval=friction,
+        normal_error=total.normal_error,
+        location_error=total.location_error,
+    )
+    budget = design.budget(GraspSamples(off, opening))
+    assert float(budget.margin[0]) == pytest.approx(float(label.margin), abs=1e-9)
+
+
+def test_no_state_of_jaws_within_their_errors_is_worse_than_their_budget() -> None:
+    """Jaws that are 2 mm nearer than reported, each, and contacts that are off as well."""
+    jaws = JointEncoders(5, (20.0,), "prismatic")
+    friction = math.tan(math.atan(0.5) - 0.03)
+    near = 20.0 - 2.0 * jaws.closing_error
+    turn, tilt = math.asin(4.0 / near), SENSOR.tilt
+    moved = near * math.cos(turn) * np.array([math.cos(turn), math.sin(turn), 0.0])
+    assert np.linalg.norm(moved - [near, 0.0, 0.0]) <= 4.0 + 1e-12  # 2 mm at either contact
+    tilted = np.array([[math.cos(tilt), -math.sin(tilt), 0.0]])
+    true = grasp3d.Contacts([np.zeros(3), moved], [tilted[0], -tilted[0]], friction)
+    assert not grasp3d.force_closure(true).closed
+    budget = MarginBudget.of(0.0, friction=friction, sensor=SENSOR, encoders=jaws, opening=20.0)
+    assert float(budget.margin) < 0.0
+    model = grasp3d.GraspModel(friction).with_uncertainty(SENSOR.uncertainty + jaws.uncertainty)
+    perceived = grasp3d.Contacts(
+        [[0.0, 0.0, 0.0], [20.0, 0.0, 0.0]], [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]], friction
+    )
+    label = grasp3d.classify(
+        perceived, model.sensor_resolution, location_error=model.location_error
+    )
+    assert int(label.label) == grasp3d.Label.M
 
 
 def test_arrays_have_a_row_for_each_grasp_and_no_grasp_has_no_margin() -> None:

@@ -86,9 +86,11 @@ def test_joints_may_differ() -> None:
 
 def test_parallel_jaws_neither_tilt_nor_move_across_the_closing_axis() -> None:
     jaws = JointEncoders(500, (10.0,), "prismatic")
-    assert (jaws.normal_error, jaws.location_error, jaws.uncertainty) == (0.0, 0.0, Uncertainty())
+    assert (jaws.normal_error, jaws.location_error) == (0.0, 0.0)
     assert jaws.closing_error == pytest.approx(10.0 / 500 / 2.0)  # half a count of travel
-    assert JointEncoders(500, (10.0,)).closing_error == 0.0
+    assert jaws.uncertainty == Uncertainty(location_error=jaws.closing_error)
+    fingers = JointEncoders(500, (10.0,))
+    assert (fingers.closing_error, fingers.contact_error) == (0.0, fingers.location_error)
 
 
 def test_exact_encoders_leave_nothing_uncertain() -> None:
@@ -102,7 +104,7 @@ def test_exact_encoders_leave_nothing_uncertain() -> None:
         ((0, (1.0,)), "encoder counts must be above 0; got 0"),
         ((math.nan, (1.0,)), "encoder counts must be above 0"),
         (((100, -1), (1.0, 2.0)), "encoder counts must be above 0"),
-        (((100, 200), (1.0,)), "2 encoder counts for 1 joints; give one for all"),
+        (((100, 200), (1.0,)), "one for all joints or one for each; got 2, but joints: 1"),
         ((100, (-1.0,)), "lengths of joints must be finite and at least 0"),
         ((100, (math.inf,)), "lengths of joints must be finite"),
         ((100, 5.0), "encoders take numbers, one for each joint; got 5.0"),

@@ -88,7 +88,7 @@ def test_nothing_to_hold_is_no() -> None:
     for options in ({"gripper": None}, {}):
         verdict = verdict_of(beside(pyramid, model, **options))
         if "gripper" in options:
-            assert str(verdict) == "no"
+            assert str(verdict) == "not holdable: at no sensor resolution is a grasp S"
         assert verdict.count == 0
 
 

@@ -6,11 +6,12 @@ import pytest
 
 from grasp3d import Sampling, label_surface, load_mesh
 from grasp3d.errors import SettingError
+from grasp3d.lengths import length_in_unit
 from grasp3d.loads import Load
 from grasp3d.mesh.plausible_lengths import check_lengths, length_warnings, refuse_lengths
 from tests.helpers import shapes
 
-REFUSED: dict[str, tuple[dict[str, float], float, Any, str]] = {
+REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {
     "mm for m": ({"max_opening": 80.0}, 0.144, "m", "if it is in mm, give --max-opening 80mm"),
     "m for mm": ({"max_spread": 0.1}, 144.0, "mm", "if it is in m, give --max-spread 0.1m"),
     "radius": ({"torsion_radius": 3.0}, 0.144, "m", "if it is in mm, give --torsion-radius 3mm"),
@@ -22,6 +23,11 @@ REFUSED: dict[str, tuple[dict[str, float], float, Any, str]] = {
         "m",
         "if it is in mm, give --center-of-mass-radius 5mm",
     ),
+    "unit of the mesh": ({"location_error": "2 mm"}, 0.144, "mm", "in m, not in mm, give --unit m"),
+    "both": ({"location_error": 2.0}, 0.144, "mm", "give --unit m and --location-error 2mm"),
+    "small mesh": ({"max_opening": "80 mm"}, 144.0, "m", "in mm, not in m, give --unit mm"),
+    "given in m": ({"location_error": "2 m"}, 0.144, "m", "in mm, give --location-error 2mm"),
+    "given": ({"location_error": "500 mm"}, 0.144, "m", "check its number and its unit, and that"),
     "no guess": ({"max_opening": 1e9}, 0.144, "m", "give it with its unit, such as 80mm"),
     "no guess, tip": ({"torsion_radius": 1e9}, 0.144, "m", "with its unit, such as 5mm, or"),
 }
@@ -65,4 +71,13 @@ def test_the_radius_of_the_centre_of_mass_is_checked_with_the_mesh() -> None:
 
 def test_a_length_that_is_refused_has_a_warning_as_well() -> None:
     for lengths, size, unit, _ in REFUSED.values():
-        assert len(length_warnings(lengths, size, unit)) == 1
+        numbers = {name: length_in_unit(name, one, unit) for name, one in lengths.items()}
+        assert len(length_warnings(numbers, size, unit)) == 1
+
+
+def test_the_message_has_the_length_as_it_was_given() -> None:
+    with pytest.raises(SettingError, match=r"^location_error is 500 mm, 3.47 times the size of a"):
+        check_lengths({"location_error": "500 mm"}, 0.144, "m", "a.stl")
+    check_lengths({"location_error": "100 mm"}, 0.144, "m", "a.stl")
+    with pytest.raises(SettingError, match="is 1 mm, but the unit of"):
+        check_lengths({"location_error": "1 mm"}, 0.144, None, "a.stl")

@@ -8,9 +8,10 @@ import grasp3d
 from grasp3d.contact import JointEncoders, MarginBudget
 from grasp3d.contact.budget import PARTS
 from grasp3d.errors import SettingError
-from grasp3d.plots.budgets import COLORS, budget_figure
+from grasp3d.plots.budgets import COLORS, NEGATIVE, budget_figure
 from grasp3d.plots.formats import save_as
 from grasp3d.uncertainty import Uncertainty
+from tests.helpers.figures import check_texts
 
 SENSOR = grasp3d.Sensor(receptive_field=4.0, fingertip_radius=10.0)
 
@@ -25,6 +26,7 @@ def budget(critical: float) -> MarginBudget:
 def test_the_bars_have_the_lengths_of_the_parts(tmp_path: Path) -> None:
     budgets = {"pinch": budget(0.02), "cap": budget(0.3)}
     figure = budget_figure(budgets)
+    check_texts(figure)
     (axes,) = figure.axes
     bars = [(bar.get_x(), bar.get_width()) for group in axes.containers for bar in group]
     expected = []
@@ -34,13 +36,20 @@ def test_the_bars_have_the_lengths_of_the_parts(tmp_path: Path) -> None:
             if (angle := math.degrees(float(value))) > 0.0:
                 expected.append((start, angle))
                 start += angle
+    excess = start - math.degrees(math.atan(0.5))
+    expected.append((start - excess, excess))  # what passes the friction angle
     np.testing.assert_allclose(bars, expected)
     limits = [float(np.asarray(line.get_xdata())[0]) for line in axes.lines]
     assert limits == pytest.approx([math.degrees(math.atan(0.5))] * 2)
     assert start > limits[1]  # no margin: the bar passes the friction angle
     assert [label.get_text() for label in axes.get_yticklabels()] == ["pinch", "cap"]
     (legend,) = figure.legends
-    assert [text.get_text() for text in legend.get_texts()] == list(COLORS)
+    assert [text.get_text() for text in legend.get_texts()] == [*COLORS, NEGATIVE]
+    assert axes.containers[-1][0].get_hatch()
+    margins = [math.degrees(float(one.margin)) for one in budgets.values()]
+    assert margins[0] > 0.0 > margins[1]
+    shown = [text.get_text() for text in axes.texts]
+    assert shown == [f"+{margins[0]:.1f}°", f"\N{MINUS SIGN}{-margins[1]:.1f}°"]
     save_as(figure, tmp_path / "budgets.svg")
     assert (tmp_path / "budgets.svg").stat().st_size > 1000
 

@@ -132,3 +132,18 @@ class TestLocationTolerance:
     def test_open_grasps_tolerate_nothing(self) -> None:
         contacts = Contacts(np.eye(3), np.eye(3), 0.2)
         assert location_tolerance(contacts) == 0.0
+
+
+def test_three_contacts_on_a_line_may_get_a_weak_torque_about_it() -> None:
+    points = np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0], [0.5, 0.0, 0.0]])
+    normals = [[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]
+    options = EpsilonOptions(torque_scale=SCALE)
+    errors = WrenchErrors((0.5, 0.5), (0.05,) * 3)
+    contacts = Contacts(points[None], [normals], 0.5)
+    found = uncertain_epsilon_range(contacts, 0.0, errors, options)
+    moved = Contacts(points + [[0.0] * 3, [0.0] * 3, [0.0, 0.001, 0.0]], normals, 0.5)
+    weak = epsilon(moved, torque_scale=SCALE)
+    assert found.nominal[0] > 0.1
+    assert weak.rank == 6
+    assert found.minimum[0] == 0.0 < weak.lower < 0.01
+    assert weak.upper < found.maximum[0]

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.optimize import minimize_scalar
 
 from grasp3d import Contacts, Label, classify, force_closure
+from grasp3d._kernels.pair_lines import smallest_over_lines
 from grasp3d.errors import SettingError
 from grasp3d.quality import location_tolerance
 from grasp3d.settings import GraspModel
@@ -140,7 +141,7 @@ class TestTwoContacts:
         case = random_pairs(3000, 3)
         contacts, limits = case.contacts, self._limits(case)
         lines = PairLines.of_contacts(contacts)
-        critical = np.minimum(lines.worst.max(axis=1), (math.pi - lines.worst).max(axis=1))
+        critical = np.minimum(lines.angles[0].max(axis=1), (math.pi - lines.angles[0]).max(axis=1))
         worst, _ = located_pairs(critical, critical, lines, limits)
         usable = critical < 0.5 * math.pi - 0.3
         worst_held = self._held_at(case, worst - 1e-6, lines, worst=True)
@@ -151,7 +152,7 @@ class TestTwoContacts:
         """Against a search: the normals, their bisector, and the border of each cap of lines."""
         case = random_pairs(150, 8)
         lines = PairLines.of_contacts(case.contacts)
-        critical = np.minimum(lines.worst.max(axis=1), (math.pi - lines.worst).max(axis=1))
+        critical = np.minimum(lines.angles[0].max(axis=1), (math.pi - lines.angles[0]).max(axis=1))
         _, best = located_pairs(critical, critical, lines, self._limits(case))
         turn = np.arcsin(np.minimum(case.location.sum(axis=1) / lines.openings, 1.0))
         for g in range(len(best)):
@@ -170,8 +171,8 @@ class TestTwoContacts:
     def _held_at(case: Case, angle: Floats, lines: PairLines, *, worst: bool) -> NDArray[np.bool_]:
         """Whether grasps hold at a friction angle, the line turned away from the worse normal."""
         points, opening = case.contacts.points, lines.openings
-        squeeze = lines.worst.max(axis=1) <= (math.pi - lines.worst).max(axis=1)
-        used = np.where(squeeze[:, None], lines.worst, math.pi - lines.worst)
+        squeeze = lines.angles[0].max(axis=1) <= (math.pi - lines.angles[0]).max(axis=1)
+        used = np.where(squeeze[:, None], lines.angles[0], math.pi - lines.angles[0])
         which = used.argmax(axis=1)
         sign = np.where(squeeze, 1.0, -1.0) * np.where(which == 0, 1.0, -1.0)
         normal = np.take_along_axis(case.contacts.normals, which[:, None, None], 1)[:, 0]
@@ -347,3 +348,31 @@ class TestErrors:
         assert model.effective_friction_angle == pytest.approx(min(narrowest))
         assert limits.inner[0] == pytest.approx(np.array(narrowest) - min(narrowest))
         assert limits.location.tolist() == [[0.0, 1.0]]
+
+
+@pytest.mark.parametrize("added", [(0.0, 0.0), (0.3, 0.0), (0.2, 0.5)])
+@pytest.mark.parametrize("sine", [0.3, 0.99, 1.0, 1.5])
+def test_lines_between_opposite_normals(sine: float, added: tuple[float, float]) -> None:
+    """Every line across two opposite normals has equal angles to both."""
+    rng = np.random.default_rng(4)
+    for number in range(40):
+        axis, normal = unit(rng.normal(size=(2, 3)))
+        other = -normal if number % 2 else unit(-normal + 1e-16 * rng.normal(size=3))
+        found = smallest_over_lines(tuple(axis), tuple(normal), tuple(other), sine, *added)
+        angle = float(np.arccos(np.clip(axis @ normal, -1.0, 1.0)))
+        turn = math.pi if sine > 1.0 else math.asin(sine)
+        reach = np.clip([angle - turn, angle + turn], 0.0, math.pi)
+        balanced = np.clip(0.5 * (math.pi + added[1] - added[0]), *reach)
+        expected = max(balanced + added[0], math.pi - balanced + added[1])
+        assert found == pytest.approx(expected, abs=1e-6)
+
+
+def test_a_crease_at_the_point_of_the_other_contact_may_hold() -> None:
+    """Its middle normal is far from the other contact's, but one of its faces is opposite."""
+    slope = math.radians(150.0)
+    faces = np.array([[1.0, 0.0, 0.0], [math.cos(slope), math.sin(slope), 0.0]])
+    for gap in (0.0, 1e-6):
+        points = [[0.0, 0.0, 0.0], [gap, 0.0, 0.0]]
+        contacts = Contacts(points, [unit(faces.sum(axis=0)), [-1.0, 0.0, 0.0]], 0.5)
+        found = classify(contacts, 0.1, location_error=0.01, creases={0: faces})
+        assert Label(int(found.label)) is Label.M

@@ -8,6 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import ObjectMesh, Sampling, load_mesh
+from grasp3d._kernels.antipodal_candidates import PairLimits
 from grasp3d._kernels.face_contacts import (
     NONE,
     cosine_at,
@@ -164,7 +165,7 @@ def test_no_grasp_is_better_than_the_bound_of_its_node(seed: int, shape: str) ->
         read_face(face, vertex, surface, lines, normals)
         opening = float(np.linalg.norm(weights @ lines))
         for worst, longest in itertools.product((True, False), (math.inf, opening * (1.0 + 1e-9))):
-            limits = (0.0, longest)
+            limits = PairLimits(0.0, longest, rng.choice([0.0, 0.3, 3.0]) * opening)
             found = cosine_at(*weights, lines, normals, own, count, worst, limits)
             bound = upper_bound(node, vertex, own, count, worst, tree, surface, limits, NONE)
             assert NONE < found <= bound + 1e-9
@@ -177,7 +178,7 @@ def test_moves_on_a_face_do_not_end_before_they_reach_the_limit(seed: int, shape
     """Moves that would improve the limit, if only just, are the same as without an early end."""
     rng = np.random.default_rng(seed)
     mesh, tree = with_tree(shape)
-    surface, sets, limits = mesh.contact_surface, mesh.contact_normals, (0.0, math.inf)
+    surface, sets = mesh.contact_surface, mesh.contact_normals
     own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
     for _ in range(20):
         vertex, leaf = int(rng.integers(len(mesh.vertices))), int(rng.integers(1 << tree.depth))
@@ -185,7 +186,9 @@ def test_moves_on_a_face_do_not_end_before_they_reach_the_limit(seed: int, shape
         read_face(tree.order[len(tree.order) * leaf >> tree.depth], vertex, surface, lines, normals)
         weights = 0.99 * rng.dirichlet(np.ones(3)) + 0.01 / 3.0
         cosine_of_leaf = tree.bounds[(1 << tree.depth) - 1 + leaf, 7]
-        turning = turning_speed(weights, lines, normals, cosine_of_leaf)
+        opening = float(np.linalg.norm(weights @ lines))
+        limits = PairLimits(0.0, math.inf, rng.choice([0.0, 0.1, 0.5]) * opening)
+        turning = turning_speed(weights, lines, normals, cosine_of_leaf, limits.location)
         for worst in (True, False):
             others = lines, normals, own, count, worst, limits
             cosine = cosine_at(*weights, *others)

@@ -3,6 +3,7 @@
 import math
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from grasp3d import (
     GraspModel,
     Label,
     Load,
+    ParallelGripper,
     Sampling,
     SurfaceLabels,
     classify,
@@ -19,8 +21,9 @@ from grasp3d import (
     label_surface,
     load_mesh,
     scan_surface,
+    sweep,
 )
-from grasp3d.errors import SettingError
+from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.surface.vertex_grasps import Reason, grasps_at
 from grasp3d.uncertainty import Uncertainty
 from tests.helpers import shapes
@@ -93,6 +96,68 @@ def test_fingers_that_are_alike_are_one_uncertainty(labels: SurfaceLabels) -> No
     assert each.margin == pytest.approx(common.margin, abs=1e-12)
 
 
+def test_one_worse_finger_costs_at_most_what_is_worse_about_it() -> None:
+    """Also at creases, where the best grasps over the worst and the best normals differ."""
+    mesh = load_mesh(shapes.box((0.08, 0.05, 0.03)), unit="m", max_edge=0.01)
+    alike = label_surface(mesh, sampling=WIDE)
+    cases = {
+        "; normal_error=2": math.radians(2.0),
+        "; friction=0.4": math.atan(0.5) - math.atan(0.4),
+    }
+    for text, cost in cases.items():
+        each = alike.relabel(per_finger=text)
+        costs = alike.margin - each.margin
+        assert (costs > -1e-9).all()
+        assert (costs < cost + 1e-9).all()
+        assert costs.max() == pytest.approx(cost, abs=1e-9)
+        searched = label_surface(mesh, each.model, sampling=WIDE)
+        assert (searched.margin > each.margin - 2e-3).all()
+
+
+@pytest.mark.parametrize(
+    ("given", "message"),
+    [
+        ({"friction": (0.4, 0.6), "friction_error": 0.05}, "friction is an interval, 0.4 to 0.6"),
+        ({"sensor_resolution": 1.6, "normal_error": 0.8}, "less than 90 degrees; got 91.67"),
+        ({"sensor_resolution": 3.0, "per_finger": "; normal_error=5"}, "less than 90 degrees"),
+    ],
+)
+def test_models_that_contradict_themselves_are_refused(given: dict[str, Any], message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        GraspModel(**given)
+
+
+def test_an_interval_replaces_the_error_of_friction(labels: SurfaceLabels) -> None:
+    before = labels.relabel(friction_error=0.05)
+    after = before.relabel(friction=(0.4, 0.6))
+    assert after.model.friction_interval == (0.4, 0.6)
+    assert before.relabel(friction=0.6).model.friction_error == 0.05
+    assert before.relabel(friction=0.04, friction_error=0.01).model.friction_error == 0.01
+    stated = Uncertainty(sensor_resolution=0.1, friction=(0.45, 0.65))
+    assert before.model.with_uncertainty(stated).friction_error == 0.1
+    assert "μ 0.4 to 0.6, α 22.6°" in repr(after)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "error"), [("tee.glb", "2mm"), ("cone.off", "5mm")])
+@pytest.mark.parametrize("gripper", [None, "franka"])
+def test_a_search_with_less_knowledge_turns_no_label_to_u(
+    name: str, error: str, gripper: str | None
+) -> None:
+    """Nor does it find less margin than the grasps of the search with known locations have."""
+    mesh = load_mesh(MESHES / name, unit="m", max_edge="12mm")
+    preset = None if gripper is None else ParallelGripper.preset(gripper)
+    known = label_surface(mesh, gripper=preset)
+    searched = label_surface(mesh, GraspModel(location_error=error), gripper=preset)
+    assert not ((searched.label == Label.U) & (known.label != Label.U)).any()
+    if gripper is None:  # else the first search has not tested every grasp
+        assert not ((searched.label == Label.S) & (known.label != Label.S)).any()
+    kept = known.relabel(location_error=error)
+    assert (searched.margin >= kept.margin - 1e-9).all()
+    assert (searched.critical_angle_best <= searched.critical_angle + 1e-12).all()
+    assert (searched.margin > kept.margin + 0.05).any()
+
+
 def test_the_search_prefers_wide_grasps() -> None:
     """A plate with a rim: pinching the rim is best for known locations, not for uncertain ones."""
     mesh = load_mesh(MESHES / "mug.glb")
@@ -140,6 +205,92 @@ def test_distributions_have_the_fractions_of_the_labels(labels: SurfaceLabels) -
     assert expected["S"] < labels.fractions()["S"]
 
 
+MODELS: tuple[dict[str, Any], ...] = (
+    {},
+    {"friction": (0.4, 0.6)},
+    {"normal_error": 0.05, "sensor_resolution": 0.2},
+    {"location_error": 0.03, "friction_error": 0.1},
+    {"per_finger": "normal_error=5; normal_error=5"},
+    {"per_finger": "; normal_error=5", "sensor_resolution": 0.1},
+    {"per_finger": "sensor_resolution=8, location_error=0.05; normal_error=3"},
+    {"per_finger": "location_error=0.05;", "location_error": 0.02, "friction": (0.3, 0.9)},
+)
+
+
+@pytest.mark.parametrize("changes", MODELS, ids=str)
+def test_distributions_and_sweeps_have_the_fractions_of_every_model(
+    labels: SurfaceLabels, changes: dict[str, Any]
+) -> None:
+    found = labels.relabel(**changes)
+    model, expected = found.model, found.fractions()
+    assert 0.0 < expected["S"] < 1.0
+    distribution = found.angle_distribution()
+    fractions = distribution.fractions(
+        friction=model.friction_interval,
+        sensor_resolution=model.sensor_resolution,
+        normal_error=model.normal_error,
+    )
+    assert fractions == pytest.approx(expected, abs=1e-12)
+    swept = sweep(found, friction=model.friction, sensor_resolution=[0.0, model.sensor_resolution])
+    assert swept.stable[0, 1] == pytest.approx(expected["S"], abs=1e-12)
+    assert swept.unstable[0, 1] == pytest.approx(expected["U"], abs=1e-12)
+    finer = found.relabel(sensor_resolution=0.0).fractions()
+    assert swept.stable[0, 0] == pytest.approx(finer["S"], abs=1e-12)
+    needed = swept.required_resolution(0.3)[0]
+    if needed > 0.0:
+        below, above = (
+            found.relabel(sensor_resolution=needed + change).fractions()["S"]
+            for change in (-1e-9, 1e-9)
+        )
+        assert above <= 0.3 + 1e-12 <= below + 2e-12
+
+
+def test_errors_of_labels_can_be_replaced_in_a_sweep(labels: SurfaceLabels) -> None:
+    found = labels.relabel(friction=(0.4, 0.6), normal_error=0.1, location_error=0.05)
+    exact = sweep(
+        found, friction=0.5, sensor_resolution=0.2,
+        friction_error=0.0, normal_error=0.0, location_error=0.0,
+    )  # fmt: skip
+    expected = labels.relabel(sensor_resolution=0.2).fractions()
+    assert exact.stable[0, 0] == pytest.approx(expected["S"], abs=1e-12)
+    # Angles alone have a location error, but no error of friction and normals.
+    alone = sweep(found.angle_distribution(), friction=0.5, sensor_resolution=0.2)
+    expected = labels.relabel(sensor_resolution=0.2, location_error=0.05).fractions()
+    assert alone.stable[0, 0] == pytest.approx(expected["S"], abs=1e-12)
+
+
+@pytest.mark.parametrize("text", ["friction=0.4; friction=0.4", "; friction=0.3..0.4"])
+def test_fingers_with_a_friction_of_their_own_have_no_distribution(
+    labels: SurfaceLabels, text: str
+) -> None:
+    found = labels.relabel(per_finger=text)
+    with pytest.raises(SettingError, match="friction of all fingers"):
+        found.angle_distribution()
+    with pytest.raises(SettingError, match="friction of their own"):
+        sweep(found, friction=0.5, sensor_resolution=0.1)
+
+
+def test_a_distribution_is_covered_as_far_as_its_labels(labels: SurfaceLabels) -> None:
+    found = replace(labels.relabel(per_finger="; normal_error=5"), sampling=Sampling())
+    angles, widest = found.angle_distribution(), labels.search.cone - math.radians(5.0)
+    angles.fractions(friction=math.tan(widest - 1e-6), sensor_resolution=0.0)
+    with pytest.raises(SearchCoverageError):
+        angles.fractions(friction=math.tan(widest + 1e-6), sensor_resolution=0.0)
+
+
+def test_three_differing_fingers_have_the_same_fractions_too() -> None:
+    """Also where the widest finger reaches 90 degrees, and no grasp found is U."""
+    mesh = load_mesh(shapes.sphere(1), max_edge=9.0)
+    found = label_surface(
+        mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8, search_angle=math.pi / 2.0)
+    ).relabel(per_finger="; ; normal_error=30")
+    angles = found.angle_distribution()
+    for friction, resolution in ((0.5, 0.1), (1.0, 0.6), (2.0, 0.1)):
+        again = found.relabel(friction=friction, sensor_resolution=resolution)
+        fractions = angles.fractions(friction=friction, sensor_resolution=resolution)
+        assert fractions == pytest.approx(again.fractions(), abs=1e-12)
+
+
 def test_epsilon_covers_all_errors(labels: SurfaceLabels) -> None:
     found = labels.relabel(friction_error=0.1, location_error=0.02)
     chosen = np.flatnonzero(np.isfinite(labels.epsilon))
@@ -159,6 +310,7 @@ def test_given_grasps_and_scans(labels: SurfaceLabels) -> None:
     assert given.label[clear].tolist() == scan.label[vertices][clear].tolist()
 
 
+@pytest.mark.slow
 def test_three_fingers_are_safe() -> None:
     mesh = load_mesh(shapes.sphere(2))
     known = label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8))

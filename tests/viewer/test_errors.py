@@ -246,9 +246,22 @@ def test_values_of_single_fingers_are_named() -> None:
     labels = replace(slab(), model=GraspModel(per_finger=EACH))
     for letter, fraction in labels.fractions().items():
         assert fractions(session)[letter] == pytest.approx(fraction, abs=1e-12)
-    with pytest.raises(SettingError, match="uncertainty of 2 fingers"):
+    with pytest.raises(SettingError, match="is for 2 fingers, but a grasp has 3"):
         session.change(fingers=3)
     assert session.state.model.fingers == 2
+
+
+def test_safe_labels_are_said_to_be_safe_once() -> None:
+    """Three fingers and a location error, or fingers that differ; two fingers have exact labels."""
+    note = "labels are safe: every S and U is correct, an M may be one of them"
+    three = viewing.three_fingers()
+    located = replace(three, model=replace(three.model, location_error=1e-4))
+    each = replace(three, model=replace(three.model, per_finger="normal_error=3; ; "))
+    for labels, count in ((located, 1), (each, 1), (three, 0), (slab(), 0)):
+        text = panel_text(ready_session(labels))
+        assert text.notes.count(note) == count
+    session = ready_session(replace(slab(), model=GraspModel(location_error=1e-4)))
+    assert note not in panel_text(session).notes
 
 
 # Inspection

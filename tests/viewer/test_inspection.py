@@ -76,7 +76,7 @@ def test_epsilon_of_one_grasp_agrees_with_evaluate_grasps(fingers: int) -> None:
     grasp = evaluate_grasps(labels.mesh, seen.points, model)
     numbers = dict(seen.numbers)
     for name in ("epsilon", "epsilon_min", "epsilon_max"):
-        key = {"epsilon": "ε", "epsilon_min": "smallest ε", "epsilon_max": "largest ε"}[name]
+        key = {"epsilon": "ε", "epsilon_min": "ε_min", "epsilon_max": "ε_max"}[name]
         assert float(numbers[key]) == pytest.approx(getattr(grasp, name)[0], rel=0.02), name
 
 
@@ -87,9 +87,9 @@ def test_epsilon_is_the_known_value_or_missing() -> None:
     lone = replace(subject, labels=None, epsilons=Epsilons(values, values, model))
     vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
     numbers = dict(inspect(lone, vertex, model).numbers)
-    assert (numbers["ε"], numbers["smallest ε"], numbers["largest ε"]) == ("0.125", "0.125", "–")
+    assert (numbers["ε"], numbers["ε_min"], numbers["ε_max"]) == ("0.125", "0.125", "–")
     other = dict(inspect(lone, vertex, replace(model, friction=0.9)).numbers)
-    assert {other[name] for name in ("ε", "smallest ε", "largest ε")} == {"–"}
+    assert {other[name] for name in ("ε", "ε_min", "ε_max")} == {"–"}
 
 
 def test_tilts_of_three_soft_fingers_are_not_sampled() -> None:
@@ -97,7 +97,7 @@ def test_tilts_of_three_soft_fingers_are_not_sampled() -> None:
     vertex = int(np.flatnonzero(labels.critical_angle < 0.3)[0])
     soft = replace(labels.model, torsion_radius=0.1)
     numbers = dict(inspect(subject_of(labels), vertex, soft).numbers)
-    assert numbers["smallest ε"] == numbers["largest ε"] == "–"
+    assert numbers["ε_min"] == numbers["ε_max"] == "–"
     hard = dict(inspect(subject_of(labels), vertex, labels.model).numbers)
     assert float(numbers["ε"]) >= 0.98 * float(hard["ε"])
 

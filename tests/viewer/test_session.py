@@ -530,7 +530,8 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     session.change(friction=0.45)
     text = panel_text(session)
     assert text.ramp is not None
-    assert text.ramp.text == "smallest ε over the tilts, for μ 0.5, α 22.6°; being computed"
+    meaning = "ε_min: smallest epsilon over the tilts"
+    assert text.ramp.text == f"{meaning}, for μ 0.5, α 22.6°; being computed"
     wait_until_idle(session)
     subject = session.subject
     assert subject is not None

@@ -11,6 +11,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report.settings_text import describe_settings, summarise_settings
 from grasp3d.batch.row import AreaFractions, Row
 from grasp3d.lengths import METRES, to_metres
+from grasp3d.meanings import SAFE_LABELS
 from grasp3d.settings import GraspModel
 
 VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
@@ -20,6 +21,14 @@ REPORT = "report/"
 
 DIGITS = 6
 """Significant digits of the numbers in the page."""
+
+AXES = {
+    "friction": "Friction μ",
+    "frictionError": "Friction error",
+    "normalError": "Normal error",
+    "locationError": "Location error",
+}
+"""Axes of the grid besides the sensor resolution, which is the curves' horizontal axis."""
 
 QUARTILES = (0.25, 0.5, 0.75)
 
@@ -63,10 +72,12 @@ def library_data(rows: Collection[Row], settings: BatchSettings) -> dict[str, An
         "friction": model.friction,
         "resolution": _rounded(math.degrees(model.sensor_resolution)),
         "uncertain": is_uncertain(model),
+        "certainty": SAFE_LABELS if model.certainty == "safe" else "",
         "summary": summarise_settings(settings),
         "settings": describe_settings(settings),
         "columns": COLUMNS,
         "rows": [_values(row) for row in rows],
+        "axes": axes_of(found),
         "curves": found,
         "curve": _curve_of(model, found),
     }
@@ -99,7 +110,7 @@ def curves(rows: Collection[Row]) -> list[dict[str, Any]]:
 
     Returns:
         By friction and errors: `friction`; `errors` of friction, normals [rad] and locations [mm];
-        `name`, the same as text; `resolution` [degrees]; `meshes`, the number of meshes at each
+        `at`, the same four as text; `resolution` [degrees]; `meshes`, the number of meshes at each
         resolution; `S`, `M` and `U`, the quartiles at each resolution, none where no mesh has the
         value; `searched`, the number of meshes with M and U.
     """
@@ -115,7 +126,7 @@ def curves(rows: Collection[Row]) -> list[dict[str, Any]]:
             {
                 "friction": errors[0],
                 "errors": [_rounded(error) for error in errors[1:4]],
-                "name": _name_of(*errors),
+                "at": _texts_of(*errors),
                 "resolution": [_rounded(math.degrees(resolution)) for resolution in resolutions],
                 "meshes": [len(column) for column in columns],
                 "S": [_quartiles([one.stable for one in column]) for column in columns],
@@ -127,6 +138,22 @@ def curves(rows: Collection[Row]) -> list[dict[str, Any]]:
             }
         )
     return found
+
+
+def axes_of(found: Sequence[dict[str, Any]]) -> list[dict[str, Any]]:
+    """What is chosen for the curves: friction and its errors, each with the values of the grid.
+
+    Args:
+        found: The curves, ordered by friction and errors.
+
+    Returns:
+        By axis: `name`; `title`, as it is shown; `values`, the texts that occur in `at`, ascending.
+    """
+    axes = []
+    for number, (name, title) in enumerate(AXES.items()):
+        order = {one["at"][number]: [one["friction"], *one["errors"]][number] for one in found}
+        axes.append({"name": name, "title": title, "values": sorted(order, key=order.__getitem__)})
+    return axes
 
 
 _Errors = tuple[float, float, float, float, str]
@@ -166,12 +193,12 @@ def _curve_of(model: GraspModel, found: Sequence[dict[str, Any]]) -> int:
     )
 
 
-def _name_of(friction: float, error: float, normals: float, location: float, unit: str) -> str:
-    """Friction and errors as text: '0.5 ± 0.1, normals ± 2°, locations ± 1 mm'."""
-    parts = [f"{friction:.4g} ± {error:.4g}" if error else f"{friction:.4g}"]
-    parts += [f"normals ± {math.degrees(normals):.4g}°"] if normals else []
-    parts += [f"locations ± {location:.4g} {unit}".rstrip()] if location else []
-    return ", ".join(parts)
+def _texts_of(
+    friction: float, error: float, normals: float, location: float, unit: str
+) -> list[str]:
+    """Friction and errors as texts: '0.5', '0.1', '2°', '1 mm'."""
+    normal = f"{math.degrees(normals):.6g}°"
+    return [f"{friction:.6g}", f"{error:.6g}", normal, f"{location:.6g} {unit}".rstrip()]
 
 
 def _quartiles(values: Sequence[float | None]) -> list[float] | None:

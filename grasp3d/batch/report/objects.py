@@ -1,7 +1,7 @@
 """Data of the object page: surface, critical angles and grasps of one mesh."""
 
 from collections.abc import Sequence
-from dataclasses import asdict
+from dataclasses import asdict, replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -9,6 +9,8 @@ import numpy.typing as npt
 
 from grasp3d.batch.report.packing import STEPS, json_text, pack_arrays, quantised
 from grasp3d.batch.row import BestGrasp
+from grasp3d.meanings import SAFE_LABELS
+from grasp3d.model_text import error_texts
 from grasp3d.settings import Sampling, search_cone
 
 if TYPE_CHECKING:
@@ -48,6 +50,7 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
     used = np.unique(mesh.faces)
     low = mesh.vertices[used].min(axis=0)
     step = np.maximum(np.ptp(mesh.vertices[used], axis=0), np.finfo(np.float64).tiny) / STEPS
+    only_fingers = replace(model, normal_error=0.0, location_error=0.0)
     arrays, data = pack_arrays(_arrays(labels, used, low, step))
     header = {
         "format": FORMAT,
@@ -61,13 +64,14 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "frictionError": model.friction_error,
         "normalError": model.normal_error,
         "locationError": model.location_error,
-        "perFinger": model.per_finger,
+        "perFinger": "; ".join(error_texts(only_fingers, mesh.unit)),
         "limits": {
             "stable": model.effective_friction_angle,
             "widest": model.widest_friction_angle,
         },
         "fingers": model.fingers,
         "method": model.method,
+        "certainty": SAFE_LABELS if model.certainty == "safe" else "",
         "cone": max(labels.search.cone, search_cone(model, Sampling())),
         "creaseAngle": mesh.options.crease_angle,
         "closed": mesh.report.closed,

@@ -2,11 +2,13 @@
 
 import math
 from collections.abc import Iterator
+from dataclasses import replace
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.lengths import describe_length
 from grasp3d.loads import Load
+from grasp3d.model_text import error_texts
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 
@@ -49,7 +51,8 @@ def _errors(model: GraspModel) -> Iterator[tuple[str, str]]:
     if model.location_error:
         yield "Contact locations", f"within {_length(model.location_error)}"
     if model.per_finger:
-        yield "Each finger", model.per_finger
+        only_fingers = replace(model, normal_error=0.0, location_error=0.0)
+        yield "Each finger", "; ".join(error_texts(only_fingers))
 
 
 def _degrees(angle: float) -> str:

@@ -210,6 +210,16 @@ def largest_cost(cone: float, ranking: Ranking) -> float:
     return cone if ranking.location == 0.0 else min(cone + math.pi / 2.0, math.pi)
 
 
+def farthest(points: Floats, others: Floats) -> Floats:
+    """Upper bound of the distance from each point (n, 3) to the farthest of others (m, 3)."""
+    corners = np.stack([others.min(axis=0), others.max(axis=0)])
+    centre = corners.mean(axis=0)
+    radius = float(np.linalg.norm(others - centre, axis=1).max())
+    in_box = np.linalg.norm(np.abs(corners[:, None] - points).max(axis=0), axis=1)
+    in_ball = np.linalg.norm(points - centre, axis=1) + radius
+    return np.asarray(np.minimum(in_box, in_ball))
+
+
 def tangents(mesh: ObjectMesh) -> Floats:
     """A unit vector orthogonal to each vertex's normal that turns with the object, shape (V, 3).
 
@@ -337,10 +347,15 @@ class _Search:
         return self._result(rounds, improving)
 
     def _descend(self) -> None:
-        """Search the whole surface by branch and bound; at creases for the best normals too."""
+        """Search the whole surface by branch and bound; at creases for the best normals too.
+
+        Over the best normals grasps are known from a search without a ranking.
+        """
         tree = face_tree(self.surface)
         vertices = self._unfinished(anywhere=True)
         creases = vertices[self.sets.counts[vertices] != 1]
+        if self.ranking != Ranking():
+            creases = creases[:0]
         for chosen, worst, start in ((vertices, True, 0.45), (creases, False, 0.65)):
             number = max(-(-len(chosen) // DESCENDING), CHUNKS * self.threads)
             chunks = np.array_split(chosen, number)
@@ -465,18 +480,25 @@ class _Search:
         """Vertices whose critical angle is not within the tolerance of 0, its minimum.
 
         There the opening does not change to first order either, so that the cost is a minimum too:
-        a better grasp can only be elsewhere.
+        a better grasp can only be elsewhere, with a larger opening.
 
         Args:
             anywhere: Whether better grasps elsewhere count.
         """
         smooth = self.mesh.normal_sets.counts[self.vertices] == 1
         angles = self.grasps.worst[self.vertices]
-        if self.limits.location > 0.0 and not anywhere:
-            lines = self.grasps.partner[self.vertices] - self.surface.points[self.vertices]
+        if self.limits.location > 0.0:
+            openings = np.minimum(
+                farthest(self.surface.points[self.vertices], self.surface.points)
+                if anywhere
+                else np.linalg.norm(
+                    (self.grasps.partner - self.surface.points)[self.vertices], axis=1
+                ),
+                self.limits.largest,
+            )
             with np.errstate(invalid="ignore"):
-                sines = self.limits.location / np.linalg.norm(lines, axis=1)
-            angles = angles - np.arcsin(np.minimum(np.nan_to_num(sines), 1.0))
+                sines = np.nan_to_num(self.limits.location / openings)
+            angles = angles - np.arcsin(np.minimum(sines, 1.0))
         bound = np.where(smooth, angles, math.inf)
         return self.vertices[bound > self.sampling.tolerance]
 

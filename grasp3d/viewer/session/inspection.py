@@ -8,6 +8,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.gripper.reach import Reachability
+from grasp3d.meanings import EPSILON_MIN
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
@@ -26,7 +27,7 @@ from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.subject import Subject
 
 UNKNOWN = "–"
-EPSILONS = ("ε", "smallest ε", "largest ε")
+EPSILONS = ("ε", EPSILON_MIN, "ε_max")
 
 
 @dataclass(frozen=True, eq=False)
@@ -271,9 +272,6 @@ def _held_by(subject: Subject, grasp: SurfaceContacts, model: GraspModel) -> Hel
     case = None if subject.labels is None else subject.labels.load_case
     if case is None:
         return None
-    relative = model.friction / subject.model.friction
-    if subject.model.torsion_radius == 0.0:  # a pad's torsion radius is proportional to friction
-        case = replace(case, torsion_radius=case.torsion_radius * relative)
     return held_grasp(grasp, model, case)
 
 

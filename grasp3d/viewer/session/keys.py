@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 from typing import get_args
 
 from grasp3d.errors import SettingError
+from grasp3d.meanings import EPSILON_MIN
 from grasp3d.settings import DEGREE
 from grasp3d.viewer.session.session import Session
 from grasp3d.viewer.session.state import Axis, Section
@@ -147,7 +148,7 @@ KEYS: dict[str, Key] = {
     "2": Key("colours: β*, critical friction angle", _set_paint("critical_angle")),
     "3": Key("colours: α*, coarsest resolution at which it is S", _set_paint("max_resolution")),
     "4": Key("colours: ε", _set_paint("epsilon")),
-    "5": Key("colours: smallest ε over the tilts", _set_paint("epsilon_min")),
+    "5": Key(f"colours: {EPSILON_MIN}, over all uncertainties", _set_paint("epsilon_min")),
     "6": Key("colours: approach margin of a gripper", _set_paint("approach_margin")),
     "7": Key("colours: grip force under a load", _set_paint("grip_force")),
     "8": Key("colours: payload of the force at hand", _set_paint("payload")),

@@ -12,6 +12,7 @@ import numpy.typing as npt
 from matplotlib import colormaps
 
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.meanings import epsilon_min_text
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import COLORS, Label
 from grasp3d.stability.thresholds import label_angles
@@ -263,10 +264,10 @@ def _approach_ramp(subject: Subject) -> Ramp:
 
 
 def _epsilon_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) -> Ramp:
+    known = subject.epsilons
     text = "ε of the grasp with the smallest β*"
     if paint == "epsilon_min":
-        text = "smallest ε over the tilts"
-    known = subject.epsilons
+        text = epsilon_min_text(model if known is None else known.model)
     status = "being computed" if subject.measurable else "as in the file"
     if known is None:
         return Ramp(f"{text}; {status}", 1.0, "", "not computed yet", EQUAL_GRASPS)

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from grasp3d.meanings import SAFE_LABELS
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspection import Inspection
@@ -156,6 +157,8 @@ def _notes(session: Session) -> Iterator[str]:
             "these are the best grasps for another location error, until a search has found those "
             "for this one"
         )
+    if session.model.certainty == "safe":
+        yield f"labels are safe: {SAFE_LABELS}"
     if state.model.per_finger:
         yield f"added for each finger: {state.model.per_finger} (angles in degrees)"
     models = [session.model] + [session.other_model] * (session.other_model is not None)

@@ -6,18 +6,16 @@ do not change.
 """
 
 import math
-from dataclasses import fields, replace
+from dataclasses import replace
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Floats, locked
-from grasp3d.gripper.reach import Reach
 from grasp3d.gripper.reaching import Reaching
-from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
+from grasp3d.surface.merged_grasps import merged
+from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.computations import WIDEST, mesh_of, prepare_labels
 from grasp3d.viewer.session.inspection import warm_up
@@ -65,45 +63,10 @@ def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabel
     best = (old.critical_angle_best > beyond) | worst
     best &= new.critical_angle_best < old.critical_angle_best
     missing = old.reason != Reason.FOUND
-    taken = np.stack([worst, best], axis=1)  # (V, 2): both grasps of a vertex
-    points, others = new.partner_points, old.partner_points
-    partner_points = SurfacePoints(
-        np.where(taken[..., None], points.faces, others.faces),
-        np.where(taken[..., None, None], points.weights, others.weights),
-    )
-    grasps = VertexGrasps.of(
-        new.mesh,
-        angles=(
-            np.where(worst, new.critical_angle, old.critical_angle),
-            np.where(best, new.critical_angle_best, old.critical_angle_best),
-        ),
-        partners=_chosen(worst, new.partners, old.partners),
-        partner_normals=_chosen(worst, new.partner_normals, old.partner_normals),
-        partner_points=partner_points,
-        grip=np.where(worst, new.grip, old.grip),
-        reason=np.where(missing, new.reason, old.reason),
-        opening=np.where(worst, new.opening, old.opening),
-        reach=_chosen_reach(worst, new.reach, old.reach),
+    grasps = merged(
+        old, new, worst=worst, best=best, reason=np.where(missing, new.reason, old.reason)
     )
     return replace(wide, grasps=grasps)
-
-
-def _chosen_reach(which: Bools, new: Reach | None, old: Reach | None) -> Reach | None:
-    """Rows of the new poses where `which`, else of the old ones."""
-    if new is None or old is None:
-        return new
-    rows = {}
-    for one in fields(Reach):
-        first, second = getattr(new, one.name), getattr(old, one.name)
-        if first.shape != second.shape:  # a file does not contain the free angles
-            second = np.zeros_like(first)
-        rows[one.name] = locked(np.where(which.reshape(-1, *[1] * (first.ndim - 1)), first, second))
-    return replace(new, **rows)
-
-
-def _chosen(which: Bools, new: Floats, old: Floats) -> Floats:
-    """Rows (V, n - 1, 3) of the new grasps where `which`, else of the old ones."""
-    return np.where(which[:, None, None], new, old)
 
 
 def _known_labels(subject: Subject, sampling: Sampling, progress: Progress) -> SurfaceLabels:

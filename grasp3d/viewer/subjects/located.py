@@ -6,6 +6,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.settings import GraspModel
+from grasp3d.stability.located_angles import ContactLimits
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.uncertainty import parse_fingers
 
@@ -34,8 +35,11 @@ class Located:
         """
         assert labels is not None
         worst, best = labels.grasps.located_angles(model)
-        # A file has no second grasp, of the best normals at a crease, whose line could be turned.
-        return cls(worst, locked(np.minimum(best, labels.critical_angle_best)), dependence(model))
+        # A file has no second grasp, of the best normals at a crease, whose line could be turned:
+        # what the worst finger adds to its angle is a bound.
+        added = ContactLimits.of(model.fingertips).outer.max()
+        bound = labels.critical_angle_best + added
+        return cls(worst, locked(np.minimum(best, bound)), dependence(model))
 
 
 def dependence(model: GraspModel) -> object:

@@ -6,6 +6,7 @@ from dataclasses import replace
 from typing import Any
 
 from grasp3d.errors import SettingError
+from grasp3d.meanings import EPSILON_MIN
 from grasp3d.settings import DEGREE
 from grasp3d.viewer.session.keys import DEFAULT_COMPARED
 from grasp3d.viewer.session.session import Session
@@ -17,7 +18,7 @@ PAINTS: dict[Paint, str] = {
     "critical_angle": "β*, critical friction angle",
     "max_resolution": "α*, coarsest resolution at which it is S",
     "epsilon": "ε",
-    "epsilon_min": "smallest ε over the tilts",
+    "epsilon_min": f"{EPSILON_MIN}, over all uncertainties",
     "approach_margin": "approach margin of the gripper",
     "grip_force": "grip force of each finger",
     "payload": "payload",

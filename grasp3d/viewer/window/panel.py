@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 from functools import partial
 from typing import get_args
 
+from grasp3d.meanings import EPSILON_MIN
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.scene.text_layout import ELLIPSIS, text_width
 from grasp3d.viewer.session.inspection import UNKNOWN, Inspection
@@ -34,7 +35,7 @@ from grasp3d.viewer.window.sliders import Ranges, Slider, sliders_of
 
 PAINTS: dict[Paint, str] = {
     "label": "S M U", "critical_angle": "β*", "max_resolution": "α*", "epsilon": "ε",
-    "epsilon_min": "smallest ε", "approach_margin": "approach",
+    "epsilon_min": EPSILON_MIN, "approach_margin": "approach",
     "grip_force": "grip force", "payload": "payload", "margin": "margin",
 }  # fmt: skip
 FINGERS = (2, 3, 4, 5)

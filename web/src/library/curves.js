@@ -88,15 +88,28 @@ function showValues(curve) {
   );
 }
 
-/** Shows the area fractions over the sensor resolution, at a selected friction. */
-export function showCurves({ curves, curve: shown }) {
+/** A list for each axis with several values; returns a function of the chosen curve. */
+function showAxes(axes, curves, shown, onChange) {
+  const chosen = axes.map((_, at) => () => curves[shown].at[at]);
+  const items = axes.map(({ name, title, values }, at) => {
+    if (values.length === 1) return element("span", {}, `${title} ${values[0]}`);
+    const select = element("select", { id: name }, ...values.map((value) => element("option", { value }, value)));
+    select.value = chosen[at]();
+    select.addEventListener("change", onChange);
+    chosen[at] = () => select.value;
+    return element("label", { htmlFor: name }, `${title} `, select);
+  });
+  // Errors that are 0 for all curves are not stated.
+  byId("axes").append(...items.filter((_, at) => at === 0 || axes[at].values.length > 1 || Number.parseFloat(axes[at].values[0]) > 0));
+  return () => curves.find((one) => chosen.every((value, at) => value() === one.at[at]));
+}
+
+/** Shows the area fractions over the sensor resolution, at a selected friction and selected errors. */
+export function showCurves({ axes, curves, curve: shown }) {
   if (!curves.length) {
     byId("curves").replaceChildren(byId("curves-title"), element("p", {}, "No mesh was labelled."));
     return;
   }
-  const select = byId("friction");
-  select.append(...curves.map((one, number) => element("option", { value: number }, one.name)));
-  select.value = shown;
   byId("curve-key").append(
     ...KINDS.map(([kind, meaning, name]) => {
       const swatch = element("i");
@@ -109,7 +122,7 @@ export function showCurves({ curves, curve: shown }) {
   chart.setAttribute("aria-label", "Median area fractions of S, M and U over the sensor resolution; the values are in the table below");
   let plot = null;
   const draw = () => {
-    const curve = curves[select.value];
+    const curve = selected();
     plot?.destroy();
     const hint = "Move the pointer over the chart to read values.";
     const move = (number) => {
@@ -120,8 +133,8 @@ export function showCurves({ curves, curve: shown }) {
     byId("unsearched").textContent = unsearchedNote(curve);
     showValues(curve);
   };
+  const selected = showAxes(axes, curves, shown, draw);
   draw();
-  select.addEventListener("change", draw);
   new ResizeObserver(() => plot.setSize({ width: chart.clientWidth, height: HEIGHT })).observe(chart);
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", draw);
 }

@@ -21,6 +21,7 @@ function unpacked({ columns, rows }) {
 
 function showHeader(data, rows) {
   byId("summary").textContent = data.summary.join(" · ");
+  byId("certainty").textContent = data.certainty && `Labels are safe: ${data.certainty}.`;
   byId("counts").append(
     ...OUTCOMES.map((outcome) => {
       const count = rows.filter((row) => row.outcome === outcome).length;

@@ -74,7 +74,7 @@ function resolution(percentage) {
   return numeric(field, `α for ${percentage} %`, meaning, (row) => {
     if (row[field] === null) return "";
     return row[field] > 0 ? degrees(row[field]) : "none";
-  }, 72);
+  }, 68);
 }
 
 function picture(cell) {
@@ -171,7 +171,7 @@ function columns(rows, uncertain) {
     {
       ...headed("Name", "Path of the mesh; the link opens its page"),
       field: "name",
-      width: 150,
+      width: 144,
       frozen,
       formatter: nameCell,
       sorter: (a, b) => order.compare(a, b),
@@ -188,10 +188,10 @@ function columns(rows, uncertain) {
     numeric("angle", "β* median", "Median critical friction angle over the surface, weighted by area", (row) => {
       if (row.outcome !== "labelled") return "";
       return row.angle === null ? "no grasp" : degrees(row.angle);
-    }, 76),
+    }, 84),
     resolution(80),
     numeric("epsilon", "ε median", "Median epsilon over the surface, weighted by area", (row) =>
-      row.epsilon === null ? "" : digits(row.epsilon), 76),
+      row.epsilon === null ? "" : digits(row.epsilon), 84),
     {
       ...numeric("size", "Size", "Diameter of the surface's bounding sphere; sorted in metres", (row) =>
         row.size === null ? "" : length(row.size, row.unit), 80),
@@ -203,7 +203,7 @@ function columns(rows, uncertain) {
         row.vertices === null ? "" : row.vertices.toLocaleString("en"), 90),
     loaded
       ? loadColumn(rows)
-      : numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 90),
+      : numeric("seconds", "Seconds", "Total time for the mesh", (row) => digits(row.seconds), 92),
     {
       ...headed("Warnings", "Warnings about the labels, or why there are none"),
       field: "warnings",

@@ -1,5 +1,5 @@
 import { byId, element } from "../shared/dom.js";
-import { degrees, digits, length, percent, plural } from "../shared/formatting.js";
+import { degrees, digits, length, percent, plural, smallLength } from "../shared/formatting.js";
 import { QUANTITIES, rampCss, vertexColors } from "./colors.js";
 import { showGrasps } from "./grasps.js";
 import { showVertex } from "./picked_vertex.js";
@@ -50,10 +50,11 @@ export class Panel {
       object.closed ? "closed" : "open",
       ...(object.gripper ? [`gripper ${object.gripper.name}${object.gripper.table ? " and a table" : ""}`] : []),
     ].join(" · ");
-    byId("method").textContent =
-      object.method === "extremes"
-        ? "The labels in the table are from sampled extreme normals; here they are from thresholds on the exact critical angle, so a few may differ."
-        : "";
+    byId("method").textContent = [
+      object.certainty && `Labels are safe: ${object.certainty}.`,
+      object.method === "extremes" &&
+        "The labels in the table are from sampled extreme normals; here they are from thresholds on the exact critical angle, so a few may differ.",
+    ].filter(Boolean).join(" ");
     const labelled = (name) => object[name] / UNITS[name];
     Object.assign(byId("friction"), { min: 0.01, max: Math.max(1.5, object.friction), step: 0.01 });
     Object.assign(byId("resolution"), { min: 0, max: Math.max(90, labelled("resolution")), step: 0.1 });
@@ -74,7 +75,7 @@ export class Panel {
     const { locationError, perFinger, unit } = object;
     byId("errors").open ||= Boolean(object.frictionError || object.normalError || locationError || perFinger);
     byId("located").textContent = [
-      locationError ? `Contact locations are within ${length(locationError, unit)}, as labelled.` : "",
+      locationError ? `Contact locations are within ${smallLength(locationError, unit)}, as labelled.` : "",
       perFinger ? `Each finger, as labelled: ${perFinger}.` : "",
     ].filter(Boolean).join(" ");
     for (const name of ["friction", "frictionError"]) {
@@ -114,10 +115,17 @@ export class Panel {
     this.limits = thresholds(object, settings);
     this.labels = labelsAt(object, this.limits);
     const { stable, unstable } = this.limits;
+    const [low, high] = [stable, unstable].map((one) => degrees(one / DEGREE));
+    const located = object.locationError || object.perFinger;
+    const worst = object.fingers === 2 ? "β* + η" : "β* at the worst contact locations";
+    const rules = located
+      ? [`S where ${worst} is below ${low}`, `U where β* at the best contact locations is at least ${high}`]
+      : [`S below ${low}`, `U from ${high} on`];
     byId("thresholds").textContent = [
-      stable > 0 ? `S below ${degrees(stable / DEGREE)}` : "no S",
-      unstable === Infinity ? "no U" : `U from ${degrees(unstable / DEGREE)} on`,
-    ].join(", ");
+      stable > 0 ? rules[0] : "no S",
+      unstable === Infinity ? "no U" : rules[1],
+    ].join(", ") + (located && object.fingers === 2
+      ? "; η: how far errors of the contact locations may turn the line between the contacts" : "");
     this.showFractions();
     this.repaint();
     this.showVertex();

@@ -17,8 +17,9 @@ export function reason(object, vertex, label, limits) {
     : [`smallest β − tilt = ${angle(limits.stable)}`, `largest β + tilt = ${angle(limits.reach)}`];
   const where = worst === object.worst[vertex] ? "" : " at the worst contact locations";
   const all = limits.simple ? "normals within the sensor resolution" : "normals within the tilt, and every friction,";
+  const located = object.locationError || object.perFinger ? ", at all true contact locations" : "";
   if (label === S) {
-    return `β* ${angle(worst)}${where} is below ${low}: the grasp is stable for all true ${all.replace(/,$/, "")}.`;
+    return `β* ${angle(worst)}${where} is below ${low}: the grasp is stable for all true ${all.replace(/,$/, "")}${located}.`;
   }
   if (label === UNSEARCHED) {
     return `Grasps were searched with β* up to ${angle(object.cone)}, and none of them is stable; ${high} exceeds this, so M and U cannot be distinguished.`;

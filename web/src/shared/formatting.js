@@ -20,6 +20,13 @@ export function length(value, unit) {
   return `${digits(value)}${unit ? ` ${unit}` : ""}`;
 }
 
+const METRES = { m: 1, cm: 0.01, mm: 0.001 };
+
+/** A length that is small beside the object: in millimetres if its unit is metric. */
+export function smallLength(value, unit) {
+  return METRES[unit] ? length(1000 * METRES[unit] * value, "mm") : length(value, unit);
+}
+
 /** Address of an object's page: the parts of its path are escaped, the slashes stay. */
 export function objectAddress(stem) {
   return `object.html#${escaped(stem)}`;

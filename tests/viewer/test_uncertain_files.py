@@ -1,0 +1,110 @@
+"""Labels with uncertainties of fingers: of Python, in files and in the viewer."""
+
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from grasp3d import (
+    GraspModel,
+    Label,
+    Sampling,
+    SurfaceLabels,
+    label_surface,
+    load_mesh,
+    write_ply,
+)
+from grasp3d.viewer.session.painting import labels_at
+from grasp3d.viewer.subjects.labelled_file import read_labelled
+from grasp3d.viewer.subjects.subject import read_subject, subject_of
+from tests.helpers import shapes
+
+SHAPES = {
+    "cone": (shapes.cone(0.35, sections=24), 0.2),
+    "box": (shapes.box(), 0.4),
+    "sphere": (shapes.sphere(2), 9.0),
+    "fins": (shapes.finned(), 0.5),
+}
+MODELS = {
+    "alike": GraspModel(),
+    "interval": GraspModel(friction=(0.4, 0.7), normal_error=0.05),
+    "location": GraspModel(location_error=0.02),
+    "far": GraspModel(location_error=0.2),
+    "worse": GraspModel(per_finger="; normal_error=3"),
+    "much worse": GraspModel(friction=0.3, sensor_resolution=0.1, per_finger="; normal_error=20"),
+    "located": GraspModel(per_finger="location_error=0.02; location_error=0.05"),
+    "friction": GraspModel(per_finger="location_error=0.02; friction=0.3..0.7"),
+    "same": GraspModel(per_finger="normal_error=5; normal_error=5"),
+}
+
+
+@cache
+def searched(shape: str, model: str) -> SurfaceLabels:
+    surface, edge = SHAPES[shape]
+    mesh = load_mesh(surface, max_edge=edge)
+    return label_surface(mesh, MODELS[model], sampling=Sampling(rays=16, search_angle=1.2))
+
+
+@pytest.mark.parametrize("model", list(MODELS))
+@pytest.mark.parametrize("shape", list(SHAPES))
+def test_the_viewer_and_files_have_the_labels_of_python(
+    tmp_path: Path, shape: str, model: str
+) -> None:
+    """Of grasps that were searched for a model, and of the same for another one."""
+    found = searched(shape, model)
+    for labels in (found, _for_model(searched(shape, "alike"), model), _for_model(found, "alike")):
+        shown = labels_at(subject_of(labels), labels.model)
+        np.testing.assert_array_equal(shown, labels.label)
+        write_ply(tmp_path / "labelled.ply", labels)
+        stored = read_labelled(tmp_path / "labelled.ply")
+        np.testing.assert_array_equal(stored.label, labels.label)
+        read = read_subject(tmp_path / "labelled.ply")
+        clear = _clear(labels)
+        assert clear.mean() > 0.5
+        np.testing.assert_array_equal(labels_at(read, labels.model)[clear], labels.label[clear])
+
+
+def _for_model(labels: SurfaceLabels, name: str) -> SurfaceLabels:
+    model = MODELS[name]
+    return labels.relabel(
+        friction=model.friction_interval if model.friction_error else model.friction,
+        friction_error=model.friction_error,
+        sensor_resolution=model.sensor_resolution,
+        normal_error=model.normal_error,
+        location_error=model.location_error,
+        per_finger=model.per_finger,
+    )
+
+
+def _clear(labels: SurfaceLabels) -> np.ndarray:
+    """Vertices whose label does not depend on the rounding to 32 bits."""
+    worst, best = labels.located_angles
+    with np.errstate(invalid="ignore"):
+        near = np.abs(worst - labels.model.effective_friction_angle) < 1e-6
+        return ~(near | (np.abs(best - labels.model.unstable_from) < 1e-6))
+
+
+def test_fingers_that_differ_make_all_labels() -> None:
+    found = {
+        int(code)
+        for shape in ("cone", "fins")
+        for model in ("worse", "much worse")
+        for code in np.unique(_for_model(searched(shape, "alike"), model).label)
+    }
+    assert found == set(map(int, Label))
+
+
+@pytest.mark.parametrize("model", ["location", "worse"])
+def test_three_fingers_are_read_as_they_were_written(tmp_path: Path, model: str) -> None:
+    mesh = load_mesh(shapes.box(), max_edge=0.5)
+    wide = Sampling(candidates=8, search_angle=1.2)
+    known = label_surface(mesh, GraspModel(fingers=3), sampling=wide)
+    given = MODELS[model]
+    extra = given.per_finger and f"{given.per_finger};"
+    labels = known.relabel(location_error=given.location_error, per_finger=extra)
+    write_ply(tmp_path / "three.ply", labels)
+    np.testing.assert_array_equal(read_labelled(tmp_path / "three.ply").label, labels.label)
+    subject = subject_of(labels)
+    if subject.locates(labels.model):
+        np.testing.assert_array_equal(labels_at(subject, labels.model), labels.label)
