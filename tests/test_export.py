@@ -68,6 +68,7 @@ def test_ply_contains_exactly_the_documented_properties(tmp_path: Path, binary: 
         assert (colors[vertex["label"] == label] == COLORS[label]).all()
 
 
+@pytest.mark.slow
 def test_ply_comments_contain_the_settings(tmp_path: Path) -> None:
     write_ply(tmp_path / "out.ply", labels())
     header = (tmp_path / "out.ply").read_bytes().split(b"end_header")[0].decode()

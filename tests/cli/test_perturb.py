@@ -59,6 +59,7 @@ def test_what_it_prints_can_be_entered(scan: Path) -> None:
     assert len(rows["stable"]) == len(load_mesh(scan, unit="cm", max_edge=9.0).vertices)
 
 
+@pytest.mark.slow
 def test_where_noise_is_too_strong_the_cure_is_named(scan: Path) -> None:
     done = grasp3d("perturb", scan.name, "--noise", "5mm", *QUICK, "-q", cwd=scan.parent)
     assert (done.returncode, done.stdout) == (0, "")

@@ -43,6 +43,7 @@ def under(load: Load, given: SurfaceLabels | None = None) -> HoldingVerdict:
     return verdict
 
 
+@pytest.mark.slow
 def test_each_sentence() -> None:
     needed = under(Load(mass=0.5)).needed
     held = 5.0 * 0.5 / needed

@@ -105,6 +105,7 @@ def contradictions(kind: str, count: int, seed: int, size: int) -> dict[str, int
     }
 
 
+@pytest.mark.slow
 @given(st.sampled_from(CASES), st.integers(0, 2**32 - 1))
 @settings(max_examples=25, deadline=None)
 def test_nothing_is_claimed_of_degenerate_grasps_that_does_not_hold(

@@ -148,6 +148,7 @@ class TestTwoContacts:
         assert not worst_held[usable & (worst < 1.5)].any()
         assert self._held_at(case, worst + 1e-6, lines, worst=True)[usable & (worst < 1.5)].all()
 
+    @pytest.mark.slow
     def test_the_best_line_is_the_minimum_over_the_cap(self) -> None:
         """Against a search: the normals, their bisector, and the border of each cap of lines."""
         case = random_pairs(150, 8)

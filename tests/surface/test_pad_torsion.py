@@ -134,6 +134,7 @@ def labels(friction: Any = NOMINAL, per_finger: str = "") -> SurfaceLabels:
     return label_surface(block(), model, gripper=FRANKA, load=load, threads=1)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("friction", "per_finger"),
     [(INTERVAL, ""), (NOMINAL, "friction=0.3..0.7; friction=0.3..0.7")],
@@ -154,6 +155,7 @@ def test_grasps_that_surely_hold_do_so_at_the_smallest_friction(
     assert (found.grip_force_largest[known] >= expected).all()
 
 
+@pytest.mark.slow
 def test_given_poses_have_the_pads_torsion_at_each_friction() -> None:
     poses = GraspPoses(poses=np.array([pose((0.0, y, 0.0)) for y in (0.0, 0.004, 0.01)]), unit="m")
     mesh = load_mesh(shapes.box((0.06, 0.04, 0.02)), unit="m")

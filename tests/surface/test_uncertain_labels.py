@@ -158,6 +158,7 @@ def test_a_search_with_less_knowledge_turns_no_label_to_u(
     assert (searched.margin > kept.margin + 0.05).any()
 
 
+@pytest.mark.slow
 def test_the_search_prefers_wide_grasps() -> None:
     """A plate with a rim: pinching the rim is best for known locations, not for uncertain ones."""
     mesh = load_mesh(MESHES / "mug.glb")

@@ -269,6 +269,7 @@ def pulled(task: Any = PULL, force: float | None = 20.0) -> SurfaceLabels:
     return replace(held(), load=Load(task=task, grip_force=force))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("force", [None, 20.0])
 def test_a_task_of_wrenches_mentions_no_mass(tmp_path: Path, force: float | None) -> None:
     path = tmp_path / "pulled.ply"

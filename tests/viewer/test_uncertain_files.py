@@ -46,6 +46,7 @@ def searched(shape: str, model: str) -> SurfaceLabels:
     return label_surface(mesh, MODELS[model], sampling=Sampling(rays=16, search_angle=1.2))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("model", list(MODELS))
 @pytest.mark.parametrize("shape", list(SHAPES))
 def test_the_viewer_and_files_have_the_labels_of_python(
