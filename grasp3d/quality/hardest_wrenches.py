@@ -63,6 +63,8 @@ def against(
             chosen = contacts.take(opposed)
             exact = opposed_forces(chosen, wrenches[opposed])
             finite = np.isfinite(exact.normal).all(axis=-1)
+            directions, proven = exact.proofs(chosen, problem.bound)
+            results.direction[opposed[proven]] = directions[proven]
             opposed, values = opposed[finite], exact.bounded(problem.bound)[finite]
             results.lower[opposed] = results.upper[opposed] = values
             forces[opposed] = exact.in_contact_frame(chosen.normals)[finite]

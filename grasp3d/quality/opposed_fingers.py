@@ -49,6 +49,34 @@ class OpposedForces:
             return np.asarray(np.hypot(self.normal, sideways).max(axis=-1))
         return np.asarray(self.normal.max(axis=-1) + 0.0)  # never -0
 
+    def proofs(self, contacts: Contacts, bound: str) -> tuple[Floats, Bools]:
+        """Directions (b, 6) that prove the bounds, and where both fingers twist, so that they do.
+
+        At each contact the velocity is normal to the limit surface at the contact force. The
+        velocity along the line is free; it is such that the forces of the bound alone count.
+
+        Args:
+            contacts: The grasps.
+            bound: As `bounded` takes it; 'norm' has no directions.
+        """
+        line, length = _line(contacts)
+        twisting = np.isfinite(self.normal) & (self.torsion != 0.0) & (bound != "norm")
+        proven = np.asarray(twisting.all(axis=-1))
+        normal, torsion = np.where(proven[:, None], (self.normal, self.torsion), 1.0)
+        radius = np.where(proven[:, None], contacts.torsion_radius, 1.0)
+        spin = np.sign(torsion[:, :1])
+        scale = radius**2 / np.abs(torsion)  # of the velocities, for a spin of 1
+        sliding = (scale / contacts.friction**2)[..., None] * self.tangential
+        pressing = scale * normal  # support functions of the contacts at rest along the line
+        if bound == "total":
+            along = 0.5 * (pressing[:, 1] - pressing[:, 0])
+        else:
+            harder = normal[:, 0] > normal[:, 1]
+            along = np.where(harder, pressing[:, 1], -pressing[:, 0])
+        turning = spin * line + np.cross(line, sliding[:, 1] - sliding[:, 0]) / length[:, None]
+        moving = sliding[:, 0] + along[:, None] * line - np.cross(turning, contacts.points[:, 0])
+        return np.concatenate([moving, turning], axis=-1), proven
+
     def in_contact_frame(self, normals: Floats) -> Floats:
         """Forces along x, y, z and torsional moments, as of `ForceCertificate`, (b, 2, 4)."""
         normal = np.where(np.isfinite(self.normal), self.normal, math.nan)[..., None]

@@ -4,7 +4,7 @@ from typing import Any
 import numpy as np
 import pytest
 from cone_programs import ConeProgram
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 from random_grasps import Shape, random_contacts
 
@@ -115,6 +115,7 @@ def test_no_direction_of_gravity_needs_more_than_the_worst() -> None:
 
 
 @given(st.floats(0.1, 2.0), st.floats(1e-3, 0.02), st.floats(0.0, 0.05), st.floats(0.0, 6.0))
+@example(0.5, 2.0**-6 * 1.25, 2.0**-5, 2.0**-24)
 @few
 def test_opposed_fingers_with_the_weight_beside_their_line(
     friction: float, torsion: float, arm: float, turn: float
@@ -151,6 +152,27 @@ def test_opposed_fingers_press_no_harder_than_their_limit_surfaces_ask_for(
     used = np.hypot(sideways / friction, twist) / normal
     # Pressing less would leave the limit surface of one finger.
     assert used.max() == pytest.approx(1.0, abs=1e-12)
+
+
+@given(seeds, st.sampled_from(["normal", "total"]))
+@few
+def test_opposed_fingers_that_twist_have_exact_proofs(seed: int, bound: Any) -> None:
+    """With different pads and weight along the line too, where one finger presses harder."""
+    rng = np.random.default_rng(seed)
+    line = rng.normal(size=3)
+    line /= np.linalg.norm(line)
+    points = np.outer([-0.03, 0.02], line) + 0.01 * rng.normal(size=3)
+    friction, radius = rng.uniform(0.2, 1.5, size=2), rng.uniform(0.001, 0.02, size=2)
+    contacts = Contacts(points, [line, -line], friction, radius)
+    wrench = np.concatenate([rng.normal(size=3), 0.02 * rng.normal(size=3)])
+    found = grip_force(contacts, wrench, bound=bound)
+    assert found.lower == found.upper
+    forces = found.certificate.forces
+    spare = (forces[:, :3] * contacts.normals).sum(axis=1) ** 2 - (
+        np.linalg.norm(np.cross(forces[:, :3], line), axis=1) / friction
+    ) ** 2
+    exact = (spare > 1e-4 * np.abs(forces[:, :3]).max() ** 2).all()
+    check_proof(contacts, found, rtol=1e-9 if exact else RTOL)
 
 
 def test_the_makers_formula() -> None:
