@@ -17,7 +17,7 @@ from grasp3d.settings import GraspModel
 
 
 @dataclass(frozen=True)
-class PairLimits:
+class ContactPairLimits:
     """What is known about two contacts.
 
     Cones of different half-angles are written as one half-angle and a range of normals that is
@@ -34,7 +34,7 @@ class PairLimits:
     [rad]."""
 
     @classmethod
-    def of_model(cls, model: GraspModel) -> "PairLimits":
+    def of_model(cls, model: GraspModel) -> "ContactPairLimits":
         """Limits of the two fingers of a model.
 
         Raises:
@@ -125,7 +125,7 @@ class Lines:
 
 
 def located_angles(
-    fixed: OutlineContacts, others: OutlineContacts, limits: PairLimits
+    fixed: OutlineContacts, others: OutlineContacts, limits: ContactPairLimits
 ) -> tuple[Floats, Floats]:
     """Worst and best angles of one finger with each of several others, over all true locations.
 

@@ -5,7 +5,7 @@ import numpy as np
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import STRAIGHT, TIE, OutlineContacts, critical_angles
-from grasp3d.planar.located import PairLimits, located_angles
+from grasp3d.planar.located import ContactPairLimits, located_angles
 from grasp3d.planar.outlines import Outline
 from grasp3d.planar.planar_scan import PlanarScan
 from grasp3d.planar.polygons import TINY
@@ -62,7 +62,7 @@ def scan(
     worst, best = critical_angles(fixed, contacts)
     located = (worst, best)
     if not settings.is_uniform:
-        located = located_angles(fixed, contacts, PairLimits.of_model(settings))
+        located = located_angles(fixed, contacts, ContactPairLimits.of_model(settings))
     return PlanarScan(
         outline=outline,
         model=settings,

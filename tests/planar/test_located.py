@@ -23,7 +23,7 @@ from grasp3d.planar import (
     square,
     square_fractions,
 )
-from grasp3d.planar.located import PairLimits, located_angles
+from grasp3d.planar.located import ContactPairLimits, located_angles
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.stability.round_shapes import critical_angle_below, worst_angle
 from grasp3d.uncertainty import Uncertainty
@@ -145,7 +145,7 @@ def test_limits_are_attained(seed: int, location: float, skew: float, size: floa
     angles = rng.uniform(-math.pi, math.pi, (2, 40))
     points = size * rng.normal(size=(2, 40, 2))
     normals = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
-    limits = PairLimits(location, (0.0, -skew), (-skew, 0.0))
+    limits = ContactPairLimits(location, (0.0, -skew), (-skew, 0.0))
     for row in range(40):
         one, other = (OutlineContacts(points[k, [row]], *[normals[k, [row]]] * 2) for k in (0, 1))
         worst, best = located_angles(one, other, limits)
@@ -194,7 +194,8 @@ def test_witnesses_attain_both_limits() -> None:
     worst, best = np.array(
         [
             located_angles(
-                *(OutlineContacts(p[[k]], n[[k]], n[[k]]) for k in (0, 1)), PairLimits(errors.sum())
+                *(OutlineContacts(p[[k]], n[[k]], n[[k]]) for k in (0, 1)),
+                ContactPairLimits(errors.sum()),
             )
             for p, n in zip(points, normals, strict=True)
         ]
@@ -282,7 +283,7 @@ def test_fractions_of_polygons_agree_with_the_angles_along_them(seed: int, locat
     count = 6000
     contacts = outline.contacts_at((np.arange(count) + 0.5) * outline.perimeter / count)
     fixed = outline.contacts_at([outline.fixed])
-    limits = PairLimits(2.0 * location)
+    limits = ContactPairLimits(2.0 * location)
     worst, best = located_angles(fixed, contacts, limits)
     angles = np.radians(np.arange(3.0, 180.0, 4.0))
     found = outline.angle_distribution(location_error=location)
@@ -379,7 +380,7 @@ def test_without_further_errors_everything_is_the_same() -> None:
         np.testing.assert_array_equal(own.located_angles[0], own.critical_angle)
         np.testing.assert_array_equal(own.located_angles[1], own.critical_angle_best)
         moved = outline.contacts_about_center([outline.fixed])
-        worst, best = located_angles(moved, own.contacts, PairLimits())
+        worst, best = located_angles(moved, own.contacts, ContactPairLimits())
         np.testing.assert_allclose(worst[1:], own.critical_angle[1:], atol=1e-9)
         np.testing.assert_allclose(best[1:], own.critical_angle_best[1:], atol=1e-9)
 
