@@ -100,7 +100,7 @@ def test_a_batch_uses_the_unit_of_each_mesh_and_fails_where_a_length_cannot_be_m
     done = grasp3d(*words, "--max-opening", "1cm", cwd=folder)
     assert done.returncode == 1
     assert "1 labelled, 1 failed" in done.stdout
-    assert "failed: max_opening is 0.01 m, 1/1,077 of the size of large.glb" in done.stdout
+    assert "failed: max_opening is 1 cm, 1/1,077 of the size of large.glb" in done.stdout
     assert "max_opening 0.01\n" in (folder / "out/labels/small.ply").read_bytes()[:4096].decode(
         "ascii", "replace"
     )

@@ -191,7 +191,10 @@ BAD: dict[str, tuple[list[str], str]] = {
     "friction": (["circle", "--friction", "0.5", "0"], "friction must be"),
     "no friction": (["circle", "--friction"], "at least one friction"),
     "resolution": (["circle", "--sensor-resolution", "180"], "below 180 degrees"),
-    "word": (["circle", "--sensor-resolution", "fine"], "a number of degrees, or FROM:TO:STEP"),
+    "word": (
+        ["circle", "--sensor-resolution", "fine"],
+        "degrees, or a range FROM:TO:STEP",
+    ),
     "step": (["circle", "--sensor-resolution", "0:60:0"], "STEP above 0"),
     "fraction": (["circle", "--fraction", "50"], "each fraction must be"),
     "search": (["ball.ply", "--search-angle", "30"], "75 degrees; got 30"),

@@ -52,7 +52,9 @@ def best_of(labels: SurfaceLabels, count: int = 4) -> tuple[BestGrasp, ...]:
 def row_of(labels: SurfaceLabels, name: str, stem: str) -> Row:
     fractions = labels.fractions()
     median, upper = labels.angle_quantiles((0.5, 0.9))
-    angles = labels.angle_distribution()
+    # Fingers with a friction of their own have no distribution.
+    alike = labels.relabel(per_finger="")
+    angles = alike.angle_distribution()
     needed = {
         f"required_resolution_{part}": angles.required_resolution(
             part / 100.0, friction=labels.model.friction
@@ -73,7 +75,7 @@ def row_of(labels: SurfaceLabels, name: str, stem: str) -> Row:
         critical_angle_p50=float(median),
         critical_angle_p90=float(upper),
         epsilon_p50=float(labels.epsilon_quantiles([0.5])[0]),
-        fractions=tuple(_fractions(labels, mu, alpha) for mu in FRICTIONS for alpha in RESOLUTIONS),
+        fractions=tuple(_fractions(alike, mu, alpha) for mu in FRICTIONS for alpha in RESOLUTIONS),
         warnings="; ".join(labels.mesh.report.warnings),
         seconds=1.25,
         **needed,
