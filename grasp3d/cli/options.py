@@ -331,7 +331,7 @@ FrictionRanges = Annotated[
         metavar="NUMBER|FROM:TO:STEP [...]",
     ),
 ]
-"""Coefficients of friction as words for `parse_numbers`."""
+"""Coefficients of friction as words for `parse_frictions`."""
 
 SensorResolution = Annotated[float | None, _model_option("sensor_resolution", default=""), _DEGREES]
 """A sensor resolution [rad], given in degrees; None: not given."""

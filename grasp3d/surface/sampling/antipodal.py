@@ -488,14 +488,12 @@ class _Search:
         smooth = self.mesh.normal_sets.counts[self.vertices] == 1
         angles = self.grasps.worst[self.vertices]
         if self.limits.location > 0.0:
-            openings = np.minimum(
-                farthest(self.surface.points[self.vertices], self.surface.points)
-                if anywhere
-                else np.linalg.norm(
-                    (self.grasps.partner - self.surface.points)[self.vertices], axis=1
-                ),
-                self.limits.largest,
-            )
+            points = self.surface.points[self.vertices]
+            if anywhere:
+                openings = farthest(points, self.surface.points)
+            else:
+                openings = np.linalg.norm(self.grasps.partner[self.vertices] - points, axis=1)
+            openings = np.minimum(openings, self.limits.largest)
             with np.errstate(invalid="ignore"):
                 sines = np.nan_to_num(self.limits.location / openings)
             angles = angles - np.arcsin(np.minimum(sines, 1.0))
