@@ -42,7 +42,7 @@ default_role = "py:obj"  # a name in a docstring is a link where it is public
 
 nitpicky = True
 nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
-    ("py:.*", r"(collections|numpy|pathlib|pyarrow|pandas|pd|pyvista|trimesh)\..*"),
+    ("py:.*", r"(collections|numpy|os|pathlib|pyarrow|pandas|pd|pyvista|trimesh)\..*"),
     ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
     ("py:class", r"Floats"),  # arrays, in modules that import NumPy when it is needed
     ("py:class", r".*\.\w*T"),  # type variables

@@ -21,6 +21,7 @@ from .gripper.table import Table as Table
 from .loads import Load as Load
 from .mesh.object_mesh import ObjectMesh as ObjectMesh
 from .mesh.preparing import load_mesh as load_mesh
+from .physics.simulate import simulate_grasps as simulate_grasps
 from .quality.closure import force_closure as force_closure
 from .quality.critical_angle import critical_friction_angle as critical_friction_angle
 from .quality.epsilon_options import EpsilonOptions as EpsilonOptions
@@ -38,6 +39,7 @@ from .surface.labelling import label_surface as label_surface
 from .surface.labels import SurfaceLabels as SurfaceLabels
 from .surface.scanning import scan_surface as scan_surface
 from .sweeps import sweep as sweep
+from .validating.validate import validate_grasps as validate_grasps
 from .viewer.view_settings import ViewSettings as ViewSettings
 from .warming_up import warmup as warmup
 

@@ -38,6 +38,7 @@ Radians = Annotated[float, ANGLE]
 Grip = Literal["squeeze", "expand", "both"]
 Actuation = Literal["total", "per_finger"]
 Method = Literal["exact", "extremes"]
+ContactModel = Literal["point", "soft", "patch"]
 Tilts = Literal["exact", "effective_friction", "sampled_tilts", "bound"]
 CandidatePoints = Literal["surface", "vertices"]
 Certainty = Literal["exact", "safe"]
@@ -137,6 +138,10 @@ class GraspModel(LengthSettings):
             replaces theirs. 'location_error=1mm; normal_error=2, friction=0.3..0.4': the contact
             of finger 1 is known to a further 1 mm, the normal of finger 2 to a further 2 degrees,
             and its friction is from 0.3 to 0.4.
+        contact: Poses of a gripper: what a contact is. point: a point, with the torsion radius that
+            is given; soft: it has the torsion radius of the patch that its jaw touches there,
+            evenly pressed, unless one is given; patch: it also resists rolling, as its pressure may
+            be centred anywhere in the patch, which affects all labels.
 
     Example:
         >>> import math
@@ -158,6 +163,7 @@ class GraspModel(LengthSettings):
     normal_error: Radians = 0.0
     location_error: Length[float] = Length(0.0)
     per_finger: PerFinger = PerFinger()
+    contact: ContactModel = "point"
 
     def __post_init__(self) -> None:
         self._check_uncertainty()
@@ -183,6 +189,23 @@ class GraspModel(LengthSettings):
             )
         check_choice("actuation", self.actuation, Actuation)
         _check_length("torsion radius", self.torsion_radius)
+        check_choice("contact", self.contact, ContactModel)
+        if self.contact == "patch":
+            self._check_patches()
+
+    def _check_patches(self) -> None:
+        """Refuse what is not known of contacts with patches."""
+        for name, given in (
+            ("method extremes", self.method == "extremes"),
+            ("location_error", self.location_error != 0.0),
+            ("per_finger", bool(self.per_finger)),
+        ):
+            if given:
+                raise SettingError(
+                    f"contact='patch' (--contact patch) is for the method exact and fingers that "
+                    f"are known equally well, and does not take {name}; use contact='soft', or "
+                    f"leave {name} out"
+                )
 
     def _check_uncertainty(self) -> None:
         half = vars(self).pop("half_interval")
@@ -396,7 +419,7 @@ class GraspModel(LengthSettings):
     @property
     def soft(self) -> bool:
         """Whether the fingers are soft: they have a torsion radius, in any unit."""
-        return self.torsion_radius != 0.0
+        return self.torsion_radius != 0.0 or self.contact != "point"
 
 
 @dataclass(frozen=True)
@@ -604,12 +627,29 @@ def whole_number(name: str, value: object, minimum: int) -> int:
     return int(value)
 
 
+def check_point_contacts(model: GraspModel) -> None:
+    """Refuse a contact model that needs the patches which a gripper's jaws touch.
+
+    Raises:
+        SettingError: Contacts are not points.
+    """
+    if model.contact != "point":
+        raise SettingError(
+            f"contact={model.contact!r} (--contact {model.contact}) applies to poses of a gripper, "
+            "whose jaws are closed on the object (grasp3d evaluate MESH POSES --gripper ...); "
+            "elsewhere contacts are points: give the torsion radius of soft fingers instead "
+            "(torsion_radius, --torsion-radius)"
+        )
+
+
 def check_search_settings(model: GraspModel, sampling: Sampling) -> None:
     """Refuse settings of a search that have no effect for the number of fingers.
 
     Raises:
-        SettingError: Too few or too many fingers, or settings that apply to another number.
+        SettingError: Too few or too many fingers, settings that apply to another number, or
+            contacts that are not points.
     """
+    check_point_contacts(model)
     if not 2 <= model.fingers <= MAX_SEARCHED_FINGERS:
         raise SettingError(f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {model.fingers}")
     check_per_finger(model)

@@ -1,13 +1,21 @@
 """Compiling kernels ahead, so that no later run waits for it."""
 
+import functools
 import itertools
-from functools import cache
+import json
+import logging
+import os
+import subprocess
+import sys
+import tempfile
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from grasp3d.errors import SettingError
+from grasp3d.errors import OutputError, SettingError
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel, Sampling, whole_number
+from grasp3d.system.names import printable
 from grasp3d.system.progress import ignore
 
 if TYPE_CHECKING:
@@ -24,7 +32,23 @@ _FACES = np.array(
 """Faces of a cube with its corners in lexicographic order; those of the solid are distorted."""
 
 
-def warmup(fingers: int = PAIR, *, gripper: bool = False, forces: bool = False) -> tuple[str, ...]:
+_CHILD = """
+import json, logging, sys
+level, settings, sys.path = map(json.loads, sys.argv[1:])
+logging.getLogger("grasp3d.compiling").setLevel(level)
+from grasp3d.warming_up import warmup
+print(json.dumps(warmup(**settings)))
+"""
+"""Program of a process that compiles into another folder, which kernels choose when loaded."""
+
+
+def warmup(
+    fingers: int = PAIR,
+    *,
+    gripper: bool = False,
+    forces: bool = False,
+    cache: str | os.PathLike[str] | None = None,
+) -> tuple[str, ...]:
     """Compile the kernels for two fingers, or for that and more, unless they are compiled already.
 
     Kernels are compiled when they are first needed, once per installation, and a line about it
@@ -36,6 +60,8 @@ def warmup(fingers: int = PAIR, *, gripper: bool = False, forces: bool = False) 
             the same kernels.
         gripper: Whether the kernels for grippers are compiled too.
         forces: Whether the kernels for grip forces are compiled too, as a load needs them.
+        cache: Folder for the machine code, which runs find where NUMBA_CACHE_DIR names it, also if
+            they can only read it; None: the one of later runs of this user.
 
     Returns:
         What the compiled kernels do, such as 'meshes' and 'two fingers'; empty: all of them were
@@ -43,6 +69,7 @@ def warmup(fingers: int = PAIR, *, gripper: bool = False, forces: bool = False) 
 
     Raises:
         SettingError: The number of fingers is outside its range.
+        OutputError: No file can be written in the folder.
 
     Example:
         >>> import grasp3d
@@ -52,12 +79,39 @@ def warmup(fingers: int = PAIR, *, gripper: bool = False, forces: bool = False) 
     """
     if not PAIR <= whole_number("fingers", fingers, PAIR) <= MAX_SEARCHED_FINGERS:
         raise SettingError(f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {fingers}")
+    if cache is not None:
+        return _warmup_into(Path(cache), fingers=fingers, gripper=gripper, forces=forces)
     from grasp3d._kernels.announcing import announcer
 
     before = len(announcer.compiled)
     for count in sorted({PAIR, fingers}):
         compile_kernels(count, gripper, forces)
     return tuple(phase.work for phase in announcer.compiled[before:])
+
+
+def _warmup_into(folder: Path, **settings: int) -> tuple[str, ...]:
+    """Call `warmup` in a process for which NUMBA_CACHE_DIR is the folder."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        tempfile.TemporaryFile(dir=folder).close()
+    except OSError as error:
+        raise OutputError(
+            f"cannot write machine code to {printable(str(folder))}: {error.strerror}; "
+            "choose a folder that can be written"
+        ) from error
+    level = logging.getLogger("grasp3d.compiling").level
+    given = [json.dumps(value) for value in (level, settings, sys.path)]
+    done = subprocess.run(  # noqa: S603, this interpreter
+        [sys.executable, "-c", _CHILD, *given],
+        env={**os.environ, "NUMBA_CACHE_DIR": str(folder.absolute())},
+        stdout=subprocess.PIPE, text=True, check=False,
+    )  # fmt: skip
+    if done.returncode:
+        raise OutputError(
+            f"the kernels were not compiled into {printable(str(folder))}: the process ended with "
+            f"code {done.returncode}; see its lines above"
+        )
+    return tuple(json.loads(done.stdout))
 
 
 def announcement(fingers: int, gripper: bool = False, forces: bool = False) -> str:
@@ -78,7 +132,7 @@ def announcement(fingers: int, gripper: bool = False, forces: bool = False) -> s
     return announcing.announcement(work, seconds)
 
 
-@cache
+@functools.cache
 def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -> None:
     """Call every kernel that commands and functions need for a number of fingers.
 
@@ -102,6 +156,7 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     sampling = Sampling(grip="both") if fingers == PAIR else Sampling()
     labels = label_surface(solid, model, sampling=sampling, threads=1)
     labels.compute_epsilon(ignore)
+    _grow_hull()
     contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
     evaluate_grasps(solid, contacts, model, threads=1)
     scan_surface(solid, model, fixed=contacts[1:], threads=1).compute_epsilon(ignore)
@@ -114,7 +169,7 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
         _hold()
 
 
-@cache
+@functools.cache
 def _locate() -> None:
     """Label two grasps with uncertain contact locations."""
     from grasp3d.contact.contacts import Contacts
@@ -122,6 +177,15 @@ def _locate() -> None:
 
     facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     classify(Contacts([-facing] * 2, [facing] * 2), 0.1, location_error=[0.1, 0.2])
+
+
+def _grow_hull() -> None:
+    """Compute epsilon of a pair with polygonal cones, which has no solver of its own."""
+    from grasp3d.contact.contacts import Contacts
+    from grasp3d.quality.ferrari_canny import epsilon
+
+    facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    epsilon(Contacts(-facing, facing), edges=8, threads=1)
 
 
 def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:

@@ -72,7 +72,9 @@ def bench_overhead(count: int, workers: int) -> None:
         inputs.mkdir()
         make_meshes(inputs, count)
         recorder = MemoryRecorder(max(1, count // 10))
+        used = time.process_time()
         seconds, library = timed(inputs, output, SMALL, workers, recorder)
+        used = time.process_time() - used
         assert not library.failed, library.failed[0].error
         labelling = sum(
             (row.seconds_reading or 0) + (row.seconds_labelling or 0)
@@ -81,6 +83,7 @@ def bench_overhead(count: int, workers: int) -> None:
         print(f"{count} small meshes, {workers} workers: {seconds:.1f} s")
         print(f"  reading and labelling: {1e3 * labelling / count:.1f} ms each")
         print(f"  overhead: {1e3 * (workers * seconds - labelling) / count:.1f} ms each")
+        print(f"  processor time of this process: {1e3 * used / count:.1f} ms each")
         memories = ", ".join(f"{done}: {memory:.0f}" for done, memory in recorder.recorded)
         print(f"  memory of this process [MB] after so many meshes: {memories}")
         seconds, library = timed(inputs, output, SMALL, workers)

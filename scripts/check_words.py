@@ -76,6 +76,11 @@ REASONS = (
         r"(?i)straight (?:approach|way|motion|path|to\b|down|up\b|through)|straight line",
         "the straight motion of a gripper",
     ),
+    (
+        "settle",
+        r"^grasp3d/_kernels/(?:closing|settl|jaw)|test_settling|object.*settle|settles? between",
+        "a free object that comes to rest between jaws",
+    ),
     ("place", r"post_place_retreat", "a field of ROS messages"),
     ("place", r"(?i)\bin place\b|Place contact", "in place; to place, a verb"),
     ("hands", r"most hands", "hands of robots"),

@@ -30,21 +30,22 @@ LAYERS = [
     "gripper",
     "surface planar diagnosis sweeps",
     "grasps conversions",
-    "export perturbing stored_settings",
+    "export perturbing stored_settings validating",
     "warming_up",
     "plots batch",
-    "paper viewer",
+    "paper physics viewer",
     "cli",
 ]
 """From the lowest to the highest: a module imports from layers below it and from its package."""
 
 WITHIN = {
     "batch": [
-        "batch_settings folders row sweep_grasps worker_task",
+        "batch_settings folders job_requests row sweep_grasps",
+        "worker_task",
         "cluster_client identity inputs journal packed_rows report summary",
         (
-            "attempts checking cluster compiling_first marker plan progress shards stored_names "
-            "sweeping"
+            "attempts checking cluster compiling_first local_client marker plan progress shards "
+            "stored_names sweeping"
         ),
         "check_writing labelling run store",
         "library",
@@ -59,10 +60,10 @@ WITHIN = {
         "budget_report design_object",
         (
             "batch_progress batch_report check_report design grasp_report metric_report "
-            "paper_report perturb_report sweep_report time_limit"
+            "paper_report perturb_report simulate_report sweep_report time_limit"
         ),
-        "pose_report",
-        "batch check evaluate gripper label paper perturb sweep view warmup",
+        "pose_report validate_report",
+        "batch check evaluate gripper label paper perturb simulate sweep validate view warmup",
     ],
     "diagnosis": [
         "mesh_diagnosis",
@@ -70,20 +71,27 @@ WITHIN = {
         "diagnosing",
     ],
     "grasps": [
-        "holding_verdict kinds pose_checks reading surface_grasps",
-        "alternatives distinct evaluation poses",
-        "evaluated_poses pose_files surface_poses verdict",
-        "pose_evaluation writing",
+        "holding_verdict jaw_contacts kinds pose_checks pose_readings reading",
+        "poses",
+        "evaluated_poses pose_files",
+        "pose_evaluation",
+        "closed_grasps",
+        "surface_grasps",
+        "alternatives distinct evaluation surface_poses",
+        "verdict writing",
     ],
     "gripper": [
-        "parallel_gripper",
-        "hand_geometry presets reach_settings",
+        "convex_polygons finger_faces",
+        "finger_hull parallel_gripper",
+        "inner_side",
+        "hand_geometry jaw_shape presets reach_settings",
         "approach link_tree table",
         "mjcf reaching scene shapes urdf",
-        "closing collisions gripper_files reach",
+        "closed_jaws collisions gripper_files reach",
+        "closing",
     ],
     "isolation": [
-        "failures limits pickling process process_tree",
+        "failures limits machine_memory pickling process process_tree",
         "monitoring",
         "calls",
         "child",
@@ -109,6 +117,16 @@ WITHIN = {
         "numbers",
         "writing",
     ],
+    "physics": [
+        "engine simulation_settings success",
+        "hand parts",
+        "drawing plates scene",
+        "facets holding_forces pulling",
+        "jobs table_columns",
+        "simulation",
+        "simulate writing",
+        "posed",
+    ],
     "planar": [
         "contacts polygons",
         "hulls located outlines",
@@ -118,12 +136,15 @@ WITHIN = {
     ],
     "plots": [
         "painting style views",
-        "budgets cones curves formats fractions gripper_shapes grippers grasps perturbations",
-        "combinations error_fractions fraction_figures heat_maps tips",
-        "surfaces",
+        (
+            "budgets cones curves disagreements formats fractions gripper_shapes grippers grasps "
+            "perturbations validations"
+        ),
+        "combinations error_fractions fraction_figures heat_maps html_parts tips",
+        "surfaces validation_page",
     ],
     "quality": [
-        "certificates over_friction tasks unreachable_wrenches wrench_files wrenches",
+        "certificates over_friction patch_lines tasks unreachable_wrenches wrench_files wrenches",
         "epsilon_options task_texts",
         "wrench_problem",
         "closure critical_angle ferrari_canny opposed_fingers",
@@ -172,6 +193,14 @@ WITHIN = {
         "sweep_result",
         "sweeping writing",
     ],
+    "validating": [
+        "hints intervals mesh_lookup ranking scores stated_object validation_settings",
+        "calibration disagreements label_success tried_grasps",
+        "validation",
+        "evaluating sentences",
+        "comparison writing",
+        "validate",
+    ],
     "viewer": [
         "subjects view_settings",
         "session",
@@ -216,7 +245,8 @@ ENGINES = {
     "imageio_ffmpeg": {"viewer"},
     "aiohttp": {"viewer"},
     "yourdfpy": {"gripper.urdf"},
-    "mujoco": {"gripper.mjcf"},
+    "mujoco": {"gripper.mjcf", "physics.engine"},
+    "coacd": {"physics.parts"},
     "yaml": {"grasps.pose_files"},
     "h5py": {"grasps.pose_files"},
     "rich": {"cli"},
@@ -375,6 +405,6 @@ print("checked", len(packages))
 
 
 def test_few_names_are_at_the_top() -> None:
-    """Those of everyday use: 40, and since grasps have forces `Load` and `grip_force`."""
-    assert len(grasp3d.__all__) <= 42
+    """Those of everyday use: 40, and what came with forces, outcomes of grasps and physics."""
+    assert len(grasp3d.__all__) <= 44
     assert re.fullmatch(r"\d+\.\d+.*", grasp3d.__version__)

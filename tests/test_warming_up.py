@@ -1,6 +1,7 @@
 """Compiling ahead: once, announced, and complete."""
 
 import os
+import shutil
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,7 +15,8 @@ import grasp3d
 from grasp3d import warming_up
 from grasp3d._kernels import announcing
 from grasp3d._kernels.announcing import FORCES, PHASES, Phase, all_compiled
-from grasp3d.errors import SettingError
+from grasp3d._kernels.machine_code import cache_folder
+from grasp3d.errors import OutputError, SettingError
 from grasp3d.warming_up import announcement
 from tests.helpers.commands import run_here
 
@@ -74,6 +76,31 @@ def test_what_is_compiled_is_compiled_once(tmp_path: Path) -> None:
     done = run_here("warmup", cwd=tmp_path)
     assert (done.returncode, done.stdout) == (0, "already compiled\n")
     assert run_here("warmup", "--quiet", cwd=tmp_path).stdout == ""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(bool(os.environ.get("NUMBA_DISABLE_JIT")), reason="nothing is compiled")
+def test_a_folder_can_be_filled_for_others(tmp_path: Path) -> None:
+    grasp3d.warmup()
+    stored = cache_folder()
+    assert stored is not None
+    # What is compiled already would take a minute.
+    shutil.copytree(stored, tmp_path / "kernels" / stored.name)
+    (index,) = (tmp_path / "kernels" / stored.name).glob("scanning.scan-*.nbi")
+    index.unlink()
+    done = run_here("warmup", "--cache", "kernels", cwd=tmp_path)
+    assert (done.returncode, done.stdout[-7:]) == (0, " scans\n")
+    assert index.exists()
+    assert grasp3d.warmup(cache=tmp_path / "kernels") == ()
+
+
+def test_a_folder_that_cannot_be_written_is_refused(tmp_path: Path) -> None:
+    (tmp_path / "file").touch()
+    with pytest.raises(OutputError, match=r"cannot write machine code to .*file"):
+        grasp3d.warmup(cache=tmp_path / "file")
+    done = run_here("warmup", "--cache", "file", cwd=tmp_path)
+    assert done.returncode != 0
+    assert "choose a folder that can be written" in done.stderr
 
 
 @pytest.mark.slow
@@ -137,7 +164,8 @@ def test_after_warmup_no_command_compiles(tmp_path: Path) -> None:
     assert printed.startswith("compiled in ")
     works = [line.split("kernels for ")[1].split(",")[0] for line in lines.splitlines()]
     assert works == [
-        "meshes", "contact patches", "uncertain contact locations", "two fingers", "epsilon",
+        "meshes", "contact patches", "uncertain contact locations", "two fingers",
+        "epsilon of two fingers", "epsilon",
     ]  # fmt: skip
     known = {f"grasp3d._kernels.{kernel}" for phase in PHASES for kernel in phase.kernels}
     assert set(printed.splitlines()[-1].split()[1:]) <= known

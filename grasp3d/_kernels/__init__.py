@@ -3,5 +3,7 @@
 from numba.core import event
 
 from grasp3d._kernels.announcing import announcer
+from grasp3d._kernels.collecting import CollectionPauses
 
 event.register("numba:compile", announcer)
+event.register("numba:compile", CollectionPauses())

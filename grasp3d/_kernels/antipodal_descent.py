@@ -147,7 +147,10 @@ def descend(vertices, worst, gain, cone, tree, centres, surface, sets, limits, g
     nodes, highs = np.empty(STACK, dtype=np.int64), np.empty(STACK)
     weights, best_weights, found = np.empty(3), np.empty(3), np.empty((2, 3))
     lines, normals = np.empty((3, 3)), np.empty((3, 3))
-    own = np.empty((sets.counts.max(), 12))
+    most = 0
+    for v in range(sets.counts.shape[0]):
+        most = max(most, sets.counts[v])
+    own = np.empty((most, 12))
     for v in vertices:
         if worst and sets.counts[v] == 0:
             continue  # among all directions the worst normal has no grasp

@@ -8,8 +8,11 @@ import math
 
 from grasp3d._kernels.compiling import kernel
 
-CORNERS = 12
-"""Rows that a triangle needs when it is cut by up to six planes."""
+MOST_EDGES = 12
+"""Most sides of a convex face of a jaw."""
+
+CORNERS = 2 * MOST_EDGES
+"""Rows that a triangle needs when it is cut by the sides of a face and two planes more."""
 
 
 @kernel
@@ -25,52 +28,74 @@ def write_triangle(corners, side, polygon):
 
 
 @kernel
-def clip(polygon, count, axis, sign, limit, clipped):
-    """Write the part of a convex polygon where sign * coordinate <= limit.
+def clip(polygon, count, plane, clipped):
+    """Write the part of a convex polygon where plane[0] x + plane[1] y + plane[2] z <= plane[3].
 
     Args:
         polygon: The polygon.
         count: Number of its corners.
-        axis: Index of the coordinate.
-        sign: +1 or -1.
-        limit: Largest value of sign * coordinate.
+        plane: Four numbers.
         clipped: Written, another array of the same shape.
 
     Returns:
         Number of corners of the part; 0: nothing remains.
     """
+    a, b, c, limit = plane
     kept = 0
     for i in range(count):
         j = i + 1 if i + 1 < count else 0
-        here, there = limit - sign * polygon[i, axis], limit - sign * polygon[j, axis]
+        here = limit - a * polygon[i, 0] - b * polygon[i, 1] - c * polygon[i, 2]
+        there = limit - a * polygon[j, 0] - b * polygon[j, 1] - c * polygon[j, 2]
         if here >= 0.0:
-            clipped[kept] = polygon[i]
+            for k in range(6):
+                clipped[kept, k] = polygon[i, k]
             kept += 1
         if (here > 0.0 and there < 0.0) or (here < 0.0 and there > 0.0):
             t = here / (here - there)
             for k in range(6):
                 clipped[kept, k] = (1.0 - t) * polygon[i, k] + t * polygon[j, k]
-            clipped[kept, axis] = sign * limit
             kept += 1
     return kept
 
 
 @kernel
-def clip_to_rectangle(corners, side, half_width, half_height, polygon, spare):
-    """Write the part of a triangle with |y| <= half_width and |z| <= half_height to `polygon`.
+def clip_to_polygon(corners, side, plane, edges, polygon, spare):
+    """Write the part of a triangle that is ahead of a convex face of a jaw.
+
+    Args:
+        corners: Corners of the triangle (3, 3).
+        side: +1 or -1, x is multiplied by it.
+        plane: The jaw's face is at x = plane[0] + plane[1] y + plane[2] z, relative to the jaw.
+        edges: Its sides: edges[..., 0] y + edges[..., 1] z <= edges[..., 2] (e, 3).
+        polygon: Written; x is relative to the jaw's face.
+        spare: Memory.
 
     Returns:
-        Number of its corners; 0: nothing remains.
+        Number of corners of the part; 0: nothing remains.
     """
-    count, inside = write_triangle(corners, side, polygon), True
+    crossed = 0  # a bit for each side that some corner is beyond
+    for e in range(edges.shape[0]):
+        y, z, limit, inside = edges[e, 0], edges[e, 1], edges[e, 2], 0
+        for i in range(3):
+            if y * corners[i, 1] + z * corners[i, 2] <= limit:
+                inside += 1
+        if inside == 0:
+            return 0
+        if inside < 3:
+            crossed |= 1 << e
+    count, cuts = write_triangle(corners, side, polygon), 0
     for i in range(3):
-        inside &= abs(corners[i, 1]) <= half_width and abs(corners[i, 2]) <= half_height
-    if inside:
-        return count
-    count = clip(polygon, count, 1, 1.0, half_width, spare)
-    count = clip(spare, count, 1, -1.0, half_width, polygon)
-    count = clip(polygon, count, 2, 1.0, half_height, spare)
-    return clip(spare, count, 2, -1.0, half_height, polygon)
+        polygon[i, 0] -= plane[0] + plane[1] * polygon[i, 1] + plane[2] * polygon[i, 2]
+    for e in range(edges.shape[0]):
+        if crossed >> e & 1:
+            half_plane = (0.0, edges[e, 0], edges[e, 1], edges[e, 2])
+            count = clip(polygon, count, half_plane, spare)
+            polygon, spare, cuts = spare, polygon, cuts + 1
+    if cuts % 2:  # the caller reads the array that it passed as `polygon`
+        for i in range(count):
+            for k in range(6):
+                spare[i, k] = polygon[i, k]
+    return count
 
 
 @kernel

@@ -27,6 +27,8 @@ def _cached_by(locator: type) -> Iterator[None]:
 
 def _compiled(function: Callable[..., object], **flags: Any) -> Any:
     """Compile without the GIL and with IEEE semantics, so that a NaN reaches the caller."""
+    # No kernel is passed to another one, nor to C: a wrapper for that would only be compiled.
+    flags["no_cfunc_wrapper"] = True
     return numba.njit(nogil=True, error_model="numpy", **flags)(function)
 
 

@@ -56,8 +56,8 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
         polytope: The `Polytope` of a force-closed grasp, as `grow` left it.
         vertices: Its number of vertices.
         used: Its number of facets.
-        forces: Written, each contact's force in its axes (n, 4), or each row's weight in the first
-            column (n, 4).
+        forces: Written, each contact's force in its axes (n, 4), or where they resist rolling
+            (n, 6); or each row's weight in the first column (n, 4).
     """
     dim = len(dims)
     points, planes, corners, vectors = (
@@ -67,11 +67,11 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
         polytope.vectors,
     )
     residual, matrix, x = vectors[15], vectors[0:6], vectors[14]
-    count = forces.shape[0]
+    count, width = forces.shape
     for k in range(6):
         residual[k] = 0.0
     for i in range(count):
-        for k in range(4):
+        for k in range(width):
             forces[i, k] = 0.0
         if space.kind != ROWS:
             forces[i, 0] = 1.0
@@ -80,7 +80,7 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
     # With weight 1 for every vertex, each contact's force is a sum of several vectors of its cone,
     # together with its normal: hence non-zero and strictly inside.
     for i in range(vertices):
-        for k in range(4):
+        for k in range(width):
             forces[polytope.owners[i], k] += polytope.vertex_forces[i, k]
         for k in range(6):
             residual[k] -= points[i, k]
@@ -110,7 +110,7 @@ def equilibrium(space, dims, polytope, vertices, used, forces):
         for c in range(dim):
             vertex = corners[f, c]
             weight = max(x[c], 0.0)
-            for k in range(4):
+            for k in range(width):
                 forces[polytope.owners[vertex], k] += weight * polytope.vertex_forces[vertex, k]
             for k in range(6):
                 residual[k] -= weight * points[vertex, k]

@@ -44,7 +44,34 @@ BALANCED_SQUARE = 1e-20
 
 
 @merged
+def _margin_in_patch(space, i, forces):
+    """Distance of a contact's force from where its patch no longer resists rolling, or less."""
+    count = space.rim.shape[0]
+    if count == 0:
+        arm = math.sqrt(forces[i, 4] * forces[i, 4] + forces[i, 5] * forces[i, 5])
+        return (forces[i, 0] - arm) * math.sqrt(0.5)
+    shrink, arm = math.cos(math.pi / count), 0.0
+    for j in range(count):
+        k = j + 1 if j + 1 < count else 0
+        x = space.rim[j, 0] + space.rim[k, 0]
+        y = space.rim[j, 1] + space.rim[k, 1]
+        arm = max(arm, forces[i, 4] * x + forces[i, 5] * y)
+    arm *= 0.5 / shrink
+    return (forces[i, 0] * shrink - arm) / math.sqrt(1.0 + shrink * shrink)
+
+
+@merged
 def _margin(space, i, forces):
+    """Distance of a contact's force from the border of what it can apply, or less.
+
+    Limits of friction and of rolling do not depend on each other: the nearer one counts.
+    """
+    margin = _margin_in_cone(space, i, forces)
+    return min(margin, _margin_in_patch(space, i, forces)) if space.rolling else margin
+
+
+@merged
+def _margin_in_cone(space, i, forces):
     """Distance of a contact's force from the border of its cone, or less; 0 or less outside."""
     if space.kind == ROWS:
         return forces[i, 0]
@@ -80,9 +107,23 @@ def _margin(space, i, forces):
 @merged
 def _generators(space, i):
     """How many of a contact's axes its force may change along."""
-    if space.kind == ROWS or not space.cones[i, 1] > 0.0:
+    if space.kind == ROWS:
+        return 1
+    if space.rolling:
+        return 6
+    if not space.cones[i, 1] > 0.0:
         return 1
     return 4 if space.torsion != NO_TORSION else 3
+
+
+@merged
+def _is_generator(space, i, j):
+    """Whether the force may change along an axis, of those that `_generators` counts."""
+    if not space.rolling or j == 0 or j > 3:
+        return True
+    if not space.cones[i, 1] > 0.0:
+        return False
+    return j < 3 or space.torsion != NO_TORSION
 
 
 @merged
@@ -150,6 +191,8 @@ def _write_factor(space, rank, forces, thorough, matrix, residual, row):
         if not margin > 0.0:
             return False
         for j in range(_generators(space, i)):
+            if not _is_generator(space, i, j):
+                continue
             for k in range(rank):
                 component = _component(space, i, j, k)
                 residual[k] += forces[i, j] * component
@@ -205,7 +248,7 @@ def _normalise(forces):
     if not (total > 0.0 and math.isfinite(total)):
         return False
     for i in range(forces.shape[0]):
-        for j in range(4):
+        for j in range(forces.shape[1]):
             forces[i, j] /= total
     return True
 
@@ -236,6 +279,8 @@ def clear_slack(space, rank, extents, radius, forces, residual):
     for i in range(forces.shape[0]):
         least = min(least, _margin(space, i, forces))
         for j in range(_generators(space, i)):
+            if not _is_generator(space, i, j):
+                continue
             axis, force = space.axes[i, j], forces[i, j]
             for k in range(6):  # coordinates beyond the rank are 0
                 residual[k] += force * axis[k]
@@ -256,8 +301,8 @@ def balance(space, rank, extents, forces, scratch):
         space: `WrenchSpace`, not PER_FINGER, in coordinates of the span.
         rank: Number of those coordinates.
         extents: Size of a unit of each coordinate in the wrench space (6,).
-        forces: Contact forces in the contacts' axes, or the weights of given wrenches in the first
-            column (n, 4); corrected, their lengths sum to 1.
+        forces: Contact forces in the contacts' axes (n, 4 or 6), or the weights of given wrenches
+            in the first column (n, 4); corrected, their lengths sum to 1.
         scratch: Shape (18, 8).
 
     Returns:
@@ -295,6 +340,8 @@ def balance(space, rank, extents, forces, scratch):
             margin = _margin(space, i, forces)
             margin *= margin
             for j in range(_generators(space, i)):
+                if not _is_generator(space, i, j):
+                    continue
                 change = 0.0
                 for k in range(rank):
                     change += _component(space, i, j, k) * solution[k]

@@ -50,22 +50,22 @@ class TaskScratch(NamedTuple):
     vectors: npt.NDArray[np.float64]
     """Scratch of `resist` (20, 8)."""
     forces: npt.NDArray[np.float64]
-    """Scratch of `resist` (n, 4)."""
+    """Scratch of `resist` (n, 4 or 6)."""
     best: npt.NDArray[np.float64]
     """As in `ForceSlice` (7,)."""
     ones: npt.NDArray[np.float64]
     """Metric of forces (6,)."""
 
 
-def make_scratch(terms: int, count: int) -> TaskScratch:
-    """Allocate scratch for so many terms and contacts."""
+def make_scratch(terms: int, count: int, width: int = 4) -> TaskScratch:
+    """Allocate scratch for so many terms, contacts, and axes of a contact."""
     return TaskScratch(
         frame=np.zeros((6, 6)),
         extents=np.zeros(6),
         terms=np.zeros((terms, TERM)),
         goals=np.zeros((3, 6)),
         vectors=np.zeros((SCRATCH_ROWS, 8)),
-        forces=np.zeros((count, 4)),
+        forces=np.zeros((count, width)),
         best=np.zeros(7),
         ones=np.ones(6),
     )
@@ -82,7 +82,8 @@ class ForceResults(NamedTuple):
     direction: npt.NDArray[np.float64]
     """Direction that proves `lower` (b, 6)."""
     forces: npt.NDArray[np.float64]
-    """Contact forces that resist the wrench, in the contacts' axes (b, n, 4); nan: none."""
+    """Contact forces that resist the wrench, in the contacts' axes, (b, n, 4) or where they resist
+    rolling (b, n, 6); nan: none."""
 
 
 @merged
@@ -96,14 +97,14 @@ def _reset(results, g):
 @merged
 def _erase_forces(results, g):
     for i in range(results.forces.shape[1]):
-        for k in range(4):
+        for k in range(results.forces.shape[2]):
             results.forces[g, i, k] = math.nan
 
 
 @merged
 def _load(form, axes, tangential, workspace):
     """Write the contacts' wrenches in balanced coordinates of their span; returns its rank."""
-    kind, _, torsion = form
+    kind, _, torsion, _ = form
     load_contacts(axes, tangential, torsion, workspace)
     rank = span(workspace.rows, RANK_TOLERANCE, workspace.scratch, workspace.basis)
     project(kind, axes, workspace, rank)
@@ -235,8 +236,9 @@ def task_forces(
     """Bounds of the force that resists a whole task.
 
     Args:
-        form: (kind, spherical, torsion) of `WrenchSpace`; not ROWS.
-        axes: Axes of contacts (b, n, 4, 6), torques divided by the torque scale.
+        form: (kind, spherical, torsion, rolling) of `WrenchSpace`; not ROWS.
+        axes: Axes of contacts, (b, n, 4, 6) or where they resist rolling (b, n, 6, 6), torques
+            divided by the torque scale.
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2).
         rim: As in `WrenchSpace` (m, 2).
@@ -255,7 +257,7 @@ def task_forces(
     Returns:
         The first grasp for which the polytope was too small, b if none; its bounds hold.
     """
-    kind, spherical, torsion = form
+    kind, spherical, torsion, rolling = form
     goal = (rtol, 0.0, math.inf, 0.0)
     for g in range(first, axes.shape[0]):
         _reset(results, g)
@@ -271,7 +273,7 @@ def task_forces(
             continue
         task = TaskInSpan(scratch.frame, rank, scratch.extents, own, points)
         _write_task(own, points, rank, scale, workspace, task)
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, rolling)
         force = _force_in_all_directions(own) if rank == 6 else 0.0
         if force > 0.0:
             status, lower, upper = _grow_slice(
@@ -350,7 +352,7 @@ def wrench_forces(
         vectors: Scratch (18, 8).
         results: `ForceResults`; status UNFINISHED where the search did not end.
     """
-    kind, spherical, torsion = form
+    kind, spherical, torsion, rolling = form
     for g in range(axes.shape[0]):
         _reset(results, g)
         _erase_forces(results, g)
@@ -365,10 +367,10 @@ def wrench_forces(
         if size == 0.0:
             results.lower[g] = results.upper[g] = 0.0
             for i in range(axes.shape[1]):
-                for k in range(4):
+                for k in range(results.forces.shape[2]):
                     results.forces[g, i, k] = 0.0
             continue
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, rolling)
         if rank == 6:
             status, lower, upper = resist(space, SIX, goal, rtol, vectors, results.forces[g])
         else:

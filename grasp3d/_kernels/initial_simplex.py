@@ -105,7 +105,7 @@ def _set_origin(polytope):
     polytope.identifiers[0], polytope.owners[0] = -1, 0
     for k in range(6):
         polytope.points[0, k] = 0.0
-    for k in range(4):
+    for k in range(6):
         polytope.vertex_forces[0, k] = 0.0
 
 
@@ -166,7 +166,7 @@ def first_simplex(space, dims, metric, task, start, polytope):
                 identifier, owner = other_identifier, other_owner
                 for k in range(6):
                     point[k] = other[k]
-                for k in range(4):
+                for k in range(6):
                     vertex_forces[size, k] = other_force[k]
         polytope.identifiers[size], polytope.owners[size] = identifier, owner
         if size == 0:

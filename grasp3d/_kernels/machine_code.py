@@ -1,5 +1,6 @@
 """The folder of the kernels' machine code."""
 
+import atexit
 import hashlib
 import os
 import shutil
@@ -39,11 +40,13 @@ def cache_folder() -> Path | None:
 
     NUMBA_CACHE_DIR is preferred where it is set, then the user's cache, then the package's folder.
     All copies of the same sources use it. Machine code in a folder that cannot be written, as in
-    a container whose user did not compile it, is copied to one that can.
+    a container whose user did not compile it, or in the package's folder, as an installation may
+    bring it, is copied to one that can. Where only reading is possible, that is one which this
+    process removes when it ends.
     """
     name, read_only = f"{FOLDER_PREFIX}{fingerprint(_HERE)}", []
-    for root in _possible_roots():
-        folder = root / name
+    *_, brought = folders = [root / name for root in _possible_roots()]
+    for folder in folders:
         try:
             folder.mkdir(parents=True, exist_ok=True)
             tempfile.TemporaryFile(dir=folder).close()
@@ -51,19 +54,34 @@ def cache_folder() -> Path | None:
             read_only.append(folder)
             continue
         _remove_old_folders(folder)
-        _copy_machine_code(read_only, folder)
+        _copy_machine_code([*read_only, *([brought] if brought != folder else [])], folder)
         return folder
-    return None
+    return _temporary_copy(read_only)
 
 
 def _possible_roots() -> Iterator[Path]:
-    """Folders to try, in order of preference."""
+    """Folders to try, in order of preference; the last one is the package's."""
     if _config.CACHE_DIR:
         yield Path(_config.CACHE_DIR)
     home = Path(os.environ.get("XDG_CACHE_HOME") or os.path.expanduser("~/.cache"))  # noqa: PTH111
     if home.is_absolute():  # without a home directory expanduser leaves the "~"
         yield home / "grasp3d"
     yield _HERE / "__pycache__"
+
+
+def _temporary_copy(sources: Iterable[Path]) -> Path | None:
+    """Copy machine code to a folder of this process; None: there is none, or no such folder."""
+    with suppress(OSError):
+        sources = [source for source in sources if source.is_dir() and any(source.iterdir())]
+        if sources:
+            # Nobody else may put machine code there; it is removed when the interpreter ends.
+            temporary = tempfile.TemporaryDirectory(prefix=FOLDER_PREFIX)
+            atexit.register(temporary.cleanup)
+            folder = Path(temporary.name, sources[0].name)
+            folder.mkdir()
+            _copy_machine_code(sources, folder)
+            return folder
+    return None
 
 
 def _remove_old_folders(folder: Path) -> None:

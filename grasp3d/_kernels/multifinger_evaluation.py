@@ -258,9 +258,15 @@ def _hull_force_closed(candidate, n, angle):
     normal, tangential = math.cos(angle), math.sin(angle)
     for i in range(n):
         candidate.cones[i, 0], candidate.cones[i, 1] = normal, tangential
-    spherical = True
+    spherical, rolling = True, False
     space = WrenchSpace(
-        TOTAL, spherical, NO_TORSION, candidate.axes[:n], candidate.cones[:n], candidate.rim
+        TOTAL,
+        spherical,
+        NO_TORSION,
+        candidate.axes[:n],
+        candidate.cones[:n],
+        candidate.rim,
+        rolling,
     )
     _, lower, _, _, facets = grow(
         space, SIX, candidate.metric, None, AROUND_ORIGIN, SIGN, candidate.polytope

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import kernel
+from grasp3d._kernels.compiling import kernel, merged
 
 HEMISPHERE = 0.02
 """Cosine between the centre and a normal below which a set counts as all directions."""
@@ -96,6 +96,38 @@ def _hull(points):
     return chain[: max(size, 1)]
 
 
+@merged
+def _copy(source, target):
+    """Copy a vector; an assignment of arrays takes Numba far longer to compile."""
+    for k in range(3):
+        target[k] = source[k]
+
+
+@kernel
+def _tangents(centre):
+    """Two unit vectors orthogonal to a unit vector and to each other (`np.cross` in full)."""
+    axis, e1, e2 = np.zeros(3), np.empty(3), np.empty(3)
+    shortest = 0
+    for k in range(1, 3):
+        if abs(centre[k]) < abs(centre[shortest]):
+            shortest = k
+    axis[shortest] = 1.0
+    _write_cross(axis, centre, e1)
+    length = math.sqrt(np.dot(e1, e1))
+    for k in range(3):
+        e1[k] /= length
+    _write_cross(centre, e1, e2)
+    return e1, e2
+
+
+@merged
+def _write_cross(a, b, out):
+    """Write the cross product of two vectors."""
+    out[0] = a[1] * b[2] - a[2] * b[1]
+    out[1] = a[2] * b[0] - a[0] * b[2]
+    out[2] = a[0] * b[1] - a[1] * b[0]
+
+
 @kernel
 def order_normal_sets(start, normals, counts, centres, radii):
     """Turn each vertex's distinct normals into a convex polygon, in place.
@@ -116,10 +148,10 @@ def order_normal_sets(start, normals, counts, centres, radii):
             continue
         if count == 1:
             counts[v], radii[v] = 1, 0.0
-            centres[v] = normals[first]
+            _copy(normals[first], centres[v])
             continue
         centre = _centre(normals, first, count)
-        centres[v] = centre
+        _copy(centre, centres[v])
         nearest = 1.0
         for i in range(first, first + count):
             nearest = min(nearest, np.dot(centre, normals[i]))
@@ -130,11 +162,7 @@ def order_normal_sets(start, normals, counts, centres, radii):
         radii[v] = math.acos(min(1.0, nearest))
         # Central projection to the plane orthogonal to the centre maps great circles to lines, so
         # the spherical hull becomes a planar one.
-        axis = np.zeros(3)
-        axis[np.argmin(np.abs(centre))] = 1.0
-        e1 = np.cross(axis, centre)
-        e1 /= math.sqrt(np.dot(e1, e1))
-        e2 = np.cross(centre, e1)
+        e1, e2 = _tangents(centre)
         plane = np.empty((count, 2))
         for i in range(count):
             normal = normals[first + i]
@@ -142,6 +170,9 @@ def order_normal_sets(start, normals, counts, centres, radii):
             plane[i, 0] = np.dot(e1, normal) / height
             plane[i, 1] = np.dot(e2, normal) / height
         corners = _hull(plane)
-        chosen = normals[first : first + count][corners].copy()
-        normals[first : first + chosen.shape[0]] = chosen
-        counts[v] = chosen.shape[0]
+        chosen = np.empty((corners.shape[0], 3))
+        for i in range(corners.shape[0]):
+            _copy(normals[first + corners[i]], chosen[i])
+        for i in range(corners.shape[0]):
+            _copy(chosen[i], normals[first + i])
+        counts[v] = corners.shape[0]

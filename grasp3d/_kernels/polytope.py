@@ -30,7 +30,7 @@ class Polytope(NamedTuple):
     points: npt.NDArray[np.float64]
     """Vertices (p, 6)."""
     vertex_forces: npt.NDArray[np.float64]
-    """Contact force of each vertex's wrench, in its contact's axes (p, 4)."""
+    """Contact force of each vertex's wrench, in its contact's axes (p, 6)."""
     owners: npt.NDArray[np.int64]
     """Contact or row of each vertex (p,)."""
     identifiers: npt.NDArray[np.int64]
@@ -68,7 +68,7 @@ def make_polytope(facets: int) -> Polytope:
     points = max(facets // 4, 32)
     return Polytope(
         points=np.zeros((points, 6)),
-        vertex_forces=np.zeros((points, 4)),
+        vertex_forces=np.zeros((points, 6)),
         owners=np.zeros(points, dtype=np.int64),
         identifiers=np.zeros(points, dtype=np.int64),
         planes=np.zeros((9, facets)),

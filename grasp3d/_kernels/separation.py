@@ -13,7 +13,7 @@ which exists where they are at one point or on one line.
 import math
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
-from grasp3d._kernels.support_functions import ROWS
+from grasp3d._kernels.support_functions import ROWS, farthest_in_patch
 from grasp3d._kernels.vectors import dot6, remove_components
 
 MOVING, RESTING, UNPROVEN = 0, 1, 2
@@ -38,10 +38,18 @@ INDEPENDENT = 1e-6
 
 
 @merged
+def _is_resisted(soft, j):
+    """Whether a contact resists a motion along its axis: all but torsion do unless it is soft."""
+    return soft or j != 3
+
+
+@merged
 def _speed(axes, soft, u):
-    """Size of a contact's velocity, with its turning about the normal where it resists torsion."""
+    """Size of a contact's velocity, with its turning where it resists torsion, or rolling."""
     square = 0.0
-    for j in range(4 if soft else 3):
+    for j in range(axes.shape[0]):
+        if not _is_resisted(soft, j):
+            continue
         z = dot6(axes[j], u)
         square += z * z
     return math.sqrt(square)
@@ -51,6 +59,8 @@ def _speed(axes, soft, u):
 def _support(axes, cone, soft, rim, u):
     """Support function of a contact's cone of unit forces, not clipped at 0."""
     z0, z1, z2 = dot6(axes[0], u), dot6(axes[1], u), dot6(axes[2], u)
+    if axes.shape[0] == 6:  # it resists rolling
+        z0 += farthest_in_patch(axes, rim, u)[0]
     tangent = math.sqrt(z1 * z1 + z2 * z2)
     sideways = tangent
     if rim.shape[0] > 0:
@@ -75,7 +85,9 @@ def _leave_at_rest(axes, soft, slowest, scratch, u, v):
     for i in range(axes.shape[0]):
         if _speed(axes[i], soft, u) > slowest:
             continue
-        for j in range(4 if soft else 3):
+        for j in range(axes.shape[1]):
+            if not _is_resisted(soft, j):
+                continue
             if size >= 6:
                 return False
             row = basis[size]
@@ -109,6 +121,7 @@ def _clearly_separated(axes, cone, soft, slowest, u):
     across = z1 * z1 + z2 * z2
     return (
         not soft
+        and axes.shape[0] == 4
         and z0 < 0.0
         and z0 * z0 + across > slowest * slowest
         and across * (cone[1] * cone[1]) <= z0 * z0 * (cone[0] * cone[0])
@@ -123,7 +136,7 @@ def separation(kind, soft, axes, cones, rim, largest, u, scratch):
     Args:
         kind: As in `WrenchSpace`; given wrenches are not examined.
         soft: As in `WrenchSpace`.
-        axes: Wrenches of the contacts' axes (n, 4, 6).
+        axes: Wrenches of the contacts' axes, (n, 4, 6) or where they resist rolling (n, 6, 6).
         cones: As in `WrenchSpace` (n, 2).
         rim: As in `WrenchSpace` (m, 2).
         largest: Length of the longest wrench.

@@ -33,7 +33,8 @@ class Workspace(NamedTuple):
     """Scratch arrays for one grasp in the coordinates of its span; n contacts or rows."""
 
     rows: npt.NDArray[np.float64]
-    """Wrenches with the span of the grasp (4 n, 6), or the n rows (n, 6)."""
+    """Wrenches with the span of the grasp (4 n, 6), or (6 n, 6) where contacts resist rolling; or
+    the n rows (n, 6)."""
     scratch: npt.NDArray[np.float64]
     """Scratch of that shape."""
     basis: npt.NDArray[np.float64]
@@ -59,19 +60,21 @@ class Results(NamedTuple):
     direction: npt.NDArray[np.float64]
     """Direction of `upper`, or a separating one: no wrench has a positive component (b, 6)."""
     forces: npt.NDArray[np.float64]
-    """Equilibrium forces, in the contacts' axes (b, n, 4); nan where there is none."""
+    """Equilibrium forces, in the contacts' axes, (b, n, 4) or where they resist rolling
+    (b, n, 6); nan where there is none."""
     slack: npt.NDArray[np.float64]
     """As returned by `balance`; 0 where the hull alone proves force closure (b,)."""
 
 
-def make_workspace(kind: int, count: int) -> Workspace:
-    """Allocate a workspace for `count` contacts or rows."""
-    rows = count if kind == ROWS else 4 * count
+def make_workspace(kind: int, count: int, rolling: bool = False) -> Workspace:
+    """Allocate a workspace for `count` contacts, which may resist rolling, or rows."""
+    axes = 6 if rolling else 4
+    rows = count if kind == ROWS else axes * count
     return Workspace(
         rows=np.zeros((rows, 6)),
         scratch=np.zeros((rows, 6)),
         basis=np.zeros((6, 6)),
-        axes=np.zeros((1, 6, count) if kind == ROWS else (count, 4, 6)),
+        axes=np.zeros((1, 6, count) if kind == ROWS else (count, axes, 6)),
         extents=np.zeros(6),
         metric=np.zeros(6),
         dims=np.zeros(6, dtype=np.int64),
@@ -89,10 +92,10 @@ def _load_rows(wrenches, workspace):
 
 @merged
 def load_contacts(axes, tangential, torsion, workspace):
-    """Copy the axes (n, 4, 6) of contacts, the tangential ones scaled by friction (n,)."""
-    rows = workspace.rows
+    """Copy the axes (n, 4 or 6, 6) of contacts, the tangential ones scaled by friction (n,)."""
+    rows, width = workspace.rows, axes.shape[1]
     for i in range(axes.shape[0]):
-        for j in range(4):
+        for j in range(width):
             factor = 1.0
             # Without friction, or without torsion, the axis does not belong to the span.
             if 1 <= j <= 2:
@@ -100,7 +103,7 @@ def load_contacts(axes, tangential, torsion, workspace):
             elif j == 3 and torsion == NO_TORSION:
                 factor = 0.0
             for k in range(6):
-                rows[4 * i + j, k] = factor * axes[i, j, k]
+                rows[width * i + j, k] = factor * axes[i, j, k]
 
 
 @merged
@@ -137,7 +140,7 @@ def project(kind, source, workspace, rank):
             extents[k] *= count
         metric[k] = 1.0 / extents[k] if extents[k] > 0.0 else 0.0
     for i in range(count):
-        for j in range(1 if kind == ROWS else 4):
+        for j in range(source.shape[1]):
             for k in range(6):
                 value = metric[k] * _coordinate(basis, is_unit_basis, k, source[i, j])
                 if kind == ROWS:
@@ -184,7 +187,7 @@ def _largest_wrench(workspace):
 def _erase_forces(results, g):
     """Mark a grasp's forces as missing."""
     for i in range(results.forces.shape[1]):
-        for k in range(4):
+        for k in range(results.forces.shape[2]):
             results.forces[g, i, k] = math.nan
 
 
@@ -216,7 +219,7 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
 
     Where it does not, a grasp that is not force-closed becomes UNDECIDED.
     """
-    kind, _, torsion = form
+    kind, _, torsion, _ = form
     found = separation(
         kind, torsion != NO_TORSION, wrenches, cones, rim, _largest_wrench(workspace),
         results.direction[g], polytope.vectors,
@@ -232,8 +235,8 @@ def _examine_separation(form, wrenches, cones, rim, workspace, polytope, results
 
 @scratch_kernel
 def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch, forces):
-    """Correct forces of one grasp (n, 4) found by other means; returns the slack of `balance`."""
-    kind, spherical, torsion = form
+    """Correct forces of one grasp found by other means; returns the slack of `balance`."""
+    kind, spherical, torsion, rolling = form
     if kind == ROWS:
         _load_rows(wrenches[:, 0], workspace)
     else:
@@ -241,7 +244,7 @@ def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch
     rank = span(workspace.rows, tolerance, workspace.scratch, workspace.basis)
     total = ROWS if kind == ROWS else TOTAL
     project(total, wrenches, workspace, rank)
-    space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim)
+    space = WrenchSpace(total, spherical, torsion, workspace.axes, cones, rim, rolling)
     return balance(space, rank, workspace.extents, forces, scratch)
 
 
@@ -264,8 +267,9 @@ def epsilons(
     """Epsilon, force closure and certificates of many grasps.
 
     Args:
-        form: (kind, spherical, torsion) of `WrenchSpace`.
-        wrenches: Axes of contacts (b, n, 4, 6) or rows (b, n, 1, 6).
+        form: (kind, spherical, torsion, rolling) of `WrenchSpace`.
+        wrenches: Axes of contacts (b, n, 4, 6), or where they resist rolling (b, n, 6, 6); or rows
+            (b, n, 1, 6).
         tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
         cones: As in `WrenchSpace` (b, n, 2).
         rim: As in `WrenchSpace` (m, 2).
@@ -282,7 +286,7 @@ def epsilons(
     Returns:
         The first grasp for which the polytope was too small, b if none; its bounds hold.
     """
-    kind, spherical, torsion = form
+    kind, spherical, torsion, rolling = form
     rtol, atol, cutoff, sign = goal
     smallest = math.inf
     for g in range(first - first % group, first):
@@ -306,7 +310,7 @@ def epsilons(
             continue
         project(kind, wrenches[g], workspace, rank)
         # Within a group, growing stops when epsilon cannot be smaller than those before it.
-        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim)
+        space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, rolling)
         limit = min(cutoff, smallest) if group > 1 else cutoff
         status, lower, upper, vertices, used = _grow(
             space, rank, workspace, (rtol, atol, limit, sign), polytope
@@ -326,7 +330,9 @@ def epsilons(
             results.slack[g] = 0.0
         if closed and (with_forces or not clear) and _is_convex(kind, cones[g]):
             if kind == PER_FINGER:  # the hull contains the origin where the sum does
-                space = WrenchSpace(TOTAL, spherical, torsion, workspace.axes, cones[g], rim)
+                space = WrenchSpace(
+                    TOTAL, spherical, torsion, workspace.axes, cones[g], rim, rolling
+                )
                 _, _, _, vertices, used = _grow(space, rank, workspace, SIGN, polytope)
             slack = math.inf
             if used > 0:

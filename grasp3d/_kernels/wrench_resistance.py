@@ -140,7 +140,7 @@ def resist(space, dims, goal, rtol, vectors, forces):
         goal: The wrench that the contacts must apply, not 0, in the space's coordinates (6,).
         rtol: Largest gap between the bounds, relative to the upper one.
         vectors: Scratch (>= 19, 8); row 16 is written, the direction that proves the lower bound.
-        forces: Written, contact forces of that wrench in the contacts' axes (n, 4).
+        forces: Written, contact forces of that wrench in the contacts' axes (n, 4 or 6).
 
     Returns:
         (status, lower, upper): RESISTED with bounds; otherwise they need not hold.
@@ -168,7 +168,7 @@ def _write_forces(space, dim, goal, vectors, forces):
     """
     matrix, directions, x, point = vectors[0:6], vectors[6:12], vectors[12], vectors[15]
     for i in range(forces.shape[0]):
-        for k in range(4):
+        for k in range(forces.shape[1]):
             forces[i, k] = 0.0
     for j in range(dim):
         made = dot6(directions[j], directions[j]) > 0.0

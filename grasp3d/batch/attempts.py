@@ -6,8 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Generic, TypeVar
 
 from grasp3d.batch.batch_settings import ClusterSettings
-from grasp3d.batch.cluster_client import ClusterClient
-from grasp3d.batch.worker_task import Request, Result, ResultKind, versions
+from grasp3d.batch.job_requests import JobClient, Request, Result, ResultKind, versions
 from grasp3d.isolation import CallFailedError, CallFailure, NeedsMemory, working_folder
 from grasp3d.isolation.pickling import pickle_call, unpickle_result
 from grasp3d.warming_up import compile_kernels
@@ -38,7 +37,7 @@ class Attempts(Generic[JobT, SettingsT, RowT]):
 
     def __init__(
         self,
-        client: ClusterClient,
+        client: JobClient,
         task: Callable[[JobT, SettingsT], RowT],
         settings: SettingsT,
         lost: Callable[[JobT, str], RowT],
@@ -48,7 +47,7 @@ class Attempts(Generic[JobT, SettingsT, RowT]):
         gripper: bool = False,
         forces: bool = False,
     ) -> None:
-        """Start nothing yet; the arguments are those of `run`, and the client of the cluster."""
+        """Start nothing yet; the arguments are those of `run`, and the client that sends jobs."""
         self._preparation = None
         if kernels is not None:
             self._preparation = pickle_call(compile_kernels, kernels, gripper, forces)

@@ -1,8 +1,8 @@
 """Settings of a batch: how meshes are labelled, and which processes label them."""
 
 import math
-from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
+from functools import lru_cache
 from itertools import product
 from typing import Any
 
@@ -107,7 +107,7 @@ class BatchSettings:
             return tuple(dict.fromkeys(given))
         return tuple(sorted(set(given)))
 
-    def grid_models(self, model: GraspModel, unit: Any = None) -> Iterator[GraspModel]:
+    def grid_models(self, model: GraspModel, unit: Any = None) -> tuple[GraspModel, ...]:
         """The model at every combination of the grid, all resolutions of each one by one.
 
         Args:
@@ -117,26 +117,7 @@ class BatchSettings:
         Raises:
             SettingError: A location error has a unit, but that of the mesh is not known.
         """
-        locations = [
-            length_in_unit("location_error", one, unit)
-            for one in (self.grid.location_error or (model.location_error,))
-        ]
-        for friction, error, normals, location, resolution in product(
-            self.frictions,
-            self.errors_of("friction_error"),
-            self.errors_of("normal_error"),
-            dict.fromkeys(locations),
-            self.resolutions,
-        ):
-            yield replace(
-                model,
-                friction=friction,
-                friction_error=error,
-                normal_error=normals,
-                location_error=location,
-                sensor_resolution=resolution,
-                method="exact",  # thresholds on critical angles, whatever the labels are from
-            )
+        return _grid_models(self, model, unit)
 
     @property
     def needs_forces(self) -> bool:
@@ -164,13 +145,41 @@ class BatchSettings:
         return search_cone(widest, Sampling())
 
 
+@lru_cache(maxsize=16)  # most meshes of a library have the same unit
+def _grid_models(settings: BatchSettings, model: GraspModel, unit: Any) -> tuple[GraspModel, ...]:
+    """See `BatchSettings.grid_models`."""
+    locations = [
+        length_in_unit("location_error", one, unit)
+        for one in (settings.grid.location_error or (model.location_error,))
+    ]
+    return tuple(
+        replace(
+            model,
+            friction=friction,
+            friction_error=error,
+            normal_error=normals,
+            location_error=location,
+            sensor_resolution=resolution,
+            method="exact",  # thresholds on critical angles, whatever the labels are from
+        )
+        for friction, error, normals, location, resolution in product(
+            settings.frictions,
+            settings.errors_of("friction_error"),
+            settings.errors_of("normal_error"),
+            dict.fromkeys(locations),
+            settings.resolutions,
+        )
+    )
+
+
 @dataclass(frozen=True)
 class ClusterSettings:
     """Which processes label the meshes: this machine's, or those of a running Dask cluster.
 
     Attributes:
-        workers: Processes on this machine, one thread each; none: one per processor; 0: no child
-            processes, one mesh after the other and without limits, for debugging.
+        workers: Processes on this machine, one thread each, and more where fewer meshes than
+            processes are left; none: one per processor; 0: no child processes, one mesh after the
+            other and without limits, for debugging.
         scheduler: Address (tcp://HOST:8786) or scheduler file of a running Dask cluster.
         worker_memory: Memory limit of a process [GB]; a mesh that needs more is labelled once more,
             alone; none: an equal part of this machine's memory, or the memory limit of the running

@@ -1,48 +1,34 @@
-"""The Dask cluster that runs the jobs: one within this process, or a running one."""
+"""A running Dask cluster that runs the jobs."""
 
 import asyncio
 import json
 import logging
-import threading
 import time
 import warnings
 from collections.abc import Iterator
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
-from tempfile import TemporaryDirectory
 
 import dask
-from distributed import Client, LocalCluster, Security, rpc
-from distributed.system import MEMORY_LIMIT
+from distributed import Client, Security, rpc
 
-from grasp3d.batch.batch_settings import MIN_WORKER_MEMORY, ClusterSettings
 from grasp3d.batch.cluster_client import SAME_ENVIRONMENT, ClusterClient, cannot_run
-from grasp3d.batch.worker_task import USABLE_MEMORY, versions
+from grasp3d.batch.job_requests import versions
 from grasp3d.errors import SettingError
-from grasp3d.isolation import end_idle
-from grasp3d.system.processors import available_processors
 
 CONNECT_TIMEOUT = 8.0
 """Time to find a running cluster, and then to get a response from it [s]."""
 
-_STARTING = threading.Lock()
-"""Held while a cluster starts: two that start at once in one process would each import only part
-of the same modules."""
-
-_CONFIG = {
-    "distributed.comm.timeouts.connect": f"{CONNECT_TIMEOUT}s",
-    # The memory is taken by the child processes, which are watched one by one.
-    "distributed.worker.memory.spill": False,
-    "distributed.worker.memory.target": False,
-    "distributed.worker.memory.pause": False,
-    "distributed.worker.profile.enabled": False,
-}
+_CONFIG = {"distributed.comm.timeouts.connect": f"{CONNECT_TIMEOUT}s"}
 
 
 @contextmanager
-def open_cluster(settings: ClusterSettings) -> Iterator[ClusterClient]:
-    """Start a cluster, or connect to a running one, for the duration of the context.
+def open_cluster(scheduler: str) -> Iterator[ClusterClient]:
+    """Connect to a running cluster for the duration of the context.
+
+    Args:
+        scheduler: Address of its scheduler, or the scheduler's file.
 
     Raises:
         SettingError: No cluster runs at the given address, or it runs other versions.
@@ -50,48 +36,9 @@ def open_cluster(settings: ClusterSettings) -> Iterator[ClusterClient]:
     with ExitStack() as stack:
         stack.enter_context(dask.config.set(_CONFIG))
         stack.enter_context(_silenced_logs())
-        if settings.scheduler is None:
-            stack.callback(end_idle)
-            client = stack.enter_context(_local_cluster(settings))
-            cluster_client = ClusterClient(client, "this machine")
-        else:
-            client = stack.enter_context(_running_cluster(settings.scheduler))
-            cluster_client = ClusterClient(client, settings.scheduler)
-        stack.callback(cluster_client.cancel_all)
-        yield cluster_client
-
-
-def local_workers(settings: ClusterSettings) -> int:
-    """Jobs to run at once on this machine, limited by its processors and its memory."""
-    if settings.workers is not None:
-        return settings.workers
-    least = settings.worker_memory or MIN_WORKER_MEMORY
-    return max(1, min(available_processors(), int(USABLE_MEMORY * MEMORY_LIMIT / 1e9 / least)))
-
-
-@contextmanager
-def _local_cluster(settings: ClusterSettings) -> Iterator[Client]:
-    """Start a cluster whose workers are threads of this process, each with a child process.
-
-    Worker processes and nannies between this process and the children would protect nothing more,
-    and a script that starts them would need `if __name__ == "__main__"`.
-    """
-    with (
-        TemporaryDirectory(prefix="grasp3d-dask-", ignore_cleanup_errors=True) as folder,
-        dask.config.set({"temporary-directory": folder}),  # where Dask leaves lock files
-    ):
-        with _STARTING:
-            cluster = LocalCluster(
-                n_workers=1,
-                threads_per_worker=local_workers(settings),
-                processes=False,
-                memory_limit=None,
-                # Any free port, on this machine only: another run may have taken the default port.
-                dashboard_address="127.0.0.1:0",
-                silence_logs=logging.CRITICAL,
-            )
-        with cluster, Client(cluster, set_as_default=False) as client:
-            yield client
+        client = ClusterClient(stack.enter_context(_running_cluster(scheduler)), scheduler)
+        stack.callback(client.cancel_all)
+        yield client
 
 
 @contextmanager

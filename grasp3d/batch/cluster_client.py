@@ -11,7 +11,8 @@ from uuid import uuid4
 
 from distributed import Client, Future, KilledWorker
 
-from grasp3d.batch.worker_task import Request, Result, ResultKind, run_request, usable_memory
+from grasp3d.batch.job_requests import Request, Result, ResultKind
+from grasp3d.batch.worker_task import run_request, usable_memory
 from grasp3d.errors import GraspError, SettingError
 
 logger = logging.getLogger(__name__)

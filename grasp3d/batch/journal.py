@@ -3,7 +3,7 @@
 import json
 import re
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass, field, is_dataclass, replace
+from dataclasses import dataclass, field, is_dataclass, replace
 from enum import StrEnum
 from functools import cache
 from types import NoneType
@@ -31,7 +31,8 @@ class JournalEntry:
 
 def pack_entry(entry: JournalEntry) -> bytes:
     """Write an entry as JSON."""
-    return json.dumps(asdict(entry)).encode()
+    # The fields of nested dataclasses, without the copies that `asdict` makes of all values.
+    return json.dumps(vars(entry), default=vars).encode()
 
 
 def unpack_entry(data: bytes) -> JournalEntry:

@@ -125,7 +125,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
 
     clock = _lap_times()
     next(clock)
-    mesh, load = loaded_mesh(prepare_file(path, settings.mesh, threads=1), settings.load)
+    mesh, load = loaded_mesh(prepare_file(path, settings.mesh, threads=job.threads), settings.load)
     model = settings.model.in_unit(mesh.unit, source=mesh.report.source)
     sampling = settings.search.in_unit(mesh.unit, source=mesh.report.source)
     if not force:
@@ -138,7 +138,9 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     if allowed is not None and cost.memory > allowed:
         raise NeedsMemory(cost.memory)
     reaching = Reaching.keywords(Reaching.of(settings.reach, mesh))
-    labels = label_surface(mesh, model, sampling=sampling, load=load, threads=1, **reaching)
+    labels = label_surface(
+        mesh, model, sampling=sampling, load=load, threads=job.threads, **reaching
+    )
     labels.compute_epsilon(ignore)
     labels.compute_holding(ignore)
     labelling = next(clock)

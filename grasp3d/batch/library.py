@@ -9,7 +9,8 @@ from pathlib import Path
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.inputs import MeshFile, find_meshes
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
-from grasp3d.batch.plan import Job, plan
+from grasp3d.batch.local_client import local_workers
+from grasp3d.batch.plan import Job, plan, use_all_processors
 from grasp3d.batch.progress import ProgressCallback, ProgressCounter, ignore_progress
 from grasp3d.batch.report import write_report
 from grasp3d.batch.row import Outcome, Row
@@ -106,6 +107,7 @@ def label_library(
         ['box.ply']
     """
     settings, folder = settings or BatchSettings(), Folder(str(output))
+    cluster = cluster or ClusterSettings()
     if settings.load is not None:  # other machines need no files, and changed files other labels
         settings = replace(settings, load=settings.load.with_files_read())
     if not str(output):
@@ -115,10 +117,12 @@ def label_library(
     try:
         meshes = use_stored_names(found, store.rows)
         jobs, finished = _jobs_to_run(meshes, store, overwrite=overwrite, force=force)
+        if cluster.scheduler is None:
+            jobs = use_all_processors(jobs, local_workers(cluster))
         store.begin(job.mesh.name for job in jobs)
         stale = sum(1 for job in jobs if store.is_stale(job.mesh.name))
         counter = ProgressCounter([job.mesh for job in jobs], finished, stale, progress)
-        for row in _rows(jobs, settings, cluster or ClusterSettings(), store, counter, force=force):
+        for row in _rows(jobs, settings, cluster, store, counter, force=force):
             store.add(row)
             counter.finish(row)
     finally:  # also when interrupted

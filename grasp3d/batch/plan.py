@@ -5,7 +5,7 @@ import os
 import re
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from pathlib import PurePosixPath
 
@@ -32,6 +32,8 @@ class Job:
     output: Folder
     known_content: str = ""
     """Hash of the content that the store has valid results of; empty: it has none."""
+    threads: int = 1
+    """Threads that label the mesh."""
 
     @property
     def labels(self) -> str:
@@ -89,6 +91,22 @@ def plan(
                 levels[number] += 1
                 changed = True
     return [Job(mesh, stem, output) for mesh, stem in zip(meshes, stems, strict=True)]
+
+
+def use_all_processors(jobs: Sequence[Job], processes: int) -> list[Job]:
+    """Give the last jobs of a run several threads, so that no processor waits for their end.
+
+    The threads of a job change none of its results.
+
+    Args:
+        jobs: In the order in which they are begun.
+        processes: Jobs that run at once.
+    """
+    count = len(jobs)
+    return [
+        replace(job, threads=max(1, processes // (count - number)))
+        for number, job in enumerate(jobs)
+    ]
 
 
 class _ExistingNames:

@@ -1,12 +1,18 @@
 """Running jobs, each in a watched child process, so that a failing job affects no other."""
 
 from collections.abc import Callable, Iterable, Iterator
+from contextlib import ExitStack
 from itertools import chain, islice
-from typing import TypeVar
+from typing import TYPE_CHECKING, TypeVar
 
 from grasp3d.batch.batch_settings import ClusterSettings
+from grasp3d.batch.compiling_first import compile_first
+from grasp3d.batch.local_client import open_local_client
 from grasp3d.isolation import NeedsMemory, describe_unexpected
 from grasp3d.warming_up import compile_kernels
+
+if TYPE_CHECKING:
+    from grasp3d.batch.job_requests import JobClient
 
 JobT = TypeVar("JobT")
 SettingsT = TypeVar("SettingsT")
@@ -63,13 +69,20 @@ def run(
             yield _run_here(task, job, settings, lost)
         return
     from grasp3d.batch.attempts import Attempts
-    from grasp3d.batch.cluster import open_cluster
-    from grasp3d.batch.compiling_first import compile_first
 
-    if kernels is not None and cluster.scheduler is None:
-        compile_first(kernels, gripper, forces)
-        kernels = None
-    with open_cluster(cluster) as client:
+    with ExitStack() as stack:
+        client: JobClient
+        if cluster.scheduler is None:
+            client = local = stack.enter_context(open_local_client(cluster))
+            first += islice(jobs, local.processes - 1)
+            if kernels is not None:
+                compile_first(kernels, gripper, forces, children=len(first))
+                kernels = None
+        else:
+            # Imported here: jobs on this machine need no Dask.
+            from grasp3d.batch.cluster import open_cluster
+
+            client = stack.enter_context(open_cluster(cluster.scheduler))
         attempts = Attempts(
             client, task, settings, lost, cluster, kernels, gripper=gripper, forces=forces
         )

@@ -162,7 +162,8 @@ class Store:
         row = journal.in_unicode(row)
         before = self._rows.get(row.mesh)
         self._entry_files.append(self._write_entry(JournalEntry((row,))))
-        self._in_journal[row.mesh] = self._rows[row.mesh] = row
+        self._rows[row.mesh] = row
+        self._in_journal.add_all(self._rows.subset([row.mesh]))
         self._to_replace.pop(row.mesh, None)
         if before is not None:
             self.output.remove_all(set(_result_files(before)) - set(_result_files(row)))

@@ -20,6 +20,7 @@ from grasp3d.cli.label import Label
 from grasp3d.cli.options import Flag
 from grasp3d.cli.paper import Paper
 from grasp3d.cli.perturb import Perturb
+from grasp3d.cli.simulate import Simulate
 from grasp3d.cli.streams import (
     check_output,
     discard_output,
@@ -28,6 +29,7 @@ from grasp3d.cli.streams import (
     print_error,
 )
 from grasp3d.cli.sweep import Sweep
+from grasp3d.cli.validate import Validate
 from grasp3d.cli.view import View
 from grasp3d.cli.warmup import Warmup
 from grasp3d.errors import GraspError
@@ -38,6 +40,8 @@ Command = (
     Annotated[Label, tyro.conf.subcommand("label")]
     | Annotated[Check, tyro.conf.subcommand("check")]
     | Annotated[Evaluate, tyro.conf.subcommand("evaluate")]
+    | Annotated[Validate, tyro.conf.subcommand("validate")]
+    | Annotated[Simulate, tyro.conf.subcommand("simulate")]
     | Annotated[Batch, tyro.conf.subcommand("batch")]
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Perturb, tyro.conf.subcommand("perturb")]

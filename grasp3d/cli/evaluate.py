@@ -20,7 +20,7 @@ from grasp3d.cli.options import (
     command,
 )
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.gripper.reach_settings import ObjectMotion, ReachSettings
 from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, with_fingers
 from grasp3d.system.names import safe_stem
@@ -58,6 +58,10 @@ class Evaluate:
     ] = None
     """Quality measures of the literature to compute, print and write as further columns: all, or
     names separated by commas, such as min_weight,grasp_isotropy; an unknown name lists them."""
+
+    object_motion: ObjectMotion = "free"
+    """Poses: whether the object gives way to the closing jaws, and settles between them, or does
+    not move."""
 
     model: ModelOptions = field(default_factory=GraspModel)
     """Friction and sensor resolution; the number of fingers is that of a grasp's contacts."""
@@ -107,8 +111,15 @@ class Evaluate:
             raise SettingError(
                 f"{self.contacts}: contains poses; give their gripper with --gripper NAME|FILE"
             )
+        if not poses and self.object_motion != "free":
+            raise SettingError("object_motion applies to poses of a gripper, not to contacts")
         if poses and self.max_distance is not None:
             raise SettingError("max_distance applies to contacts, not to poses of a gripper")
+        if self.metrics is not None and self.model.contact == "patch":
+            raise SettingError(
+                "the measures of --metrics are those of point contacts: use --contact soft, or "
+                "point"
+            )
         if self.reach.gripper is not None and not poses and self.contacts.is_file():
             raise SettingError(
                 f"{self.contacts}: contains no poses; a gripper applies to poses, not to contacts"
@@ -170,7 +181,13 @@ class Evaluate:
         reaching = Reaching.of(self.reach, mesh)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             found = evaluate_poses(
-                mesh, poses, model, load=load, progress=progress, **Reaching.keywords(reaching)
+                mesh,
+                poses,
+                model,
+                object_motion=self.object_motion,
+                load=load,
+                progress=progress,
+                **Reaching.keywords(reaching),
             )
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
             found.compute_epsilon(progress)

@@ -25,6 +25,26 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "evaluate meshes/mug.glb grasps.csv --max-distance 5mm -o evaluated.json",
         ),
     ),
+    "validate": (
+        (
+            "How well labels predict a robot's log of grasps on one object",
+            "validate tried.csv --mesh meshes/mug.glb --gripper franka -o validated",
+        ),
+        (
+            "For rubber pads, with a table of S, M and U at other resolutions",
+            "validate tried.csv --mesh meshes/mug.glb --friction 0.8 --sensor-resolutions 0 5:20:5",
+        ),
+    ),
+    "simulate": (
+        (
+            "Do grasps of a box hold as their labels say?",
+            "simulate meshes/box.obj --unit m --count 6 --pull-time 0.2",
+        ),
+        (
+            "With uncertain friction, as a table of Parquet",
+            "simulate meshes/box.obj --unit m --friction 0.4..0.6 --count 6 -o simulated.parquet",
+        ),
+    ),
     "batch": (
         ("Label all meshes of a folder", "batch meshes -o results"),
         (
@@ -73,6 +93,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "warmup": (
         ("Compile the kernels for two fingers", "warmup"),
         ("Also those for three, four and five fingers", "warmup --fingers 3"),
+        ("Into a folder, as for an image of a container", "warmup --cache kernels"),
     ),
     "paper": (
         ("All figures and numbers", "paper -o paper"),
@@ -84,6 +105,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
 }
 """What they do, and the words after `grasp3d`, by the name of the command. The folder `meshes` is
 the one that comes with the package, `grasps.csv` a table with columns x1 y1 z1 x2 y2 z2,
+`tried.csv` one of poses with outcomes,
 `hand.urdf` a robot's hand."""
 
 _OF_ALL = (

@@ -23,7 +23,9 @@ MARK, MARKED = b"grasp3d", 2**16
 """The name that other results contain, and how many bytes from their start or end it is."""
 
 _HEADS = re.compile(
-    rb'"(grasp","label","critical_angle|name","px","py|mesh","source","refusal|name","mode",|x","y","z","stable",)'
+    rb'"(grasp","label","critical_angle|name","px","py|mesh","source","refusal|name","mode",|'
+    rb'x","y","z","stable",|file","grasp","object",|score","better",|'
+    rb'friction","sensor_resolution","label",|grasp","success","held",|margin_low","margin_high",)'
 )
 """How tables as CSV begin, which hold no name."""
 

@@ -9,13 +9,14 @@ from rich.table import Table
 
 from grasp3d.arrays import Floats
 from grasp3d.cli.load_report import LEGEND, holding_cells, holding_headings, print_load_of_grasps
-from grasp3d.cli.report import angle_text, escaped
+from grasp3d.cli.report import angle_text, escaped, print_table
 from grasp3d.cli.uncertainty_report import (
     MARGIN,
     is_uncertain,
     margin_text,
     uncertainty_lines,
 )
+from grasp3d.grasps.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.meanings import epsilon_min_text
@@ -35,6 +36,11 @@ _LEGEND = (
 )
 
 _APPROACH = "approach: how far the approach may turn about the closing axis; "
+
+_CLOSED = (
+    "closed: label at what the jaws touch when they close, and its margin, the friction angle to "
+    "spare; "
+)
 
 
 def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
@@ -66,7 +72,7 @@ def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
         console.print(f"[yellow]warning:[/] {escaped(line)}", soft_wrap=True)
     if grasps.size > MAX_ROWS:
         console.print(f"the first {MAX_ROWS} of {grasps.size}:")
-    console.print(_table(grasps, MAX_ROWS, distances=True))
+    print_table(console, _table(grasps, MAX_ROWS, distances=True))
     console.print(_legend(grasps), soft_wrap=True)
     _print_written(console, output)
 
@@ -89,8 +95,11 @@ def print_best(
     else:
         what = "best distinct grasp" if grasps.size == 1 else f"{grasps.size} best distinct grasps"
         console.print(f"the {what}:")
-        console.print(_table(grasps, grasps.size))
+        print_table(console, _table(grasps, grasps.size))
         console.print(_legend(grasps), soft_wrap=True)
+        note = "" if grasps.closed is None else grasps.closed.note(grasps.label)
+        if note:
+            console.print(f"[yellow]warning:[/] {note}", soft_wrap=True)
         if grasps.size < requested:
             console.print(f"{requested} were requested; all others are similar to one of these")
     if grasps.size and not drawn:
@@ -115,6 +124,7 @@ def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
 
 def _legend(grasps: SurfaceGrasps) -> str:
     approach = "" if grasps.reach is None else _APPROACH
+    approach += "" if grasps.closed is None else _CLOSED
     forces = "" if grasps.holding is None else LEGEND
     forces += MARGIN if is_uncertain(grasps.model) else ""
     unit = grasps.mesh.unit or "the unit of the mesh, which is not stated"
@@ -146,6 +156,7 @@ def _table(grasps: SurfaceGrasps, count: int, *, distances: bool = False) -> Tab
     reach, holding = grasps.reach, grasps.holding
     headings += ["separation"] * several + ["distance"] * distances
     headings += ["approach"] * (reach is not None and not several)
+    headings += ["closed"] * (grasps.closed is not None)
     headings += holding_headings(holding)
     for heading in headings:
         table.add_column(heading, justify="right", no_wrap=True)
@@ -164,9 +175,20 @@ def _table(grasps: SurfaceGrasps, count: int, *, distances: bool = False) -> Tab
         cells += [_distance(grasps, grasps.distance[row].max())] * distances
         if reach is not None and not several:
             cells.append(f"±{math.degrees(reach.approach_margin[row]):.0f}°")
+        if grasps.closed is not None:
+            cells.append(_closed_text(grasps.closed, row))
         cells += holding_cells(holding, row)
         table.add_row(*cells)
     return table
+
+
+def _closed_text(closed: ClosedGrasps, row: int) -> str:
+    """Label and margin of a grasp after closing; empty where they are not known."""
+    code, margin = int(closed.label[row]), closed.margin[row]
+    if code == UNKNOWN:
+        return ""
+    name = label_name(Label(code))
+    return name if math.isnan(margin) else f"{name} {margin_text(margin)}"
 
 
 def label_name(label: Label) -> str:

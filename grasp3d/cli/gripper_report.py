@@ -68,6 +68,10 @@ def _rows(gripper: ParallelGripper) -> Iterator[tuple[str, str]]:
         yield "round tips", f"diameter {_mm(2.0 * gripper.tip_radius)}"
     else:
         yield "flat pads", f"{_mm(gripper.pad_width)} wide, {_mm(gripper.pad_height)} high"
+    if gripper.inner_faces:
+        depth = max(-corner[0] for face in gripper.inner_faces for corner in face)
+        where = f"up to {_mm(depth)} behind the pads" if depth > 0.0 else "in the plane of the pads"
+        yield "  inner faces", f"{len(gripper.inner_faces)}, {where}"
     yield "  give way by", _mm(gripper.compliance)
     yield "palm", f"{_mm(gripper.palm_thickness)} thick (x)"
     yield "", f"{_mm(gripper.palm_width)} wide (y)"

@@ -27,6 +27,7 @@ from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.gripper.reach_settings import ReachSettings
 from grasp3d.lengths import Length, Position, parse_length
 from grasp3d.loads import Load, TaskField
+from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.quality.task_texts import inline_files
 from grasp3d.quantities import Quantity
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
@@ -39,6 +40,7 @@ _METAVARS = {
     "max_memory": "GB", "worker_memory": f"GB|{_NONE}", "timeout": f"SECONDS|{_NONE}",
     "width": "PIXELS", "height": "PIXELS", "scheduler": "ADDRESS|FILE",
     "mass": f"MASS|{_NONE}", "density": f"DENSITY|{_NONE}", "grip_force": f"FORCE|{_NONE}",
+    "object_mass": "MASS",
 }  # fmt: skip
 """Placeholders of the values of some settings; others have one by their type."""
 
@@ -96,8 +98,15 @@ def _length(
         metavar=f"LENGTH{none}",
         instance_from_str=parse,
         is_instance=lambda value: value is None or isinstance(value, float | str),
-        str_from_instance=lambda value: [_NONE if value is None else f"{value:g}"],
+        str_from_instance=lambda value: [_length_word(value)],
     )
+
+
+def _length_word(value: float | str | None) -> str:
+    """Return the word with which a length is given."""
+    if isinstance(value, str):
+        return value.replace(" ", "")
+    return _NONE if value is None else f"{value:g}"
 
 
 def _text(
@@ -379,6 +388,9 @@ Fingers = Annotated[int, _model_option("fingers")]
 LengthOption = Annotated[float | str | None, _ANY_LENGTH, tyro.conf.arg(help_behavior_hint="")]
 """A length: a number, a text with a unit, or none."""
 
+GripperOption = Annotated[ParallelGripper | None, _GRIPPER, tyro.conf.arg(help_behavior_hint="")]
+"""A gripper: the name of a preset, or a file; None: not given."""
+
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(help_behavior_hint="")]
 """An option without a value."""
 
@@ -456,21 +468,33 @@ def _with_option(hint: Any, option: str) -> Any:
 NOT_OF_NOISE = ("location_error", "per_finger", "method", "extreme_normals")
 """Fields of `GraspModel` that labels of noisy copies do not take."""
 
+NOT_OF_PHYSICS = ("fingers", "method", "extreme_normals", "edges", "actuation")
+"""Fields of `GraspModel` that simulated grasps do not take."""
+
+NOT_OF_OUTCOMES = ("fingers", "per_finger", "method", "extreme_normals")
+"""Fields of `GraspModel` that labels held against outcomes do not take."""
+
 if TYPE_CHECKING:
     ModelOptions = GraspModel
+    ValidatedModelOptions = GraspModel
     NoisyModelOptions = GraspModel
     SamplingOptions = Sampling
     SurfaceOptions = MeshOptions
     ReachOptions = ReachSettings
     LoadOptions = Load
+    SimulatedModelOptions = GraspModel
+    SimulationOptions = SimulationSettings
     ClusterOptions = ClusterSettings
     ViewOptions = ViewSettings
 else:
     ModelOptions = _options_of(GraspModel)
     NoisyModelOptions = _options_of(GraspModel, hidden=NOT_OF_NOISE)
+    ValidatedModelOptions = _options_of(GraspModel, hidden=NOT_OF_OUTCOMES)
     SamplingOptions = _options_of(Sampling)
     SurfaceOptions = _options_of(MeshOptions)
     ReachOptions = _options_of(ReachSettings)
     LoadOptions = _options_of(Load)
+    SimulatedModelOptions = _options_of(GraspModel, hidden=NOT_OF_PHYSICS)
+    SimulationOptions = _options_of(SimulationSettings)
     ClusterOptions = _options_of(ClusterSettings)
     ViewOptions = _options_of(ViewSettings)

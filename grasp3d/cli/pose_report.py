@@ -9,7 +9,7 @@ from rich.table import Table
 
 from grasp3d.cli.grasp_report import MAX_ROWS, label_name
 from grasp3d.cli.load_report import LEGEND, holding_cells, holding_headings, print_load_of_grasps
-from grasp3d.cli.report import angle_text, escaped
+from grasp3d.cli.report import angle_text, escaped, print_table
 from grasp3d.cli.uncertainty_report import (
     MARGIN,
     is_uncertain,
@@ -17,8 +17,8 @@ from grasp3d.cli.uncertainty_report import (
     uncertainty_lines,
 )
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.gripper.closing import MEANING as CLOSINGS
-from grasp3d.gripper.closing import Closing
+from grasp3d.gripper.closed_jaws import MEANING as CLOSINGS
+from grasp3d.gripper.closed_jaws import Closing
 from grasp3d.model_text import friction_text
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.system.counts import counted
@@ -27,6 +27,14 @@ _LEGEND = (
     "β*: critical friction angle at the mean normals of the touched patches; α*: the grasp is "
     "surely stable at any smaller sensor resolution; area: the smaller patch; opening in "
 )
+
+
+_CONTACTS = {
+    "point": "",
+    "soft": "; contacts resist torsion",
+    "patch": "; contacts resist torsion and rolling",
+}
+"""What contacts are, beside points."""
 
 
 def print_poses(found: EvaluatedPoses, output: Path) -> None:
@@ -41,7 +49,7 @@ def print_poses(found: EvaluatedPoses, output: Path) -> None:
     console.print(
         f"[bold]{escaped(mesh.report.source)}[/]: {counted(found.size, 'poses')} of gripper "
         f"{escaped(found.gripper.name)}; friction {friction_text(model)}, sensor resolution "
-        f"{math.degrees(model.sensor_resolution):.4g}°",
+        f"{math.degrees(model.sensor_resolution):.4g}°{_CONTACTS[model.contact]}",
         soft_wrap=True,
     )
     console.print(_counts(found))
@@ -54,7 +62,7 @@ def print_poses(found: EvaluatedPoses, output: Path) -> None:
         console.print(f"[yellow]warning:[/] {escaped(line)}", soft_wrap=True)
     if found.size > MAX_ROWS:
         console.print(f"the first {MAX_ROWS} of {found.size}:")
-    console.print(_rows(found))
+    print_table(console, _rows(found))
     forces = "" if found.holding is None else LEGEND
     forces += MARGIN if is_uncertain(model) else ""
     console.print(f"{forces}{_LEGEND}{mesh.unit}", soft_wrap=True)

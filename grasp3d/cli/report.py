@@ -39,10 +39,20 @@ _REASONS = {
 
 CHECK_HINT = "`grasp3d check` reports the defects of a mesh and their remedies"
 
+UNLIMITED = 1000
+"""Characters in a line, more than any table has."""
+
 
 def escaped(text: str) -> str:
     """Return a text for the console: one line, with markup characters escaped."""
     return escape(printable(text))
+
+
+def print_table(console: Console, table: Table) -> None:
+    """Print a table with all of its numbers, also where the console is too narrow for it."""
+    unlimited = console.options.update(max_width=UNLIMITED)
+    table.width = console.measure(table, options=unlimited).maximum
+    console.print(table, crop=False)
 
 
 @contextmanager

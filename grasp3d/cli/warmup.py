@@ -2,6 +2,7 @@
 
 import time
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Annotated
 
 import tyro
@@ -27,6 +28,10 @@ class Warmup:
     forces: Flag = False
     """Compile the kernels for grip forces too, which a load needs."""
 
+    cache: Annotated[Path | None, tyro.conf.arg(metavar="FOLDER", help_behavior_hint="")] = None
+    """Folder for the machine code, such as one of an image; later runs find it, also read-only,
+    where the environment variable NUMBA_CACHE_DIR names it (default: that of the user)."""
+
     quiet: Quiet = False
 
     def run(self) -> int:
@@ -34,7 +39,7 @@ class Warmup:
         from grasp3d.warming_up import warmup
 
         begun = time.perf_counter()
-        compiled = warmup(self.fingers, gripper=self.gripper, forces=self.forces)
+        compiled = warmup(self.fingers, gripper=self.gripper, forces=self.forces, cache=self.cache)
         if not self.quiet:
             seconds = time.perf_counter() - begun
             done = f"compiled in {seconds:.0f} s: {', '.join(compiled)}"

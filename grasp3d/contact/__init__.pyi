@@ -4,6 +4,7 @@ from .encoders import JointEncoders as JointEncoders
 from .friction_cones import effective_friction as effective_friction
 from .grasp_samples import GraspSamples as GraspSamples
 from .overlap import overlapping_field as overlapping_field
+from .patch_shapes import disc as disc
 from .requirements import FingerDesign as FingerDesign
 from .sensor import Sensor as Sensor
 from .sensor import resolution_limit as resolution_limit

@@ -1,20 +1,24 @@
-"""Point contacts between fingers and an object."""
+"""Contacts between fingers and an object: points, or patches about them."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, fields
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
+from grasp3d.contact.patch_shapes import in_tangent_plane
 from grasp3d.errors import ContactError, SettingError
 
 LARGEST = 1e100
 """Largest coordinate; the squares of larger ones could overflow."""
 
+OUT_OF_PLANE = 1e-6
+"""Component of a patch's semi-axes along the normal, relative to them, that is a rounding error."""
+
 
 @dataclass(frozen=True, eq=False, init=False)
 class Contacts:
-    """Point contacts of one grasp, or of many with the same number of fingers.
+    """Contacts of one grasp, or of many with the same number of fingers.
 
     Leading axes (...) are a batch; results have one value per grasp.
 
@@ -37,6 +41,11 @@ class Contacts:
     torsion_radius: Floats
     """Largest torsional moment about the normal per normal force [mesh unit], shape (..., n);
     0: a hard finger."""
+    patch: Floats | None
+    """Semi-axes of the elliptic patches in their tangent planes [mesh unit], shape (..., n, 2, 3).
+    None: points, which resist no rolling."""
+    _arms: Floats | None
+    """See `rolling_arms`."""
 
     __repr__ = short_repr
 
@@ -46,6 +55,7 @@ class Contacts:
         normals: ArrayLike,
         friction: ArrayLike = 0.5,
         torsion_radius: ArrayLike = 0.0,
+        patch: ArrayLike | None = None,
     ) -> None:
         """Check and copy the arrays.
 
@@ -56,6 +66,11 @@ class Contacts:
             torsion_radius: Soft fingers: uniform pressure on a disc of radius r under Coulomb
                 friction resists a torsional moment of up to 2/3 friction r per normal force, so
                 give 2/3 * friction * r. One value, or shape (..., n).
+            patch: Semi-axes s_1, s_2 of the ellipses that the fingers touch, vectors orthogonal to
+                the normals, shape (..., n, 2, 3); 0 for points. The pressure may be centred
+                anywhere in the ellipse, so that a contact also resists rolling, by moments of up to
+                the normal force times the ellipse's extent. `disc` makes round ones. None: all
+                contacts are points.
 
         Raises:
             ContactError: Shapes that do not match, or values out of range.
@@ -87,6 +102,10 @@ class Contacts:
                     f"{name} must be one number or have shape {p.shape[:-1]}; got {values.shape}"
                 ) from error
             object.__setattr__(self, name, locked(per_finger))
+        axes = _patches(patch, self.normals)
+        object.__setattr__(self, "patch", axes)
+        arms = None if axes is None else locked(np.cross(axes, self.normals[..., None, :]))
+        object.__setattr__(self, "_arms", arms)
 
     @property
     def friction_angle(self) -> Floats:
@@ -95,7 +114,65 @@ class Contacts:
 
     def with_friction(self, friction: ArrayLike) -> "Contacts":
         """The same contacts with other friction coefficients: one value, or shape (..., n)."""
-        return Contacts(self.points, self.normals, friction, self.torsion_radius)
+        made = Contacts(self.points, self.normals, friction, self.torsion_radius)
+        return made._with_patches(self.patch, self._arms)
+
+    def with_normals(self, normals: Floats) -> "Contacts":
+        """The same contacts with other unit normals, patches staying where they are.
+
+        A force f inside a cone about the normal n' resists rolling by its component along n, the
+        normal of the patch. By no more than is sure for all these forces it then resists: by that
+        along n' times cos(a) - friction sin(a), a the angle between both normals.
+
+        Args:
+            normals: Shape (..., n, 3), or with further axes before n, (..., k, n, 3).
+        """
+        more = normals.ndim - self.normals.ndim
+
+        def repeated(values: Floats, rest: int) -> Floats:
+            axes = tuple(range(-1 - rest - more, -1 - rest))
+            wide = np.expand_dims(values, axes) if more else values
+            return np.broadcast_to(wide, (*normals.shape[:-1], *values.shape[values.ndim - rest :]))
+
+        friction = repeated(self.friction, 0)
+        made = Contacts(
+            repeated(self.points, 1), normals, friction, repeated(self.torsion_radius, 0)
+        )
+        if self.patch is not None and self._arms is not None:
+            cosine = (made.normals * repeated(self.normals, 1)).sum(axis=-1)
+            sine = np.sqrt(np.maximum(1.0 - cosine**2, 0.0))
+            sure = np.maximum(cosine - friction * sine, 0.0)
+            arms = sure[..., None, None] * repeated(self._arms, 2)
+            made._with_patches(repeated(self.patch, 2), arms)
+        return made
+
+    def without_patches(self) -> "Contacts":
+        """The same contacts as points, with the torsion that they resist."""
+        return Contacts(self.points, self.normals, self.friction, self.torsion_radius)
+
+    def of_size(self, points: Floats, size: Floats) -> "Contacts":
+        """The same contacts at other points, with lengths divided by a size of each grasp, (...).
+
+        Args:
+            points: Shape (..., n, 3).
+            size: Shape (...).
+        """
+        made = Contacts(points, self.normals, self.friction, self.torsion_radius / size[..., None])
+        if self.patch is not None and self._arms is not None:
+            unit = size[..., None, None, None]
+            made._with_patches(self.patch / unit, self._arms / unit)
+        return made
+
+    def fingers(self, which: Bools) -> "Contacts":
+        """Some of the fingers of every grasp, (n,)."""
+        made = Contacts(*(
+            values.compress(which, axis=len(self.batch))
+            for values in (self.points, self.normals, self.friction, self.torsion_radius)
+        ))  # fmt: skip
+        if self.patch is not None and self._arms is not None:
+            chosen = (one.compress(which, axis=len(self.batch)) for one in (self.patch, self._arms))
+            made._with_patches(*chosen)
+        return made
 
     def reshape(self, batch: tuple[int, ...]) -> "Contacts":
         """The same grasps in a batch of another shape, in which one number may be -1."""
@@ -105,14 +182,29 @@ class Contacts:
         """The chosen grasps along the first axis of the batch."""
         return self._each(lambda values, _: values[which])
 
+    def _with_patches(self, patch: Floats | None, arms: Floats | None) -> "Contacts":
+        """Set the patches of contacts that were just made; returns them."""
+        object.__setattr__(self, "patch", None if patch is None else locked(patch))
+        object.__setattr__(self, "_arms", None if arms is None else locked(arms))
+        return self
+
     def _each(self, change: Callable[[Floats, tuple[int, ...]], Floats]) -> "Contacts":
         """Apply `change(values, other axes)` to every field, to change the batch axes."""
         made = object.__new__(Contacts)
         for field in fields(self):
             values = getattr(self, field.name)
-            changed = change(values, values.shape[len(self.batch) :])
-            object.__setattr__(made, field.name, locked(changed))
+            if values is not None:
+                values = locked(change(values, values.shape[len(self.batch) :]))
+            object.__setattr__(made, field.name, values)
         return made
+
+    @property
+    def rolling_arms(self) -> Floats | None:
+        """Moments about a contact that a unit normal force has at the ends of the semi-axes.
+
+        Shape (..., n, 2, 3) [mesh unit]; None: all contacts are points.
+        """
+        return self._arms
 
     @property
     def batch(self) -> tuple[int, ...]:
@@ -123,6 +215,29 @@ class Contacts:
     def count(self) -> int:
         """Number of contacts of each grasp."""
         return int(self.points.shape[-2])
+
+
+def _patches(given: ArrayLike | None, normals: Floats) -> Floats | None:
+    """Semi-axes of patches (..., n, 2, 3) in the tangent planes; None: all are points."""
+    if given is None:
+        return None
+    axes = _numbers("patch", given)
+    shape = (*normals.shape[:-1], 2, 3)
+    if axes.shape != shape:
+        raise ContactError(
+            f"patch must have shape {shape}, two semi-axes for each contact; got {axes.shape}"
+        )
+    if (np.abs(axes) > LARGEST).any():
+        raise ContactError(f"patch must not exceed {LARGEST:g}; got {np.abs(axes).max():g}")
+    along = np.abs((axes * normals[..., None, :]).sum(axis=-1)).max(axis=-1)
+    bad = along > OUT_OF_PLANE * np.abs(axes).max(axis=(-2, -1))
+    if bad.any():
+        where = tuple(int(i) for i in np.argwhere(bad)[0])
+        raise ContactError(
+            f"the semi-axes of the patch of contact {where} must be orthogonal to its normal; "
+            f"a component of {along[where]:g} is along it"
+        )
+    return locked(in_tangent_plane(axes, normals)) if axes.any() or not axes.size else None
 
 
 def _numbers(name: str, values: ArrayLike) -> Floats:

@@ -2,11 +2,13 @@
 
 import itertools
 import math
+from functools import reduce
 
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import SettingError
+from grasp3d.grasps.closed_grasps import UNKNOWN, ClosedGrasps, close_on_grasps
 from grasp3d.grasps.kinds import grasp_kinds
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import ObjectMesh
@@ -42,11 +44,14 @@ def best_grasps(
     larger epsilon. A grasp is omitted if its contacts can be matched with those of a better one so
     that all pairs are nearer than `distance` (non-maximum suppression).
 
-    With a gripper the kinds of grasps take turns, see `grasp_kinds`: first comes the best one of
-    each kind that has the best label, then the second one of each, and so on.
+    With a gripper of two fingers the jaws then close on a free object at the poses of all that
+    remain, as in `evaluate_poses`: first come those with the better label at what the jaws touch,
+    `closed`, then those with the better label of the vertex. An internal grasp, which is not
+    closed, counts as M at most. Among grasps of the same labels their kinds take turns, see
+    `grasp_kinds`: first comes the best one of each kind, then the second one of each, and so on.
 
-    With a load whose mass and force are known, grasps that hold it come first: those with the
-    better `holding.label`.
+    With a load whose mass and force are known, grasps that hold it come before all others: those
+    with the better `holding.label`.
 
     Args:
         labels: The labelled surface.
@@ -56,7 +61,7 @@ def best_grasps(
 
     Returns:
         At most `count` grasps, each with its first contact at a vertex; with a gripper also how it
-        reaches them, `reach`.
+        reaches them, `reach`, and what its jaws touch there, `closed`.
 
     Raises:
         SettingError: A count below 1, or a distance that is not a finite length.
@@ -78,18 +83,29 @@ def best_grasps(
     vertices = ranked_vertices(labels)
     points = grasps_at(labels.mesh, labels.partner_points, vertices, 0).points
     if labels.reach is None:
-        kept = distinct_rows(points, count, limit)
-    else:
-        kept = _by_kinds(labels, vertices, points, count, limit)
-    return grasps_of_vertices(labels, vertices[kept])
+        return grasps_of_vertices(labels, vertices[distinct_rows(points, count, limit)])
+    candidates = vertices[distinct_rows(points, len(points), limit)]
+    closed = _closed(labels, candidates)
+    order = _by_kinds(labels, candidates, closed)[:count]
+    return grasps_of_vertices(
+        labels, candidates[order], None if closed is None else closed.take(order)
+    )
 
 
-def grasps_of_vertices(labels: SurfaceLabels, vertices: Ints) -> SurfaceGrasps:
-    """The grasps of chosen vertices, which have one, shape (b,)."""
+def grasps_of_vertices(
+    labels: SurfaceLabels, vertices: Ints, closed: ClosedGrasps | None = None
+) -> SurfaceGrasps:
+    """The grasps of chosen vertices, which have one, shape (b,).
+
+    Args:
+        labels: The labelled surface.
+        vertices: Numbers of the vertices.
+        closed: What the jaws touch when they close there; None: not computed yet.
+    """
     found = grasps_at(labels.mesh, labels.partner_points, vertices, 0)
     angles = critical_angles(found, threads=labels.threads)
     on_surface = locked(np.zeros((found.size, found.count)))
-    return SurfaceGrasps(
+    grasps = SurfaceGrasps(
         found,
         labels.model,
         on_surface,
@@ -99,6 +115,7 @@ def grasps_of_vertices(labels: SurfaceLabels, vertices: Ints) -> SurfaceGrasps:
         load=labels.load,
         threads=labels.threads,
     )
+    return grasps if closed is None else grasps.with_closed(closed)
 
 
 def distance_of_distinct(mesh: ObjectMesh) -> float:
@@ -123,19 +140,40 @@ def ranked_vertices(labels: SurfaceLabels) -> Ints:
     return np.asarray(vertices[order])
 
 
-def _by_kinds(
-    labels: SurfaceLabels, vertices: Ints, points: Floats, count: int, limit: float
-) -> Ints:
-    """Rows of distinct grasps (b, n, 3), the kinds taking turns within each label."""
+def _closed(labels: SurfaceLabels, vertices: Ints) -> ClosedGrasps | None:
+    """What the jaws touch at the grasps of vertices; None: more than two fingers have no poses."""
+    reach, reaching = labels.reach, labels.reaching
+    if reach is None or reaching is None or labels.model.fingers > 2:
+        return None
+    return close_on_grasps(
+        labels.mesh,
+        reach.take(vertices),
+        reaching,
+        labels.model,
+        load=labels.load,
+        threads=labels.threads,
+    )
+
+
+def _by_kinds(labels: SurfaceLabels, vertices: Ints, closed: ClosedGrasps | None) -> Ints:
+    """Order of grasps, given best first, with the kinds taking turns among those alike in labels.
+
+    The label with force comes first, then that after closing, then that of the vertex.
+    """
     kinds = _large_kinds(labels, vertices)
-    codes = len(Label) * _held(labels)[vertices] + labels.label[vertices]
-    kept = distinct_rows(points, len(points), limit)
-    turn = np.zeros(len(kept), dtype=np.int64)
-    for position, row in enumerate(kept):
-        before = kept[:position]
-        turn[position] = np.sum((kinds[before] == kinds[row]) & (codes[before] == codes[row]))
-    order = np.lexsort((np.arange(len(kept)), turn, -codes[kept]))
-    return kept[order[:count]]
+    codes = labels.label[vertices].astype(np.int64)
+    codes += len(Label) * (_after_closing(codes, closed) + len(Label) * _held(labels)[vertices])
+    turn = np.zeros(len(vertices), dtype=np.int64)
+    for row in range(len(vertices)):
+        turn[row] = np.sum((kinds[:row] == kinds[row]) & (codes[:row] == codes[row]))
+    return np.lexsort((np.arange(len(vertices)), turn, -codes))
+
+
+def _after_closing(codes: Ints, closed: ClosedGrasps | None) -> Ints:
+    """Labels after closing of grasps with label codes (b,): those not known are M at most."""
+    if closed is None:
+        return np.zeros_like(codes)
+    return np.where(closed.label == UNKNOWN, np.minimum(codes, Label.M), closed.label)
 
 
 def _held(labels: SurfaceLabels) -> Ints:
@@ -175,10 +213,9 @@ def matched_distance(points: Floats, other: Floats) -> Floats:
     Returns:
         Shape (b,).
     """
-    gaps = np.linalg.norm(points[:, :, None] - other, axis=3)  # (b, n, n)
-    indices = np.arange(len(other))
-    orders = itertools.permutations(indices) if len(other) <= MAX_PERMUTED else [tuple(indices)]
-    smallest = np.full(len(points), math.inf)
-    for order in orders:
-        np.minimum(smallest, gaps[:, indices, order].max(axis=1), out=smallest)
-    return smallest
+    gaps = points[:, :, None] - other  # (b, n, n, 3)
+    squares = np.add.reduce(gaps * gaps, axis=3)  # (b, n, n)
+    indices = tuple(range(len(other)))
+    orders = itertools.permutations(indices) if len(other) <= MAX_PERMUTED else [indices]
+    farthest = (reduce(np.maximum, (squares[:, i, order[i]] for i in indices)) for order in orders)
+    return np.asarray(np.sqrt(reduce(np.minimum, farthest)))

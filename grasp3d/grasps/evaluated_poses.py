@@ -9,12 +9,15 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bools, Bytes, Floats, locked, short_repr
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts
+from grasp3d.grasps.jaw_contacts import jaw_contacts
 from grasp3d.grasps.pose_checks import pose_warning
+from grasp3d.grasps.pose_readings import FITTING, starting_inside, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.closing import ClosedJaws, Closing
+from grasp3d.gripper.closed_jaws import ClosedJaws, Closing, Touch
 from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reach_settings import ObjectMotion
 from grasp3d.loads import Load, load_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.critical_angle import critical_friction_angle
@@ -41,6 +44,12 @@ from grasp3d.system.versions import package_version
 NOT_CLOSED = "the jaws do not close on the object"
 """Why a pose has no quality measures."""
 
+CLOSED_LABEL, CLOSED_MARGIN = "closed_label", "closed_margin"
+"""Columns of grasps that were found: the label and the margin that evaluation gives their poses."""
+
+STALE = frozenset({UNDEFINED, CLOSED_LABEL, CLOSED_MARGIN})
+"""Columns of given poses, beside measures and forces, that may be of other settings."""
+
 
 @dataclass(frozen=True, eq=False, kw_only=True)
 class EvaluatedPoses(LabelledGrasps):
@@ -58,10 +67,12 @@ class EvaluatedPoses(LabelledGrasps):
     """Friction and sensor resolution."""
     jaws: ClosedJaws
     """Where the jaws touch, and what happens where they do not."""
+    object_motion: ObjectMotion = "fixed"
+    """Whether the object gave way to the jaws."""
     collides: Bools
-    """Whether the gripper collides with object or table when it holds the object, on the way
-    there, or with the clearance before closing, shape (k,); where it holds nothing:
-    when it is wide open."""
+    """Whether the gripper collides with object or table on the way to the pose, shape (k,): with a
+    fixed object also when it holds it, or with the clearance before closing; wide open where it
+    holds nothing, or the object is free."""
     reachable: Bools
     """Whether the jaws close on the object, within the stroke with its clearance, without
     collision, and from an allowed direction, shape (k,)."""
@@ -112,19 +123,14 @@ class EvaluatedPoses(LabelledGrasps):
     @cached_property
     def contacts(self) -> Contacts | None:
         """The contacts where the jaws close, relative to the centre of mass; None: nowhere."""
-        rows = self.jaws.closed
-        if not rows.any():
-            return None
-        return Contacts(
-            self.jaws.points[rows] - self.mesh.center_mass,
-            self.jaws.normals[rows],
-            self.model.frictions,
-            self.model.torsion_radius,
-        )
+        return jaw_contacts(self.jaws, self.mesh.center_mass, self.model)
 
     @cached_property
     def critical_angle(self) -> Floats:
-        """Critical friction angle at the mean normals of the patches [rad], shape (k,)."""
+        """Critical friction angle at the mean normals of the patches [rad], shape (k,).
+
+        Where contacts have patches (`GraspModel.contact`) it is that of the best line between them.
+        """
         angles = np.full(self.size, math.nan)
         if self.contacts is not None:
             angles[self.jaws.closed] = critical_friction_angle(self.contacts)
@@ -138,9 +144,13 @@ class EvaluatedPoses(LabelledGrasps):
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What may make the results wrong, one sentence each."""
-        mesh = self.mesh
-        found = pose_warning(self.poses.poses, mesh.center, mesh.size, mesh.unit)
-        return (*mesh.report.warnings, *([found] if found else []))
+        mesh, poses = self.mesh, self.poses.poses
+        found = None
+        if self.size and (self.jaws.closed & ~self.collides).mean() < FITTING:
+            found = suspected_reading(mesh, poses, self.gripper, threads=self.threads)
+        found = found or pose_warning(poses, mesh.center, mesh.size, mesh.unit)
+        inside = starting_inside(self.state)
+        return (*mesh.report.warnings, *(line for line in (found, inside) if line))
 
     def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
         """Quality measures of the grasp at each pose, shape (k,) each; computed when called.
@@ -149,7 +159,7 @@ class EvaluatedPoses(LabelledGrasps):
             names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
 
         Raises:
-            SettingError: An unknown name.
+            SettingError: An unknown name, or contacts with patches.
         """
         if self.contacts is None:
             return MetricValues.undefined(names, self.size, NOT_CLOSED)
@@ -170,11 +180,11 @@ class EvaluatedPoses(LabelledGrasps):
             metrics: Quality measures that become columns, too.
         """
         own = {**self._columns(), **({} if metrics is None else metrics.columns())}
-        # Measures and forces in the given file may be of other settings.
+        # Measures, forces and labels in the given file may be of other settings.
         others = {
             name: kept
             for name, kept in self.poses.columns.items()
-            if name not in own and name not in METRICS and name not in {UNDEFINED, *COLUMNS}
+            if name not in own and name not in METRICS and name not in {*STALE, *COLUMNS}
         }
         columns = {**others, **own, "contacts": self.jaws.points, "normals": self.jaws.normals}
         return replace(
@@ -185,13 +195,28 @@ class EvaluatedPoses(LabelledGrasps):
             settings={**self.poses.settings, **self._settings()},
         )
 
+    def take(self, rows: Ints) -> "EvaluatedPoses":
+        """The chosen poses, in that order.
+
+        Args:
+            rows: Their indices, shape (c,).
+        """
+        return replace(
+            self,
+            poses=self.poses.take(rows),
+            jaws=self.jaws.take(rows),
+            collides=locked(self.collides[rows]),
+            reachable=locked(self.reachable[rows]),
+        )
+
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each pose; nan leaves the cell empty.
 
         `grasp` (its number from 1), `name`, `closing`, `label`, `critical_angle`, `max_resolution`,
         `margin` [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `opening`, `collides`, `reachable`,
-        `area1`, `area2`, with a load also `grip_force` and more, see `Holding.columns`; `outcome`,
-        contacts `x1` `y1` `z1` ... and outward normals `nx1` `ny1` `nz1` ...
+        `area1`, `area2`, `touch1`, `touch2`, `apart`, `turn` [rad], with a load also `grip_force`
+        and more, see `Holding.columns`; `outcome`, contacts `x1` `y1` `z1` ... and outward normals
+        `nx1` `ny1` `nz1` ...
         """
         from grasp3d.tables import table_of_columns
 
@@ -223,6 +248,7 @@ class EvaluatedPoses(LabelledGrasps):
         """Results of shape (k,)."""
         labels = np.array([label.name for label in sorted(Label)])
         states = np.array([state.name.lower() for state in sorted(Closing)])
+        touches = np.array([touch.name.lower() for touch in sorted(Touch)])
         epsilon = self.epsilon_range
         return {
             "closing": states[self.state],
@@ -237,6 +263,10 @@ class EvaluatedPoses(LabelledGrasps):
             "reachable": self.reachable,
             "area1": self.jaws.area[:, 0],
             "area2": self.jaws.area[:, 1],
+            "touch1": touches[self.jaws.touch[:, 0]],
+            "touch2": touches[self.jaws.touch[:, 1]],
+            "apart": self.jaws.apart,
+            "turn": self.jaws.turn,
             **({} if self.holding is None else self.holding.columns(texts=True)),
         }
 
@@ -248,6 +278,7 @@ class EvaluatedPoses(LabelledGrasps):
             **asdict(self.model),
             "unit": self.mesh.unit,
             "gripper": self.gripper.name,
+            "object_motion": self.object_motion,
             **{name: value for name, value in self._load().items() if value is not None},
         }
 
@@ -335,7 +366,7 @@ def _holding(
     threads: int | None,
     progress: Progress,
 ) -> Holding:
-    """Grip forces and payloads, with the torsion radius of the load case, rows (k,)."""
+    """Grip forces and payloads, with the torsion radii of the load case, rows (k,)."""
     if contacts is None:
         return Holding.none(case, len(closed))
     found = holding_of(

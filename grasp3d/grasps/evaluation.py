@@ -13,7 +13,7 @@ from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
-from grasp3d.settings import MAX_FINGERS, GraspModel, with_fingers
+from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.load_case import LoadCase
@@ -84,7 +84,7 @@ def evaluate_grasps(
         >>> np.degrees(grasps.critical_angle).round(1).tolist()
         [0.0, 21.8]
         >>> grasps.epsilon.round(3).tolist(), grasps.epsilon_min.round(3).tolist()
-        ([0.13, 0.025], [0.076, 0.0])
+        ([0.131, 0.025], [0.077, 0.0])
 
         Soft fingers on the sides of a part of 0.5 kg, with gravity across the line through them and
         the centre of mass: each must press with m g / (2 friction):
@@ -101,6 +101,7 @@ def evaluate_grasps(
     mesh, given = load_mesh(mesh), _checked(points)
     mesh, load = loaded_mesh(mesh, load)
     used = (model or GraspModel()).in_unit(mesh.unit, source=mesh.report.source)
+    check_point_contacts(used)
     used = with_fingers(used, given.shape[1])
     limit = length_in_unit("max_distance", max_distance, mesh.unit, source=mesh.report.source)
     if limit is None:

@@ -9,9 +9,11 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.gripper.approach import Approach
-from grasp3d.gripper.closing import ClosedJaws, close_jaws
+from grasp3d.gripper.closed_jaws import ClosedJaws
+from grasp3d.gripper.closing import close_jaws
 from grasp3d.gripper.collisions import collides
 from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reach_settings import ObjectMotion
 from grasp3d.gripper.reaching import metres_per_unit
 from grasp3d.gripper.table import Table
 from grasp3d.loads import Load
@@ -37,14 +39,16 @@ def evaluate_poses(
     gripper: ParallelGripper,
     table: Table | None = None,
     approach: Approach | None = None,
+    object_motion: ObjectMotion = "free",
     load: Load | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> EvaluatedPoses:
     """Close the jaws of a gripper on an object from given poses, and evaluate the grasps.
 
-    The object does not move, and each jaw moves until it touches; see `close_jaws`, which also says
-    how a touched patch becomes a contact. A pose whose jaws close on nothing is U, without numbers.
+    Each jaw moves until it touches, and a free object gives way, with the model's friction; see
+    `close_jaws`, which also says how a touched patch becomes a contact. A pose whose jaws close on
+    nothing is U, without numbers.
 
     Args:
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes. One whose unit is not
@@ -55,6 +59,7 @@ def evaluate_poses(
         gripper: The gripper.
         table: What the object stands on; None: nothing.
         approach: Allowed approach directions; None: any.
+        object_motion: free: the object settles between the jaws; fixed: it does not move.
         load: What each grasp must hold: `holding` then has the grip force and payload of each, with
             the greatest force of the gripper at hand unless the load states another one. The mass
             is held by the fingers alone, not by the table. None: nothing.
@@ -102,14 +107,24 @@ def evaluate_poses(
         LoadCase.of(load, mesh, used, gripper)  # refuse it before the work
     report = progress or ignore
     closing = within(report, 0.0, JAWS_CLOSED)
-    jaws = close_jaws(mesh, given.poses, gripper, threads=threads, progress=closing)
-    colliding = _collides(mesh, given.poses, jaws, gripper, table, threads)
+    jaws = close_jaws(
+        mesh,
+        given.poses,
+        gripper,
+        object_motion=object_motion,
+        friction=float(np.min(used.frictions)),
+        threads=threads,
+        progress=closing,
+    )
+    held = jaws.closed if object_motion == "fixed" else np.zeros(given.count, dtype=np.bool_)
+    colliding = _collides(mesh, given.poses, jaws, held, gripper, table, threads)
     found = EvaluatedPoses(
         mesh=mesh,
         poses=given,
         gripper=gripper,
         model=used,
         jaws=jaws,
+        object_motion=object_motion,
         collides=locked(colliding),
         reachable=locked(
             jaws.closed
@@ -166,18 +181,19 @@ def _collides(
     mesh: ObjectMesh,
     poses: Floats,
     jaws: ClosedJaws,
+    held: Bools,
     gripper: ParallelGripper,
     table: Table | None,
     threads: int,
 ) -> Bools:
-    """Whether the gripper collides, (k,): around the object that it holds, else wide open.
+    """Whether the gripper collides, (k,): around an object that is held there, else wide open.
 
     Where the jaws do not close symmetrically about the TCP, hand or object has given way.
     """
     wide = gripper.limits[1] / metres_per_unit(mesh)
-    opening = np.where(jaws.closed, np.maximum(jaws.opening, 0.0), wide)
+    opening = np.where(held, np.maximum(jaws.opening, 0.0), wide)
     centred = poses.copy()
-    offset = np.where(jaws.closed, jaws.offset, 0.0)
+    offset = np.where(held, jaws.offset, 0.0)
     centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
     return collides(mesh, centred, opening, gripper, table=table, threads=threads)
 

@@ -17,7 +17,7 @@ LENGTH_COLUMNS = frozenset({"contacts", "depth", "centroid_distance"})
 """Columns that are lengths, and are converted with the unit."""
 
 OWN_NAMES = frozenset({
-    "name", "pose", "opening", "pregrasp_opening", "score", "outcome", "unit", "grasp",
+    "name", "pose", "opening", "pregrasp_opening", "score", "outcome", "success", "unit", "grasp",
     "px", "py", "pz", "qx", "qy", "qz", "qw",
 })  # fmt: skip
 """Names that files use for the fields themselves, and that no further column may have."""

@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from importlib import import_module
 from typing import Any
@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
+from grasp3d.grasps.closed_grasps import ClosedGrasps, close_on_grasps
 from grasp3d.gripper.reach import Reach
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.loads import Load
@@ -81,6 +82,8 @@ class SurfaceGrasps(LabelledGrasps):
     """`epsilon_range`, which takes a wrench hull and more for each grasp."""
     deferred_holding: Deferred[Holding] | None = field(init=False, repr=False)
     """`holding`, which takes several wrench hulls for each grasp; None: there is no load."""
+    deferred_closed: Deferred[ClosedGrasps] | None = field(init=False, repr=False)
+    """`closed`, which takes a few ms for each grasp; None: there are no poses."""
 
     __repr__ = short_repr
 
@@ -95,6 +98,24 @@ class SurfaceGrasps(LabelledGrasps):
             partial(_epsilons, *used, radius, self.threads),
             None if case is None else partial(_holding, *used, case, self.threads),
         )
+        object.__setattr__(self, "deferred_closed", self._deferred_closed())
+
+    def _deferred_closed(self) -> Deferred[ClosedGrasps] | None:
+        """`closed`; None: there is no gripper, or there are more than two fingers."""
+        if self.reach is None or self.reaching is None or self.contacts.count > 2:
+            return None
+        used = self.mesh, self.reach, self.reaching, self.model
+        return Deferred(partial(_closed, *used, self.load, self.threads))
+
+    def with_closed(self, closed: ClosedGrasps) -> "SurfaceGrasps":
+        """The same grasps, of which it is already known what the closed jaws touch.
+
+        Args:
+            closed: What they touch, a row for each grasp.
+        """
+        same = replace(self)
+        object.__setattr__(same, "deferred_closed", Deferred(partial(_known, closed)))
+        return same
 
     @property
     def load_case(self) -> LoadCase | None:
@@ -113,6 +134,14 @@ class SurfaceGrasps(LabelledGrasps):
     def mesh(self) -> ObjectMesh:
         """The surface."""
         return self.contacts.mesh
+
+    @property
+    def closed(self) -> ClosedGrasps | None:
+        """What the jaws touch when they close at the poses, with labels and margins.
+
+        Computed when first read; None: no gripper, or three fingers and more.
+        """
+        return None if self.deferred_closed is None else self.deferred_closed.value
 
     @cached_property
     def rank(self) -> Ints:
@@ -228,6 +257,22 @@ def _holding(
     progress: Progress,
 ) -> Holding:
     return surface_holding(contacts, model, case, threads=threads, progress=progress)
+
+
+def _known(closed: ClosedGrasps, _progress: Progress) -> ClosedGrasps:
+    return closed
+
+
+def _closed(
+    mesh: ObjectMesh,
+    reach: Reach,
+    reaching: Reaching,
+    model: GraspModel,
+    load: Load | None,
+    threads: int | None,
+    _progress: Progress,
+) -> ClosedGrasps:
+    return close_on_grasps(mesh, reach, reaching, model, load=load, threads=threads)
 
 
 def _distances(contacts: SurfaceContacts) -> Floats:

@@ -19,7 +19,8 @@ def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
     Returns:
         The poses in their order, in the unit of the mesh: openings, and as columns label, critical
         angle, alpha*, margin, epsilon, approach margin, depth, contacts and normals into the
-        object, with a load also grip forces and payload. The score is 1 - beta*/beta, from 1 where
+        object, label and margin at what the closed jaws touch, with a load also grip forces and
+        payload. The score is 1 - beta*/beta, from 1 where
         no friction is needed to 0 where no sensor makes the grasp S.
 
     Raises:
@@ -35,7 +36,7 @@ def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
         >>> labels = grasp3d.label_surface(mesh, gripper=gripper)
         >>> poses = poses_of(grasp3d.best_grasps(labels, 3))
         >>> poses.poses.shape, poses.unit, sorted(poses.columns)[:3]
-        ((3, 4, 4), 'm', ['approach_margin', 'contacts', 'critical_angle'])
+        ((3, 4, 4), 'm', ['approach_margin', 'closed_label', 'closed_margin'])
     """
     reach, reaching = grasps.reach, grasps.reaching
     if reach is None or reaching is None:
@@ -82,5 +83,6 @@ def _columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[np.generic]]:
         "depth": reach.depth,
         "contacts": grasps.contacts.points,
         "normals": grasps.contacts.normals,
+        **({} if grasps.closed is None else grasps.closed.columns()),
         **({} if grasps.holding is None else grasps.holding.columns(texts=True)),
     }

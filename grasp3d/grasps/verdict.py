@@ -91,7 +91,8 @@ def verdict_of(labels: SurfaceLabels) -> Verdict:
         labels: The labelled surface.
 
     Returns:
-        The verdict; its best grasp is the first one of `best_grasps`.
+        The verdict on the grasps of the vertices; its best grasp is the first one of `best_grasps`
+        unless a gripper's jaws, once closed, confirm others better.
     """
     verdict = _verdict(labels)
     if labels.holding is None:

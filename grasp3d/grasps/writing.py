@@ -42,6 +42,9 @@ def write_grasps(
     empty cell, in JSON as null, where infinite numbers are null as well. JSON and Parquet contain
     the settings.
 
+    With a gripper of two fingers also `closed_label` and `closed_margin`, label and margin at what
+    the jaws touch when they close; empty and nan where it is not known, see `ClosedGrasps`.
+
     With a load also `grip_force`, `grip_force_least`, `grip_force_largest` [N], `payload` [kg] if a
     force is at hand, and `label_with_force` if the mass is known, too; see `Holding`.
 
@@ -138,6 +141,7 @@ def _grasp_columns(
         "rank": grasps.rank,
         "opening": grasps.opening,
         "separation": grasps.separation,
+        **({} if grasps.closed is None else grasps.closed.columns()),
         **({} if grasps.holding is None else grasps.holding.columns(texts=True)),
         **({} if metrics is None else metrics.columns()),
     }

@@ -2,18 +2,19 @@
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from enum import IntEnum
 from typing import Literal
 
 import numpy as np
 
-from grasp3d._kernels.closing import INSIDE, TOUCHES, ClosedOn, close_on
+from grasp3d._kernels.closing import ClosedOn, close_on
 from grasp3d._kernels.face_tree import face_tree
-from grasp3d._kernels.pad_contact import ROUNDING, Jaw
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d._kernels.jaws import ROUNDING, Jaw
+from grasp3d.arrays import ArrayLike, Bools, Floats
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.gripper.closed_jaws import ClosedJaws, closed_jaws
+from grasp3d.gripper.jaw_shape import jaw_of
 from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reach_settings import ObjectMotion
 from grasp3d.gripper.reaching import metres_per_unit
 from grasp3d.lengths import length_in_unit
 from grasp3d.mesh import ObjectMesh
@@ -24,70 +25,11 @@ from grasp3d.system.progress import Progress, ignore
 Moving = Literal["both", "one"]
 """Which jaws move: each until it touches, or finger 2 toward finger 1, which stays."""
 
+FIXED = -1.0
+"""Friction with which the kernels keep the object where it is."""
+
 CHUNK = 256
 """Poses that one thread computes at a time."""
-
-
-class Closing(IntEnum):
-    """What happens when the jaws close."""
-
-    CLOSED = 0
-    """Both jaws touch the object."""
-    NOTHING = 1
-    """The jaws reach their smallest opening before both touch, or neither touches at all."""
-    ONE_SIDE = 2
-    """Only one jaw touches."""
-    STARTS_INSIDE = 3
-    """A finger is in the object, or overlaps with it, before the jaws move."""
-
-
-MEANING: dict[Closing, str] = {
-    Closing.CLOSED: "both jaws touch the object",
-    Closing.NOTHING: "the jaws close on nothing",
-    Closing.ONE_SIDE: "only one jaw touches the object",
-    Closing.STARTS_INSIDE: "a finger starts in the object",
-}
-"""Each state in words, as shown to users."""
-
-
-@dataclass(frozen=True, eq=False)
-class ClosedJaws:
-    """Where the jaws of a gripper touch an object, a row for each pose and a column for each jaw.
-
-    A jaw that touches nothing has nan, and an area of 0.
-    """
-
-    state: Bytes
-    """`Closing` codes, shape (k,)."""
-    points: Floats
-    """Contacts: centroids of the touched patches, in the mesh's frame and unit, shape (k, 2, 3)."""
-    normals: Floats
-    """Unit normals into the object, means over the patches, shape (k, 2, 3)."""
-    opening: Floats
-    """Distance of the pads, or of the nearest points of round tips, when both touch first
-    [mesh unit], shape (k,); nan unless CLOSED."""
-    positions: Floats
-    """Where the jaws stop: x of the pads, or of the foremost points of round tips, in the gripper's
-    frame [mesh unit], shape (k, 2)."""
-    area: Floats
-    """Areas of the touched patches [mesh unit squared], shape (k, 2)."""
-    extents: Floats
-    """Sizes of the touched patches along y and z of the gripper [mesh unit], shape (k, 2, 2)."""
-
-    __repr__ = short_repr
-
-    @property
-    def closed(self) -> Bools:
-        """Whether both jaws touch the object, shape (k,)."""
-        return locked(self.state == Closing.CLOSED)
-
-    @property
-    def offset(self) -> Floats:
-        """How far the middle between the jaws is from the TCP, along x [mesh unit], shape (k,).
-
-        A rigid hand whose jaws move symmetrically pushes the object by as much, against x.
-        """
-        return locked(self.positions.mean(axis=1))
 
 
 def close_jaws(
@@ -96,16 +38,27 @@ def close_jaws(
     gripper: ParallelGripper,
     *,
     opening: ArrayLike | str | None = None,
+    object_motion: ObjectMotion = "fixed",
+    friction: float = 0.5,
     moving: Moving = "both",
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> ClosedJaws:
-    """Close the jaws of a gripper on an object that does not move.
+    """Close the jaws of a gripper on an object.
 
-    Each jaw is moved along the closing axis until it touches. Flat pads are rectangles; of the
-    faces that face a pad, the parts within the rectangle count, exactly. Round tips are balls. What
-    a jaw touches is the surface within the gripper's compliance beyond the first touch: the patch.
-    The contact is the patch's centroid, its normal the mean of the interpolated normals there.
+    Each jaw is moved along the closing axis until it touches. Flat pads are rectangles, or the
+    `inner_faces` of the gripper; of the faces that face a pad, the parts within it count, exactly.
+    Round tips are balls. What a jaw touches is the surface within the gripper's compliance beyond
+    the first touch: the patch. The contact is the patch's centroid, its normal the mean of the
+    interpolated normals there.
+
+    A free object gives way before that: squeezed by the jaws it turns about y and z and shifts
+    along them until friction holds it, without friction until no small motion closes the jaws at a
+    finite rate: one that is held exactly by its longest axis stays. The motion is quasi-static,
+    without inertia and weight. At rest the forces of both jaws are on one
+    line, so that the contacts are the centres of pressure (`centres_of_pressure`). Normals are then
+    means over what is opposite the pad within a third of its smaller side: that slope decides where
+    the object goes when it rolls or slips a little.
 
     On a flat pad both are weighted by the area on the pad: each part of it presses along the
     closing axis by about the same amount, whatever slope is below it, so steep faces bear little
@@ -118,8 +71,11 @@ def close_jaws(
         gripper: The gripper.
         opening: Opening at the start, in the mesh's unit or with a unit, one or (k,); None: the
             stroke.
+        object_motion: free: the object gives way; fixed: it does not move.
+        friction: Coulomb coefficient between the jaws and a free object; at least 0.
         moving: both: each jaw moves until it touches, as the hand or the object gives way; one:
-            finger 2 moves, finger 1 stays at the start, where it touches only what is there.
+            finger 2 moves, finger 1 stays at the start, where it touches only what is there; the
+            object must be fixed.
         threads: Threads to use; None: one per processor. The result does not depend on it.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -131,7 +87,8 @@ def close_jaws(
         >>> import numpy as np
         >>> import trimesh
         >>> import grasp3d
-        >>> from grasp3d.gripper.closing import Closing, close_jaws
+        >>> from grasp3d.gripper.closed_jaws import Closing
+        >>> from grasp3d.gripper.closing import close_jaws
         >>> from grasp3d.gripper.parallel_gripper import ParallelGripper
         >>> gripper = ParallelGripper(
         ...     name="small", max_opening=0.08, pad_width=0.02, pad_height=0.01,
@@ -146,13 +103,28 @@ def close_jaws(
         ([1.0, -1.0], [[200.0, 200.0]])
     """
     check_choice("moving", moving, Moving)
+    check_choice("object_motion", object_motion, ObjectMotion)
+    free = object_motion == "free"
+    if free and moving == "one":
+        raise SettingError("moving='one' needs object_motion='fixed': a free object gives way")
+    if not 0.0 <= friction < math.inf:
+        raise SettingError(f"friction must be a finite number of at least 0; got {friction:g}")
     scale = 1.0 / (metres_per_unit(mesh) * mesh.size)  # from metres
     matrices = _normalized(mesh, poses)
     start = _openings(mesh, opening, gripper, len(matrices))
-    jaw = _jaw(gripper, scale)
+    jaw = jaw_of(gripper, scale)
     found = _empty(len(matrices))
-    _run(mesh, matrices, start, jaw, found, threads, progress or ignore)
-    return _results(mesh, found, start, gripper.min_opening * scale, jaw, moving)
+    used = friction if free else FIXED
+    _run(mesh, matrices, start, used, jaw, found, threads, progress or ignore)
+    return closed_jaws(
+        mesh,
+        found,
+        matrices,
+        jaw,
+        least=gripper.min_opening * scale,
+        at_rest=_at_rest(found, start, jaw) if moving == "one" else None,
+        free=free,
+    )
 
 
 def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:
@@ -196,27 +168,15 @@ def _openings(
     return np.asarray(start / mesh.size)
 
 
-def _jaw(gripper: ParallelGripper, scale: float) -> Jaw:
-    """Shape of a jaw in object sizes, of which one metre is `scale`."""
-    tip = gripper.tip_radius
-    width, height = (2.0 * tip, 2.0 * tip) if tip else (gripper.pad_width, gripper.pad_height)
-    return Jaw(
-        0.5 * width * scale,
-        0.5 * height * scale,
-        tip * scale,
-        gripper.finger_thickness * scale,
-        gripper.compliance * scale,
-    )
-
-
 def _empty(count: int) -> ClosedOn:
     return ClosedOn(
+        poses=np.empty((count, 3, 4)),
         outcome=np.zeros((count, 2), dtype=np.int64),
         position=np.full((count, 2), math.nan),
         points=np.full((count, 2, 3), math.nan),
         normals=np.full((count, 2, 3), math.nan),
         area=np.zeros((count, 2)),
-        extents=np.zeros((count, 2, 2)),
+        bounds=np.zeros((count, 2, 4)),
     )
 
 
@@ -224,6 +184,7 @@ def _run(
     mesh: ObjectMesh,
     matrices: Floats,
     start: Floats,
+    friction: float,
     jaw: Jaw,
     found: ClosedOn,
     threads: int | None,
@@ -239,41 +200,14 @@ def _run(
 
     def work(first: int) -> None:
         last = min(first + CHUNK, len(matrices))
-        close_on(surface, tree, matrices, start, jaw, first, last, found)
+        close_on(surface, tree, matrices, start, friction, jaw, first, last, found)
 
     with ThreadPoolExecutor(threads) as executor:
         for done, _ in enumerate(executor.map(work, firsts), start=1):
             progress(done / len(firsts))
 
 
-def _results(
-    mesh: ObjectMesh, found: ClosedOn, start: Floats, least: float, jaw: Jaw, moving: Moving
-) -> ClosedJaws:
-    """States, and everything in the mesh's frame and unit."""
-    touches = found.outcome == TOUCHES
-    if moving == "one":  # finger 1 touches what it has before it moves
-        ahead = found.position[:, 0] + 0.5 * start > jaw.compliance + ROUNDING
-        touches[:, 0] &= ~ahead
-    opening = found.position[:, 1] - found.position[:, 0]
-    state = _states(touches, found.outcome, opening, least)
-    shown = touches & np.isin(state, (Closing.CLOSED, Closing.ONE_SIDE))[:, None]
-    hidden = np.where(shown, 1.0, math.nan)
-    return ClosedJaws(
-        state=locked(state),
-        points=locked(mesh.from_normalized(found.points) * hidden[..., None]),
-        normals=locked(found.normals * hidden[..., None]),
-        opening=locked(np.where(state == Closing.CLOSED, opening, math.nan) * mesh.size),
-        positions=locked(found.position * hidden * mesh.size),
-        area=locked(np.where(shown, found.area, 0.0) * mesh.size**2),
-        extents=locked(np.where(shown[..., None], found.extents, 0.0) * mesh.size),
-    )
-
-
-def _states(touches: Bools, outcome: Ints, opening: Floats, least: float) -> Bytes:
-    """`Closing` codes, shape (k,)."""
-    state = np.full(len(touches), Closing.NOTHING, dtype=np.uint8)
-    both = touches.all(axis=1)
-    state[touches.any(axis=1) & ~both] = Closing.ONE_SIDE
-    state[both & (opening >= least - ROUNDING)] = Closing.CLOSED
-    state[(outcome == INSIDE).any(axis=1)] = Closing.STARTS_INSIDE
-    return state
+def _at_rest(found: ClosedOn, start: Floats, jaw: Jaw) -> Bools:
+    """Finger 1 where it would touch only if it moved, shape (k, 2)."""
+    ahead = found.position[:, 0] + 0.5 * start > jaw.compliance + ROUNDING
+    return np.stack([ahead, np.zeros_like(ahead)], axis=1)

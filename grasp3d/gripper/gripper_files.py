@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any, get_type_hints
 
 from grasp3d.errors import SettingError
+from grasp3d.gripper.finger_faces import Corners
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.gripper.presets import ALIASES, PRESETS, preset
 from grasp3d.system.files import atomic_write, check_suffix
@@ -30,6 +31,7 @@ _KINDS: dict[Any, str] = {
     tuple[str, ...]: "a list of texts",
     tuple[str, str]: "a list of two texts",
     tuple[float, ...]: "a list of numbers",
+    tuple[Corners, ...]: "a list of faces, each a list of corners [x, y, z]",
 }
 """Descriptions of the types of fields."""
 
@@ -105,7 +107,10 @@ def read_gripper(
         return _from_json(path)
     if fingers is None:
         raise SettingError(
-            printable(f"{path}: name the links of its two fingers (--fingers LINK LINK)")
+            printable(
+                f"{path}: name the links of its two fingers: grasp3d gripper {path} --fingers LINK "
+                "LINK -o NAME.json makes a description of it, for all commands"
+            )
         )
     return _from_robot(path, ROBOTS[suffix], fingers, palm, tcp)
 
@@ -191,8 +196,13 @@ def fields_of_gripper(found: object) -> dict[str, Any]:
 def _typed(name: str, value: object, kind: Any) -> Any:
     """A value in the type of its field. Raises SettingError."""
     if _fits(value, kind):
-        return tuple(value) if isinstance(value, list) else value
+        return _as_tuples(value)
     raise SettingError(f"{name} must be {_KINDS[kind]}; got {json.dumps(value)[:40]}")
+
+
+def _as_tuples(value: object) -> Any:
+    """Lists of lists as tuples of tuples."""
+    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
 
 
 def _fits(value: object, kind: Any) -> bool:
@@ -205,5 +215,5 @@ def _fits(value: object, kind: Any) -> bool:
     return (
         isinstance(value, list)
         and all(_fits(one, item) for one in value)
-        and (... in more or len(value) == 2)
+        and (... in more or len(value) == 1 + len(more))
     )

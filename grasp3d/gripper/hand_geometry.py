@@ -17,6 +17,9 @@ What is assumed:
 * Pads are flat: the parts of the inner sides within 0.5 mm of the contact plane, beyond the palm.
   The TCP is in their middle unless it is given. Pads end where the fingers end, and reach equally
   far behind the TCP.
+* Jaws touch with the inner sides of the fingers beyond the palm, of which each closed piece is its
+  convex hull (`grasp3d.gripper.finger_hull`). Both are those of finger 1. Where they differ by more
+  than 1 mm, on more than 5 % of their area, jaws touch with the flat pads alone.
 * The palm is at least as thick as the stroke, since something guides the fingers there.
 * Compliance, clearance, force and touch are not in such files: they have their default values.
 """
@@ -31,6 +34,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
+from grasp3d.gripper.inner_side import inner_faces, thickness_at_tcp
 from grasp3d.gripper.parallel_gripper import AXES, ParallelGripper
 
 FLATNESS = 0.0005
@@ -44,6 +48,9 @@ ALIGNED = 0.9998
 
 DIGITS = 9
 """Decimals of lengths [m] that are kept: fewer than rounding errors have."""
+
+SAME = 1e-6
+"""Largest difference of lengths that count as the same [m]."""
 
 OFF_AXIS = 0.001
 """Largest distance of the TCP from the approach axis of the hand's frame [m]."""
@@ -161,6 +168,18 @@ class _View:
         )
         return one, two
 
+    def in_gripper_frame(self, centre: float) -> tuple[Floats, Floats]:
+        """Triangles of finger 1 and of the mirror image of finger 2, foremost points at x = 0.
+
+        Args:
+            centre: Position of the TCP along the approach axis [m].
+        """
+        one, two = (
+            (whole - [float(finger[..., 0].min()), self.middle, centre]) * [-1.0, 1.0, 1.0]
+            for whole, finger in zip(self.whole, self.fingers, strict=True)
+        )
+        return one, two
+
 
 def _closing_axis(hand: Hand) -> str:
     """Axis from finger 1 to finger 2. Raises SettingError."""
@@ -208,9 +227,7 @@ def _gripper(view: _View, tcp: float | None) -> ParallelGripper:
     centre = _centre_of_pads(view, pads, tcp)
     _check_on_axis(view)
     palm_thickness, palm_width = _palm_sizes(view)
-    hand = view.hand
-    one, two = hand.fingers
-    lengths: dict[str, Any] = {
+    lengths = {
         "min_opening": narrow,
         "max_opening": wide,
         "finger_thickness": max(float(np.ptp(finger[..., 0])) for finger in view.fingers),
@@ -223,13 +240,33 @@ def _gripper(view: _View, tcp: float | None) -> ParallelGripper:
         "palm_length": view.front - float(view.palm[:, 2].min()),
         "base_to_tcp": centre,
     }
+    rounded: dict[str, Any] = {name: round(length, DIGITS) for name, length in lengths.items()}
     return ParallelGripper(
-        name=hand.link,
-        **{name: round(length, DIGITS) for name, length in lengths.items()},
+        name=view.hand.link,
+        **rounded,
         base_axes=view.axes,
-        source=f"boxes around {one.link}, {two.link} and the palm of {Path(hand.source).name}",
+        **_inner_side(view, rounded),
         **_joints(view, narrow, wide),
     )
+
+
+def _inner_side(view: _View, lengths: dict[str, float]) -> dict[str, Any]:
+    """What jaws touch with, and where it is read from."""
+    fingers = view.in_gripper_frame(lengths["base_to_tcp"])
+    faces = inner_faces(
+        fingers,
+        front=view.front - lengths["base_to_tcp"],
+        pad=(lengths["pad_width"], lengths["pad_height"]),
+    )
+    thickness, whole = max(map(thickness_at_tcp, fingers)), lengths["finger_thickness"]
+    one, two = view.hand.fingers
+    file = Path(view.hand.source).name
+    differ = "; their inner sides differ: flat pads alone" if faces is None else ""
+    return {
+        "inner_faces": faces or (),
+        "tip_thickness": thickness if 0.0 < thickness < whole - SAME else None,
+        "source": f"boxes around {one.link}, {two.link} and the palm of {file}{differ}",
+    }
 
 
 def _openings(view: _View) -> tuple[float, float]:

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
+from grasp3d.gripper.finger_faces import Corners, problem_of_face
 from grasp3d.settings import GraspModel, Radians
 
 if TYPE_CHECKING:
@@ -47,6 +48,11 @@ class ParallelGripper:
         pad_width: Size of a flat pad along y [m], at most that of the finger.
         pad_height: Size of a flat pad along z [m], at most the length of the finger.
         tip_radius: Radius of round tips [m]; 0: flat pads.
+        inner_faces: Faces of the inner side of finger 1, which touch the object when jaws close: of
+            each the corners (x, y, z) in the gripper's frame, with the pad's plane at x = 0 and
+            the others behind it, x <= 0 [m]; each face is flat and convex. Finger 2 mirrors them.
+            Empty: the flat pad alone.
+        tip_thickness: Size of a finger along x at its pad [m]; None: that of the whole finger.
         palm_thickness: Size of the palm along x [m], at least the stroke.
         palm_width: Size of the palm along y [m].
         palm_length: Size of the palm along z [m].
@@ -86,6 +92,8 @@ class ParallelGripper:
     pad_width: float = 0.0
     pad_height: float = 0.0
     tip_radius: float = 0.0
+    inner_faces: tuple[Corners, ...] = ()
+    tip_thickness: float | None = None
     palm_thickness: float
     palm_width: float
     palm_length: float
@@ -158,6 +166,12 @@ class ParallelGripper:
                 f"gripper {self.name!r}: the stroke of {self.max_opening - self.min_opening:g} m "
                 f"must be larger than the clearance on both sides, 2 x {self.clearance:g} m"
             )
+        if self.tip_thickness is not None and not 0 < self.tip_thickness <= self.finger_thickness:
+            raise SettingError(
+                f"gripper {self.name!r}: tip_thickness must be above 0 and at most "
+                f"finger_thickness ({self.finger_thickness:g} m); got {self.tip_thickness:g}"
+            )
+        self._check_inner_faces()
         flat = self.tip_radius == 0.0
         if flat != (self.pad_width > 0.0 and self.pad_height > 0.0):
             raise SettingError(
@@ -169,6 +183,17 @@ class ParallelGripper:
                 f"gripper {self.name!r}: finger_thickness ({self.finger_thickness:g}) must be at "
                 f"most the diameter of the round tips, {2.0 * self.tip_radius:g}"
             )
+
+    def _check_inner_faces(self) -> None:
+        """Refuse faces that are not those of a finger with flat pads."""
+        if self.inner_faces and self.tip_radius:
+            raise SettingError(
+                f"gripper {self.name!r}: inner_faces are those of flat pads; round tips have none"
+            )
+        for number, face in enumerate(self.inner_faces, start=1):
+            problem = problem_of_face(face)
+            if problem:
+                raise SettingError(f"gripper {self.name!r}: face {number} of inner_faces {problem}")
 
     def _check_touch(self) -> None:
         if self.max_force is not None and not 0.0 < self.max_force < math.inf:

@@ -22,6 +22,23 @@ FRANKA = ParallelGripper(
     finger_length=0.0462,
     pad_width=0.0174,
     pad_height=0.0176,
+    inner_faces=(
+        (
+            (0.0, -0.0087, -0.0088),
+            (0.0, 0.0087, -0.0088),
+            (0.0, 0.0087, 0.0056),
+            (0.0, 0.0058, 0.0087),
+            (0.0, -0.0058, 0.0087),
+            (0.0, -0.0087, 0.0056),
+        ),
+        (
+            (0.0, -0.0087, -0.0088),
+            (0.0, 0.0087, -0.0088),
+            (-0.0026, 0.0104, -0.0449),
+            (-0.0026, -0.0104, -0.0449),
+        ),
+    ),
+    tip_thickness=0.0144,
     palm_thickness=0.208,
     palm_width=0.0633,
     palm_length=0.092,
@@ -39,8 +56,10 @@ FRANKA = ParallelGripper(
 * Stroke 80 mm, continuous force 70 N (140 N at most): data sheet.
 * Hand's frame `panda_hand`; TCP 103.4 mm along its z, finger joints 58.4 mm along it, opening along
   its y, 40 mm each: URDF of franka_description.
-* Collision mesh of a finger: 21.0 mm wide, 26 mm thick at its root (15 to 20 mm at the pad), up to
-  112.2 mm along z; its flat pad is 17.4 mm wide and from 94.6 to 112.1 mm along z.
+* Collision mesh of a finger: 21.0 mm wide, 26 mm thick at its root (14.4 mm at the pad), up to
+  112.2 mm along z; its flat pad is 17.4 mm wide and from 94.6 to 112.1 mm along z, with the
+  corners at its end cut off. From there to 58.5 mm its inner side is inclined, and ends 2.6 mm
+  behind the pad.
 * Collision mesh of the hand: 63.3 mm wide, 104 mm to the farther side of it, from -25.9 to 66.0 mm
   along z.
 """

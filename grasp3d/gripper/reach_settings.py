@@ -10,6 +10,9 @@ from grasp3d.settings import GraspModel, Radians, check_choice, whole_number
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Standing = Literal["none", "as-is", "stable"]
+ObjectMotion = Literal["free", "fixed"]
+"""Whether an object gives way to closing jaws."""
+
 MIN_ANGLES, MAX_ANGLES = 8, 64
 
 
@@ -18,9 +21,9 @@ class ReachSettings:
     """The gripper that must reach each grasp, and what the object stands on.
 
     Attributes:
-        gripper: Name of a preset, or a JSON file, of the gripper that must reach each grasp:
-            fingers and palm touch neither the object nor the table on a straight approach. none:
-            ideal point contacts.
+        gripper: Name of a preset, or a JSON file (which grasp3d gripper makes of a URDF or MuJoCo
+            model), of the gripper that must reach each grasp: fingers and palm touch neither the
+            object nor the table on a straight approach. none: ideal point contacts.
         table: What the object stands on. none: nothing; as-is: a table below its lowest points;
             stable: a table in a stable resting pose, see resting_pose.
         up: Axis of the mesh's frame that points up. Table stable has an up of its own.

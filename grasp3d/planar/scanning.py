@@ -9,7 +9,7 @@ from grasp3d.planar.located import ContactPairLimits, located_angles
 from grasp3d.planar.outlines import Outline
 from grasp3d.planar.planar_scan import PlanarScan
 from grasp3d.planar.polygons import TINY
-from grasp3d.settings import GraspModel, whole_number
+from grasp3d.settings import GraspModel, check_point_contacts, whole_number
 from grasp3d.stability.thresholds import label_angles
 
 FEWEST_POINTS = 8
@@ -54,6 +54,7 @@ def scan(
         True
     """
     settings = GraspModel() if model is None else model
+    check_point_contacts(settings)
     travel = _travel(outline, whole_number("points", points, FEWEST_POINTS))
     count = whole_number("edges of a planar cone", edges, FEWEST_EDGES)
     position = outline.fixed + travel

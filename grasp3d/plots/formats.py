@@ -1,6 +1,7 @@
 """Writing of figures to files, in formats chosen by suffix."""
 
 import warnings
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +45,20 @@ def save_as(figure: Figure, path: Path) -> None:
         # A name in letters that the font lacks is drawn as boxes, without a warning.
         warnings.filterwarnings("ignore", message="Glyph .* missing from font")
         figure.savefig(part, format=suffix[1:], dpi=DPI, metadata=METADATA[suffix])
+
+
+@styled
+def as_svg(figure: Figure) -> bytes:
+    """A figure as an SVG document, as `save_as` writes it.
+
+    Args:
+        figure: The figure.
+    """
+    stream = BytesIO()
+    with style.context(SAVING), warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph .* missing from font")
+        figure.savefig(stream, format="svg", metadata=METADATA[".svg"])
+    return stream.getvalue()
 
 
 def save(figure: Figure, path: Path) -> tuple[Path, Path]:

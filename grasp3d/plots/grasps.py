@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes, Floats
+from grasp3d.grasps.closed_grasps import UNKNOWN
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.gripper.shapes import Triangles, gripper_triangles
 from grasp3d.lengths import METRES
@@ -168,6 +169,10 @@ def _show(axes: Axes, grasps: SurfaceGrasps, number: int, picture: Bytes) -> Non
 
 
 def _approach(grasps: SurfaceGrasps, number: int) -> str:
-    """The approach margin, if a gripper reaches the grasp."""
+    """The approach margin if a gripper reaches the grasp, and the label after closing if known."""
     margin = math.nan if grasps.reach is None else float(grasps.reach.approach_margin[number])
-    return f"approach ±{math.degrees(margin):.0f}°" if math.isfinite(margin) else ""
+    if not math.isfinite(margin):
+        return ""
+    code = UNKNOWN if grasps.closed is None else int(grasps.closed.label[number])
+    closed = "" if code == UNKNOWN else f", closed {Label(code).name}"
+    return f"approach ±{math.degrees(margin):.0f}°{closed}"

@@ -37,8 +37,9 @@ class Certificate:
     space is `upper` there. In a `ForceClosure` it is meaningful only where not force-closed."""
     equilibrium: Floats
     """If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
-    shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit]. For
-    given wrenches their weights, shape (..., n). nan where not force-closed, and where
+    shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit]; of
+    contacts with patches, shape (..., n, 6): force, and moment about the contact, along x, y, z.
+    For given wrenches their weights, shape (..., n). nan where not force-closed, and where
     `cone_offset` makes cones of 90 degrees or more."""
 
     __repr__ = short_repr
@@ -49,11 +50,28 @@ def certificate_of(contacts: Contacts, results: Results) -> Certificate:
 
     The results hold the forces by their components along the contacts' axes.
     """
-    components = results.forces  # (b, n, 4)
+    batch = contacts.batch
+    equilibrium = forces_of_components(contacts, results.forces)
+    return Certificate(shaped(results.direction, batch), shaped(equilibrium, batch))
+
+
+def forces_of_components(contacts: Contacts, components: Floats) -> Floats:
+    """Forces along x, y, z and moments from components along the contacts' axes.
+
+    Args:
+        contacts: The contacts.
+        components: Shape (b, n, 4), or with patches (b, n, 6).
+
+    Returns:
+        Forces and torsional moments, shape (b, n, 4); with patches forces and moments about the
+        contacts along x, y, z, shape (b, n, 6).
+    """
     normals = contacts.normals.reshape(*components.shape[:2], 3)
     axes = np.stack([normals, *tangents(normals)], axis=-2)  # (b, n, 3, 3)
     forces = (components[..., None, :3] @ axes)[..., 0, :]
-    moments = components[..., 3] * contacts.torsion_radius.reshape(components.shape[:2])
-    equilibrium = np.concatenate([forces, moments[..., None]], axis=-1)
-    batch = contacts.batch
-    return Certificate(shaped(results.direction, batch), shaped(equilibrium, batch))
+    twist = components[..., 3] * contacts.torsion_radius.reshape(components.shape[:2])
+    moments = twist[..., None]
+    if contacts.rolling_arms is not None:
+        arms = contacts.rolling_arms.reshape(*normals.shape[:2], 2, 3)
+        moments = moments * normals + (components[..., None, 4:] @ arms)[..., 0, :]
+    return np.concatenate([forces, moments], axis=-1)

@@ -41,7 +41,7 @@ def force_closure(
     that for a torque scale of 1.
 
     Args:
-        contacts: The contacts.
+        contacts: The contacts; patches resist rolling, as for `epsilon`.
         edges: Edges of polygonal friction cones; None: circular cones.
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
         phase: As in `epsilon`.
@@ -61,8 +61,7 @@ def force_closure(
         ([True, False], [5, 5])
     """
     points, mean, size = centred(contacts.points)  # far from the origin precision is lost
-    torsion = contacts.torsion_radius / size[..., 0]
-    scaled = Contacts(points, contacts.normals, contacts.friction, torsion)
+    scaled = contacts.of_size(points, size[..., 0, 0])
     problem = WrenchProblem.of_contacts(
         scaled, EpsilonOptions(edges), cone_offset=cone_offset, phase=phase
     )

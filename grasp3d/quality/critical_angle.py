@@ -17,13 +17,11 @@ from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
 from grasp3d.quality.certificates import Status
 from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.patch_lines import least_friction_angles
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import span, wrench_axes
 
-FIRST_CELL_WIDTH = 0.1
-"""Width of the cells of the first search for a negative angle [rad]."""
-
-MAX_CELLS = 1 << 22
+MAX_CELLS = 1 << 20
 """Cells of the sphere of directions after which the search for a negative angle ends."""
 
 
@@ -37,8 +35,11 @@ def critical_friction_angle(
     1995); for more a direction that separates the grasp at some angle proves a lower bound, forces
     in equilibrium an upper one. Friction and torsion of the contacts do not matter.
 
+    Two contacts with patches balance along any line from one patch to the other, through a centre
+    of pressure in each: the angle is that of the best line.
+
     Args:
-        contacts: The contacts.
+        contacts: The contacts; with patches only two.
         tolerance: Three contacts and more: width of the bracket [rad]; its upper end is returned.
         threads: Threads for a batch; None: one per processor.
 
@@ -46,10 +47,11 @@ def critical_friction_angle(
         Angles [rad], shape (...). Negative where the grasp is force-closed without friction, and
         remains so for tilts of the normals by as much (7 contacts and more). For two contacts up to
         pi; for more, pi/2 where the grasp is force-closed at no friction. inf for one contact,
-        where no forces are in equilibrium.
+        where no forces are in equilibrium. For two contacts with patches at most 1e-5 too large,
+        and pi/2 where they are not smaller.
 
     Raises:
-        SettingError: A tolerance that is not above 0.
+        SettingError: A tolerance that is not above 0, or three contacts or more with patches.
 
     Example:
         The second of two opposing fingers is beside the line of the first:
@@ -64,10 +66,18 @@ def critical_friction_angle(
         raise SettingError(f"tolerance must be above 0; got {tolerance}")
     points = contacts.points.reshape(-1, contacts.count, 3)
     normals = contacts.normals.reshape(points.shape)
+    if contacts.patch is not None and contacts.count > 2:
+        raise SettingError(
+            f"the critical friction angle of {contacts.count} contacts is that of points, but "
+            "these have patches: give contacts.without_patches()"
+        )
     if contacts.count == 1:
         angles = np.full(len(points), math.inf)
     elif contacts.count == 2:
         angles = _of_pairs(points, normals)
+        if contacts.patch is not None:
+            patch = contacts.patch.reshape(-1, 2, 2, 3)
+            angles = _of_patches(points, normals, patch, angles)
     elif contacts.count == 3:
         angles = _of_triples(points, normals, tolerance, threads)
     else:
@@ -85,6 +95,15 @@ def _of_pairs(points: Floats, normals: Floats) -> Floats:
     # Contacts at the same point push along any line; the best one lies midway.
     coincident = angles_between(normals[:, 0], -normals[:, 1]) / 2.0
     return np.where((line == 0.0).all(axis=1), coincident, np.minimum(squeeze, expand))
+
+
+def _of_patches(points: Floats, normals: Floats, patch: Floats, angles: Floats) -> Floats:
+    """Two contacts; `angles` are those of points, also where both patches are points."""
+    having = patch.any(axis=(1, 2, 3))
+    angles[having] = least_friction_angles(
+        points[having], normals[having], patch[having], angles[having]
+    )
+    return angles
 
 
 def _of_triples(points: Floats, normals: Floats, tolerance: float, threads: int | None) -> Floats:
@@ -123,24 +142,9 @@ def _negative_angles(points: Floats, normals: Floats, tolerance: float) -> Float
         basis = span(axes[:, :3].reshape(-1, 6))
         in_span = np.zeros((len(axes), 3, 6))
         in_span[..., : len(basis)] = axes[:, :3] @ basis.T
-        angles[g] = -math.asin(_depth(in_span, len(basis), tolerance, cells))
+        _, depth = frictionless_depth(in_span, len(basis), tolerance, MAX_CELLS, cells)
+        angles[g] = -math.asin(depth)
     return angles
-
-
-def _depth(axes: Floats, rank: int, tolerance: float, cells: tuple[Floats, Floats]) -> float:
-    """Certified lower bound of min over u of max over i of cos(phi_i(u)), from 0 to 1.
-
-    The search is repeated with finer cells: the upper bound of a coarse search speeds up the next.
-    """
-    upper, lower, width = 1.0, 0.0, FIRST_CELL_WIDTH
-    while upper > 0.0:
-        width = max(width, tolerance)
-        upper, reached = frictionless_depth(axes, rank, upper, width, MAX_CELLS, *cells)
-        lower = max(lower, reached)
-        if width == tolerance:
-            break
-        width *= 0.25
-    return lower
 
 
 def _closure_at(

@@ -15,8 +15,8 @@ from grasp3d._kernels.tasks import POINTS, SIZE, TERM
 from grasp3d._kernels.wrench_problem import Workspace
 from grasp3d.arrays import ArrayLike, Floats, Ints
 from grasp3d.contact.contacts import Contacts
-from grasp3d.contact.friction_cones import tangents
 from grasp3d.errors import SettingError
+from grasp3d.quality.certificates import forces_of_components
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.tasks import Task, Terms
 from grasp3d.quality.unreachable_wrenches import separating_direction
@@ -71,12 +71,7 @@ class ForceProblem:
         check_choice("bound", bound, ForceBound)
         sizes = np.linalg.norm(contacts.points, axis=-1).max(axis=-1)
         sizes = np.where(sizes > 0.0, sizes, 1.0)
-        scaled = Contacts(
-            contacts.points / sizes[..., None, None],
-            contacts.normals,
-            contacts.friction,
-            contacts.torsion_radius / sizes[..., None],
-        )
+        scaled = contacts.of_size(contacts.points / sizes[..., None, None], sizes)
         problem = WrenchProblem.of_contacts(
             scaled,
             EpsilonOptions(edges, "total" if bound == "total" else "per_finger"),
@@ -89,9 +84,9 @@ class ForceProblem:
         return cls(problem, contacts, sizes.reshape(-1), surface, bound, plain)
 
     @property
-    def _form(self) -> tuple[int, bool, int]:
+    def _form(self) -> tuple[int, bool, int, bool]:
         torsion = {"none": NO_TORSION, "ellipse": ELLIPTIC, "linear": LINEAR}[self.limit_surface]
-        return self.problem.kind, self.problem.spherical, torsion
+        return self.problem.kind, self.problem.spherical, torsion, self.problem.rolling
 
     def of_task(
         self, task: Task, rtol: float, threads: int | None, masses: Floats | None = None
@@ -114,8 +109,8 @@ class ForceProblem:
             proven: Whether it is proven that no force suffices where none was found.
         """
         _check_rtol(rtol)
-        results = _make_results(self.problem.size, self.problem.count)
         problem = self.problem
+        results = _make_results(problem.size, problem.count, problem.axes)
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             kernels.wrench_forces(
@@ -133,12 +128,8 @@ class ForceProblem:
         return results
 
     def in_contact_frame(self, components: Floats) -> Floats:
-        """Contact forces (b, n, 4) from components along axes: x, y, z and torsional moment."""
-        normals = self.contacts.normals.reshape(*components.shape[:2], 3)
-        axes = np.stack([normals, *tangents(normals)], axis=-2)  # (b, n, 3, 3)
-        forces = (components[..., None, :3] @ axes)[..., 0, :]
-        moments = components[..., 3] * self.contacts.torsion_radius.reshape(components.shape[:2])
-        return np.concatenate([forces, moments[..., None]], axis=-1)
+        """Contact forces as of `ForceCertificate` from components along axes (b, n, 4 or 6)."""
+        return forces_of_components(self.contacts, components)
 
     def of_terms(
         self,
@@ -150,12 +141,12 @@ class ForceProblem:
         small: bool = False,
     ) -> ForceResults:
         """Bounds for the terms of a task and masses (b,); `small`: hulls of a few facets only."""
-        results = _make_results(self.problem.size, self.problem.count)
         problem, size = self.problem, _size(terms, masses)
+        results = _make_results(problem.size, problem.count, problem.axes)
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             axes, part = problem.wrenches_of(chunk), _part(results, chunk)
-            scratch = kernels.make_scratch(len(terms.rows), problem.count)
+            scratch = kernels.make_scratch(len(terms.rows), problem.count, problem.axes)
             problem.with_polytope(
                 len(axes),
                 lambda first, polytope: kernels.task_forces(
@@ -180,6 +171,7 @@ class ForceProblem:
                 self.problem.cones[g, :, 1] / self.problem.cones[g, :, 0],
                 flat.torsion_radius[g] / self.sizes[g],
                 -wrenches[g] / sizes,
+                None if flat.rolling_arms is None else flat.rolling_arms[g] / self.sizes[g],
             )
             if direction is None:
                 self._decide_by_hull(int(g), wrenches[g], rtol, results)
@@ -219,7 +211,7 @@ def _part(results: ForceResults, chunk: slice | Ints) -> ForceResults:
     return ForceResults(*views)
 
 
-def _make_results(size: int, count: int) -> ForceResults:
+def _make_results(size: int, count: int, axes: int) -> ForceResults:
     return ForceResults(
         lower=np.zeros(size),
         upper=np.zeros(size),
@@ -227,5 +219,5 @@ def _make_results(size: int, count: int) -> ForceResults:
         status=np.zeros(size, dtype=np.uint8),
         reason=np.zeros(size, dtype=np.uint8),
         direction=np.zeros((size, 6)),
-        forces=np.full((size, count, 4), math.nan),
+        forces=np.full((size, count, axes), math.nan),
     )

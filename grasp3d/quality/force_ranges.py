@@ -22,7 +22,7 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.contact.contacts import Contacts, per_contact
 from grasp3d.errors import SettingError
 from grasp3d.quality.force_options import ForceOptions
@@ -143,7 +143,7 @@ def _bounds(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
     safe = tilt <= angles
     for fingers in np.unique(safe[safe.any(axis=-1)], axis=0):
         rows = np.flatnonzero((safe == fingers).all(axis=-1))
-        chosen = _fingers_of(contacts.take(rows), fingers)
+        chosen = contacts.take(rows).fingers(fingers)
         offset = -tilt[rows][:, fingers]
         largest[rows] = options.take(rows).force_of_lengths(chosen, offset).upper
     # Wider cones are not convex from 90 degrees on: any force may then do.
@@ -153,16 +153,6 @@ def _bounds(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
     if options.bound != "norm":
         least = least * np.cos(angles).min(axis=-1)
     return least, largest
-
-
-def _fingers_of(contacts: Contacts, fingers: Bools) -> Contacts:
-    """Some of the fingers of every grasp."""
-    return Contacts(
-        contacts.points[:, fingers],
-        contacts.normals[:, fingers],
-        contacts.friction[:, fingers],
-        contacts.torsion_radius[:, fingers],
-    )
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,7 +173,7 @@ class WorstCase:
         if tilts.any() and (contacts.torsion_radius > 0.0).any():
             nominal = options.force(contacts)
             _, normals = largest_sampled(contacts, tilts, options, nominal)
-            worst = Contacts(contacts.points, normals, contacts.friction, contacts.torsion_radius)
+            worst = contacts.with_normals(normals)
         return cls(contacts, tilts, options, worst)
 
     def force(self, rows: Ints, masses: Floats) -> Floats:

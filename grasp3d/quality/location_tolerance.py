@@ -44,7 +44,7 @@ def location_tolerance(
     by asin(2 d / opening). For three and more it is safe: the grasp may tolerate more.
 
     Args:
-        contacts: The contacts; torsion does not matter.
+        contacts: Point contacts; torsion does not matter.
         relative_errors: Location errors of the contacts relative to each other, at least 0, the
             largest 1: one value or shape (..., n).
         cone_offset: Angle added to the cones' half-angles [rad], one value or shape (..., n).
@@ -57,7 +57,7 @@ def location_tolerance(
         force-closed at the perceived positions.
 
     Raises:
-        SettingError: A setting outside its range.
+        SettingError: A setting outside its range, or contacts with patches.
 
     Example:
         Three fingers around a disc of radius 30 mm tolerate that much:
@@ -71,6 +71,10 @@ def location_tolerance(
         >>> print(f"{location_tolerance(contacts):.1f} mm")
         8.3 mm
     """
+    if contacts.patch is not None:
+        raise SettingError(
+            "the location tolerance is that of point contacts; give contacts.without_patches()"
+        )
     relative = per_contact("relative errors", relative_errors, contacts)
     largest = relative.max(initial=0.0)
     if not ((relative >= 0.0).all() and abs(largest - 1.0) <= 1e-9):

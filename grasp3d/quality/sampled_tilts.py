@@ -89,7 +89,7 @@ def largest_sampled(
     wrenches = _hardest(options, -weakest)
     directions, forces = [], []
     for normals in _tilts_around(contacts, tilt):
-        direction, force = _against(_with_normals(contacts, normals), wrenches, options)
+        direction, force = _against(contacts.with_normals(normals), wrenches, options)
         found = found.worse(normals, force)
         directions.append(direction)
         forces.append(force)
@@ -105,7 +105,7 @@ def largest_sampled(
     active = np.arange(len(tilt))
     for _ in range(EVALUATIONS):
         chosen, some, best = contacts.take(active), options.take(active), found.take(active)
-        evaluated = some.force(_with_normals(chosen, best.normals))
+        evaluated = some.force(chosen.with_normals(best.normals))
         larger = np.asarray(evaluated.upper > largest[active] * (1.0 + COARSE))
         more = active[evaluated.upper > largest[active]]
         worst[more] = best.normals[evaluated.upper > largest[active]]
@@ -140,10 +140,10 @@ def least_sampled(
     goals = np.where(np.isfinite(forces), forces, middle - contacts.points)
     toward = turned(contacts.normals, goals, tilt)
     normals = np.where(np.isfinite(toward), toward, contacts.normals)
-    found = options.force(_with_normals(contacts, normals))
+    found = options.force(contacts.with_normals(normals))
     forces = found.certificate.forces[..., :3]
     again = turned(contacts.normals, np.where(np.isfinite(forces), forces, normals), tilt)
-    second = options.force(_with_normals(contacts, again))
+    second = options.force(contacts.with_normals(again))
     return np.minimum(np.minimum(nominal.lower, found.lower), second.lower)
 
 
@@ -153,7 +153,7 @@ def _opened(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
     Without torsion no force is then safe along it, and torsion may not help. Returns the forces of
     these tilts too, 0 for grasps whose smaller cones are force-closed.
     """
-    hard = Contacts(contacts.points, contacts.normals, contacts.friction)
+    hard = Contacts(contacts.points, contacts.normals, contacts.friction, patch=contacts.patch)
     offset = -np.minimum(tilt, contacts.friction_angle)
     closure = force_closure(hard, cone_offset=offset, threads=options.threads)
     opened = np.flatnonzero(~closure.closed)
@@ -162,7 +162,7 @@ def _opened(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
     directions = closure.certificate.direction[opened]
     normals[opened] = _weakest(chosen, tilt[opened], directions)
     force[opened] = (
-        options.take(opened).coarse(COARSE).force(_with_normals(chosen, normals[opened])).lower
+        options.take(opened).coarse(COARSE).force(chosen.with_normals(normals[opened])).lower
     )
     return normals, force
 
@@ -175,7 +175,7 @@ def _ascend(
     for _ in range(ROUNDS):
         chosen, some = contacts.take(active), options.take(active)
         normals = _weakest(chosen, tilt[active], directions)
-        turned_contacts = _with_normals(chosen, normals)
+        turned_contacts = chosen.with_normals(normals)
         directions, force = _against(turned_contacts, _hardest(some, -directions), some)
         before = found.force[active]
         everywhere = found.normals.copy(), np.full(len(tilt), -math.inf)
@@ -203,10 +203,6 @@ def _against(contacts: Contacts, wrenches: Floats, options: ForceOptions) -> tup
     return found.direction, found.lower
 
 
-def _with_normals(contacts: Contacts, normals: Floats) -> Contacts:
-    return Contacts(contacts.points, normals, contacts.friction, contacts.torsion_radius)
-
-
 def _weakest(contacts: Contacts, tilt: Floats, directions: Floats) -> Floats:
     """Normals within the tilts that resist least along directions (b, 6), shape (b, n, 3)."""
     g = directions[:, None, :3] + np.cross(directions[:, None, 3:], contacts.points)
@@ -218,6 +214,9 @@ def _weakest(contacts: Contacts, tilt: Floats, directions: Floats) -> Floats:
     square = np.maximum((g * g).sum(axis=-1)[..., None] - normal**2, 0.0)
     twist = (candidates * directions[:, None, None, 3:]).sum(axis=-1)
     twist = twist * contacts.torsion_radius[..., None]
+    if contacts.rolling_arms is not None:
+        turning = (contacts.rolling_arms * directions[:, None, None, 3:]).sum(axis=-1)
+        normal = normal + np.linalg.norm(turning, axis=-1)[..., None]
     support = normal + np.sqrt(contacts.friction[..., None] ** 2 * square + twist**2)
     least = support.argmin(axis=-1)[..., None, None]
     return np.asarray(np.take_along_axis(candidates, least, axis=-2)[..., 0, :])

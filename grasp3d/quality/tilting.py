@@ -26,6 +26,9 @@ from grasp3d.system.progress import Progress
 CHUNK = 32_768
 """Grasps, or grasps with tilted normals, in memory at once."""
 
+FULL_RANK = 6
+"""Dimension of all wrenches."""
+
 MAX_SAMPLED_FINGERS = 5
 """Most soft fingers whose tilts are sampled: 9 normals each, in all combinations."""
 
@@ -62,9 +65,12 @@ def epsilon_range(
     * hard fingers with polygonal cones: epsilon of polygons of the effective friction, half-angle
       beta - a, as in the paper. A tilted polygon does not contain that polygon exactly, so epsilon
       at some tilt may be slightly smaller;
+    * hard fingers with patches: exact as well, as the cones tilt and the patches, which are touched
+      wherever the normals point, do not;
     * soft fingers: the smallest among sampled tilts, the given normal and 8 at the angle a around
       it, in all combinations of the contacts. Torsion turns with the normal, so that no such
-      formula holds, and epsilon at tilts between the samples may be smaller.
+      formula holds, and epsilon at tilts between the samples may be smaller. Patches do not turn,
+      and resist rolling as far as is sure (`Contacts.with_normals`).
 
     The maximum of hard fingers is at most epsilon of circular cones at beta + a. That of soft
     fingers is at most epsilon of the wrenches that are possible at any of their normals: forces in
@@ -143,17 +149,22 @@ def _tilted(contacts: Contacts, tilt: Floats) -> Contacts:
     sampled = tilted_normals(contacts.normals, tilt)  # (b, n, k, 3)
     choice = _combinations(contacts.count)
     normals = sampled[:, np.arange(contacts.count), choice]  # (b, k ** n, n, 3)
-    return Contacts(
-        np.broadcast_to(contacts.points[:, None], normals.shape),
-        normals,
-        np.broadcast_to(contacts.friction[:, None], normals.shape[:-1]),
-        np.broadcast_to(contacts.torsion_radius[:, None], normals.shape[:-1]),
-    )
+    return contacts.with_normals(normals)
 
 
 def _maximum_hard(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> Floats:
     """Upper bound on epsilon of hard fingers over all tilts, shape (b,)."""
-    return epsilon_with(contacts, options, cone_offset=tilt).upper
+    bound = epsilon_with(contacts, options, cone_offset=tilt).upper
+    if contacts.patch is None:
+        return bound
+    # Rolling is resisted by forces that press: those of cones from 90 degrees on need not.
+    wide = (contacts.friction_angle + tilt >= math.pi / 2.0).any(axis=-1)
+    return np.where(wide, _largest_force(contacts, options), bound)
+
+
+def _largest_force(contacts: Contacts, options: EpsilonOptions) -> float:
+    """Size of the forces of a grasp wrench space, which no epsilon exceeds."""
+    return 1.0 if options.actuation == "total" else float(contacts.count)
 
 
 def _maximum_soft(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> Floats:
@@ -161,7 +172,8 @@ def _maximum_soft(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> 
 
     Each contact is represented three times: by its forces, and by its normals n as wrenches of
     force n and moment +e n or -e n, e its torsion radius. All three are circular cones, and the
-    support function of each is exactly the largest over all tilts.
+    support function of each is exactly the largest over all tilts. Patches add at most the moment
+    of a unit force at the end of their longest semi-axis, in any direction.
     """
     size, count = len(contacts.points), contacts.count
     hard = wrench_axes(
@@ -177,6 +189,7 @@ def _maximum_soft(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> 
         kind=TOTAL,
         spherical=True,
         soft=False,
+        rolling=False,
         size=size,
         count=3 * count,
         wrenches_of=partial(_rows_of, axes),
@@ -185,8 +198,13 @@ def _maximum_soft(contacts: Contacts, tilt: Floats, options: EpsilonOptions) -> 
         rim=np.zeros((0, 2)),
         tilts_exceed_friction=np.zeros(size, dtype=np.bool_),
     )
-    bound = problem.solve(options.goal, with_forces=False, threads=options.threads).upper
-    return bound if options.actuation == "total" else count * bound
+    results = problem.solve(options.goal, with_forces=False, threads=options.threads)
+    bound, longest = results.upper, _largest_force(contacts, options)
+    if contacts.patch is not None:
+        arms = np.linalg.norm(contacts.patch, ord=2, axis=(-2, -1)).max(axis=-1)
+        rolling = bound + arms / options.torque_scale
+        bound = np.where(results.rank == FULL_RANK, np.minimum(rolling, 1.0), 1.0)
+    return longest * bound
 
 
 def _rows_of(axes: Floats, chunk: slice) -> Floats:

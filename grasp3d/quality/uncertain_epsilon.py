@@ -7,6 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, locked
 from grasp3d.contact.contacts import Contacts
+from grasp3d.errors import SettingError
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.over_friction import FrictionCases, over_friction
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
@@ -110,6 +111,11 @@ def _of_locations(
     contacts: Contacts, location: tuple[float, ...], options: EpsilonOptions
 ) -> tuple[Floats, Floats]:
     """(change of epsilon, cosine of the turn of the span), shape (b,) each."""
+    if contacts.patch is not None:
+        raise SettingError(
+            "contacts with patches have no bounds for uncertain locations: give a location_error "
+            "of 0, or point contacts"
+        )
     scale = np.broadcast_to(np.asarray(options.torque_scale), contacts.batch)
     total = max(location) if options.actuation == "total" else sum(location)
     change = total / scale

@@ -17,6 +17,9 @@ from grasp3d.contact.friction_cones import edge_angles, tangents
 EDGES = 64
 """Edges of the circumscribed polygon of a friction cone."""
 
+PATCH_CORNERS = 16
+"""Corners of the circumscribed polygon of a patch."""
+
 SPHERE_POINTS = 400
 """Vertices of the circumscribed polyhedron of the elliptic limit surface."""
 
@@ -28,7 +31,12 @@ APART = 1e-9
 
 
 def separating_direction(
-    points: Floats, normals: Floats, friction: Floats, torsion: Floats, wrench: Floats
+    points: Floats,
+    normals: Floats,
+    friction: Floats,
+    torsion: Floats,
+    wrench: Floats,
+    rolling: Floats | None = None,
 ) -> Floats | None:
     """A direction that proves that no contact forces apply a wrench; None: none was found.
 
@@ -38,6 +46,7 @@ def separating_direction(
         friction: Coefficients (n,).
         torsion: Torsion radii in the unit of the points (n,).
         wrench: Shape (6,).
+        rolling: As `Contacts.rolling_arms` in the unit of the points (n, 2, 3); None: points.
 
     Returns:
         Direction (6,) along which the wrench has a positive component and no contact pushes.
@@ -49,6 +58,9 @@ def separating_direction(
     )  # (n, m, 3)
     moments = np.cross(points[:, None], forces)
     moments += (torsion[:, None] * sections[:, 2])[..., None] * normals[:, None]
+    if rolling is not None:
+        moments = moments[:, :, None] + (_circumscribed_patch() @ rolling)[:, None]  # (n, m, k, 3)
+        forces = np.broadcast_to(forces[:, :, None], moments.shape)
     generators = np.concatenate([forces, moments], axis=-1).reshape(-1, 6)
     size = np.linalg.norm(wrench)
     weights, left = nnls(generators.T, wrench / size)
@@ -66,6 +78,14 @@ def _circumscribed_circle() -> Floats:
     angles = edge_angles(EDGES)
     corners = np.stack([np.cos(angles), np.sin(angles), np.zeros(EDGES)], axis=-1)
     return np.asarray(corners / math.cos(math.pi / EDGES))
+
+
+@cache
+def _circumscribed_patch() -> Floats:
+    """Vertices of a polygon around the unit circle, (k, 2)."""
+    angles = edge_angles(PATCH_CORNERS)
+    corners = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return np.asarray(corners / math.cos(math.pi / PATCH_CORNERS))
 
 
 @cache

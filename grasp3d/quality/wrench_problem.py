@@ -13,6 +13,7 @@ from scipy.optimize import nnls
 from grasp3d._kernels import wrench_problem as kernels
 from grasp3d._kernels.force_balance import LARGEST_SLACK
 from grasp3d._kernels.growing_hull import CONVERGED, UNDECIDED
+from grasp3d._kernels.pair_epsilon import make_pair_scratch, pair_epsilons
 from grasp3d._kernels.polytope import SCRATCH_ROWS, Polytope, make_polytope
 from grasp3d._kernels.support_functions import LINEAR, NO_TORSION, PER_FINGER, ROWS, TOTAL
 from grasp3d._kernels.wrench_problem import (
@@ -72,12 +73,15 @@ class WrenchProblem:
     """Whether a force's length is bounded, rather than its normal component."""
     soft: bool
     """Whether any finger resists torsion."""
+    rolling: bool
+    """Whether any finger resists rolling, so that contacts have six axes."""
     size: int
     """Number of grasps."""
     count: int
     """Number of contacts, or of rows, of each grasp."""
-    wrenches_of: Callable[[slice], Floats]
-    """Axes of the contacts, or rows, of some of the grasps: (b, n, 4, 6) or (b, n, 1, 6)."""
+    wrenches_of: Callable[[slice | Ints], Floats]
+    """Axes of the contacts, or rows, of some of the grasps: (b, n, 4, 6), with patches
+    (b, n, 6, 6), or (b, n, 1, 6)."""
     tangential: Floats
     """Factor of the tangential axes in the span of the wrenches: 0 without friction (b, n)."""
     cones: Floats
@@ -101,6 +105,7 @@ class WrenchProblem:
             kind=ROWS,
             spherical=True,
             soft=False,
+            rolling=False,
             size=size,
             count=count,
             wrenches_of=lambda chunk: np.ascontiguousarray(rows[chunk, :, None]),
@@ -132,16 +137,23 @@ class WrenchProblem:
         points = contacts.points.reshape(-1, contacts.count, 3)
         normals = contacts.normals.reshape(points.shape)
         torsion = contacts.torsion_radius.reshape(points.shape[:-1])
+        arms = contacts.rolling_arms
+        arms = None if arms is None else arms.reshape(-1, contacts.count, 2, 3)
         cones = cone_parts(angles, bounded)
         tangential = np.maximum(cones[..., 1], cone_parts(contacts.friction_angle, bounded)[..., 1])
         return cls(
             kind=TOTAL if options.actuation == "total" else PER_FINGER,
             spherical=bounded == "force",
             soft=bool((contacts.torsion_radius > 0.0).any()),
+            rolling=arms is not None,
             size=len(points),
             count=contacts.count,
             wrenches_of=lambda chunk: wrench_axes(
-                points[chunk], normals[chunk], torsion[chunk], options.torque_scale
+                points[chunk],
+                normals[chunk],
+                torsion[chunk],
+                options.torque_scale,
+                None if arms is None else arms[chunk],
             ),
             tangential=tangential.reshape(-1, contacts.count),
             cones=cones.reshape(-1, contacts.count, 2),
@@ -150,10 +162,14 @@ class WrenchProblem:
             points=points,
         )
 
+    @property
+    def axes(self) -> int:
+        """Number of components of a contact's force along its axes; of rows only one counts."""
+        return 6 if self.rolling else 4
+
     def take(self, grasps: Ints) -> "WrenchProblem":
         """The problem of chosen grasps (g,), in their order."""
-        chosen = [self.wrenches_of(slice(g, g + 1)) for g in grasps]
-        wrenches = np.concatenate(chosen)
+        wrenches = self.wrenches_of(grasps)
         return replace(
             self,
             size=len(grasps),
@@ -208,13 +224,54 @@ class WrenchProblem:
         return results
 
     @property
-    def _form(self) -> tuple[int, bool, int]:
-        """Kind, boundedness and limit surface, as `WrenchSpace` takes them."""
-        return self.kind, self.spherical, LINEAR if self.soft else NO_TORSION
+    def _form(self) -> tuple[int, bool, int, bool]:
+        """Kind, boundedness, limit surface and rolling, as `WrenchSpace` takes them."""
+        return self.kind, self.spherical, LINEAR if self.soft else NO_TORSION, self.rolling
 
     def _grown(self, goal: Goal, *, group: int, with_forces: bool, threads: int | None) -> Results:
-        """Results of the growing hulls; see `solve`."""
-        results = _make_results(self.size, self.count)
+        """Results before their proofs are examined; see `solve`."""
+        results = _make_results(self.size, self.count, self.axes)
+        if not self.is_pairs(goal):
+            self.grow_hulls(results, goal, group, threads, with_forces=with_forces)
+            return results
+        left = np.flatnonzero(self.solve_pairs(results, goal, threads))
+        if len(left):
+            others = self.take(left)
+            hulls = _make_results(others.size, self.count, self.axes)
+            others.grow_hulls(hulls, goal, 1, threads, with_forces=with_forces)
+            for name in Results._fields:
+                getattr(results, name)[left] = getattr(hulls, name)
+        return results
+
+    def is_pairs(self, goal: Goal) -> bool:
+        """Whether epsilon is that of two hard fingers with circular cones, within a tolerance."""
+        plain = self.kind != ROWS and not (len(self.rim) or self.soft or self.rolling)
+        return plain and self.count == 2 and goal[0] > 0.0 and goal[2:] == (math.inf, 0.0)
+
+    def solve_pairs(self, results: Results, goal: Goal, threads: int | None) -> Bools:
+        """Write the results of pairs; returns which are left to the growing hull (b,)."""
+        left = np.zeros(self.size, dtype=np.bool_)
+
+        def evaluate(chunk: slice, _: Workspace) -> None:
+            views: list[Any] = [values[chunk] for values in results]
+            pair_epsilons(
+                self._form, self.wrenches_of(chunk), self.tangential[chunk], self.cones[chunk],
+                goal[0], make_pair_scratch(), Results(*views), left[chunk],
+            )  # fmt: skip
+
+        self.in_chunks(evaluate, 1, threads)
+        return left
+
+    def grow_hulls(
+        self,
+        results: Results,
+        goal: Goal,
+        group: int,
+        threads: int | None,
+        *,
+        with_forces: bool,
+    ) -> None:
+        """Write the results of the growing hulls; see `solve`."""
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
             views: list[Any] = [values[chunk] for values in results]
@@ -230,7 +287,6 @@ class WrenchProblem:
             )  # fmt: skip
 
         self.in_chunks(evaluate, group, threads)
-        return results
 
     def _clearly_placed(self, grasps: Ints) -> Bools:
         """Whether contacts of chosen grasps are at one point, or on one line, exactly or not."""
@@ -244,7 +300,7 @@ class WrenchProblem:
         Contacts nearly on a line span a sixth dimension that the rank leaves out as too thin, but
         in which forces must balance as well. Force closure counts where it holds in both.
         """
-        if self.soft or not grasps.size:
+        if self.soft or self.rolling or not grasps.size:
             return np.ones(len(grasps), dtype=np.bool_)
         closed = self._clearly_placed(grasps)
         doubtful = np.flatnonzero(~closed)
@@ -279,6 +335,8 @@ class WrenchProblem:
             components = np.stack(
                 [normals, first, second, np.zeros_like(normals)], axis=-1
             )  # (n, m, 4)
+            if self.rolling:
+                components = _in_patches(components, angles)
         rows = components @ axes  # (n, m, 6)
         size = np.abs(rows).max(axis=(0, 1), initial=TINIEST)
         missing = -axes[:, 0].sum(axis=0)
@@ -289,7 +347,7 @@ class WrenchProblem:
         forces[:, 0] += 1.0
         slack = verify(
             self._form, wrenches, self.tangential[g], cones, self.rim,
-            self.rank_tolerance, make_workspace(self.kind, self.count),
+            self.rank_tolerance, make_workspace(self.kind, self.count, self.rolling),
             np.zeros((SCRATCH_ROWS, 8)), forces,
         )  # fmt: skip
         return (forces if slack < LARGEST_SLACK else np.full_like(forces, math.nan)), float(slack)
@@ -324,7 +382,7 @@ class WrenchProblem:
         chunks = [slice(i, min(i + step, self.size)) for i in range(0, self.size, step)]
 
         def with_own_workspace(chunk: slice) -> None:
-            evaluate(chunk, make_workspace(self.kind, self.count))
+            evaluate(chunk, make_workspace(self.kind, self.count, self.rolling))
 
         if workers == 1 or len(chunks) < 2:
             for chunk in chunks:
@@ -334,7 +392,22 @@ class WrenchProblem:
             list(executor.map(with_own_workspace, chunks))
 
 
-def _make_results(size: int, count: int) -> Results:
+def _in_patches(components: Floats, angles: Floats) -> Floats:
+    """Forces (n, m, 4) with the pressure in the middle and at angles (k,) on the rim of patches.
+
+    Returns:
+        Shape (n, (1 + k) m, 6).
+    """
+    corners = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    corners = np.concatenate([np.zeros((1, 2)), corners])[:, None]  # (1 + k, 1, 2)
+    pressing = components[:, None, :, :1]
+    rolling = pressing * corners  # (n, 1 + k, m, 2)
+    repeated = np.broadcast_to(components[:, None], (*rolling.shape[:-1], 4))
+    both = np.concatenate([repeated, rolling], axis=-1)
+    return both.reshape(len(components), -1, 6)
+
+
+def _make_results(size: int, count: int, axes: int) -> Results:
     return Results(
         lower=np.zeros(size),
         upper=np.zeros(size),
@@ -342,6 +415,6 @@ def _make_results(size: int, count: int) -> Results:
         status=np.zeros(size, dtype=np.uint8),
         closed=np.zeros(size, dtype=np.bool_),
         direction=np.zeros((size, 6)),
-        forces=np.full((size, count, 4), math.nan),
+        forces=np.full((size, count, axes), math.nan),
         slack=np.full(size, math.inf),
     )

@@ -10,6 +10,7 @@ best locations as well, and the distribution is that at one location error.
 
 import math
 from abc import ABC, abstractmethod
+from collections.abc import Callable
 from dataclasses import dataclass, fields
 from functools import cached_property
 
@@ -27,6 +28,20 @@ FRACTION_ROUNDING = 1e-12
 
 BISECTIONS = 60
 """Bisections of an interval of 2 pi, which end at rounding errors."""
+
+
+def _first_angle(reaches: Callable[[float], bool]) -> float:
+    """First angle from which a condition holds, by bisection [rad]; inf: nowhere."""
+    low, high = -math.pi, math.pi + ANGLE_ROUNDING
+    if not reaches(high):
+        return math.inf
+    for _ in range(BISECTIONS):
+        middle = 0.5 * (low + high)
+        if reaches(middle):
+            high = middle
+        else:
+            low = middle
+    return high
 
 
 def accuracy_ceiling(fractions: dict[str, float]) -> float:
@@ -91,16 +106,8 @@ class AngleDistribution(ABC):
             SettingError: The fraction is outside its range.
         """
         check_fraction(fraction)
-        low, high = -math.pi, math.pi + ANGLE_ROUNDING
-        if float(self.worst_below(high)) < fraction - FRACTION_ROUNDING:
-            return math.inf
-        for _ in range(BISECTIONS):
-            middle = 0.5 * (low + high)
-            if float(self.worst_below(middle)) >= fraction - FRACTION_ROUNDING:
-                high = middle
-            else:
-                low = middle
-        return high
+        least = fraction - FRACTION_ROUNDING
+        return _first_angle(lambda angle: float(self.worst_below(angle)) >= least)
 
     def fractions(
         self,
@@ -237,6 +244,14 @@ class SampledAngles(AngleDistribution):
     def best_below(self, angles: ArrayLike) -> Floats:
         """See `AngleDistribution`."""
         return _below(*self._best_steps, angles)
+
+    def worst_quantile(self, fraction: float) -> float:
+        """See `AngleDistribution`; the fraction is reached just above one of the angles."""
+        check_fraction(fraction)
+        angles, fractions = self._worst_steps
+        step = int(np.searchsorted(fractions, fraction - FRACTION_ROUNDING))
+        last = float(angles[step - 1]) if step else -math.inf
+        return _first_angle(lambda angle: angle > last)
 
     @cached_property
     def _worst_steps(self) -> tuple[Floats, Floats]:

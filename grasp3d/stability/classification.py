@@ -40,6 +40,10 @@ def classify(
     seven contacts and more also if their critical friction angle is below the smallest
     beta - alpha/2. Where friction or resolution differ among the contacts this is safe, not exact.
 
+    Two contacts with patches are held along the best line between the patches (see
+    `critical_friction_angle`): exact where friction and resolution of both are the same, else safe;
+    never U from beta + alpha/2 = 90 degrees on.
+
     The method 'extremes' is that of Wan & Howe 2018, Sec. III: all combinations of the perceived
     and of extreme normals, `extreme_normals` on a rim alpha/2 away. It is sampled. An M may be
     labelled S or U, if the decisive tilt is not among the samples; with polygonal cones, which lie
@@ -72,7 +76,8 @@ def classify(
             None: the defaults.
 
     Raises:
-        SettingError: A setting outside its range, friction 0, or too many combinations.
+        SettingError: A setting outside its range, friction 0, or too many combinations; patches of
+            three contacts and more, with method extremes, on creases, or at uncertain locations.
         ContactError: Creases that do not match the contacts.
 
     Example:
@@ -95,6 +100,8 @@ def classify(
     location = _errors("location error", location_error, contacts, math.inf)
     if method == "extremes" and location.any():
         raise SettingError("method extremes tests normals only; a location_error needs exact")
+    if contacts.patch is not None:
+        _check_patches(contacts, method, creases=bool(creases), located=bool(location.any()))
     low, high = _friction_range(contacts, friction_interval)
     flat = contacts.reshape((-1,))
     problem = StabilityProblem(
@@ -119,6 +126,22 @@ def classify(
         batch=contacts.batch,
         _problem=problem,
     )
+
+
+def _check_patches(contacts: Contacts, method: Method, *, creases: bool, located: bool) -> None:
+    """Refuse what is not known of contacts with patches."""
+    reasons = {
+        f"{contacts.count} contacts": contacts.count > 2,
+        "method extremes": method == "extremes",
+        "creases": creases,
+        "a location_error": located,
+    }
+    for what, given in reasons.items():
+        if given:
+            raise SettingError(
+                "labels of contacts with patches are those of two fingers by method exact, without "
+                f"creases and location_error; got {what}: give contacts.without_patches()"
+            )
 
 
 def _resolutions(contacts: Contacts, sensor_resolution: ArrayLike) -> Floats:

@@ -112,8 +112,8 @@ class Enumeration(NamedTuple):
         chosen = np.stack(np.unravel_index(numbers, self.sizes), axis=-1)  # (c, n)
         each = np.arange(len(self.sizes))
 
-        def wrenches_of(chunk: slice) -> Floats:
-            row, column = np.divmod(np.arange(chunk.start, chunk.stop), len(numbers))
+        def wrenches_of(chunk: slice | Ints) -> Floats:
+            row, column = np.divmod(np.arange(len(repeated))[chunk], len(numbers))
             return self.axes[grasps[row][:, None], each, chosen[column]]
 
         whole, repeated = self.problem, np.repeat(grasps, len(numbers))

@@ -129,6 +129,9 @@ def located_angles(problem: StabilityProblem) -> WorstAndBest:
 
     inf where two contacts are at one point; nan for three contacts and more with one on a crease.
     """
+    if problem.contacts.patch is not None:
+        angles = critical_friction_angle(problem.contacts)
+        return angles, angles
     contacts = problem.hard
     if contacts.count == 2:
         lines = _lines_of_pairs(problem)
@@ -180,6 +183,8 @@ def _of_located(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
 
 def _of_pairs(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     """Two contacts: the better of squeezing and expanding, over the worst and best normals."""
+    if problem.contacts.patch is not None:
+        return _of_patches(problem)
     points = problem.contacts.points
     line = points[:, 1] - points[:, 0]
     coincident = (line == 0.0).all(axis=1)
@@ -203,6 +208,21 @@ def _of_pairs(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
     stable[coincident] = between < narrowest[coincident].sum(axis=1)
     unstable[coincident] = between >= widest[coincident].sum(axis=1)
     return stable, unstable, np.zeros(len(points), dtype=np.int64)
+
+
+def _of_patches(problem: StabilityProblem) -> tuple[Bools, Bools, Ints]:
+    """Two contacts with patches: the best line between the patches.
+
+    Tilted away from it, both normals are farther from it by the tilt, and from every other line
+    between the patches by no less: these form a convex cone, so that the best line stays the best.
+    """
+    angles = critical_friction_angle(problem.contacts)
+    stable = angles < problem.narrowest_angle.min(axis=1)
+    # Angles from 90 degrees on are not known.
+    unstable = (angles >= problem.widest_angle.max(axis=1)) & (
+        problem.widest_angle <= RIGHT_ANGLE
+    ).all(axis=1)
+    return stable, unstable, np.zeros(len(stable), dtype=np.int64)
 
 
 def _angles(problem: StabilityProblem, contact: int, directions: Floats) -> tuple[Floats, Floats]:

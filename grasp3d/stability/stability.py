@@ -8,6 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, shaped, short_repr
 from grasp3d.contact.friction_cones import turned
+from grasp3d.errors import SettingError
 from grasp3d.quality.closure import ForceClosure, force_closure
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.ferrari_canny import Epsilon, epsilon_with
@@ -17,6 +18,9 @@ from grasp3d.stability.enumeration import Extremes, extremes
 from grasp3d.stability.exact import StabilityProblem, closing_normals, located_angles
 from grasp3d.stability.extreme_normals import Tested
 
+AT_REST = 1e-12
+"""Velocity of a contact, relative to that of its turning about the centre of mass, which is 0."""
+
 
 @dataclass(frozen=True, eq=False)
 class Stability:
@@ -25,7 +29,8 @@ class Stability:
     Labels are those of hard fingers in either method; torsion affects epsilon only. Epsilon and
     everything derived from it is computed when it is first read. For contacts on creases the label,
     and with method extremes the extremes of epsilon, consider all normals there; everything else is
-    that of the perceived normals.
+    that of the perceived normals. Of contacts with patches the labels are those of the best line
+    between the patches, and `worst`, `best` and `best_normals` are refused.
     """
 
     label: Bytes
@@ -132,6 +137,7 @@ class Stability:
         Method extremes: those of `epsilon_max`. Method exact: normals at which the grasp is
         force-closed with the largest friction; nan where none are known, as in every U.
         """
+        self._refuse_patches("the best normals")
         return self._shaped(self._worst_and_best_normals[1])
 
     @property
@@ -150,6 +156,7 @@ class Stability:
         return epsilon_with(self._problem.contacts, self._problem.options)
 
     def _closure(self, cone_offset: Floats) -> ForceClosure:
+        self._refuse_patches("force closure at the worst and best tilts")
         contacts = self._problem.hard.reshape(self.batch)
         shape = contacts.friction.shape
         return force_closure(
@@ -190,8 +197,25 @@ class Stability:
         contacts = problem.contacts
         u = self._effective.certificate.direction[:, None]
         torque_scale = problem.options.torque_scale
-        velocities = u[..., :3] + np.cross(u[..., 3:], contacts.points) / torque_scale
-        return turned(contacts.normals, -velocities, problem.tilt), closing_normals(problem)
+        turning = np.cross(u[..., 3:], contacts.points) / torque_scale
+        velocities = u[..., :3] + turning
+        # A contact about which the object turns does not move, whatever rounding leaves.
+        length = np.linalg.norm(turning, axis=-1, keepdims=True)
+        velocities[(np.abs(velocities) <= AT_REST * length).all(axis=-1)] = 0.0
+        if contacts.rolling_arms is None:
+            return turned(contacts.normals, -velocities, problem.tilt), closing_normals(problem)
+        # Where the pressure resists most it adds R n to the velocity.
+        arms = contacts.rolling_arms / torque_scale
+        rolling = np.linalg.norm((arms * u[..., None, 3:]).sum(axis=-1), axis=-1)
+        velocities = velocities + rolling[..., None] * contacts.normals
+        missing = np.full_like(velocities, math.nan)
+        return turned(contacts.normals, -velocities, problem.tilt), missing
+
+    def _refuse_patches(self, what: str) -> None:
+        if self._problem.contacts.patch is not None:
+            raise SettingError(
+                f"{what} are known of point contacts only; classify contacts.without_patches()"
+            )
 
     def _shaped(self, values: ArrayLike) -> Floats:
         in_batch: Floats = shaped(np.asarray(values), self.batch)

@@ -240,12 +240,13 @@ class Folder:
         That is this folder if it is on the same file system, so that listings of subfolders never
         contain temporary files.
         """
+        parent, root = target.parent, Path(self.path(""))
         try:
-            target.parent.mkdir(parents=True, exist_ok=True)
-            root = Path(self.path(""))
-            same = root.stat().st_dev == target.parent.stat().st_dev
+            if not parent.is_dir():
+                parent.mkdir(parents=True, exist_ok=True)
+            same = root.stat().st_dev == parent.stat().st_dev
         except OSError as error:
             raise OutputError(
-                f"{printable(str(target.parent))}: cannot be created ({error.strerror})"
+                f"{printable(str(parent))}: cannot be created ({error.strerror})"
             ) from error
         return root if same else None

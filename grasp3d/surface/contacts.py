@@ -12,7 +12,7 @@ from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr, u
 from grasp3d.contact.contacts import Contacts
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import GraspModel
+from grasp3d.settings import GraspModel, check_point_contacts
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +85,9 @@ class SurfaceContacts:
 
         Raises:
             ContactError: The normals of a contact cancel out.
+            SettingError: The model's contacts are not points.
         """
+        check_point_contacts(model)
         points = self.points - self.mesh.center_mass
         return Contacts(points, self.normals, model.frictions, model.torsion_radius)
 

@@ -128,7 +128,7 @@ class Holding:
         """What would help where most grasps hold nothing because fingers are hard; else empty."""
         grasps = ~np.isnan(self.grip_force)
         unresisted = np.isinf(self.grip_force) & (self.resistance == Resistance.NO_SUCH_WRENCH)
-        if self.case.torsion_radius or not unresisted.sum() > MOST * grasps.sum():
+        if not self.case.hard or not unresisted.sum() > MOST * grasps.sum():
             return ""
         return HARD_FINGERS
 

@@ -49,6 +49,10 @@ class LoadCase:
     pad_torsion: float | None = None
     """Torsion radius of the gripper's pads per friction, to which it is proportional [mesh unit];
     None: there are no pads, or a torsion radius is given, which is that at any friction."""
+    own_torsion: bool = False
+    """Whether each contact has the torsion radius of the patch that it touches, proportional to its
+    friction, instead of `torsion_radius`; so have contacts with a patch, and soft ones at poses of
+    a gripper."""
 
     @classmethod
     def of(
@@ -63,7 +67,8 @@ class LoadCase:
         Args:
             load: Mass or density, task, and force at hand.
             mesh: The object; for several densities that of `mesh.masses.with_load`.
-            model: The fingers; without a torsion radius they have that of the gripper's pads.
+            model: The fingers; without a torsion radius they have that of the gripper's pads, or
+                where its contacts are not points that of their own patches.
             gripper: Its greatest force is at hand unless the load states another one.
 
         Raises:
@@ -80,11 +85,12 @@ class LoadCase:
         if force is None and gripper is not None:
             force = gripper.max_force
         torsion, pads = model.in_unit(mesh.unit, source=source).torsion_radius, None
-        if torsion == 0.0 and gripper is not None and mesh.unit is not None:
+        own = torsion == 0.0 and model.contact != "point"
+        if torsion == 0.0 and not own and gripper is not None and mesh.unit is not None:
             pads = gripper.torsion_radius(1.0) / METRES[mesh.unit]
             torsion = pads * float(np.min(model.frictions))
         radius = load.in_unit(mesh.unit, source=source).center_of_mass_radius
-        return cls(load, mass, task, force, torsion, radius, pads)
+        return cls(load, mass, task, force, torsion, radius, pads, own)
 
     @property
     def decided(self) -> bool:
@@ -95,7 +101,7 @@ class LoadCase:
         """Contacts with another friction, and with the torsion radius that they then have.
 
         Args:
-            contacts: The contacts; their own torsion radii do not matter.
+            contacts: The contacts; their own torsion radii matter only with `own_torsion`.
             friction: One value, or shape (..., n); None: theirs.
 
         Example:
@@ -112,13 +118,23 @@ class LoadCase:
             [1.65, 3.29]
         """
         own = contacts.friction if friction is None else np.asarray(friction, dtype=float)
-        torsion = self.torsion_radius if self.pad_torsion is None else self.pad_torsion * own
-        return Contacts(contacts.points, contacts.normals, own, torsion)
+        if self.own_torsion:
+            torsion = contacts.torsion_radius * (own / contacts.friction)
+        elif self.pad_torsion is None:
+            torsion = np.asarray(self.torsion_radius)
+        else:
+            torsion = self.pad_torsion * own
+        return Contacts(contacts.points, contacts.normals, own, torsion, contacts.patch)
+
+    @property
+    def hard(self) -> bool:
+        """Whether the fingers resist no torsion."""
+        return self.torsion_radius == 0.0 and not self.own_torsion
 
     def settings(self) -> dict[str, float | None]:
         """What follows from the load and the object, as settings of files."""
         return {
             "object_mass": self.mass,
             "force_at_hand": self.available,
-            "force_torsion_radius": self.torsion_radius,
+            "force_torsion_radius": None if self.own_torsion else self.torsion_radius,
         }

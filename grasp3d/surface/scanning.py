@@ -10,7 +10,7 @@ from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point
-from grasp3d.settings import GraspModel, with_fingers
+from grasp3d.settings import GraspModel, check_point_contacts, with_fingers
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
@@ -67,6 +67,7 @@ def scan_surface(
     mesh, points = load_mesh(mesh), _fixed_points(fixed)
     model = (model or GraspModel()).in_unit(mesh.unit, source=mesh.report.source)
     model = with_fingers(model, len(points) + 1)
+    check_point_contacts(model)
     if model.method == "extremes":
         check_combinations_of(model)
     count, report = len(mesh.vertices), progress or ignore

@@ -12,12 +12,17 @@ from grasp3d.system.names import unsupported
 TEMPORARY_PREFIX = ".grasp3d-"
 """Start of the names of temporary files, which hold incomplete output."""
 
+_PART = ".part"
+"""End of their names before the suffix."""
+
 
 @contextmanager
 def atomic_write(
     path: Path, *, keep: bool = True, temporary_folder: Path | None = None
 ) -> Iterator[Path]:
     """Yield a temporary path to write to; it replaces `path` if no error occurred.
+
+    Where `path` is such a temporary path itself, it is yielded: a file is written once.
 
     Args:
         path: File to create or replace.
@@ -28,27 +33,35 @@ def atomic_write(
     Raises:
         OutputError: The folder is missing or cannot be written to.
     """
+    temporary = _temporary(path, temporary_folder)
+    replaced = temporary == path
+    try:
+        yield temporary
+        if keep and not replaced:
+            temporary.chmod(0o666 & ~_umask())
+            temporary.replace(path)
+            replaced = True
+    except OSError as error:
+        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
+    finally:
+        if not replaced:
+            temporary.unlink(missing_ok=True)
+
+
+def _temporary(path: Path, folder: Path | None) -> Path:
+    """Create a temporary file beside a path or in a folder; or return the path if it is one."""
+    if path.name.startswith(TEMPORARY_PREFIX) and path.stem.endswith(_PART):
+        return path
     try:
         if path.is_dir():
             raise OutputError(f"{path}: is a folder; name a file")
         handle, name = tempfile.mkstemp(
-            dir=temporary_folder or path.parent,
-            prefix=TEMPORARY_PREFIX,
-            suffix=f".part{path.suffix}",
+            dir=folder or path.parent, prefix=TEMPORARY_PREFIX, suffix=f"{_PART}{path.suffix}"
         )
     except OSError as error:
         raise OutputError(f"{path}: cannot be written ({error.strerror})") from error
     os.close(handle)
-    temporary = Path(name)
-    try:
-        yield temporary
-        if keep:
-            temporary.chmod(0o666 & ~_umask())
-            temporary.replace(path)
-    except OSError as error:
-        raise OutputError(f"{path}: cannot be written ({error.strerror or error})") from error
-    finally:
-        temporary.unlink(missing_ok=True)
+    return Path(name)
 
 
 def check_writable(path: Path, *, source: Path | None = None) -> None:

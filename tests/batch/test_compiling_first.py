@@ -9,8 +9,8 @@ import pytest
 from grasp3d.batch import compiling_first, worker_task
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.batch.compiling_first import compile_first
+from grasp3d.batch.job_requests import Request
 from grasp3d.batch.run import run
-from grasp3d.batch.worker_task import Request
 from grasp3d.isolation import CallFailedError, CallFailure
 from grasp3d.warming_up import announcement, compile_kernels
 from tests.helpers.jobs import Work, lost, work
@@ -71,10 +71,11 @@ def test_a_child_that_cannot_compile_is_left_to_the_jobs(monkeypatch: pytest.Mon
 def test_a_run_compiles_before_its_first_job(monkeypatch: pytest.MonkeyPatch) -> None:
     order: list[object] = []
 
-    def noted(*arguments: object) -> None:
+    def noted(*arguments: object, children: int = 1) -> None:
+        assert children == 1
         order.append(arguments)
 
-    monkeypatch.setattr(compiling_first, "compile_first", noted)
+    monkeypatch.setattr("grasp3d.batch.run.compile_first", noted)
     monkeypatch.setattr("grasp3d.batch.run.compile_kernels", noted)
     jobs = [Work("well")]
     for workers in (1, 0):

@@ -1,7 +1,7 @@
 """Labelling one mesh of a batch: its row and its files."""
 
 import math
-from dataclasses import replace
+from dataclasses import asdict, replace
 from pathlib import Path
 
 import numpy as np
@@ -16,7 +16,7 @@ from grasp3d.batch.identity import mesh_key
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import Unchanged, label_job, lost_row
 from grasp3d.batch.plan import Job
-from grasp3d.batch.row import Outcome, Row
+from grasp3d.batch.row import TIMINGS, Outcome, Row
 from grasp3d.errors import SettingError
 from grasp3d.grasps import verdict_of
 from grasp3d.gripper.reach_settings import ReachSettings
@@ -55,6 +55,16 @@ def row_of(job: Job, settings: BatchSettings = SETTINGS) -> Row:
 def labels_of(source: Path, settings: BatchSettings = SETTINGS) -> SurfaceLabels:
     mesh = load_mesh(source, unit="cm", max_edge=0.2)
     return label_surface(mesh, settings.model, sampling=settings.search)
+
+
+@pytest.mark.slow
+def test_threads_change_neither_row_nor_files(tmp_path: Path) -> None:
+    job = job_of(egg(tmp_path), tmp_path / "one")
+    other = replace(job, threads=3, output=Folder(str(tmp_path / "three")))
+    one, three = (asdict(row_of(each)) for each in (job, other))
+    assert {name for name in one if one[name] != three[name]} <= TIMINGS
+    for name in (job.labels, job.fields, job.view, job.thumbnail):
+        assert job.output.read(name) == other.output.read(name)
 
 
 @pytest.mark.slow

@@ -15,7 +15,7 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, MeshOptions, Sampling
-from grasp3d.batch import labelling, library, read_summary, worker_task
+from grasp3d.batch import labelling, library, read_summary
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.labelling import Unchanged, label_job
 from grasp3d.batch.library import LibraryLabels, label_library
@@ -298,7 +298,8 @@ def test_meshes_that_end_their_process_have_rows_and_affect_no_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(library, "label_job", faulty_job)
-    monkeypatch.setattr(worker_task, "MEMORY_LIMIT", 1.6e9)  # a machine with little memory
+    # A machine with little memory.
+    monkeypatch.setattr("grasp3d.batch.local_client.machine_memory", lambda: 1.6)
     faults = ("segfault", "killed", "sleeps", "endless", "raises")
     for name in faults:
         mesh(tmp_path / "in" / f"{name}.ply")

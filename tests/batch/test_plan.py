@@ -3,7 +3,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from grasp3d.batch.inputs import MeshFile, find_meshes
-from grasp3d.batch.plan import plan
+from grasp3d.batch.plan import plan, use_all_processors
 from grasp3d.storage import Folder
 from grasp3d.system.names import name_key, safe_stem, short_hash
 from tests.batch.test_inputs import touch
@@ -25,6 +25,17 @@ def stems(meshes: list[MeshFile], out: Folder = OUT, taken: Mapping[str, str] | 
 
 def meshes_of(*names: str) -> list[MeshFile]:
     return [MeshFile(name, f"in/{name}") for name in names]
+
+
+def test_the_last_jobs_use_all_processors() -> None:
+    """No processor waits while one of them is left, and all others have one thread."""
+    jobs = plan(meshes_of(*(f"{number}.stl" for number in range(20))), OUT)
+    threaded = use_all_processors(jobs, 8)
+    assert [job.mesh for job in threaded] == [job.mesh for job in jobs]
+    assert [job.threads for job in threaded] == [1] * 16 + [2, 2, 4, 8]
+    assert [job.threads for job in use_all_processors(jobs[:2], 8)] == [4, 8]
+    assert use_all_processors(jobs, 1) == jobs
+    assert use_all_processors(jobs, 0) == jobs  # no child processes
 
 
 def test_results_are_in_folders_by_kind() -> None:

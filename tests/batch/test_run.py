@@ -16,10 +16,10 @@ import grasp3d
 from grasp3d import GraspModel, Sampling
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.checking import check_file, lost_check
-from grasp3d.batch.cluster import local_workers
+from grasp3d.batch.job_requests import USABLE_MEMORY
+from grasp3d.batch.local_client import local_workers
 from grasp3d.batch.plan import MeshFile
 from grasp3d.batch.run import run
-from grasp3d.batch.worker_task import USABLE_MEMORY
 from tests.helpers import shapes
 from tests.helpers.jobs import Done, Work, lost, needs_2_gb, process_id, work
 
@@ -137,14 +137,29 @@ def test_an_error_of_the_job_iterator_ends_the_run() -> None:
         list(run(work, jobs(), 0.0, lost=lost, cluster=TWO))
 
 
+LOCAL = """
+import sys
+from grasp3d.batch.run import run
+from grasp3d.batch.batch_settings import ClusterSettings
+from tests.helpers.jobs import Work, lost, work
+rows = run(work, [Work("well")], 0.0, lost=lost, cluster=ClusterSettings(workers=1))
+print(*(row.name for row in rows), "distributed" in sys.modules)
+"""
+
+
+def test_jobs_on_this_machine_need_no_dask() -> None:
+    script = started("-c", LOCAL, cwd=Path(grasp3d.__file__).parents[1])
+    assert script.communicate(timeout=20.0) == ("well False\n", "")
+
+
 def test_the_number_of_workers_is_limited_by_the_memory(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("grasp3d.batch.cluster.MEMORY_LIMIT", 8e9)
-    monkeypatch.setattr("grasp3d.batch.cluster.available_processors", lambda: 64)
+    monkeypatch.setattr("grasp3d.batch.local_client.machine_memory", lambda: 8.0)
+    monkeypatch.setattr("grasp3d.batch.local_client.available_processors", lambda: 64)
     assert local_workers(ClusterSettings()) == int(USABLE_MEMORY * 8.0 / 0.5)
     assert local_workers(ClusterSettings(worker_memory=3.0)) == 2
     assert local_workers(ClusterSettings(worker_memory=30.0)) == 1
     assert local_workers(ClusterSettings(workers=5, worker_memory=3.0)) == 5
-    monkeypatch.setattr("grasp3d.batch.cluster.available_processors", lambda: 3)
+    monkeypatch.setattr("grasp3d.batch.local_client.available_processors", lambda: 3)
     assert local_workers(ClusterSettings()) == 3
 
 

@@ -213,6 +213,23 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
     assert [row["label"] for row in rows_again] == ["S", "S", "U"]
 
 
+def test_contacts_of_poses_are_points_soft_or_patches(posed: Path) -> None:
+    arguments = (
+        "small.stl", "poses.csv", "--unit", "mm", "--gripper", "wsg50", "--mass", "0.2kg",
+        "--object-motion", "fixed",
+    )  # fmt: skip
+    forces = {}
+    for contact in ("point", "soft", "patch"):
+        name = f"{contact}.json"
+        run = grasp3d("evaluate", *arguments, "--contact", contact, "-o", name, cwd=posed)
+        assert (run.returncode, run.stderr) == (0, "")
+        assert ("contacts resist torsion and rolling" in run.stdout) == (contact == "patch")
+        written = json.loads((posed / name).read_text(encoding="utf-8"))
+        assert written["grasp3d"]["contact"] == contact
+        forces[contact] = written["grasps"][0]["grip_force"]
+    assert forces["patch"] < forces["soft"]
+
+
 def test_metrics_of_poses_are_written_and_replaced(posed: Path) -> None:
     arguments = ("poses.csv", "--unit", "mm", "--gripper", "franka")
     run = grasp3d(
@@ -249,6 +266,24 @@ BAD_POSES: dict[str, tuple[list[str], str]] = {
     "onto the poses": (
         ["poses.csv", "--unit", "mm", "--gripper", "franka", "-o", "poses.csv"],
         "poses.csv: is the file of poses; name another file",
+    ),
+    "metrics of patches": (
+        [
+            "poses.csv",
+            "--unit",
+            "mm",
+            "--gripper",
+            "franka",
+            "--contact",
+            "patch",
+            "--metrics",
+            "all",
+        ],
+        "use --contact soft, or point",
+    ),
+    "patches without poses": (
+        ["pair.json", "--unit", "mm", "--contact", "patch"],
+        "contact='patch' (--contact patch) applies to poses of a gripper",
     ),
     "distance": (
         ["poses.csv", "--unit", "mm", "--gripper", "franka", "--max-distance", "1"],

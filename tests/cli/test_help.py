@@ -14,8 +14,11 @@ from grasp3d.cli.gripper import Gripper
 from grasp3d.cli.label import Label
 from grasp3d.cli.paper import Paper
 from grasp3d.cli.perturb import Perturb
+from grasp3d.cli.simulate import Simulate
 from grasp3d.cli.sweep import Sweep
+from grasp3d.cli.validate import Validate
 from grasp3d.cli.view import View
+from grasp3d.cli.warmup import Warmup
 from tests.helpers.commands import run_here as grasp3d
 
 MESHES = Path(__file__).parents[2] / "meshes"
@@ -26,13 +29,14 @@ def commands() -> list[str]:
     return re.findall(r"\w+", usage.partition("{")[2])
 
 
-def test_every_command_has_two_examples() -> None:
+def test_every_command_has_at_least_two_examples() -> None:
     assert set(EXAMPLES) <= set(commands())
     for command in commands():
         run = grasp3d(command, "--help", cwd=Path(), columns=80)
         assert run.returncode == 0
         lines = run.stdout[run.stdout.index("\nexamples:\n") :].split("\n")[2:-1]
-        assert [line[:4] for line in lines] == ["  # ", "  gr", "  # ", "  gr"]
+        assert len(lines) >= 4
+        assert [line[:4] for line in lines] == ["  # ", "  gr"] * (len(lines) // 2)
         assert all(f"{line} ".startswith(f"  grasp3d {command} ") for line in lines[1::2])
         assert max(map(len, lines)) <= 100
 
@@ -60,7 +64,8 @@ def test_the_examples_are_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
 ) -> None:
     """Those of `design` are run, the others parsed: they take longer."""
-    for command in (Label, Check, Evaluate, Batch, Sweep, Gripper, View, Paper, Perturb):
+    others = Evaluate, Validate, Simulate, Batch, Sweep, Gripper, View, Paper, Perturb, Warmup
+    for command in (Label, Check, *others):
         monkeypatch.setattr(command, "run", lambda _: 0)
     run = grasp3d(*shlex.split(words), cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")

@@ -19,24 +19,30 @@ from grasp3d import (
     ParallelGripper,
     Sampling,
     SurfaceLabels,
+    best_grasps,
     label_surface,
     load_mesh,
     sweep,
+    validate_grasps,
 )
-from grasp3d.batch.batch_settings import BatchSettings
+from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
 from grasp3d.batch.check_writing import write_checks
 from grasp3d.batch.checking import check_file
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_vtp
 from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.writing import write_grasps
 from grasp3d.loads import Load
 from grasp3d.mesh.repair import RepairStep
 from grasp3d.perturbing import NoiseSettings, perturb_surface, write_perturbation
+from grasp3d.physics import SimulationSettings, simulate_grasps, write_simulation
+from grasp3d.plots.validation_page import FILES
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.sweeps import write_sweeps
+from grasp3d.validating import write_validation
 from tests.helpers import shapes
 
 PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
@@ -180,7 +186,7 @@ def test_grasps(tmp_path: Path, suffix: str, also: str) -> None:
     path = tmp_path / f"out{suffix}"
     written_grasps = replace(grasps(), load=LOAD if also == "load" else None)
     write_grasps(path, written_grasps, metrics=grasps().metrics() if also == "metrics" else None)
-    whole, of_load, of_metrics, of_contact, in_json, settings = tables("Grasps")
+    whole, _, of_load, of_metrics, of_contact, in_json, settings = tables("Grasps")
     whole |= {"load": of_load, "metrics": of_metrics}.get(also, set())
     if also == "load":  # whose density is not given
         settings |= tables("Settings")[2] - {"density"}
@@ -196,11 +202,33 @@ def test_grasps(tmp_path: Path, suffix: str, also: str) -> None:
     assert suffix == ".csv" or metadata(path) == settings
 
 
+def test_tables_of_grasps_with_a_gripper() -> None:
+    whole, of_gripper, _, _, of_contact, *_ = tables("Grasps")
+    names = best_grasps(with_gripper(), 2).to_table().column_names
+    assert first_finger(names) == whole | of_gripper | of_contact
+
+
 def test_sweeps(tmp_path: Path) -> None:
     swept = sweep(labels().angle_distribution(), friction=0.5, sensor_resolution=0.2)
     write_sweeps(tmp_path / "out.csv", [swept], fractions=[0.5, 0.9])
     written = pc.read_csv(tmp_path / "out.csv").column_names
     assert set(written) == tables("Tables of sweeps")[0]
+
+
+def test_simulated_grasps(tmp_path: Path) -> None:
+    found = simulate_grasps(
+        load_mesh(shapes.box(), unit="cm", max_edge=0.5),
+        simulation=SimulationSettings(count=3, tip_radius=0.02, pull_time=0.02),
+        cluster=ClusterSettings(workers=0),
+    )
+    for suffix in ("csv", "parquet"):
+        write_simulation(tmp_path / f"out.{suffix}", found)
+    columns, added = tables("Simulated grasps")
+    assert set(pq.read_table(tmp_path / "out.parquet").column_names) == columns
+    assert set(pc.read_csv(tmp_path / "out.csv").column_names) == columns
+    written = metadata(tmp_path / "out.parquet")
+    assert added < written
+    assert written - added <= set().union(*tables("Settings"))
 
 
 def test_noisy_copies(tmp_path: Path) -> None:
@@ -219,6 +247,22 @@ def test_noisy_copies(tmp_path: Path) -> None:
     assert added < written
     labelled = set().union(*tables("Settings"))
     assert written - added <= labelled
+
+
+def test_validation(tmp_path: Path) -> None:
+    box, gripper = (
+        load_mesh(shapes.box((6.0, 4.0, 2.0)), unit="cm"),
+        ParallelGripper.preset("franka"),
+    )
+    poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (4, 1, 1))
+    tried = GraspPoses(poses=poses, outcome=np.array([1.0, 0.0, 1.0, 0.0]))
+    found = validate_grasps(tried, mesh=box, gripper=gripper, load=LOAD)
+    write_validation(tmp_path / "out", found)
+    files, *columns = tables("Validation")
+    assert files == set(FILES) == {"report.html", *(path.name for path in tmp_path.glob("out/*"))}
+    names = ("grasps", "scores", "labels", "calibration")
+    for name, listed in zip(names, columns, strict=True):
+        assert set(pc.read_csv(tmp_path / "out" / f"{name}.csv").column_names) == listed
 
 
 def test_reports_of_check(tmp_path: Path) -> None:

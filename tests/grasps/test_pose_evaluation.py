@@ -18,11 +18,12 @@ from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.pose_files import read_poses, write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.gripper.approach import Approach
-from grasp3d.gripper.closing import Closing
+from grasp3d.gripper.closed_jaws import Closing
 from grasp3d.gripper.presets import preset
 from grasp3d.gripper.table import Table
 from grasp3d.quality import critical_friction_angle
 from grasp3d.stability.classification import classify
+from grasp3d.stability.label import Label
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import Floats, pads, pose, random_poses
 
@@ -189,11 +190,11 @@ def auc(scores: Floats, held: Any) -> float:
 
 @pytest.mark.slow
 def test_published_poses_on_a_mug() -> None:
-    """No pose starts in the mug, since all were sampled free of collision.
+    """Poses were sampled free of collision, of a hand whose fingers are not quite boxes.
 
-    Of a mug that cannot move, the pads touch a wall with an edge or a corner, and critical angles
-    there say little about what happens once the mug has turned: the area under the curve is below
-    one half, as for rays a millimetre apart of which those within 0.5 mm of the first count.
+    A mug that gives way is held as the outcomes say. Of one that cannot move, the pads touch a wall
+    with an edge or a corner, and critical angles there say little about what happens once the mug
+    has turned.
     """
     folder = shapes.shared("datasets", "acronym")
     hand = preset("franka")
@@ -202,8 +203,12 @@ def test_published_poses_on_a_mug() -> None:
     mesh = load_mesh((solid.vertices, solid.faces), max_edge=1e9)
     found = evaluate_poses(mesh, poses, GraspModel(friction=0.5), gripper=hand)
     assert found.mesh.unit == "m"
-    assert (found.state != Closing.STARTS_INSIDE).all()
-    assert found.jaws.closed.mean() > 0.99
+    assert (found.state == Closing.STARTS_INSIDE).sum() < 5
+    assert found.jaws.closed.mean() > 0.95
     held = found.outcome == 1.0
-    score = auc(-np.nan_to_num(found.critical_angle, nan=math.pi), held)
-    assert score == pytest.approx(0.32, abs=0.03)
+    assert auc(-np.nan_to_num(found.critical_angle, nan=math.pi), held) >= 0.93
+    surely = held[found.label == Label.S]
+    assert surely.mean() >= 0.91 > held[found.label == Label.M].mean()
+    pad = replace(hand, inner_faces=())
+    fixed = evaluate_poses(mesh, poses, GraspModel(), gripper=pad, object_motion="fixed")
+    assert auc(-np.nan_to_num(fixed.critical_angle, nan=math.pi), held) < 0.4

@@ -196,6 +196,23 @@ def test_robots_get_metres_whatever_the_unit_of_the_mesh(name: Any, tmp_path: Pa
         assert found.object_scale == 0.001  # the numbers of a mesh in millimetres to metres
 
 
+@pytest.mark.parametrize("name", list(SUFFIX))
+@pytest.mark.parametrize("unit", ["m", "mm", "cm", "in"])
+@pytest.mark.parametrize("axes", [("x", "z"), ("-y", "z"), ("z", "-x")])
+def test_units_and_frames_return_from_every_format(
+    name: Any, unit: Any, axes: tuple[str, str], tmp_path: Path
+) -> None:
+    """The unit of the poses and the axes of the hand's own frame change nothing."""
+    poses = one_pose(outcome=1.0, scores=0.5, gripper=replace(HAND, base_axes=axes))
+    found = there_and_back(tmp_path, poses.in_unit(unit), name)
+    assert found.unit == (unit if name in OWN else "m")
+    found = found.in_unit("m")
+    equal(found.poses, poses.poses)
+    equal(found.pregrasp_opening, poses.pregrasp_opening)
+    if name != "graspnet":
+        equal(found.opening, poses.opening)
+
+
 BASE = [0.01, 0.02 + 0.1034, 0.03]
 """Where the hand's base of `one_pose` is."""
 

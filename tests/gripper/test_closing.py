@@ -12,7 +12,8 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.gripper.closing import ClosedJaws, Closing, close_jaws
+from grasp3d.gripper.closed_jaws import ClosedJaws, Closing
+from grasp3d.gripper.closing import close_jaws
 from grasp3d.lengths import Unit
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips

@@ -86,7 +86,9 @@ def test_the_time_is_that_of_what_is_not_compiled(monkeypatch: pytest.MonkeyPatc
     monkeypatch.setattr(Phase, "compiled", property(lambda phase: phase in stored))
     assert announcing.seconds_missing(0) == 0
     two, three = announcing.seconds_missing(2), announcing.seconds_missing(3)
-    phases = announcing.PATCHES, announcing.LOCATIONS, announcing.EPSILON
+    phases = (
+        announcing.PATCHES, announcing.LOCATIONS, announcing.EPSILON_OF_PAIRS, announcing.EPSILON,
+    )  # fmt: skip
     left = sum(phase.seconds for phase in phases)
     assert two == left + announcing.SCANS.seconds
     assert three == left + announcing.MORE_FINGERS.seconds

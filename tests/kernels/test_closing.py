@@ -8,7 +8,8 @@ import trimesh
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d._kernels import clipping
-from grasp3d.gripper.closing import ClosedJaws, Closing, close_jaws
+from grasp3d.gripper.closed_jaws import ClosedJaws, Closing
+from grasp3d.gripper.closing import close_jaws
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import pads, random_poses, sampled_ball, sliced_pad, tips
 
@@ -118,7 +119,7 @@ def test_a_cut_triangle_has_the_area_below_the_cut(limit: float) -> None:
     corners = np.array([[0.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])
     polygon, cut, mean = np.zeros((12, 6)), np.zeros((12, 6)), np.zeros(6)
     count = clipping.write_triangle(corners, 1.0, polygon)
-    count = clipping.clip(polygon, count, 2, 1.0, limit, cut)
+    count = clipping.clip(polygon, count, (0.0, 0.0, 1.0, limit), cut)
     area = clipping.projected_moments(cut, count, mean)
     height = min(max(limit, 0.0), 1.0)
     assert area == pytest.approx(0.5 * (1.0 - (1.0 - height) ** 2), abs=1e-15)

@@ -238,3 +238,43 @@ def test_old_machine_code_is_removed(package: Package) -> None:
     package.write(step=2)
     package.run()
     assert not old.exists()
+
+
+@pytest.mark.slow
+def test_machine_code_that_an_installation_brings_is_copied(package: Package) -> None:
+    unusable = str(package.folder / "caller.py" / "below")
+    package.run(XDG_CACHE_HOME=unusable)  # into the package's folder
+    report = package.run()
+    assert (report["value"], report["hits"]) == (111, 1)
+    assert Path(report["folder"]).parent == package.home / "cache" / "grasp3d"
+    assert files(package.home / "cache")
+
+
+def test_machine_code_that_can_only_be_read_is_used(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (brought := tmp_path / "grasp3d-kernels-0").mkdir()
+    (brought / "climb.nbi").write_text("stored")
+    monkeypatch.setattr(machine_code, "_possible_roots", lambda: [tmp_path])
+    monkeypatch.setattr(machine_code, "fingerprint", lambda _: "0")
+    refuse_writing(monkeypatch, brought)
+    kept: list[Any] = []
+    monkeypatch.setattr("atexit.register", kept.append)
+    folder = machine_code.cache_folder.__wrapped__()
+    assert folder is not None
+    assert folder != brought
+    assert folder.name == brought.name  # the version that Numba compares
+    assert (folder / "climb.nbi").read_text() == "stored"
+    (remove,) = kept
+    remove()
+    assert not folder.exists()
+    assert (brought / "climb.nbi").exists()
+
+
+def test_nothing_is_stored_where_there_is_nothing_to_read(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(machine_code, "_possible_roots", lambda: [tmp_path])
+    monkeypatch.setattr(machine_code, "fingerprint", lambda _: "0")
+    refuse_writing(monkeypatch, tmp_path / "grasp3d-kernels-0")
+    assert machine_code.cache_folder.__wrapped__() is None

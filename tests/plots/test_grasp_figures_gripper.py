@@ -5,6 +5,7 @@ import math
 import numpy as np
 import pytest
 
+from grasp3d import Label
 from grasp3d.plots.grasps import PIXELS, draw_grasps, grasp_figure
 from grasp3d.plots.views import views_of_gripper
 from tests.helpers.figures import check_texts, drawn_texts
@@ -32,8 +33,9 @@ def test_the_gripper_is_drawn_at_each_grasp() -> None:
     check_texts(figure)
     assert grasps.reach is not None
     texts = [text for text, _ in drawn_texts(figure)]
-    for margin in grasps.reach.approach_margin:
-        assert f"approach ±{math.degrees(margin):.0f}°" in texts
+    assert grasps.closed is not None
+    for margin, code in zip(grasps.reach.approach_margin, grasps.closed.label, strict=True):
+        assert f"approach ±{math.degrees(margin):.0f}°, closed {Label(code).name}" in texts
 
 
 @pytest.mark.slow

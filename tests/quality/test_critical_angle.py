@@ -1,4 +1,5 @@
 import math
+import time
 from typing import Any
 
 import numpy as np
@@ -6,6 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from random_grasps import Shape, random_contacts
+from scipy.optimize import minimize
 
 from grasp3d import Contacts, critical_friction_angle, force_closure
 from grasp3d.arrays import angles_between
@@ -265,6 +267,104 @@ def test_a_cage_of_many_contacts() -> None:
         contacts.points, contacts.normals, random_directions(50_000, 0)
     )
     assert angle >= angles.max() - RIGHT_ANGLE - 1e-12
+
+
+def barely_closed(seed: int, count: int) -> Contacts:
+    """A grasp that is just force-closed without friction: beyond it, normals turn too far."""
+    rng = np.random.default_rng(seed)
+    while True:
+        closed = grasps.frictionless_grasp(int(rng.integers(1 << 30)), count)
+        if force_closure(closed).closed:
+            break
+    turned = closed.normals + rng.normal(size=(count, 3))
+    low, high = 0.0, 1.0
+    for _ in range(10):
+        middle = 0.5 * (low + high)
+        normals = (1.0 - middle) * closed.normals + middle * turned
+        is_closed = bool(force_closure(grasps.changed(closed, normals=normals)).closed)
+        low, high = (middle, high) if is_closed else (low, middle)
+    return grasps.changed(closed, normals=(1.0 - low) * closed.normals + low * turned)
+
+
+def deepest_motion(contacts: Contacts, starts: int, seed: int) -> float:
+    """Smallest of the largest cosines between velocities and normals: sequential programs."""
+    points, normals = contacts.points, contacts.normals
+
+    def velocities(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        v = u[..., None, :3] + np.cross(u[..., None, 3:6], points)
+        return v, np.linalg.norm(v, axis=-1)
+
+    def largest_cosine(u: np.ndarray) -> np.ndarray:
+        v, speed = velocities(u)
+        return np.asarray(((v * normals).sum(axis=-1) / speed).max(axis=-1))
+
+    def slack(x: np.ndarray) -> np.ndarray:
+        v, speed = velocities(x)
+        return np.append(x[6] * speed - (v * normals).sum(axis=-1), 1.0 - x[:6] @ x[:6])
+
+    def slope(x: np.ndarray) -> np.ndarray:
+        v, speed = velocities(x)
+        force = x[6] * v / speed[:, None] - normals
+        rows = np.column_stack([force, np.cross(points, force), speed])
+        return np.vstack([rows, np.append(-2.0 * x[:6], 0.0)])
+
+    directions = random_directions(4000, seed)
+    best = math.inf
+    for u in directions[np.argsort(largest_cosine(directions))[:starts]]:
+        unit = u / np.linalg.norm(u)
+        x = minimize(
+            lambda x: (x[6], np.eye(7)[6]),
+            np.append(unit, largest_cosine(unit)),
+            jac=True,
+            method="SLSQP",
+            constraints={"type": "ineq", "fun": slack, "jac": slope},
+            options={"maxiter": 60, "ftol": 1e-12},
+        ).x
+        if np.linalg.norm(x[:6]) > 0.5:
+            best = min(best, float(largest_cosine(x[:6])))
+    return best
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("count", range(7, 13))
+def test_negative_angles_against_local_searches(count: int) -> None:
+    rng = np.random.default_rng(count)
+    found = 0
+    for _ in range(1000):
+        contacts = grasps.frictionless_grasp(int(rng.integers(1 << 30)), count)
+        if not force_closure(contacts).closed:
+            continue
+        angle = -math.asin(deepest_motion(contacts, 100, count))
+        # Motions prove that no angle is smaller; some search finds the largest one.
+        assert angle <= critical_friction_angle(contacts) <= angle + 2.0 * TOLERANCE
+        found += 1
+        if found == 2:
+            return
+    pytest.fail("no grasps")
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("seed", "count"), [(0, 8), (1, 9), (2, 10)])
+def test_grasps_that_barely_close_without_friction_are_fast(seed: int, count: int) -> None:
+    """All contacts matter, and each excludes few directions by itself."""
+    contacts = barely_closed(seed, count)
+    angle = -math.asin(deepest_motion(contacts, 100, seed))
+    assert -0.01 < angle < 0.0
+    start = time.process_time()
+    found = critical_friction_angle(contacts, threads=1)
+    assert time.process_time() - start < 0.2
+    assert angle <= found <= min(angle + 2.0 * TOLERANCE, 0.0)
+
+
+@pytest.mark.parametrize("row", [13, 73, 279])
+def test_grasps_that_took_seconds(row: int) -> None:
+    with np.load(shapes.shared("reference", "slow_contacts.npz")) as file:
+        contacts = Contacts(file[f"points_{row}"], file[f"normals_{row}"], 0.0)
+    angle = -math.asin(deepest_motion(contacts, 100, row))
+    start = time.process_time()
+    found = critical_friction_angle(contacts, threads=1)
+    assert time.process_time() - start < 0.2
+    assert angle <= found <= angle + 2.0 * TOLERANCE
 
 
 def test_contacts_at_one_point_are_force_closed_without_friction() -> None:

@@ -47,6 +47,15 @@ def sampled(draw: st.DrawFn) -> SampledAngles:
     )
 
 
+@given(
+    sampled(), st.one_of(st.floats(0.0, 1.0), st.integers(0, 12).map(lambda twelfth: twelfth / 12))
+)
+def test_quantiles_of_samples_are_those_of_the_bisection(
+    angles: SampledAngles, fraction: float
+) -> None:
+    assert angles.worst_quantile(fraction) == AngleDistribution.worst_quantile(angles, fraction)
+
+
 def distributions() -> st.SearchStrategy[AngleDistribution]:
     return st.one_of(sampled(), st.just(SphereAngles()))
 

@@ -1,7 +1,7 @@
 """Data of the object page: surface, critical angles and grasps of one mesh."""
 
 from collections.abc import Sequence
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -80,7 +80,7 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "gripper": gripper_data(labels),
         "load": load_data(labels),
         "grasps": [
-            asdict(grasp) | {"drawn_opening": opening}
+            vars(grasp) | {"drawn_opening": opening}
             for grasp, opening in zip(grasps, drawn_openings(grasps, labels), strict=True)
         ],
         "arrays": arrays,

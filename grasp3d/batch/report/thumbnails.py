@@ -97,21 +97,24 @@ class _Scene:
         downward = np.zeros_like(origins)
         downward[:, 2] = -1.0
         found = self._rays.hits(origins, downward)
-        hit = np.flatnonzero(found["primID"].astype(np.int32) >= 0)
-        face = self._front[found["primID"][hit]]
-        u, v = found["u"][hit], found["v"][hit]
+        numbers = found["primID"].view(np.int32)
+        hit = np.flatnonzero(numbers >= 0)
+        face = self._front.take(numbers.take(hit))
+        u, v = found["u"].take(hit), found["v"].take(hit)
         weights = np.stack([1.0 - u - v, u, v])  # (3, k)
-        labels = self._label[self._mesh.faces[face, weights.argmax(axis=0)]]
+        nearest = 3 * face + np.where(v > u, np.where(v > weights[0], 2, 0), u > weights[0])
+        labels = self._label.take(self._mesh.faces.take(nearest))
+        lit = np.ones((len(hit), 4), dtype=np.float32)
+        np.multiply(_PALETTE.take(labels, 0), self._light(face, weights)[:, None], out=lit[:, :3])
         colours = np.zeros((len(points), 4), dtype=np.float32)
-        colours[hit, :3] = _PALETTE[labels] * self._light(face, weights)[:, None]
-        colours[hit, 3] = 1.0
+        colours[hit] = lit
         codes = np.full(len(points), NO_SURFACE, dtype=np.int8)
         codes[hit] = labels
         return colours, codes
 
     def _light(self, face: Ints, weights: npt.NDArray[np.float32]) -> npt.NDArray[np.float32]:
         """Brightness of each colour, from 0 to 1, shape (k,); both sides of a surface are lit."""
-        corners = self._toward[self._mesh.corner_normals.corners[face]]  # (k, 3, 2)
+        corners = self._toward.take(self._mesh.corner_normals.corners.take(face, 0), 0)  # (k, 3, 2)
         facing, turned = np.einsum("ik,kij->jk", weights, corners)
         lit = np.where(turned < 0.0, -facing, facing)
         return np.asarray(AMBIENT + (1.0 - AMBIENT) * np.maximum(lit, 0.0), dtype=np.float32)

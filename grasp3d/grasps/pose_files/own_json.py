@@ -22,6 +22,7 @@ from grasp3d.grasps.pose_files.documents import (
     required,
 )
 from grasp3d.grasps.pose_files.header import fields_of, header_of
+from grasp3d.grasps.pose_files.outcomes import NAMES, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, VECTOR_COLUMNS, GraspPoses
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.lengths import Unit
@@ -93,7 +94,7 @@ def parse_json(content: object, gripper: ParallelGripper | None, unit: Unit | No
         opening=optional_numbers(entries, "opening"),
         pregrasp_opening=optional_numbers(entries, "pregrasp_opening"),
         scores=optional_numbers(entries, "score"),
-        outcome=optional_numbers(entries, "outcome"),
+        outcome=_outcomes(entries),
         names=_names(entries),
         columns=_columns(entries),
         **fields_of(header, gripper, unit),
@@ -104,6 +105,16 @@ def _names(entries: Entries) -> tuple[str, ...]:
     return tuple(
         str(entry.get("name", f"grasp_{number}")) for number, entry in enumerate(entries, 1)
     )
+
+
+def _outcomes(entries: Entries) -> Floats:
+    """Outcomes by either of their keys."""
+    columns = {
+        key: np.array([entry.get(key) for entry in entries], dtype=object)
+        for key in NAMES
+        if any(key in entry for entry in entries)
+    }
+    return outcomes_of(columns, len(entries))
 
 
 def _columns(entries: Entries) -> dict[str, npt.NDArray[Any]]:

@@ -12,6 +12,7 @@ from grasp3d.errors import ContactError
 from grasp3d.grasps.pose_files.documents import numbers
 from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
 from grasp3d.grasps.pose_files.header import fields_of, header_of
+from grasp3d.grasps.pose_files.outcomes import outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
 from grasp3d.gripper.parallel_gripper import ParallelGripper
 from grasp3d.lengths import Unit
@@ -86,7 +87,7 @@ def read_table(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -
         opening=_optional(columns, "opening", count),
         pregrasp_opening=_optional(columns, "pregrasp_opening", count),
         scores=_optional(columns, "score", count),
-        outcome=_optional(columns, "outcome", count),
+        outcome=outcomes_of(columns, count),
         names=tuple(map(_text, columns["name"].tolist())) if "name" in columns else (),
         columns=_others(columns),
         **known,

@@ -134,7 +134,7 @@ def metrics(
     `friction_margin`) depend neither on the centre of mass nor on the torque scale.
 
     Args:
-        contacts: The contacts.
+        contacts: Point contacts.
         names: 'all', names of `METRICS` in a list, or separated by commas in one text.
         torque_scale: Length that torques are divided by [mesh unit]; with
             `ObjectMesh.torque_scale` only lengths and areas depend on the unit.
@@ -154,7 +154,7 @@ def metrics(
 
     Raises:
         ContactError: A wrench of another shape, or that is not finite.
-        SettingError: An unknown name, or a setting outside its range.
+        SettingError: An unknown name, a setting outside its range, or contacts with patches.
 
     Example:
         Three fingers around a disc of radius 1, at 120 degrees from each other:
@@ -169,6 +169,11 @@ def metrics(
         >>> {name: round(float(found[name]), 3) for name in found}
         {'polygon_shape': 0.0, 'polygon_area': 1.299, 'internal_force_margin': 0.14}
     """
+    if contacts.patch is not None:
+        raise SettingError(
+            "the measures of the literature are those of point contacts; give "
+            "contacts.without_patches()"
+        )
     wanted = metric_names(names, of_wrench=wrench is not None)
     check_torque_scale(torque_scale)
     edge_angles(edges)

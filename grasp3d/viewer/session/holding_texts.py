@@ -84,5 +84,5 @@ def held_grasp(contacts: SurfaceContacts, model: GraspModel, case: LoadCase) -> 
     force, least, largest, payload = (float(values[0]) for values in numbers)
     return HeldGrasp(
         LoadNumbers.of(case), force, least, largest, payload, contacts.count,
-        hard=case.torsion_radius == 0.0, resistance=Resistance(int(found.resistance[0])),
+        hard=case.hard, resistance=Resistance(int(found.resistance[0])),
     )  # fmt: skip

@@ -1,0 +1,266 @@
+"""Other readings of poses: which mistake of a file would explain why the jaws do not close."""
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import get_args
+
+import numpy as np
+
+from grasp3d.arrays import Bools, Bytes, Floats
+from grasp3d.gripper.closed_jaws import Closing
+from grasp3d.gripper.closing import close_jaws
+from grasp3d.gripper.collisions import collides
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reaching import metres_per_unit
+from grasp3d.lengths import METRES, Unit
+from grasp3d.mesh import ObjectMesh
+
+FITTING = 0.5
+"""Fraction of the poses that fit the object from which no other reading is tried."""
+
+TRIED = 64
+"""Poses that readings are tried with, spread evenly over all."""
+
+FEWEST = 5
+"""Poses below which nothing is suspected: too few agree by chance."""
+
+LEAST_FIT, LEAST_GAIN, LEAST_RATIO = 0.3, 0.25, 2.0
+"""A reading is suspected if this fraction of the poses fits with it, by so much more, and by this
+factor."""
+
+PLAUSIBLE = 0.1, 2.5
+"""Spread of the TCPs, in object sizes, with which the unit is not suspected: in a larger one they
+are all at one point, where all poses fit if one does."""
+
+NAMES: dict[Unit, str] = {"m": "metres", "cm": "centimetres", "mm": "millimetres", "in": "inches"}
+
+Change = Callable[[Floats], Floats]
+
+
+@dataclass(frozen=True)
+class _Reading:
+    """Poses as they would be without one mistake."""
+
+    how: str
+    """Completes 'the jaws would close ... in n of m poses '."""
+    change: Change
+    """From the poses as they were read, shape (k, 4, 4), to those of this reading."""
+
+
+def suspected_reading(
+    mesh: ObjectMesh,
+    poses: Floats,
+    gripper: ParallelGripper,
+    unit: Unit | None = None,
+    *,
+    threads: int | None = None,
+) -> str | None:
+    """What mistake in a file of poses would explain that few of them fit the object.
+
+    A pose fits if the gripper, wide open, approaches it without collision and its jaws then close
+    on the object. Tried are quaternions in another order, rotations or poses that are inverted,
+    lengths in other units, the hand's base instead of the TCP, and other axes.
+
+    Args:
+        mesh: The object; its unit is known.
+        poses: TCP frame to the mesh's frame, translations in the mesh's unit, shape (k, 4, 4).
+        gripper: The gripper.
+        unit: Unit that the lengths were read in; None: that of the mesh.
+        threads: Threads to use; None: one per processor.
+
+    Returns:
+        One sentence; None: enough poses fit, there are too few of them, or no reading is better.
+
+    Example:
+        >>> import numpy as np
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.grasps.pose_readings import suspected_reading
+        >>> from grasp3d.gripper.presets import preset
+        >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
+        >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (5, 1, 1))
+        >>> suspected_reading(box, poses, preset("franka")) is None
+        True
+        >>> poses[:, 1, 3] = np.linspace(-0.01, 0.01, 5)
+        >>> poses[:, 2, 3] = 0.1034  # the hand's base
+        >>> print(suspected_reading(box, poses, preset("franka")))
+        the jaws close on the object without collision in 0 of 5 poses, but ...
+    """
+    if len(poses) < FEWEST:
+        return None
+    chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), TRIED)).astype(np.int64))
+    tried = poses[chosen]
+    given = int(_fits(mesh, tried, gripper, threads).sum())
+    if given >= FITTING * len(tried):
+        return None
+    plausible = PLAUSIBLE[0] <= _spread(tried) / mesh.size <= PLAUSIBLE[1]
+    lengths = None if plausible else unit or mesh.unit
+    readings = list(_readings(mesh, gripper, lengths))
+    changed = np.concatenate([reading.change(tried) for reading in readings])
+    fitting = _fits(mesh, changed, gripper, threads).reshape(len(readings), -1).sum(axis=1)
+    best = int(fitting.max())
+    enough = max(LEAST_FIT * len(tried), given + LEAST_GAIN * len(tried), LEAST_RATIO * given)
+    if best < enough:
+        return None
+    sample = "" if len(tried) == len(poses) else f", a sample of the {len(poses)}"
+    return (
+        f"the jaws close on the object without collision in {given} of {len(tried)} poses{sample}, "
+        f"but in {best} of them {readings[int(fitting.argmax())].how}"
+    )
+
+
+def _spread(poses: Floats) -> float:
+    """Diagonal of the box around the TCPs."""
+    return float(np.linalg.norm(np.ptp(poses[:, :3, 3], axis=0)))
+
+
+def starting_inside(state: Bytes) -> str | None:
+    """What suggests that most poses are too deep, from `Closing` codes (k,): one sentence."""
+    inside = int((state == Closing.STARTS_INSIDE).sum())
+    if len(state) < FEWEST or 2 * inside <= len(state):
+        return None
+    return (
+        f"a finger starts in the object in {inside} of {len(state)} poses, even wide open: is the "
+        "origin of the poses the point between the fingertips, is the unit of mesh and poses "
+        "right, and is the object narrower than the stroke there?"
+    )
+
+
+def _fits(mesh: ObjectMesh, poses: Floats, gripper: ParallelGripper, threads: int | None) -> Bools:
+    """Whether the open gripper approaches each pose freely, and its jaws close there, (k,)."""
+    wide = gripper.limits[1] / metres_per_unit(mesh)
+    fits = ~collides(mesh, poses, wide, gripper, threads=threads)
+    if fits.any():
+        fits[fits] = close_jaws(mesh, poses[fits], gripper, threads=threads).closed
+    return np.asarray(fits)
+
+
+def _readings(mesh: ObjectMesh, gripper: ParallelGripper, unit: Unit | None) -> Iterator[_Reading]:
+    """All other readings, the most common mistakes first."""
+    bases = _bases(gripper, metres_per_unit(mesh))
+    for how, change in (*_ROTATIONS, *_units(unit)):
+        for frame in (np.eye(4), *bases):  # files state the pose of the TCP, or of the hand's base
+            yield _Reading(how, _in_frame(change, frame))
+    distance = f"{1000.0 * gripper.base_to_tcp:.4g} mm"
+    for base in bases:
+        yield _Reading(
+            f"if they are those of the hand's base, {distance} behind the TCP: they may have been "
+            "read as poses of the TCP",
+            _after(np.asarray(np.linalg.inv(base), dtype=np.float64)),
+        )
+        yield _Reading(
+            f"if the TCP is {distance} farther back: poses of the TCP may have been read as those "
+            "of the hand's base, or converted twice",
+            _after(base),
+        )
+    for how, axes in _AXES:
+        yield _Reading(how, _after(np.array(axes)))
+
+
+def _bases(gripper: ParallelGripper, metres: float) -> list[Floats]:
+    """Frames of the hand's base to the TCP's [mesh unit]: with its own axes, with those of the TCP.
+
+    Data sets have the axes of the TCP, robots those of the hand's description.
+    """
+    own = gripper.base_pose
+    own[:3, 3] /= metres
+    turned = np.eye(4)
+    turned[:3, 3] = own[:3, 3]
+    bases: list[Floats] = []
+    for base in (own, turned):
+        if not any(np.array_equal(base, known) for known in (np.eye(4), *bases)):
+            bases.append(base)
+    return bases
+
+
+def _in_frame(change: Change, frame: Floats) -> Change:
+    """The change of poses of another frame of the hand, from the TCP's to that frame."""
+    back = np.linalg.inv(frame)
+    return lambda poses: np.asarray(change(poses @ frame) @ back)
+
+
+def _after(motion: Floats) -> Change:
+    return lambda poses: np.asarray(poses @ motion)
+
+
+def _units(unit: Unit | None) -> Iterator[tuple[str, Change]]:
+    """Lengths in other units than the one that they were read in."""
+    if unit is None:
+        return
+    for other in get_args(Unit):
+        if other != unit:
+            words = f"if their lengths are {NAMES[other]} instead of {NAMES[unit]}"
+            yield f"{words}: give the unit of the poses", _scaled(METRES[other] / METRES[unit])
+
+
+def _scaled(factor: float) -> Change:
+    def change(poses: Floats) -> Floats:
+        changed = poses.copy()
+        changed[:, :3, 3] *= factor
+        return changed
+
+    return change
+
+
+def _reordered(*order: int) -> Change:
+    """Rotations whose quaternions (x y z w) are taken in another order."""
+
+    def change(poses: Floats) -> Floats:
+        from scipy.spatial.transform import Rotation
+
+        changed = poses.copy()
+        quaternions = Rotation.from_matrix(poses[:, :3, :3]).as_quat()
+        changed[:, :3, :3] = Rotation.from_quat(quaternions[:, order]).as_matrix()
+        return changed
+
+    return change
+
+
+def _transposed(poses: Floats) -> Floats:
+    changed = poses.copy()
+    changed[:, :3, :3] = poses[:, :3, :3].transpose(0, 2, 1)
+    return changed
+
+
+def _inverted(poses: Floats) -> Floats:
+    return np.asarray(np.linalg.inv(poses))
+
+
+_ROTATIONS: tuple[tuple[str, Change], ...] = (
+    (
+        "if their quaternions are in the order (w x y z) instead of (x y z w)",
+        _reordered(1, 2, 3, 0),
+    ),
+    (
+        "if their quaternions are in the order (x y z w) instead of (w x y z)",
+        _reordered(3, 0, 1, 2),
+    ),
+    (
+        "if the halves of their quaternions are exchanged, (z w x y) instead of (x y z w)",
+        _reordered(2, 3, 0, 1),
+    ),
+    (
+        "if their rotations are inverted: transposed, or with the opposite scalar of a quaternion",
+        _transposed,
+    ),
+    (
+        "if they are inverted: they may be poses of the object in the gripper's frame",
+        _inverted,
+    ),
+)
+
+_AXES = (
+    (
+        "if their y is the closing axis, where x is expected",
+        [[0.0, -1.0, 0.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 0.0, 1.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
+    ),
+    (
+        "if they approach along -z, where z is expected",
+        [[1.0, 0.0, 0.0, 0.0], [0.0, -1.0, 0.0, 0.0], [0.0, 0.0, -1.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
+    ),
+    (
+        "if they approach along x and close along y, where z and x are expected",
+        [[0.0, 0.0, 1.0, 0.0], [1.0, 0.0, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 0.0, 1.0]],
+    ),
+)
+"""Other axes of the gripper's frame, as columns: x, y and z of the TCP in the file's axes."""

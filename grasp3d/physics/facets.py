@@ -1,0 +1,178 @@
+"""Two round tips on two facets: does what the critical friction angle says happen in physics?
+
+The object is a free body of two plates, on whose faces the tips press; nothing else acts on it. Its
+grasp is that of two contacts whose normals are known exactly, so that hold and slip can be compared
+with the critical friction angle to fractions of a degree.
+"""
+
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from grasp3d.arrays import ArrayLike, Floats, unit_rows
+from grasp3d.errors import SettingError
+from grasp3d.physics.engine import mujoco_module, without_log
+from grasp3d.physics.hand import Tips
+from grasp3d.physics.plates import plates_model
+
+SLIPPED = 5e-5
+"""Shift of a contact across the line between the two from which a grasp has slipped [m]. Grasps
+that hold move by a fifth of it at most, as contacts yield; those beyond the cone by 0.05 degrees
+pass it within a second."""
+
+RAMP = 0.1
+"""Time in which the force grows to its full value [s]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class FacetPress:
+    """How two tips press on two facets.
+
+    Attributes:
+        opening: Distance of the contacts [m].
+        tip_radius: Radius of the tips [m].
+        force: Force of each tip along the line between the contacts [N].
+        mass: Mass of the object [kg].
+        seconds: How long they press [s].
+        most_shift: Shift at which a run ends [m].
+        dry_friction: Whether contacts behave as dry friction; otherwise MuJoCo's defaults.
+    """
+
+    opening: float = 0.05
+    tip_radius: float = 0.005
+    force: float = 5.0
+    mass: float = 0.1
+    seconds: float = 1.0
+    most_shift: float = 5e-3
+    dry_friction: bool = True
+
+
+@without_log()
+def facet_slip(normals: ArrayLike, friction: float, press: FacetPress | None = None) -> float:
+    """Shift of two contacts on inclined facets that are pressed together.
+
+    Args:
+        normals: Inward normals of the facets, shape (2, 3); contact 1 is at -x of contact 2, and
+            both are on the x axis.
+        friction: Coulomb coefficient.
+        press: How they are pressed; None: the defaults.
+
+    Returns:
+        The farther shift of the two points of the object across the line between the contacts [m],
+        when the run ends. The grasp holds where it is below `SLIPPED`.
+
+    Raises:
+        SettingError: A facet faces away from its tip, or MuJoCo is not installed.
+
+    Example:
+        Contacts with normals 20 degrees from the line between them hold at a friction of tan 21,
+        and slip at tan 19 degrees:
+
+        >>> import math
+        >>> from grasp3d.physics.facets import SLIPPED, facet_slip
+        >>> tilt = math.radians(20.0)
+        >>> normals = [[math.cos(tilt), math.sin(tilt), 0.0], [-1.0, 0.0, 0.0]]
+        >>> frictions = [math.tan(math.radians(angle)) for angle in (21.0, 19.0)]
+        >>> [facet_slip(normals, friction) < SLIPPED for friction in frictions]
+        [True, False]
+    """
+    given = press or FacetPress()
+    inward = unit_rows(np.array(normals, dtype=np.float64))
+    if inward.shape != (2, 3) or not (inward[:, 0] * (1.0, -1.0) > 0.0).all():
+        raise SettingError("facets must face their tips: normals of shape (2, 3), inward along x")
+    mujoco = mujoco_module()
+    model = plates_model(
+        inward,
+        given.opening,
+        Tips(given.tip_radius, friction),
+        mass=given.mass,
+        force=given.force,
+        dry_friction=given.dry_friction,
+    )
+    data = mujoco.MjData(model)
+    steps = math.ceil(given.seconds / model.opt.timestep)
+    for step in range(steps):
+        data.ctrl[:] = given.force * min(1.0, (step + 1) * model.opt.timestep / RAMP)
+        mujoco.mj_step(model, data)
+        shift = _shift(data, given.opening)
+        if not shift <= given.most_shift:
+            break
+    return shift
+
+
+def slip_friction(
+    normals: ArrayLike, *, press: FacetPress | None = None, within: float = 0.02
+) -> float:
+    """Friction angle at which two pressed facets begin to slip, by bisection [rad].
+
+    Args:
+        normals: Inward normals of the facets, shape (2, 3), as in `facet_slip`.
+        press: How they are pressed; None: the defaults.
+        within: Largest error of the angle, in degrees.
+
+    Raises:
+        SettingError: As in `facet_slip`.
+    """
+    low, high = 0.0, 0.5 * math.pi - 0.02
+    while high - low > 2.0 * math.radians(within):
+        middle = 0.5 * (low + high)
+        holds = facet_slip(normals, math.tan(middle), press) < SLIPPED
+        low, high = (low, middle) if holds else (middle, high)
+    return 0.5 * (low + high)
+
+
+def slip_tilt(
+    normals: ArrayLike, friction: float, *, press: FacetPress | None = None, within: float = 0.02
+) -> float:
+    """Critical friction angle at which tilted facets begin to slip, by bisection over the tilt.
+
+    Both normals are turned from the line between the contacts about axes of their own, in the
+    proportion of their given angles.
+
+    Args:
+        normals: Inward normals of the facets, shape (2, 3), as in `facet_slip`; at least one off
+            the line.
+        friction: Coulomb coefficient.
+        press: How they are pressed; None: the defaults.
+        within: Largest error of the angle, in degrees.
+
+    Returns:
+        The larger angle of the two normals from the line where they begin to slip [rad]: to be
+        compared with the friction angle.
+    """
+    inward = unit_rows(np.array(normals, dtype=np.float64))
+    axes = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
+    angles = np.arccos(np.clip((inward * axes).sum(axis=1), -1.0, 1.0))
+    across = unit_rows(inward - (inward * axes).sum(axis=1, keepdims=True) * axes)
+    low, high = 0.0, 0.5 * math.pi - 0.02
+    while high - low > 2.0 * math.radians(within):
+        middle = 0.5 * (low + high)
+        tilt = (middle * angles / angles.max())[:, None]
+        tilted = np.cos(tilt) * axes + np.sin(tilt) * across
+        holds = facet_slip(tilted, friction, press) < SLIPPED
+        low, high = (middle, high) if holds else (low, middle)
+    return 0.5 * (low + high)
+
+
+def random_facets(random: np.random.Generator, largest: float) -> Floats:
+    """Normals of two facets, tilted about random axes by up to an angle, shape (2, 3).
+
+    Args:
+        random: Source of randomness.
+        largest: Largest tilt [rad].
+    """
+    tilt, turn = largest * random.random(2), 2.0 * math.pi * random.random(2)
+    across = np.sin(tilt)
+    normals = np.stack([np.cos(tilt), across * np.cos(turn), across * np.sin(turn)], axis=1)
+    return normals * [[1.0, 1.0, 1.0], [-1.0, 1.0, 1.0]]
+
+
+def _shift(data: Any, opening: float) -> float:
+    """The farther shift of the contacts' points of the object, across x [m]."""
+    turned = np.zeros(9)
+    mujoco_module().mju_quat2Mat(turned, data.qpos[3:7])
+    end = 0.5 * opening * turned.reshape(3, 3)[:, 0]
+    moved = data.qpos[:3] + np.array([[-1.0], [1.0]]) * end
+    return float(np.hypot(moved[:, 1], moved[:, 2]).max())

@@ -1,0 +1,111 @@
+"""Settings of simulated grasps."""
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from grasp3d.errors import SettingError
+from grasp3d.lengths import Length, LengthSettings, comparable, describe_length
+from grasp3d.quantities import MASSES, Quantity
+from grasp3d.settings import DEGREE, SEED_LIMIT, Radians, check_choice, whole_number
+
+Pulled = Literal["line", "center_of_mass"]
+MAX_GRASPS = 100_000
+MIN_THRESHOLD, MAX_THRESHOLD = 0.005, 1.0
+GRAVITY = 9.80665
+"""Standard acceleration of gravity [m/s^2]."""
+
+
+@dataclass(frozen=True)
+class SimulationSettings(LengthSettings):
+    """How grasps are drawn, and how they are simulated.
+
+    A length is a number in the mesh's unit, or has a unit: '3mm', '0.003 m'.
+
+    Attributes:
+        count: Grasps that are drawn from the surface, as many of each label, from 3.
+        tip_radius: Radius of round tips without a gripper, a length.
+        object_mass: Mass of the object [kg], or with a unit: 100g.
+        grip_ratio: Force of each finger, as a multiple of the object's weight, above 0.5. Labels
+            are about directions of forces: at 50 a pull by the weight turns them by 0.6 degrees.
+        pulled: Where the pulls act. line: at a centre of mass midway between the contacts, where
+            two points can resist them; center_of_mass: at the object's centre of mass, whose moment
+            about the line only torsion resists.
+        pull_time: Time of each of the six pulls [s].
+        max_slip: Shift of a touched point of the object from its tip, a length, from which the
+            contacts have slipped, and the grasp has failed even if another one holds the object.
+        max_shift: Shift of the object from where it was touched, a length, from which it is not
+            held.
+        max_turn: The same as an angle.
+        part_threshold: Concavity below which a convex part is not divided further, as a fraction of
+            the object's size, 0.005 to 1.
+        part_angle: Largest angle between the normals of the mesh and of its convex parts at drawn
+            contacts: elsewhere another shape would be simulated.
+        time_step: Step of the simulation [s].
+        seed: Seed of what is drawn, and of the convex parts; the same seed gives the same result.
+
+    Example:
+        >>> from grasp3d.physics import SimulationSettings
+        >>> SimulationSettings(count=300, object_mass="200 g").object_mass
+        0.2
+    """
+
+    count: int = 60
+    tip_radius: Length[float] = Length("3mm")  # type: ignore[arg-type]
+    object_mass: Quantity[float] = Quantity(0.1, MASSES)
+    grip_ratio: float = 50.0
+    pulled: Pulled = "line"
+    pull_time: float = 2.0
+    max_slip: Length[float] = Length("1mm")  # type: ignore[arg-type]
+    max_shift: Length[float] = Length("50mm")  # type: ignore[arg-type]
+    max_turn: Radians = 15.0 * DEGREE
+    part_threshold: float = 0.02
+    part_angle: Radians = 3.0 * DEGREE
+    time_step: float = 1e-3
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        if whole_number("count", self.count, 3) > MAX_GRASPS:
+            raise SettingError(f"count must be at most {MAX_GRASPS:,}; got {self.count:,}")
+        check_choice("pulled", self.pulled, Pulled)
+        for name in ("tip_radius", "max_slip", "max_shift"):
+            for number in comparable(getattr(self, name)) or ():
+                if not 0.0 < number < math.inf:
+                    text = describe_length(getattr(self, name))
+                    raise SettingError(f"{name} must be a finite length above 0; got {text}")
+        self._check_numbers()
+        if whole_number("simulation seed", self.seed, 0) >= SEED_LIMIT:
+            raise SettingError(f"simulation seed must be below 2^63; got {self.seed}")
+
+    def _check_numbers(self) -> None:
+        """Refuse numbers and angles that are outside their range."""
+        for name, least, most in (
+            ("grip_ratio", 0.5, 1e4), ("pull_time", 0.0, 60.0), ("time_step", 0.0, 2e-3),
+        ):  # fmt: skip
+            if not least < getattr(self, name) <= most:
+                raise SettingError(
+                    f"{name} must be above {least:g} and at most {most:g}; "
+                    f"got {getattr(self, name):g}"
+                )
+        if not MIN_THRESHOLD <= self.part_threshold <= MAX_THRESHOLD:
+            raise SettingError(
+                f"part_threshold must be from {MIN_THRESHOLD:g} to {MAX_THRESHOLD:g}; "
+                f"got {self.part_threshold:g}"
+            )
+        for name in ("max_turn", "part_angle"):
+            angle = getattr(self, name)
+            if not 0.0 < angle <= math.pi:
+                raise SettingError(
+                    f"{name} must be above 0 and at most 180 degrees; "
+                    f"got {math.degrees(angle):g} degrees"
+                )
+
+    @property
+    def weight(self) -> float:
+        """Weight of the object, and force of each pull [N]."""
+        return self.object_mass * GRAVITY
+
+    @property
+    def force(self) -> float:
+        """Force of each finger along the closing axis [N]."""
+        return self.grip_ratio * self.weight

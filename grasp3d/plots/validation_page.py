@@ -1,0 +1,283 @@
+"""The report of a validation: one web page that needs no other file and no network."""
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+from grasp3d.arrays import Bytes
+from grasp3d.plots.disagreements import draw_disagreement
+from grasp3d.plots.html_parts import (
+    bullets,
+    figure_tag,
+    interval,
+    jpeg_url,
+    number,
+    page,
+    table,
+    text,
+)
+from grasp3d.plots.validations import calibration_figure, label_figure, roc_figure
+from grasp3d.rendering import can_render
+from grasp3d.stability.label import MEANING as LABELS
+from grasp3d.stability.label import Label
+from grasp3d.system.files import atomic_write
+from grasp3d.system.progress import Progress, ignore
+from grasp3d.system.versions import package_version
+from grasp3d.validating import sentences
+from grasp3d.validating.disagreements import MEANING as KINDS
+from grasp3d.validating.disagreements import Disagreement
+from grasp3d.validating.intervals import wilson
+from grasp3d.validating.scores import Score
+from grasp3d.validating.sentences import degrees, percent
+from grasp3d.validating.validation import Validation
+from grasp3d.validating.writing import TABLES, made_folder, write_validation
+
+PAGE = "report.html"
+FILES = (PAGE, *TABLES)
+"""Names of all files of a report."""
+
+NO_PICTURES = "There are no pictures of them: they need OpenGL, which is not available here."
+
+
+def write_report(folder: str | Path, found: Validation, progress: Progress | None = None) -> None:
+    """Write a validation as a web page and as tables (see `write_validation`).
+
+    The page contains its figures and pictures; without OpenGL it says that pictures are missing.
+
+    Args:
+        folder: Folder to make or to write to; a report that is in it is replaced.
+        found: The result.
+        progress: Called with the fraction of the work done, from 0 to 1.
+
+    Raises:
+        OutputError: A file cannot be written.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import numpy as np
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.grasps import GraspPoses
+        >>> from grasp3d.plots.validation_page import write_report
+        >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
+        >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (2, 1, 1))
+        >>> poses[1, 1, 3] = 0.1
+        >>> tried = GraspPoses(poses=poses, outcome=[1, 0], unit="m")
+        >>> franka = grasp3d.ParallelGripper.preset("franka")
+        >>> write_report("report", grasp3d.validate_grasps(tried, mesh=box, gripper=franka))
+        >>> sorted(path.name for path in Path("report").iterdir())
+        ['calibration.csv', 'grasps.csv', 'labels.csv', 'report.html', 'scores.csv']
+    """
+    folder = made_folder(folder)
+    html = page_of(found, progress)
+    write_validation(folder, found)
+    with atomic_write(folder / PAGE) as part:
+        part.write_text(html, encoding="utf-8")
+
+
+def page_of(found: Validation, progress: Progress | None = None) -> str:
+    """The page as HTML.
+
+    Args:
+        found: The result.
+        progress: Called with the fraction of the work done, from 0 to 1.
+    """
+    pictures = _pictures(found.disagreements, progress or ignore)
+    made = f"Made by grasp3d {package_version()}; the tables {', '.join(TABLES)} are beside it."
+    parts = [
+        "<h1>Do the labels predict what became of the grasps?</h1>",
+        *_summary(found),
+        "<h2>Scores</h2>",
+        *_scores(found),
+        "<h2>Success by label</h2>",
+        *_labels(found),
+        "<h2>Calibration of the margin</h2>",
+        *_calibration(found),
+        "<h2>Greatest disagreements</h2>",
+        *_disagreements(found, pictures),
+        "<h2>Files</h2>",
+        _files(found),
+        f'<p class="quiet">{made}</p>',
+    ]
+    return page("grasp3d: labels and outcomes", parts)
+
+
+def _summary(found: Validation) -> list[str]:
+    lines = [
+        sentences.counts_of(found),
+        sentences.model_of(found),
+        *sentences.sources_of(found),
+        sentences.closing_of(found),
+    ]
+    return [bullets(lines), *(f'<p class="warning">{text(line)}</p>' for line in found.warnings)]
+
+
+def _scores(found: Validation) -> list[str]:
+    rows = [
+        [
+            text(one.score.title),
+            one.score.better,
+            number(one.roc_auc),
+            interval(one.roc_auc_interval),
+            number(one.average_precision),
+            interval(one.average_precision_interval),
+            text(one.score.meaning),
+        ]
+        for one in found.qualities
+    ]
+    heads = ["score", "better", "ROC-AUC", "95 %", "average precision", "95 %", "meaning"]
+    rate = float(found.grasps.held.mean())
+    note = (
+        f"{sentences.intervals_of(found)}. Without information a score has a ROC-AUC of 0.5 and an "
+        f"average precision of {rate:.3f}. Which values are better is fixed beforehand."
+    )
+    figure = [] if _is_one_sided(found) else [figure_tag(roc_figure(found), "ROC curves")]
+    return [table(heads, rows, texts=(1, 6)), f'<p class="quiet">{text(note)}</p>', *figure]
+
+
+def _labels(found: Validation) -> list[str]:
+    order = sorted(Label, reverse=True)
+    rows = []
+    for one in found.labels:
+        cells = [f"{one.friction:g}", f"{math.degrees(one.sensor_resolution):.4g}°"]
+        for label in order:
+            low, high = one.interval(label.name)
+            cells.append(
+                f"{percent(one.fraction(label.name))} of {one.counts[label]:,} "
+                f'<span class="quiet">[{100.0 * low:.0f}, {100.0 * high:.0f}]</span>'
+                if one.counts[label]
+                else '<span class="quiet">none</span>'
+            )
+        rows.append([*cells, "yes" if one.is_ordered else "no"])
+    heads = ["μ", "α", *(f"{label.name} {LABELS['scan'][label]}" for label in order), "S > M > U"]
+    note = "Fractions that held, with 95 % intervals (Wilson) in percent."
+    return [
+        figure_tag(label_figure(found), "Success within S, M and U"),
+        table(heads, rows),
+        f'<p class="quiet">{note}</p>',
+    ]
+
+
+def _calibration(found: Validation) -> list[str]:
+    rows = [
+        [
+            f"{degrees(one.low)} to {degrees(one.high)}",
+            f"{one.count:,}",
+            f"{one.held:,}",
+            percent(one.fraction),
+            interval(one.interval),
+        ]
+        for one in found.calibration.bins
+    ]
+    missing = ~found.grasps.closed
+    if missing.any():
+        held, count = int((missing & found.grasps.held).sum()), int(missing.sum())
+        ends = interval(wilson(held, count))
+        cells = ["jaws do not close", f"{count:,}", f"{held:,}", percent(held / count), ends]
+        rows.insert(0, cells)
+    note = (
+        "Thresholds are chosen on these grasps, so new ones do slightly worse. Isotonic regression "
+        "is the nearest success that never falls."
+    )
+    return [
+        figure_tag(calibration_figure(found), "Success over the margin"),
+        bullets(sentences.calibration_of(found)),
+        table(["margin", "grasps", "held", "success", "95 %"], rows),
+        f'<p class="quiet">{note}</p>',
+    ]
+
+
+def _disagreements(found: Validation, pictures: Sequence[Bytes] | None) -> list[str]:
+    if not found.settings.worst:
+        return ["<p>None are listed, as asked.</p>"]
+    if not found.disagreements:
+        return ["<p>No grasp that failed is labelled S, and none that held is not.</p>"]
+    parts = [] if pictures is not None else [f"<p>{NO_PICTURES}</p>"]
+    shown = [None] * len(found.disagreements) if pictures is None else pictures
+    pairs = list(zip(found.disagreements, shown, strict=True))
+    for kind, meaning in KINDS.items():
+        cards = [_card(found, one, image) for one, image in pairs if one.kind == kind]
+        if cards:
+            parts += [f"<h3>{meaning.capitalize()}</h3>", '<div class="cards">', *cards, "</div>"]
+    return parts
+
+
+def _card(found: Validation, one: Disagreement, image: Bytes | None) -> str:
+    """One grasp: picture, numbers and likely causes."""
+    grasps, row = found.grasps, one.row
+    name = f"grasp {int(grasps.grasp[row])}"
+    if len(found.files) > 1:
+        name += f" of {Path(found.files[int(grasps.file[row])].name).name}"
+    label = Label(int(grasps.label[row])).name
+    image_tag = "" if image is None else f'<img alt="{text(name)}" src="{jpeg_url(image)}">'
+    hints = "".join(f"<li>{text(hint)}</li>" for hint in one.hints)
+    return (
+        f'<div class="card">{image_tag}<p><b>{text(name)}</b>, labelled {label}</p>'
+        f'<p class="quiet">{text(_numbers(found, row))}</p><ul>{hints}</ul></div>'
+    )
+
+
+def _numbers(found: Validation, row: int) -> str:
+    """The scores that a grasp has, in words."""
+    values = {
+        one.score: float(found.grasps.scores[one.score.name][row])
+        for one in found.qualities
+        if one.score.name not in {"label", "reachable"}
+    }
+    reached = "reachable" if found.grasps.scores["reachable"][row] else "not reachable"
+    known = (
+        f"{score.title} {value_text(score, value)}"
+        for score, value in values.items()
+        if not math.isnan(value)
+    )
+    return ", ".join([*known, reached])
+
+
+def value_text(score: Score, value: float) -> str:
+    """A value of a score with its unit.
+
+    Args:
+        score: The score.
+        value: Its value, in radians, metres, square metres or newtons.
+    """
+    if math.isinf(value):
+        return "infinite"
+    if score.quantity == "angle":
+        return f"{math.degrees(value):.1f}°"
+    factor, unit = {"length": (1e3, " mm"), "area": (1e6, " mm²"), "force": (1.0, " N")}.get(
+        score.quantity, (1.0, "")
+    )
+    return f"{factor * value:.3g}{unit}"
+
+
+def _files(found: Validation) -> str:
+    rows = [
+        [
+            text(one.name),
+            text(one.object_name),
+            f"{one.count:,}",
+            f"{one.held:,}",
+            f"{one.not_tried:,}",
+            f"{one.not_closed:,}",
+            text(one.gripper),
+        ]
+        for one in found.files
+    ]
+    heads = ["file", "mesh", "grasps", "held", "without outcome", "jaws do not close", "gripper"]
+    return table(heads, rows, texts=(0, 1, 6))
+
+
+def _pictures(shown: Sequence[Disagreement], progress: Progress) -> list[Bytes] | None:
+    """A picture of each; None: none can be made."""
+    if not shown or not can_render():
+        return None
+    pictures = []
+    for one in shown:
+        pictures.append(draw_disagreement(one))
+        progress(len(pictures) / len(shown))
+    return pictures
+
+
+def _is_one_sided(found: Validation) -> bool:
+    """Whether all outcomes are the same, so that there is nothing to rank."""
+    return bool(found.grasps.held.all() or not found.grasps.held.any())

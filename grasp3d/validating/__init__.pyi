@@ -1,0 +1,14 @@
+from .calibration import Calibration as Calibration
+from .calibration import MarginBin as MarginBin
+from .calibration import MarginThreshold as MarginThreshold
+from .disagreements import Disagreement as Disagreement
+from .label_success import LabelSuccess as LabelSuccess
+from .scores import SCORES as SCORES
+from .scores import Score as Score
+from .validate import validate_grasps as validate_grasps
+from .validation import ScoredGrasps as ScoredGrasps
+from .validation import ScoreQuality as ScoreQuality
+from .validation import ValidatedFile as ValidatedFile
+from .validation import Validation as Validation
+from .validation_settings import ValidationSettings as ValidationSettings
+from .writing import write_validation as write_validation

@@ -1,0 +1,209 @@
+"""Calibration of the margin: success by margin, and margins from which on grasps hold."""
+
+import math
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+from scipy.optimize import isotonic_regression
+from scipy.stats import spearmanr
+
+from grasp3d.arrays import Bools, Floats, short_repr
+from grasp3d.validating.intervals import wilson
+
+
+@dataclass(frozen=True)
+class MarginBin:
+    """Grasps whose margins are in an interval.
+
+    Example:
+        >>> from grasp3d.validating import MarginBin
+        >>> one = MarginBin(low=0.1, high=0.2, mean=0.15, count=20, held=18)
+        >>> one.fraction, tuple(round(end, 2) for end in one.interval)
+        (0.9, (0.7, 0.97))
+    """
+
+    low: float
+    """Smallest margin in it [rad]."""
+    high: float
+    """Largest margin in it [rad]."""
+    mean: float
+    """[rad]"""
+    count: int
+    held: int
+
+    @property
+    def fraction(self) -> float:
+        """Fraction that held."""
+        return self.held / self.count
+
+    @property
+    def interval(self) -> tuple[float, float]:
+        """Interval of the probability to hold, at 95 % (Wilson 1927)."""
+        return wilson(self.held, self.count)
+
+
+@dataclass(frozen=True)
+class MarginThreshold:
+    """What accepting the grasps of at least some margin would have given."""
+
+    margin: float
+    """[rad]; nan: no margin has the property; -inf: all grasps are accepted."""
+    accepted: int
+    """Grasps with at least this margin."""
+    held: int
+    """Those of them that held."""
+    sensitivity: float
+    """Fraction of the grasps that held which is accepted."""
+    specificity: float
+    """Fraction of the grasps that failed which is refused."""
+
+
+@dataclass(frozen=True, eq=False)
+class Calibration:
+    """Success by margin.
+
+    Grasps whose jaws do not close have no margin: they count as less than any, and are not in the
+    bins.
+    """
+
+    bins: tuple[MarginBin, ...]
+    """By increasing margin; each has about as many grasps, but equal margins stay together."""
+    margins: Floats
+    """Distinct margins [rad], increasing, shape (m,)."""
+    fitted: Floats
+    """Success there by isotonic regression: the nearest that never falls, shape (m,)."""
+    rank_correlation: float
+    """Spearman's coefficient of margin and outcome over all grasps; nan: all are equal."""
+    youden: MarginThreshold
+    """The margin with the largest sum of sensitivity and specificity (Youden 1950)."""
+    target: float
+    """Fraction of the accepted grasps that shall hold."""
+    reached: MarginThreshold
+    """The smallest margin from which on at least that fraction held."""
+
+    __repr__ = short_repr
+
+    @property
+    def is_monotone(self) -> bool:
+        """Whether no bin has less success than the one before it beyond chance.
+
+        Beyond chance: their intervals at 95 % do not overlap.
+        """
+        return not any(two.interval[1] < one.interval[0] for one, two in pairwise(self.bins))
+
+    @property
+    def falls(self) -> int:
+        """Number of bins with less success than the one before, beyond chance or not."""
+        return sum(two.fraction < one.fraction for one, two in pairwise(self.bins))
+
+
+def calibrate(held: Bools, margins: Floats, *, bins: int, target: float) -> Calibration:
+    """Measure success by margin.
+
+    Both thresholds are chosen on these grasps, so new ones will do slightly worse.
+
+    Args:
+        held: Whether each grasp held, shape (n,).
+        margins: Margins [rad], shape (n,); nan: the jaws do not close.
+        bins: Number of bins.
+        target: Fraction of the accepted grasps that shall hold.
+
+    Example:
+        >>> import numpy as np
+        >>> from grasp3d.validating.calibration import calibrate
+        >>> margins = np.array([-0.2, -0.1, 0.1, 0.2, 0.3, np.nan])
+        >>> held = np.array([False, False, True, False, True, False])
+        >>> found = calibrate(held, margins, bins=2, target=0.6)
+        >>> [(one.count, one.held) for one in found.bins], found.youden.margin
+        ([(3, 1), (2, 1)], 0.1)
+    """
+    closed = ~np.isnan(margins)
+    known, outcome = margins[closed], held[closed]
+    distinct, group = np.unique(known, return_inverse=True)
+    total = np.bincount(group, minlength=len(distinct)).astype(np.float64)
+    success = np.bincount(group, weights=outcome, minlength=len(distinct))
+    fitted = success / np.maximum(total, 1.0)
+    if len(distinct):
+        fitted = isotonic_regression(fitted, weights=total).x
+    return Calibration(
+        bins=_bins(known, outcome, bins),
+        margins=distinct,
+        fitted=fitted,
+        rank_correlation=_rank_correlation(held, margins),
+        youden=_youden(held, margins),
+        target=target,
+        reached=_reached(held, margins, target),
+    )
+
+
+def _bins(margins: Floats, held: Bools, count: int) -> tuple[MarginBin, ...]:
+    """Bins between quantiles, of grasps whose jaws close."""
+    if not len(margins):
+        return ()
+    edges = np.unique(np.quantile(margins, np.linspace(0.0, 1.0, count + 1)[1:-1]))
+    number = np.searchsorted(edges, margins, side="left")
+    return tuple(
+        MarginBin(
+            low=float(margins[chosen].min()),
+            high=float(margins[chosen].max()),
+            mean=float(margins[chosen].mean()),
+            count=int(chosen.sum()),
+            held=int(held[chosen].sum()),
+        )
+        for one in range(len(edges) + 1)
+        if (chosen := number == one).any()
+    )
+
+
+def _rank_correlation(held: Bools, margins: Floats) -> float:
+    values = np.where(np.isnan(margins), -math.inf, margins)
+    if held.all() or not held.any() or (values == values[0]).all():
+        return math.nan
+    # Ranks of infinite values are fine, but scipy would compute with the values themselves.
+    _, ranks = np.unique(values, return_inverse=True)
+    return float(spearmanr(ranks, held).statistic)
+
+
+def _youden(held: Bools, margins: Floats) -> MarginThreshold:
+    """The best threshold; the smallest of several."""
+    if held.all() or not held.any():
+        return _threshold(held, margins, math.nan)
+    distinct, accepted, successes = _accepted(held, margins)
+    failed = accepted - successes
+    sums = successes / held.sum() - failed / (~held).sum()
+    return _threshold(held, margins, float(distinct[np.argmax(sums)]) if len(sums) else math.nan)
+
+
+def _reached(held: Bools, margins: Floats, target: float) -> MarginThreshold:
+    """The smallest threshold from which on the fraction that held reaches a target."""
+    if len(held) and held.mean() >= target:
+        return _threshold(held, margins, -math.inf)
+    distinct, accepted, successes = _accepted(held, margins)
+    enough = np.flatnonzero(successes >= target * accepted)
+    return _threshold(held, margins, float(distinct[enough[0]]) if len(enough) else math.nan)
+
+
+def _accepted(held: Bools, margins: Floats) -> tuple[Floats, Floats, Floats]:
+    """Distinct margins, and how many grasps with at least each there are, and held, (m,) each."""
+    closed = ~np.isnan(margins)
+    distinct, group = np.unique(margins[closed], return_inverse=True)
+    total = np.bincount(group, minlength=len(distinct))
+    success = np.bincount(group[held[closed]], minlength=len(distinct))
+    accepted, successes = (
+        np.cumsum(each[::-1])[::-1].astype(np.float64) for each in (total, success)
+    )
+    return distinct, accepted, successes
+
+
+def _threshold(held: Bools, margins: Floats, margin: float) -> MarginThreshold:
+    """What a threshold would have given; nan accepts nothing."""
+    accepted = np.where(np.isnan(margins), -math.inf, margins) >= margin
+    failed = ~held
+    return MarginThreshold(
+        margin=margin,
+        accepted=int(accepted.sum()),
+        held=int((accepted & held).sum()),
+        sensitivity=float(accepted[held].mean()) if held.any() else math.nan,
+        specificity=float((~accepted)[failed].mean()) if failed.any() else math.nan,
+    )

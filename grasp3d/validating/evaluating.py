@@ -1,0 +1,173 @@
+"""Evaluation of grasps with outcomes, file by file, of which only the scores are kept."""
+
+from collections import Counter
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from grasp3d.arrays import Ints
+from grasp3d.errors import ContactError
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.closed_jaws import MEANING as CLOSINGS
+from grasp3d.gripper.closed_jaws import Closing
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reach_settings import ObjectMotion, ReachSettings
+from grasp3d.gripper.reaching import Reaching, metres_per_unit
+from grasp3d.loads import Load
+from grasp3d.settings import GraspModel, MeshOptions
+from grasp3d.system.progress import Progress, within
+from grasp3d.validating.disagreements import Disagreements
+from grasp3d.validating.scores import scores_of
+from grasp3d.validating.stated_object import StatedObject, stated_object
+from grasp3d.validating.tried_grasps import TriedGrasps
+from grasp3d.validating.validation import ScoredGrasps, ValidatedFile
+
+CHUNK = 20_000
+"""Poses evaluated at a time; only their scores are kept."""
+
+
+@dataclass
+class Evaluation:
+    """Grasps that are evaluated, file by file, and what is kept of them."""
+
+    model: GraspModel
+    options: MeshOptions | None
+    reach: ReachSettings
+    load: Load | None
+    object_motion: ObjectMotion
+    threads: int | None
+    disagreements: Disagreements
+    files: list[ValidatedFile] = field(default_factory=list)
+    parts: list[ScoredGrasps] = field(default_factory=list)
+    objects: dict[object, int] = field(default_factory=dict)
+    models: list[GraspModel] = field(default_factory=list)
+    warnings: list[str] = field(default_factory=list)
+    states: Counter[Closing] = field(default_factory=Counter)
+
+    def evaluate(self, tried: TriedGrasps, total: int, progress: Progress) -> None:
+        """Evaluate the poses of one file, in chunks."""
+        if not tried.count:
+            self.warnings.append(f"{tried.name}: no outcome is known of its grasps; left out")
+            return
+        poses, numbers = tried.poses()
+        body = stated_object(tried.mesh, poses, self.options, self.load)
+        first, file, number = self.size, len(self.files), self._object(tried, body)
+        for low in range(0, tried.count, CHUNK):
+            chunk = slice(low, min(low + CHUNK, tried.count))
+            part = within(progress, (first + chunk.start) / total, (first + chunk.stop) / total)
+            found = self._evaluated(poses.take(np.arange(tried.count)[chunk]), tried, body, part)
+            if not low:
+                self._warn(tried, found)
+            self._keep(found, numbers[chunk], file, number)
+        self._finish(tried, body, number, file)
+
+    @property
+    def size(self) -> int:
+        """Grasps so far."""
+        return sum(part.size for part in self.parts)
+
+    def _object(self, tried: TriedGrasps, body: StatedObject) -> int:
+        """Number of an object: one mesh in one size and of one mass is one object."""
+        source = tried.mesh
+        key = str(Path(source).resolve()) if isinstance(source, str | Path) else id(source)
+        return self.objects.setdefault(
+            (key, round(body.mesh.size * metres_per_unit(body.mesh), 9), body.mass),
+            len(self.objects),
+        )
+
+    def _warn(self, tried: TriedGrasps, found: EvaluatedPoses) -> None:
+        """Collect what may make the results wrong, each sentence once."""
+        texts = (f"{tried.name}: {line}" for line in found.warnings)
+        self.warnings += [text for text in texts if text not in self.warnings]
+
+    def _evaluated(
+        self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject, progress: Progress
+    ) -> EvaluatedPoses:
+        beside = _with_gripper(self.reach, tried.gripper)
+        reaching, model = Reaching.of(beside, body.mesh), beside.touching(self.model)
+        assert reaching is not None
+        self.models.append(model)
+        found = evaluate_poses(
+            body.mesh,
+            poses,
+            model,
+            gripper=tried.gripper,
+            table=reaching.table,
+            approach=reaching.approach,
+            object_motion=self.object_motion,
+            load=body.load,
+            threads=self.threads,
+            progress=within(progress, 0.0, 0.5),
+        )
+        found.compute_epsilon(within(progress, 0.5, 0.9))
+        found.compute_holding(within(progress, 0.9, 1.0))
+        return found
+
+    def _keep(self, found: EvaluatedPoses, numbers: Ints, file: int, number: int) -> None:
+        """Keep the scores of evaluated poses, and their greatest disagreements."""
+        scores = scores_of(found)
+        self.disagreements.add(found, scores, self.size)
+        worst, best = found.located_angles
+        count = found.size
+        self.parts.append(
+            ScoredGrasps(
+                file=np.full(count, file),
+                grasp=numbers,
+                object_number=np.full(count, number),
+                held=np.asarray(found.outcome == 1.0),
+                state=found.state,
+                label=found.label,
+                located_worst=worst,
+                located_best=best,
+                scores=scores,
+            )
+        )
+
+    def _finish(self, tried: TriedGrasps, body: StatedObject, number: int, file: int) -> None:
+        own = [part for part in self.parts if part.file[0] == file]
+        states = Counter(code for part in own for code in part.state.tolist())
+        closed = states[int(Closing.CLOSED)]
+        self.states.update({Closing(code): count for code, count in states.items()})
+        if not closed:
+            self.warnings.append(f"{tried.name}: at no pose the jaws close on the mesh")
+        self.files.append(
+            ValidatedFile(
+                name=tried.name,
+                object_number=number,
+                object_name=body.mesh.report.source,
+                count=tried.count,
+                held=sum(int(part.held.sum()) for part in own),
+                not_tried=tried.not_tried,
+                not_closed=tried.count - closed,
+                gripper=tried.gripper.name,
+                gripper_from=tried.gripper_from,
+                mass=body.mass,
+                mass_from=body.mass_from,
+                center_from=body.center_from,
+            )
+        )
+
+    def check(self) -> None:
+        """Refuse grasps of which none closes.
+
+        Raises:
+            ContactError: At no pose the jaws close on the mesh.
+        """
+        if self.states[Closing.CLOSED]:
+            return
+        states = "; ".join(
+            f"{CLOSINGS[state]}: {count}" for state, count in sorted(self.states.items())
+        )
+        reasons = "; ".join(self.warnings[:3])
+        raise ContactError(
+            f"at none of the {sum(self.states.values())} poses the jaws close on the mesh "
+            f"({states}): check gripper, unit and frame of the poses; {reasons}"
+        )
+
+
+def _with_gripper(reach: ReachSettings, gripper: ParallelGripper) -> ReachSettings:
+    values = {name: value for name, value in vars(reach).items() if name != "gripper"}
+    return ReachSettings(gripper=gripper, **values)

@@ -1,0 +1,164 @@
+"""Files of grasps with outcomes: their poses, their gripper, and the mesh of their object."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from grasp3d.arrays import Ints, short_repr
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.grasps.pose_files import read_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.presets import ALIASES, PRESETS, preset
+from grasp3d.mesh import MeshSource
+from grasp3d.validating.mesh_lookup import MeshFolder
+
+ACRONYM = (".h5", ".hdf5")
+"""Endings of files whose grasps are of a Franka hand where they state no gripper."""
+
+KEPT = 100_000
+"""Most poses of all files that are kept between checking the files and evaluating their poses."""
+
+OUTCOMES = (
+    "a table needs a column success (or outcome) with 1, 0 or nothing, GraspGen and ACRONYM "
+    "object_in_gripper"
+)
+"""What states outcomes, for error messages."""
+
+
+@dataclass(frozen=True, eq=False)
+class TriedGrasps:
+    """The grasps of one file, or of one object in memory, with what they are of."""
+
+    name: str
+    path: Path | None
+    """None: poses in memory."""
+    count: int
+    """Grasps with an outcome."""
+    not_tried: int
+    """Grasps without one, which are left out."""
+    gripper: ParallelGripper
+    gripper_from: str
+    """Where the gripper is from, in words."""
+    mesh: MeshSource
+    kept: GraspPoses | None
+
+    __repr__ = short_repr
+
+    def poses(self) -> tuple[GraspPoses, Ints]:
+        """The poses with an outcome, and the number of each in its file, from 1, shape (k,).
+
+        Raises:
+            ContactError: The file is not what it was when it was checked.
+        """
+        poses = self.kept
+        if poses is None:
+            assert self.path is not None
+            poses = read_poses(self.path, gripper=self.gripper)
+        tried = np.flatnonzero(~np.isnan(poses.outcome))
+        if len(tried) != self.count:
+            raise ContactError(f"{self.name}: was changed while it was read")
+        return poses.take(tried), tried + 1
+
+
+def check_grasps(
+    given: Sequence[str | Path | GraspPoses],
+    *,
+    mesh: MeshSource | None = None,
+    meshes: Path | None = None,
+    gripper: ParallelGripper | None = None,
+) -> list[TriedGrasps]:
+    """Check grasps before any work: outcomes, gripper and mesh of each.
+
+    Args:
+        given: Files of poses, or poses in memory.
+        mesh: The mesh of all of them; None: each file names its own.
+        meshes: Folder in which these are looked up.
+        gripper: The gripper of all of them; None: each file names its own.
+
+    Returns:
+        One for each, in their order; at least one has outcomes.
+
+    Raises:
+        ContactError: A file is missing or damaged, or none has outcomes.
+        SettingError: The gripper is not known.
+        MeshError: A mesh is not found.
+    """
+    if not given:
+        raise ContactError("there are no grasps: name at least one file")
+    folder = MeshFolder(None if meshes is None else Path(meshes))
+    found: list[TriedGrasps] = []
+    for one in given:
+        left = KEPT - sum(tried.count for tried in found if tried.kept is not None)
+        found.append(_checked(one, mesh, folder, gripper, left))
+    if not any(one.count for one in found):
+        names = ", ".join(one.name for one in found[:5])
+        raise ContactError(f"{names}: no outcome is known of any grasp; {OUTCOMES}")
+    return found
+
+
+def _checked(
+    given: str | Path | GraspPoses,
+    mesh: MeshSource | None,
+    folder: MeshFolder,
+    gripper: ParallelGripper | None,
+    left: int,
+) -> TriedGrasps:
+    path = None if isinstance(given, GraspPoses) else Path(given)
+    name = "poses" if path is None else str(path)
+    if isinstance(given, GraspPoses):
+        poses = given
+        used, origin = _gripper(poses, gripper, name, acronym=False)
+    else:
+        poses, used, origin = _read(Path(given), gripper)
+    if mesh is None:
+        if path is None:
+            raise SettingError("poses in memory need the mesh of their object: mesh=...")
+        mesh = folder.find(poses.object_file, path)
+    known = ~np.isnan(poses.outcome)
+    return TriedGrasps(
+        name=name,
+        path=path,
+        count=int(known.sum()),
+        not_tried=int((~known).sum()),
+        gripper=used,
+        gripper_from=origin,
+        mesh=mesh,
+        kept=poses if path is None or poses.count <= left else None,
+    )
+
+
+def _read(path: Path, gripper: ParallelGripper | None) -> tuple[GraspPoses, ParallelGripper, str]:
+    """Poses of a file, their gripper, and where it is from."""
+    poses = read_poses(path, gripper=gripper)
+    acronym = path.suffix.lower() in ACRONYM
+    used, origin = _gripper(poses, gripper, str(path), acronym=acronym)
+    if acronym and gripper is None:  # it states the hand, not the TCP
+        poses = read_poses(path, gripper=used)
+    return poses, used, origin
+
+
+def _gripper(
+    poses: GraspPoses, given: ParallelGripper | None, name: str, *, acronym: bool
+) -> tuple[ParallelGripper, str]:
+    """The gripper that is given, or that the poses state. Raises SettingError."""
+    if given is not None:
+        return given, "as given"
+    stated = poses.gripper
+    if isinstance(stated, ParallelGripper):
+        return stated, "as the file states"
+    if stated is not None and ALIASES.get(stated, stated) in PRESETS:
+        return preset(stated), f"as the file states ({stated})"
+    if stated is None and acronym:
+        return preset("franka"), "ACRONYM's grasps are of a Franka hand"
+    reason = "states no gripper" if stated is None else f"states the gripper {stated!r}, unknown"
+    raise SettingError(f"{name}: {reason}; give it with --gripper NAME|FILE")
+
+
+def as_list(
+    grasps: str | Path | GraspPoses | Sequence[str | Path | GraspPoses],
+) -> list[str | Path | GraspPoses]:
+    """One file, or poses, as a list."""
+    return [grasps] if isinstance(grasps, str | Path | GraspPoses) else list(grasps)

@@ -1,0 +1,122 @@
+"""Holding labels and scores of grasps against their outcomes."""
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from grasp3d.errors import SettingError
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.gripper.reach_settings import ObjectMotion, ReachSettings
+from grasp3d.loads import Load
+from grasp3d.mesh import MeshSource
+from grasp3d.settings import GraspModel, MeshOptions
+from grasp3d.system.progress import Progress, ignore, within
+from grasp3d.validating.comparison import compared
+from grasp3d.validating.disagreements import Disagreements
+from grasp3d.validating.evaluating import Evaluation
+from grasp3d.validating.tried_grasps import as_list, check_grasps
+from grasp3d.validating.validation import Validation
+from grasp3d.validating.validation_settings import ValidationSettings
+
+EVALUATED = 0.9
+"""Fraction of the work after which all poses are evaluated."""
+
+Grasps = str | Path | GraspPoses | Sequence[str | Path | GraspPoses]
+
+
+def validate_grasps(
+    grasps: Grasps,
+    model: GraspModel | None = None,
+    *,
+    mesh: MeshSource | None = None,
+    meshes: str | Path | None = None,
+    options: MeshOptions | None = None,
+    gripper: ParallelGripper | None = None,
+    reach: ReachSettings | None = None,
+    object_motion: ObjectMotion = "free",
+    load: Load | None = None,
+    settings: ValidationSettings | None = None,
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> Validation:
+    """Hold labels and scores of grasps against what became of them.
+
+    The jaws are closed at each pose that has an outcome (`GraspPoses.outcome`), as by
+    `evaluate_poses`, and critical friction angle, margin, epsilon, grip force, label, reach and
+    simpler scores are compared with the outcomes. Every score counts in a direction that is fixed
+    beforehand (`SCORES`). Nothing is fitted to the outcomes but the thresholds of `calibration`.
+
+    Args:
+        grasps: Files of poses with outcomes, or `GraspPoses`, one or several.
+        model: Friction and sensor resolution [rad], of method exact, with all fingers alike; None:
+            the defaults. Where it has the default resolution, that which the gripper states is
+            used, if any.
+        mesh: The mesh of all grasps; None: the file that each file of grasps names, with the scale
+            that it states.
+        meshes: Folder in which these meshes are looked up, besides that of each file of grasps.
+        options: How meshes are read.
+        gripper: The gripper; None: that of `reach`, else that which each file states (a known
+            name, or the description in files of this project), else for ACRONYM's files the
+            Franka hand.
+        reach: What the objects stand on, and the allowed approach directions.
+        object_motion: free: objects settle between the jaws; fixed: they do not move.
+        load: What each grasp must hold; None, or without a mass: the mass and the centre of mass
+            that a file states, as ACRONYM's do.
+        settings: Grid of the labels, bins, resamples and seed; None: the defaults.
+        threads: Threads to use; None: one per processor. The result does not depend on it.
+        progress: Called with the fraction of the work done, from 0 to 1.
+
+    Raises:
+        ContactError: A file is missing or damaged, no outcome is known, or no jaws close.
+        MeshError: A mesh is not found, or is none.
+        SettingError: The gripper or the unit of a mesh is not known, or a setting is outside its
+            range.
+
+    Example:
+        Ten grasps of a box, some of which miss it:
+
+        >>> import numpy as np
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.grasps import GraspPoses
+        >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
+        >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (10, 1, 1))
+        >>> poses[:, 1, 3] = np.linspace(0.0, 0.04, 10)
+        >>> tried = GraspPoses(poses=poses, outcome=[1, 1, 1, 1, 1, 0, 0, 0, 0, 0], unit="m")
+        >>> franka = grasp3d.ParallelGripper.preset("franka")
+        >>> found = grasp3d.validate_grasps(tried, mesh=box, gripper=franka)
+        >>> found.grasps.size, int(found.grasps.closed.sum())
+        (10, 7)
+        >>> print(f"{found.quality('margin').roc_auc:.2f}")
+        0.80
+    """
+    chosen, used = settings or ValidationSettings(), reach or ReachSettings()
+    report = progress or ignore
+    given = model or GraspModel()
+    _check_model(given)
+    tried = check_grasps(
+        as_list(grasps),
+        mesh=mesh,
+        meshes=None if meshes is None else Path(meshes),
+        gripper=gripper or used.gripper,
+    )
+    worst = Disagreements(chosen.worst)
+    done = Evaluation(given, options, used, load, object_motion, threads, worst)
+    for one in tried:
+        done.evaluate(one, sum(each.count for each in tried), within(report, 0.0, EVALUATED))
+    done.check()
+    found = compared(done, chosen, within(report, EVALUATED, 1.0))
+    report(1.0)
+    return found
+
+
+def _check_model(model: GraspModel) -> None:
+    """Refuse models whose labels are no thresholds that all grasps have in common."""
+    if model.method != "exact":
+        raise SettingError(
+            "outcomes are compared with margins, which method extremes has not; use the method "
+            "exact"
+        )
+    if model.per_finger:
+        raise SettingError("outcomes are compared with labels of fingers that are alike: leave "
+                           "per_finger out")  # fmt: skip

@@ -1,0 +1,60 @@
+"""Settings of a validation: grid of labels, bins, resamples, seed."""
+
+import math
+from dataclasses import dataclass
+
+from grasp3d.errors import SettingError
+from grasp3d.settings import DEGREE, GraspModel, Radians, whole_number
+
+FRICTIONS = (0.3, 0.5, 1.0)
+RESOLUTIONS = (0.0, 10.0 * DEGREE, 22.6 * DEGREE, 40.0 * DEGREE)
+
+LEAST_RESAMPLES = 100
+
+
+@dataclass(frozen=True)
+class ValidationSettings:
+    """How labels and scores are held against outcomes.
+
+    Attributes:
+        frictions: Coefficients of friction of the table of S, M and U, each above 0.
+        sensor_resolutions: Sensor resolutions of that table, from 0 to below 180 degrees.
+        bins: Bins of the calibration, with about as many grasps each, 2 to 50.
+        target: Fraction of the accepted grasps that shall hold, between 0 and 1: the least margin
+            from which on this fraction held is reported.
+        resamples: Resamples of the bootstrap intervals, at least 100; fewer are drawn for more than
+            100,000 grasps.
+        seed: Seed of the resamples; the same seed gives the same intervals.
+        worst: Largest number of disagreements of each kind that are listed, 0 to 50.
+
+    Example:
+        >>> from grasp3d.validating import ValidationSettings
+        >>> ValidationSettings(bins=100)
+        Traceback (most recent call last):
+            ...
+        grasp3d.errors.SettingError: bins must be from 2 to 50; got 100
+    """
+
+    frictions: tuple[float, ...] = FRICTIONS
+    sensor_resolutions: tuple[Radians, ...] = RESOLUTIONS
+    bins: int = 10
+    target: float = 0.9
+    resamples: int = 1000
+    seed: int = 0
+    worst: int = 6
+
+    def __post_init__(self) -> None:
+        if not self.frictions or not self.sensor_resolutions:
+            raise SettingError("frictions and sensor_resolutions need at least one value each")
+        for friction in self.frictions:
+            for resolution in self.sensor_resolutions:
+                GraspModel(friction=friction, sensor_resolution=resolution)  # checks both
+        for name, least, most in (("bins", 2, 50), ("worst", 0, 50)):
+            if not least <= whole_number(name, getattr(self, name), least) <= most:
+                raise SettingError(
+                    f"{name} must be from {least} to {most}; got {getattr(self, name)}"
+                )
+        whole_number("resamples", self.resamples, LEAST_RESAMPLES)
+        whole_number("seed", self.seed, 0)
+        if not (math.isfinite(self.target) and 0.0 < self.target < 1.0):
+            raise SettingError(f"target must be above 0 and below 1; got {self.target:g}")

@@ -1,0 +1,190 @@
+"""What each step of closing the jaws adds to the prediction of outcomes.
+
+    python scripts/ablate_closing.py GRASPS --mesh MESH [--friction MU] [--resolution DEG]
+
+GRASPS is a file of poses with outcomes, as for `grasp3d validate`. Prints a table: rules by which a
+pose becomes two contacts, each with one step more than the one before; then the whole rule with a
+single step changed. For each the area under the ROC curve of -beta*, the average precision, and the
+success within S, M and U, and the poses whose jaws do not close, which are in U. Nothing is fitted
+to the outcomes. For files of ACRONYM also the rank correlation of the angle by which the object
+turns with the one that the simulator recorded.
+"""
+
+import argparse
+import math
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from scipy.stats import spearmanr
+
+import grasp3d
+from grasp3d.arrays import Bools, Floats
+from grasp3d.grasps import GraspPoses
+from grasp3d.gripper import closed_jaws, jaw_shape
+from grasp3d.gripper.closing import close_jaws
+from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.quality.critical_angle import critical_friction_angle
+from grasp3d.stability.label import Label
+from grasp3d.validating.label_success import label_success, labels_at
+from grasp3d.validating.ranking import RankedOutcomes
+from grasp3d.validating.stated_object import stated_object
+from grasp3d.validating.tried_grasps import check_grasps
+
+THIN = 2e-4
+"""Side of pads that stand for the axis through the TCP [m]."""
+
+
+@contextmanager
+def changed(module: Any, name: str, value: Any) -> Iterator[None]:
+    """Change a module's constant or function, as the steps are not settings."""
+    before = getattr(module, name)
+    setattr(module, name, value)
+    try:
+        yield
+    finally:
+        setattr(module, name, before)
+
+
+@dataclass(frozen=True)
+class Rule:
+    """A rule by which poses become contacts."""
+
+    text: str
+    gripper: ParallelGripper
+    friction: float | None
+    """Of a free object; None: it is fixed."""
+    footprint: float = 0.0
+    """Depth to which what is opposite a jaw makes the normal, relative to its pad's side."""
+    pressed: bool = True
+    """Whether contacts are centres of pressure."""
+
+    def close(self, mesh: grasp3d.ObjectMesh, poses: Any) -> closed_jaws.ClosedJaws:
+        """Close the jaws."""
+        keep: Callable[..., Any] = closed_jaws.centres_of_pressure
+        with (
+            changed(jaw_shape, "FOOTPRINT", self.footprint),
+            changed(closed_jaws, "centres_of_pressure", keep if self.pressed else centroids),
+        ):
+            return close_jaws(
+                mesh,
+                poses,
+                self.gripper,
+                object_motion="fixed" if self.friction is None else "free",
+                friction=self.friction or 0.0,
+            )
+
+
+def centroids(points: Any, *_: Any) -> Any:
+    """The patches' centroids, in place of the centres of pressure."""
+    return points
+
+
+def rules(gripper: ParallelGripper, friction: float) -> Iterator[Rule]:
+    """Each with one step more; then the whole with one step changed."""
+    pads = replace(gripper, inner_faces=(), tip_thickness=None)
+    rigid = replace(pads, compliance=0.0)
+    thin = replace(rigid, pad_width=THIN, pad_height=THIN)
+    rubbed = Rule("with friction", pads, friction, pressed=False)
+    one_line = replace(rubbed, text="forces on one line: centres of pressure", pressed=True)
+    opposite = replace(one_line, text="the slope opposite the pads", footprint=jaw_shape.FOOTPRINT)
+    yield Rule("the axis through the TCP meets the surface", thin, None)
+    yield Rule("rigid flat pads touch a fixed object", rigid, None)
+    yield Rule("pads give way: a patch, not a point", pads, None)
+    yield replace(rubbed, text="the object settles, without friction", friction=0.0)
+    yield rubbed
+    yield one_line
+    yield opposite
+    whole = replace(opposite, text="**the fingers' own faces: the whole rule**", gripper=gripper)
+    yield whole
+    yield replace(whole, text="whole, but a fixed object", friction=None)
+    yield replace(whole, text="whole, but without friction", friction=0.0)
+    yield replace(whole, text="whole, but rigid", gripper=replace(gripper, compliance=0.0))
+    yield replace(whole, text="whole, but centroids", pressed=False)
+    yield replace(whole, text="whole, but only the patch's slope", footprint=0.0)
+    for depth in (0.25, 0.5, 0.7):
+        text = f"whole, but the slope within {depth:g} of the pad's side"
+        yield replace(whole, text=text, footprint=depth)
+
+
+def angles_of(found: closed_jaws.ClosedJaws) -> Floats:
+    """Critical friction angles of point contacts [rad]; pi where the jaws do not close."""
+    angles = np.full(len(found.state), math.pi)
+    points, normals = found.points[found.closed], found.normals[found.closed]
+    angles[found.closed] = critical_friction_angle(grasp3d.Contacts(points, normals, 0.5))
+    return angles
+
+
+def row(rule: Rule, mesh: grasp3d.ObjectMesh, poses: GraspPoses, model: grasp3d.GraspModel) -> str:
+    """A row of the table."""
+    found = rule.close(mesh, poses.poses)
+    angles = angles_of(found)
+    held = poses.outcome == 1.0
+    ranked = RankedOutcomes.of(held, -angles)
+    codes = labels_at(angles, angles, model, float(model.friction), model.sensor_resolution)
+    success = label_success(held, codes, float(model.friction), model.sensor_resolution)
+    cells = [
+        f"{100.0 * success.fraction(name):.0f} % of {success.counts[Label[name]]}"
+        for name in ("S", "M", "U")
+    ]
+    values = [f"{ranked.roc_auc():.3f}", f"{ranked.average_precision():.3f}", *cells]
+    values.append(f"{np.count_nonzero(~found.closed)}")
+    return f"| {rule.text} | " + " | ".join(values) + " |"
+
+
+def turn_agreement(path: Path, found: closed_jaws.ClosedJaws, held: Bools) -> str:
+    """Rank correlations of the object's turn with the one that ACRONYM's simulator recorded."""
+    with h5py.File(path) as file:
+        recorded = file["grasps/qualities/flex/object_motion_during_closing_angular"][()]
+    values = [
+        spearmanr(found.turn[rows], recorded[rows]).statistic
+        for rows in (found.closed & held, found.closed)
+    ]
+    return (
+        f"turn of the object against the simulator's: rank correlation {values[0]:.2f} over the "
+        f"grasps that held, {values[1]:.2f} over all that close"
+    )
+
+
+def main() -> None:
+    """Print the table."""
+    parser = argparse.ArgumentParser(
+        description=__doc__, formatter_class=argparse.RawTextHelpFormatter
+    )
+    parser.add_argument("grasps", type=Path)
+    parser.add_argument("--mesh", type=Path, required=True)
+    parser.add_argument("--friction", type=float, default=0.5)
+    parser.add_argument("--resolution", type=float, default=22.6, help="degrees")
+    given = parser.parse_args()
+    model = grasp3d.GraspModel(
+        friction=given.friction, sensor_resolution=math.radians(given.resolution)
+    )
+    (tried,) = check_grasps([given.grasps], mesh=given.mesh)
+    poses, _ = tried.poses()
+    mesh = stated_object(tried.mesh, poses, None, None).mesh
+    assert mesh.unit is not None  # outcomes are compared in metres
+    poses = poses.in_unit(mesh.unit)
+    print(f"{poses.count} grasps; μ {given.friction:g}, α {given.resolution:g}°\n")
+    print(
+        "| contacts | ROC-AUC of -β* | average precision | S held | M held | U held | not closed |"
+    )
+    print("|---|---|---|---|---|---|---|")
+    for rule in rules(tried.gripper, given.friction):
+        print(row(rule, mesh, poses, model), flush=True)
+    if given.grasps.suffix == ".h5":
+        whole = close_jaws(
+            mesh, poses.poses, tried.gripper, object_motion="free", friction=given.friction
+        )
+        print("\n" + turn_agreement(given.grasps, whole, poses.outcome == 1.0))
+        closed = RankedOutcomes.of(
+            poses.outcome[whole.closed] == 1.0, -angles_of(whole)[whole.closed]
+        )
+        print(f"only where the jaws close: ROC-AUC {closed.roc_auc():.3f}")
+
+
+if __name__ == "__main__":
+    main()

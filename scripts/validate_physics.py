@@ -1,0 +1,357 @@
+"""Hold labels and grip forces against MuJoCo: `python scripts/validate_physics.py -o physics`.
+
+Three parts. Facets: two round tips press on two plates that are tilted at random; the tilt, and the
+friction, at which they begin to slip against the critical friction angle; and labels of the same
+pairs against hold and slip. Forces: the smallest force that holds a load at random contacts, hard
+and soft, against `grip_force`. Objects: grasps of shipped meshes, labelled from what is perceived
+and simulated as they truly are, under several conditions. Needs the extra `physics`.
+
+Writes a CSV table of each part and `physics.md` with all tables that are printed.
+"""
+
+import argparse
+import math
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import grasp3d
+from grasp3d.batch import ClusterSettings
+from grasp3d.physics import (
+    FacetPress,
+    Simulation,
+    SimulationSettings,
+    SuccessRate,
+    facet_slip,
+    holding_force,
+    random_facets,
+    simulate_grasps,
+    slip_friction,
+    slip_tilt,
+    write_simulation,
+)
+from grasp3d.physics.drawing import tilt_at_random
+from grasp3d.physics.facets import SLIPPED
+from grasp3d.physics.success import rates_by, success_rate
+from grasp3d.tables import write_columns
+
+ROOT = Path(__file__).parents[1]
+MESHES = (
+    "box.obj", "bottle.off", "banana.ply", "mug.glb", "hammer.ply", "knob.ply", "torus.glb",
+    "screwdriver.ply",
+)  # fmt: skip
+FRICTIONS = (0.2, 0.5, 0.8)
+RESOLUTIONS = {0.2: math.radians(10.0), 0.5: math.radians(22.6), 0.8: math.radians(22.6)}
+"""By friction: at 0.2, no grasp is S with 22.6 degrees."""
+
+OPENING = 0.05
+MARGINS = (-math.inf, -30.0, -20.0, -10.0, 0.0, 5.0, 10.0, math.inf)
+
+CONDITIONS: dict[str, tuple[grasp3d.GraspModel, SimulationSettings]] = {
+    "normals": (grasp3d.GraspModel(), SimulationSettings()),
+    "all": (
+        grasp3d.GraspModel(friction="0.4..0.6", location_error="1mm"),
+        SimulationSettings(seed=1),
+    ),
+    "soft": (
+        grasp3d.GraspModel(torsion_radius="1mm"),
+        SimulationSettings(pulled="center_of_mass", seed=2),
+    ),
+    "bulging": (grasp3d.GraspModel(), SimulationSettings(part_angle=math.pi, seed=3)),
+    "weak": (grasp3d.GraspModel(), SimulationSettings(grip_ratio=2.0, seed=4)),
+}
+"""What differs between runs over all objects, by name."""
+
+MEANING = {
+    "normals": "normals uncertain (resolution 22.6 degrees), friction 0.5; hard tips; pulls on the "
+    "line between the contacts",
+    "all": "also friction from 0.4 to 0.6 and contacts within 1 mm",
+    "soft": "normals uncertain; torsion radius 1 mm; pulls at the centre of mass; any turn counts",
+    "bulging": "as `normals`, but also where the convex parts have other normals than the mesh",
+    "weak": "as `normals`, with a grip force of twice the weight instead of 50 times",
+}
+
+
+class Report:
+    """Lines that are printed, and kept for a file."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    def add(self, *lines: str) -> None:
+        """Print and keep lines."""
+        print(*lines, sep="\n", flush=True)
+        self.lines += lines
+
+    def table(self, head: str, rows: Iterator[str]) -> None:
+        """Print and keep a table, cells separated by |."""
+        self.add("", f"| {head} |", "|" + "---|" * (head.count("|") + 1))
+        for row in rows:
+            self.add(f"| {row} |")
+        self.add("")
+
+
+def facets(report: Report, folder: Path, pairs: int) -> None:
+    """Compare slip on random facets with critical friction angles and labels."""
+    random, rows = np.random.default_rng(22), []
+    report.add("## Two facets", "")
+    _creep(report)
+    for friction in FRICTIONS:
+        for _ in range(pairs):
+            normals = random_facets(random, 0.5 * math.pi - 0.2)
+            angle = _critical_angle(normals, friction)
+            rows.append({
+                "friction": friction,
+                "critical_angle": angle,
+                "slip_friction_angle": slip_friction(normals),
+                "slip_tilt": slip_tilt(normals, friction),
+            })  # fmt: skip
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    write_columns(folder / "facets.csv", columns, settings={"seed": 22, "pairs": pairs})
+
+    def lines() -> Iterator[str]:
+        for friction in FRICTIONS:
+            mine = columns["friction"] == friction
+            tilt = np.degrees(columns["slip_tilt"][mine] - math.atan(friction))
+            turned = np.degrees((columns["slip_friction_angle"] - columns["critical_angle"])[mine])
+            yield (
+                f"{friction} | {mine.sum()} | {tilt.min():+.3f} to {tilt.max():+.3f} | "
+                f"{turned.min():+.3f} to {turned.max():+.3f}"
+            )
+
+    report.table(
+        "friction | pairs | tilt of slip - beta [deg] | friction angle of slip - beta* [deg]",
+        lines(),
+    )
+    _labelled_facets(report, random, pairs)
+
+
+def _creep(report: Report) -> None:
+    """What a grasp 5 degrees within its cone does with and without dry friction."""
+    tilt = math.atan(0.5) - math.radians(5.0)
+    normals = [[math.cos(tilt), math.sin(tilt), 0.0], [-1.0, 0.0, 0.0]]
+    shifts = [
+        facet_slip(normals, 0.5, FacetPress(dry_friction=dry, seconds=2.0, most_shift=math.inf))
+        for dry in (True, False)
+    ]
+    report.add(
+        f"5 degrees within the cone, 2 s: shift {1e3 * shifts[0]:.4f} mm with elliptic cones, "
+        f"impratio 10 and no-slip iterations, {1e3 * shifts[1]:.1f} mm with MuJoCo's defaults"
+    )
+
+
+def _labelled_facets(report: Report, random: np.random.Generator, pairs: int) -> None:
+    """Labels of perceived facets against hold and slip of the true ones."""
+    rows = []
+    for friction in FRICTIONS:
+        for label, wanted in (("S", pairs), ("M", pairs), ("U", pairs)):
+            found = 0
+            for _ in range(100_000):
+                if found == wanted:
+                    break
+                tilt = 0.5 * RESOLUTIONS[friction]
+                seen = random_facets(random, math.atan(friction) + tilt + 0.3)
+                named, margin = _label(seen, friction)
+                if named != label:
+                    continue
+                # Half of them at the rim, where the label is hardest to keep.
+                tilts = np.full(2, tilt)
+                true = (
+                    tilt_at_random(seen, tilts, random) if found % 2 else _rim(seen, tilts, random)
+                )
+                if not (true[:, 0] * (1.0, -1.0) > 0.05).all():
+                    continue
+                found += 1
+                rows.append((friction, label, margin, facet_slip(true, friction) < SLIPPED))
+
+    def lines() -> Iterator[str]:
+        for friction in FRICTIONS:
+            held = {
+                label: np.array([row[3] for row in rows if row[:2] == (friction, label)])
+                for label in "SMU"
+            }
+            cells = [_cell(success_rate(label, values)) for label, values in held.items()]
+            yield f"{friction} | " + " | ".join(cells)
+
+    report.add("True normals within alpha/2 of the perceived ones, half of them on the rim:")
+    report.table("friction | S holds | M holds | U holds", lines())
+
+
+def _rim(seen: np.ndarray, tilts: np.ndarray, random: np.random.Generator) -> np.ndarray:
+    """Normals tilted by just the largest angle."""
+    away = tilt_at_random(seen, np.full(2, 1e-3), random) - seen
+    across = away - (away * seen).sum(axis=1, keepdims=True) * seen
+    across /= np.linalg.norm(across, axis=1, keepdims=True)
+    return np.cos(tilts)[:, None] * seen + np.sin(tilts)[:, None] * across
+
+
+def _contacts(normals: np.ndarray, friction: float) -> grasp3d.Contacts:
+    points = 0.5 * OPENING * np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    return grasp3d.Contacts(points, normals, friction)
+
+
+def _critical_angle(normals: np.ndarray, friction: float) -> float:
+    return float(grasp3d.critical_friction_angle(_contacts(normals, friction)))
+
+
+def _label(normals: np.ndarray, friction: float) -> tuple[str, float]:
+    found = grasp3d.classify(_contacts(normals, friction), RESOLUTIONS[friction])
+    return grasp3d.Label(int(found.label)).name, float(found.margin)
+
+
+def forces(report: Report, folder: Path, cases: int) -> None:
+    """Compare the smallest holding forces in simulation with computed ones."""
+    random, rows = np.random.default_rng(8), []
+    for number in range(cases):
+        soft = number % 2 == 1
+        friction = float(random.uniform(0.3, 1.0))
+        torsion = float(random.uniform(0.001, 0.006)) if soft else 0.0
+        opening = float(random.uniform(0.02, 0.08))
+        normals = random_facets(random, 0.6 * math.atan(friction) if number % 4 > 1 else 0.0)
+        points = 0.5 * opening * np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+        center = random.uniform(-0.015, 0.015, 3) * soft
+        contacts = grasp3d.Contacts(points - center, normals, friction, torsion)
+        down = random.standard_normal(3)
+        wrench = np.concatenate([down / np.linalg.norm(down), np.zeros(3)])
+        simulated = holding_force(contacts, wrench)
+        computed = float(grasp3d.grip_force(contacts, wrench, bound="normal").value)
+        rows.append({
+            "soft": soft, "friction": friction, "torsion_radius": torsion, "opening": opening,
+            "offset": float(np.linalg.norm(center)), "computed": computed,
+            "simulated": simulated.normal, "motor": simulated.motor,
+        })  # fmt: skip
+    columns = {name: np.array([row[name] for row in rows]) for name in rows[0]}
+    write_columns(folder / "forces.csv", columns, settings={"seed": 8, "cases": cases})
+    ratio = columns["simulated"] / columns["computed"]
+    report.add("## Grip force", "", "The load is 1 N in a random direction.")
+
+    def lines() -> Iterator[str]:
+        for name, mine in (
+            ("hard tips, load on the line", ~columns["soft"]),
+            ("soft tips, load up to 26 mm off it", columns["soft"]),
+        ):
+            computed = columns["computed"][mine]
+            yield (
+                f"{name} | {mine.sum()} | {computed.min():.2f} to {computed.max():.2f} | "
+                f"{ratio[mine].min():.3f} to {ratio[mine].max():.3f}"
+            )
+
+    report.table("case | count | computed force [N] | simulated / computed", lines())
+
+
+def objects(
+    report: Report, folder: Path, meshes: list[Path], grasps: int, conditions: list[str]
+) -> None:
+    """Simulate labelled grasps of objects under every condition."""
+    report.add("## Objects", "")
+    for name in conditions:
+        model, settings = CONDITIONS[name]
+        report.add(f"### {name}: {MEANING[name]}", "")
+        found = []
+        for path in meshes:
+            start = time.process_time()
+            stated = path.suffix in {".glb", ".gltf", ".3mf"}
+            one = simulate_grasps(
+                path,
+                model,
+                simulation=replace(settings, count=grasps),
+                options=grasp3d.MeshOptions(unit=None if stated else "m"),
+                cluster=ClusterSettings(workers=0),
+            )
+            write_simulation(folder / f"{name}_{path.stem}.csv", one)
+            found.append(one)
+            print(f"{name} {path.name}: {time.process_time() - start:.0f} s", flush=True)
+        report.table(
+            "object | parts | S held | M held | U held | object held: S | M | U | off by [mm, deg]",
+            (_object_row(one) for one in found),
+        )
+        report.table(
+            "margin [deg] | grasp held | object held", _margin_rows(found, lambda one: one.success)
+        )
+        _failures(report, found)
+
+
+def _object_row(one: Simulation) -> str:
+    labelled = [_cell(rate) for rate in one.rates().values()]
+    held = [_cell(rate) for rate in one.rates(held=True).values()]
+    assert one.mesh.unit is not None
+    off = f"{1e3 * one.part_depth.max():.2f}, {math.degrees(one.part_angle.max()):.1f}"
+    return " | ".join([one.mesh.report.source, str(one.parts), *labelled, *held, off])
+
+
+def _margin_rows(found: list[Simulation], of: Callable[[Simulation], Any]) -> Iterator[str]:
+    known = [one.simulated for one in found]
+    margin = np.concatenate(
+        [np.degrees(one.grasps.margin[rows]) for one, rows in zip(found, known, strict=True)]
+    )
+    both = [
+        np.concatenate([values(one)[rows] for one, rows in zip(found, known, strict=True)])
+        for values in (of, lambda one: one.held)
+    ]
+    for grasp, thing in zip(
+        rates_by(margin, both[0], MARGINS), rates_by(margin, both[1], MARGINS), strict=True
+    ):
+        yield f"{grasp.name} | {_cell(grasp)} | {_cell(thing)}"
+    label = np.concatenate([one.grasps.label[rows] for one, rows in zip(found, known, strict=True)])
+    for code in (grasp3d.Label.S, grasp3d.Label.M, grasp3d.Label.U):
+        rates = [success_rate(code.name, values[label == code]) for values in both]
+        yield f"all {code.name} | " + " | ".join(map(_cell, rates))
+
+
+def _failures(report: Report, found: list[Simulation]) -> None:
+    """List S that failed and U that held."""
+    for one in found:
+        columns = one.to_dataframe()
+        wrong = columns[
+            ((columns.label == "S") & ~columns.success) | ((columns.label == "U") & columns.success)
+        ]
+        for row in wrong.itertuples():
+            angles = np.degrees(
+                [row.margin, row.true_critical_angle, row.turn, row.part_angle1, row.part_angle2]
+            )
+            report.add(
+                f"* {one.mesh.report.source}, grasp {row.grasp}: {row.label} {row.fate}, margin "
+                f"{angles[0]:.1f} deg, true beta* {angles[1]:.1f} deg, opening "
+                f"{1e3 * row.opening:.1f} mm, slip {1e3 * row.slip:.2f} mm, turn {angles[2]:.1f} "
+                f"deg, parts off by {angles[3:].max():.1f} deg"
+            )
+    report.add("")
+
+
+def _cell(rate: SuccessRate) -> str:
+    if not rate.count:
+        return "–"
+    return f"{rate.successes}/{rate.count} ({rate.low:.2f} to {rate.high:.2f})"
+
+
+def main() -> int:
+    """Run the chosen parts, and write their tables."""
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("meshes", nargs="*", default=[ROOT / "meshes" / name for name in MESHES])
+    parser.add_argument("-o", "--output", default="physics", help="folder of the tables")
+    parser.add_argument("--only", nargs="*", default=["facets", "forces", "objects"])
+    parser.add_argument("--pairs", type=int, default=60, help="facets for each friction")
+    parser.add_argument("--cases", type=int, default=24, help="of grip forces")
+    parser.add_argument("--grasps", type=int, default=60, help="of each object and condition")
+    parser.add_argument("--conditions", nargs="*", default=list(CONDITIONS))
+    options = parser.parse_args()
+    folder, report, start = Path(options.output), Report(), time.process_time()
+    folder.mkdir(parents=True, exist_ok=True)
+    if "facets" in options.only:
+        facets(report, folder, options.pairs)
+    if "forces" in options.only:
+        forces(report, folder, options.cases)
+    if "objects" in options.only:
+        objects(report, folder, list(map(Path, options.meshes)), options.grasps, options.conditions)
+    report.add(f"{time.process_time() - start:.0f} s of one core")
+    (folder / "physics.md").write_text("\n".join(report.lines) + "\n", encoding="utf-8")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,102 @@
+"""The best grasps of `grasp3d label` with the labels that they have when the jaws close."""
+
+import json
+import math
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+import trimesh
+
+from grasp3d.gripper.gripper_files import write_gripper
+from tests.helpers import shapes
+from tests.helpers.commands import run_here
+from tests.helpers.grippers import HAND
+
+COMMAND = Path(sys.executable).with_name("grasp3d")
+OPTIONS = (
+    "--unit",
+    "mm",
+    "--max-edge",
+    "12",
+    "--sensor-resolution",
+    "15",
+    "--gripper",
+    "hand.json",
+)
+"""Those of label and evaluate."""
+
+
+def folder_with_cone(folder: Path, degrees: float) -> Path:
+    """A folder with a cone of 80 mm, with this half-angle, and a gripper."""
+    surface = shapes.cone(math.radians(degrees), 80.0, 24)
+    trimesh.Trimesh(*surface, process=False).export(folder / "cone.stl")
+    write_gripper(folder / "hand.json", HAND)
+    return folder
+
+
+def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
+    """Run the command in a process of its own, on a narrow console."""
+    environment = {**os.environ, "COLUMNS": "60"}
+    return subprocess.run(
+        [str(COMMAND), *arguments], check=False, capture_output=True, text=True, cwd=cwd,
+        env=environment,
+    )  # fmt: skip
+
+
+def rows_of(text: str) -> list[list[str]]:
+    """Words of the rows of the table of grasps."""
+    return [line.split() for line in text.splitlines() if re.match(r" +\d+ +■ [SMU] ", line)]
+
+
+@pytest.mark.slow
+def test_printed_and_written_labels_are_those_of_evaluated_poses(tmp_path: Path) -> None:
+    folder = folder_with_cone(tmp_path, 14.0)
+    options = (*OPTIONS, "--friction", "0.4")
+    first = run("label", "cone.stl", *options, "--best", "6", cwd=folder)
+    assert (first.returncode, first.stderr) == (0, "")
+    assert "warning: no label" not in first.stdout
+    second = run("evaluate", "cone.stl", "cone_grasps.json", *options, "-o", "b.json", cwd=folder)
+    assert (second.returncode, second.stderr) == (0, "")
+    found, again = (
+        json.loads((folder / name).read_text())["grasps"] for name in ("cone_grasps.json", "b.json")
+    )
+    assert [one["closed_label"] for one in found] == [one["label"] for one in again]
+    margins = [math.nan if one["margin"] is None else one["margin"] for one in again]
+    written = [math.nan if one["closed_margin"] is None else one["closed_margin"] for one in found]
+    assert written == pytest.approx(margins, abs=1e-7, nan_ok=True)
+    assert any(one["closed_label"] < one["label"] for one in found)  # M is before S
+    assert not any("closed_label" in one for one in again)
+    # Nothing is cut off where the console is narrow.
+    headings = next(line for line in first.stdout.splitlines() if line.startswith("grasp "))
+    assert headings.split()[-2:] == ["approach", "closed"]
+    check_rows(first.stdout, found)
+
+
+def check_rows(text: str, found: list[dict[str, Any]]) -> None:
+    """Check that the table has a row for each grasp, with both labels and the margin, if any."""
+    printed = rows_of(text)
+    assert len(printed) == len(found)
+    for words, grasp in zip(printed, found, strict=True):
+        assert words[2] == grasp["label"]
+        margin = grasp["closed_margin"]
+        shown = [] if margin is None else [f"{math.degrees(margin):.1f}°"]
+        assert words[words.index("■", 2) + 1 :] == [grasp["closed_label"], *shown]
+
+
+@pytest.mark.slow
+def test_a_warning_is_printed_where_no_label_is_confirmed(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grasp3d.rendering.can_render", lambda: False)
+    folder = folder_with_cone(tmp_path, 19.0)
+    ended = run_here("label", "cone.stl", *OPTIONS, "--friction", "0.2", "--best", "3", cwd=folder)
+    assert (ended.returncode, ended.stderr) == (0, "")
+    assert "warning: no label is confirmed when the jaws close (3 U): " in ended.stdout
+    grasps = json.loads((folder / "cone_grasps.json").read_text())["grasps"]
+    assert {one["closed_label"] for one in grasps} == {"U"}
+    check_rows(ended.stdout, grasps)

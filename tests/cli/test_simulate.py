@@ -1,0 +1,91 @@
+"""`grasp3d simulate`."""
+
+import sys
+from pathlib import Path
+
+import pytest
+import trimesh
+
+from grasp3d.tables import read_columns
+from tests.helpers.commands import run_here as grasp3d
+
+QUICK = ("--unit", "cm", "--pull-time", "0.05", "--workers", "0")
+
+POSES = """name,px,py,pz,qx,qy,qz,qw,opening,unit
+above,0,0,0,1,0,0,0,4,cm
+beside,0,0,20,1,0,0,0,4,cm
+"""
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    trimesh.creation.box([4.0, 6.0, 10.0]).export(tmp_path / "box.stl")
+    (tmp_path / "poses.csv").write_text(POSES, encoding="utf-8")
+    return tmp_path
+
+
+@pytest.mark.slow
+def test_it_prints_success_by_label_and_margin(folder: Path) -> None:
+    done = grasp3d("simulate", "box.stl", "--count", "6", *QUICK, cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "6 grasps; grip force 49 N; 6 pulls of 0.981 N at the line between the" in done.stdout
+    assert "simulated as 1 convex part, whose surface is off by at most" in done.stdout
+    for line in (
+        "S    surely stable         2       100 %",
+        "U    surely unstable       2         0 %",
+    ):
+        assert line in done.stdout
+    assert "below -30°" in done.stdout
+    assert "held: " in done.stdout
+    rows = read_columns(folder / "box_simulation.csv")
+    assert rows["label"].tolist() == ["S", "S", "M", "M", "U", "U"]
+    again = grasp3d("simulate", "box.stl", "--count", "6", *QUICK, cwd=folder)
+    assert again.stdout == done.stdout  # it replaces its own results
+
+
+def test_given_poses_are_simulated(folder: Path) -> None:
+    words = ("--grasps", "poses.csv", "--gripper", "franka", "-o", "tried.csv")
+    done = grasp3d("simulate", "box.stl", *words, *QUICK, cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "S    surely stable        1        100 %" in done.stdout
+    assert "missed: 1 (the two tips never touched it at once)" in done.stdout
+    assert read_columns(folder / "tried.csv")["outcome"].tolist() == [1, 0]
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--grasps", "poses.csv"), "contains poses; give their gripper with --gripper NAME|FILE"),
+        (("--gripper", "franka"), "gripper 'franka' has flat pads, which touch more than two"),
+        (("-o", "out.ply"), "out.ply: unsupported table format .ply"),
+        (("--count", "2"), "count must be a whole number of at least 3; got 2"),
+        (
+            ("--tip-radius", "4m"),
+            "tip_radius must be below the size of the object, 12.33 cm; got 400",
+        ),
+        (("-o", "box.stl"), "box.stl"),
+        (("--grasps", "poses.csv", "--gripper", "franka", "-o", "poses.csv"), "is the file of pos"),
+    ],
+)
+def test_mistakes_are_one_sentence(folder: Path, words: tuple[str, ...], message: str) -> None:
+    done = grasp3d("simulate", "box.stl", *QUICK, *words, cwd=folder)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stderr.count("\n") == 1
+    assert {path.name for path in folder.iterdir()} == {"box.stl", "poses.csv"}
+
+
+def test_without_the_extra_it_is_named(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    done = grasp3d("simulate", "box.stl", *QUICK, cwd=folder)
+    assert done.returncode == 2
+    assert (
+        "a simulation needs mujoco; install it with: pip install 'grasp3d[physics]'" in done.stderr
+    )
+
+
+def test_another_programs_file_stays(folder: Path) -> None:
+    (folder / "mine.csv").write_text("a,b\n1,2\n", encoding="utf-8")
+    done = grasp3d("simulate", "box.stl", *QUICK, "-o", "mine.csv", cwd=folder)
+    assert done.returncode == 2
+    assert "exists and is no result of grasp3d" in done.stderr

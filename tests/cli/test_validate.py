@@ -1,0 +1,230 @@
+"""`grasp3d validate`."""
+
+import re
+import subprocess
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import GraspModel, ParallelGripper, load_mesh
+from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.pose_files import write_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.plots.validation_page import FILES
+from grasp3d.tables import read_columns
+from tests.helpers import shapes
+from tests.helpers.commands import run_here as grasp3d
+from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on
+
+COMMAND = Path(sys.executable).with_name("grasp3d")
+FRANKA = ParallelGripper.preset("franka")
+COUNT, HELD_FROM = 120, -0.1
+QUICK = ("--resamples", "100", "--max-edge", "2cm", "--unit", "m")
+
+
+@cache
+def poses(count: int = COUNT) -> tuple[GraspPoses, np.ndarray]:
+    """Poses on a smooth body, some of which miss it, and their margins."""
+    points, faces = shapes.lopsided(3)
+    mesh = load_mesh((0.025 * points, faces), unit="m", max_edge=0.02)
+    given = poses_on(mesh, count, 0, 0.075).poses.copy()
+    given[:6, :3, 3] += 0.2
+    found = evaluate_poses(mesh, GraspPoses(poses=given), GraspModel(), gripper=FRANKA)
+    return GraspPoses(poses=given, unit="m", gripper="panda"), np.array(found.margin)
+
+
+def tried(held: np.ndarray) -> GraspPoses:
+    return replace(poses(len(held))[0], outcome=held.astype(float))
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A folder with body.ply and log.csv; grasps held whose margin is above HELD_FROM."""
+    points, faces = shapes.lopsided(3)
+    trimesh.Trimesh(0.025 * points, faces, process=False).export(tmp_path / "body.ply")
+    write_poses(tmp_path / "log.csv", tried(poses()[1] > HELD_FROM))
+    return tmp_path
+
+
+GIVEN = ("validate", "log.csv", "--mesh", "body.ply", "--gripper", "franka", *QUICK)
+
+
+def test_it_prints_how_well_scores_predict(folder: Path) -> None:
+    done = grasp3d(*GIVEN, cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    held = int((poses()[1] > HELD_FROM).sum())
+    assert f"120 grasps with an outcome on 1 object: {held} held" in done.stdout
+    assert "gripper franka, as given; mass not known" in done.stdout
+    assert "the jaws do not close on the mesh: labelled U, with the worst value" in done.stdout
+    assert re.search(r"margin +larger +1\.000 1\.000-1\.000 +1\.000 1\.000-1\.000", done.stdout)
+    assert "100 resamples (seed 0) of the grasps; they hold for this object" in done.stdout
+    assert re.search(r"0\.5 +22\.6° +100\.0 % \d+-100 +\d+ ", done.stdout)
+    assert "best threshold" in done.stdout
+    assert {path.name for path in folder.iterdir()} == {"body.ply", "log.csv"}
+    assert grasp3d(*GIVEN, cwd=folder).stdout == done.stdout
+    narrow = grasp3d(*GIVEN, cwd=folder, columns=80).stdout
+    assert "…" not in narrow
+
+
+def test_options_choose_the_grid_the_seed_and_the_model(folder: Path) -> None:
+    words = ("--frictions", "0.4", "--sensor-resolutions", "0:20:10", "--seed", "7", "--worst", "1",
+             "--friction", "0.8", "--mass", "20g", "--bins", "4", "--target", "0.5")  # fmt: skip
+    done = grasp3d(*GIVEN, *words, cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "labels, margins and forces at μ 0.8, α 22.6°" in done.stdout
+    rows = re.findall(r"^0\.4 +(\S+)° ", done.stdout, re.MULTILINE)
+    assert rows == ["0", "10", "20"]
+    assert "seed 7" in done.stdout
+    assert "grip force" in done.stdout
+    assert "mass 20 g, as given" in done.stdout
+    assert len(re.findall(r"^-?\d+\.\d° to", done.stdout, re.MULTILINE)) == 4
+    assert "50 % of the accepted grasps held" in done.stdout
+    assert len(re.findall(r"^  grasp \d+:", done.stdout, re.MULTILINE)) <= 3
+
+
+@pytest.mark.slow
+def test_the_report_is_written_again_but_replaces_no_other_file(folder: Path) -> None:
+    for _ in range(2):
+        done = grasp3d(*GIVEN, "-o", "out", "-q", "--worst", "0", cwd=folder)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert {path.name for path in (folder / "out").iterdir()} == set(FILES)
+    table = read_columns(folder / "out" / "grasps.csv")
+    np.testing.assert_array_equal(table["success"], poses()[1] > HELD_FROM)
+    for name in FILES:
+        (folder / "out" / name).write_text("mine")
+        done = grasp3d(*GIVEN, "-o", "out", cwd=folder)
+        assert done.returncode == 2
+        assert f"{name}: exists and is no result of grasp3d" in done.stderr
+        (folder / "out" / name).unlink()
+
+
+def test_the_mesh_is_looked_up_in_the_scale_that_is_stated(folder: Path) -> None:
+    in_mm = trimesh.load_mesh(folder / "body.ply", process=False).apply_scale(1000.0)
+    (folder / "meshes" / "deep").mkdir(parents=True)
+    in_mm.export(folder / "meshes" / "deep" / "body.ply")
+    (folder / "body.ply").unlink()
+    stated = replace(tried(poses()[1] > HELD_FROM), object_file="any/body.ply", object_scale=0.001)
+    write_poses(folder / "log.json", stated)
+    given = ("validate", "log.json", "--resamples", "100", "--max-edge", "20")
+    done = grasp3d(*given, "--meshes", "meshes", cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "gripper franka, as the file states (panda)" in done.stdout
+    assert re.search(r"margin +larger +1\.000 ", done.stdout)
+    done = grasp3d(*given, cwd=folder)
+    assert done.returncode == 2
+    assert "log.json: names the mesh 'any/body.ply', which is not beside it in" in done.stderr
+    assert "--meshes FOLDER" in done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--frictions", "0"], "friction"),
+        (["--sensor-resolutions", "x"], "--sensor-resolutions must be a number of degrees"),
+        (["--bins", "1"], "bins must be a whole number of at least 2"),
+        (["-o", "log.csv"], "log.csv: is a file; name a folder"),
+        (["-o", "missing/out"], "missing/out: cannot be written"),
+        (["--meshes", "nowhere"], "nowhere: there is no such folder"),
+        (["--gripper", "nope"], "nope"),
+    ],
+)
+def test_bad_input_is_refused(folder: Path, words: list[str], message: str) -> None:
+    before = sorted(folder.iterdir())
+    done = grasp3d(*GIVEN, *words, cwd=folder)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert message in done.stderr
+    assert sorted(folder.iterdir()) == before
+
+
+def rewritten(folder: Path, change: dict[str, str]) -> None:
+    """Change cells of the log's column outcome, by row."""
+    lines = (folder / "log.csv").read_text().splitlines()
+    column = lines[0].replace('"', "").split(",").index("outcome")
+    for number in range(1, len(lines)):
+        cells = lines[number].split(",")
+        cells[column] = change.get(str(number), change.get("all", cells[column]))
+        lines[number] = ",".join(cells)
+    (folder / "log.csv").write_text("\n".join(lines) + "\n")
+
+
+def test_outcomes_that_say_nothing_are_reported(folder: Path) -> None:
+    rewritten(folder, {"all": "yes", "3": ""})
+    done = grasp3d(*GIVEN, cwd=folder)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "119 held (100.0 %); 1 without an outcome are left out" in done.stdout
+    assert "warning: log.csv: all 119 grasps held, so no score can be ranked" in done.stdout
+    assert "undefined" in done.stdout
+    rewritten(folder, {"all": ""})
+    done = grasp3d(*GIVEN, cwd=folder)
+    assert done.returncode == 2
+    assert (
+        "log.csv: no outcome is known of any grasp; a table needs a column success" in done.stderr
+    )
+    rewritten(folder, {"all": "no", "5": "perhaps"})
+    done = grasp3d(*GIVEN, cwd=folder)
+    assert "log.csv: grasp 5: outcome must be 1, true or yes" in done.stderr
+    assert done.stderr.count("\n") == 1
+
+
+def test_poses_in_millimetres_are_suspected(folder: Path) -> None:
+    far = poses()[0].poses.copy()
+    far[:, :3, 3] *= 1000.0
+    write_poses(folder / "log.csv", GraspPoses(poses=far, outcome=np.arange(COUNT) % 2))
+    done = grasp3d(*GIVEN, cwd=folder)
+    assert done.returncode == 2
+    assert "at none of the 120 poses the jaws close on the mesh" in done.stderr
+    assert "if their lengths are millimetres" in done.stderr
+
+
+def test_the_report_does_not_replace_a_log(folder: Path) -> None:
+    (folder / "log.csv").rename(folder / "grasps.csv")
+    words = ["grasps.csv" if word == "log.csv" else word for word in GIVEN]
+    before = (folder / "grasps.csv").read_bytes()
+    done = grasp3d(*words, "-o", ".", "--overwrite", cwd=folder)
+    assert done.returncode == 2
+    assert "grasps.csv: is a file of grasps; name another folder with -o" in done.stderr
+    assert (folder / "grasps.csv").read_bytes() == before
+
+
+@pytest.mark.slow
+def test_end_to_end_with_outcomes_drawn_from_the_margin(folder: Path) -> None:
+    margins = poses(400)[1]
+    likely = chances(margins)
+    held = np.random.default_rng(4).random(400) < likely
+    write_poses(folder / "log.csv", tried(held))
+    command = [COMMAND, *GIVEN, "-o", "out", "--worst", "1"]
+    subprocess.run(command, cwd=folder, check=True, capture_output=True)
+    scores = read_columns(folder / "out" / "scores.csv")
+    values = {name: column[0] for name, column in scores.items()}
+    assert values["score"] == "margin"
+    expected = expected_roc_auc(margins, likely)
+    assert values["roc_auc"] == pytest.approx(expected, abs=0.08)
+    # One of twenty intervals at 95 % misses it, but none by much.
+    assert values["roc_auc_low"] - 0.02 < expected < values["roc_auc_high"] + 0.02
+    assert "<h2>Calibration of the margin</h2>" in (folder / "out" / "report.html").read_text()
+
+
+def test_acronym_needs_no_options(tmp_path: Path) -> None:
+    import h5py
+
+    name = "Mug_10f6e09036350e92b3f21f1137c3c347_0.0002682457830986903.h5"
+    mug = shapes.shared("datasets", "acronym", name)
+    with h5py.File(mug) as file, h5py.File(tmp_path / "mug.h5", "w") as part:
+        file.copy("object", part)
+        file.copy("gripper", part)
+        for field in ("grasps/transforms", "grasps/qualities/flex/object_in_gripper"):
+            part[field] = file[field][:80]
+    folder = ("--meshes", mug.parent)
+    done = grasp3d("validate", "mug.h5", *folder, "--resamples", "100", cwd=tmp_path)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert "80 grasps with an outcome on 1 object: " in done.stdout
+    assert (
+        "gripper franka, as the file states (panda); mass 13.1 g, as the file states; centre of "
+        "mass as the file states"
+    ) in done.stdout

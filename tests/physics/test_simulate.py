@@ -1,0 +1,221 @@
+"""Grasps drawn from a surface, labelled and simulated."""
+
+import math
+import os
+import sys
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+import grasp3d
+from grasp3d import GraspModel, Label, ObjectMesh, ParallelGripper, Sampling, load_mesh
+from grasp3d.arrays import angles_between
+from grasp3d.batch import ClusterSettings
+from grasp3d.errors import GraspError, SettingError
+from grasp3d.grasps import GraspPoses
+from grasp3d.physics import (
+    ConvexParts,
+    Fate,
+    Simulation,
+    SimulationSettings,
+    simulate_poses,
+    write_simulation,
+)
+from grasp3d.physics.drawing import tilt_at_random
+from grasp3d.physics.jobs import Job, Stage, simulate_attempts, simulate_job
+from grasp3d.system.progress import ignore
+from grasp3d.tables import read_columns
+from tests.physics.test_pulling import SETTINGS, TIPS, attempt, box
+
+HERE = ClusterSettings(workers=0)
+FEW = SimulationSettings(count=12, pull_time=0.1)
+MODEL = GraspModel(friction="0.4..0.6", location_error="1mm")
+
+
+@cache
+def mesh(unit: str = "cm") -> ObjectMesh:
+    """A box in centimetres, so that units make a difference."""
+    return load_mesh(trimesh.creation.box([4.0, 6.0, 10.0]), unit=unit)
+
+
+@cache
+def found() -> Simulation:
+    return grasp3d.simulate_grasps(mesh(), MODEL, simulation=FEW, cluster=HERE)
+
+
+def test_labels_are_those_of_what_is_perceived_within_the_uncertainty_of_what_is_true() -> None:
+    one = found()
+    assert one.size == FEW.count
+    drawn = one.grasps
+    tilt = angles_between(drawn.normals, drawn.perceived_normals)
+    assert (tilt <= MODEL.tilt + 1e-9).all()
+    assert tilt.max() > 0.3 * MODEL.tilt
+    shifts = np.linalg.norm(drawn.points - drawn.perceived_points, axis=2)
+    assert 0.02 < shifts.max() <= 0.1 + 1e-9
+    assert ((drawn.friction >= 0.4 - 1e-9) & (drawn.friction <= 0.6 + 1e-9)).all()
+    assert ((drawn.label == Label.S) == (drawn.margin > 0.0)).all()
+    assert np.bincount(drawn.label).tolist() == [4, 4, 4]
+
+
+def test_true_contacts_are_on_the_surface_and_within_the_tips() -> None:
+    drawn, one = found().grasps, found()
+    on_face = np.abs(np.abs(drawn.points) / [2.0, 3.0, 5.0] - 1.0).min(axis=2)
+    assert on_face.max() < 1e-9
+    assert one.part_depth.max() < 1e-6
+    for finger, sign in ((0, -1.0), (1, 1.0)):
+        middle = (
+            one.poses[:, :3, 3] + sign * (0.5 * one.openings + 0.3)[:, None] * (one.poses[:, :3, 0])
+        )
+        touched = middle + 0.3 * drawn.normals[:, finger]
+        np.testing.assert_allclose(touched, drawn.points[:, finger], atol=1e-9)
+
+
+def test_s_hold_and_u_fail() -> None:
+    rates = found().rates()
+    assert rates["S"].rate == 1.0
+    assert rates["U"].rate == 0.0
+    assert sum(one.count for one in found().rates_by_margin()) == found().size
+    assert (found().success <= found().held).all()
+
+
+def test_a_true_grasp_beyond_its_friction_never_holds() -> None:
+    beta = np.arctan(found().grasps.friction.min(axis=1))
+    over = found().true_critical_angle - beta
+    assert found().success[over < -math.radians(1.0)].all()
+    assert not found().success[over > math.radians(3.0)].any()
+
+
+@pytest.mark.slow
+def test_the_same_seed_gives_the_same_result_in_any_processes() -> None:
+    again = grasp3d.simulate_grasps(
+        mesh(), MODEL, simulation=FEW, cluster=ClusterSettings(workers=1)
+    )
+    assert again.outcomes == found().outcomes
+    np.testing.assert_array_equal(again.poses, found().poses)
+
+
+@pytest.mark.slow
+def test_another_seed_draws_other_grasps() -> None:
+    other = SimulationSettings(count=3, pull_time=0.05, seed=1)
+    one = grasp3d.simulate_grasps(mesh(), simulation=other, cluster=HERE)
+    assert not np.isin(one.grasps.points, found().grasps.points).all()
+
+
+def test_tilts_are_even_over_the_cap() -> None:
+    """The area of a cap grows as 1 - cos."""
+    normals = np.tile([0.0, 0.6, 0.8], (20_000, 1))
+    tilted = tilt_at_random(normals, np.full(len(normals), 0.5), np.random.default_rng(0))
+    angle = angles_between(normals, tilted)
+    inner = math.acos(1.0 - 0.5 * (1.0 - math.cos(0.5)))
+    assert angle.max() <= 0.5 + 1e-12
+    assert np.mean(angle < inner) == pytest.approx(0.5, abs=0.02)
+    assert (
+        np.abs((tilted - normals * (tilted * normals).sum(axis=1)[:, None]).mean(axis=0)).max()
+        < 0.02
+    )
+
+
+def test_the_table_has_what_the_result_has(tmp_path: Path) -> None:
+    path = tmp_path / "out.csv"
+    write_simulation(path, found())
+    columns = read_columns(path)
+    assert list(columns) == list(found().columns())
+    assert (columns["success"] == found().success).all()
+    assert columns["opening"] == pytest.approx(found().openings)
+    slip = [one.slip * 100.0 for one in found().outcomes]  # metres in centimetres
+    assert columns["slip"] == pytest.approx(slip)
+    assert set(found().to_dataframe().fate) <= {str(one) for one in Fate}
+
+
+@pytest.mark.slow
+def test_a_gripper_gives_tips_and_limits() -> None:
+    gripper = ParallelGripper.preset("tactile")
+    one = grasp3d.simulate_grasps(
+        mesh(), simulation=SimulationSettings(count=3, pull_time=0.05), gripper=gripper,
+        cluster=HERE,
+    )  # fmt: skip
+    assert (one.openings <= 100.0 * gripper.max_opening).all()
+    with pytest.raises(SettingError, match="'franka' has flat pads"):
+        grasp3d.simulate_grasps(mesh(), gripper=ParallelGripper.preset("franka"), cluster=HERE)
+
+
+def test_what_cannot_be_simulated_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    no_unit = load_mesh(trimesh.creation.box([4.0, 6.0, 10.0]))
+    with pytest.raises(
+        SettingError, match=r"a simulation is in metres, but the unit of .* is not known"
+    ):
+        grasp3d.simulate_grasps(no_unit, cluster=HERE)
+    with pytest.raises(SettingError, match=r"2 fingers, but the model .* has 3"):
+        grasp3d.simulate_grasps(mesh(), GraspModel(fingers=3), cluster=HERE)
+    with pytest.raises(SettingError, match="method exact"):
+        grasp3d.simulate_grasps(mesh(), GraspModel(method="extremes"), cluster=HERE)
+    with pytest.raises(SettingError, match="grip must be squeeze"):
+        grasp3d.simulate_grasps(mesh(), sampling=Sampling(grip="both"), cluster=HERE)
+    with pytest.raises(GraspError, match="no two points of the surface"):
+        grasp3d.simulate_grasps(mesh(), sampling=Sampling(max_opening=0.001), cluster=HERE)
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    with pytest.raises(SettingError, match=r"needs mujoco.*pip install 'grasp3d\[physics\]'"):
+        grasp3d.simulate_grasps(mesh(), cluster=HERE)
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"count": 2}, "count must be a whole number of at least 3"),
+        ({"count": 200_000}, "count must be at most 100,000"),
+        ({"grip_ratio": 0.4}, "grip_ratio must be above 0.5"),
+        ({"time_step": 0.01}, "time_step must be above 0 and at most 0.002"),
+        ({"max_turn": 4.0}, "max_turn must be above 0 and at most 180 degrees; got 229"),
+        ({"tip_radius": "0mm"}, "tip_radius must be a finite length above 0"),
+        ({"max_shift": math.inf}, "max_shift must be a finite length above 0"),
+        ({"part_threshold": 0.001}, "part_threshold must be from 0.005 to 1"),
+        ({"pulled": "up"}, "no pulled is called 'up'; known: line, center_of_mass"),
+        ({"object_mass": 0.0}, "object_mass must be finite and above 0"),
+        ({"seed": -1}, "seed must be a whole number of at least 0"),
+    ],
+)
+def test_settings_outside_their_range_are_refused(fields: dict[str, object], message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        SimulationSettings(**fields)  # type: ignore[arg-type]
+
+
+def _crash(job: Job, stage: Stage) -> None:
+    if job.number == 0:
+        os._exit(7)
+    return simulate_job(job, stage)  # type: ignore[return-value]
+
+
+@pytest.mark.slow
+def test_a_crash_is_an_error_of_its_grasps_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("grasp3d.physics.jobs.simulate_job", _crash)
+    monkeypatch.setattr("grasp3d.physics.jobs.ATTEMPTS", 1)
+    stage, one = Stage(box(), TIPS, SETTINGS), ClusterSettings(workers=1)
+    outcomes, errors = simulate_attempts([attempt()] * 2, stage, one, ignore)
+    assert [out.fate for out in outcomes] == [Fate.BROKEN, Fate.HELD]
+    assert errors == ("the simulation ended its process without a result (exit code 7)",)
+
+
+def test_where_every_simulation_fails_the_reason_is_given() -> None:
+    broken = replace(box(), parts=ConvexParts((np.zeros((4, 3)),)))
+    with pytest.raises(GraspError, match="no grasp could be simulated: the simulation unexpected"):
+        simulate_attempts([attempt()], Stage(broken, TIPS, SETTINGS), HERE, ignore)
+
+
+def test_given_poses_are_tried() -> None:
+    from_above = np.diag([1.0, -1.0, -1.0, 1.0])
+    beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 10.0], [0, 0, 0, 0], [0, 0, 0, 0]]
+    poses = GraspPoses(poses=[from_above, beside], pregrasp_opening=[6.0, 3.0], unit="cm")
+    tried = simulate_poses(
+        mesh(), poses, gripper=ParallelGripper.preset("franka"), cluster=HERE,
+        simulation=SimulationSettings(pull_time=0.1),
+    )  # fmt: skip
+    assert tried.columns["fate"].tolist() == ["held", "missed"]
+    assert tried.columns["label"].tolist() == ["S", "U"]
+    assert tried.outcome.tolist() == [1.0, 0.0]
+    narrow = GraspPoses(poses=from_above, pregrasp_opening=3.0, unit="cm")
+    blocked = simulate_poses(mesh(), narrow, gripper=ParallelGripper.preset("franka"), cluster=HERE)
+    assert (blocked.columns["fate"].tolist(), blocked.outcome.tolist()) == (["blocked"], [0.0])

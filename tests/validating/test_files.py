@@ -1,0 +1,201 @@
+"""Files of grasps with outcomes: gripper, mesh, mass and centre of mass."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+
+from grasp3d import Load, MeshOptions, ParallelGripper
+from grasp3d.errors import ContactError, MeshError, SettingError
+from grasp3d.grasps.pose_files import write_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.validating.mesh_lookup import MeshFolder
+from grasp3d.validating.stated_object import stated_object
+from grasp3d.validating.tried_grasps import check_grasps
+
+FRANKA = ParallelGripper.preset("franka")
+ABOVE = np.diag([1.0, -1.0, -1.0, 1.0])
+
+
+def poses(**fields: object) -> GraspPoses:
+    given = {"poses": np.array([ABOVE, ABOVE]), "outcome": [1.0, 0.0], "unit": "m", **fields}
+    return GraspPoses(**given)  # type: ignore[arg-type]
+
+
+@pytest.fixture
+def box(tmp_path: Path) -> Path:
+    path = tmp_path / "box.stl"
+    trimesh.creation.box([60.0, 40.0, 20.0]).export(path)
+    return path
+
+
+def test_meshes_are_found_by_path_then_by_name(tmp_path: Path) -> None:
+    folder, grasps = tmp_path / "meshes", tmp_path / "log" / "a.h5"
+    for name in ("meshes/Mug/one.obj", "meshes/Cup/two.obj", "log/three.obj", "log/Mug/four.obj"):
+        path = tmp_path / name
+        path.parent.mkdir(parents=True, exist_ok=True)
+        path.write_text("o")
+    lookup = MeshFolder(folder)
+    for stated, expected in {
+        "Mug/one.obj": "meshes/Mug/one.obj",
+        "meshes/Elsewhere/two.obj": "meshes/Cup/two.obj",
+        "meshes\\Mug\\one.obj": "meshes/Mug/one.obj",
+        "any/three.obj": "log/three.obj",
+        "Mug/four.obj": "log/Mug/four.obj",
+        "/a/b/one.obj": "meshes/Mug/one.obj",
+        "../../meshes/Mug/one.obj": "meshes/Mug/one.obj",
+    }.items():
+        assert lookup.find(stated, grasps) == tmp_path / expected
+    beside = MeshFolder(None)
+    assert beside.find("three.obj", grasps) == tmp_path / "log/three.obj"
+    with pytest.raises(
+        MeshError, match=r"'one.obj', which is not beside it in .*log: give its fol"
+    ):
+        beside.find("one.obj", grasps)
+    with pytest.raises(MeshError, match=r"not beside it in .* nor below .*meshes: give the file"):
+        lookup.find("five.obj", grasps)
+    with pytest.raises(MeshError, match=r"names no mesh file of its object; give it with --mesh"):
+        lookup.find(None, grasps)
+
+
+def test_several_meshes_that_fit_are_named(tmp_path: Path) -> None:
+    for name in ("A", "B"):
+        (tmp_path / name).mkdir()
+        (tmp_path / name / "one.obj").write_text(name)
+    with pytest.raises(MeshError, match=r"2 files fit: .*A/one.obj, .*B/one.obj; give the one"):
+        MeshFolder(tmp_path).find("C/one.obj", tmp_path / "x.h5")
+    assert MeshFolder(tmp_path).find("B/one.obj", tmp_path / "x.h5") == tmp_path / "B/one.obj"
+    assert MeshFolder(tmp_path).find("A/one.obj", tmp_path / "A" / "x.h5").parent.name == "A"
+    with pytest.raises(MeshError, match="there is no such folder"):
+        MeshFolder(tmp_path / "C")
+    with pytest.raises(MeshError, match="is a file; name the folder"):
+        MeshFolder(tmp_path / "A" / "one.obj")
+
+
+def test_paths_never_lead_out_of_the_folder(tmp_path: Path) -> None:
+    (tmp_path / "secret.obj").write_text("o")
+    (tmp_path / "log").mkdir()
+    with pytest.raises(MeshError, match="which is not beside"):
+        MeshFolder(None).find("../secret.obj", tmp_path / "log" / "a.h5")
+    with pytest.raises(MeshError, match="which is not beside"):
+        MeshFolder(None).find(str(tmp_path / "secret.obj"), tmp_path / "log" / "a.h5")
+
+
+def test_the_gripper_is_given_stated_or_known(tmp_path: Path, box: Path) -> None:
+    wsg = ParallelGripper.preset("wsg50")
+
+    def used(path: Path, given: ParallelGripper | None = None) -> tuple[str, str]:
+        (tried,) = check_grasps([path], mesh=box, gripper=given)
+        return tried.gripper.name, tried.gripper_from
+
+    own = replace(wsg, name="own")
+    write_poses(tmp_path / "own.json", poses(gripper=own))
+    assert used(tmp_path / "own.json") == ("own", "as the file states")
+    assert used(tmp_path / "own.json", FRANKA) == ("franka", "as given")
+    write_poses(tmp_path / "named.json", poses(gripper="panda"))
+    assert used(tmp_path / "named.json") == ("franka", "as the file states (panda)")
+    write_poses(tmp_path / "none.csv", poses())
+    with pytest.raises(SettingError, match=r"none.csv: states no gripper; give it with --gripper"):
+        used(tmp_path / "none.csv")
+    write_poses(tmp_path / "odd.json", poses(gripper="odd"))
+    with pytest.raises(SettingError, match=r"odd.json: states the gripper 'odd', unknown; give"):
+        used(tmp_path / "odd.json")
+
+
+def test_acronym_without_a_gripper_is_of_a_franka_hand(tmp_path: Path, box: Path) -> None:
+    import h5py
+
+    path = tmp_path / "a.h5"
+    with h5py.File(path, "w") as file:
+        file["grasps/transforms"] = np.array([ABOVE])
+        file["grasps/qualities/flex/object_in_gripper"] = [1]
+    (tried,) = check_grasps([path], mesh=box)
+    assert (tried.gripper, tried.gripper_from) == (FRANKA, "ACRONYM's grasps are of a Franka hand")
+    given, _ = tried.poses()
+    assert given.poses[0, :3, 3] == pytest.approx([0.0, 0.0, -FRANKA.base_to_tcp])
+
+
+def test_grasps_that_were_not_tried_are_left_out(tmp_path: Path, box: Path) -> None:
+    path = tmp_path / "a.csv"
+    four = GraspPoses(poses=np.tile(ABOVE, (4, 1, 1)), outcome=[np.nan, 1.0, np.nan, 0.0], unit="m")
+    write_poses(path, four)
+    (tried,) = check_grasps([path], mesh=box, gripper=FRANKA)
+    assert (tried.count, tried.not_tried) == (2, 2)
+    given, numbers = tried.poses()
+    assert numbers.tolist() == [2, 4]
+    assert given.outcome.tolist() == [1.0, 0.0]
+    write_poses(path, replace(four, outcome=np.full(4, np.nan)))
+    with pytest.raises(ContactError, match=r"a.csv: no outcome is known of any grasp; a table ne"):
+        check_grasps([path], mesh=box, gripper=FRANKA)
+    with pytest.raises(ContactError, match="name at least one file"):
+        check_grasps([])
+    with pytest.raises(ContactError, match="there is no such file"):
+        check_grasps([tmp_path / "b.csv"], mesh=box)
+    with pytest.raises(SettingError, match="need the mesh of their object"):
+        check_grasps([poses()], gripper=FRANKA)
+
+
+def test_a_file_that_changes_meanwhile_is_refused(
+    tmp_path: Path, box: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("grasp3d.validating.tried_grasps.KEPT", 0)
+    write_poses(tmp_path / "a.csv", poses())
+    (tried,) = check_grasps([tmp_path / "a.csv"], mesh=box, gripper=FRANKA)
+    assert tried.kept is None
+    assert tried.poses()[0].count == 2  # read again
+    write_poses(tmp_path / "a.csv", poses(outcome=[1.0, np.nan]))
+    with pytest.raises(ContactError, match="was changed while it was read"):
+        tried.poses()
+
+
+def test_what_a_file_states_of_its_object_is_used(box: Path) -> None:
+    stated = poses(object_scale=0.001, settings={"mass": 0.2, "com": [0.01, 0.0, 0.002]})
+    found = stated_object(box, stated, None, None)
+    assert found.mesh.unit == "m"
+    assert found.mesh.size == pytest.approx(0.0748, abs=1e-4)
+    assert found.mesh.center_mass == pytest.approx([0.01, 0.0, 0.002])
+    assert (found.mass, found.mass_from, found.center_from) == (0.2, "file", "file")
+    in_mm = stated_object(box, stated, MeshOptions(unit="mm"), Load(mass="50 g"))
+    assert in_mm.mesh.center_mass == pytest.approx([10.0, 0.0, 2.0])
+    assert (in_mm.mass, in_mm.mass_from) == (0.05, "given")
+    given = stated_object(box, stated, MeshOptions(unit="mm", center_of_mass="1,0,0"), None)
+    assert given.mesh.center_mass == pytest.approx([1.0, 0.0, 0.0])
+    assert given.center_from == "given"
+    bare = stated_object(box, poses(object_scale=0.001), None, None)
+    assert (bare.mass, bare.load, bare.center_from) == (None, None, "volume")
+    dense = stated_object(box, stated, MeshOptions(unit="mm"), Load(density=1000.0))
+    assert dense.mass == pytest.approx(0.048)
+
+
+def test_a_mass_is_not_used_where_the_centre_is_not_known(tmp_path: Path) -> None:
+    open_box = trimesh.creation.box([0.06, 0.04, 0.02])
+    open_box.update_faces(np.arange(12) >= 1)
+    open_box.export(tmp_path / "open.stl")
+    found = stated_object(
+        tmp_path / "open.stl", poses(settings={"mass": 0.2}), MeshOptions(unit="m"), None
+    )
+    assert (found.mass, found.load, found.center_from) == (None, None, "surface")
+
+
+@pytest.mark.parametrize(
+    ("settings", "message"),
+    [
+        ({"mass": -1.0}, "mass that the grasps state must be above 0 kg"),
+        ({"mass": "heavy"}, "mass that the grasps state must be above 0 kg; got 'heavy'"),
+        ({"com": [1, 2]}, "must be three numbers"),
+        ({"com": [0.0, 0.0, np.nan]}, "must be three numbers"),
+        ({"com": [0.0, 0.0, 10.0]}, r"is 134 object sizes away from box.stl: is it the right mesh"),
+    ],
+)
+def test_impossible_statements_are_refused(
+    box: Path, settings: dict[str, object], message: str
+) -> None:
+    with pytest.raises(ContactError, match=message):
+        stated_object(box, poses(object_scale=0.001, settings=settings), None, None)
+
+
+def test_a_mesh_without_unit_and_scale_is_refused(box: Path) -> None:
+    with pytest.raises(SettingError, match=r"the unit of box\.stl is not known"):
+        stated_object(box, poses(), None, None)

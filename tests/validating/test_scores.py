@@ -1,0 +1,133 @@
+"""Scores of evaluated poses against known shapes, and the thresholds of labels."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from grasp3d import GraspModel, Label, Load, ObjectMesh, ParallelGripper, load_mesh
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.validating import SCORES, LabelSuccess
+from grasp3d.validating.label_success import label_success, labels_at
+from grasp3d.validating.scores import scores_of
+from tests.helpers import shapes
+from tests.helpers.tried_grasps import poses_on
+
+FRANKA = replace(ParallelGripper.preset("franka"), inner_faces=())
+
+
+@cache
+def blob() -> ObjectMesh:
+    points, faces = shapes.lopsided(3)
+    return load_mesh((0.025 * points, faces), unit="m", max_edge=0.02)
+
+
+@cache
+def on_blob() -> EvaluatedPoses:
+    poses = poses_on(blob(), 60, 0, 0.075)
+    return evaluate_poses(blob(), poses, GraspModel(), gripper=FRANKA, load=Load(mass=0.1))
+
+
+def fixed(model: GraspModel) -> EvaluatedPoses:
+    """Friction changes how a free object settles."""
+    poses = on_blob().poses
+    return evaluate_poses(blob(), poses, model, gripper=FRANKA, object_motion="fixed")
+
+
+def test_a_box_has_known_scores() -> None:
+    box = load_mesh(shapes.box((0.06, 0.04, 0.02)), unit="m")
+    pose = np.diag([1.0, -1.0, -1.0, 1.0])
+    pose[1, 3] = 0.005
+    outside = pose + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
+    given = GraspPoses(poses=np.array([pose, outside]), unit="m")
+    found = scores_of(evaluate_poses(box, given, gripper=FRANKA))
+    known = {
+        "critical_angle": 0.0,
+        "margin": math.atan(0.5) - math.radians(11.3),
+        "label": 2.0,
+        "reachable": 1.0,
+        "antipodal_angle": 0.0,
+        "normal_product": -1.0,
+        "center_of_mass_distance": 0.005,
+        "opening": 0.06,
+        "contact_area": FRANKA.pad_width * FRANKA.pad_height,
+    }
+    for name, value in known.items():
+        assert found[name][0] == pytest.approx(value, abs=1e-6), name
+    assert found["epsilon"][0] > 0.0
+    assert "grip_force" not in found
+    assert found["label"][1] == found["reachable"][1] == 0.0
+    for name in found.keys() - {"label", "reachable"}:
+        assert np.isnan(found[name][1]), name
+
+
+def test_scores_do_not_depend_on_the_unit_of_the_mesh() -> None:
+    points, faces = shapes.lopsided(3)
+    in_mm = load_mesh((25.0 * points, faces), unit="mm", max_edge=20.0)
+    given = {"gripper": FRANKA, "load": Load(mass=0.1), "object_motion": "fixed"}
+    one, two = (
+        scores_of(evaluate_poses(mesh, on_blob().poses, GraspModel(), **given))
+        for mesh in (blob(), in_mm)
+    )
+    assert set(one) == {score.name for score in SCORES}
+    for name, values in one.items():
+        rtol = 1e-2 if name in {"epsilon", "grip_force"} else 1e-6  # they are bounded to 1 %
+        np.testing.assert_allclose(two[name], values, rtol=rtol, atol=1e-9, err_msg=name)
+
+
+def test_the_antipodal_angle_is_the_critical_angle_of_fingers_that_squeeze() -> None:
+    found = scores_of(on_blob())
+    squeezed = found["antipodal_angle"] < math.pi / 2.0
+    assert squeezed.sum() > 40
+    expected = found["critical_angle"][squeezed]
+    np.testing.assert_allclose(found["antipodal_angle"][squeezed], expected, atol=1e-9)
+
+
+def test_every_score_has_its_direction_and_a_worst_value() -> None:
+    better = {score.name: score.better for score in SCORES}
+    assert {name for name, direction in better.items() if direction == "larger"} == {
+        "margin", "label", "epsilon", "reachable", "contact_area",
+    }  # fmt: skip
+    for score in SCORES:
+        ranked = score.ranked(np.array([1.0, 2.0, np.nan]))
+        assert ranked[2] == -math.inf
+        assert (ranked[0] < ranked[1]) == (score.better == "larger")
+
+
+@pytest.mark.parametrize("error", [0.0, 0.002])
+def test_labels_by_threshold_are_those_of_an_evaluation(error: float) -> None:
+    model = GraspModel(location_error=error, friction_error=0.05)
+    given = fixed(model)
+    seen = set()
+    for friction, resolution in ((0.2, 0.0), (0.5, 0.4), (1.0, 0.7)):
+        used = replace(model, friction=friction, sensor_resolution=resolution)
+        expected = fixed(used).label
+        worst, best = given.located_angles
+        codes = labels_at(worst, best, model, friction, resolution)
+        assert (codes == expected).all()
+        seen |= set(codes.tolist())
+    assert seen == set(Label)
+
+
+def test_poses_whose_jaws_do_not_close_are_unstable() -> None:
+    nothing = np.array([math.nan, 0.0])
+    assert labels_at(nothing, nothing, GraspModel(), 5.0, 0.1).tolist() == [Label.U, Label.S]
+
+
+def test_success_is_counted_by_label() -> None:
+    codes = np.array([2, 2, 2, 1, 0, 0], dtype=np.uint8)
+    held = np.array([True, True, False, True, False, True])
+    found = label_success(held, codes, 0.5, 0.1)
+    assert found == LabelSuccess(0.5, 0.1, counts=(2, 1, 3), held=(1, 1, 2))
+    assert [found.fraction(name) for name in "SMU"] == pytest.approx([2.0 / 3.0, 1.0, 0.5])
+    assert not found.is_ordered
+    low, high = found.interval("S")
+    assert low < 2.0 / 3.0 < high
+    empty = LabelSuccess(0.5, 0.1, counts=(4, 0, 4), held=(1, 0, 3))
+    assert math.isnan(empty.fraction("M"))
+    assert empty.is_ordered  # labels that no grasp has do not count
+    assert not LabelSuccess(0.5, 0.1, counts=(4, 0, 4), held=(3, 0, 3)).is_ordered

@@ -1,0 +1,265 @@
+"""Grasps with outcomes that are drawn from a known function of the margin, end to end."""
+
+import math
+from dataclasses import replace
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import grasp3d
+from grasp3d import GraspModel, Load, ObjectMesh, ParallelGripper, load_mesh, validate_grasps
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.pose_files import write_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.tables import read_columns
+from grasp3d.validating import Validation, ValidationSettings, sentences, write_validation
+from grasp3d.validating.comparison import _resamples
+from tests.helpers import shapes
+from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on
+
+FRANKA = ParallelGripper.preset("franka")
+COUNT = 240
+QUICK = ValidationSettings(resamples=100, worst=3)
+
+
+@cache
+def mesh() -> ObjectMesh:
+    """A smooth body of 60 mm."""
+    points, faces = shapes.lopsided(3)
+    return load_mesh((0.025 * points, faces), unit="m", max_edge=0.02)
+
+
+@cache
+def poses() -> GraspPoses:
+    """Poses on it, some of which miss it."""
+    given = poses_on(mesh(), COUNT, 0, 0.075).poses.copy()
+    given[:12, :3, 3] += 0.2
+    return GraspPoses(poses=given, unit="m")
+
+
+@cache
+def margins() -> np.ndarray:
+    return np.array(evaluate_poses(mesh(), poses(), GraspModel(), gripper=FRANKA).margin)
+
+
+def tried(held: np.ndarray) -> GraspPoses:
+    return replace(poses(), outcome=held.astype(float))
+
+
+def validated(held: np.ndarray, **options: object) -> Validation:
+    return validate_grasps(
+        tried(held), mesh=mesh(), gripper=FRANKA, settings=QUICK, **options  # type: ignore[arg-type]
+    )  # fmt: skip
+
+
+@cache
+def drawn() -> tuple[Validation, float]:
+    """Outcomes drawn from a logistic function of the margin, and the area that is expected."""
+    likely = chances(margins())
+    held = np.random.default_rng(0).random(COUNT) < likely
+    return validated(held), expected_roc_auc(margins(), likely)
+
+
+def test_outcomes_that_follow_the_margin_are_predicted() -> None:
+    assert 0.04 < np.isnan(margins()).mean() < 0.3
+    found = validated(margins() > 0.05)
+    assert found.quality("margin").roc_auc == 1.0
+    assert found.quality("critical_angle").roc_auc == 1.0
+    assert found.quality("antipodal_angle").roc_auc > 0.99
+    assert found.quality("margin").average_precision == 1.0
+    best = found.calibration.youden
+    assert (best.sensitivity, best.specificity) == (1.0, 1.0)
+    assert 0.05 < best.margin < 0.08
+    assert found.calibration.reached.margin <= best.margin
+    opposite = validated(~(margins() > 0.05))
+    assert opposite.quality("margin").roc_auc == 0.0
+    assert not opposite.calibration.is_monotone
+
+
+def test_the_area_is_that_of_the_function_that_outcomes_are_drawn_from() -> None:
+    found, expected = drawn()
+    assert 0.7 < expected < 0.95
+    low, high = found.quality("margin").roc_auc_interval
+    assert low < found.quality("margin").roc_auc < high
+    assert low < expected < high
+    assert found.quality("margin").roc_auc == pytest.approx(expected, abs=0.05)
+    assert found.calibration.is_monotone
+
+
+def test_it_agrees_with_an_evaluation() -> None:
+    found, _ = drawn()
+    grasps = found.grasps
+    np.testing.assert_array_equal(grasps.scores["margin"], margins())
+    assert (grasps.closed == ~np.isnan(margins())).all()
+    assert found.files[0].not_closed == np.isnan(margins()).sum()
+    default = next(
+        one for one in found.labels
+        if one.friction == 0.5 and one.sensor_resolution == pytest.approx(math.radians(22.6))
+    )  # fmt: skip
+    assert default.counts == tuple(np.bincount(grasps.label, minlength=3).tolist())
+    assert sum(default.held) == grasps.held.sum()
+    assert len(found.labels) == 12
+    assert "grip_force" not in grasps.scores
+
+
+def test_neither_chunks_nor_threads_change_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    one, _ = drawn()
+    monkeypatch.setattr("grasp3d.validating.evaluating.CHUNK", 50)
+    two = validated(one.grasps.held, threads=1)
+    for name, values in one.grasps.scores.items():
+        np.testing.assert_array_equal(values, two.grasps.scores[name], err_msg=name)
+    assert one.qualities == two.qualities
+    assert one.labels == two.labels
+    assert [each.row for each in one.disagreements] == [each.row for each in two.disagreements]
+
+
+def test_the_greatest_disagreements_are_listed() -> None:
+    found, _ = drawn()
+    grasps, values = found.grasps, margins()
+    failed = [one for one in found.disagreements if one.kind == "failed"]
+    largest = np.sort(values[~grasps.held & (values > 0.0)])[::-1][:3]
+    assert [one.margin for one in failed] == largest.tolist()
+    assert not any(grasps.held[one.row] for one in failed)
+    held = [one for one in found.disagreements if one.kind == "held"]
+    smallest = np.sort(values[grasps.held & (values <= 0.0)])[:3]
+    assert [one.margin for one in held] == smallest.tolist()
+    assert all(one.hints for one in found.disagreements)
+    for one in failed:
+        across = one.points[1] - one.points[0]
+        assert one.pose[:3, 0] @ across == pytest.approx(one.opening, abs=0.005)
+
+
+def test_held_grasps_that_do_not_close_are_listed_apart() -> None:
+    held = np.isnan(margins()) | (margins() > 0.0)
+    found = validated(held)
+    apart = [one for one in found.disagreements if one.kind == "held_open"]
+    assert len(apart) == 3
+    assert all(math.isnan(one.margin) for one in apart)
+    assert "pose, gripper or mesh differ" in apart[0].hints[0]
+    assert f"{found.files[0].not_closed} of them held" in sentences.closing_of(found)
+
+
+def test_several_objects_are_drawn_whole(tmp_path: Path) -> None:
+    held = np.random.default_rng(1).random(COUNT) < 0.5
+    points, faces = shapes.lopsided(3)
+    larger = load_mesh((0.0251 * points, faces), unit="m", max_edge=0.02)
+    for k, one in enumerate((mesh(), larger)):
+        one.to_trimesh().export(tmp_path / f"{k}.ply")
+        part = tried(held).take(np.arange(20 * k, 20 * k + 20))
+        write_poses(tmp_path / f"{k}.json", replace(part, object_file=f"{k}.ply", gripper=FRANKA))
+        write_poses(tmp_path / f"{k}b.json", replace(part, object_file=f"{k}.ply", gripper=FRANKA))
+    files = [tmp_path / f"{name}.json" for name in ("0", "0b", "1")]
+    options = grasp3d.MeshOptions(unit="m", max_edge=0.02)
+    found = validate_grasps(files, options=options, settings=QUICK)
+    assert [one.object_number for one in found.files] == [0, 0, 1]
+    assert (found.objects, found.by_object, found.grasps.size) == (2, True, 60)
+    assert found.grasps.file.tolist() == [0] * 20 + [1] * 20 + [2] * 20
+    assert "of 2 objects only, too few" in found.warnings[-1]
+    assert "resamples (seed 0) of the 2 objects" in sentences.intervals_of(found)
+
+
+@pytest.mark.slow
+def test_a_load_adds_the_grip_force() -> None:
+    found = validated(margins() > 0.0, load=Load(mass="50 g"))
+    force = found.grasps.scores["grip_force"]
+    assert np.isfinite(force[margins() > 0.1]).all()
+    assert found.quality("grip_force").roc_auc > 0.6
+    assert "mass 50 g, as given" in sentences.sources_of(found)[0]
+
+
+def test_equal_outcomes_rank_nothing() -> None:
+    found = validated(np.ones(COUNT, bool))
+    assert math.isnan(found.quality("margin").roc_auc)
+    assert math.isnan(found.quality("margin").roc_auc_interval[0])
+    assert found.warnings[-1] == f"poses: all {COUNT} grasps held, so no score can be ranked"
+    assert found.labels[0].held == found.labels[0].counts
+    assert "none, as all outcomes are the same" in sentences.calibration_of(found)[1]
+    failed = validated(np.zeros(COUNT, bool))
+    assert math.isnan(failed.quality("margin").average_precision)
+
+
+def test_poses_in_another_unit_close_on_nothing() -> None:
+    far = poses().poses.copy()
+    far[:, :3, 3] *= 1000.0
+    given = GraspPoses(poses=far, outcome=np.arange(COUNT) % 2, unit="m")
+    message = (
+        r"at none of the 240 poses .*check gripper, unit and frame.*if their lengths are millim"
+    )
+    with pytest.raises(ContactError, match=message):
+        validate_grasps(given, mesh=mesh(), gripper=FRANKA, settings=QUICK)
+
+
+def test_many_grasps_are_drawn_less_often() -> None:
+    assert _resamples(2000, 1000) == 1000
+    assert _resamples(400_000, 1000) == 250
+    assert _resamples(10**7, 1000) == 100
+
+
+def test_a_gripper_that_states_its_resolution_is_believed() -> None:
+    held = margins() > 0.0
+    tips = ParallelGripper.preset("tactile")
+    found = validate_grasps(tried(held), mesh=mesh(), gripper=tips, settings=QUICK)
+    assert found.model.sensor_resolution == tips.resolution != GraspModel().sensor_resolution
+    model = GraspModel(friction=0.8, sensor_resolution=0.2, location_error="1mm")
+    given = validate_grasps(tried(held), model, mesh=mesh(), gripper=tips, settings=QUICK)
+    assert given.model == model
+    assert "labels, margins and forces at μ 0.8, α 11.46°, locations ± 1 mm" in (
+        sentences.model_of(given)
+    )
+
+
+def test_models_without_margins_are_refused() -> None:
+    held = margins() > 0.0
+    with pytest.raises(SettingError, match="which method extremes has not"):
+        validated(held, model=GraspModel(method="extremes"))
+    with pytest.raises(SettingError, match="leave per_finger out"):
+        validated(held, model=GraspModel(per_finger="friction=0.3; friction=0.4"))
+    with pytest.raises(SettingError, match="friction error must be at least 0 and below"):
+        validated(held, model=GraspModel(friction=0.5, friction_error=0.35))
+
+
+def test_a_table_below_the_object_is_reached_by_fewer() -> None:
+    held = margins() > 0.0
+    free = validated(held).grasps.scores["reachable"]
+    beside = validated(held, reach=ReachSettings(gripper=FRANKA, table="as-is"))
+    reached = beside.grasps.scores["reachable"]
+    assert (reached <= free).all()
+    assert reached.sum() < free.sum()
+
+
+@pytest.mark.parametrize(
+    ("fields", "message"),
+    [
+        ({"bins": 1}, "bins must be a whole number of at least 2"),
+        ({"worst": 51}, "worst must be from 0 to 50"),
+        ({"resamples": 10}, "resamples must be a whole number of at least 100"),
+        ({"seed": -1}, "seed must be a whole number of at least 0"),
+        ({"target": 1.0}, "target must be above 0 and below 1"),
+        ({"frictions": ()}, "need at least one value each"),
+        ({"frictions": (0.0,)}, "friction"),
+        ({"sensor_resolutions": (4.0,)}, "sensor resolution"),
+    ],
+)
+def test_settings_outside_their_range_are_refused(fields: dict[str, object], message: str) -> None:
+    with pytest.raises(SettingError, match=message):
+        ValidationSettings(**fields)  # type: ignore[arg-type]
+
+
+def test_the_tables_have_what_was_found(tmp_path: Path) -> None:
+    found, _ = drawn()
+    write_validation(tmp_path / "new" / "out", found)
+    tables = {path.stem: read_columns(path) for path in (tmp_path / "new" / "out").iterdir()}
+    grasps = tables["grasps"]
+    np.testing.assert_array_equal(grasps["success"], found.grasps.held)
+    np.testing.assert_allclose(grasps["margin"].astype(float), margins())
+    assert set(grasps["closing"]) <= {"closed", "nothing", "slips_out"}
+    assert (np.isnan(margins()) == (grasps["closing"] != "closed")).all()
+    scores = tables["scores"]
+    assert scores["score"].tolist() == [one.score.name for one in found.qualities]
+    assert scores["roc_auc"][0] == found.quality("margin").roc_auc
+    assert tables["labels"]["grasps"].sum() == 12 * COUNT
+    assert tables["calibration"]["held"].sum() == found.grasps.held[found.grasps.closed].sum()
