@@ -22,8 +22,15 @@ import numpy as np
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.force_slice import farthest_point
+from grasp3d._kernels.horizon import find_visible, flood_visible, join, link_new_facets
 from grasp3d._kernels.initial_simplex import COMPLETE, first_simplex
-from grasp3d._kernels.polytope import TOLERANCE, distance_of, height_above, set_plane
+from grasp3d._kernels.polytope import (
+    TOLERANCE,
+    distance_of,
+    set_normalised_plane,
+    set_plane,
+    square_in,
+)
 from grasp3d._kernels.tasks import task_reach
 from grasp3d._kernels.vectors import dot6, remove_components
 
@@ -37,15 +44,6 @@ vertices instead: the two planes were nearly opposite."""
 MAX_FULL_SCAN = 1024
 """Facets up to which a new vertex is tested against all, which vectorises; with more of them the
 visible ones are flooded from the nearest facet."""
-
-NEW_FACET = np.uint32(1 << 31)
-"""Flag in the neighbour entry of a removed facet: behind that ridge now lies this new facet."""
-
-UNKNOWN = np.uint32((1 << 32) - 1)
-"""Neighbour entry of a new facet that was not linked yet."""
-
-THREE = np.uint32(3)
-SEVEN = np.uint32(7)
 
 
 @merged
@@ -70,91 +68,6 @@ def _pop_nearest(polytope, size, limit, sign, task):
     f = queue[position]
     queue[position] = queue[kept - 1]
     return kept - 1, np.int64(f), key
-
-
-@merged
-def _link_new_facets(polytope, dim, ridges):
-    """Find the neighbours of the facets added last, by turning about the faces that they share.
-
-    Two new facets are neighbours where the horizon ridges that they stand on share a face of
-    dim - 2 vertices. Around that face lie only removed facets from the one ridge to the other, so
-    walking through their old neighbour entries finds the second facet without a hash table.
-    """
-    corners, neighbours, horizon = polytope.corners, polytope.neighbours, polytope.horizon
-    for r in range(ridges):
-        # Facet v was removed; its entry behind the ridge now names the new facet.
-        v, k = horizon[r] >> THREE, horizon[r] & SEVEN
-        new = neighbours[v, k] & ~NEW_FACET
-        for b in range(dim):
-            if neighbours[new, b] != UNKNOWN:
-                continue
-            # The face is v without its corners k and b: turn about it through removed facets.
-            facet, leaving, staying = v, np.uint32(b), k
-            while True:
-                link = neighbours[facet, leaving]
-                if link & NEW_FACET:
-                    break
-                # In the next facet leave through the ridge opposite the corner not yet passed.
-                corner = corners[facet, staying]
-                facet, staying = link >> THREE, link & SEVEN
-                leaving = np.uint32(0)
-                for c in range(dim):
-                    if corners[facet, c] == corner:
-                        leaving = np.uint32(c)
-            twin = link & ~NEW_FACET
-            neighbours[new, b] = 8 * twin + staying
-            neighbours[twin, staying] = 8 * new + b
-
-
-@merged
-def _find_visible(polytope, dim, used, point):
-    """Find the facets visible from a point, and their horizon, by testing all facets."""
-    planes, neighbours, marks = polytope.planes, polytope.neighbours, polytope.marks
-    heights, visible, horizon = polytope.heights, polytope.visible, polytope.horizon
-    count = ridges = 0
-    for f in range(used):
-        heights[f] = height_above(planes, f, point)
-    # Without branches, so that the loops vectorise: rejected entries are overwritten.
-    for f in range(used):
-        visible[count] = f
-        marks[f] = heights[f] > planes[7, f]
-        count += marks[f]
-    for i in range(count):
-        v = visible[i]
-        for k in range(dim):
-            horizon[ridges] = 8 * v + k
-            ridges += 1 - marks[neighbours[v, k] >> THREE]
-    return count, ridges
-
-
-@merged
-def _flood_visible(polytope, dim, first, stamp, point):
-    """Find the facets visible from a point, and their horizon, by flooding from a visible facet.
-
-    The visible facets of a convex polytope are connected. Marks below `stamp` are those of earlier
-    floods, `stamp` itself means tested and not visible, `stamp` + 1 visible.
-    """
-    planes, neighbours, marks = polytope.planes, polytope.neighbours, polytope.marks
-    heights, visible, horizon = polytope.heights, polytope.visible, polytope.horizon
-    heights[first] = height_above(planes, first, point)
-    marks[first], visible[0] = stamp + 1, first
-    count, done, ridges = 1, 0, 0
-    while done < count:
-        v = visible[done]
-        for k in range(dim):
-            other = neighbours[v, k] >> THREE
-            if marks[other] < stamp:
-                heights[other] = height_above(planes, other, point)
-                marks[other] = stamp
-                if heights[other] > planes[7, other]:
-                    marks[other] = stamp + 1
-                    visible[count] = other
-                    count += 1
-            if marks[other] == stamp:
-                horizon[ridges] = 8 * v + k
-                ridges += 1
-        done += 1
-    return count, ridges
 
 
 @scratch_kernel
@@ -184,39 +97,82 @@ def _fit_plane(polytope, dim, f, metric, task):
     # Of degenerate vertices nearly all is subtracted: then the combination of planes is kept.
     if dot6(normal, normal) > 0.25 * before:
         height = dot6(normal, first)
-        set_plane(
+        set_normalised_plane(
             planes, f, normal[0], normal[1], normal[2], normal[3], normal[4], normal[5], height,
             metric, task,
         )  # fmt: skip
 
 
 @merged
-def _add_facet(polytope, dim, ridge, new, vertex, metric, task):
-    """Add the facet that joins a ridge of the horizon to the new vertex."""
-    planes, corners, neighbours = polytope.planes, polytope.corners, polytope.neighbours
-    v, k = ridge >> THREE, ridge & SEVEN
-    link = neighbours[v, k]
-    other, position = link >> THREE, link & SEVEN
-    for c in range(dim):
-        corners[new, c] = corners[v, c]
-        neighbours[new, c] = UNKNOWN
-    corners[new, k] = vertex
-    neighbours[new, k] = link
-    neighbours[other, position] = 8 * new + k
-    neighbours[v, k] = NEW_FACET | new
-    polytope.marks[new] = 0
-    # The pencil of the two old facets: a positive combination that is 0 at the new vertex.
-    s, t = polytope.heights[v], -min(polytope.heights[other], 0.0)
+def _combine_planes(polytope, dim, r, new, vertex, metric):
+    """Join a ridge of the horizon and the new vertex, and combine the planes of its two facets.
+
+    The pencil of the two old facets: a positive combination that is 0 at the new vertex.
+    """
+    planes, heights, row = polytope.planes, polytope.heights, polytope.combined[r]
+    v, other = join(polytope, dim, polytope.horizon[r], new, vertex)
+    s, t = heights[v], -min(heights[other], 0.0)
     n0 = s * planes[0, other] + t * planes[0, v]
     n1 = s * planes[1, other] + t * planes[1, v]
     n2 = s * planes[2, other] + t * planes[2, v]
     n3 = s * planes[3, other] + t * planes[3, v]
     n4 = s * planes[4, other] + t * planes[4, v]
     n5 = s * planes[5, other] + t * planes[5, v]
-    height = s * planes[6, other] + t * planes[6, v]
-    square = set_plane(planes, new, n0, n1, n2, n3, n4, n5, height, metric, task)
-    if not square > CANCELLATION * CANCELLATION * (s + t) * (s + t):
-        _fit_plane(polytope, dim, np.int64(new), metric, task)
+    row[0], row[1], row[2], row[3], row[4], row[5] = n0, n1, n2, n3, n4, n5
+    row[6] = s * planes[6, other] + t * planes[6, v]
+    row[7] = s + t
+    polytope.squares[r] = square_in(metric, n0, n1, n2, n3, n4, n5)
+
+
+@merged
+def _add_facets(polytope, dim, ridges, used, free_count, vertex, metric, task):
+    """Add the facets that join the ridges of the horizon to the new vertex.
+
+    Square roots and divisions are in a loop of their own, which vectorises.
+
+    Returns:
+        Number of facets in use, and of those that are free.
+    """
+    added, squares, factors = polytope.added, polytope.squares, polytope.factors
+    for r in range(ridges):
+        if free_count > 0:
+            free_count -= 1
+            new = polytope.free[free_count]
+        else:
+            new = np.uint32(used)
+            used += 1
+        added[r] = new
+        _combine_planes(polytope, dim, r, new, vertex, metric)
+    for r in range(ridges):
+        factors[r] = 1.0 / math.sqrt(squares[r])
+    for r in range(ridges):
+        new, row = added[r], polytope.combined[r]
+        polytope.marks[new] = 0
+        set_plane(
+            polytope.planes, new, row[0], row[1], row[2], row[3], row[4], row[5], row[6],
+            factors[r], task,
+        )  # fmt: skip
+        if not squares[r] > CANCELLATION * CANCELLATION * row[7] * row[7]:
+            _fit_plane(polytope, dim, np.int64(new), metric, task)
+    return used, free_count
+
+
+@merged
+def _queue_facets(polytope, ridges, size, limit, sign, lower, task):
+    """Queue the facets added last that are nearer than a limit, which the others are `lower` for.
+
+    Returns:
+        (size of the queue, `lower`).
+    """
+    added, queue, planes = polytope.added, polytope.queue, polytope.planes
+    for r in range(ridges):
+        new = added[r]
+        queue[size] = new
+        distance = distance_of(planes, new, task)
+        key = distance - sign * planes[7, new]
+        size += key < limit
+        lower = min(lower, math.inf if key < limit else distance)
+    return size, lower
 
 
 @merged
@@ -330,32 +286,23 @@ def grow(space, dims, metric, task, start, goal, polytope):
             continue
         polytope.identifiers[vertices], polytope.owners[vertices] = identifier, owner
         # Linking is put off until neighbours are needed, so it is never done for the last facets.
-        _link_new_facets(polytope, dim, ridges)
+        link_new_facets(polytope, dim, ridges, vertices)
         for i in range(count):
             polytope.free[free_count] = polytope.visible[i]
             free_count += 1
         if used <= MAX_FULL_SCAN:
-            count, ridges = _find_visible(polytope, dim, used, point)
+            count, ridges = find_visible(polytope, dim, used, point)
         else:
             stamp += 2
-            count, ridges = _flood_visible(polytope, dim, np.uint32(f), stamp, point)
+            count, ridges = flood_visible(polytope, dim, np.uint32(f), stamp, point)
         # One new facet per ridge; those that are visible now are reused from the next vertex on.
         if used + ridges > planes.shape[1] + free_count or size + ridges > queue.shape[0]:
             lower, status = min(lower, scale * plane[6]), EXHAUSTED
             break
-        for r in range(ridges):
-            if free_count > 0:
-                free_count -= 1
-                new = polytope.free[free_count]
-            else:
-                new = np.uint32(used)
-                used += 1
-            _add_facet(polytope, dim, polytope.horizon[r], new, vertices, metric, task)
-            queue[size] = new
-            distance = distance_of(planes, new, task)
-            key = distance - sign * planes[7, new]
-            size += key < limit
-            lower = min(lower, math.inf if key < limit else distance)
+        used, free_count = _add_facets(
+            polytope, dim, ridges, used, free_count, vertices, metric, task
+        )
+        size, lower = _queue_facets(polytope, ridges, size, limit, sign, lower, task)
         # nan compares as neither near nor visible, so removed facets need no test of their own.
         for i in range(count):
             planes[6, polytope.visible[i]] = math.nan

@@ -4,7 +4,7 @@ import math
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.force_slice import farthest_point
-from grasp3d._kernels.polytope import TOLERANCE, set_plane
+from grasp3d._kernels.polytope import TOLERANCE, set_normalised_plane
 from grasp3d._kernels.vectors import dot6, remove_components
 
 AROUND_ORIGIN, AT_ORIGIN = 0, 1
@@ -84,10 +84,12 @@ def _set_facets(basis, triangle, dim, metric, task, polytope, g, x, total):
         for k in range(6):
             total[k] += g[k]
         height = -dot6(g, points[0])
-        set_plane(planes, j + 1, -g[0], -g[1], -g[2], -g[3], -g[4], -g[5], height, metric, task)
+        set_normalised_plane(
+            planes, j + 1, -g[0], -g[1], -g[2], -g[3], -g[4], -g[5], height, metric, task
+        )
     # The barycentric coordinates sum to 1, so the gradient of the first is minus the others' sum.
     height = dot6(total, points[1])
-    set_plane(
+    set_normalised_plane(
         planes, 0, total[0], total[1], total[2], total[3], total[4], total[5], height, metric, task
     )
     for i in range(dim + 1):
@@ -96,7 +98,7 @@ def _set_facets(basis, triangle, dim, metric, task, polytope, g, x, total):
             if i != j:
                 position = j if j < i else j - 1
                 polytope.corners[i, position] = j
-                polytope.neighbours[i, position] = 8 * j + (i if i < j else i - 1)
+                polytope.neighbours[i, position] = j
 
 
 @merged

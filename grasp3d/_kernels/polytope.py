@@ -16,6 +16,9 @@ from grasp3d._kernels.tasks import task_reach
 TOLERANCE = 1e-12
 """Height above a facet below which a point counts as on it, relative to the largest wrench."""
 
+UNKNOWN = np.uint32((1 << 32) - 1)
+"""Neighbour of a new facet that was not linked yet."""
+
 SCRATCH_ROWS = 20
 """Rows of `Polytope.vectors`."""
 
@@ -24,7 +27,8 @@ class Polytope(NamedTuple):
     """Arrays for a polytope of at most p vertices and f facets; reused from grasp to grasp.
 
     Ridges are encoded as 8 * facet + corner, where `corner` is the position, 0 to 5, of the one
-    corner that is not on the ridge.
+    corner that is not on the ridge. Rows of `planes` whose distance is a multiple of 4096 bytes
+    would share the few lines of a cache: a capacity is not a power of two.
     """
 
     points: npt.NDArray[np.float64]
@@ -44,9 +48,8 @@ class Polytope(NamedTuple):
     corners: npt.NDArray[np.uint32]
     """Vertices of each facet (f, 8)."""
     neighbours: npt.NDArray[np.uint32]
-    """Neighbour across the ridge opposite each corner, as that ridge in the neighbour's encoding:
-    8 * neighbour + the neighbour's corner opposite the shared ridge (f, 8)."""
-    marks: npt.NDArray[np.int64]
+    """Facet across the ridge opposite each corner (f, 8)."""
+    marks: npt.NDArray[np.uint32]
     """Visibility of each facet from the new vertex: 0 or 1, or the stamp of the last flood (f,)."""
     heights: npt.NDArray[np.float64]
     """Height of the new vertex above each facet (f,)."""
@@ -56,6 +59,18 @@ class Polytope(NamedTuple):
     """Columns of removed facets that can be reused (f,)."""
     horizon: npt.NDArray[np.uint32]
     """Ridges between a visible and an invisible facet, in the visible one's encoding (8 f,)."""
+    added: npt.NDArray[np.uint32]
+    """The facets added last, in the order of the horizon (f + 65,)."""
+    combined: npt.NDArray[np.float64]
+    """Normal, height and weight of the planes of the facets being added (f, 8)."""
+    squares: npt.NDArray[np.float64]
+    """Squared lengths of their normals in the metric (f,)."""
+    factors: npt.NDArray[np.float64]
+    """One over their lengths (f,)."""
+    words: npt.NDArray[np.uint64]
+    """Which of 64 ridges contain each vertex (p,)."""
+    following: npt.NDArray[np.uint64]
+    """Scratch: the ridges that contain all corners of a facet from each on (8,)."""
     queue: npt.NDArray[np.uint32]
     """Facets that may be the nearest to the origin, unordered (2 f,)."""
     vectors: npt.NDArray[np.float64]
@@ -74,11 +89,17 @@ def make_polytope(facets: int) -> Polytope:
         planes=np.zeros((9, facets)),
         corners=np.zeros((facets, 8), dtype=np.uint32),
         neighbours=np.zeros((facets, 8), dtype=np.uint32),
-        marks=np.zeros(facets, dtype=np.int64),
+        marks=np.zeros(facets, dtype=np.uint32),
         heights=np.zeros(facets),
         visible=np.zeros(facets + 1, dtype=np.uint32),
         free=np.zeros(facets, dtype=np.uint32),
         horizon=np.zeros(8 * facets + 1, dtype=np.uint32),
+        added=np.zeros(facets + 65, dtype=np.uint32),
+        combined=np.zeros((facets, 8)),
+        squares=np.zeros(facets),
+        factors=np.zeros(facets),
+        words=np.zeros(points, dtype=np.uint64),
+        following=np.zeros(8, dtype=np.uint64),
         queue=np.zeros(2 * facets + 1, dtype=np.uint32),
         vectors=np.zeros((SCRATCH_ROWS, 8)),
     )
@@ -94,12 +115,16 @@ def height_above(planes, f, point):
 
 
 @merged
-def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric, task):
-    """Write a plane, its normal scaled to length 1 in the metric; returns its former square."""
-    square = (
+def square_in(metric, n0, n1, n2, n3, n4, n5):
+    """Squared length of a normal in a metric."""
+    return (
         (n0 * n0 * metric[0] + n1 * n1 * metric[1]) + (n2 * n2 * metric[2] + n3 * n3 * metric[3])
     ) + (n4 * n4 * metric[4] + n5 * n5 * metric[5])
-    factor = 1.0 / math.sqrt(square)
+
+
+@merged
+def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, factor, task):
+    """Write a plane, all its numbers times a factor which gives the normal length 1."""
     n0, n1, n2 = n0 * factor, n1 * factor, n2 * factor
     n3, n4, n5 = n3 * factor, n4 * factor, n5 * factor
     planes[0, f], planes[1, f], planes[2, f] = n0, n1, n2
@@ -112,7 +137,13 @@ def set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric, task):
             planes[8, f] = planes[6, f] / reach
         else:  # beyond it is nothing of the task; but the polytope must contain the origin
             planes[8, f] = math.inf if planes[6, f] >= -planes[7, f] else -math.inf
-    return square
+
+
+@merged
+def set_normalised_plane(planes, f, n0, n1, n2, n3, n4, n5, height, metric, task):
+    """Write a plane, its normal scaled to length 1 in the metric."""
+    factor = 1.0 / math.sqrt(square_in(metric, n0, n1, n2, n3, n4, n5))
+    set_plane(planes, f, n0, n1, n2, n3, n4, n5, height, factor, task)
 
 
 @merged

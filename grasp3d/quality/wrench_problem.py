@@ -37,8 +37,8 @@ from grasp3d.system.processors import available_processors
 CHUNK = 1024
 """Grasps evaluated at once by a thread; limits the memory and divides the work."""
 
-INITIAL_FACETS = 1 << 11
-"""Capacity of a thread's first polytope, in facets."""
+INITIAL_FACETS = 2056
+"""Capacity of a thread's first polytope, in facets; see `Polytope` on powers of two."""
 
 THREAD_GRASPS = 256
 """Grasps that are worth another thread."""
