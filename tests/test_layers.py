@@ -144,9 +144,10 @@ WITHIN = {
         "surfaces validation_page",
     ],
     "quality": [
-        "certificates over_friction patch_lines tasks unreachable_wrenches wrench_files wrenches",
+        "over_friction patch_lines tasks unreachable_wrenches wrench_files wrenches",
         "epsilon_options task_texts",
         "wrench_problem",
+        "certificates",
         "closure critical_angle ferrari_canny opposed_fingers",
         "force_problem",
         "hardest_wrenches location_tolerance tilting",

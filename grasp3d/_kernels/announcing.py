@@ -74,6 +74,7 @@ MORE_FINGERS = Phase(
         "coplanar_contacts.critical_of_three",
     ),
 )
+WRENCHES = Phase("wrenches of contacts", 1, ("contact_axes.write_axes",))
 EPSILON_OF_PAIRS = Phase("epsilon of two fingers", 5, ("pair_epsilon.pair_epsilons",))
 EPSILON = Phase("epsilon", 25, ("wrench_problem.epsilons",))
 SCANS = Phase("scans", 1, ("scanning.scan",))
@@ -96,8 +97,8 @@ FORCES = Phase(
     ("grip_force.task_forces", "grip_force.wrench_forces", "tasks.reach"),
 )
 PHASES = (
-    MESHES, PATCHES, TWO_FINGERS, LOCATIONS, MORE_FINGERS, EPSILON_OF_PAIRS, EPSILON, SCANS,
-    GRIPPERS, FORCES,
+    MESHES, PATCHES, TWO_FINGERS, LOCATIONS, MORE_FINGERS, WRENCHES, EPSILON_OF_PAIRS, EPSILON,
+    SCANS, GRIPPERS, FORCES,
 )  # fmt: skip
 
 
@@ -167,7 +168,7 @@ def seconds_missing(fingers: int, *, gripper: bool = False, forces: bool = False
     phases = [MESHES]
     if fingers:  # a search for more fingers starts from the grasps of two
         last = SCANS if fingers == PAIR else MORE_FINGERS
-        phases += [PATCHES, TWO_FINGERS, LOCATIONS, EPSILON_OF_PAIRS, EPSILON, last]
+        phases += [PATCHES, TWO_FINGERS, LOCATIONS, WRENCHES, EPSILON_OF_PAIRS, EPSILON, last]
         phases += [GRIPPERS] if gripper else []
         phases += [FORCES] if forces else []
     return sum(phase.seconds for phase in phases if not phase.compiled)

@@ -1,7 +1,10 @@
 """Status and certificate of a computed epsilon or force closure."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from enum import IntEnum
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
@@ -10,6 +13,8 @@ from grasp3d._kernels.wrench_problem import Results
 from grasp3d.arrays import Floats, shaped, short_repr
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import tangents
+from grasp3d.quality.epsilon_options import Goal
+from grasp3d.quality.wrench_problem import WrenchProblem
 
 
 class Status(IntEnum):
@@ -35,24 +40,57 @@ class Certificate:
     from the origin: no wrench of any contact has a positive component along it. If it is, the
     disturbance that is hardest to resist acts against it: the support function of the grasp wrench
     space is `upper` there. In a `ForceClosure` it is meaningful only where not force-closed."""
-    equilibrium: Floats
-    """If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
-    shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit]; of
-    contacts with patches, shape (..., n, 6): force, and moment about the contact, along x, y, z.
-    For given wrenches their weights, shape (..., n). nan where not force-closed, and where
-    `cone_offset` makes cones of 90 degrees or more."""
+    _balance: Callable[[], Floats]
+    """Computes `equilibrium`."""
 
     __repr__ = short_repr
 
+    @cached_property
+    def equilibrium(self) -> Floats:
+        """Forces in equilibrium, computed when they are first read.
 
-def certificate_of(contacts: Contacts, results: Results) -> Certificate:
-    """Certificates of contacts in the shape of their batch: directions, and balanced forces.
+        If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
+        shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit];
+        of contacts with patches, shape (..., n, 6): force, and moment about the contact, along x,
+        y, z. For given wrenches their weights, shape (..., n). nan where not force-closed, and
+        where `cone_offset` makes cones of 90 degrees or more.
+        """
+        return self._balance()
 
-    The results hold the forces by their components along the contacts' axes.
-    """
-    batch = contacts.batch
-    equilibrium = forces_of_components(contacts, results.forces)
-    return Certificate(shaped(results.direction, batch), shaped(equilibrium, batch))
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Certificate, (self.direction, partial(np.asarray, self.equilibrium))
+
+
+def certificate_of(
+    contacts: Contacts, problem: WrenchProblem, results: Results, goal: Goal, threads: int | None
+) -> Certificate:
+    """Certificates of contacts in the shape of their batch: directions, and balanced forces."""
+    batch, closed = contacts.batch, results.closed
+
+    def balance() -> Floats:
+        components = problem.balanced_forces(closed, goal, threads)
+        in_batch: Floats = shaped(forces_of_components(contacts, components), batch)
+        return in_batch
+
+    return Certificate(shaped(results.direction, batch), balance)
+
+
+def certificate_of_rows(
+    problem: WrenchProblem,
+    results: Results,
+    batch: tuple[int, ...],
+    goal: Goal,
+    threads: int | None,
+) -> Certificate:
+    """Certificates of given wrenches: directions, and the wrenches' weights in equilibrium."""
+    closed = results.closed
+
+    def balance() -> Floats:
+        weights = problem.balanced_forces(closed, goal, threads)[..., 0]
+        in_batch: Floats = shaped(weights, batch)
+        return in_batch
+
+    return Certificate(shaped(results.direction, batch), balance)
 
 
 def forces_of_components(contacts: Contacts, components: Floats) -> Floats:

@@ -65,7 +65,7 @@ def force_closure(
     problem = WrenchProblem.of_contacts(
         scaled, EpsilonOptions(edges), cone_offset=cone_offset, phase=phase
     )
-    results = problem.solve(SIGN, threads=threads)
+    results = problem.solve(SIGN, with_forces=False, threads=threads)
     u = results.direction
     u[:, 3:] /= size.reshape(-1, 1)
     u[:, :3] -= np.cross(u[:, 3:], mean.reshape(-1, 3))
@@ -75,5 +75,5 @@ def force_closure(
         closed=shaped(results.closed, batch),
         rank=shaped(results.rank, batch),
         status=shaped(results.status, batch),
-        certificate=certificate_of(contacts, results),
+        certificate=certificate_of(contacts, problem, results, SIGN, threads),
     )

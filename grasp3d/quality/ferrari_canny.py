@@ -9,7 +9,7 @@ from grasp3d._kernels.wrench_problem import Results
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts
 from grasp3d.errors import ContactError
-from grasp3d.quality.certificates import Certificate, Status, certificate_of
+from grasp3d.quality.certificates import Certificate, Status, certificate_of, certificate_of_rows
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Bounded
@@ -139,8 +139,9 @@ def epsilon_with(
     problem = WrenchProblem.of_contacts(
         contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded
     )
-    results = problem.solve(options.goal, threads=options.threads)
-    certificate = certificate_of(contacts, results)
+    goal, threads = options.goal, options.threads
+    results = problem.solve(goal, with_forces=False, threads=threads)
+    certificate = certificate_of(contacts, problem, results, goal, threads)
     return _as_epsilon(results, contacts.batch, certificate, polygonal=options.polygonal)
 
 
@@ -181,9 +182,9 @@ def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = None) -> E
     batch = rows.shape[:-2]
     flat = np.zeros((math.prod(batch), rows.shape[-2], 6))
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])
-    results = WrenchProblem.of_rows(flat).solve((0.0, 0.0, math.inf, 0.0), threads=threads)
-    weights = shaped(results.forces[..., 0], batch)
-    certificate = Certificate(shaped(results.direction, batch), weights)
+    problem, goal = WrenchProblem.of_rows(flat), (0.0, 0.0, math.inf, 0.0)
+    results = problem.solve(goal, with_forces=False, threads=threads)
+    certificate = certificate_of_rows(problem, results, batch, goal, threads)
     return _as_epsilon(results, batch, certificate, polygonal=True)
 
 

@@ -140,7 +140,10 @@ class WrenchProblem:
         arms = contacts.rolling_arms
         arms = None if arms is None else arms.reshape(-1, contacts.count, 2, 3)
         cones = cone_parts(angles, bounded)
-        tangential = np.maximum(cones[..., 1], cone_parts(contacts.friction_angle, bounded)[..., 1])
+        tangential = cones[..., 1]
+        if offset.any():
+            nominal = cone_parts(contacts.friction_angle, bounded)
+            tangential = np.maximum(tangential, nominal[..., 1])
         return cls(
             kind=TOTAL if options.actuation == "total" else PER_FINGER,
             spherical=bounded == "force",
@@ -215,8 +218,9 @@ class WrenchProblem:
         # be lost by the rest of the tilt. Closure within rounding errors has no equilibrium forces.
         undecided = results.closed & self.tilts_exceed_friction | unproven
         at_rest = np.flatnonzero(results.status == AT_REST)
-        results.status[at_rest] = CONVERGED
-        undecided[at_rest] = ~self._clearly_placed(at_rest)
+        if len(at_rest):
+            results.status[at_rest] = CONVERGED
+            undecided[at_rest] = ~self._clearly_placed(at_rest)
         thin = np.flatnonzero(results.closed & (results.rank < 6) & ~undecided)
         undecided[thin] = ~self._closed_at_any_rank(thin, results, threads)
         results.lower[undecided], results.closed[undecided] = 0.0, False
@@ -247,6 +251,26 @@ class WrenchProblem:
         """Whether epsilon is that of two hard fingers with circular cones, within a tolerance."""
         plain = self.kind != ROWS and not (len(self.rim) or self.soft or self.rolling)
         return plain and self.count == 2 and goal[0] > 0.0 and goal[2:] == (math.inf, 0.0)
+
+    def balanced_forces(self, closed: Bools, goal: Goal, threads: int | None) -> Floats:
+        """Equilibrium forces of the grasps that were found to be closed, in the contacts' axes.
+
+        A small hull, which tells closure only, mostly has them.
+
+        Args:
+            closed: Which grasps are closed, shape (b,).
+            goal: That of `solve`.
+            threads: As in `solve`.
+
+        Returns:
+            Shape (b, n, 4 or 6); nan for other grasps, and where no forces prove closure.
+        """
+        forces = np.full((self.size, self.count, self.axes), math.nan)
+        for each in (SIGN, goal):
+            left = np.flatnonzero(closed & np.isnan(forces).any(axis=(1, 2)))
+            if len(left):
+                forces[left] = self.take(left).solve(each, threads=threads).forces
+        return forces
 
     def solve_pairs(self, results: Results, goal: Goal, threads: int | None) -> Bools:
         """Write the results of pairs; returns which are left to the growing hull (b,)."""
@@ -378,7 +402,8 @@ class WrenchProblem:
             workers = min(available_processors(), 1 + self.size // THREAD_GRASPS)
         if workers < 1:
             raise SettingError(f"threads must be at least 1; got {threads}")
-        step = max(1, min(CHUNK, -(-self.size // (4 * workers))) // group) * group
+        share = self.size if workers == 1 else -(-self.size // (4 * workers))
+        step = max(1, min(CHUNK, share) // group) * group
         chunks = [slice(i, min(i + step, self.size)) for i in range(0, self.size, step)]
 
         def with_own_workspace(chunk: slice) -> None:

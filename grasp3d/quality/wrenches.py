@@ -9,11 +9,12 @@ from typing import Literal
 
 import numpy as np
 
+from grasp3d._kernels.contact_axes import write_axes
 from grasp3d._kernels.wrench_span import RANK_TOLERANCE
 from grasp3d._kernels.wrench_span import span as span_kernel
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import Contacts
-from grasp3d.contact.friction_cones import edge_angles, tangents
+from grasp3d.contact.friction_cones import NEAR_X_AXIS, edge_angles
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.settings import check_choice
 
@@ -54,12 +55,16 @@ def wrench_axes(
     Returns:
         Shape (..., 4, 6), or with patches (..., 6, 6).
     """
-    first, second = tangents(normals)
-    axes = np.zeros((*points.shape[:-1], 4 if rolling is None else 6, 6))
-    for row, force in enumerate((normals, first, second)):
-        axes[..., row, :3] = force
-        axes[..., row, 3:] = np.cross(points, force) / torque_scale
-    axes[..., 3, 3:] = torsion_radius[..., None] * normals / torque_scale
+    rows = 4 if rolling is None else 6
+    axes = np.zeros((*points.shape[:-1], rows, 6))
+    write_axes(
+        np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3),
+        np.ascontiguousarray(normals, dtype=np.float64).reshape(-1, 3),
+        np.ascontiguousarray(torsion_radius, dtype=np.float64).reshape(-1),
+        float(torque_scale),
+        NEAR_X_AXIS,
+        axes.reshape(-1, rows, 6),
+    )
     if rolling is not None:
         axes[..., 4:, 3:] = rolling / torque_scale
     return axes

@@ -87,7 +87,8 @@ def test_the_time_is_that_of_what_is_not_compiled(monkeypatch: pytest.MonkeyPatc
     assert announcing.seconds_missing(0) == 0
     two, three = announcing.seconds_missing(2), announcing.seconds_missing(3)
     phases = (
-        announcing.PATCHES, announcing.LOCATIONS, announcing.EPSILON_OF_PAIRS, announcing.EPSILON,
+        announcing.PATCHES, announcing.LOCATIONS, announcing.WRENCHES, announcing.EPSILON_OF_PAIRS,
+        announcing.EPSILON,
     )  # fmt: skip
     left = sum(phase.seconds for phase in phases)
     assert two == left + announcing.SCANS.seconds

@@ -7,7 +7,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts
-from grasp3d.contact.friction_cones import cone_edges
+from grasp3d.contact.friction_cones import cone_edges, tangents
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality.wrenches import cone_parts, span, wrench_axes, wrenches
 from tests.helpers import grasps
@@ -16,7 +16,7 @@ seeds = st.integers(0, 100_000)
 
 
 @given(seeds, st.integers(1, 5), st.integers(3, 12), st.floats(0.01, 100.0), st.floats(-4.0, 4.0))
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 def test_a_wrench_is_the_force_and_its_torque_divided_by_the_torque_scale(
     seed: int, fingers: int, edges: int, torque_scale: float, phase: float
 ) -> None:
@@ -29,7 +29,7 @@ def test_a_wrench_is_the_force_and_its_torque_divided_by_the_torque_scale(
 
 
 @given(seeds, st.floats(1e-9, 1e9))
-@settings(max_examples=50)
+@settings(max_examples=50, deadline=None)
 def test_the_mesh_unit_and_the_torque_scale_cancel(seed: int, unit: float) -> None:
     contacts = grasps.random_grasp(2, seed, soft=True)
     scaled = grasps.changed(
@@ -41,7 +41,7 @@ def test_the_mesh_unit_and_the_torque_scale_cancel(seed: int, unit: float) -> No
 
 
 @given(seeds)
-@settings(max_examples=20)
+@settings(max_examples=20, deadline=None)
 def test_unit_normal_components_lengthen_the_edges(seed: int) -> None:
     contacts = grasps.random_grasp(3, seed)
     by_force = wrenches(contacts, edges=8).reshape(3, 8, 6)
@@ -95,6 +95,30 @@ def test_every_wrench_is_linear_in_the_axes() -> None:
     np.testing.assert_allclose(edge, mixed, atol=1e-15)
 
 
+def test_axes_are_along_the_normal_and_the_tangents_of_friction_cones() -> None:
+    rng = np.random.default_rng(0)
+    normals = rng.normal(size=(200, 3))
+    normals[:20, 1:] *= 0.1
+    normals[20:26] = np.concatenate([np.eye(3), -np.eye(3)])
+    normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+    points, radii = rng.normal(size=(200, 3)), rng.uniform(size=200)
+    axes = wrench_axes(points, normals, radii, 0.7)
+    forces = np.stack([normals, *tangents(normals)], axis=1)
+    np.testing.assert_allclose(axes[:, :3, :3], forces, atol=1e-15)
+    torques = np.cross(points[:, None], forces) / 0.7
+    np.testing.assert_allclose(axes[:, :3, 3:], torques, atol=1e-14)
+    np.testing.assert_allclose(axes[:, 3, 3:], radii[:, None] * normals / 0.7, atol=1e-15)
+    assert (axes[:, 3, :3] == 0.0).all()
+    arms = rng.normal(size=(200, 2, 3))
+    with_patches = wrench_axes(points, normals, radii, 0.7, arms)
+    np.testing.assert_array_equal(with_patches[:, :4], axes)
+    np.testing.assert_allclose(with_patches[:, 4:, 3:], arms / 0.7)
+    np.testing.assert_array_equal(
+        wrench_axes(points.reshape(4, 50, 3), normals.reshape(4, 50, 3), radii.reshape(4, 50), 0.7),
+        axes.reshape(4, 50, 4, 6),
+    )
+
+
 def at_one_point(normals: Any) -> Contacts:
     return Contacts([[1.0, 2.0, 3.0]] * len(normals), normals, 0.5)
 
@@ -141,7 +165,7 @@ def test_rounding_errors_do_not_add_rank(name: str, noise: float) -> None:
 
 
 @given(seeds, st.integers(1, 6))
-@settings(max_examples=60)
+@settings(max_examples=60, deadline=None)
 def test_the_basis_spans_the_rows(seed: int, rank: int) -> None:
     rng = np.random.default_rng(seed)
     rows = rng.normal(size=(rng.integers(rank, 20), rank)) @ rng.normal(size=(rank, 6))
