@@ -158,7 +158,7 @@ class WrenchProblem:
                 options.torque_scale,
                 None if arms is None else arms[chunk],
             ),
-            tangential=tangential.reshape(-1, contacts.count),
+            tangential=np.ascontiguousarray(tangential.reshape(-1, contacts.count)),
             cones=cones.reshape(-1, contacts.count, 2),
             rim=np.stack([np.cos(rim_angles), np.sin(rim_angles)], axis=-1),
             tilts_exceed_friction=(contacts.friction_angle + offset < 0.0).any(axis=-1).reshape(-1),

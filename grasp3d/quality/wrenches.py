@@ -58,9 +58,9 @@ def wrench_axes(
     rows = 4 if rolling is None else 6
     axes = np.zeros((*points.shape[:-1], rows, 6))
     write_axes(
-        np.ascontiguousarray(points, dtype=np.float64).reshape(-1, 3),
-        np.ascontiguousarray(normals, dtype=np.float64).reshape(-1, 3),
-        np.ascontiguousarray(torsion_radius, dtype=np.float64).reshape(-1),
+        _read_only(points, (-1, 3)),
+        _read_only(normals, (-1, 3)),
+        _read_only(torsion_radius, (-1,)),
         float(torque_scale),
         NEAR_X_AXIS,
         axes.reshape(-1, rows, 6),
@@ -68,6 +68,13 @@ def wrench_axes(
     if rolling is not None:
         axes[..., 4:, 3:] = rolling / torque_scale
     return axes
+
+
+def _read_only(values: Floats, shape: tuple[int, ...]) -> Floats:
+    """View of contiguous values that is always read-only: a kernel is compiled for one kind."""
+    view = np.ascontiguousarray(values, dtype=np.float64).reshape(shape).view()
+    view.flags.writeable = False
+    return view
 
 
 def cone_parts(friction_angle: Floats, bounded: Bounded = "force") -> Floats:
