@@ -155,18 +155,18 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     model = GraspModel(fingers=fingers)
     sampling = Sampling(grip="both") if fingers == PAIR else Sampling()
     labels = label_surface(solid, model, sampling=sampling, threads=1)
-    labels.compute_epsilon(ignore)
-    _grow_hull()
-    contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
-    evaluate_grasps(solid, contacts, model, threads=1)
-    scan_surface(solid, model, fixed=contacts[1:], threads=1).compute_epsilon(ignore)
     if gripper:
         tactile = ParallelGripper.preset("tactile")
         held = label_surface(solid, model, sampling=sampling, gripper=tactile, threads=1)
         if fingers == PAIR:
             _close_jaws(held, tactile)
+    labels.compute_epsilon(ignore)
+    _grow_hull()
+    contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
+    evaluate_grasps(solid, contacts, model, threads=1)
+    scan_surface(solid, model, fixed=contacts[1:], threads=1).compute_epsilon(ignore)
     if forces:
-        _hold()
+        compile_forces()
 
 
 @functools.cache
@@ -197,7 +197,7 @@ def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
     evaluate_poses(labels.mesh, poses, labels.model, gripper=gripper, threads=1)
 
 
-def _hold() -> None:
+def compile_forces() -> None:
     """Resist tasks of each kind with hard and soft fingers, not all of which do."""
     from grasp3d.contact.contacts import Contacts
     from grasp3d.quality.force_ranges import force_range

@@ -8,12 +8,16 @@ from typing import Any
 
 import pytest
 
-COMPILE = "from grasp3d.warming_up import compile_kernels; compile_kernels({fingers})"
-"""What most tests need, for a number of fingers."""
+COMPILE = "from grasp3d.warming_up import compile_forces, compile_kernels; "
+WORK = (
+    "compile_kernels(2); compile_kernels(3, True)",
+    "compile_forces(); compile_kernels(2, True)",
+)
+"""What most tests need, for two processes; in this order each finds what the other has made."""
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    """Compile what most tests need, two and three fingers in a process each.
+    """Compile what most tests need, in two processes.
 
     Otherwise every worker, and every command that a test starts, would compile the same kernels.
     """
@@ -24,8 +28,7 @@ def pytest_configure(config: pytest.Config) -> None:
     folder = cache_folder()
     compiled = folder is not None and any(folder.glob("*.nbc"))
     if not compiled and not os.environ.get("NUMBA_DISABLE_JIT"):
-        codes = (COMPILE.format(fingers=fingers) for fingers in (2, 3))
-        processes = [subprocess.Popen([sys.executable, "-c", code]) for code in codes]
+        processes = [subprocess.Popen([sys.executable, "-c", COMPILE + work]) for work in WORK]
         failed = [process.wait() for process in processes]
         if any(failed):
             raise pytest.UsageError("the kernels could not be compiled, see above")

@@ -82,9 +82,11 @@ def kill(store: Store) -> None:
 def summary_rows(output: Folder) -> list[str]:
     """All meshes in the summary, repeated if they have several rows."""
     return [
-        row.mesh
+        mesh
         for name in output.names("summary")
-        for row in shards.unpack_records(output.read(name), Row)[0]
+        for mesh in pq.read_table(pa.BufferReader(output.read(name)), columns=["mesh"])[
+            0
+        ].to_pylist()
     ]
 
 

@@ -2,10 +2,7 @@
 
 import json
 import math
-import os
 import re
-import subprocess
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -17,7 +14,6 @@ from tests.helpers import shapes
 from tests.helpers.commands import run_here
 from tests.helpers.grippers import HAND
 
-COMMAND = Path(sys.executable).with_name("grasp3d")
 OPTIONS = (
     "--unit",
     "mm",
@@ -39,15 +35,6 @@ def folder_with_cone(folder: Path, degrees: float) -> Path:
     return folder
 
 
-def run(*arguments: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """Run the command in a process of its own, on a narrow console."""
-    environment = {**os.environ, "COLUMNS": "60"}
-    return subprocess.run(
-        [str(COMMAND), *arguments], check=False, capture_output=True, text=True, cwd=cwd,
-        env=environment,
-    )  # fmt: skip
-
-
 def rows_of(text: str) -> list[list[str]]:
     """Words of the rows of the table of grasps."""
     return [line.split() for line in text.splitlines() if re.match(r" +\d+ +■ [SMU] ", line)]
@@ -57,10 +44,11 @@ def rows_of(text: str) -> list[list[str]]:
 def test_printed_and_written_labels_are_those_of_evaluated_poses(tmp_path: Path) -> None:
     folder = folder_with_cone(tmp_path, 14.0)
     options = (*OPTIONS, "--friction", "0.4")
-    first = run("label", "cone.stl", *options, "--best", "6", cwd=folder)
+    first = run_here("label", "cone.stl", *options, "--best", "6", cwd=folder, columns=60)
     assert (first.returncode, first.stderr) == (0, "")
     assert "warning: no label" not in first.stdout
-    second = run("evaluate", "cone.stl", "cone_grasps.json", *options, "-o", "b.json", cwd=folder)
+    evaluate = ("evaluate", "cone.stl", "cone_grasps.json", *options, "-o", "b.json")
+    second = run_here(*evaluate, cwd=folder)
     assert (second.returncode, second.stderr) == (0, "")
     found, again = (
         json.loads((folder / name).read_text())["grasps"] for name in ("cone_grasps.json", "b.json")

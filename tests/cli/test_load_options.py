@@ -1,7 +1,5 @@
 """`--mass`, `--density`, `--grip-force`, `--task` and the centre of mass on the command line."""
 
-import subprocess
-import sys
 from pathlib import Path
 
 import numpy as np
@@ -16,13 +14,12 @@ from grasp3d.viewer.subjects.labelled_file import settings_of_file
 from tests.helpers import shapes
 from tests.helpers.commands import run_here
 
-COMMAND = Path(sys.executable).with_name("grasp3d")
 COMMANDS = ("label", "evaluate", "batch", "view")
 OPTIONS = (
     "--mass", "--density", "--grip-force", "--task", "--center-of-mass",
     "--center-of-mass-radius",
 )  # fmt: skip
-COARSE = ("--max-edge", "10", "--rays", "8")
+COARSE = ("--max-edge", "20", "--rays", "8")
 
 
 @pytest.fixture(scope="module")
@@ -35,11 +32,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     (folder / "pushes.csv").write_text("fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0.1\n")
     (folder / "five.csv").write_text("5,0,0,0,0\n")
     return folder
-
-
-def run(*words: str, cwd: Path) -> subprocess.CompletedProcess[str]:
-    """The command line in a process of its own."""
-    return subprocess.run([COMMAND, *words], cwd=cwd, capture_output=True, text=True, check=False)
 
 
 QUICK = [
@@ -77,7 +69,7 @@ def test_loads_that_the_mesh_does_not_allow_are_one_sentence(
 def check_refused(mesh: str, words: tuple[str, ...], message: str, folder: Path) -> None:
     """It ends with one sentence, and writes nothing."""
     before = sorted(folder.iterdir())
-    found = run("label", mesh, *words, *COARSE, cwd=folder)
+    found = run_here("label", mesh, *words, *COARSE, cwd=folder)
     assert (found.returncode, found.stdout) == (2, "")
     assert found.stderr.startswith("grasp3d: ")
     assert message in found.stderr

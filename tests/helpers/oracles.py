@@ -87,7 +87,7 @@ def turned(normal: Floats, goal: Floats, tilt: float) -> Floats:
     """Turn a unit vector by `tilt` toward a goal, but not past it; away from it if negative."""
     gap = angle(normal, goal)
     across = goal - np.dot(goal, normal) * normal
-    if np.linalg.norm(across) < 1e-12 * np.linalg.norm(goal):
+    if np.linalg.norm(across) <= 1e-12 * np.linalg.norm(goal):  # parallel, or no goal
         across = cone_edges(normal, math.pi / 2.0, 3)[0]
     across = across / np.linalg.norm(across)
     turn = max(min(tilt, gap), gap - math.pi)

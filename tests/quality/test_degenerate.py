@@ -107,7 +107,7 @@ def contradictions(kind: str, count: int, seed: int, size: int) -> dict[str, int
 
 @pytest.mark.slow
 @given(st.sampled_from(CASES), st.integers(0, 2**32 - 1))
-@settings(max_examples=25, deadline=None)
+@settings(max_examples=10, deadline=None)
 def test_nothing_is_claimed_of_degenerate_grasps_that_does_not_hold(
     case: tuple[str, int], seed: int
 ) -> None:
@@ -117,24 +117,22 @@ def test_nothing_is_claimed_of_degenerate_grasps_that_does_not_hold(
 @pytest.mark.slow
 @pytest.mark.parametrize("case", CASES, ids=lambda case: f"{case[0]}, {case[1]}")
 def test_many_degenerate_grasps_are_decided_as_by_their_definition(case: tuple[str, int]) -> None:
-    assert not any(contradictions(*case, 7, 60).values())
+    assert not any(contradictions(*case, 7, 30).values())
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("case", EXACT, ids=lambda case: f"{case[0]}, {case[1]}")
 def test_the_oracles_agree_and_exact_degeneracy_costs_no_accuracy(case: tuple[str, int]) -> None:
-    grasps = random_grasps(*case, 30, np.random.default_rng(3))
+    grasps = random_grasps(*case, 15, np.random.default_rng(3))
     angle, proven = critical_angles(grasps.points, grasps.normals, grasps.on_line)
     assert proven.all()
     found = np.asarray(critical_friction_angle(Contacts(grasps.points, grasps.normals)))
     assert found == pytest.approx(angle, abs=2e-4)
-    for g in range(2):
-        on_line = bool(grasps.on_line[g])
-        low, high = critical_angle_by_programs(
-            grasps.points[g], grasps.normals[g], on_line=on_line, edges=32
-        )
-        true = min(max(float(angle[g]), 0.0), RIGHT - 1e-3)
-        assert low - 3e-4 <= true <= high + 3e-4
+    low, high = critical_angle_by_programs(
+        grasps.points[0], grasps.normals[0], on_line=bool(grasps.on_line[0]), edges=32
+    )
+    true = min(max(float(angle[0]), 0.0), RIGHT - 1e-3)
+    assert low - 3e-4 <= true <= high + 3e-4
 
 
 def test_linear_programs_decide_the_reference_cases() -> None:

@@ -123,7 +123,7 @@ def test_an_m_has_proofs_that_it_is_neither_s_nor_u(fingers: int) -> None:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("actuation", ["total", "per_finger"])
-@pytest.mark.parametrize(("fingers", "size"), [(2, 70), (3, 70), (4, 60)])
+@pytest.mark.parametrize(("fingers", "size"), [(2, 35), (3, 35), (4, 40)])
 def test_an_adversarial_search_attains_epsilon_min_and_nothing_below(
     fingers: int, size: int, actuation: Any
 ) -> None:

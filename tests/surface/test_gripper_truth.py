@@ -36,7 +36,7 @@ def simplified(name: str, distance: float) -> ObjectMesh:
     assert solid.status() == manifold3d.Error.NoError
     small = solid.simplify(distance).to_mesh64()
     points = np.asarray(small.vert_properties)[:, :3]
-    return load_mesh((points, np.asarray(small.tri_verts)), unit="m", max_edge=mesh.size / 30.0)
+    return load_mesh((points, np.asarray(small.tri_verts)), unit="m", max_edge=mesh.size / 20.0)
 
 
 @pytest.mark.slow

@@ -75,7 +75,7 @@ def from_library(name: str) -> Surface:
 def prepared(vertices: np.ndarray, faces: np.ndarray) -> ObjectMesh:
     """A mesh with edges of the same length in all representations: a part of the area's root."""
     area = trimesh.Trimesh(vertices - vertices.mean(axis=0), faces, process=False).area
-    return load_mesh((vertices, faces), max_edge=0.1 * math.sqrt(area))
+    return load_mesh((vertices, faces), max_edge=0.15 * math.sqrt(area))
 
 
 @pytest.mark.slow

@@ -45,7 +45,7 @@ def wedge() -> ObjectMesh:
 @cache
 def tapered() -> ObjectMesh:
     """A cone."""
-    return load_mesh(shapes.cone(math.radians(25.0), sections=24), max_edge=0.3)
+    return load_mesh(shapes.cone(math.radians(25.0), sections=24), max_edge=0.4)
 
 
 @cache

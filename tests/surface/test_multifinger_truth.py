@@ -57,8 +57,7 @@ SHAPES = {
     "sphere": lambda: sphere_mesh(subdivisions=2),
     "box": lambda: box_mesh((2.0, 1.5, 1.0), max_edge=0.6),
     "cylinder": cylinder,
-    "mug of 11": lambda: mug(11),
-    "mug of 13": lambda: mug(13),
+    "mug": lambda: mug(11),
 }
 
 
