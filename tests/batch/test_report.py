@@ -326,6 +326,7 @@ def test_values_of_an_axis_ascend_as_numbers() -> None:
     assert axes["normalError"] == ["9°", "10°"]
 
 
+@pytest.mark.slow
 def test_only_safe_labels_are_called_safe(box: SurfaceLabels) -> None:
     exact, three = GraspModel(location_error=0.001), GraspModel(location_error=0.001, fingers=3)
     assert library_data([], BatchSettings(exact))["certainty"] == ""

@@ -58,6 +58,7 @@ def facts(text: str) -> dict[str, str]:
     return {pair[0]: pair[1].strip() for pair in pairs if len(pair) == 2}
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_same_in_its_own_process() -> None:
     for words in ((), ("--friction", "0")):
         real, here = real_design(*words), design(*words)

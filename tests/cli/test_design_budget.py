@@ -193,6 +193,7 @@ def box(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_an_object_has_its_own_angles_and_openings(box: Path, tmp_path: Path) -> None:
     figure = tmp_path / "budget.svg"
     text = printed(*FINGER, "--object", box, "--unit", "mm", "--figure", figure)
@@ -252,6 +253,7 @@ def test_lengths_that_cannot_be_meant_are_refused(box: Path) -> None:
     assert bars(accepted)["location"][0] == "90.00°"
 
 
+@pytest.mark.slow
 def test_an_object_that_cannot_be_held_is_refused(tmp_path: Path) -> None:
     ball = tmp_path / "ball.stl"
     trimesh.creation.icosphere(1, radius=50.0).export(ball)

@@ -85,6 +85,7 @@ def test_files_of_other_programs_are_not_replaced(folder: Path, words: list[str]
     assert not (folder / "new.csv").exists()
 
 
+@pytest.mark.slow
 def test_results_replace_earlier_results_and_others_if_that_is_wanted(folder: Path) -> None:
     for suffix, figure in (("csv", "svg"), ("parquet", "png"), ("csv", "pdf")):
         words = ("sweep", "circle", "-o", f"out.{suffix}", "--figure", f"out.{figure}")

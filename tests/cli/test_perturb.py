@@ -40,6 +40,7 @@ def test_it_prints_what_to_enter_and_writes_the_results(scan: Path) -> None:
     assert again.stdout == done.stdout  # it replaces its own results
 
 
+@pytest.mark.slow
 def test_what_it_prints_can_be_entered(scan: Path) -> None:
     done = grasp3d("perturb", scan.name, *QUICK, "-o", "a.csv", cwd=scan.parent)
     assert "estimated from the surface's roughness" in done.stdout
@@ -83,6 +84,7 @@ def test_the_model_is_stated_and_its_normal_error_contained(scan: Path) -> None:
     assert float(entered[1]) > 3.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

@@ -91,7 +91,7 @@ def test_a_folder_with_a_broken_mesh_has_the_mean_of_the_others(
     (tmp_path / "in" / "bad.obj").write_text("nonsense", encoding="ascii")
     done = real_grasp3d(
         "sweep", "in", "in/ball.ply", "-o", "out.parquet", "--figure", "out.png",
-        "--workers", "2", "--friction", "0.5", "--sensor-resolution", "0", "20", "60", *QUICK,
+        "--workers", "1", "--friction", "0.5", "--sensor-resolution", "0", "20", "60", *QUICK,
         cwd=tmp_path,
     )  # fmt: skip
     assert done.returncode == 1
@@ -286,7 +286,7 @@ def test_a_mesh_whose_process_is_killed_does_not_affect_other_meshes(tmp_path: P
     ]
     rows = {
         row.name: row
-        for row in run(killed, files, SETTINGS, lost=lost_mesh, cluster=ClusterSettings(2))
+        for row in run(killed, files, SETTINGS, lost=lost_mesh, cluster=ClusterSettings(1))
     }
     assert sorted(rows) == [mesh.name for mesh in files]
     assert "killed from outside" in rows["2_deadly.ply"].error

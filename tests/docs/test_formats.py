@@ -215,6 +215,7 @@ def test_sweeps(tmp_path: Path) -> None:
     assert set(written) == tables("Tables of sweeps")[0]
 
 
+@pytest.mark.slow
 def test_simulated_grasps(tmp_path: Path) -> None:
     found = simulate_grasps(
         load_mesh(shapes.box(), unit="cm", max_edge=0.5),

@@ -31,6 +31,7 @@ def chosen(labels: SurfaceLabels, count: int = 5) -> list[int]:
     return found[:: max(1, len(found) // count)].tolist()
 
 
+@pytest.mark.slow
 def test_alternatives_are_distinct_and_reached() -> None:
     labels = held()
     moving = MovingGripper(labels.mesh, HAND, labels.reaching.table)

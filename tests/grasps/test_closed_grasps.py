@@ -116,6 +116,7 @@ def closings(monkeypatch: pytest.MonkeyPatch) -> list[int]:
     return sizes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", LABELS)
 def test_no_grasp_is_before_one_with_a_better_label_after_closing(name: str) -> None:
     labels = LABELS[name]()
@@ -267,6 +268,7 @@ def test_internal_grasps_count_as_ambiguous_beside_external_ones() -> None:
     assert best.closed.take(np.flatnonzero(internal)).evaluated is None
 
 
+@pytest.mark.slow
 def test_ideal_points_and_three_fingers_have_none() -> None:
     mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=40.0)
     ideal = best_grasps(label_surface(mesh, MODEL, threads=1), 2)

@@ -61,6 +61,7 @@ def test_each_sentence() -> None:
     assert str(pushed) == f"needs {pushed.needed:.3g} N; 0.1 N are at hand"
 
 
+@pytest.mark.slow
 def test_it_follows_the_word_of_the_verdict() -> None:
     verdict = verdict_of(replace(labels(), load=Load(mass=0.5, grip_force=40)))
     assert str(verdict) == f"{verdict.text}; holds 0.5 kg at 40 N in any orientation"
@@ -77,6 +78,7 @@ def with_forces(largest: float, nominal: float, **changed: object) -> Holding:
     return replace(one, **{**values, **changed})  # type: ignore[arg-type]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("mass", [None, 0.5])
 def test_the_mass_has_no_part_in_wrenches_alone(mass: float | None) -> None:
     for load, sentence in (
@@ -100,6 +102,7 @@ def test_zero_has_no_sign() -> None:
     assert force_text(-0.0) == "0"
 
 
+@pytest.mark.slow
 def test_reasons_why_nothing_is_held() -> None:
     coarse = HoldingVerdict.of(with_forces(math.inf, 7.0))
     assert str(coarse) == (
@@ -120,6 +123,7 @@ def test_reasons_why_nothing_is_held() -> None:
     assert HARD_FINGERS in str(verdict_of(found).holding)
 
 
+@pytest.mark.slow
 def test_grasps_that_hold_the_load_come_first() -> None:
     load = Load(mass=0.5, grip_force=12.0)
     found = best_grasps(replace(labels(), load=load), 10)

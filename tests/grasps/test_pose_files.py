@@ -119,6 +119,7 @@ SHARED_FOLDER = settings(
 )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", OWN)
 @SHARED_FOLDER
 @given(poses=some_poses())
@@ -139,6 +140,7 @@ def test_the_projects_formats_keep_everything(name: str, poses: GraspPoses, tmp_
         assert found.object_scale == 0.001
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", HAND_BASE)
 @SHARED_FOLDER
 @given(poses=some_poses(known=True))
@@ -163,6 +165,7 @@ def test_formats_of_robots_keep_what_they_have(
         assert found.object_scale == 0.001
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["acronym", "isaac_grasp", "moveit"])
 @SHARED_FOLDER
 @given(poses=some_poses())
@@ -932,6 +935,7 @@ def only_grasp_errors(path: Path) -> None:
         assert "\n" not in str(error)  # noqa: PT017, it need not be raised
 
 
+@pytest.mark.slow
 @SHARED_FOLDER
 @given(document=DOCUMENTS)
 def test_any_json_and_yaml_is_read_or_refused(document: Any, tmp_path: Path) -> None:

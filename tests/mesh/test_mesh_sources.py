@@ -79,6 +79,7 @@ def labels_of(source: Any) -> SurfaceLabels:
     return label_surface(load_mesh(source, max_edge=1.0), sampling=Sampling(rays=8))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", each(SOURCES))
 def test_every_kind_of_mesh_has_the_same_labels_as_the_file(
     name: str, raw: RawMesh, expected: SurfaceLabels
@@ -92,6 +93,7 @@ def test_every_kind_of_mesh_has_the_same_labels_as_the_file(
     np.testing.assert_array_equal(found.partners, expected.partners)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", each(SOURCES))
 def test_every_kind_of_mesh_has_the_same_report_and_diagnosis(name: str, raw: RawMesh) -> None:
     broken = RawMesh(raw.vertices, raw.faces[:-1, ::-1], "", None)  # inside out, with a hole

@@ -73,6 +73,7 @@ ROUND = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("sigma", [0.03, 0.1, 0.2, 0.5])
 @pytest.mark.parametrize("name", ROUND)
 def test_added_noise_is_measured(name: str, sigma: float) -> None:

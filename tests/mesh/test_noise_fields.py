@@ -22,6 +22,7 @@ def test_every_value_is_gaussian_with_unit_deviation(correlation: float) -> None
     assert (np.abs(values) < 1.0).mean() == pytest.approx(math.erf(math.sqrt(0.5)), abs=0.03)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("distance", [0.0, 0.5, 1.0, 2.0, 4.0])
 @pytest.mark.parametrize("turn", [0.0, 0.5, math.pi])
 def test_neighbours_have_the_stated_correlation(distance: float, turn: float) -> None:

@@ -24,6 +24,7 @@ def corners(mesh: ObjectMesh) -> np.ndarray:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SOLIDS)
 def test_without_shifts_a_copy_is_the_mesh(name: str) -> None:
     surface = movable_surface(SOLIDS[name])

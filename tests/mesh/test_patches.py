@@ -256,6 +256,7 @@ def test_on_a_ball_a_patch_changes_no_normal(radius: float) -> None:
     assert turns(normals(surface, radius), -vertices).max() < 0.25 * edge**2
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.08, 0.15])
 def test_on_a_ring_a_patch_tilts_the_normal_according_to_the_curvature(radius: float) -> None:
     """The mean of a field over a disc differs by r^2 / 8 of its Laplacian.
@@ -289,6 +290,7 @@ def test_the_two_sides_of_a_plate_are_not_mixed() -> None:
     assert areas == pytest.approx(math.pi * 0.3**2, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_the_inside_and_the_outside_of_a_wall_are_not_mixed() -> None:
     tube = trimesh.creation.annulus(0.45, 0.5, 1.0, sections=48)
     mesh = load_mesh((tube.vertices, tube.faces), max_edge=0.1, patch_radius=0.15)

@@ -202,6 +202,7 @@ def outward_fraction(mesh: ObjectMesh, first: int, middle: list[float]) -> float
     return float((outward.sum(axis=1) > 0.0).mean())
 
 
+@pytest.mark.slow
 def test_an_inside_out_ball_in_the_hole_of_a_ring_is_no_cavity() -> None:
     ring = shapes.torus(1.0, 0.3)
     vertices, faces = ball_at([0.0, 0.0, 0.0], 0.2)

@@ -71,8 +71,8 @@ def empty_grasps(count: int) -> BestPairs:
 @pytest.mark.slow
 @pytest.mark.parametrize("shape", [shapes.lopsided(), shapes.tube(), shapes.torus()])
 def test_every_exit_of_every_ray_is_found(shape: Surface) -> None:
-    expected, found = exits_found(shape, seed=2, count=150)
-    assert expected > 100
+    expected, found = exits_found(shape, seed=2, count=60)
+    assert expected > 40
     assert found == expected
 
 

@@ -99,6 +99,7 @@ def assert_whole(surface: RepairedSurface) -> None:
 # Overlaps
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize(
     "shift", [(0.3, 0.4, 0.2), (0.3, 0.4, 0.0), (0.5, 0.0, 0.0), (0.25, 0.1, 0.0)]
@@ -211,6 +212,7 @@ def test_linked_rings_are_not_united() -> None:
     assert np.array_equal(surface.faces, both[1])
 
 
+@pytest.mark.slow
 def test_three_overlapping_balls_have_the_volume_of_their_union() -> None:
     """Compared with random points counted in the hulls."""
     ball = shapes.sphere(2)

@@ -172,6 +172,7 @@ def assert_repaired(
 IDENTITY = (np.eye(3), 1.0, np.zeros(3))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["blob", "ring"])
 @pytest.mark.parametrize("kind", DAMAGE)
 def test_one_kind_of_damage_is_repaired(name: str, kind: str) -> None:

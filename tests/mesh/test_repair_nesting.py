@@ -111,6 +111,7 @@ def test_a_body_that_touches_a_slanted_wall_from_inside_is_not_within(
     assert len(inner) == len(outer) == (depth < 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", ORDERS)
 def test_each_cavity_belongs_to_the_smallest_body_around_it(seed: int) -> None:
     """Nested shells, each slightly off the middle, and a bar through all walls."""
@@ -174,6 +175,7 @@ def test_a_solid_without_a_volume_is_not_united() -> None:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", [0, 1])
 def test_a_long_chain_of_cubes_is_one_bar(seed: int) -> None:
     cubes = [moved(shapes.box(), (0.5 * k, 0.0, 0.0)) for k in range(300)]

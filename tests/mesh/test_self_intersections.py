@@ -169,6 +169,7 @@ CLEAN = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", CLEAN)
 def test_clean_surfaces_cross_nowhere_refined_or_rounded(name: str) -> None:
     points, faces = normalised(CLEAN[name])

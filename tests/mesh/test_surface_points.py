@@ -39,6 +39,7 @@ def sample_points(mesh: ObjectMesh, count: int, rng: np.random.Generator) -> Flo
     return np.concatenate([on, near, corners[:, 0], corners[:, :2].mean(axis=1), near[:9] * 100.0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MESHES)
 def test_the_nearest_of_all_faces_is_found(name: str) -> None:
     mesh = MESHES[name]()
@@ -81,6 +82,7 @@ def test_points_beyond_the_limit_have_no_surface_point() -> None:
     assert distances == pytest.approx([0.0, 0.009, *[math.inf] * 5])
 
 
+@pytest.mark.slow
 def test_single_points_all_points_and_parts_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     mesh = MESHES["lopsided"]()
     points = sample_points(mesh, 40, np.random.default_rng(5))

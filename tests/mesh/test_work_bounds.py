@@ -88,6 +88,7 @@ def test_separate_vertices_within_rounding_are_not_refused_for_memory() -> None:
     assert mesh.report.closed
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("surface", "message"),
     [

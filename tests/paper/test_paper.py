@@ -205,6 +205,7 @@ def test_what_the_paper_expects_of_finer_fingertips_is_beside_ours() -> None:
     assert max(ours) <= 90.0
 
 
+@pytest.mark.slow
 def test_tips_have_their_location_normals_and_friction(page: str) -> None:
     rows = list(rows_of(page, "Receptive field and location").values())
     assert [row[0] for row in rows] == ["flat", "round, radius 10 mm"] * 2
@@ -253,6 +254,7 @@ def test_sampled_fractions_are_reproducible_and_without_errors_exact() -> None:
     assert sampled_fractions(model, true=50) == sampled_fractions(model, true=50)
 
 
+@pytest.mark.slow
 def test_fractions_over_errors_in_their_figure_are_those_of_random_errors() -> None:
     location, friction, normals = FIGURES["extension_errors"](PAPER).axes
     assert [axes.get_xlim()[1] for axes in (location, friction, normals)] == pytest.approx(
@@ -355,6 +357,7 @@ def test_the_box_agrees_with_random_points() -> None:
         assert found["U"] == pytest.approx((critical >= 45.0 + alpha / 2.0).mean(), abs=0.01)
 
 
+@pytest.mark.slow
 def test_further_sections_are_at_the_end_of_the_page() -> None:
     page = numbers_page(PAPER, SOLIDS[:1], {"One": "| a table |", "Another": "| b |"})
     assert page.endswith("## One\n\n| a table |\n\n## Another\n\n| b |\n")

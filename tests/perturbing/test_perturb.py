@@ -70,6 +70,7 @@ def test_hardly_any_noise_changes_nothing() -> None:
     assert quiet.confirmed_fraction == pytest.approx(1.0, abs=1e-3)
 
 
+@pytest.mark.slow
 def test_more_noise_turns_normals_and_needs_more() -> None:
     errors = [
         perturb_movable(clean(), noise=NoiseSettings(noise=noise, copies=4)).advice.normal_error
@@ -79,6 +80,7 @@ def test_more_noise_turns_normals_and_needs_more() -> None:
     assert errors[0] < errors[2] / 4.0
 
 
+@pytest.mark.slow
 def test_correlated_noise_turns_normals_less() -> None:
     white, alike = (
         perturb_movable(clean(), noise=replace(FEW, correlation=length, copies=3))

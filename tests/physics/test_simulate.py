@@ -47,6 +47,7 @@ def found() -> Simulation:
     return grasp3d.simulate_grasps(mesh(), MODEL, simulation=FEW, cluster=HERE)
 
 
+@pytest.mark.slow
 def test_labels_are_those_of_what_is_perceived_within_the_uncertainty_of_what_is_true() -> None:
     one = found()
     assert one.size == FEW.count

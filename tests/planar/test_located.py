@@ -259,6 +259,7 @@ def test_the_closed_form_of_the_circle_agrees_with_the_labels_of_a_scan(
     assert found == pytest.approx(exact, abs=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.7, (0.5, 0.9)])
 @pytest.mark.parametrize("location", [0.05, 0.2])
 def test_the_closed_form_of_the_circle_agrees_with_random_errors(

@@ -390,6 +390,7 @@ def slow_epsilon(found: PlanarScan, row: int, tilts: tuple[float, float], beta: 
         return 0.0
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edges", [2, 5])
 @pytest.mark.parametrize("actuation", ["total", "per_finger"])
 @pytest.mark.parametrize("seed", range(3))

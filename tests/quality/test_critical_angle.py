@@ -34,6 +34,7 @@ def random_directions(count: int, seed: int) -> np.ndarray:
 # Laws
 
 
+@pytest.mark.slow
 @given(st.integers(2, 5), seeds)
 @settings(max_examples=60, deadline=None)
 def test_a_grasp_is_force_closed_above_the_angle_and_not_below(count: int, seed: int) -> None:
@@ -356,6 +357,7 @@ def test_grasps_that_barely_close_without_friction_are_fast(seed: int, count: in
     assert angle <= found <= min(angle + 2.0 * TOLERANCE, 0.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("row", [13, 73, 279])
 def test_grasps_that_took_seconds(row: int) -> None:
     with np.load(shapes.shared("reference", "slow_contacts.npz")) as file:

@@ -55,6 +55,7 @@ REFERENCE = {
 can balance any force there; it is that of the others, which must not turn the object about it."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", REFERENCE)
 def test_opposed_contacts_at_one_point_do_not_help_the_others(name: str) -> None:
     points, normals, degrees = REFERENCE[name]
@@ -143,6 +144,7 @@ def test_linear_programs_decide_the_reference_cases() -> None:
         assert decided is closed
 
 
+@pytest.mark.slow
 def test_contacts_hardly_apart_are_not_taken_for_coinciding_ones() -> None:
     """Rotations of the pair about itself decide: no S and no U is claimed beyond rounding."""
     for gap in (1e-15, 1e-13, 1e-9, 1e-6):

@@ -225,6 +225,7 @@ def test_the_worst_tilt_attains_epsilon_of_narrower_cones(
     assert tilted.lower <= worst.upper + ROUNDING
 
 
+@pytest.mark.slow
 @given(fingers, seeds, kinds, st.floats(0.0, 0.3))
 @few
 def test_no_tilt_exceeds_epsilon_of_wider_cones(
@@ -239,6 +240,7 @@ def test_no_tilt_exceeds_epsilon_of_wider_cones(
         assert tilted.lower <= best.upper * (1.0 + ROUNDING) + ROUNDING
 
 
+@pytest.mark.slow
 @given(fingers, seeds, st.floats(0.01, 0.5))
 @settings(max_examples=60, deadline=None)
 def test_some_tilt_is_closed_exactly_where_wider_cones_are(

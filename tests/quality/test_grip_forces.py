@@ -77,6 +77,7 @@ def test_reference_directions_of_gravity(bound: Any) -> None:
 # Cone programs
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("bound", BOUNDS)
 @pytest.mark.parametrize("soft", [False, True])
 @pytest.mark.parametrize("count", [2, 3, 4, 5])

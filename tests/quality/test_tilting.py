@@ -55,6 +55,7 @@ SETTINGS = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fingers", [2, 3])
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
 def test_no_tilt_exceeds_the_maximum(settings: dict[str, Any], fingers: int) -> None:
@@ -90,6 +91,7 @@ def test_no_tilt_of_hard_fingers_is_below_the_minimum_and_one_attains_it(
     assert (attained.lower <= narrow.upper + 1e-12).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("settings", SETTINGS, ids=str)
 def test_no_tilt_leaves_the_range_with_a_different_tilt_at_each_contact(
     settings: dict[str, Any],

@@ -94,6 +94,7 @@ KINDS: list[dict[str, Any]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("options", KINDS, ids=str)
 @pytest.mark.parametrize(
     ("fingers", "crease", "soft"), [(2, False, False), (2, True, True), (3, False, False)]

@@ -294,6 +294,7 @@ class TestMoreContacts:
             assert closed[stable[decided]].all()
             assert not closed[unstable[decided]].any()
 
+    @pytest.mark.slow
     def test_less_knowledge_never_helps(self) -> None:
         contacts, location = self._random(300, 4, 20)
         before = classify(contacts, 0.1).label

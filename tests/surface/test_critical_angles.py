@@ -130,6 +130,7 @@ def test_angles_are_tight_bounds_for_every_choice_of_normals(count: int, creased
         assert angles.min() - best[g] < 0.1
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [3, 4, 5])
 def test_the_search_among_samples_finds_the_extremes(count: int) -> None:
     """Compared with the critical angles of all combinations."""
@@ -150,6 +151,7 @@ def test_the_search_among_samples_finds_the_extremes(count: int) -> None:
         assert math.cos(best[g]) == pytest.approx(math.cos(low), abs=3.0 * TOLERANCE)
 
 
+@pytest.mark.slow
 def test_labels_are_those_of_classify_or_ambiguous() -> None:
     contacts = random_grasps(3, 60, 4, creased=1)
     worst, best = critical_angles(contacts)

@@ -128,6 +128,7 @@ def test_tips_of_no_size_change_nothing_for_three_fingers() -> None:
         np.testing.assert_array_equal(getattr(real, array), getattr(ideal, array), err_msg=array)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("gripper", [HAND, TIPS], ids=lambda gripper: gripper.name)
 def test_every_grasp_of_a_vertex_is_reached(gripper: ParallelGripper) -> None:
     """By testing it again, alone, and by moving the gripper step by step."""

@@ -92,6 +92,7 @@ def test_density_is_mass_over_volume() -> None:
         assert case.mass == pytest.approx(MASS)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("unit", ["mm", "in"])
 def test_newtons_and_kilograms_do_not_depend_on_the_unit(unit: Unit) -> None:
     metres, other = labels().holding, labels(unit).holding

@@ -119,6 +119,7 @@ def test_an_opening_equal_to_the_width_fits_at_any_pose(width: float, offset: fl
         assert labels.opening[inside] == pytest.approx(width, rel=1e-5)
 
 
+@pytest.mark.slow
 def test_internal_grasps_end_at_the_first_surface() -> None:
     """A ring within a ring: fingers inside the small one do not reach the large one."""
     inner, faces = shapes.tube(0.2, 0.3, 0.2)
@@ -432,6 +433,7 @@ def test_duplicates_have_the_label_of_their_position_and_strays_are_off_the_surf
     assert labels.fractions(weights="vertex") == pytest.approx(plain.fractions(weights="vertex"))
 
 
+@pytest.mark.slow
 def test_the_search_reports_its_extent() -> None:
     search = label_surface(load_mesh(shapes.lopsided())).search
     assert search.rays > 64 * 2562

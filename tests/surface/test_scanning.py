@@ -248,6 +248,7 @@ def grasps_with_partners(mesh: ObjectMesh, others: Any) -> MultifingerGrasps:
     )
 
 
+@pytest.mark.slow
 def test_labels_evaluate_the_grasps_that_were_found(monkeypatch: pytest.MonkeyPatch) -> None:
     vertices, faces = shapes.box((1.0, 1.4, 2.0))
     mesh = load_mesh((np.vstack([vertices, vertices[:2]]), faces), max_edge=0.7)

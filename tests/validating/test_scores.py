@@ -65,6 +65,7 @@ def test_a_box_has_known_scores() -> None:
         assert np.isnan(found[name][1]), name
 
 
+@pytest.mark.slow
 def test_scores_do_not_depend_on_the_unit_of_the_mesh() -> None:
     points, faces = shapes.lopsided(3)
     in_mm = load_mesh((25.0 * points, faces), unit="mm", max_edge=20.0)

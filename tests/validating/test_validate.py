@@ -199,6 +199,7 @@ def test_many_grasps_are_drawn_less_often() -> None:
     assert _resamples(10**7, 1000) == 100
 
 
+@pytest.mark.slow
 def test_a_gripper_that_states_its_resolution_is_believed() -> None:
     held = margins() > 0.0
     tips = ParallelGripper.preset("tactile")

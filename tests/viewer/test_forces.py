@@ -65,6 +65,7 @@ def weakest(labels: SurfaceLabels) -> tuple[int, int]:
 # Panel
 
 
+@pytest.mark.slow
 def test_the_panel_lists_force_and_payload_of_the_clicked_vertex(session: Session) -> None:
     best, _ = weakest(held())
     session.click(best)
@@ -166,6 +167,7 @@ def test_payload_needs_a_force_at_hand() -> None:
 # Colours
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("paint", ["grip_force", "payload"])
 def test_colours_are_computed_and_follow_the_values(session: Session, paint: str) -> None:
     session.change(paint=paint)
@@ -192,6 +194,7 @@ def test_colours_are_computed_and_follow_the_values(session: Session, paint: str
     assert ("no force suffices" in ramp.grey) == bool(np.isinf(values).any())
 
 
+@pytest.mark.slow
 def test_forces_are_computed_again_for_another_friction(session: Session) -> None:
     session.change(paint="grip_force")
     wait_until_idle(session)
@@ -211,6 +214,7 @@ def test_forces_are_computed_again_for_another_friction(session: Session) -> Non
     assert np.array_equal(subject.forces.grip_force, relabelled.grip_force, equal_nan=True)
 
 
+@pytest.mark.slow
 def test_with_fixed_fingers_there_are_no_forces(session: Session) -> None:
     session.change(paint="payload")
     session.change(click="fix")
@@ -238,6 +242,7 @@ def test_a_new_search_keeps_the_load(session: Session) -> None:
 # Files
 
 
+@pytest.mark.slow
 def test_a_labelled_file_has_its_forces(tmp_path: Path) -> None:
     path = tmp_path / "held.ply"
     write_ply(path, held())
@@ -293,6 +298,7 @@ def test_a_task_of_wrenches_mentions_no_mass(tmp_path: Path, force: float | None
         assert force is None or "With 20 N the load is" in shown or "No force holds it" in shown
 
 
+@pytest.mark.slow
 def test_a_task_of_wrenches_made_in_python_can_be_opened(tmp_path: Path) -> None:
     path = tmp_path / "pulled.ply"
     write_ply(path, pulled(Wrenches([[0.0, 0.0, -5.0, 0.0, 0.0, 0.0]])))
@@ -307,6 +313,7 @@ def test_a_file_without_the_payload_of_its_mass_is_refused(tmp_path: Path) -> No
         read_subject(path)
 
 
+@pytest.mark.slow
 def test_a_task_made_in_python_is_shown_as_in_the_file(tmp_path: Path) -> None:
     path = tmp_path / "task.ply"
     task = Weight(0.5, direction=(0, 0, -1))

@@ -158,6 +158,7 @@ def test_calls_of_known_methods_are_accepted() -> None:
     check_message(message(binary, call("wslink.hello", SECRET, number="system:1")), {"a"})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("data", "reason"),
     [

@@ -111,6 +111,7 @@ def test_long_names_keep_both_ends(name: str, width: float) -> None:
     assert middle_cut(long, 200.0).endswith("(2 of 5)")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", SIZES)
 @pytest.mark.parametrize("crowded", [False, True])
 def test_areas_do_not_overlap_and_all_are_reached_by_scrolling(

@@ -21,8 +21,7 @@ from grasp3d.viewer.subjects.subject import read_subject, subject_of
 from tests.helpers import shapes
 
 SHAPES = {
-    "cone": (shapes.cone(0.35, sections=24), 0.2),
-    "box": (shapes.box(), 0.4),
+    "cone": (shapes.cone(0.35, sections=24), 0.3),
     "sphere": (shapes.sphere(2), 9.0),
     "fins": (shapes.finned(), 0.5),
 }
