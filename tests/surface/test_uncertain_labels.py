@@ -146,7 +146,7 @@ def test_a_search_with_less_knowledge_turns_no_label_to_u(
     name: str, error: str, gripper: str | None
 ) -> None:
     """Nor does it find less margin than the grasps of the search with known locations have."""
-    mesh = load_mesh(MESHES / name, unit="m", max_edge="16mm")
+    mesh = load_mesh(MESHES / name, unit="m", max_edge="12mm")
     preset = None if gripper is None else ParallelGripper.preset(gripper)
     known = label_surface(mesh, gripper=preset)
     searched = label_surface(mesh, GraspModel(location_error=error), gripper=preset)
