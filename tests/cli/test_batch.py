@@ -250,8 +250,9 @@ def test_the_death_of_a_worker_and_the_client_does_not_change_the_rows(
     ],
 )
 def test_bad_input_is_an_error_of_one_line_and_exit_code_2(
-    tmp_path: Path, arguments: list[str], message: str
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, arguments: list[str], message: str
 ) -> None:
+    monkeypatch.setattr("grasp3d.batch.cluster.CONNECT_TIMEOUT", 0.5)
     make_library(tmp_path / "in", 2)
     (tmp_path / "list.txt").write_text("in\nnowhere.stl\n", encoding="utf-8")
     run = run_here("batch", *arguments, cwd=tmp_path)
