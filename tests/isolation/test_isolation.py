@@ -299,7 +299,7 @@ import os, signal, sys, threading, time
 from pathlib import Path
 from grasp3d.isolation import call
 from tests.isolation.test_isolation import process, start_and_then
-signal.signal(signal.SIGINT, signal.default_int_handler)  # ignored where tests run in the background
+signal.signal(signal.SIGINT, signal.default_int_handler)  # a background job ignores it
 path = sys.argv[1]
 threading.Thread(target=call, args=(start_and_then, "wait", path), daemon=True).start()
 while not Path(path).exists() or len(Path(path).read_text().split()) < 2:
