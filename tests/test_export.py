@@ -90,6 +90,7 @@ def test_ply_comments_contain_the_settings(tmp_path: Path) -> None:
     assert b"0=U(surely_unstable)" in (tmp_path / "scan.ply").read_bytes()
 
 
+@pytest.mark.slow
 def test_files_state_how_the_minimum_over_the_tilts_is_computed(tmp_path: Path) -> None:
     soft = GraspModel(edges=6, torsion_radius=0.1, actuation="per_finger")
     mesh = load_mesh(shapes.sphere(2), max_edge=9.0)

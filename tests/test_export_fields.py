@@ -21,6 +21,7 @@ NUMBERS = (
 )  # fmt: skip
 
 
+@pytest.mark.slow
 def test_other_libraries_read_a_row_for_each_vertex(tmp_path: Path) -> None:
     path = tmp_path / "out.parquet"
     writer_for(path)(path, labels())

@@ -335,6 +335,7 @@ def children(package: str) -> set[str]:
     return {parts[depth] for parts in names}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("package", ["", *WITHIN])
 def test_imports_point_downward(package: str) -> None:
     order = order_of(WITHIN[package] if package else LAYERS)

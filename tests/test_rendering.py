@@ -171,6 +171,7 @@ def nearest_label(pixels: NDArray[np.float64]) -> NDArray[np.int64]:
     return np.asarray((shades @ hues.T).argmax(axis=1))
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize(("degrees", "location"), [(15.0, 0.0), (30.0, 0.0), (15.0, 0.06)])
 def test_every_pixel_of_a_labelled_sphere_agrees_with_the_closed_form(

@@ -34,6 +34,7 @@ def every() -> st.SearchStrategy[AngleDistribution]:
     return st.one_of(sampled(), st.sampled_from(closed))
 
 
+@pytest.mark.slow
 @given(every(), frictions, resolutions)
 def test_stability_falls_with_resolution_and_grows_with_friction(
     angles: AngleDistribution, friction: list[float], resolution: list[float]
@@ -96,6 +97,7 @@ def test_the_required_resolution_is_0_where_no_sensor_is_fine_enough() -> None:
     ]
 
 
+@pytest.mark.slow
 @settings(deadline=None)
 @given(st.lists(every(), min_size=1, max_size=4), frictions, resolutions)
 def test_the_mean_gives_every_surface_the_same_weight(

@@ -68,6 +68,7 @@ def values(rows: Iterable[Row], besides: frozenset[str] = frozenset()) -> list[d
     ]
 
 
+@pytest.mark.slow
 def test_every_mesh_has_a_row_and_its_files(tmp_path: Path) -> None:
     done, labelled = label(small_library(tmp_path / "in"), tmp_path / "out")
     assert list(done.rows) == ["a.ply", "b.stl", "bad.stl", "d.ply", "deep/c.obj"]
@@ -84,6 +85,7 @@ def test_every_mesh_has_a_row_and_its_files(tmp_path: Path) -> None:
     assert not list((tmp_path / "out" / "journal").glob("*"))
 
 
+@pytest.mark.slow
 def test_finished_meshes_are_not_labelled_again_but_changed_ones_are(tmp_path: Path) -> None:
     source, out = small_library(tmp_path / "in"), tmp_path / "out"
     first, _ = label(source, out)

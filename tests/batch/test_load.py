@@ -93,6 +93,7 @@ def test_without_a_load_all_of_that_is_null(tmp_path: Path) -> None:
     assert row.grasps[0].payload is None
 
 
+@pytest.mark.slow
 def test_values_that_are_not_known_are_null(tmp_path: Path) -> None:
     row = row_under(Load(density=1000.0), tmp_path)
     assert row.mass == pytest.approx(0.12)
@@ -130,6 +131,7 @@ def test_the_report_names_the_load() -> None:
     assert not any("Load" in name for name, _ in describe_settings(none))
 
 
+@pytest.mark.slow
 def test_the_script_of_an_object_has_forces_and_payloads() -> None:
     header = header_of(object_script(labels(), "block", ()))
     assert {"force", "payload"} <= {name for name, *_ in header["arrays"]}

@@ -207,6 +207,7 @@ CASES: list[tuple[object, ...]] = [
 ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("columns", [80, 60, 40])
 @pytest.mark.parametrize("arguments", CASES, ids=str)
 def test_nothing_is_truncated_in_a_narrow_terminal(

@@ -157,6 +157,7 @@ BAD: dict[str, tuple[list[str], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input_prints_one_line_and_writes_nothing(folder: Path, name: str) -> None:
     (folder / "bad.csv").write_text("a,b,c\n1,2,3\n", encoding="utf-8")
@@ -213,6 +214,7 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
     assert [row["label"] for row in rows_again] == ["S", "S", "U"]
 
 
+@pytest.mark.slow
 def test_contacts_of_poses_are_points_soft_or_patches(posed: Path) -> None:
     arguments = (
         "small.stl", "poses.csv", "--unit", "mm", "--gripper", "wsg50", "--mass", "0.2kg",
@@ -309,6 +311,7 @@ def printed_rows(text: str) -> list[list[str]]:
     return [line.split() for line in text.splitlines() if re.match(r" +\d+ +■ [SMU] ", line)]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fingers", "options"),
     [(2, TWO_FINGERS), (3, ("--fingers", "3", "--candidates", "8", "--max-edge", "0.3"))],

@@ -188,6 +188,7 @@ def own(folder: Path, **changes: float) -> str:
     return "own.json"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("command", ["label", "sweep", "view"])
 @pytest.mark.parametrize(
     ("changes", "message"),

@@ -59,6 +59,7 @@ def test_placeholders_are_the_same_everywhere() -> None:
             assert "Unit of the mesh's coordinates" in " ".join(text.replace("│", " ").split())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("words", [words for pair in EXAMPLES.values() for _, words in pair])
 def test_the_examples_are_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str

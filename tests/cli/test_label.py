@@ -200,6 +200,7 @@ def test_a_closed_output_pipe_is_not_an_error(tmp_path: Path) -> None:
     assert run.stderr == ""
 
 
+@pytest.mark.slow
 def test_help_is_printed_quickly_and_names_the_settings(tmp_path: Path) -> None:
     before = os.times()
     run = grasp3d("label", "--help", cwd=tmp_path)

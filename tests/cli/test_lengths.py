@@ -25,6 +25,7 @@ def settings_in(path: Path) -> dict[str, str]:
         return {name: str(data[name]) for name in data.files if name.startswith("setting_")}
 
 
+@pytest.mark.slow
 def test_a_length_with_a_unit_is_written_as_a_number_in_the_unit_of_the_mesh(folder: Path) -> None:
     for name, length in (("text", "7cm"), ("number", "70")):
         done = grasp3d(

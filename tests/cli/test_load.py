@@ -49,6 +49,7 @@ def test_the_remedy_for_hard_fingers_is_printed(tmp_path: Path) -> None:
     assert "none, none, none N" in run.stdout
 
 
+@pytest.mark.slow
 def test_label_writes_a_table_with_a_gripper(tmp_path: Path) -> None:
     export(tmp_path / "block.ply", BLOCK)
     density = ("--density", "1g/cm^3", "--gripper", "franka")

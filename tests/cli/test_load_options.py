@@ -77,6 +77,7 @@ def check_refused(mesh: str, words: tuple[str, ...], message: str, folder: Path)
     assert sorted(folder.iterdir()) == before
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "words",
     [

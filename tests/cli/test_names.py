@@ -40,6 +40,7 @@ def result(stem: str) -> str:
     return safe if safe == stem else f"{safe}-{short_hash(stem)}"
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("stem", STEMS)
 def test_a_result_has_a_safe_name(tmp_path: Path, stem: str) -> None:
     source = export(tmp_path / "in" / f"{stem}.stl", shapes.sphere(1))
@@ -61,6 +62,7 @@ def test_the_result_of_a_name_of_dots_is_not_hidden(tmp_path: Path) -> None:
         assert (run.returncode, run.stderr.count("\n")) == (2, 1)
 
 
+@pytest.mark.slow
 def test_all_files_named_after_an_input_have_safe_names(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -136,6 +136,7 @@ def test_errors_along_the_closing_axis_are_errors_of_location_by_encoders() -> N
     assert float(budget.location) == pytest.approx(turn / 1.1)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     frictions,

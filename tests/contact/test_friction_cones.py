@@ -160,6 +160,7 @@ def test_turning_toward_zero_opposite_equal_and_nan_goals() -> None:
     assert np.isnan(result[3]).all()
 
 
+@pytest.mark.slow
 @given(any_normals, any_normals, st.integers(1, 9))
 def test_points_on_arcs_are_at_even_steps(
     first: np.ndarray, second: np.ndarray, steps: int

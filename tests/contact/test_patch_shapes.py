@@ -29,6 +29,7 @@ def grid() -> np.ndarray:
     return np.stack(np.meshgrid(steps, steps), axis=-1).reshape(-1, 2)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 0.5, 0.05])
 def test_an_evenly_pressed_ellipse_resists_its_mean_distance(
     grid: np.ndarray, ratio: float
@@ -39,6 +40,7 @@ def test_an_evenly_pressed_ellipse_resists_its_mean_distance(
     assert found == pytest.approx(mean_distance(inside, points), rel=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ratio", [1.0, 0.4, 0.02, 1e-3])
 def test_a_rectangle_resists_a_little_more_than_stated(grid: np.ndarray, ratio: float) -> None:
     found = evenly_pressed_radius(np.array([ratio, 1.0]), np.array(4.0 * ratio))

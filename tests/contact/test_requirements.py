@@ -68,6 +68,7 @@ def test_a_fraction_is_s_from_the_required_counts_on_and_not_below(
             assert (found >= fraction - 1e-9) == holds
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     designs, samples(), fractions,

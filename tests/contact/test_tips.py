@@ -42,6 +42,7 @@ def test_a_ball_has_the_resolution_of_a_round_tip_everywhere(
     assert tip.sensors_by_discs(field) == sensor.sensors_by_discs
 
 
+@pytest.mark.slow
 @settings(max_examples=15, deadline=None)
 @given(st.tuples(axes, axes, axes), st.floats(0.05, 0.9), st.integers(0, 1000))
 def test_nowhere_on_a_tip_is_the_resolution_coarser_than_the_worst(
@@ -58,6 +59,7 @@ def test_nowhere_on_a_tip_is_the_resolution_coarser_than_the_worst(
         assert tip.resolution_at(field, towards).resolution <= worst.resolution * (1.0 + 1e-4)
 
 
+@pytest.mark.slow
 def test_the_worst_is_found_by_a_search_over_the_tip() -> None:
     tip, field = EllipsoidTip((8.0, 10.0, 12.0)), 4.0
     grid = np.linspace(0.0, math.pi / 2.0, 11)

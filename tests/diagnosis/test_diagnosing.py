@@ -135,6 +135,7 @@ def test_a_rough_surface_has_a_warning_with_a_sufficient_patch_radius(tmp_path: 
     assert "is too small" in small
 
 
+@pytest.mark.slow
 def test_a_surface_too_rough_for_a_patch_has_another_warning(tmp_path: Path) -> None:
     (rough,) = noise_messages(check_mesh(written(tmp_path, noisy(shapes.sphere(4), 0.03))))
     assert "smooth or remesh it" in rough

@@ -250,6 +250,7 @@ def test_noisy_copies(tmp_path: Path) -> None:
     assert written - added <= labelled
 
 
+@pytest.mark.slow
 def test_validation(tmp_path: Path) -> None:
     box, gripper = (
         load_mesh(shapes.box((6.0, 4.0, 2.0)), unit="cm"),

@@ -199,6 +199,7 @@ def test_robots_get_metres_whatever_the_unit_of_the_mesh(name: Any, tmp_path: Pa
         assert found.object_scale == 0.001  # the numbers of a mesh in millimetres to metres
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(SUFFIX))
 @pytest.mark.parametrize("unit", ["m", "mm", "cm", "in"])
 @pytest.mark.parametrize("axes", [("x", "z"), ("-y", "z"), ("z", "-x")])
@@ -945,6 +946,7 @@ def test_any_json_and_yaml_is_read_or_refused(document: Any, tmp_path: Path) -> 
     only_grasp_errors(tmp_path / "a.yaml")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["json", "graspgen", "moveit", "isaac_grasp"])
 @SHARED_FOLDER
 @given(data=st.data())

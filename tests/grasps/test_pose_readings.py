@@ -81,6 +81,7 @@ MISTAKES: dict[str, tuple[Callable[[Floats], Floats], str]] = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", MISTAKES)
 def test_a_mistake_is_named(cone: ObjectMesh, good: Floats, name: str) -> None:
     change, words = MISTAKES[name]

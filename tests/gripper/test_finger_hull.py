@@ -303,6 +303,7 @@ def turned_boxes(count: int, seed: int) -> list[Floats]:
     ]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(8))
 def test_of_pieces_that_overlap_the_front_is_seen_once(seed: int) -> None:
     pieces = turned_boxes(3, seed)

@@ -305,6 +305,7 @@ def hand_along(closing: str, approach: str, gap: float, shift: float = 0.0) -> H
     return Hand("hand", "palm", (fingers[0], fingers[1]), palm)
 
 
+@pytest.mark.slow
 @given(
     st.sampled_from([(a, b) for a in AXES for b in AXES if a[-1] != b[-1]]),
     st.floats(0.0, 0.05),

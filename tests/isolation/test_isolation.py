@@ -280,6 +280,7 @@ def test_calls_of_several_threads_have_a_child_each() -> None:
     assert len(set(found)) == 3
 
 
+@pytest.mark.slow
 @posix
 @pytest.mark.parametrize("then", ["crash", "wait"])
 def test_processes_that_a_child_started_end_with_it(tmp_path: Path, then: str) -> None:

@@ -1,6 +1,7 @@
 import math
 
 import numpy as np
+import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -32,6 +33,7 @@ def points_of_cap(normal: np.ndarray, cosine: float, count: int = 60) -> np.ndar
     return np.asarray((np.cos(angles) * normal + np.sin(angles) * across).reshape(-1, 3))
 
 
+@pytest.mark.slow
 @given(SEEDS, COSINES, st.floats(0.0, 10.0))
 @example(0, 0.5, 0.0)
 @settings(deadline=None)

@@ -33,6 +33,7 @@ def families() -> list[tuple[str, Floats, Floats]]:
     return found
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "points", "normals"), families())
 def test_hulls_are_force_closed_just_above_the_angle_and_not_just_below(
     name: str, points: Floats, normals: Floats
@@ -52,6 +53,7 @@ def test_hulls_are_force_closed_just_above_the_angle_and_not_just_below(
         assert (answer.closed[sure] == closed).all(), name
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("name", "points", "normals"), families())
 def test_the_package_computes_the_same_angle(name: str, points: Floats, normals: Floats) -> None:
     expected = coplanar.critical_angles(points, normals)
@@ -163,6 +165,7 @@ def test_all_combinations_on_two_creases() -> None:
     assert compared > 15
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", ["ball", "box"])
 def test_the_exhaustive_search_misses_no_grasp(shape: str) -> None:
     """Compared with the angles of all triples of a very coarse mesh."""

@@ -104,6 +104,7 @@ def test_a_grown_polytope_is_closed_and_convex(dimension: int, seed: int) -> Non
         check_neighbours(grown)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edges", [3, 4, 8, 16])
 @pytest.mark.parametrize("name", grasps.REGULAR_SHAPES)
 def test_coplanar_wrenches_make_a_closed_polytope_too(name: str, edges: int) -> None:

@@ -33,6 +33,7 @@ def value(matrix: np.ndarray) -> float:
     return float(result.fun)
 
 
+@pytest.mark.slow
 @given(
     st.integers(0, 100_000), st.integers(1, 14), st.integers(1, 6), st.sampled_from([1e-9, 1, 1e6])
 )
@@ -50,6 +51,7 @@ def test_the_solution_is_that_of_a_linear_program(
         assert mixture.sum() == pytest.approx(1.0)
 
 
+@pytest.mark.slow
 @given(st.integers(0, 100_000), st.integers(1, 10), st.integers(1, 6))
 @few
 def test_games_with_equal_entries(seed: int, rows: int, columns: int) -> None:

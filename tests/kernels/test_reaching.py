@@ -67,6 +67,7 @@ def test_a_segment_of_no_length_is_a_point() -> None:
     assert found == pytest.approx(triangle_distance(*point, triangle))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("faces", [1, 2, 3, 5, 80, 1280])
 def test_boxes_contain_the_faces_of_their_nodes(faces: int) -> None:
     points, all_faces = shapes.sphere(3)
@@ -126,6 +127,7 @@ def test_the_winding_number_is_one_inside() -> None:
     assert winding_number(3.0, 1.0, 0.0, triangles) == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow
 @given(count=st.integers(8, 64), data=st.data())
 @settings(max_examples=200, deadline=None)
 def test_the_widest_arc(count: int, data: st.DataObject) -> None:

@@ -40,6 +40,7 @@ def test_white_noise_has_no_neighbours() -> None:
     assert np.mean(one * two) == pytest.approx(0.0, abs=0.06)
 
 
+@pytest.mark.slow
 def test_the_same_seed_gives_the_same_field_at_any_number_of_points() -> None:
     random = np.random.default_rng(0)
     points = random.normal(size=(40_000, 3))

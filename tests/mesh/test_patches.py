@@ -248,6 +248,7 @@ def test_threads_change_nothing() -> None:
     assert np.array_equal(one.normals, three.normals)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("radius", [0.1, 0.4, 0.9])
 def test_on_a_ball_a_patch_changes_no_normal(radius: float) -> None:
     """The icosahedron's triangles are only about equal: the error falls with their size squared."""

@@ -154,6 +154,7 @@ def test_faces_without_area_are_found_by_the_rounding_of_the_coordinates() -> No
     assert not has_area(thin, face, rounding_of(np.float64(np.float32(thin + 0.1))))[0]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("shape", [shapes.sphere(2), shapes.box(), shapes.tube(), shapes.torus()])
 def test_an_inside_out_mesh_is_turned_and_reported(shape: Surface) -> None:
     vertices, faces = shape

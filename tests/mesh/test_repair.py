@@ -132,6 +132,7 @@ def area_of_overlap(shift: tuple[float, float, float]) -> float:
     return float(2.0 * (x * y + y * z + z * x))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(6))
 @pytest.mark.parametrize("shift", [(1.0, 0.0, 0.0), (1.0, 0.3, 0.1), (1.0, 0.5, 0.0)])
 def test_boxes_that_touch_lose_the_faces_between_them(

@@ -71,6 +71,7 @@ def steps_of(surface: RepairedSurface) -> dict[str, int]:
 # Within or not
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("width", [0.5, 0.8, 1.1])
 @pytest.mark.parametrize("seed", ORDERS)
 def test_a_bar_through_a_hollow_ball_does_not_take_its_cavity(width: float, seed: int) -> None:

@@ -76,6 +76,7 @@ def test_samples_are_large() -> None:
     assert finest.disagreement < 0.01
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("fingers", "size", "numbers"), [(2, 400, (4, 8, 16, 32)), (3, 80, (3, 6))]
 )

@@ -49,6 +49,7 @@ def test_they_count_the_labels_of_the_copies() -> None:
     )  # 95 % of six is all
 
 
+@pytest.mark.slow
 def test_the_number_of_threads_and_of_copies_changes_no_copy() -> None:
     again = perturb_movable(clean(), noise=FEW, threads=1)
     np.testing.assert_array_equal(again.stable, found().stable)

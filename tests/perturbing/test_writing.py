@@ -23,6 +23,7 @@ def found() -> Perturbation:
     )
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [".csv", ".parquet"])
 def test_tables_have_a_row_for_each_vertex(tmp_path: Path, suffix: str) -> None:
     path = tmp_path / f"noise{suffix}"

@@ -137,6 +137,7 @@ def test_no_s_fails_and_no_u_holds_whatever_is_true(outline: Outline, model: Gra
     assert not held[label == Label.U].any()
 
 
+@pytest.mark.slow
 @given(seeds, st.floats(0.02, 0.5), st.floats(0.0, 0.5), st.floats(0.1, 2.0))
 @few
 def test_limits_are_attained(seed: int, location: float, skew: float, size: float) -> None:

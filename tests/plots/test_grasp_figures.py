@@ -54,6 +54,7 @@ def test_text_fits_and_vertex_graspsare_numbered(count: int) -> None:
     assert any("no grasp found" in text for text in texts)
 
 
+@pytest.mark.slow
 def test_a_long_name_and_large_numbers_fit() -> None:
     mesh = labels().mesh
     report = replace(mesh.report, source=f"{'W' * 200} and $1 or $2.ply")

@@ -45,6 +45,7 @@ def test_both_views_have_one_scale_and_z_points_down() -> None:
     assert np.allclose(scales, scales[0][0], rtol=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", PRESETS)
 def test_nothing_is_drawn_outside_the_figure(name: str) -> None:
     figure = gripper_figure(preset(name))

@@ -60,6 +60,7 @@ def wedges(figure: Figure) -> list[Wedge]:
     return [patch for patch in figure.findobj(Wedge) if patch.get_fill()]
 
 
+@pytest.mark.slow
 @settings(max_examples=10)
 @given(drawable())
 def test_the_effective_cone_is_the_intersection_of_the_extreme_cones(model: GraspModel) -> None:
@@ -124,6 +125,7 @@ def test_every_combination_shows_whether_the_line_is_in_both_cones(model: GraspM
     assert results.count(True) == 1  # ambiguous: only when both tilt toward the line
 
 
+@pytest.mark.slow
 @given(st.floats(0.0, 7.0), st.floats(0.0, 7.0), st.floats(0.0, 7.0), st.floats(0.01, 1.5))
 def test_the_line_is_in_a_cone_within_its_half_angle(
     line: float, first: float, second: float, beta: float
@@ -239,6 +241,7 @@ def test_figures_show_the_fractions_and_ceilings_of_their_sweeps() -> None:
         assert np.asarray(line.get_ydata()) == pytest.approx(100.0 * one.accuracy_ceiling[0])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", SCANS)
 def test_no_text_of_the_curves_is_hidden(name: str) -> None:
     found, over = SCANS[name]
@@ -286,6 +289,7 @@ def test_vector_graphics_are_xml_and_pictures_have_their_size(tmp_path: Path) ->
         }
 
 
+@pytest.mark.slow
 def test_a_figure_that_fails_leaves_the_old_file(tmp_path: Path) -> None:
     paths = save(styled(example)(), tmp_path / "figure")
     before = [path.read_bytes() for path in paths]

@@ -58,6 +58,7 @@ def test_neither_the_unit_nor_the_frame_matters(count: int, seed: int, unit: flo
     assert critical_friction_angle(moved) == pytest.approx(angle, abs=2.0 * TOLERANCE)
 
 
+@pytest.mark.slow
 @given(st.integers(2, 5), seeds)
 @few
 def test_friction_torsion_and_order_do_not_matter(count: int, seed: int) -> None:
@@ -99,6 +100,7 @@ def test_two_contacts_have_their_closed_form(seed: int) -> None:
     assert critical_friction_angle(contacts) == pytest.approx(expected, abs=1e-12)
 
 
+@pytest.mark.slow
 @given(seeds)
 @few
 def test_contacts_at_one_point_push_along_their_best_line(seed: int) -> None:
@@ -141,6 +143,7 @@ def test_tilts_within_the_margin_keep_force_closure(seed: int, fraction: float) 
 # Oracles
 
 
+@pytest.mark.slow
 def test_angles_equal_those_of_the_reference() -> None:
     for case in grasps.reference("epsilon.json"):
         tolerance = 1e-6 if len(case["points"]) == 2 else 2.0 * TOLERANCE

@@ -195,6 +195,7 @@ def test_no_direction_has_a_support_below_the_lower_bound(count: int, seed: int,
 # Tilted normals, with `cone_offset`
 
 
+@pytest.mark.slow
 @given(fingers, seeds, kinds, st.floats(0.0, 0.3))
 @few
 def test_no_tilt_is_below_epsilon_of_narrower_cones(
@@ -539,6 +540,7 @@ def test_against_qhull_on_minkowski_sums(count: int, edges: int, soft: bool) -> 
         assert results.value[i] == pytest.approx(max(distance, 0.0), abs=ROUNDING)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edges", [3, 4, 8])
 def test_closure_against_a_linear_program(edges: int) -> None:
     for seed in range(60):

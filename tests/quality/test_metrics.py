@@ -217,6 +217,7 @@ def test_rotations_change_nothing(kind: Shape, seed: int) -> None:
     assert again == pytest.approx(margin, rel=5e-3, abs=5e-4, nan_ok=True)
 
 
+@pytest.mark.slow
 @few
 @given(kinds, seeds, st.sampled_from([1e-4, 25.4, 1000.0]))
 def test_the_unit_changes_lengths_only(kind: Shape, seed: int, unit: float) -> None:
@@ -235,6 +236,7 @@ def test_the_unit_changes_lengths_only(kind: Shape, seed: int, unit: float) -> N
         )
 
 
+@pytest.mark.slow
 @few
 @given(kinds, seeds)
 def test_the_order_of_the_fingers_changes_nothing(kind: Shape, seed: int) -> None:
@@ -260,6 +262,7 @@ def test_measures_of_closure_depend_on_no_centre_and_no_scale(
     assert_same(measured(contacts, names), measured(moved, names, torque_scale=scale), rel=1e-5)
 
 
+@pytest.mark.slow
 @few
 @given(kinds, seeds, st.floats(1.0, 2.0))
 def test_more_friction_lowers_no_margin(kind: Shape, seed: int, factor: float) -> None:

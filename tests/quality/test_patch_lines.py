@@ -89,6 +89,7 @@ def test_points_among_the_grasps_keep_their_exact_angles() -> None:
     assert (found[1::2] < points[1::2] - 1e-3).all()
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=30)
 @given(st.integers(0, 100_000), st.floats(0.0, 1.0))
 def test_larger_patches_never_need_more_friction(seed: int, factor: float) -> None:

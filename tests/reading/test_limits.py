@@ -153,6 +153,7 @@ def test_after_an_interrupt_the_next_file_gets_its_own_answer(tmp_path: Path) ->
     assert np.array_equal(read_mesh(path).vertices, 3 * VERTICES)
 
 
+@pytest.mark.slow
 def test_a_process_that_cannot_be_started_is_reported(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -232,6 +232,7 @@ def test_an_interval_of_friction_extends_the_range_of_epsilon(method: Any) -> No
 # The method extremes
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("edges", [None, 6])
 @pytest.mark.parametrize("fingers", [2, 3])
 def test_results_of_method_extremes_lie_within_the_exact_range(
@@ -373,6 +374,7 @@ def test_epsilon_is_computed_only_when_read(monkeypatch: pytest.MonkeyPatch) -> 
             _ = result.epsilon_min
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("method", ["exact", "extremes"])
 @pytest.mark.parametrize("threads", [2, None])
 def test_threads_do_not_change_results(method: Any, threads: int | None) -> None:

@@ -173,6 +173,7 @@ def test_torsion_position_and_size_do_not_affect_closure() -> None:
     np.testing.assert_array_equal(closure.failing, other.failing)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [1, 7, 100])
 def test_chunks_and_threads_do_not_change_results(
     size: int, monkeypatch: pytest.MonkeyPatch

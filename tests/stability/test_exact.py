@@ -50,6 +50,7 @@ def pair(off: float, other: float = 0.0, friction: float = 0.5) -> Contacts:
 # No tilt contradicts an S or a U, and each M has tilts that contradict both
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fingers", [2, 3, 4, 5])
 def test_no_tilt_contradicts_an_s_or_a_u(fingers: int) -> None:
     contacts, resolution = mixed(fingers, 150, 1)

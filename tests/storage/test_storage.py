@@ -48,6 +48,7 @@ def folder(request: pytest.FixtureRequest, tmp_path: Path) -> Iterator[Folder]:
     fsspec.filesystem("memory").store.clear()
 
 
+@pytest.mark.slow
 def test_files_are_written_listed_read_and_removed(folder: Folder) -> None:
     assert folder.is_local == (not folder.url.startswith(("memory", "s3")))
     assert folder.names() == []
@@ -100,6 +101,7 @@ def export(path: Path) -> Path:
     return path
 
 
+@pytest.mark.slow
 def test_meshes_are_downloaded_from_every_file_system(folder: Folder, tmp_path: Path) -> None:
     export(tmp_path / "mesh" / "box.stl")
     scene = trimesh.Trimesh(*shapes.box((0.04, 0.06, 0.08)), process=False).scene()

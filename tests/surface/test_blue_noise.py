@@ -59,6 +59,7 @@ def one_sided_density() -> ObjectMesh:
     return load_mesh((points, np.concatenate(faces)), max_edge=10.0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [64, 500])
 def test_samples_have_the_distances_of_a_poisson_disk_set(count: int) -> None:
     """Seven tenths of the densest packing's; independent uniform points come much closer."""
@@ -184,6 +185,7 @@ def test_all_vertices_come_in_an_order_whose_beginnings_are_spread() -> None:
         assert spacing(BALL.vertices[chosen[:count]]) > 0.5
 
 
+@pytest.mark.slow
 def test_dense_vertices_are_thinned_without_computing_every_pair() -> None:
     """Nine tenths of the vertices in a hundredth of the area, on a little knob."""
     vertices, faces = shapes.sphere(5)

@@ -361,6 +361,7 @@ def test_tiny_friction_needs_the_exact_method() -> None:
     assert (label_surface(surface("ball"), replace(narrow, method="exact")).label == M).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("friction", "resolution", "code"),
     [

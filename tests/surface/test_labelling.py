@@ -47,6 +47,7 @@ def test_a_ball_is_m_if_the_tilt_exceeds_the_friction_angle(
     assert (labels.label == Label.M).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("friction", [0.2, 0.5, 1.0])
 def test_a_box_is_s_on_its_faces_and_not_on_edges_and_corners(friction: float) -> None:
     mesh = load_mesh(shapes.box((1.0, 1.5, 2.0)))

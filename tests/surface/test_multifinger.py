@@ -161,6 +161,7 @@ def test_with_candidate_points_on_vertices_all_contacts_are_vertices() -> None:
     assert (weights.max(axis=-1) == 1.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("fingers", [3, 4])
 def test_a_ball_is_force_closed_with_any_friction(fingers: int) -> None:
     mesh = sphere_mesh(subdivisions=2)

@@ -67,6 +67,7 @@ def test_three_fingers_around_a_ball_are_force_closed_at_any_friction() -> None:
     assert scan.critical_angle[same_side].min() > 0.5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("count", [2, 3])
 def test_labels_of_a_scan_are_those_of_classify(count: int) -> None:
     mesh = load_mesh(shapes.lopsided(), max_edge=9.0)
@@ -139,6 +140,7 @@ def test_a_scan_reports_progress() -> None:
     assert 0.0 < fractions[0] < 0.5
 
 
+@pytest.mark.slow
 def test_extreme_normals_of_three_fingers_never_contradict_the_exact_labels() -> None:
     mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
     fixed = [on_equator(60.0), on_equator(180.0)]

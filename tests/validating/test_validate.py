@@ -64,6 +64,7 @@ def drawn() -> tuple[Validation, float]:
     return validated(held), expected_roc_auc(margins(), likely)
 
 
+@pytest.mark.slow
 def test_outcomes_that_follow_the_margin_are_predicted() -> None:
     assert 0.04 < np.isnan(margins()).mean() < 0.3
     found = validated(margins() > 0.05)
@@ -223,6 +224,7 @@ def test_models_without_margins_are_refused() -> None:
         validated(held, model=GraspModel(friction=0.5, friction_error=0.35))
 
 
+@pytest.mark.slow
 def test_a_table_below_the_object_is_reached_by_fewer() -> None:
     held = margins() > 0.0
     free = validated(held).grasps.scores["reachable"]

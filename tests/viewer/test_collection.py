@@ -394,6 +394,7 @@ def whole(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
+@pytest.mark.slow
 @given(data=st.data())
 @settings(max_examples=150, deadline=None)
 def test_any_damage_gives_a_one_line_error_or_a_consistent_subject(
@@ -456,6 +457,7 @@ def stored(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return _stored(tmp_path_factory.mktemp("batch"))
 
 
+@pytest.mark.slow
 def test_a_batch_contains_its_labelled_meshes_in_order(stored: Path) -> None:
     collection = open_collection(stored)
     assert [one.name for one in collection.items] == ["box.stl", "deep/cone.ply"]

@@ -344,6 +344,7 @@ def test_damaged_files_are_refused(tmp_path: Path, old: bytes, new: bytes, reaso
         read_subject(path)
 
 
+@pytest.mark.slow
 def test_the_subject_of_labels_has_what_is_computed() -> None:
     labels = replace(held())
     assert subject_of(labels).forces is None

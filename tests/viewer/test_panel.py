@@ -462,6 +462,7 @@ def test_a_key_beyond_a_limit_gives_a_message(session: Session) -> None:
     session.close()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("size", [(320.0, 240.0), *SIZES])
 def test_the_help_fits_into_the_window(size: tuple[float, float]) -> None:
     height, width, _ = help_image(*size, 1.0).shape

@@ -426,6 +426,7 @@ def test_the_scale_bar_has_a_round_length_at_every_zoom(legend: bool) -> None:
             assert 25 <= bar_pixels(image) <= 80
 
 
+@pytest.mark.slow
 @needs_opengl
 @pytest.mark.parametrize("size", [(320, 240), (640, 400), (500, 700)])
 @pytest.mark.parametrize("compare", [None, 0.5])
@@ -646,6 +647,7 @@ def cut_cylinder(offset: float) -> Subject:
     return subject_of(scan_surface(moved, fixed=(offset, offset, offset - 1.0)))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("section", "offset"),
     [
