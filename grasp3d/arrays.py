@@ -52,6 +52,13 @@ def angles_between(a: Floats, b: Floats) -> Floats:
     return angles
 
 
+def used_indices(indices: Ints) -> Ints:
+    """Distinct indices in ascending order, in time linear in their number and in the largest."""
+    used = np.zeros(int(indices.max(initial=-1)) + 1, dtype=np.bool_)
+    used[indices.ravel()] = True
+    return np.flatnonzero(used)
+
+
 def first_at_position(vertices: Floats) -> Ints:
     """Number of the first vertex with exactly the same position, for each vertex, shape (V,)."""
     rows = np.ascontiguousarray(vertices + 0.0)  # -0.0 and 0.0 are one position

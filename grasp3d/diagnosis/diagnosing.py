@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, first_at_position
+from grasp3d.arrays import Floats, Ints, first_at_position, used_indices
 from grasp3d.costs import labelling_cost
 from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis, MeshWarning, SurfaceMeasures, Trust
 from grasp3d.diagnosis.mesh_warnings import (
@@ -162,7 +162,7 @@ def _measure(points: Floats, faces: Ints, mesh: ObjectMesh) -> SurfaceMeasures:
     boundary, nonmanifold = edge_counts(faces)
     x, y, z = mesh.from_normalized(center).tolist()
     return SurfaceMeasures(
-        vertices=len(np.unique(faces)),
+        vertices=len(used_indices(faces)),
         faces=count,
         closed=closed,
         boundary_edges=boundary,

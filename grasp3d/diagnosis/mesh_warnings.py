@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Floats, Ints, used_indices
 from grasp3d.diagnosis.mesh_diagnosis import MeshWarning, Trust
 from grasp3d.mesh.measures import face_areas, is_closed, part_volumes, parts_of
 from grasp3d.mesh.object_mesh import ObjectMesh
@@ -163,13 +163,13 @@ def noise_warnings(
 def _smoothing_radius(points: Floats, faces: Ints, noise: float) -> float:
     """Return the patch radius at which the mean of independent errors is small enough."""
     vertices = (noise / SMOOTH) ** 2
-    area = float(face_areas(points, faces).sum()) / len(np.unique(faces))
+    area = float(face_areas(points, faces).sum()) / len(used_indices(faces))
     return math.sqrt(vertices * area / math.pi)
 
 
 def _has_direction(points: Floats, faces: Ints, radius: float) -> bool:
     """Return whether patches of a radius are flat enough to have a normal."""
-    used = np.unique(faces)
+    used = used_indices(faces)
     sources = used[:: max(1, len(used) // PROBES)]
     vectors, areas = patch_areas(surface_net(points, faces), sources, radius)
     return bool(np.median(np.linalg.norm(vectors, axis=1) / areas) > FLATNESS)

@@ -120,14 +120,22 @@ def crowded_edges(faces: Ints) -> Ints:
 
 
 def _by_edge(faces: Ints) -> tuple[Ints, Ints, Ints]:
-    """Half-edges ordered by their edge; the first of each edge, and its number of half-edges."""
-    edges = np.sort(faces[:, [1, 2, 2, 0, 0, 1]].reshape(-1, 2), axis=1)
-    order = np.lexsort((edges[:, 1], edges[:, 0]))
-    ordered = edges[order]
-    new = np.ones(len(ordered), dtype=bool)
-    new[1:] = (ordered[1:] != ordered[:-1]).any(axis=1)
-    first = np.flatnonzero(new)
-    return order, first, np.diff(np.append(first, len(ordered)))
+    """Half-edges ordered by their edge; the first of each edge, and its number of half-edges.
+
+    Those of one edge are in ascending order.
+    """
+    start, end = faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()
+    keys = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
+    order = np.argsort(keys)  # several times as fast as a stable order
+    ordered = keys[order]
+    first = np.flatnonzero(np.diff(ordered, prepend=-1))
+    size = np.diff(np.append(first, len(ordered)))
+    pairs = first[size == 2]
+    order[pairs], order[pairs + 1] = np.sort([order[pairs], order[pairs + 1]], axis=0)
+    crowded = np.repeat(size > 2, size)
+    rows = order[crowded]
+    order[crowded] = rows[np.lexsort((rows, keys[rows]))]
+    return order, first, size
 
 
 def _smooth_edges(faces: Ints, flat: Floats, crease_angle: float) -> tuple[Ints, Ints]:

@@ -9,7 +9,7 @@ import numpy as np
 
 from grasp3d._kernels.normal_sets import ContactNormals
 from grasp3d._kernels.surface_contacts import Surface
-from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
 from grasp3d.lengths import Unit
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins
@@ -121,7 +121,7 @@ class ObjectMesh:
     @cached_property
     def torque_scale(self) -> float:
         """Largest distance of a surface vertex from the centre of mass (rho)."""
-        used = self.vertices[np.unique(self.faces)]
+        used = self.vertices[used_indices(self.faces)]
         return float(np.linalg.norm(used - self.center_mass, axis=1).max())
 
     @cached_property

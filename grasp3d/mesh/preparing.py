@@ -6,7 +6,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.arrays import Floats, Ints, locked, used_indices
 from grasp3d.costs import check_cost
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.lengths import Unit
@@ -163,7 +163,7 @@ def refined_mesh(
     normals = corner_normals(points, surface.faces, options.crease_angle)
     edge = DEFAULT_EDGE if options.max_edge is None else options.max_edge / size
     added = int(min(refined_faces(points, surface.faces, edge), MANY)) - len(surface.faces)
-    expected = max(len(np.unique(surface.faces)), len(surface.faces) // 2) + added // 2
+    expected = max(len(used_indices(surface.faces)), len(surface.faces) // 2) + added // 2
     check_cost(expected, options.max_memory, where, "give a longer max_edge (--max-edge)")
     rounding = min(rounding_of(raw.vertices) / size, MOST_ROUNDING)
     with bounds_of(where):
@@ -253,14 +253,14 @@ def surface_extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
     centred = vertices - middle
     area = face_areas(centred, faces)
     offset = (centred[faces].mean(axis=1) * area[:, None]).sum(axis=0) / area.sum()
-    radius = np.linalg.norm(vertices[np.unique(faces)] - middle - offset, axis=1).max()
+    radius = np.linalg.norm(vertices[used_indices(faces)] - middle - offset, axis=1).max()
     return middle + offset, float(2.0 * radius)
 
 
 def _fewest_vertices(raw: RawMesh) -> int:
     """Estimate the least number of vertices after repair: those within rounding count once."""
     fewest = len(raw.faces) // 2
-    corners = np.unique(raw.faces)
+    corners = used_indices(raw.faces)
     if len(corners) <= 2 * fewest:
         return fewest
     points = raw.vertices[corners]

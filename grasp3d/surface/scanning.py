@@ -6,7 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.scanning import scan
-from grasp3d.arrays import ArrayLike, Floats
+from grasp3d.arrays import ArrayLike, Floats, used_indices
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point
@@ -136,7 +136,7 @@ def _scan_multifinger(
 ) -> Floats:
     """Angles (2, V) of every vertex with several fixed fingers."""
     mesh = fixed.mesh
-    vertices = np.unique(mesh.faces)
+    vertices = used_indices(mesh.faces)
     distances = np.linalg.norm(mesh.normalized[vertices, None] - positions, axis=2).min(axis=1)
     vertices = vertices[distances > SAME_POINT]
     others = np.broadcast_to(

@@ -29,6 +29,9 @@ MOST_ON_HULL = 4096
 DIRECTIONS = 512
 """Directions in which the corners of the hull of a larger body are searched."""
 
+AT_ONCE = 8
+"""Directions whose farthest corners are sought at once, which limits the memory."""
+
 FLAT = 1e-18
 """Least variance of a body's vertices, as a fraction of the largest, that is not flat."""
 
@@ -248,8 +251,8 @@ def _outward_at_extremes(points: Floats) -> Floats:
     spread = np.linalg.eigvalsh(np.cov(points.T))
     if spread[0] <= FLAT * spread[2]:
         return outward
-    for direction in _directions():
-        outward[np.argmax(points @ direction)] += direction
+    for directions in np.array_split(_directions(), DIRECTIONS // AT_ONCE):
+        np.add.at(outward, np.argmax(directions @ points.T, axis=1), directions)
     return outward
 
 

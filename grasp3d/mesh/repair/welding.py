@@ -4,7 +4,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.arrays import Bools, Floats, Ints, used_indices
 from grasp3d.mesh.measures import Edges, edges_of, has_area, parts_of
 from grasp3d.mesh.repair.cleaning import PAIR, first_alike, is_face
 from grasp3d.mesh.work_bounds import close_pairs
@@ -91,12 +91,12 @@ def weld_nearby(points: Floats, faces: Ints, rounding: float) -> Ints:
     fewest = int((edges.faces != PAIR).sum())
     close = 4.0 * rounding
     if fewest:
-        joined = _joined(points, faces, np.unique(faces), close, rounding)
+        joined = _joined(points, faces, used_indices(faces), close, rounding)
         if joined is not None:
             joined_edges = _edges_once(joined[faces])
             if (joined_edges.faces != PAIR).sum() < fewest:
                 best, edges = joined, joined_edges
-    start, border = best, np.unique(edges.ends[edges.faces == 1])
+    start, border = best, used_indices(edges.ends[edges.faces == 1])
     fewest = int((edges.faces == 1).sum())
     for distance in (weld for weld in (close, *WELDS) if weld >= close):
         if fewest == 0:

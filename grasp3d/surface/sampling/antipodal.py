@@ -27,7 +27,7 @@ from grasp3d._kernels.antipodal_refinement import RAYS_PER_ROUND, exploring_rays
 from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.ray_tracing import Rays
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows, used_indices
 from grasp3d.gripper.reach import Reach
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
@@ -283,7 +283,7 @@ class _Search:
         mesh = self.mesh
         count = len(mesh.vertices)
         self.spacing = math.sqrt(2.0 * math.pi * (1.0 - math.cos(self.cone)) / self.sampling.rays)
-        self.vertices = np.unique(mesh.faces)
+        self.vertices = used_indices(mesh.faces)
         self.limits = pair_limits(mesh, self.sampling, self.cone, self.ranking)
         self.sets = mesh.contact_normals
         self.surface = mesh.contact_surface

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from grasp3d.arrays import Floats, Ints
+from grasp3d.arrays import Floats, Ints, used_indices
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import inward_normals
 from grasp3d.mesh.object_mesh import ObjectMesh
@@ -87,7 +87,7 @@ def spread_vertices(mesh: ObjectMesh, count: int, *, seed: int = 0) -> Ints:
     """
     count, seed = whole_number("count", count, 1), whole_number("seed", seed, 0)
     rng = np.random.default_rng(seed)
-    candidates = np.unique(mesh.faces)
+    candidates = used_indices(mesh.faces)
     areas = mesh.vertex_areas[candidates] / mesh.vertex_areas[candidates].max()
     # The largest u^(1/area) are a weighted sample without replacement (Efraimidis & Spirakis 2006).
     keys = np.log(rng.random(len(candidates))) / np.maximum(areas, np.finfo(np.float64).tiny)
