@@ -8,7 +8,7 @@ from grasp3d.settings import GraspModel, Sampling
 BASE = 0.3
 """Memory of a process that labels a very small mesh [GB]."""
 
-PER_VERTEX = 2e-6, 1.2e-6
+PER_VERTEX = 1.6e-6, 1.2e-6
 """Memory for each vertex [GB]: for two fingers, and for each further finger."""
 
 SECONDS = {2: 4e-4, 3: 1.1e-3, 4: 2.5e-3, 5: 3e-3}
