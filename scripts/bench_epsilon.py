@@ -33,7 +33,6 @@ import json
 import math
 import time
 from collections.abc import Callable
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -141,7 +140,7 @@ def critical_angles(count: int, fingers: int) -> dict[str, float]:
     Such grasps have an angle of 0 or less, from a search over the directions of motion.
     """
     contacts = random_contacts(Shape(fingers, 8, soft=False), count, seed=0)
-    closed = grasp3d.force_closure(replace(contacts, friction=np.zeros(contacts.friction.shape)))
+    closed = grasp3d.force_closure(contacts.with_friction(np.zeros(contacts.friction.shape)))
     rows = {
         "frictionless": np.flatnonzero(closed.closed)[:50],
         "other": np.flatnonzero(~closed.closed)[:50],
