@@ -53,7 +53,7 @@ def angles_between(a: Floats, b: Floats) -> Floats:
 
 
 def used_indices(indices: Ints) -> Ints:
-    """Distinct indices in ascending order, in time linear in their number and in the largest."""
+    """Distinct indices, 0 or more, in ascending order; in time linear in the largest."""
     used = np.zeros(int(indices.max(initial=-1)) + 1, dtype=np.bool_)
     used[indices.ravel()] = True
     return np.flatnonzero(used)

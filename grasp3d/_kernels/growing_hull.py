@@ -104,13 +104,13 @@ def _fit_plane(polytope, dim, f, metric, task):
 
 
 @merged
-def _combine_planes(polytope, dim, r, new, vertex, metric):
+def _combine_planes(polytope, dim, r, new, vertex, metric, pinched):
     """Join a ridge of the horizon and the new vertex, and combine the planes of its two facets.
 
     The pencil of the two old facets: a positive combination that is 0 at the new vertex.
     """
     planes, heights, row = polytope.planes, polytope.heights, polytope.combined[r]
-    v, other = join(polytope, dim, polytope.horizon[r], new, vertex)
+    v, other = join(polytope, dim, polytope.horizon[r], new, vertex, pinched)
     s, t = heights[v], -min(heights[other], 0.0)
     n0 = s * planes[0, other] + t * planes[0, v]
     n1 = s * planes[1, other] + t * planes[1, v]
@@ -125,7 +125,7 @@ def _combine_planes(polytope, dim, r, new, vertex, metric):
 
 
 @merged
-def _add_facets(polytope, dim, ridges, used, free_count, vertex, metric, task):
+def _add_facets(polytope, dim, ridges, used, free_count, vertex, metric, task, pinched):
     """Add the facets that join the ridges of the horizon to the new vertex.
 
     Square roots and divisions are in a loop of their own, which vectorises.
@@ -142,7 +142,7 @@ def _add_facets(polytope, dim, ridges, used, free_count, vertex, metric, task):
             new = np.uint32(used)
             used += 1
         added[r] = new
-        _combine_planes(polytope, dim, r, new, vertex, metric)
+        _combine_planes(polytope, dim, r, new, vertex, metric, pinched)
     for r in range(ridges):
         factors[r] = 1.0 / math.sqrt(squares[r])
     for r in range(ridges):
@@ -159,10 +159,10 @@ def _add_facets(polytope, dim, ridges, used, free_count, vertex, metric, task):
 
 @merged
 def _queue_facets(polytope, ridges, size, limit, sign, lower, task):
-    """Queue the facets added last that are nearer than a limit, which the others are `lower` for.
+    """Queue the facets added last that are nearer than a limit.
 
     Returns:
-        (size of the queue, `lower`).
+        (size of the queue, least distance of those that were not queued so far).
     """
     added, queue, planes = polytope.added, polytope.queue, polytope.planes
     for r in range(ridges):
@@ -247,7 +247,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
     vertices = used = dim + 1
     lower, upper, limit = math.inf, math.inf, cutoff
     status, size, free_count, stamp, count, ridges = CONVERGED, used, 0, 0, 0, 0
-    first = 0
+    first, pinched = 0, False
     # Facets at or above `limit` cannot determine epsilon any more; they only count for `lower`.
     for f in range(used):
         queue[f] = f
@@ -286,7 +286,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
             continue
         polytope.identifiers[vertices], polytope.owners[vertices] = identifier, owner
         # Linking is put off until neighbours are needed, so it is never done for the last facets.
-        link_new_facets(polytope, dim, ridges, vertices)
+        pinched = link_new_facets(polytope, dim, ridges, vertices) or pinched
         for i in range(count):
             polytope.free[free_count] = polytope.visible[i]
             free_count += 1
@@ -300,7 +300,7 @@ def grow(space, dims, metric, task, start, goal, polytope):
             lower, status = min(lower, scale * plane[6]), EXHAUSTED
             break
         used, free_count = _add_facets(
-            polytope, dim, ridges, used, free_count, vertices, metric, task
+            polytope, dim, ridges, used, free_count, vertices, metric, task, pinched
         )
         size, lower = _queue_facets(polytope, ridges, size, limit, sign, lower, task)
         # nan compares as neither near nor visible, so removed facets need no test of their own.

@@ -11,8 +11,8 @@ through the facets that the vertex sees, decides.
 """
 
 import numpy as np
-from numba.cpython.unsafe.numbers import trailing_zeros
 
+from grasp3d._kernels.bits import lowest_bit
 from grasp3d._kernels.compiling import merged, scratch_kernel
 from grasp3d._kernels.polytope import UNKNOWN, height_above
 
@@ -79,8 +79,24 @@ def flood_visible(polytope, dim, first, stamp, point):
 
 
 @merged
-def join(polytope, dim, ridge, new, vertex):
+def _position_of(polytope, dim, facet, other, corner):
+    """Position in a facet of the ridge to another one, which is opposite a corner there.
+
+    Where facets have the same vertices and share several ridges, each is opposite one corner.
+    """
+    corners, neighbours = polytope.corners, polytope.neighbours
+    position = -1
+    for c in range(dim):
+        if neighbours[facet, c] == other and (position < 0 or corners[facet, c] == corner):
+            position = c
+    return position
+
+
+@merged
+def join(polytope, dim, ridge, new, vertex, pinched):
     """Join a ridge of the horizon and the new vertex, its last corner, to a facet.
+
+    `pinched`: whether facets may share several ridges.
 
     Returns:
         The facets on both sides of the ridge: (visible, behind it).
@@ -94,9 +110,12 @@ def join(polytope, dim, ridge, new, vertex):
     corners[new, k] = corners[v, dim - 1]
     corners[new, dim - 1] = vertex
     neighbours[new, dim - 1] = other
-    for c in range(dim):
-        before = neighbours[other, c]
-        neighbours[other, c] = new if before == v else before
+    if pinched:
+        neighbours[other, _position_of(polytope, dim, other, v, corners[v, k])] = new
+    else:
+        for c in range(dim):
+            before = neighbours[other, c]
+            neighbours[other, c] = new if before == v else before
     neighbours[v, k] = NEW_FACET | new
     return v, other
 
@@ -122,13 +141,12 @@ def turn_about_faces(polytope, dim, ridges):
                 if link & NEW_FACET:
                     break
                 # In the next facet leave through the ridge opposite the corner not yet passed.
-                corner, before = corners[facet, staying], facet
-                facet = link
+                corner = corners[facet, staying]
+                position = _position_of(polytope, dim, link, facet, corners[facet, leaving])
+                facet, staying = link, np.uint32(position)
                 for c in range(dim):
                     if corners[facet, c] == corner:
                         leaving = np.uint32(c)
-                    if neighbours[facet, c] == before:
-                        staying = np.uint32(c)
             # The last corner of v took the place of the one that the ridge lacks.
             slot = np.int64(k) if b == dim - 1 else b
             neighbours[new, slot] = link & ~NEW_FACET
@@ -165,7 +183,7 @@ def _link_marked(polytope, dim, new, own, first):
             several |= common & (common - ONE)
             if neighbours[new, c] != UNKNOWN:
                 several |= common
-            neighbours[new, c] = added[first + np.uint64(trailing_zeros(common))]
+            neighbours[new, c] = added[first + np.uint64(lowest_bit(common))]
     return several
 
 
@@ -177,7 +195,10 @@ def link_new_facets(polytope, dim, ridges, vertices):
         polytope: `Polytope`.
         dim: Its dimension.
         ridges: Number of the ridges of the horizon, and of new facets.
-        vertices: Number of vertices, with the last.
+        vertices: Number of vertices, with that of the new facets.
+
+    Returns:
+        Whether the horizon touches itself.
     """
     added, several = polytope.added, NONE
     for first in range(0, ridges, WORD):
@@ -188,3 +209,5 @@ def link_new_facets(polytope, dim, ridges, vertices):
             several |= _link_marked(polytope, dim, added[r], own, np.uint64(first))
     if several != NONE:
         turn_about_faces(polytope, dim, ridges)
+        return True
+    return False

@@ -38,7 +38,7 @@ from grasp3d._kernels.wrench_problem import SIGN, SIX
 MAX_DIRECTIONS = 24
 """Separating directions that are remembered."""
 
-MAX_FACETS = 1 << 11
+MAX_FACETS = (1 << 11) + 8
 """Most facets of a closure test's hull; a grasp that needs more counts as not force-closed."""
 
 ROUNDING = 1e-11

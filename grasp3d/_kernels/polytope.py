@@ -27,8 +27,8 @@ class Polytope(NamedTuple):
     """Arrays for a polytope of at most p vertices and f facets; reused from grasp to grasp.
 
     Ridges are encoded as 8 * facet + corner, where `corner` is the position, 0 to 5, of the one
-    corner that is not on the ridge. Rows of `planes` whose distance is a multiple of 4096 bytes
-    would share the few lines of a cache: a capacity is not a power of two.
+    corner that is not on the ridge. Rows of `planes` that are multiples of 4096 bytes apart would
+    share the few lines of a cache: capacities are 8 more than a multiple of 512 facets.
     """
 
     points: npt.NDArray[np.float64]
@@ -60,7 +60,7 @@ class Polytope(NamedTuple):
     horizon: npt.NDArray[np.uint32]
     """Ridges between a visible and an invisible facet, in the visible one's encoding (8 f,)."""
     added: npt.NDArray[np.uint32]
-    """The facets added last, in the order of the horizon (f + 65,)."""
+    """The facets added last, in the order of the horizon (f,)."""
     combined: npt.NDArray[np.float64]
     """Normal, height and weight of the planes of the facets being added (f, 8)."""
     squares: npt.NDArray[np.float64]
@@ -94,7 +94,7 @@ def make_polytope(facets: int) -> Polytope:
         visible=np.zeros(facets + 1, dtype=np.uint32),
         free=np.zeros(facets, dtype=np.uint32),
         horizon=np.zeros(8 * facets + 1, dtype=np.uint32),
-        added=np.zeros(facets + 65, dtype=np.uint32),
+        added=np.zeros(facets, dtype=np.uint32),
         combined=np.zeros((facets, 8)),
         squares=np.zeros(facets),
         factors=np.zeros(facets),

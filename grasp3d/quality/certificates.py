@@ -52,8 +52,9 @@ class Certificate:
         If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
         shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit];
         of contacts with patches, shape (..., n, 6): force, and moment about the contact, along x,
-        y, z. For given wrenches their weights, shape (..., n). nan where not force-closed, and
-        where `cone_offset` makes cones of 90 degrees or more.
+        y, z. For given wrenches their weights, shape (..., n). nan where not force-closed, where
+        `cone_offset` makes cones of 90 degrees or more, and where closure is so narrow that only
+        the hull proves it. Copies and pickles hold the forces.
         """
         return self._balance()
 
@@ -62,33 +63,29 @@ class Certificate:
 
 
 def certificate_of(
-    contacts: Contacts, problem: WrenchProblem, results: Results, goal: Goal, threads: int | None
-) -> Certificate:
-    """Certificates of contacts in the shape of their batch: directions, and balanced forces."""
-    batch, closed = contacts.batch, results.closed
-
-    def balance() -> Floats:
-        components = problem.balanced_forces(closed, goal, threads)
-        in_batch: Floats = shaped(forces_of_components(contacts, components), batch)
-        return in_batch
-
-    return Certificate(shaped(results.direction, batch), balance)
-
-
-def certificate_of_rows(
     problem: WrenchProblem,
     results: Results,
-    batch: tuple[int, ...],
     goal: Goal,
+    *,
+    batch: tuple[int, ...],
+    forces_of: Callable[[Floats], Floats],
     threads: int | None,
 ) -> Certificate:
-    """Certificates of given wrenches: directions, and the wrenches' weights in equilibrium."""
+    """Certificates of a batch: directions, and balanced forces.
+
+    Args:
+        problem: The wrench spaces.
+        results: Their results, of which directions and closure are kept.
+        goal: That of the results.
+        batch: Shape of the batch.
+        forces_of: Converts components along the contacts' axes.
+        threads: As in `WrenchProblem.solve`.
+    """
     closed = results.closed
 
     def balance() -> Floats:
-        weights = problem.balanced_forces(closed, goal, threads)[..., 0]
-        in_batch: Floats = shaped(weights, batch)
-        return in_batch
+        forces: Floats = shaped(forces_of(problem.balanced_forces(closed, goal, threads)), batch)
+        return forces
 
     return Certificate(shaped(results.direction, batch), balance)
 

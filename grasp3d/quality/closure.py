@@ -1,13 +1,14 @@
 """Force closure of grasps, with certificates."""
 
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
 from grasp3d._kernels.wrench_problem import SIGN
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Ints, shaped, short_repr
 from grasp3d.contact.contacts import Contacts, centred
-from grasp3d.quality.certificates import Certificate, certificate_of
+from grasp3d.quality.certificates import Certificate, certificate_of, forces_of_components
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrench_problem import WrenchProblem
 
@@ -75,5 +76,12 @@ def force_closure(
         closed=shaped(results.closed, batch),
         rank=shaped(results.rank, batch),
         status=shaped(results.status, batch),
-        certificate=certificate_of(contacts, problem, results, SIGN, threads),
+        certificate=certificate_of(
+            problem,
+            results,
+            SIGN,
+            batch=batch,
+            forces_of=partial(forces_of_components, contacts),
+            threads=threads,
+        ),
     )

@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 
@@ -9,7 +10,7 @@ from grasp3d._kernels.wrench_problem import Results
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts
 from grasp3d.errors import ContactError
-from grasp3d.quality.certificates import Certificate, Status, certificate_of, certificate_of_rows
+from grasp3d.quality.certificates import Certificate, Status, certificate_of, forces_of_components
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Bounded
@@ -141,7 +142,10 @@ def epsilon_with(
     )
     goal, threads = options.goal, options.threads
     results = problem.solve(goal, with_forces=False, threads=threads)
-    certificate = certificate_of(contacts, problem, results, goal, threads)
+    certificate = certificate_of(
+        problem, results, goal,
+        batch=contacts.batch, forces_of=partial(forces_of_components, contacts), threads=threads,
+    )  # fmt: skip
     return _as_epsilon(results, contacts.batch, certificate, polygonal=options.polygonal)
 
 
@@ -184,7 +188,10 @@ def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = None) -> E
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])
     problem, goal = WrenchProblem.of_rows(flat), (0.0, 0.0, math.inf, 0.0)
     results = problem.solve(goal, with_forces=False, threads=threads)
-    certificate = certificate_of_rows(problem, results, batch, goal, threads)
+    certificate = certificate_of(
+        problem, results, goal,
+        batch=batch, forces_of=lambda weights: weights[..., 0], threads=threads,
+    )  # fmt: skip
     return _as_epsilon(results, batch, certificate, polygonal=True)
 
 

@@ -37,13 +37,13 @@ from grasp3d.system.processors import available_processors
 CHUNK = 1024
 """Grasps evaluated at once by a thread; limits the memory and divides the work."""
 
-INITIAL_FACETS = 2056
-"""Capacity of a thread's first polytope, in facets; see `Polytope` on powers of two."""
+INITIAL_FACETS = (1 << 11) + 8
+"""Capacity of a thread's first polytope, in facets; see `Polytope` on the 8."""
 
 THREAD_GRASPS = 256
 """Grasps that are worth another thread."""
 
-MAX_FACETS = 1 << 18
+MAX_FACETS = (1 << 18) + 8
 """Largest capacity of a polytope; a hull with more facets is not grown further."""
 
 NO_TOLERANCE = 2e-15
@@ -51,6 +51,9 @@ NO_TOLERANCE = 2e-15
 
 TINIEST = 1e-300
 """Least divisor, which replaces a size of 0."""
+
+MOST_TAKEN = 1 << 16
+"""Grasps whose wrenches are written at once where forces in equilibrium are computed."""
 
 _local = threading.local()
 
@@ -266,10 +269,12 @@ class WrenchProblem:
             Shape (b, n, 4 or 6); nan for other grasps, and where no forces prove closure.
         """
         forces = np.full((self.size, self.count, self.axes), math.nan)
-        for each in (SIGN, goal):
-            left = np.flatnonzero(closed & np.isnan(forces).any(axis=(1, 2)))
-            if len(left):
-                forces[left] = self.take(left).solve(each, threads=threads).forces
+        wanted = closed & (self.cones[..., 0] > 0.0).all(axis=-1)  # see `solve`
+        goals = (goal, SIGN) if self.is_pairs(goal) else (SIGN, goal)  # pairs need no hull
+        for each in dict.fromkeys(goals):
+            left = np.flatnonzero(wanted & np.isnan(forces).any(axis=(1, 2)))
+            for rows in np.split(left, range(MOST_TAKEN, len(left), MOST_TAKEN)):
+                forces[rows] = self.take(rows).solve(each, threads=threads).forces
         return forces
 
     def solve_pairs(self, results: Results, goal: Goal, threads: int | None) -> Bools:
@@ -388,7 +393,7 @@ class WrenchProblem:
             polytope = make_polytope(INITIAL_FACETS) if small else _polytope(INITIAL_FACETS)
             stopped = run(first, polytope)
             if not small and stopped < size and polytope.planes.shape[1] < MAX_FACETS:
-                _polytope(min(4 * polytope.planes.shape[1], MAX_FACETS))
+                _polytope(min(4 * polytope.planes.shape[1] + 8, MAX_FACETS))
                 first = stopped
             else:
                 first = stopped + 1

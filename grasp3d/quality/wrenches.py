@@ -59,8 +59,8 @@ def wrench_axes(
     axes = np.zeros((*points.shape[:-1], rows, 6))
     write_axes(
         _read_only(points, (-1, 3)),
-        _read_only(normals, (-1, 3)),
-        _read_only(torsion_radius, (-1,)),
+        _read_only(np.broadcast_to(normals, points.shape), (-1, 3)),
+        _read_only(np.broadcast_to(torsion_radius, points.shape[:-1]), (-1,)),
         float(torque_scale),
         NEAR_X_AXIS,
         axes.reshape(-1, rows, 6),

@@ -1,4 +1,5 @@
 import math
+import pickle
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -716,6 +717,18 @@ def test_results_are_read_only() -> None:
     ):  # fmt: skip
         with pytest.raises(ValueError, match="read-only"):
             values[...] = 0
+
+
+def test_copies_hold_the_forces_that_are_computed_when_read() -> None:
+    contacts = random_contacts(Shape(3, 8, soft=False), 20, seed=0)
+    rows = wrenches(contacts, edges=8)
+    for result in (epsilon(contacts), force_closure(contacts), epsilon_of_wrenches(rows)):
+        certificate = result.certificate
+        copied = pickle.loads(pickle.dumps(result)).certificate  # noqa: S301 - our own
+        np.testing.assert_array_equal(copied.direction, certificate.direction)
+        np.testing.assert_array_equal(copied.equilibrium, certificate.equilibrium)
+        missing = np.isnan(certificate.equilibrium).reshape(20, -1).any(axis=1)
+        np.testing.assert_array_equal(missing, ~result.closed)
 
 
 def test_a_single_grasp_has_scalars() -> None:

@@ -30,7 +30,8 @@ DIRECTIONS = 512
 """Directions in which the corners of the hull of a larger body are searched."""
 
 AT_ONCE = 8
-"""Directions whose farthest corners are sought at once, which limits the memory."""
+"""Directions in which the farthest corners are sought at once: a pass over them serves several, but
+the memory grows."""
 
 FLAT = 1e-18
 """Least variance of a body's vertices, as a fraction of the largest, that is not flat."""
