@@ -4,10 +4,11 @@ A new vertex sees the facets whose planes it lies above. The ridges between them
 stay are the horizon; each of them with the new vertex makes a new facet.
 
 Two new facets are neighbours where their horizon ridges share a face of dim - 2 vertices. They are
-found for 64 ridges at once: a word for each vertex tells, bit by bit, which of the ridges contain
+found for 64 ridges at once: the bits of a word for each vertex are set for the ridges that contain
 it, and the words of the vertices of a face have one bit in common beside that of the ridge itself.
 Where rounding makes a horizon that touches itself there are several: then the walk about the face,
-through the facets that the vertex sees, decides.
+through the facets that the vertex sees, decides. Only such a horizon can make two facets with the
+same vertices and several common ridges; from then on the corner opposite a ridge identifies it, too.
 """
 
 import numpy as np
@@ -82,7 +83,7 @@ def flood_visible(polytope, dim, first, stamp, point):
 def _position_of(polytope, dim, facet, other, corner):
     """Position in a facet of the ridge to another one, which is opposite a corner there.
 
-    Where facets have the same vertices and share several ridges, each is opposite one corner.
+    Where facets have the same vertices and several ridges in common, each is opposite one corner.
     """
     corners, neighbours = polytope.corners, polytope.neighbours
     position = -1
@@ -96,7 +97,7 @@ def _position_of(polytope, dim, facet, other, corner):
 def join(polytope, dim, ridge, new, vertex, pinched):
     """Join a ridge of the horizon and the new vertex, its last corner, to a facet.
 
-    `pinched`: whether facets may share several ridges.
+    `pinched`: whether facets may have several ridges in common.
 
     Returns:
         The facets on both sides of the ridge: (visible, behind it).
@@ -147,7 +148,7 @@ def turn_about_faces(polytope, dim, ridges):
                 for c in range(dim):
                     if corners[facet, c] == corner:
                         leaving = np.uint32(c)
-            # The last corner of v took the place of the one that the ridge lacks.
+            # The last corner of v is now where the one was that the ridge lacks.
             slot = np.int64(k) if b == dim - 1 else b
             neighbours[new, slot] = link & ~NEW_FACET
 

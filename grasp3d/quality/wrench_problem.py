@@ -258,7 +258,7 @@ class WrenchProblem:
     def balanced_forces(self, closed: Bools, goal: Goal, threads: int | None) -> Floats:
         """Equilibrium forces of the grasps that were found to be closed, in the contacts' axes.
 
-        A small hull, which tells closure only, mostly has them.
+        A small hull, grown only until closure is known, mostly has them.
 
         Args:
             closed: Which grasps are closed, shape (b,).
@@ -407,8 +407,8 @@ class WrenchProblem:
             workers = min(available_processors(), 1 + self.size // THREAD_GRASPS)
         if workers < 1:
             raise SettingError(f"threads must be at least 1; got {threads}")
-        share = self.size if workers == 1 else -(-self.size // (4 * workers))
-        step = max(1, min(CHUNK, share) // group) * group
+        part = self.size if workers == 1 else -(-self.size // (4 * workers))
+        step = max(1, min(CHUNK, part) // group) * group
         chunks = [slice(i, min(i + step, self.size)) for i in range(0, self.size, step)]
 
         def with_own_workspace(chunk: slice) -> None:
