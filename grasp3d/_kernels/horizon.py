@@ -8,7 +8,7 @@ found for 64 ridges at once: the bits of a word for each vertex are set for the 
 it, and the words of the vertices of a face have one bit in common beside that of the ridge itself.
 Where rounding makes a horizon that touches itself there are several: then the walk about the face,
 through the facets that the vertex sees, decides. Only such a horizon can make two facets with the
-same vertices and several common ridges; from then on the corner opposite a ridge identifies it, too.
+same vertices and several common ridges; from then on the corner opposite identifies a ridge.
 """
 
 import numpy as np
