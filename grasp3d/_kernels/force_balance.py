@@ -44,19 +44,31 @@ BALANCED_SQUARE = 1e-20
 
 
 @merged
+def _largest_across_edges(rim, shrink, x, y):
+    """Largest component of a vector orthogonal to an edge of a regular polygon, at least 0.
+
+    Args:
+        rim: Corners of the polygon, on the unit circle (m, 2).
+        shrink: Distance of its edges from the centre.
+        x: The vector.
+        y: The vector.
+    """
+    largest, count = 0.0, rim.shape[0]
+    for j in range(count):
+        k = j + 1 if j + 1 < count else 0
+        largest = max(largest, x * (rim[j, 0] + rim[k, 0]) + y * (rim[j, 1] + rim[k, 1]))
+    return largest * (0.5 / shrink)
+
+
+@merged
 def _margin_in_patch(space, i, forces):
     """Distance of a contact's force from where its patch no longer resists rolling, or less."""
     count = space.rim.shape[0]
     if count == 0:
         arm = math.sqrt(forces[i, 4] * forces[i, 4] + forces[i, 5] * forces[i, 5])
         return (forces[i, 0] - arm) * math.sqrt(0.5)
-    shrink, arm = math.cos(math.pi / count), 0.0
-    for j in range(count):
-        k = j + 1 if j + 1 < count else 0
-        x = space.rim[j, 0] + space.rim[k, 0]
-        y = space.rim[j, 1] + space.rim[k, 1]
-        arm = max(arm, forces[i, 4] * x + forces[i, 5] * y)
-    arm *= 0.5 / shrink
+    shrink = math.cos(math.pi / count)
+    arm = _largest_across_edges(space.rim, shrink, forces[i, 4], forces[i, 5])
     return (forces[i, 0] * shrink - arm) / math.sqrt(1.0 + shrink * shrink)
 
 
@@ -94,13 +106,7 @@ def _margin_in_cone(space, i, forces):
     least = (pressing * tangential * shrink - sideways * normal) / length
     if least > 0.0:  # inside the circular cone that all faces touch
         return least
-    sideways = 0.0
-    for j in range(count):
-        k = j + 1 if j + 1 < count else 0
-        x = space.rim[j, 0] + space.rim[k, 0]
-        y = space.rim[j, 1] + space.rim[k, 1]
-        sideways = max(sideways, forces[i, 1] * x + forces[i, 2] * y)
-    sideways *= 0.5 / shrink
+    sideways = _largest_across_edges(space.rim, shrink, forces[i, 1], forces[i, 2])
     return (pressing * tangential * shrink - sideways * normal) / length
 
 
