@@ -1,0 +1,19 @@
+import math
+
+import numpy as np
+import pytest
+
+from grasp3d._kernels.force_balance import _largest_across_edges
+
+
+@pytest.mark.parametrize("edges", [3, 4, 8, 16])
+def test_the_largest_component_across_the_edges_of_a_polygon(edges: int) -> None:
+    rng = np.random.default_rng(edges)
+    phase = rng.uniform(0.0, 2.0 * math.pi)
+    angles = phase + 2.0 * math.pi * np.arange(edges) / edges
+    rim = np.stack([np.cos(angles), np.sin(angles)], axis=1)
+    across = angles + math.pi / edges
+    for vector in rng.normal(size=(50, 2)):
+        expected = (np.cos(across) * vector[0] + np.sin(across) * vector[1]).max()
+        found = _largest_across_edges(rim, math.cos(math.pi / edges), *vector)
+        assert found == pytest.approx(expected, abs=1e-14)
