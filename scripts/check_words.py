@@ -7,6 +7,7 @@ the number of lines that it excuses, then the lines without one; exits with 1 wh
 import re
 import sys
 from collections import Counter
+from collections.abc import Iterator
 from pathlib import Path
 
 ROOT = Path(__file__).parents[1]
@@ -98,35 +99,40 @@ REASONS = (
 """(word, pattern, reason): a line that matches the pattern may hold the word."""
 
 
-def lines_with(word: str) -> list[tuple[str, str]]:
-    """(file and line, text) of every line that holds a word, in identifiers too."""
-    form = FORMS.get(word, word)
-    pattern = re.compile(rf"(?<![a-z])(?:{form})(?![a-z])", re.IGNORECASE)
-    found = []
-    for glob in PLACES:
-        for path in sorted(ROOT.glob(glob)):
-            if path.stem in {"check_words", "test_words"} or not path.is_file():
-                continue
-            text = path.read_text(encoding="utf-8")
-            for number, line in enumerate(text.splitlines(), 1):
-                if pattern.search(re.sub(r"([a-z])([A-Z])", r"\1_\2", line)):
-                    found.append((f"{path.relative_to(ROOT)}:{number}", line.strip()))
-    return found
+def pattern_of(*words: str) -> re.Pattern[str]:
+    """What finds the forms of words, also as parts of identifiers with underscores."""
+    forms = "|".join(FORMS.get(word, word) for word in words)
+    return re.compile(rf"(?<![a-z])(?:{forms})(?![a-z])", re.IGNORECASE)
+
+
+def lines_with_words() -> Iterator[tuple[str, str, str]]:
+    """(word, file and line, text) of every line that holds a word, in identifiers too."""
+    patterns = {word: pattern_of(word) for word in LEFT_OUT}
+    any_word = pattern_of(*LEFT_OUT)  # most lines hold none
+    for path in sorted({path for glob in PLACES for path in ROOT.glob(glob)}):
+        if path.stem in {"check_words", "test_words"} or not path.is_file():
+            continue
+        for number, line in enumerate(path.read_text(encoding="utf-8").splitlines(), 1):
+            parted = re.sub(r"([a-z])([A-Z])", r"\1_\2", line)
+            if any_word.search(parted):
+                words = (word for word, pattern in patterns.items() if pattern.search(parted))
+                yield from (
+                    (word, f"{path.relative_to(ROOT)}:{number}", line.strip()) for word in words
+                )
 
 
 def main() -> int:
     """Print the list; returns the exit code."""
     excused: Counter[tuple[str, str]] = Counter()
     unexplained = []
-    for word, instead in LEFT_OUT.items():
-        for where, line in lines_with(word):
-            text = f"{where}: {line} {line.replace('_', ' ')}"
-            reasons = (why for w, pattern, why in REASONS if w == word and re.search(pattern, text))
-            reason = next(reasons, None)
-            if reason is None:
-                unexplained.append(f"{where}: '{word}' (write {instead}): {line[:120]}")
-            else:
-                excused[word, reason] += 1
+    for word, where, line in lines_with_words():
+        text = f"{where}: {line} {line.replace('_', ' ')}"
+        reasons = (why for w, pattern, why in REASONS if w == word and re.search(pattern, text))
+        reason = next(reasons, None)
+        if reason is None:
+            unexplained.append(f"{where}: '{word}' (write {LEFT_OUT[word]}): {line[:120]}")
+        else:
+            excused[word, reason] += 1
     for (word, reason), count in sorted(excused.items()):
         print(f"{word}: {count} lines stay: {reason}")
     print(*unexplained, sep="\n")
