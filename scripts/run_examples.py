@@ -4,6 +4,9 @@ The blocks of a page run in order, in one folder that contains `meshes/` and wit
 variables. A block of `text` that follows, with at most one line such as "prints" between, is the
 expected output, in which `...` matches anything. `<!-- skip: next "the reason" -->` skips a block.
 
+Shell runs in bash. Blocks of nothing but `grasp3d` commands run in this process, as a new one for
+each would take seconds, except on the pages that users follow first.
+
     python scripts/run_examples.py [--write] [PAGE ...]
 
 prints what differs, or writes the outputs into the pages, where a change of results is meant.
@@ -14,16 +17,17 @@ import doctest
 import io
 import os
 import re
+import shlex
 import shutil
 import subprocess
 import sys
 import traceback
 from collections.abc import Iterator
-from contextlib import chdir, redirect_stdout
+from contextlib import chdir, redirect_stderr, redirect_stdout
 from dataclasses import dataclass, field
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from unittest import SkipTest
+from unittest import SkipTest, mock
 
 from sybil import Document, Example, Region
 from sybil.evaluators.python import PythonEvaluator
@@ -31,6 +35,8 @@ from sybil.example import SybilFailure
 from sybil.parsers.markdown import SkipParser
 from sybil.parsers.markdown.lexers import FencedCodeBlockLexer
 from sybil.region import Lexeme
+
+from grasp3d import cli
 
 ROOT = Path(__file__).parents[1]
 LIBRARY = ROOT / "meshes"
@@ -43,8 +49,16 @@ PAGES = (
 OUTPUT = re.compile(
     r"\n(?:\s*\n[^\n`#|<>]{1,80}\n)?\s*\n```text\n(?P<text>.*?)^```$", re.MULTILINE | re.DOTALL
 )
+OF_BASH = re.compile(r"[|&;<>$`(){}*?\[\]~#!]")
+"""What bash would expand, redirect or leave out, where it is not quoted."""
 FLAGS = doctest.ELLIPSIS | doctest.REPORT_NDIFF
 MOST_SECONDS = 300.0
+
+ALL_IN_BASH = (ROOT / "README.md", ROOT / "docs" / "quickstart.md")
+"""Pages whose commands are run as users run them."""
+
+ENVIRONMENT = {"COLUMNS": "80", "NO_COLOR": "1"}
+"""What commands print does not depend on the terminal."""
 
 
 @dataclass
@@ -131,18 +145,52 @@ def run_shell(example: Example) -> str | None:
     A command may fail where the page shows what it prints, on standard error too.
     """
     block: Block = example.parsed
-    done = subprocess.run(  # noqa: S603, pages of this project
-        [shutil.which("bash") or "bash", "-e", "-c", block.source],
-        check=False,
-        capture_output=True,
-        text=True,
-        timeout=MOST_SECONDS,
-        env={**os.environ, "PATH": path_with_commands(), "COLUMNS": "80", "NO_COLOR": "1"},
-    )
+    commands = [] if Path(example.path) in ALL_IN_BASH else commands_of(block.source)
+    done = run_here(commands) if commands else run_in_bash(block.source)
     block.printed = done.stdout if done.returncode == 0 else done.stdout + done.stderr
     if done.returncode and block.expected is None:
         return f"ended with exit code {done.returncode} and printed\n{block.printed}"
     return block.difference()
+
+
+def run_in_bash(source: str) -> subprocess.CompletedProcess[str]:
+    """Run a script in a new process."""
+    return subprocess.run(  # noqa: S603, pages of this project
+        [shutil.which("bash") or "bash", "-e", "-c", source],
+        check=False,
+        capture_output=True,
+        text=True,
+        timeout=MOST_SECONDS,
+        env={**os.environ, "PATH": path_with_commands(), **ENVIRONMENT},
+    )
+
+
+def commands_of(source: str) -> list[list[str]]:
+    """The words of each command of a script of `grasp3d` alone; empty: the script needs bash."""
+    lines = source.replace("\\\n", " ").splitlines()
+    alone = all(re.match(r"grasp3d\b", line) for line in lines)
+    return [shlex.split(line) for line in lines] if alone and not OF_BASH.search(source) else []
+
+
+def run_here(commands: list[list[str]]) -> subprocess.CompletedProcess[str]:
+    """Run `grasp3d` commands in this process, up to the first that fails."""
+    out, err = (io.TextIOWrapper(io.BytesIO(), encoding="utf-8") for _ in range(2))
+    code, environment = 0, mock.patch.dict(os.environ, ENVIRONMENT)
+    with environment, redirect_stdout(out), redirect_stderr(err):
+        for _, *words in commands:
+            try:
+                code = cli.main(words)
+            except SystemExit as ended:  # errors of usage
+                code = int(ended.code or 0)
+            if code:
+                break
+    return subprocess.CompletedProcess(commands, code, printed_to(out), printed_to(err))
+
+
+def printed_to(stream: io.TextIOWrapper) -> str:
+    """What was printed to a stream in memory."""
+    stream.seek(0)
+    return stream.read()
 
 
 def path_with_commands() -> str:

@@ -6,7 +6,18 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from run_examples import LIBRARY, PAGES, ROOT, Block, read_page, run_page, with_outputs
+from run_examples import (
+    LIBRARY,
+    PAGES,
+    ROOT,
+    Block,
+    commands_of,
+    read_page,
+    run_here,
+    run_in_bash,
+    run_page,
+    with_outputs,
+)
 from sybil import Document
 from sybil.parsers.markdown.lexers import FencedCodeBlockLexer
 
@@ -80,6 +91,35 @@ def test_a_block_that_fails_is_reported_unless_its_output_is_shown(
     ran = run_page(page_with(tmp_path, raising))
     assert ran.blocks == 0
     assert "ZeroDivisionError" in ran.failures[0]
+
+
+def test_scripts_of_nothing_but_commands_need_no_bash() -> None:
+    words = ["grasp3d", "label", "my mug.glb", "--task", "weight, 1"]
+    script = "grasp3d label 'my mug.glb' \\\n    --task \"weight, 1\"\n"
+    assert commands_of(f"{script}grasp3d --version\n") == [words, ["grasp3d", "--version"]]
+    for of_bash in ("ls", "grasp3d --version; ls", "grasp3d check a | wc", "grasp3d check $mesh",
+                    "grasp3d check *", "grasp3d check >a", "A=1 grasp3d check", "grasp3d  # no",
+                    "grasp3ds", "\n"):  # fmt: skip
+        assert commands_of(f"{script}{of_bash}\n") == []
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "script",
+    [
+        "grasp3d --version\ngrasp3d design --fingertip-radius 1cm --receptive-field 4mm",
+        "grasp3d --version\ngrasp3d check none.stl\ngrasp3d --version",
+        "grasp3d label --frictoin 0.5\ngrasp3d --version",
+    ],
+)
+def test_commands_print_the_same_here_as_in_bash(
+    script: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    here, in_bash = run_here(commands_of(script)), run_in_bash(script)
+    assert here.returncode == in_bash.returncode
+    assert here.stdout == in_bash.stdout
+    assert here.stderr == in_bash.stderr
 
 
 def test_blocks_of_a_page_go_on_from_each_other(
