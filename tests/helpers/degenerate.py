@@ -21,7 +21,7 @@ from scipy.optimize import linprog
 
 from grasp3d import Contacts
 from grasp3d.quality import ForceClosure
-from tests.helpers.oracles import cone_edges
+from tests.helpers.oracles import angles_between, cone_edges
 
 Floats = NDArray[np.float64]
 Bools = NDArray[np.bool_]
@@ -126,10 +126,8 @@ def rotation_about_line(points: Floats, a: int, b: int, *, on_line: bool) -> Flo
 
 def angles_to(velocities: Floats, normals: Floats) -> Floats:
     """Angles (...), pi where a contact is at rest."""
-    angle = np.arctan2(
-        np.linalg.norm(np.cross(velocities, normals), axis=-1), (velocities * normals).sum(axis=-1)
-    )
-    return np.where((velocities == 0.0).all(axis=-1), math.pi, angle)
+    resting = (velocities == 0.0).all(axis=-1)
+    return np.where(resting, math.pi, angles_between(velocities, normals))
 
 
 def largest_separation(maps: Floats, normals: Floats) -> tuple[Floats, Bools]:

@@ -14,7 +14,18 @@ Floats = NDArray[np.float64]
 
 
 def angle(a: Floats, b: Floats) -> float:
-    return float(np.arctan2(np.linalg.norm(np.cross(a, b)), np.dot(a, b)))
+    (x, y, z), (u, v, w) = a.tolist(), b.tolist()  # `np.cross` takes ten times as long
+    across = math.hypot(y * w - z * v, z * u - x * w, x * v - y * u)
+    return math.atan2(across, x * u + y * v + z * w)
+
+
+def angles_between(a: Floats, b: Floats) -> Floats:
+    """Angles between vectors (..., 3)."""
+    x, y, z, u, v, w = (c[..., k] for c in (a, b) for k in range(3))
+    across = (y * w - z * v, z * u - x * w, x * v - y * u)
+    return np.asarray(
+        np.arctan2(np.sqrt(sum(part * part for part in across)), x * u + y * v + z * w)
+    )
 
 
 def critical_angle(p1: Floats, n1: Floats, p2: Floats, n2: Floats, *signs: int) -> float:
