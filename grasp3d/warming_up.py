@@ -146,7 +146,6 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
         return
     from grasp3d.grasps.distinct import best_grasps
     from grasp3d.grasps.evaluation import evaluate_grasps
-    from grasp3d.gripper.parallel_gripper import ParallelGripper
     from grasp3d.surface.labelling import label_surface
     from grasp3d.surface.scanning import scan_surface
 
@@ -156,10 +155,7 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     sampling = Sampling(grip="both") if fingers == PAIR else Sampling()
     labels = label_surface(solid, model, sampling=sampling, threads=1)
     if gripper:
-        tactile = ParallelGripper.preset("tactile")
-        held = label_surface(solid, model, sampling=sampling, gripper=tactile, threads=1)
-        if fingers == PAIR:
-            _close_jaws(held, tactile)
+        _reach(solid, model, sampling)
     labels.compute_epsilon(ignore)
     _grow_hull()
     contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
@@ -186,6 +182,26 @@ def _grow_hull() -> None:
 
     facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     epsilon(Contacts(-facing, facing), edges=8, threads=1)
+
+
+def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling) -> None:
+    """Label grasps that a gripper reaches, and those that it closes on."""
+    from grasp3d.gripper.approach import Approach
+    from grasp3d.gripper.parallel_gripper import ParallelGripper
+    from grasp3d.gripper.reach import reach_grasps
+    from grasp3d.surface.labelling import label_surface
+
+    tactile = ParallelGripper.preset("tactile")
+    pairs = model.fingers == PAIR
+    # From above many best grasps are not reached: others are searched for, and not always found.
+    above = Approach(np.array([0.0, 0.0, -1.0]), within=0.3) if pairs else None
+    labels = label_surface(
+        mesh, model, sampling=sampling, gripper=tactile, approach=above, threads=1
+    )
+    if pairs:
+        corners = labels.mesh.vertices[None, :PAIR], labels.mesh.normals[None, :PAIR]
+        reach_grasps(labels.mesh, *corners, tactile, threads=1)
+        _close_jaws(labels, tactile)
 
 
 def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
