@@ -19,6 +19,7 @@ from grasp3d._kernels.announcing import FORCES, PHASES, Phase, all_compiled
 from grasp3d._kernels.machine_code import cache_folder
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.warming_up import announcement
+from tests.helpers import mesh_files
 from tests.helpers.commands import run_here
 
 ROOT = Path(grasp3d.__file__).parents[1]
@@ -58,12 +59,14 @@ if __name__ == "__main__":
         print("files", *used)
     else:
         mug = (meshes / "mug.glb", "--max-edge", "20mm")
+        # Epsilon of soft fingers takes long.
+        small = ("small.off", "--unit", "cm", "--max-edge", "2mm", "--friction", 1)
         run("warmup", "--gripper")
         run("label", *mug, "--best", 2)
         run("label", *mug, "-o", "patches.ply", "--patch-radius", "5mm")
-        run("label", *mug, "-o", "extremes.ply", "--method", "extremes", "--edges", 4)
+        run("label", *small, "-o", "extremes.ply", "--method", "extremes", "--edges", 4)
         run("label", *mug, "-o", "located.ply", "--location-error", "1mm", "--normal-error", 2)
-        run("label", *mug, "-o", "soft.ply", "--torsion-radius", "5mm")
+        run("label", *small, "-o", "soft.ply", "--torsion-radius", "1mm")
         held = ("--gripper", "robotiq_2f85", "--table", "as-is")
         run("label", *mug, *held, "-o", "held.ply", "--best", 2, "--grasps", "poses.json")
         run("evaluate", *mug, "mug_grasps.json", "-q")
@@ -177,6 +180,7 @@ def test_after_warmup_no_command_compiles(tmp_path: Path) -> None:
     for missing in cache.rglob("patches.reset_front-*"):
         missing.unlink()
     code.write_text(COMMANDS)
+    (tmp_path / "small.off").write_text(mesh_files.off_text())
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(cache), "PYTHONPATH": str(ROOT)}
 
     def run(stage: str) -> tuple[str, str]:
