@@ -35,7 +35,7 @@ STACK = 128
 
 
 @inlined
-def _evaluate(v, face, weights, surface, sets, grasps, found):
+def evaluate(v, face, weights, surface, sets, grasps, found):
     """Evaluate the grasp of a vertex and a point inside a face, as rays do."""
     corners, points = surface.faces[face], surface.points
     partner, own = np.zeros(3), points[v]
@@ -175,4 +175,4 @@ def descend(vertices, worst, gain, cone, tree, centres, surface, sets, limits, g
             best_weights,
         )
         if face >= 0:
-            _evaluate(v, face, best_weights, surface, sets, grasps, found)
+            evaluate(v, face, best_weights, surface, sets, grasps, found)

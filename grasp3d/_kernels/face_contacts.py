@@ -7,7 +7,7 @@ import math
 
 from grasp3d._kernels.compiling import merged, scratch_kernel
 
-INSIDE = 1e-6
+INSIDE = 2e-9
 """Smallest barycentric coordinate of a candidate: off the edges, where other normals count too."""
 
 STEPS = (0.4, 0.25, 0.15, 0.1, 0.05)
@@ -164,7 +164,7 @@ def read_face(face, v, surface, lines, normals):
 
 
 @merged
-def _longest_difference(rows):
+def longest_difference(rows):
     """Largest distance between any two of three points."""
     square = 0.0
     for k in range(3):
@@ -208,11 +208,11 @@ def turning_speed(weights, lines, normals, cos_spread, location):
         square += (
             weights[0] * lines[0, k] + weights[1] * lines[1, k] + weights[2] * lines[2, k]
         ) ** 2
-    edge = _longest_difference(lines)
+    edge = longest_difference(lines)
     nearest = math.sqrt(square) - TOTAL * edge
     if nearest <= 0.0 or cos_spread <= 0.0:
         return math.inf
-    speed = edge / nearest + _longest_difference(normals) / cos_spread
+    speed = edge / nearest + longest_difference(normals) / cos_spread
     if location > 0.0:  # the derivative of the line's turn with respect to the opening
         if nearest <= location:
             return math.inf
@@ -296,8 +296,10 @@ def aim(face, v, centres, surface, weights):
     qx, qy, qz = t * lx - rx, t * ly - ry, t * lz - rz
     b1 = (qy * wz - qz * wy) * ox + (qz * wx - qx * wz) * oy + (qx * wy - qy * wx) * oz
     b2 = (uy * qz - uz * qy) * ox + (uz * qx - ux * qz) * oy + (ux * qy - uy * qx) * oz
-    b1, b2 = max(b1 / square, INSIDE), max(b2 / square, INSIDE)
-    b0 = max(1.0 - b1 - b2, INSIDE)
-    total = b0 + b1 + b2
-    weights[0], weights[1], weights[2] = b0 / total, b1 / total, b2 / total
+    b1, b2 = max(b1 / square, 0.0), max(b2 / square, 0.0)
+    b0 = max(1.0 - b1 - b2, 0.0)
+    scale = (1.0 - 3.0 * INSIDE) / (b0 + b1 + b2)
+    weights[0] = INSIDE + scale * b0
+    weights[1] = INSIDE + scale * b1
+    weights[2] = INSIDE + scale * b2
     return True

@@ -139,7 +139,7 @@ def _print_settings(console: Console, labels: SurfaceLabels) -> None:
         console.print("search settings: " + differences)
     if labels.reaching is not None:
         console.print(_reaching_text(labels.reaching, mesh.size, mesh.unit), soft_wrap=True)
-    if labels.search.evaluated:
+    if labels.search.evaluated and model.fingers > 2:
         console.print(f"{counted(labels.search.evaluated, 'candidate grasps')} evaluated")
 
 

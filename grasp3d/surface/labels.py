@@ -50,7 +50,8 @@ class SearchReport:
     rays: int = 0
     """Number of rays traced, for two fingers."""
     evaluated: int = 0
-    """Number of candidate grasps evaluated, for three fingers and more."""
+    """Number of candidate grasps evaluated, for three fingers and more; for two fingers that
+    squeeze, faces on which the best contact was computed."""
     rounds: int = 0
     """Rounds of refinement about the best grasps; for three fingers and more, rounds in which the
     neighbours' grasps were evaluated."""

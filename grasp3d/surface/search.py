@@ -62,6 +62,7 @@ def label_pairs(
     report = SearchReport(
         cone,
         rays=sum(one.rays for one in searches),
+        evaluated=sum(one.evaluated for one in searches),
         rounds=sum(one.rounds for one in searches),
         still_falling=searches[-1].still_falling,
     )

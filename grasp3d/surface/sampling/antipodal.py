@@ -24,6 +24,7 @@ from grasp3d._kernels.antipodal_descent import descend
 from grasp3d._kernels.antipodal_directions import Frames, seed_rays
 from grasp3d._kernels.antipodal_neighbours import neighbour_rays
 from grasp3d._kernels.antipodal_refinement import RAYS_PER_ROUND, exploring_rays, refining_rays
+from grasp3d._kernels.exact_descent import descend_exactly
 from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.ray_tracing import Rays
@@ -43,6 +44,10 @@ CHUNK = 100_000
 DESCENDING = 1000
 """Vertices for which a thread runs branch and bound at once, so that progress is reported and a
 search can be cancelled."""
+
+IN_ORDER = 128
+"""Vertices that branch and bound takes one after the other where it is exact; the first one starts
+without a neighbour's contact. Independent of the threads, as the results depend on it."""
 
 CHUNKS = 4
 """Chunks per thread, which balance the load."""
@@ -147,6 +152,8 @@ class AntipodalGrasps:
     reached by the gripper. (V,)"""
     rays: int
     """Number of rays traced."""
+    evaluated: int
+    """Number of faces on which a contact was computed exactly."""
     rounds: int
     """Rounds of refinement."""
     still_falling: float
@@ -277,6 +284,7 @@ class _Search:
     reaching: Reaching | None = None
     ranking: Ranking = Ranking()
     traced: int = field(default=0, init=False)
+    evaluated: int = field(default=0, init=False)
     reach: Reach | None = field(default=None, init=False)
 
     def __post_init__(self) -> None:
@@ -314,6 +322,8 @@ class _Search:
     def run(self) -> AntipodalGrasps:
         """Find grasps over the whole surface, refine them, and try those of neighbours."""
         squeezing, by_rays = self.sampling.grip != "expand", self.sampling.grip != "squeeze"
+        if self._is_exact():
+            return self._run_exactly()
         if by_rays:
             self._seed(self.vertices, self.sampling.rays, -1, (0.0, 0.4))
             for number in range(EXPLORING_ROUNDS):
@@ -334,17 +344,86 @@ class _Search:
                 radii[improved] = 0.25 * self.spacing
             rounds += self._refine_all(radii)
             self.progress(0.85 + 0.15 * (sweep + 1) / sweeps)
-        if self.reaching is not None:
-            reach = ReachSearch(
-                self.mesh, self.reaching, self.cone, self.limits, self.executor,
-                largest_cost(self.cone, self.ranking),
-            )  # fmt: skip
-            ideal, self.grasps = (
-                self.grasps,
-                reach.run(self.grasps, self.tracer, self.neighbours, squeeze=squeezing),
-            )
-            self.reach = reach.reach_of(ideal, self.grasps, self.tracer)
+        self._keep_reached(squeeze=squeezing)
         return self._result(rounds, improving)
+
+    def _is_exact(self) -> bool:
+        """Whether the best contacts are found on the faces themselves, without rays.
+
+        For fingers that squeeze, where costs are critical angles and no opening is too small.
+        """
+        return (
+            self.sampling.grip == "squeeze"
+            and self.ranking == Ranking()
+            and self.limits.smallest == SMALLEST_OPENING
+        )
+
+    def _run_exactly(self) -> AntipodalGrasps:
+        """Find the contact with the smallest critical angle of every vertex, within the cone.
+
+        Where there is none, rays find the reason, and the best contact beyond the cone is found.
+        """
+        tree = face_tree(self.surface)
+        _, first = np.unique(self.surface.faces[tree.order], return_index=True)
+        ordered = self.vertices[np.argsort(first)]
+        self._descend_exactly(ordered, self.cone, tree, (0.0, 0.8))
+        useless = ordered[self.grasps.worst[ordered] >= self.cone]
+        self._seed(useless, self.sampling.rays, 1, (0.8, 0.9))
+        beyond = useless[self.grasps.reason[useless] == FOUND]
+        self._descend_exactly(beyond, math.pi / 2.0, tree, (0.9, 0.95))
+        self._keep_reached(squeeze=True)
+        self.progress(1.0)
+        return self._result(0, 0.0)
+
+    def _descend_exactly(
+        self, vertices: Ints, cone: float, tree: FaceTree, progress: tuple[float, float]
+    ) -> None:
+        """Search for the smallest angles; at creases for those of the best normals too.
+
+        Args:
+            vertices: Vertices (n,), neighbours one after the other.
+            cone: Largest angle that is searched for [rad].
+            tree: Tree over the faces.
+            progress: Fractions of the work done before and after.
+        """
+        creases = vertices[self.sets.counts[vertices] != 1]
+        first, last = progress
+        done, all_of_it = 0, max(len(vertices) + len(creases), 1)
+        for chosen, worst in ((vertices, True), (creases, False)):
+            chunks = [chosen[i : i + IN_ORDER] for i in range(0, len(chosen), IN_ORDER)]
+            search = partial(self._descend_exactly_at, tree, cone, worst)
+            for chunk, tried in zip(chunks, self.executor.map(search, chunks), strict=True):
+                self.evaluated += tried
+                done += len(chunk)
+                self.progress(first + (last - first) * done / all_of_it)
+
+    def _descend_exactly_at(self, tree: FaceTree, cone: float, worst: bool, vertices: Ints) -> int:
+        tried: int = descend_exactly(
+            vertices,
+            worst,
+            cone,
+            tree,
+            self.frames.centres,
+            self.surface,
+            self.sets,
+            self.limits,
+            self.grasps,
+        )
+        return tried
+
+    def _keep_reached(self, *, squeeze: bool) -> None:
+        """With a gripper: replace the grasps by the best ones that it reaches."""
+        if self.reaching is None:
+            return
+        reach = ReachSearch(
+            self.mesh, self.reaching, self.cone, self.limits, self.executor,
+            largest_cost(self.cone, self.ranking),
+        )  # fmt: skip
+        ideal, self.grasps = (
+            self.grasps,
+            reach.run(self.grasps, self.tracer, self.neighbours, squeeze=squeeze),
+        )
+        self.reach = reach.reach_of(ideal, self.grasps, self.tracer)
 
     def _descend(self) -> None:
         """Search the whole surface by branch and bound; at creases for the best normals too.
@@ -534,6 +613,7 @@ class _Search:
             grip=self.grasps.signs[canonical],
             reason=self.grasps.reason[canonical],
             rays=self.traced,
+            evaluated=self.evaluated,
             rounds=rounds,
             still_falling=still_falling,
             reach=None if self.reach is None else self.reach.take(canonical),

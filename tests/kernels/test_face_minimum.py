@@ -1,0 +1,136 @@
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d._kernels.antipodal_candidates import PairLimits
+from grasp3d._kernels.cut_polygons import CORNERS, centroid, cut, stays_inside
+from grasp3d._kernels.exact_descent import best_of_face, make_scratch, rank
+from grasp3d._kernels.face_contacts import NONE, cosine_at, read_face, read_own
+from grasp3d._kernels.face_tree import face_tree
+from grasp3d.arrays import Floats
+from grasp3d.mesh import ObjectMesh, load_mesh
+from tests.helpers import shapes
+
+SHAPES = {"blob": shapes.lopsided(), "box": shapes.box(), "cone": shapes.cone(0.3)}
+MESHES: dict[str, ObjectMesh] = {}
+
+
+def mesh_of(shape: str) -> ObjectMesh:
+    return MESHES.setdefault(shape, load_mesh(SHAPES[shape]))
+
+
+def cosines(points: Floats, lines: Floats, normals: Floats, own: Floats, limits: PairLimits,
+            count: int, *, worst: bool) -> Floats:  # fmt: skip
+    """Cosines of the grasps with points of a face, by their barycentric coordinates (n, 3)."""
+    return np.array([cosine_at(*w, lines, normals, own, count, worst, limits) for w in points])
+
+
+def sampled(rng: np.random.Generator, *others: object, worst: bool) -> float:
+    """Largest cosine at random points of a face, ever nearer to the best one."""
+    lines, normals, own, limits, count = others
+    best, centre, radius = NONE, np.full(3, 1.0 / 3.0), 1.0
+    for _ in range(12):
+        points = centre + radius * (rng.dirichlet(np.ones(3), 150) - centre)
+        points = np.maximum(points, 2e-9)
+        points /= points.sum(axis=1, keepdims=True)
+        found = cosines(points, lines, normals, own, limits, count, worst=worst)  # type: ignore[arg-type]
+        if found.max() > best:
+            best, centre = float(found.max()), points[found.argmax()]
+        radius *= 0.5
+    return best
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=60)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(list(SHAPES)), st.booleans(), st.booleans())
+def test_no_point_of_a_face_is_better_than_the_best_one(
+    seed: int, shape: str, worst: bool, limited: bool
+) -> None:
+    """Nor is the result worse than its own point, and with a limit below it nothing is found."""
+    rng = np.random.default_rng(seed)
+    mesh = mesh_of(shape)
+    surface, sets, scratch = mesh.contact_surface, mesh.contact_normals, make_scratch()
+    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
+    tried = 0
+    while tried < 3:
+        vertex, face = int(rng.integers(len(mesh.vertices))), int(rng.integers(len(surface.faces)))
+        count = read_own(vertex, sets, own)
+        read_face(face, vertex, surface, lines, normals)
+        largest = float(np.linalg.norm(lines.mean(axis=0))) if limited else math.inf
+        limits = PairLimits(1e-6, largest)
+        best = sampled(rng, lines, normals, own, limits, count, worst=worst)
+        if best < 0.2:
+            continue
+        tried += 1
+        others = mesh.normal_sets.centres, surface, own, count, largest, scratch
+        found = best_of_face(face, vertex, 0.0, worst, *others)
+        if found == 0.0:  # no exit there: the line enters the object
+            centre = surface.points[surface.faces[face]].mean(axis=0) - surface.points[vertex]
+            one, two, three = surface.points[surface.faces[face]]
+            assert np.cross(two - one, three - one) @ centre < 1e-9
+            continue
+        angle = math.acos(min(found, 1.0))
+        assert angle <= math.acos(min(best, 1.0)) + 5e-7
+        again = cosine_at(*scratch[0], lines, normals, own, count, worst, limits)
+        assert again == pytest.approx(found, abs=1e-12)
+        limit = math.cos(max(angle - 1e-6, 0.0))
+        assert best_of_face(face, vertex, limit, worst, *others) == limit
+
+
+@pytest.mark.slow
+@settings(deadline=None)
+@given(st.integers(0, 2**32 - 1), st.sampled_from(list(SHAPES)))
+def test_a_node_with_a_good_contact_is_not_left_out(seed: int, shape: str) -> None:
+    """Where a contact is within the limit, no node above its face is ranked as useless."""
+    rng = np.random.default_rng(seed)
+    mesh = mesh_of(shape)
+    surface, sets = mesh.contact_surface, mesh.contact_normals
+    tree = face_tree(surface)
+    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
+    for _ in range(40):
+        vertex, row = int(rng.integers(len(mesh.vertices))), int(rng.integers(len(tree.order)))
+        count = read_own(vertex, sets, own)
+        read_face(tree.order[row], vertex, surface, lines, normals)
+        weights = rng.dirichlet(np.ones(3))
+        for worst in (True, False):
+            limits = PairLimits(1e-6, math.inf)
+            found = cosine_at(*weights, lines, normals, own, count, worst, limits)
+            if found <= 0.0:
+                continue
+            limit = math.acos(min(found, 1.0)) + 1e-9
+            if limit > math.pi / 2.0:
+                continue
+            for level in range(tree.depth + 1):
+                size = len(tree.order)
+                number = next(
+                    k for k in range(1 << level)
+                    if size * k >> level <= row < size * (k + 1) >> level
+                )  # fmt: skip
+                node = (1 << level) - 1 + number
+                others = own, count, worst, tree, surface, limits
+                assert rank(node, vertex, *others, math.cos(limit), math.sin(limit)) < 0.0
+
+
+@given(st.integers(0, 2**32 - 1))
+def test_a_cut_polygon_contains_what_is_on_the_right_side_of_all_lines(seed: int) -> None:
+    rng = np.random.default_rng(seed)
+    polygon = np.empty((2 * CORNERS, 3))
+    polygon[:3, :2] = [[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]
+    size, points = 3, rng.dirichlet(np.ones(3), 200)[:, :2]
+    kept = np.ones(len(points), dtype=bool)
+    for _ in range(6):
+        a, b = rng.normal(size=2)
+        c = -np.array([a, b]) @ rng.dirichlet(np.ones(3))[:2] - 0.05
+        values = points @ [a, b] + c
+        size, least = cut(polygon, size, a, b, c)
+        assert least <= values[kept].min(initial=math.inf) + 1e-12
+        kept &= values <= 0.0
+        if size < 3:
+            assert not kept.any()
+            return
+    inside = [stays_inside(polygon, size, *point) for point in points]
+    assert np.array_equal(inside, kept)
+    assert stays_inside(polygon, size, *centroid(polygon, size))
