@@ -12,9 +12,10 @@ import math
 import numpy as np
 
 from grasp3d._kernels.antipodal_descent import MOST_FACES, STACK, evaluate
-from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
+from grasp3d._kernels.compiling import inlined, kernel, merged, scratch_kernel
 from grasp3d._kernels.cut_polygons import CORNERS
 from grasp3d._kernels.face_contacts import (
+    INSIDE,
     aim,
     longest_difference,
     read_face,
@@ -191,6 +192,25 @@ def _best_on_surface(
     return best_face, face_count
 
 
+@inlined
+def _keep(v, face, weights, surface, sets, grasps, found):
+    """Evaluate a contact; one beside an edge or corner of its face on that first.
+
+    Where the surface is smooth there the two are the same, but for rounding.
+    """
+    x, y, z = weights[0], weights[1], weights[2]
+    if min(x, y, z) < 2.0 * INSIDE:
+        for k in range(3):
+            if weights[k] < 2.0 * INSIDE:
+                weights[k] = 0.0
+        total = weights[0] + weights[1] + weights[2]
+        for k in range(3):
+            weights[k] /= total
+        evaluate(v, face, weights, surface, sets, grasps, found)
+        weights[0], weights[1], weights[2] = x, y, z
+    evaluate(v, face, weights, surface, sets, grasps, found)
+
+
 @kernel
 def descend_exactly(vertices, worst, cone, tree, centres, surface, sets, limits, grasps):
     """Find the opposing contact of each vertex with the smallest critical angle.
@@ -230,7 +250,7 @@ def descend_exactly(vertices, worst, cone, tree, centres, surface, sets, limits,
             )
             if better > cosine:
                 skipped = last
-                evaluate(v, last, scratch[0], surface, sets, grasps, found)
+                _keep(v, last, scratch[0], surface, sets, grasps, found)
                 limit = math.acos(min(better, 1.0)) - RESOLVED
                 if limit <= 0.0:
                     continue
@@ -241,6 +261,6 @@ def descend_exactly(vertices, worst, cone, tree, centres, surface, sets, limits,
         )  # fmt: skip
         tried += faces
         if face >= 0:
-            evaluate(v, face, best, surface, sets, grasps, found)
+            _keep(v, face, best, surface, sets, grasps, found)
             last = face
     return tried
