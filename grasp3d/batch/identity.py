@@ -12,7 +12,7 @@ from grasp3d.errors import MeshError
 from grasp3d.reading.side_files import side_names
 from grasp3d.system.names import printable
 
-METHOD = 2
+METHOD = 3
 """Version of the method; to be increased when labels of the same mesh change."""
 
 

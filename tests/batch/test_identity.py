@@ -13,7 +13,7 @@ from grasp3d.batch.identity import content_hash, mesh_key, settings_key, setting
 from grasp3d.errors import MeshError
 from tests.helpers import shapes
 
-GOLDEN = "b3f406bd5c689276"
+GOLDEN = "39e09fe387d15c4e"
 
 
 def test_labels_are_those_of_this_version_of_the_method() -> None:
