@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from grasp3d._kernels.antipodal_descent import MOST_FACES, STACK, evaluate
-from grasp3d._kernels.compiling import inlined, kernel, merged, scratch_kernel
+from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
 from grasp3d._kernels.cut_polygons import CORNERS
 from grasp3d._kernels.face_contacts import (
     INSIDE,
@@ -107,17 +107,12 @@ def best_of_face(face, v, cosine, worst, centres, surface, own, count, largest, 
         return cosine
     read_face(face, v, surface, lines, normals)
     bend = longest_difference(normals)
-    if bend <= BENT:
-        cosine, _ = best_on_face(
-            weights, cosine, lines, normals, own, count, worst, largest, MOST_POINTS, polygon,
-            nearest,
-        )  # fmt: skip
-        return cosine
+    most = MOST_POINTS if bend <= BENT else 1
     found, resolved = best_on_face(
-        weights, cosine, lines, normals, own, count, worst, largest, 1, polygon, nearest
+        weights, cosine, lines, normals, own, count, worst, largest, most, polygon, nearest
     )
-    if resolved and found == cosine:
-        return cosine
+    if bend <= BENT or (resolved and found == cosine):
+        return found
     parts = min(int(bend / BENT) + 1, MOST_PARTS)
     return best_on_bent_face(
         weights, found, lines, normals, own, count, worst, largest, parts, polygon, nearest, part
@@ -192,23 +187,24 @@ def _best_on_surface(
     return best_face, face_count
 
 
-@inlined
+@kernel
 def _keep(v, face, weights, surface, sets, grasps, found):
     """Evaluate a contact; one beside an edge or corner of its face on that first.
 
     Where the surface is smooth there the two are the same, but for rounding.
     """
-    x, y, z = weights[0], weights[1], weights[2]
-    if min(x, y, z) < 2.0 * INSIDE:
+    inside = weights[0], weights[1], weights[2]
+    beside = min(inside) < 2.0 * INSIDE
+    if beside:
         for k in range(3):
             if weights[k] < 2.0 * INSIDE:
                 weights[k] = 0.0
         total = weights[0] + weights[1] + weights[2]
         for k in range(3):
             weights[k] /= total
+    for _ in range(2 if beside else 1):
         evaluate(v, face, weights, surface, sets, grasps, found)
-        weights[0], weights[1], weights[2] = x, y, z
-    evaluate(v, face, weights, surface, sets, grasps, found)
+        weights[0], weights[1], weights[2] = inside
 
 
 @kernel
@@ -235,30 +231,27 @@ def descend_exactly(vertices, worst, cone, tree, centres, surface, sets, limits,
     scratch, nodes = make_scratch(), np.empty(STACK, dtype=np.int64)
     best, found = np.empty(3), np.empty((2, 3))
     own = np.empty((max(sets.counts.max(), 1), 12))
-    last, tried = -1, 0
+    last, tried = tree.order[0], 0  # any face will do for the first vertex
     for v in vertices:
         if worst and sets.counts[v] == 0:
             continue  # among all directions the worst normal has no grasp
         limit = min(cone, grasps.worst[v] if worst else grasps.best[v]) - RESOLVED
         if limit <= 0.0:
             continue
-        count, cosine, skipped = read_own(v, sets, own), math.cos(limit), -1
-        if last >= 0:
-            tried += 1
-            better = best_of_face(
-                last, v, cosine, worst, centres, surface, own, count, limits.largest, scratch
-            )
-            if better > cosine:
-                skipped = last
-                _keep(v, last, scratch[0], surface, sets, grasps, found)
-                limit = math.acos(min(better, 1.0)) - RESOLVED
-                if limit <= 0.0:
-                    continue
-                cosine = math.cos(limit)
+        count, cosine = read_own(v, sets, own), math.cos(limit)
+        better = best_of_face(
+            last, v, cosine, worst, centres, surface, own, count, limits.largest, scratch
+        )
+        tried += 1
+        if better > cosine:
+            _keep(v, last, scratch[0], surface, sets, grasps, found)
+            limit = math.acos(min(better, 1.0)) - RESOLVED
+            if limit <= 0.0:
+                continue
+            cosine = math.cos(limit)
         face, faces = _best_on_surface(
-            v, cosine, worst, skipped, tree, centres, surface, own, count, limits, nodes, scratch,
-            best,
-        )  # fmt: skip
+            v, cosine, worst, last, tree, centres, surface, own, count, limits, nodes, scratch, best
+        )
         tried += faces
         if face >= 0:
             _keep(v, face, best, surface, sets, grasps, found)

@@ -91,7 +91,7 @@ def best_on_face(
     for i in range(3):
         polygon[i, 0] = 1.0 - 2.0 * INSIDE if i == 1 else INSIDE
         polygon[i, 1] = 1.0 - 2.0 * INSIDE if i == 2 else INSIDE
-    size, x, y, previous = 3, weights[1], weights[2], 1.0
+    size, x, y, previous = weights.shape[0], weights[1], weights[2], 1.0
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     for _ in range(most):
         line, normal = moved(start, u, w, x, y), moved(n, p, q, x, y)
@@ -102,6 +102,7 @@ def best_on_face(
         other = -product / (opening * length)
         unit = line[0] / opening, line[1] / opening, line[2] / opening
         first = decisive_normal(own, count, worst, unit[0], unit[1], unit[2], nearest)
+        own_normal = nearest[0], nearest[1], nearest[2]
         along_u, along_w = dot(unit, u), dot(unit, w)
         if opening > largest:
             constant = opening - largest - along_u * x - along_w * y
@@ -114,11 +115,11 @@ def best_on_face(
                 return cosine, True
         reach = 1.0
         # From the vector across the normal: from the cosine, small sines would be rounding errors.
-        across = moved(unit, nearest, nearest, -first, 0.0)
+        across = moved(unit, own_normal, own_normal, -first, 0.0)
         first_sine = math.sqrt(dot(across, across))
         if size > 2 and first < 1.0 and first_sine > 1e-9:
             # The plane through the vertex that touches the cone about the normal below the point.
-            h = moved((0.0, 0.0, 0.0), across, nearest, cosine / first_sine, -sine)
+            h = moved((0.0, 0.0, 0.0), across, own_normal, cosine / first_sine, -sine)
             size, least = cut(polygon, size, dot(h, u), dot(h, w), dot(h, start))
             turn = min(-LOOSE * least / opening, sine)
             reach = cosine * math.sqrt(1.0 - turn * turn) + sine * turn
@@ -140,7 +141,7 @@ def best_on_face(
             two = other_derivatives(other, line, normal, opening, length, u, w, p, q)
             one = two
             if first < 1.0:
-                one = own_derivatives(first, nearest, unit, opening, u, w)
+                one = own_derivatives(first, own_normal, unit, opening, u, w)
             sx, sy = step_to_equal(one, two)
         previous = gain
         if (sx != 0.0 or sy != 0.0) and stays_inside(polygon, size, x + sx, y + sy):
@@ -197,9 +198,10 @@ def best_on_bent_face(
             _mix(lines, corners, part_lines)
             _mix(normals, corners, part_normals)
             inside[0], inside[1], inside[2] = 1.0 / 3.0, 1.0 / 3.0, 1.0 / 3.0
+            most = int(MOST_POINTS)  # for a literal Numba compiles another copy
             found, _ = best_on_face(
-                inside, cosine, part_lines, part_normals, own, count, worst, largest, MOST_POINTS,
-                polygon, nearest,
+                inside, cosine, part_lines, part_normals, own, count, worst, largest, most, polygon,
+                nearest,
             )  # fmt: skip
             if found > cosine:
                 cosine = found

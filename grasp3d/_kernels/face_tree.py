@@ -41,15 +41,22 @@ def divide(order, keys, depth):
         for node in range(1 << level):
             first, last = size * node >> level, size * (node + 1) >> level
             middle = size * (2 * node + 1) >> (level + 1)
-            widest, extent = 0, -1.0
-            for k in range(keys.shape[1]):
-                low, high = math.inf, -math.inf
-                for i in range(first, last):
-                    key = keys[order[i], k]
-                    low, high = min(low, key), max(high, key)
-                if high - low > extent:
-                    widest, extent = k, high - low
+            widest = _widest(order, keys, first, last)
             _select(order, keys, widest, first, last, middle)
+
+
+@kernel
+def _widest(order, keys, first, last):
+    """Column in which the keys of the faces from `first` to `last` differ most."""
+    widest, extent = 0, -1.0
+    for k in range(keys.shape[1]):
+        low, high = math.inf, -math.inf
+        for i in range(first, last):
+            key = keys[order[i], k]
+            low, high = min(low, key), max(high, key)
+        if high - low > extent:
+            widest, extent = k, high - low
+    return widest
 
 
 @kernel
