@@ -13,6 +13,7 @@ import numpy as np
 
 from grasp3d._kernels.antipodal_descent import MOST_FACES, STACK, evaluate
 from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
+from grasp3d._kernels.crease_contacts import best_on_creases
 from grasp3d._kernels.cut_polygons import CORNERS
 from grasp3d._kernels.face_contacts import (
     INSIDE,
@@ -30,6 +31,9 @@ from grasp3d._kernels.face_minimum import (
     best_on_bent_face,
     best_on_face,
 )
+
+CREASE_GAIN = math.radians(0.25)
+"""Decrease of an angle from which contacts on creases and corners are searched for [rad]."""
 
 
 @merged
@@ -102,7 +106,7 @@ def best_of_face(face, v, cosine, worst, centres, surface, own, count, largest, 
     Returns:
         Cosine of the smallest critical angle, or `cosine`.
     """
-    weights, lines, normals, polygon, nearest, part = scratch
+    weights, lines, normals, polygon, nearest, part, _ = scratch
     if not aim(face, v, centres, surface, weights):
         return cosine
     read_face(face, v, surface, lines, normals)
@@ -120,8 +124,8 @@ def best_of_face(face, v, cosine, worst, centres, surface, own, count, largest, 
 
 
 @kernel
-def make_scratch():
-    """Scratch arrays of `best_of_face`."""
+def make_scratch(most):
+    """Scratch arrays of `best_of_face`, for vertices with at most so many normals."""
     return (
         np.empty(3),
         np.empty((3, 3)),
@@ -129,13 +133,28 @@ def make_scratch():
         np.empty((2 * CORNERS, 3)),
         np.empty(3),
         (np.empty((3, 3)), np.empty((3, 3)), np.empty((3, 3)), np.empty(3)),
+        np.empty((max(most, 2), 12)),
     )
 
 
 @scratch_kernel
-def _best_on_surface(
-    v, cosine, worst, skipped, tree, centres, surface, own, count, limits, nodes, scratch, best
+def _best_there(
+    face, v, cosine, worst, owners, centres, surface, sets, own, count, largest, scratch
 ):
+    """Cosine of the best contact of a vertex on a face, or on its creases and corners."""
+    if owners.shape[0] > 0:
+        rows, weights = scratch[6], scratch[0]
+        return best_on_creases(
+            face, v, cosine, owners, surface, sets, own, count, largest, rows, weights
+        )
+    return best_of_face(face, v, cosine, worst, centres, surface, own, count, largest, scratch)
+
+
+@scratch_kernel
+def _best_on_surface(
+    v, cosine, gain, worst, owners, skipped, tree, centres, surface, sets, own, count, limits,
+    nodes, scratch, best,
+):  # fmt: skip
     """Search for a contact of a vertex above a cosine; (its face or -1, faces tried).
 
     Its barycentric coordinates are written to `best`; `skipped` is a face that is left out.
@@ -172,11 +191,12 @@ def _best_on_surface(
             if face == skipped:
                 continue
             face_count += 1
-            found = best_of_face(
-                face, v, cosine, worst, centres, surface, own, count, limits.largest, scratch
-            )
+            found = _best_there(
+                face, v, cosine, worst, owners, centres, surface, sets, own, count, limits.largest,
+                scratch,
+            )  # fmt: skip
             if found > cosine:
-                best_face, angle = face, math.acos(min(found, 1.0)) - RESOLVED
+                best_face, angle = face, math.acos(min(found, 1.0)) - gain
                 for k in range(3):
                     best[k] = scratch[0][k]
                 if angle <= 0.0:
@@ -208,7 +228,7 @@ def _keep(v, face, weights, surface, sets, grasps, found):
 
 
 @kernel
-def descend_exactly(vertices, worst, cone, tree, centres, surface, sets, limits, grasps):
+def descend_exactly(vertices, worst, owners, cone, tree, centres, surface, sets, limits, grasps):
     """Find the opposing contact of each vertex with the smallest critical angle.
 
     The result depends on the order of the vertices by less than `RESOLVED`.
@@ -217,8 +237,10 @@ def descend_exactly(vertices, worst, cone, tree, centres, surface, sets, limits,
         vertices: Vertices (n,), neighbours one after the other.
         worst: Whether the angle over the worst normals of the vertex is minimised, or that over its
             best normals.
+        owners: Empty for contacts inside faces; what `faces_of_corners` returns (V,) for contacts
+            exactly on creases and corners, over the best normals.
         cone: Largest angle that is searched for, at most pi / 2 [rad].
-        tree: `FaceTree`.
+        tree: `FaceTree`, or for creases what `crease_tree` made of it.
         centres: Centre of each vertex's set of normals (V, 3).
         surface: `Surface`.
         sets: `ContactNormals`.
@@ -228,30 +250,33 @@ def descend_exactly(vertices, worst, cone, tree, centres, surface, sets, limits,
     Returns:
         Number of faces on which a contact was computed.
     """
-    scratch, nodes = make_scratch(), np.empty(STACK, dtype=np.int64)
-    best, found = np.empty(3), np.empty((2, 3))
-    own = np.empty((max(sets.counts.max(), 1), 12))
+    gain = CREASE_GAIN if owners.shape[0] > 0 else RESOLVED
+    most = max(sets.counts.max(), 1)
+    scratch, nodes = make_scratch(most), np.empty(STACK, dtype=np.int64)
+    best, found, own = np.empty(3), np.empty((2, 3)), np.empty((most, 12))
     last, tried = tree.order[0], 0  # any face will do for the first vertex
     for v in vertices:
         if worst and sets.counts[v] == 0:
             continue  # among all directions the worst normal has no grasp
-        limit = min(cone, grasps.worst[v] if worst else grasps.best[v]) - RESOLVED
+        limit = min(cone, grasps.worst[v] if worst else grasps.best[v]) - gain
         if limit <= 0.0:
             continue
         count, cosine = read_own(v, sets, own), math.cos(limit)
-        better = best_of_face(
-            last, v, cosine, worst, centres, surface, own, count, limits.largest, scratch
-        )
+        better = _best_there(
+            last, v, cosine, worst, owners, centres, surface, sets, own, count, limits.largest,
+            scratch,
+        )  # fmt: skip
         tried += 1
         if better > cosine:
             _keep(v, last, scratch[0], surface, sets, grasps, found)
-            limit = math.acos(min(better, 1.0)) - RESOLVED
+            limit = math.acos(min(better, 1.0)) - gain
             if limit <= 0.0:
                 continue
             cosine = math.cos(limit)
         face, faces = _best_on_surface(
-            v, cosine, worst, last, tree, centres, surface, own, count, limits, nodes, scratch, best
-        )
+            v, cosine, gain, worst, owners, last, tree, centres, surface, sets, own, count, limits,
+            nodes, scratch, best,
+        )  # fmt: skip
         tried += faces
         if face >= 0:
             _keep(v, face, best, surface, sets, grasps, found)

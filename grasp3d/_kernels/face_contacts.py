@@ -20,6 +20,21 @@ NONE = -2.0
 """In place of a cosine: no grasp."""
 
 
+@merged
+def write_side(own, i, after):
+    """Write the side of a polygon from one of its normals to another, as in `read_own`."""
+    for k in range(3):
+        p, q = (k + 1) % 3, (k + 2) % 3
+        own[i, 3 + k] = own[i, p] * own[after, q] - own[i, q] * own[after, p]
+    length = max(math.sqrt(own[i, 3] ** 2 + own[i, 4] ** 2 + own[i, 5] ** 2), 1e-300)
+    for k in range(3):
+        own[i, 3 + k] /= length
+    for k in range(3):
+        p, q = (k + 1) % 3, (k + 2) % 3
+        own[i, 6 + k] = own[i, 3 + p] * own[i, q] - own[i, 3 + q] * own[i, p]
+        own[i, 9 + k] = own[after, p] * own[i, 3 + q] - own[after, q] * own[i, 3 + p]
+
+
 @scratch_kernel
 def read_own(v, sets, own):
     """Write the normals of a vertex and the sides of their polygon, a row each; returns the number.
@@ -27,22 +42,12 @@ def read_own(v, sets, own):
     A row has a normal a, the axis w of the great circle to the next one, b, and w x a and b x w,
     from which a direction is between the two.
     """
-    start, count, normals = sets.start[v], sets.counts[v], sets.normals
+    start, count = sets.start[v], sets.counts[v]
     for i in range(count):
-        row, after = start + i, start + (i + 1) % count
         for k in range(3):
-            p, q = (k + 1) % 3, (k + 2) % 3
-            own[i, k] = normals[row, k]
-            own[i, 3 + k] = (
-                normals[row, p] * normals[after, q] - normals[row, q] * normals[after, p]
-            )
-        length = max(math.sqrt(own[i, 3] ** 2 + own[i, 4] ** 2 + own[i, 5] ** 2), 1e-300)
-        for k in range(3):
-            own[i, 3 + k] /= length
-        for k in range(3):
-            p, q = (k + 1) % 3, (k + 2) % 3
-            own[i, 6 + k] = own[i, 3 + p] * own[i, q] - own[i, 3 + q] * own[i, p]
-            own[i, 9 + k] = normals[after, p] * own[i, 3 + q] - normals[after, q] * own[i, 3 + p]
+            own[i, k] = sets.normals[start + i, k]
+    for i in range(count):
+        write_side(own, i, (i + 1) % count)
     return count
 
 
@@ -71,15 +76,23 @@ def _cosine_to_nearest(own, count, x, y, z):
 
 
 @merged
+def best_cosine(own, count, x, y, z):
+    """Cosine of the angle between a direction and the vertex's best normal."""
+    length = math.sqrt(x * x + y * y + z * z)
+    if count == 1:
+        return _product(own, 0, 0, x, y, z) / length
+    return _cosine_to_nearest(own, count, x, y, z) / length
+
+
+@merged
 def own_cosine(own, count, worst, x, y, z):
     """Cosine of the angle between a direction and the vertex's worst normal, or its best one."""
-    length = math.sqrt(x * x + y * y + z * z)
-    if not worst and count != 1:
-        return _cosine_to_nearest(own, count, x, y, z) / length
+    if not worst:
+        return best_cosine(own, count, x, y, z)
     least = math.inf
     for i in range(count):
         least = min(least, _product(own, i, 0, x, y, z))
-    return least / length
+    return least / math.sqrt(x * x + y * y + z * z)
 
 
 @merged

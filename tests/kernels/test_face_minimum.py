@@ -52,7 +52,7 @@ def test_no_point_of_a_face_is_better_than_the_best_one(
     """Nor is the result worse than its own point, and with a limit below it nothing is found."""
     rng = np.random.default_rng(seed)
     mesh = mesh_of(shape)
-    surface, sets, scratch = mesh.contact_surface, mesh.contact_normals, make_scratch()
+    surface, sets, scratch = mesh.contact_surface, mesh.contact_normals, make_scratch(9)
     own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
     tried = 0
     while tried < 3:

@@ -24,6 +24,7 @@ from grasp3d._kernels.antipodal_descent import descend
 from grasp3d._kernels.antipodal_directions import Frames, seed_rays
 from grasp3d._kernels.antipodal_neighbours import neighbour_rays
 from grasp3d._kernels.antipodal_refinement import RAYS_PER_ROUND, exploring_rays, refining_rays
+from grasp3d._kernels.crease_contacts import crease_tree, faces_of_corners
 from grasp3d._kernels.exact_descent import descend_exactly
 from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
@@ -44,6 +45,8 @@ CHUNK = 100_000
 DESCENDING = 1000
 """Vertices for which a thread runs branch and bound at once, so that progress is reported and a
 search can be cancelled."""
+
+NO_OWNERS = np.empty(0, dtype=np.int64)
 
 IN_ORDER = 128
 """Vertices that branch and bound takes one after the other where it is exact; the first one starts
@@ -366,41 +369,56 @@ class _Search:
         tree = face_tree(self.surface)
         _, first = np.unique(self.surface.faces[tree.order], return_index=True)
         ordered = self.vertices[np.argsort(first)]
-        self._descend_exactly(ordered, self.cone, tree, (0.0, 0.8))
+        on_creases = ordered[self.sets.counts[ordered] != 1]
+        self._descend_exactly(ordered, self.cone, tree, (0.0, 0.6))
         useless = ordered[self.grasps.worst[ordered] >= self.cone]
-        self._seed(useless, self.sampling.rays, 1, (0.8, 0.9))
+        self._seed(useless, self.sampling.rays, 1, (0.6, 0.65))
         beyond = useless[self.grasps.reason[useless] == FOUND]
-        self._descend_exactly(beyond, math.pi / 2.0, tree, (0.9, 0.95))
+        self._descend_exactly(beyond, math.pi / 2.0, tree, (0.65, 0.7))
+        if len(on_creases):
+            self._descend_exactly(on_creases, self.cone, tree, (0.7, 0.8), worst=False)
+            owners = faces_of_corners(self.surface, self.sets)
+            tree = crease_tree(tree, owners, self.surface, self.sets)
+            self._descend_exactly(ordered, self.cone, tree, (0.8, 0.95), worst=False, owners=owners)
         self._keep_reached(squeeze=True)
         self.progress(1.0)
         return self._result(0, 0.0)
 
     def _descend_exactly(
-        self, vertices: Ints, cone: float, tree: FaceTree, progress: tuple[float, float]
+        self,
+        vertices: Ints,
+        cone: float,
+        tree: FaceTree,
+        progress: tuple[float, float],
+        *,
+        worst: bool = True,
+        owners: Ints = NO_OWNERS,
     ) -> None:
-        """Search for the smallest angles; at creases for those of the best normals too.
+        """Search for the smallest angles.
 
         Args:
             vertices: Vertices (n,), neighbours one after the other.
             cone: Largest angle that is searched for [rad].
             tree: Tree over the faces.
             progress: Fractions of the work done before and after.
+            worst: Whether the vertices' worst normals count, or their best ones.
+            owners: Faces with which corners are searched (V,), for opposing contacts on creases and
+                corners; empty: inside faces.
         """
-        creases = vertices[self.sets.counts[vertices] != 1]
         first, last = progress
-        done, all_of_it = 0, max(len(vertices) + len(creases), 1)
-        for chosen, worst in ((vertices, True), (creases, False)):
-            chunks = [chosen[i : i + IN_ORDER] for i in range(0, len(chosen), IN_ORDER)]
-            search = partial(self._descend_exactly_at, tree, cone, worst)
-            for chunk, tried in zip(chunks, self.executor.map(search, chunks), strict=True):
-                self.evaluated += tried
-                done += len(chunk)
-                self.progress(first + (last - first) * done / all_of_it)
+        chunks = [vertices[i : i + IN_ORDER] for i in range(0, len(vertices), IN_ORDER)]
+        search = partial(self._descend_exactly_at, tree, cone, worst, owners)
+        for done, tried in enumerate(self.executor.map(search, chunks), start=1):
+            self.evaluated += tried
+            self.progress(first + (last - first) * done / len(chunks))
 
-    def _descend_exactly_at(self, tree: FaceTree, cone: float, worst: bool, vertices: Ints) -> int:
+    def _descend_exactly_at(
+        self, tree: FaceTree, cone: float, worst: bool, owners: Ints, vertices: Ints
+    ) -> int:
         tried: int = descend_exactly(
             vertices,
             worst,
+            owners,
             cone,
             tree,
             self.frames.centres,
