@@ -154,6 +154,8 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     model = GraspModel(fingers=fingers)
     sampling = Sampling(grip="both") if fingers == PAIR else Sampling()
     labels = label_surface(solid, model, sampling=sampling, threads=1)
+    if fingers == PAIR:  # squeezing alone has a search of its own
+        label_surface(solid, model, threads=1)
     if gripper:
         _reach(solid, model, sampling)
     labels.compute_epsilon(ignore)

@@ -24,7 +24,7 @@ def pyramid() -> ObjectMesh:
 
 
 def creases(mesh: ObjectMesh) -> list[tuple[Floats, Floats]]:
-    """Ends (2, 3) of each sharp edge of a polyhedron, and inward normals (k, 3) between its faces."""
+    """Ends (2, 3) of each sharp edge of a polyhedron, and the inward normals there (k, 3)."""
     solid = trimesh.Trimesh(mesh.vertices, mesh.faces, process=False)
     found = []
     for edge, faces, angle in zip(
