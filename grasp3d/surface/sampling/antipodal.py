@@ -12,7 +12,7 @@ import math
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, field
-from functools import partial
+from functools import cached_property, partial
 from itertools import pairwise
 from typing import Any
 
@@ -300,7 +300,6 @@ class _Search:
         self.surface = mesh.contact_surface
         self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
         self.neighbours = neighbours(mesh)
-        self.tracer = SurfaceRays(self.surface, self.sets)
         self.grasps = BestPairs(
             worst=np.full(count, math.inf),
             best=np.full(count, math.inf),
@@ -321,6 +320,11 @@ class _Search:
             first_extra=self.ranking.first_extra,
             second_extra=self.ranking.second_extra,
         )
+
+    @cached_property
+    def tracer(self) -> SurfaceRays:
+        """Rays through the surface, made where they are needed, in the thread of the search."""
+        return SurfaceRays(self.surface, self.sets)
 
     def run(self) -> AntipodalGrasps:
         """Find grasps over the whole surface, refine them, and try those of neighbours."""
@@ -609,8 +613,12 @@ class _Search:
         size = max(1, min(CHUNK // rays_per_vertex, evenly))
         chunks = [vertices[i : i + size] for i in range(0, len(vertices), size)]
 
+        if not chunks:
+            return
+        tracer = self.tracer
+
         def evaluate(chunk: Ints) -> int:
-            return self.tracer.evaluate_all(make_rays(chunk), self.limits, self.grasps)
+            return tracer.evaluate_all(make_rays(chunk), self.limits, self.grasps)
 
         for done, traced in enumerate(self.executor.map(evaluate, chunks), start=1):
             self.traced += traced
