@@ -11,7 +11,7 @@ BASE = 0.3
 PER_VERTEX = 1.6e-6, 1.2e-6
 """Memory for each vertex [GB]: for two fingers, and for each further finger."""
 
-SECONDS = {2: 4e-4, 3: 1.1e-3, 4: 2.5e-3, 5: 3e-3}
+SECONDS = {2: 1e-4, 3: 1.1e-3, 4: 2.5e-3, 5: 3e-3}
 """Time for each vertex with the default search, for labels and epsilon, on one processor [s]."""
 
 

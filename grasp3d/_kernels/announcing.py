@@ -56,7 +56,7 @@ TWO_FINGERS = Phase(
         "antipodal_neighbours.neighbour_rays",
         "antipodal_refinement.exploring_rays",
         "antipodal_refinement.refining_rays",
-        "crease_contacts.crease_tree",
+        "crease_contacts.bound_creases",
         "crease_contacts.faces_of_corners",
         "exact_descent.descend_exactly",
         "face_tree.face_tree",

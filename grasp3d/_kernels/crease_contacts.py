@@ -9,7 +9,6 @@ import numpy as np
 
 from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
 from grasp3d._kernels.face_contacts import best_cosine, read_own, write_side
-from grasp3d._kernels.face_tree import FaceTree
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.surface_contacts import ANY_NORMAL, ON_EDGE
 
@@ -159,25 +158,22 @@ def _merge(one, other):
 
 
 @kernel
-def crease_tree(tree, owners, surface, sets):
-    """Bound the creases and corners of the faces of each node of a tree.
+def bound_creases(tree, owners, surface, sets):
+    """Bound the creases and corners of each node of a tree, in place of the faces.
 
-    Nodes without any have a radius of -inf, so that no contact is searched for in them.
+    Nodes without any get a radius of -inf, so that no contact is searched for in them.
 
     Args:
-        tree: `FaceTree`.
+        tree: `FaceTree`; its bounds are replaced.
         owners: What `faces_of_corners` returns (V,).
         surface: `Surface`.
         sets: `ContactNormals`.
-
-    Returns:
-        A `FaceTree` with the same nodes.
     """
-    size, first_leaf = tree.order.shape[0], (1 << tree.depth) - 1
-    bounds = np.zeros((2 * first_leaf + 1, 10))
-    bounds[:, 3] = -math.inf
-    rows, one = np.empty((3 * sets.counts.max() + 12, 3)), np.empty(10)
+    bounds, size, first_leaf = tree.bounds, tree.order.shape[0], (1 << tree.depth) - 1
+    rows, one = np.empty((3 * max(sets.counts.max(), 4) + 12, 3)), np.empty(10)
     for node in range(2 * first_leaf, -1, -1):
+        bounds[node] = 0.0
+        bounds[node, 3] = -math.inf
         leaf = node - first_leaf
         if leaf >= 0:
             for i in range(size * leaf >> tree.depth, size * (leaf + 1) >> tree.depth):
@@ -190,7 +186,6 @@ def crease_tree(tree, owners, surface, sets):
         bounds[node, 9] = bounds[node, 3]
         for k in range(3):
             bounds[node, 9] += bounds[node, k] * bounds[node, 4 + k]
-    return FaceTree(tree.order, tree.depth, bounds)
 
 
 @merged

@@ -240,7 +240,7 @@ def descend_exactly(vertices, worst, owners, cone, tree, centres, surface, sets,
         owners: Empty for contacts inside faces; what `faces_of_corners` returns (V,) for contacts
             exactly on creases and corners, over the best normals.
         cone: Largest angle that is searched for, at most pi / 2 [rad].
-        tree: `FaceTree`, or for creases what `crease_tree` made of it.
+        tree: `FaceTree`; for creases and corners with the bounds of `bound_creases`.
         centres: Centre of each vertex's set of normals (V, 3).
         surface: `Surface`.
         sets: `ContactNormals`.

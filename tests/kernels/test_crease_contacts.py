@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 import trimesh
 
-from grasp3d._kernels.crease_contacts import crease_tree, faces_of_corners
+from grasp3d._kernels.crease_contacts import bound_creases, faces_of_corners
 from grasp3d._kernels.exact_descent import CREASE_GAIN
 from grasp3d._kernels.face_tree import face_tree
 from grasp3d.arrays import Floats, angles_between, unit_rows
@@ -72,7 +72,8 @@ def test_the_bounds_of_a_node_contain_those_below() -> None:
     mesh = load_mesh(shapes.cone(0.3))
     surface, sets = mesh.contact_surface, mesh.contact_normals
     owners = faces_of_corners(surface, sets)
-    tree = crease_tree(face_tree(surface), owners, surface, sets)
+    tree = face_tree(surface)
+    bound_creases(tree, owners, surface, sets)
     assert np.array_equal(owners >= 0, sets.counts != 1)
     bounds = tree.bounds
     leaves = bounds[(1 << tree.depth) - 1 :, 3] >= 0.0

@@ -1,11 +1,11 @@
 """The best antipodal grasp through every vertex.
 
-Fingers that squeeze: branch and bound over the whole surface, from the best of a few rays. Fingers
-that expand: rays from a vertex find the surface points opposite to it, since what lies between is
-in the way. The critical friction angle of each pair of contacts is exact, so the search may miss a
-grasp, but every grasp that it returns is real. The best candidates are then refined: by ever
-narrower rings of rays about their closing directions, and by rays to the opposing contacts of
-neighbouring vertices.
+Fingers that squeeze: branch and bound over the whole surface, exact on each face, or from the best
+of a few rays where that is not to be had. Fingers that expand: rays from a vertex find the surface
+points opposite to it, since what lies between is in the way. The critical friction angle of each
+pair of contacts is exact, so a search may miss a grasp, but every grasp that it returns is real.
+What rays began is then refined: by ever narrower rings of rays about the closing directions, and by
+rays to the opposing contacts of neighbouring vertices.
 """
 
 import math
@@ -24,8 +24,6 @@ from grasp3d._kernels.antipodal_descent import descend
 from grasp3d._kernels.antipodal_directions import Frames, seed_rays
 from grasp3d._kernels.antipodal_neighbours import neighbour_rays
 from grasp3d._kernels.antipodal_refinement import RAYS_PER_ROUND, exploring_rays, refining_rays
-from grasp3d._kernels.crease_contacts import crease_tree, faces_of_corners
-from grasp3d._kernels.exact_descent import descend_exactly
 from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.ray_tracing import Rays
@@ -36,6 +34,7 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, Sampling
+from grasp3d.surface.sampling.exact_pairs import ExactSearch
 from grasp3d.surface.sampling.reachable import ReachSearch
 from grasp3d.system.progress import Progress, ignore
 
@@ -45,12 +44,6 @@ CHUNK = 100_000
 DESCENDING = 1000
 """Vertices for which a thread runs branch and bound at once, so that progress is reported and a
 search can be cancelled."""
-
-NO_OWNERS = np.empty(0, dtype=np.int64)
-
-IN_ORDER = 128
-"""Vertices that branch and bound takes one after the other where it is exact; the first one starts
-without a neighbour's contact. Independent of the threads, as the results depend on it."""
 
 CHUNKS = 4
 """Chunks per thread, which balance the load."""
@@ -366,72 +359,26 @@ class _Search:
         )
 
     def _run_exactly(self) -> AntipodalGrasps:
-        """Find the contact with the smallest critical angle of every vertex, within the cone.
+        """Find the contact with the smallest critical angle of every vertex.
 
-        Where there is none, rays find the reason, and the best contact beyond the cone is found.
+        Where there is none within the cone, rays find the reason, and the best contact beyond the
+        cone is found.
         """
-        tree = face_tree(self.surface)
-        _, first = np.unique(self.surface.faces[tree.order], return_index=True)
-        ordered = self.vertices[np.argsort(first)]
-        on_creases = ordered[self.sets.counts[ordered] != 1]
-        self._descend_exactly(ordered, self.cone, tree, (0.0, 0.6))
+        exact = ExactSearch(
+            self.surface, self.sets, self.frames.centres, self.limits, self.grasps, self.executor,
+            self.progress,
+        )  # fmt: skip
+        ordered = exact.in_order(self.vertices)
+        exact.search(ordered, self.cone, (0.0, 0.6))
         useless = ordered[self.grasps.worst[ordered] >= self.cone]
         self._seed(useless, self.sampling.rays, 1, (0.6, 0.65))
         beyond = useless[self.grasps.reason[useless] == FOUND]
-        self._descend_exactly(beyond, math.pi / 2.0, tree, (0.65, 0.7))
-        if len(on_creases):
-            self._descend_exactly(on_creases, self.cone, tree, (0.7, 0.8), worst=False)
-            owners = faces_of_corners(self.surface, self.sets)
-            tree = crease_tree(tree, owners, self.surface, self.sets)
-            self._descend_exactly(ordered, self.cone, tree, (0.8, 0.95), worst=False, owners=owners)
+        exact.search(beyond, math.pi / 2.0, (0.65, 0.7))
+        exact.search_best_normals(ordered, self.cone, (0.7, 0.95))
+        self.evaluated = exact.evaluated
         self._keep_reached(squeeze=True)
         self.progress(1.0)
         return self._result(0, 0.0)
-
-    def _descend_exactly(
-        self,
-        vertices: Ints,
-        cone: float,
-        tree: FaceTree,
-        progress: tuple[float, float],
-        *,
-        worst: bool = True,
-        owners: Ints = NO_OWNERS,
-    ) -> None:
-        """Search for the smallest angles.
-
-        Args:
-            vertices: Vertices (n,), neighbours one after the other.
-            cone: Largest angle that is searched for [rad].
-            tree: Tree over the faces.
-            progress: Fractions of the work done before and after.
-            worst: Whether the vertices' worst normals count, or their best ones.
-            owners: Faces with which corners are searched (V,), for opposing contacts on creases and
-                corners; empty: inside faces.
-        """
-        first, last = progress
-        chunks = [vertices[i : i + IN_ORDER] for i in range(0, len(vertices), IN_ORDER)]
-        search = partial(self._descend_exactly_at, tree, cone, worst, owners)
-        for done, tried in enumerate(self.executor.map(search, chunks), start=1):
-            self.evaluated += tried
-            self.progress(first + (last - first) * done / len(chunks))
-
-    def _descend_exactly_at(
-        self, tree: FaceTree, cone: float, worst: bool, owners: Ints, vertices: Ints
-    ) -> int:
-        tried: int = descend_exactly(
-            vertices,
-            worst,
-            owners,
-            cone,
-            tree,
-            self.frames.centres,
-            self.surface,
-            self.sets,
-            self.limits,
-            self.grasps,
-        )
-        return tried
 
     def _keep_reached(self, *, squeeze: bool) -> None:
         """With a gripper: replace the grasps by the best ones that it reaches."""
