@@ -436,11 +436,11 @@ def test_three_fingers_are_never_surely_unstable_from_90_degrees_on(
 def test_labels_beyond_the_searched_cone_are_marked(page: Any, report: Report) -> None:
     opened_object(page, report, "spray")
     labels = report.labels["spray"]
-    beyond = math.atan(0.3) + 20.0 * DEGREE
+    beyond = math.atan(0.3) + 15.0 * DEGREE
     assert beyond > labels.search.cone
     lost = labels.mesh.vertex_areas[labels.critical_angle_best >= beyond].sum()
     assert "–" not in fractions(page)
-    page.locator("#resolution").fill("40")
+    page.locator("#resolution").fill("30")
     found = fractions(page)
     assert found["–"] == pytest.approx(lost / labels.mesh.vertex_areas.sum(), abs=1e-3)
     assert found["–"] > 0.005

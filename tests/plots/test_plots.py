@@ -61,7 +61,7 @@ def wedges(figure: Figure) -> list[Wedge]:
 
 
 @pytest.mark.slow
-@settings(max_examples=10)
+@settings(max_examples=10, deadline=None)
 @given(drawable())
 def test_the_effective_cone_is_the_intersection_of_the_extreme_cones(model: GraspModel) -> None:
     extreme, other, effective = wedges(cone_figure(model))
@@ -73,7 +73,7 @@ def test_the_effective_cone_is_the_intersection_of_the_extreme_cones(model: Gras
     assert to_hex(effective.get_facecolor()).upper() == LABEL_COLORS[Label.S]
 
 
-@settings(max_examples=10)
+@settings(max_examples=10, deadline=None)
 @given(drawable())
 def test_extreme_normals_are_half_the_resolution_off(model: GraspModel) -> None:
     axes = cone_figure(model).axes[0]
@@ -96,7 +96,7 @@ def test_cones_that_cannot_be_drawn_are_refused(friction: float, degrees: float)
 
 
 @pytest.mark.slow
-@settings(max_examples=8)
+@settings(max_examples=8, deadline=None)
 @given(drawable())
 def test_every_combination_shows_whether_the_line_is_in_both_cones(model: GraspModel) -> None:
     figure = combinations_figure(model)
