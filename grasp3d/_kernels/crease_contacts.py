@@ -133,7 +133,7 @@ def _merge_cones(one, other):
     if between + half <= other_half:
         one[4:9] = other[4:9]
         return
-    wide = 0.5 * (between + half + other_half) + 1e-9  # more than rounding errors
+    wide = 0.5 * (between + half + other_half) + 1e-7  # more than rounding errors of the angles
     if wide >= 0.5 * math.pi:
         one[7], one[8] = -1.0, 0.0
         return
