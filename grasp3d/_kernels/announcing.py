@@ -69,7 +69,7 @@ MORE_FINGERS = Phase(
     "three fingers and more",
     35,
     (
-        "multifinger.search_multifinger",
+        "multifinger.search_three_fingers",
         "coplanar_contacts.critical_of_sets",
         "coplanar_contacts.critical_of_three",
     ),

@@ -6,6 +6,8 @@ from contextlib import contextmanager
 from typing import Any
 
 import numba
+from numba.core import types
+from numba.core.dispatcher import Dispatcher
 
 from grasp3d._kernels.machine_code import KernelLocator, cache_folder
 
@@ -29,7 +31,24 @@ def _compiled(function: Callable[..., object], **flags: Any) -> Any:
     """Compile without the GIL and with IEEE semantics, so that a NaN reaches the caller."""
     # No kernel is passed to another one, nor to C: a wrapper for that would only be compiled.
     flags["no_cfunc_wrapper"] = True
-    return numba.njit(nogil=True, error_model="numpy", **flags)(function)
+    return _without_literals(numba.njit(nogil=True, error_model="numpy", **flags)(function))
+
+
+def _without_literals(compiled: Any) -> Any:
+    """Type a constant in a call like a variable.
+
+    Numba would compile a kernel again for every constant that other kernels pass to it.
+    """
+    if not isinstance(compiled, Dispatcher):  # compilation is switched off
+        return compiled
+    resolve = compiled.get_call_template
+
+    def get_call_template(args: Any, kws: Any) -> Any:
+        plain = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return resolve(tuple(types.unliteral(kind) for kind in args), plain)
+
+    compiled.get_call_template = get_call_template
+    return compiled
 
 
 def _compiled_and_cached(function: Callable[..., object], **flags: Any) -> Any:
