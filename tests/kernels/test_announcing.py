@@ -88,11 +88,12 @@ def test_the_time_is_that_of_what_is_not_compiled(monkeypatch: pytest.MonkeyPatc
     two, three = announcing.seconds_missing(2), announcing.seconds_missing(3)
     phases = (
         announcing.PATCHES, announcing.LOCATIONS, announcing.WRENCHES, announcing.EPSILON_OF_PAIRS,
-        announcing.EPSILON,
+        announcing.EPSILON, announcing.EPSILON_OF_ANY_RANK,
     )  # fmt: skip
     left = sum(phase.seconds for phase in phases)
     assert two == left + announcing.SCANS.seconds
-    assert three == left + announcing.MORE_FINGERS.seconds
+    assert three == left + announcing.THREE_FINGERS.seconds
+    assert announcing.seconds_missing(5) == three + announcing.MORE_FINGERS.seconds
     held = announcing.seconds_missing(2, gripper=True, forces=True)
     assert held == two + announcing.GRIPPERS.seconds + announcing.FORCES.seconds
     assert announcing.seconds_missing(0, forces=True) == 0
