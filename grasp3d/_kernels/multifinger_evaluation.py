@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.coplanar_contacts import (
     Fans,
     Plane,
@@ -355,7 +355,7 @@ def _evaluate_by_hulls(candidate, hull, n, threshold, tolerance, best_normals):
             _first_combination(chosen, n)
 
 
-@scratch_kernel
+@part
 def evaluate(candidate, planar, hull, n, threshold, tolerance, best_normals):
     """Critical friction angle of a grasp over its worst or best normals, if below a threshold.
 
