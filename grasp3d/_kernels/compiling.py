@@ -51,7 +51,7 @@ def _without_literals(compiled: Any) -> Any:
         plain = {name: types.unliteral(kind) for name, kind in kws.items()}
         return resolve(tuple(types.unliteral(kind) for kind in args), plain)
 
-    compiled.get_call_template = get_call_template
+    vars(compiled)["get_call_template"] = get_call_template
     return compiled
 
 

@@ -44,7 +44,8 @@ class _PartCompiler(Compiler):
 
     def compile_extra(self, func: Callable[..., object]) -> Any:
         self.state.library = _PartLibrary(self.state.targetctx.codegen(), func.__qualname__)
-        return super().compile_extra(func)
+        compile_extra: Callable[..., Any] = super().compile_extra
+        return compile_extra(func)
 
 
 class Part(CPUDispatcher):
