@@ -1,7 +1,7 @@
 """Batches of grasps: from the contacts' wrenches to epsilon, force closure and certificates."""
 
 import math
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -157,23 +157,25 @@ def project(kind, source, workspace, rank):
         metric[k] *= metric[k]
 
 
-def _first(dims: Any, rank: int) -> Any:
-    """A tuple, or the first entries of an array: `dims` of `grow`."""
-    return dims if isinstance(dims, tuple) else dims[:rank]
+def _grow(space, dims, rank, metric, goal, polytope):
+    """Grow the hull in the dimension of the span: that of a tuple, or the given one of an array."""
+    dims = dims if isinstance(dims, tuple) else dims[:rank]
+    return grow(space, dims, metric, None, AROUND_ORIGIN, goal, polytope)
 
 
-@overload(_first, inline="always")
-def _first_of_type(dims, rank):  # noqa: ARG001 - Numba matches the names
+@overload(_grow, inline="always")
+def _grow_in(space, dims, rank, metric, goal, polytope):  # noqa: ARG001 - Numba matches the names
     if isinstance(dims, types.BaseTuple):
-        return lambda dims, rank: dims  # noqa: ARG005 - as above
-    return lambda dims, rank: dims[:rank]
 
+        def implementation(space, dims, rank, metric, goal, polytope):  # noqa: ARG001 - as above
+            return grow(space, dims, metric, None, AROUND_ORIGIN, goal, polytope)
 
-@merged
-def _grow(space, dims, rank, workspace, goal, polytope):
-    """Grow the hull in the dimension of the span."""
-    given = _first(dims, rank)
-    return grow(space, given, workspace.metric, None, AROUND_ORIGIN, goal, polytope)
+    else:
+
+        def implementation(space, dims, rank, metric, goal, polytope):
+            return grow(space, dims[:rank], metric, None, AROUND_ORIGIN, goal, polytope)
+
+    return implementation
 
 
 @merged
@@ -313,7 +315,7 @@ def _epsilons(
         space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, rolling)
         limit = min(cutoff, smallest) if group > 1 else cutoff
         status, lower, upper, vertices, used = _grow(
-            space, dims, rank, workspace, (rtol, atol, limit, sign), polytope
+            space, dims, rank, workspace.metric, (rtol, atol, limit, sign), polytope
         )
         closed = used > 0 and lower > 0.0
         # No plane could be computed: the sizes of the coordinates differ too much.
@@ -333,7 +335,7 @@ def _epsilons(
                 space = WrenchSpace(
                     TOTAL, spherical, torsion, workspace.axes, cones[g], rim, rolling
                 )
-                _, _, _, vertices, used = _grow(space, dims, rank, workspace, SIGN, polytope)
+                _, _, _, vertices, used = _grow(space, dims, rank, workspace.metric, SIGN, polytope)
             slack = math.inf
             if used > 0:
                 equilibrium(
