@@ -85,7 +85,16 @@ def part(function: Callable[..., object], **flags: Any) -> Any:
     """Compile a scratch kernel that only kernels call, into these."""
     if _config.DISABLE_JIT:
         return function
-    return _without_literals(Part(function, scratch_kernel, {**_FLAGS, "_nrt": False, **flags}))
+    return _without_literals(_part(function, **flags))
+
+
+def part_for_constants(function: Callable[..., object]) -> Any:
+    """As `part`, compiled again for each constant in a call, where that pays in the run time."""
+    return function if _config.DISABLE_JIT else _part(function)
+
+
+def _part(function: Callable[..., object], **flags: Any) -> Part:
+    return Part(function, scratch_kernel, {**_FLAGS, "_nrt": False, **flags})
 
 
 def merged(function: Callable[..., object]) -> Any:
