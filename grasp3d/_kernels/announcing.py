@@ -41,7 +41,7 @@ class Phase:
 SHORTEST = 2
 """Time to compile from which a line is logged [s]."""
 
-MESHES = Phase("meshes", 5, ("normal_sets.order_normal_sets",))
+MESHES = Phase("meshes", 3, ("normal_sets.order_normal_sets",))
 PATCHES = Phase(
     "contact patches",
     2,
@@ -49,7 +49,7 @@ PATCHES = Phase(
 )
 TWO_FINGERS = Phase(
     "two fingers",
-    10,
+    15,
     (
         "antipodal_descent.descend",
         "antipodal_directions.seed_rays",
@@ -67,7 +67,7 @@ LOCATIONS = Phase(
 )
 THREE_FINGERS = Phase(
     "three fingers",
-    20,
+    15,
     (
         "multifinger.search_three_fingers",
         "coplanar_contacts.critical_of_sets",
@@ -76,7 +76,7 @@ THREE_FINGERS = Phase(
 )
 MORE_FINGERS = Phase("four fingers and more", 15, ("multifinger.search_more_fingers",))
 WRENCHES = Phase("wrenches of contacts", 1, ("contact_axes.write_axes",))
-EPSILON_OF_PAIRS = Phase("epsilon of two fingers", 5, ("pair_epsilon.pair_epsilons",))
+EPSILON_OF_PAIRS = Phase("epsilon of two fingers", 6, ("pair_epsilon.pair_epsilons",))
 EPSILON = Phase("epsilon", 15, ("wrench_problem.epsilons",))
 EPSILON_OF_ANY_RANK = Phase(
     "epsilon in fewer than six dimensions", 15, ("wrench_problem.epsilons_of_any_rank",)
