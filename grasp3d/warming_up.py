@@ -23,7 +23,7 @@ if TYPE_CHECKING:
     from grasp3d.mesh import ObjectMesh
     from grasp3d.surface.labels import SurfaceLabels
 
-PAIR = 2
+PAIR, TRIPLE = 2, 3
 
 _FACES = np.array(
     [[0, 1, 3], [0, 3, 2], [4, 6, 7], [4, 7, 5], [0, 4, 5], [0, 5, 1],
@@ -56,8 +56,8 @@ def warmup(
     Compiling ahead serves images of containers, and clusters.
 
     Args:
-        fingers: Largest number of fingers of the grasps, 2 to 5; three, four and five fingers have
-            the same kernels.
+        fingers: Largest number of fingers of the grasps, 2 to 5; four and five fingers have the
+            same kernels.
         gripper: Whether the kernels for grippers are compiled too.
         forces: Whether the kernels for grip forces are compiled too, as a load needs them.
         cache: Folder for the machine code, which runs find where NUMBA_CACHE_DIR names it, also if
@@ -126,7 +126,11 @@ def announcement(fingers: int, gripper: bool = False, forces: bool = False) -> s
 
     if announcing.all_compiled(lambda: compile_kernels(fingers, gripper, forces)):
         return ""
-    phases = {0: announcing.MESHES, PAIR: announcing.TWO_FINGERS}
+    phases = {
+        0: announcing.MESHES,
+        PAIR: announcing.TWO_FINGERS,
+        TRIPLE: announcing.THREE_FINGERS,
+    }
     work = phases.get(fingers, announcing.MORE_FINGERS).work
     seconds = announcing.seconds_missing(fingers, gripper=gripper, forces=forces)
     return announcing.announcement(work, seconds)
@@ -159,7 +163,7 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     if gripper:
         _reach(solid, model, sampling)
     labels.compute_epsilon(ignore)
-    _grow_hull()
+    _grow_hulls()
     contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
     evaluate_grasps(solid, contacts, model, threads=1)
     scan_surface(solid, model, fixed=contacts[1:], threads=1).compute_epsilon(ignore)
@@ -177,13 +181,17 @@ def _locate() -> None:
     classify(Contacts([-facing] * 2, [facing] * 2), 0.1, location_error=[0.1, 0.2])
 
 
-def _grow_hull() -> None:
-    """Compute epsilon of a pair with polygonal cones, which has no solver of its own."""
+def _grow_hulls() -> None:
+    """Compute epsilon of pairs with polygonal cones, which have no solver of their own.
+
+    The wrenches of two hard fingers have rank 5, those of two soft ones rank 6.
+    """
     from grasp3d.contact.contacts import Contacts
     from grasp3d.quality.ferrari_canny import epsilon
 
     facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
-    epsilon(Contacts(-facing, facing), edges=8, threads=1)
+    for torsion_radius in (0.0, 0.2):
+        epsilon(Contacts(-facing, facing, 0.5, torsion_radius), edges=8, threads=1)
 
 
 def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling) -> None:

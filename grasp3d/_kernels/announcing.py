@@ -15,7 +15,7 @@ from grasp3d._kernels.machine_code import cache_folder
 
 logger = logging.getLogger("grasp3d.compiling")
 
-PAIR = 2
+PAIR, TRIPLE = 2, 3
 
 
 @dataclass(frozen=True)
@@ -41,7 +41,7 @@ class Phase:
 SHORTEST = 2
 """Time to compile from which a line is logged [s]."""
 
-MESHES = Phase("meshes", 5, ("normal_sets.order_normal_sets",))
+MESHES = Phase("meshes", 3, ("normal_sets.order_normal_sets",))
 PATCHES = Phase(
     "contact patches",
     2,
@@ -49,7 +49,7 @@ PATCHES = Phase(
 )
 TWO_FINGERS = Phase(
     "two fingers",
-    10,
+    15,
     (
         "antipodal_descent.descend",
         "antipodal_directions.seed_rays",
@@ -68,18 +68,22 @@ TWO_FINGERS = Phase(
 LOCATIONS = Phase(
     "uncertain contact locations", 2, ("pair_lines.locate_pairs", "pair_lines.pair_angles")
 )
-MORE_FINGERS = Phase(
-    "three fingers and more",
-    35,
+THREE_FINGERS = Phase(
+    "three fingers",
+    15,
     (
-        "multifinger.search_multifinger",
+        "multifinger.search_three_fingers",
         "coplanar_contacts.critical_of_sets",
         "coplanar_contacts.critical_of_three",
     ),
 )
+MORE_FINGERS = Phase("four fingers and more", 15, ("multifinger.search_more_fingers",))
 WRENCHES = Phase("wrenches of contacts", 1, ("contact_axes.write_axes",))
-EPSILON_OF_PAIRS = Phase("epsilon of two fingers", 5, ("pair_epsilon.pair_epsilons",))
-EPSILON = Phase("epsilon", 25, ("wrench_problem.epsilons",))
+EPSILON_OF_PAIRS = Phase("epsilon of two fingers", 6, ("pair_epsilon.pair_epsilons",))
+EPSILON = Phase("epsilon", 15, ("wrench_problem.epsilons",))
+EPSILON_OF_ANY_RANK = Phase(
+    "epsilon in fewer than six dimensions", 15, ("wrench_problem.epsilons_of_any_rank",)
+)
 SCANS = Phase("scans", 1, ("scanning.scan",))
 GRIPPERS = Phase(
     "grippers",
@@ -100,8 +104,8 @@ FORCES = Phase(
     ("grip_force.task_forces", "grip_force.wrench_forces", "tasks.reach"),
 )
 PHASES = (
-    MESHES, PATCHES, TWO_FINGERS, LOCATIONS, MORE_FINGERS, WRENCHES, EPSILON_OF_PAIRS, EPSILON,
-    SCANS, GRIPPERS, FORCES,
+    MESHES, PATCHES, TWO_FINGERS, LOCATIONS, THREE_FINGERS, MORE_FINGERS, WRENCHES,
+    EPSILON_OF_PAIRS, EPSILON, EPSILON_OF_ANY_RANK, SCANS, GRIPPERS, FORCES,
 )  # fmt: skip
 
 
@@ -170,8 +174,10 @@ def seconds_missing(fingers: int, *, gripper: bool = False, forces: bool = False
     """
     phases = [MESHES]
     if fingers:  # a search for more fingers starts from the grasps of two
-        last = SCANS if fingers == PAIR else MORE_FINGERS
-        phases += [PATCHES, TWO_FINGERS, LOCATIONS, WRENCHES, EPSILON_OF_PAIRS, EPSILON, last]
+        phases += [PATCHES, TWO_FINGERS, LOCATIONS, WRENCHES, EPSILON_OF_PAIRS]
+        phases += [EPSILON, EPSILON_OF_ANY_RANK]
+        phases += [SCANS] if fingers == PAIR else [THREE_FINGERS]
+        phases += [MORE_FINGERS] if fingers > TRIPLE else []
         phases += [GRIPPERS] if gripper else []
         phases += [FORCES] if forces else []
     return sum(phase.seconds for phase in phases if not phase.compiled)

@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from grasp3d._kernels.box_tree import HEIGHT, NORMAL, RADIUS, THICKNESS, leaf_rows
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.gripper_shape import (
     AXIS,
     BOTTOM,
@@ -45,7 +45,7 @@ def bit(k):
     return ONE << np.uint64(k)
 
 
-@scratch_kernel
+@part
 def _clip(source, count, axis, bound, sign, target):
     """Clip a polygon to sign * (coordinate - bound) <= 0; returns its new number of corners."""
     kept = 0
@@ -65,7 +65,7 @@ def _clip(source, count, axis, bound, sign, target):
     return kept
 
 
-@scratch_kernel
+@part
 def _meets_box(polygon, count, c, s, half, bottom, top, back):
     """Whether a polygon, seen along x, meets the rectangle turned by an angle.
 
@@ -102,7 +102,7 @@ def _edge_distance(x, y, dx, dy, px):
     return (x + t * dx - px) ** 2 + (y + t * dy) ** 2
 
 
-@scratch_kernel
+@part
 def _meets_cylinder(corners, c, s, part):
     """Whether a face meets the cylinder behind a round tip, also between its two positions."""
     radius, top = part[HALF_WIDTH], part[TOP]
@@ -170,7 +170,7 @@ def _interval(box, frame, x):
     return max(x - size, middle - half), min(x + size, middle + half)
 
 
-@scratch_kernel
+@part
 def _possible_angles(box, back, palm, workspace):
     """Angles at which the faces of a node may meet the palm, or another part.
 
@@ -235,7 +235,7 @@ def _turn_face(triangle, workspace):
     return low, high
 
 
-@scratch_kernel
+@part
 def _blocked_by_face(triangle, possible, back, palm, workspace):
     """Those of the possible angles at which a face meets the palm, or another part.
 
@@ -289,7 +289,7 @@ def _blocked_by_face(triangle, possible, back, palm, workspace):
     return blocked, farther
 
 
-@scratch_kernel
+@part
 def turn_sizes(workspace):
     """Write the absolute components of y and z at each angle, once the frame is known."""
     frame, cosines, sines = workspace.frame, workspace.cosines, workspace.sines
@@ -319,7 +319,7 @@ def _rank(box, palm, workspace):
     return square - x * x + (abs(x) - inner) ** 2
 
 
-@scratch_kernel
+@part
 def block_angles(blocked, farther, back, tree, workspace):
     """Add the angles at which a part meets the surface to a mask.
 
@@ -340,7 +340,7 @@ def block_angles(blocked, farther, back, tree, workspace):
     return _block_by(False, blocked, farther, back, tree, workspace)  # noqa: FBT003
 
 
-@scratch_kernel
+@part
 def _block_by(palm, blocked, farther, back, tree, workspace):
     """`block_angles` by the palm, or by the other parts."""
     nodes, masks = workspace.nodes, workspace.masks
@@ -377,7 +377,7 @@ def _block_by(palm, blocked, farther, back, tree, workspace):
     return blocked, farther
 
 
-@scratch_kernel
+@part
 def _block_at(node, possible, back, palm, tree, workspace):
     """Test the possible angles at a node.
 

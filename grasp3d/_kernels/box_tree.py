@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.face_tree import divide
 
 LEAF = 2
@@ -136,7 +136,7 @@ def _clamped(value):
     return min(max(value, 0.0), 1.0)
 
 
-@scratch_kernel
+@part
 def triangle_distance(px, py, pz, triangle):
     """Squared distance of a point from a triangle, nine numbers (Ericson 2005, Sec. 5.1.5)."""
     ax, ay, az = triangle[0], triangle[1], triangle[2]
@@ -168,7 +168,7 @@ def triangle_distance(px, py, pz, triangle):
     return min(least, x * x + y * y + z * z)
 
 
-@scratch_kernel
+@part
 def ball_is_free(px, py, pz, radius, tree, nodes):
     """Whether no face is nearer to a point than a radius.
 

@@ -16,7 +16,7 @@ P is an arrow: of its entries beside the diagonal only those in the first row an
 import math
 from typing import NamedTuple
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 
 MAX_STEPS = 40
 """Most steps of Newton's method; any of them yields a bound."""
@@ -112,7 +112,7 @@ def _nearest_in_cap(g0, g1, g2, n0, n1, n2, c):
     return c * n0 + scale * r0, c * n1 + scale * r1, c * n2 + scale * r2
 
 
-@scratch_kernel
+@part
 def largest_on_cap(matrix, q, n, c, start, enough):
     """The largest value of g.P g + 2 q.g on the cap of unit vectors g with n.g >= c.
 

@@ -3,7 +3,7 @@
 import math
 
 from grasp3d._kernels.box_tree import THICKNESS, height_above, leaf_rows, triangle_distance
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 
 
 @merged
@@ -11,7 +11,7 @@ def _clamped(value):
     return min(max(value, 0.0), 1.0)
 
 
-@scratch_kernel
+@part
 def _segments_distance(rx, ry, rz, ux, uy, uz, vx, vy, vz):
     """Squared distance of the segment s u from the segment r + t v (Ericson 2005, Sec. 5.1.9)."""
     uu, vv = ux * ux + uy * uy + uz * uz, vx * vx + vy * vy + vz * vz
@@ -25,7 +25,7 @@ def _segments_distance(rx, ry, rz, ux, uy, uz, vx, vy, vz):
     return x * x + y * y + z * z
 
 
-@scratch_kernel
+@part
 def _crosses(start, end, triangle):
     """Whether a segment crosses a triangle."""
     ax, ay, az = triangle[0], triangle[1], triangle[2]
@@ -45,7 +45,7 @@ def _crosses(start, end, triangle):
     return b1 >= 0.0 and b2 >= 0.0 and b1 + b2 <= nx * nx + ny * ny + nz * nz
 
 
-@scratch_kernel
+@part
 def segment_distance(start, end, triangle):
     """Squared distance of a segment from a triangle of nine numbers."""
     if _crosses(start, end, triangle):
@@ -69,7 +69,7 @@ def segment_distance(start, end, triangle):
     return least
 
 
-@scratch_kernel
+@part
 def capsule_is_free(start, end, radius, tree, nodes):
     """Whether no face is nearer to a segment than a radius.
 

@@ -6,8 +6,11 @@ from contextlib import contextmanager
 from typing import Any
 
 import numba
+from numba.core import types
+from numba.core.dispatcher import Dispatcher
 
 from grasp3d._kernels.machine_code import KernelLocator, cache_folder
+from grasp3d._kernels.parts import Part
 
 _config: Any = numba.config
 _decorating = threading.Lock()
@@ -25,11 +28,31 @@ def _cached_by(locator: type) -> Iterator[None]:
             _config.CACHE_LOCATOR_CLASSES = before
 
 
+_FLAGS: dict[str, Any] = {"nogil": True, "error_model": "numpy", "no_cfunc_wrapper": True}
+"""Kernels run without the GIL and with IEEE semantics, so that a NaN reaches the caller. None is
+passed to another one, nor to C: a wrapper for that would only be compiled."""
+
+
 def _compiled(function: Callable[..., object], **flags: Any) -> Any:
-    """Compile without the GIL and with IEEE semantics, so that a NaN reaches the caller."""
-    # No kernel is passed to another one, nor to C: a wrapper for that would only be compiled.
-    flags["no_cfunc_wrapper"] = True
-    return numba.njit(nogil=True, error_model="numpy", **flags)(function)
+    """Compile with the flags of all kernels."""
+    return _without_literals(numba.njit(**_FLAGS, **flags)(function))
+
+
+def _without_literals(compiled: Any) -> Any:
+    """Type a constant in a call like a variable.
+
+    Numba would compile a kernel again for every constant that other kernels pass to it.
+    """
+    if not isinstance(compiled, Dispatcher):  # compilation is switched off
+        return compiled
+    resolve = compiled.get_call_template
+
+    def get_call_template(args: Any, kws: Any) -> Any:
+        plain = {name: types.unliteral(kind) for name, kind in kws.items()}
+        return resolve(tuple(types.unliteral(kind) for kind in args), plain)
+
+    vars(compiled)["get_call_template"] = get_call_template
+    return compiled
 
 
 def _compiled_and_cached(function: Callable[..., object], **flags: Any) -> Any:
@@ -58,6 +81,22 @@ def inlined(function: Callable[..., object]) -> Any:
     return _compiled(function, inline="always")
 
 
+def part(function: Callable[..., object], **flags: Any) -> Any:
+    """Compile a scratch kernel that only kernels call, into these."""
+    if _config.DISABLE_JIT:
+        return function
+    return _without_literals(_part(function, **flags))
+
+
+def part_for_constants(function: Callable[..., object]) -> Any:
+    """As `part`, compiled again for each constant in a call, where that pays in the run time."""
+    return function if _config.DISABLE_JIT else _part(function)
+
+
+def _part(function: Callable[..., object], **flags: Any) -> Part:
+    return Part(function, scratch_kernel, {**_FLAGS, "_nrt": False, **flags})
+
+
 def merged(function: Callable[..., object]) -> Any:
     """Inline a part of a scratch kernel into the machine code of its callers (by LLVM)."""
-    return _compiled(function, forceinline=True, _nrt=False)
+    return part(function, forceinline=True)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import inlined, merged, scratch_kernel
+from grasp3d._kernels.compiling import inlined, merged, part, scratch_kernel
 
 COLLINEAR = 1e-6
 """Sine of the angle between a triangle's shortest and longest sides below which its corners are
@@ -71,7 +71,7 @@ def make_fans(normals: int) -> Fans:
     return Fans(np.zeros((3, normals)), np.zeros((3, normals)), np.zeros(3, dtype=np.int64))
 
 
-@scratch_kernel
+@part
 def set_contact_plane(points, plane):
     """Write the plane through three points (3, 3); returns False where they are collinear."""
     frame, positions = plane.frame, plane.positions
@@ -143,7 +143,7 @@ def set_cone(i, cosine, plane):
     return True
 
 
-@scratch_kernel
+@part
 def cones_force_closed(plane):
     """Whether the six edges' wrenches positively span all planar wrenches.
 
@@ -185,7 +185,7 @@ def _proven_sine(plane):
     return least
 
 
-@scratch_kernel
+@part
 def critical_of_normals(plane, low, high, tolerance):
     """Critical friction angle of three contacts with one normal each, projected to their plane.
 
@@ -257,7 +257,7 @@ def _set_edge(row, i, azimuth, plane):
     plane.edges[row, 2] = plane.positions[i, 0] * s - plane.positions[i, 1] * c
 
 
-@scratch_kernel
+@part
 def fans_force_closed(angle, best_normals, plane, fans):
     """Whether three contacts are force-closed with all combinations of normals, or with some.
 
@@ -300,7 +300,7 @@ def fans_force_closed(angle, best_normals, plane, fans):
     return not best_normals
 
 
-@scratch_kernel
+@part
 def critical_of_fans(low, high, tolerance, best_normals, plane, fans):
     """Critical friction angle of three contacts over their worst, or their best, normals.
 

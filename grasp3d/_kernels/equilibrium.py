@@ -5,14 +5,14 @@ They are a first approximation: whether they prove anything is decided by `force
 
 import math
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.support_functions import ROWS
 
 TIE = 1e-9
 """Relative rounding error in deciding which facet a ray intersects, and of its weights."""
 
 
-@scratch_kernel
+@part
 def solve(matrix, x, dim):
     """Solve matrix @ x = column 6 of `matrix` by elimination; 0 for singular pivots."""
     for c in range(dim):
@@ -42,7 +42,7 @@ def _normal_component(planes, f, x):
     ) + (planes[4, f] * x[4] + planes[5, f] * x[5])
 
 
-@scratch_kernel
+@part
 def equilibrium(space, dims, polytope, vertices, used, forces):
     """Write nearly balanced contact forces, all strictly inside their friction cones.
 

@@ -16,7 +16,7 @@ rounding errors of w are bounded in each coordinate and added to the slack.
 
 import math
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.support_functions import NO_TORSION, ROWS
 
 LARGEST_SLACK = 0.01
@@ -299,7 +299,7 @@ def clear_slack(space, rank, extents, radius, forces, residual):
     return (math.sqrt(square) + NOISE * size) / (radius * least)
 
 
-@scratch_kernel
+@part
 def balance(space, rank, extents, forces, scratch):
     """Correct nearly balanced forces and bound what is missing.
 

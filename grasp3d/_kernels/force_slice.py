@@ -14,7 +14,7 @@ import numpy.typing as npt
 from numba.core import types
 from numba.extending import overload
 
-from grasp3d._kernels.compiling import scratch_kernel
+from grasp3d._kernels.compiling import part
 from grasp3d._kernels.support_functions import WrenchSpace, support
 from grasp3d._kernels.tasks import TaskInSpan, task_reach
 from grasp3d._kernels.vectors import dot6
@@ -44,7 +44,7 @@ class ForceSlice(NamedTuple):
     task's reach so far, and that ratio (7,)."""
 
 
-@scratch_kernel
+@part
 def _boundary(slice_, u, point):
     """Where the ray along u leaves the slice; see `farthest_point`."""
     goal, best = slice_.vectors[17], slice_.best

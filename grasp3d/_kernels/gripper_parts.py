@@ -8,7 +8,7 @@ import math
 import numpy as np
 
 from grasp3d._kernels.blocked_angles import NONE, bit
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.gripper_shape import (
     AXIS,
     BOTTOM,
@@ -33,7 +33,7 @@ MIN_LENGTH = 1e-3
 """Length of the part of a reference direction across x from which it is used."""
 
 
-@scratch_kernel
+@part
 def write_closing_axis(points, normals, sign, shape, frame):
     """Write the origin and x of a grasp's frame.
 
@@ -73,7 +73,7 @@ def opening_fits(opening, sign, shape):
     return shape.min_opening - TOUCHING <= low and high <= shape.max_opening + TOUCHING
 
 
-@scratch_kernel
+@part
 def write_parts(opening, sign, top, behind, shape, parts):
     """Write the boxes of the fingers and the palm, and the cylinders of round tips.
 
@@ -124,7 +124,7 @@ def write_parts(opening, sign, top, behind, shape, parts):
             parts[i, LOW], parts[i, HIGH] = 1.0, -1.0
 
 
-@scratch_kernel
+@part
 def _write_across(direction, frame):
     """Write z as a direction's part across x; whether it is long enough."""
     along = 0.0
@@ -142,7 +142,7 @@ def _write_across(direction, frame):
     return True
 
 
-@scratch_kernel
+@part
 def write_reference(normals, limits, frame):
     """Write y and z of a grasp's frame at angle 0, which turn with object and surroundings.
 
@@ -188,7 +188,7 @@ def _dot(a, b):
     return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
-@scratch_kernel
+@part
 def outside_limits(limits, workspace):
     """Mask of the angles whose approach direction is not allowed."""
     frame = workspace.frame
@@ -202,7 +202,7 @@ def outside_limits(limits, workspace):
     return mask
 
 
-@scratch_kernel
+@part
 def in_table(origin, nx, ny, nz, top, way, shape, limits, parts):
     """Whether a part enters the table.
 
@@ -235,7 +235,7 @@ def in_table(origin, nx, ny, nz, top, way, shape, limits, parts):
     return False
 
 
-@scratch_kernel
+@part
 def in_table_angles(top, shape, limits, workspace):
     """Mask of the angles at which a part enters the table, on the way from outside too.
 
@@ -263,7 +263,7 @@ def in_table_angles(top, shape, limits, workspace):
     return mask
 
 
-@scratch_kernel
+@part
 def widest_arc(free, count):
     """The widest run of free angles, the one nearest to angle 0 of equally wide ones.
 

@@ -20,7 +20,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part_for_constants
 from grasp3d._kernels.force_slice import farthest_point
 from grasp3d._kernels.horizon import find_visible, flood_visible, join, link_new_facets
 from grasp3d._kernels.initial_simplex import COMPLETE, first_simplex
@@ -70,7 +70,7 @@ def _pop_nearest(polytope, size, limit, sign, task):
     return kept - 1, np.int64(f), key
 
 
-@scratch_kernel
+@part_for_constants
 def _fit_plane(polytope, dim, f, metric, task):
     """Fit a facet's plane to its vertices, by orthogonalising its normal against its edges."""
     points, corners, planes = polytope.points, polytope.corners, polytope.planes
@@ -210,7 +210,7 @@ def _copy_plane(plane, f, planes):
         plane[k] = planes[k, f]
 
 
-@scratch_kernel
+@part_for_constants
 def grow(space, dims, metric, task, start, goal, polytope):
     """Grow a polytope until its nearest facet is a facet of the grasp wrench space.
 

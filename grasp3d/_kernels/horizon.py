@@ -14,7 +14,7 @@ same vertices and several common ridges; from then on the corner opposite identi
 import numpy as np
 
 from grasp3d._kernels.bits import lowest_bit
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.polytope import UNKNOWN, height_above
 
 NEW_FACET = np.uint32(1 << 31)
@@ -121,7 +121,7 @@ def join(polytope, dim, ridge, new, vertex, pinched):
     return v, other
 
 
-@scratch_kernel
+@part
 def turn_about_faces(polytope, dim, ridges):
     """Find the neighbours of the facets added last, by turning about the faces that they share.
 

@@ -2,7 +2,7 @@
 
 import math
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part_for_constants
 from grasp3d._kernels.force_slice import farthest_point
 from grasp3d._kernels.polytope import TOLERANCE, set_normalised_plane
 from grasp3d._kernels.vectors import dot6, remove_components
@@ -111,7 +111,7 @@ def _set_origin(polytope):
         polytope.vertex_forces[0, k] = 0.0
 
 
-@scratch_kernel
+@part_for_constants
 def first_simplex(space, dims, metric, task, start, polytope):
     """Choose affinely independent support wrenches whose simplex contains the origin if possible.
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling import inlined, scratch_kernel
+from grasp3d._kernels.compiling import inlined, merged, scratch_kernel
 from grasp3d._kernels.multifinger_contacts import (
     NO_CONTACT,
     distances_allowed,
@@ -18,8 +18,8 @@ from grasp3d._kernels.multifinger_seeding import first_pair, list_reachable, see
 from grasp3d._kernels.surface_walks import random_fraction
 
 
-@inlined
-def _try_neighbours(v, n, domain, limits, previous, grasps, workspace):
+@merged
+def _try_neighbours(v, n, domain, limits, previous, grasps, workspace, planar, hull):
     """Evaluate the other contacts of neighbouring vertices' grasps: (best neighbour, angle)."""
     candidate, angle, chosen = workspace.candidate, grasps.angles[v], NO_CONTACT
     if angle <= limits.target:
@@ -38,13 +38,15 @@ def _try_neighbours(v, n, domain, limits, previous, grasps, workspace):
         workspace.evaluated[0] += fits
         threshold = min(angle - limits.margin, limits.max_angle)
         if fits and threshold > 0.0:
-            found = evaluate(candidate, n, threshold, limits.tolerance, limits.best_normals)
+            found = evaluate(
+                candidate, planar, hull, n, threshold, limits.tolerance, limits.best_normals
+            )
             if found < math.inf:
                 chosen, angle = other, found
     return chosen, angle
 
 
-@inlined
+@merged
 def _seed_random(seed, v, stage, random_state):
     """Seed the random numbers of a vertex, independently of the order of vertices and threads."""
     random_state[0] = np.uint64(seed)
@@ -54,16 +56,16 @@ def _seed_random(seed, v, stage, random_state):
     random_fraction(random_state)
 
 
-@inlined
-def _initial_grasps(v, own, n, domain, candidate_points, limits, previous, workspace):
+@merged
+def _initial_grasps(v, own, n, domain, candidate_points, limits, previous, workspace, planar, hull):
     """Find starts of three fingers, or load the grasp of one finger less; returns their number."""
     count = list_reachable(
         v, own, limits.points_per_vertex, domain, candidate_points, limits, workspace
     )
-    if n == 3:
-        seed_pairs(count, n, domain, candidate_points, limits, workspace)
+    if hull is None:  # three fingers, in a branch that is not compiled for more
+        seed_pairs(count, domain, candidate_points, limits, workspace, planar, hull)
         if workspace.angles[0] == math.inf and limits.max_angle >= RIGHT_ANGLE:
-            first_pair(count, domain, candidate_points, limits, workspace)
+            first_pair(count, domain, candidate_points, limits, workspace, planar.plane)
         return STARTS
     workspace.angles[0] = math.inf
     if previous.angles[v] < math.inf:
@@ -71,8 +73,8 @@ def _initial_grasps(v, own, n, domain, candidate_points, limits, previous, works
     return 1
 
 
-@scratch_kernel
-def search_multifinger(
+@inlined
+def _search(
     stage,
     vertices,
     own,
@@ -86,41 +88,22 @@ def search_multifinger(
     previous,
     grasps,
     workspace,
+    planar,
+    hull,
 ):
-    """Search for grasps of n fingers with the first contact at given vertices.
-
-    With three fingers all pairs of candidate points are evaluated and the best starts refined. Then
-    the other fingers of the best grasp are moved one by one to the best of all candidate points,
-    and the result is refined again. Each further finger is added at the best candidate point to the
-    best grasp of one finger less. A force-closed grasp stays so with an additional finger, so a
-    vertex never becomes worse.
-
-    Args:
-        stage: 0: start as above; from 1 on: evaluate and refine the grasps of neighbours.
-        vertices: Vertices (m,).
-        own: Candidate point that belongs to each vertex; NO_CONTACT: none (V,).
-        n: Fingers, 3 or more.
-        domain: `ContactDomain`.
-        candidate_points: `CandidatePoints`.
-        limits: `SearchLimits`.
-        seed: Seed of the random numbers.
-        step: First step length of the refinement.
-        rounds: Number of its steps.
-        previous: `BestGrasps` of one finger less, or those at the beginning of the stage.
-        grasps: `BestGrasps`; written.
-        workspace: `SearchWorkspace`.
-    """
+    """Search for grasps of n fingers; see `search_three_fingers` and `search_more_fingers`."""
     candidate = workspace.candidate
     for v in vertices:
         if not set_vertex_contact(0, v, domain, candidate):
             continue
         # Separating directions of another vertex's grasps would make results depend on the order.
-        candidate.direction_use[0] = candidate.direction_use[1] = 0
+        if hull is not None:
+            hull.direction_use[0] = hull.direction_use[1] = 0
         _seed_random(seed, v, 16 * stage + n, workspace.random_state)
         # Later stages start from the best neighbour's grasp only where it improves this vertex.
         if stage > 0:
             other, workspace.angles[0] = _try_neighbours(
-                v, n, domain, limits, previous, grasps, workspace
+                v, n, domain, limits, previous, grasps, workspace, planar, hull
             )
             if other == NO_CONTACT:
                 continue
@@ -130,7 +113,7 @@ def search_multifinger(
             starts = 1
         else:
             starts = _initial_grasps(
-                v, own[v], n, domain, candidate_points, limits, previous, workspace
+                v, own[v], n, domain, candidate_points, limits, previous, workspace, planar, hull
             )
         # Three fingers: after all starts, exchange the fingers of the best grasp and refine again.
         has_exchange = stage == 0 and n == 3
@@ -151,9 +134,99 @@ def search_multifinger(
                 most = candidate_points.common_count if exchanging else limits.points_per_vertex
                 count = list_reachable(v, own[v], most, domain, candidate_points, limits, workspace)
                 angle = exchange_fingers(
-                    n, not exchanging, angle, count, domain, candidate_points, limits, workspace
-                )
+                    n, not exchanging, angle, count, domain, candidate_points, limits, workspace,
+                    planar, hull,
+                )  # fmt: skip
             if angle < math.inf:
-                angle = refine(n, angle, step, rounds, domain, limits, workspace)
+                angle = refine(n, angle, step, rounds, domain, limits, workspace, planar, hull)
             if angle < grasps.angles[v]:
                 store_grasp(v, n, angle, grasps, workspace)
+
+
+@scratch_kernel
+def search_three_fingers(
+    stage,
+    vertices,
+    own,
+    domain,
+    candidate_points,
+    limits,
+    seed,
+    step,
+    rounds,
+    previous,
+    grasps,
+    workspace,
+    planar,
+):
+    """Search for grasps of three fingers with the first contact at given vertices.
+
+    All pairs of candidate points are evaluated and the best starts refined. Then the other fingers
+    of the best grasp are moved one by one to the best of all candidate points, and the result is
+    refined again.
+
+    Args:
+        stage: 0: start as above; from 1 on: evaluate and refine the grasps of neighbours.
+        vertices: Vertices (m,).
+        own: Candidate point that belongs to each vertex; NO_CONTACT: none (V,).
+        domain: `ContactDomain`.
+        candidate_points: `CandidatePoints`.
+        limits: `SearchLimits`.
+        seed: Seed of the random numbers.
+        step: First step length of the refinement.
+        rounds: Number of its steps.
+        previous: `BestGrasps` at the beginning of the stage.
+        grasps: `BestGrasps`; written.
+        workspace: `SearchWorkspace`.
+        planar: `PlaneScratch`.
+    """
+    _search(
+        stage, vertices, own, 3, domain, candidate_points, limits, seed, step, rounds, previous,
+        grasps, workspace, planar, None,
+    )  # fmt: skip
+
+
+@scratch_kernel
+def search_more_fingers(
+    stage,
+    vertices,
+    own,
+    n,
+    domain,
+    candidate_points,
+    limits,
+    seed,
+    step,
+    rounds,
+    previous,
+    grasps,
+    workspace,
+    planar,
+    hull,
+):
+    """Search for grasps of n fingers with the first contact at given vertices.
+
+    The last finger is added at the best candidate point to the best grasp of one finger less. A
+    force-closed grasp stays so with an additional finger, so a vertex never becomes worse.
+
+    Args:
+        stage: As for `search_three_fingers`.
+        vertices: As for `search_three_fingers`.
+        own: As for `search_three_fingers`.
+        n: Fingers, 4 or more.
+        domain: `ContactDomain`.
+        candidate_points: `CandidatePoints`.
+        limits: `SearchLimits`.
+        seed: Seed of the random numbers.
+        step: First step length of the refinement.
+        rounds: Number of its steps.
+        previous: `BestGrasps` of one finger less, or those at the beginning of the stage.
+        grasps: `BestGrasps`; written.
+        workspace: `SearchWorkspace`.
+        planar: `PlaneScratch`.
+        hull: `HullScratch`.
+    """
+    _search(
+        stage, vertices, own, n, domain, candidate_points, limits, seed, step, rounds, previous,
+        grasps, workspace, planar, hull,
+    )  # fmt: skip

@@ -5,7 +5,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import inlined, merged
+from grasp3d._kernels.compiling import merged
 from grasp3d._kernels.normal_sets import ContactNormals
 from grasp3d._kernels.surface_contacts import Surface, write_normals
 
@@ -109,7 +109,7 @@ def set_face_contact(i, face, weights, domain, candidate, face_normals):
     return count == 1 and vertex < 0
 
 
-@inlined
+@merged
 def set_contact(i, element, weights, domain, workspace):
     """Place contact i of a candidate on an element; returns whether a finger may stay there."""
     if domain.on_vertices:
@@ -120,7 +120,7 @@ def set_contact(i, element, weights, domain, workspace):
     )
 
 
-@inlined
+@merged
 def set_point_contact(i, point, domain, candidate_points, candidate):
     """Place contact i of a candidate at a candidate point; returns whether it may stay there."""
     if domain.on_vertices:
@@ -136,7 +136,7 @@ def set_point_contact(i, point, domain, candidate_points, candidate):
     return True
 
 
-@inlined
+@merged
 def distances_allowed(candidate, i, n, limits):
     """Whether the distances of contact i to the others of the first n are within the limits."""
     for j in range(n):

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import inlined, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.coplanar_contacts import (
     Fans,
     Plane,
@@ -49,7 +49,7 @@ RIGHT_ANGLE = 0.5 * math.pi
 
 
 class Candidate(NamedTuple):
-    """A candidate grasp of up to n contacts, and scratch arrays of its evaluation."""
+    """A candidate grasp of up to n contacts."""
 
     points: npt.NDArray[np.float64]
     """Contact points (n, 3), scaled so that grasps are about 1 wide."""
@@ -57,6 +57,18 @@ class Candidate(NamedTuple):
     """Inward unit normals that each contact may have (n, k, 3)."""
     counts: npt.NDArray[np.int64]
     """How many those are (n,)."""
+
+
+class PlaneScratch(NamedTuple):
+    """Scratch arrays for the evaluation of three contacts."""
+
+    plane: Plane
+    fans: Fans
+
+
+class HullScratch(NamedTuple):
+    """Scratch arrays for the evaluation of more contacts."""
+
     chosen: npt.NDArray[np.int64]
     """Index of one normal of each contact: a combination of normals (n,)."""
     directions: npt.NDArray[np.float64]
@@ -72,8 +84,6 @@ class Candidate(NamedTuple):
     """As in `WrenchSpace`: circular (0, 2)."""
     metric: npt.NDArray[np.float64]
     """As in `grow` (6,)."""
-    plane: Plane
-    fans: Fans
     polytope: Polytope
 
 
@@ -83,6 +93,17 @@ def make_candidate(contacts: int, normals: int) -> Candidate:
         points=np.zeros((contacts, 3)),
         normals=np.zeros((contacts, normals, 3)),
         counts=np.zeros(contacts, dtype=np.int64),
+    )
+
+
+def make_plane_scratch(normals: int) -> PlaneScratch:
+    """Allocate the arrays for three contacts with so many normals each."""
+    return PlaneScratch(make_plane(), make_fans(normals))
+
+
+def make_hull_scratch(contacts: int) -> HullScratch:
+    """Allocate the arrays for so many contacts."""
+    return HullScratch(
         chosen=np.zeros(contacts, dtype=np.int64),
         directions=np.zeros((MAX_DIRECTIONS, 6)),
         direction_use=np.zeros(2, dtype=np.int64),
@@ -90,80 +111,78 @@ def make_candidate(contacts: int, normals: int) -> Candidate:
         cones=np.zeros((contacts, 2)),
         rim=np.zeros((0, 2)),
         metric=np.ones(6),
-        plane=make_plane(),
-        fans=make_fans(normals),
         polytope=make_polytope(MAX_FACETS),
     )
 
 
-@inlined
-def _first_combination(candidate, n):
+@merged
+def _first_combination(chosen, n):
     """Choose the first combination of normals."""
     for i in range(n):
-        candidate.chosen[i] = 0
+        chosen[i] = 0
 
 
-@inlined
-def _next_combination(candidate, n):
+@merged
+def _next_combination(chosen, counts, n):
     """Choose the next combination of normals; returns whether there is one."""
     for i in range(n - 1, -1, -1):
-        candidate.chosen[i] += 1
-        if candidate.chosen[i] < candidate.counts[i]:
+        chosen[i] += 1
+        if chosen[i] < counts[i]:
             return True
-        candidate.chosen[i] = 0
+        chosen[i] = 0
     return False
 
 
-@inlined
-def _set_fans(candidate):
+@merged
+def _set_fans(candidate, plane, fans):
     """Project three contacts with all their normals; returns False where they are collinear."""
-    if not set_contact_plane(candidate.points, candidate.plane):
+    counts, normals = candidate.counts, candidate.normals
+    if not set_contact_plane(candidate.points, plane):
         return False
     for i in range(3):
-        candidate.fans.counts[i] = candidate.counts[i]
-        for k in range(candidate.counts[i]):
-            set_fan_normal(candidate.normals[i, k], i, k, candidate.plane, candidate.fans)
+        fans.counts[i] = counts[i]
+        for k in range(counts[i]):
+            set_fan_normal(normals[i, k], i, k, plane, fans)
     return True
 
 
-@inlined
-def _evaluate_smooth(candidate, threshold, tolerance):
+@merged
+def _evaluate_smooth(candidate, plane, threshold, tolerance):
     """Evaluate three contacts with one normal each; see `evaluate`."""
-    if not set_contact_plane(candidate.points, candidate.plane):
+    if not set_contact_plane(candidate.points, plane):
         return math.inf
     steepest, cosine, reaching = 0.0, math.cos(threshold), True
     for i in range(3):
-        steepest = max(steepest, set_normal(candidate.normals[i, 0], i, candidate.plane))
-        reaching = reaching and set_cone(i, cosine, candidate.plane)
-    if not (reaching and cones_force_closed(candidate.plane)):
+        steepest = max(steepest, set_normal(candidate.normals[i, 0], i, plane))
+        reaching = reaching and set_cone(i, cosine, plane)
+    if not (reaching and cones_force_closed(plane)):
         return math.inf
     # Below the steepest elevation some cone does not intersect the plane.
     low = min(math.asin(min(steepest, 1.0)), threshold)
-    return critical_of_normals(candidate.plane, low, threshold, tolerance)
+    return critical_of_normals(plane, low, threshold, tolerance)
 
 
-@inlined
-def _evaluate_three(candidate, threshold, tolerance, best_normals):
+@merged
+def _evaluate_three(candidate, scratch, threshold, tolerance, best_normals):
     """Evaluate three contacts; see `evaluate`."""
-    if candidate.counts[0] == 1 and candidate.counts[1] == 1 and candidate.counts[2] == 1:
-        return _evaluate_smooth(candidate, threshold, tolerance)
+    plane, fans, counts = scratch.plane, scratch.fans, candidate.counts
+    if counts[0] == 1 and counts[1] == 1 and counts[2] == 1:
+        return _evaluate_smooth(candidate, plane, threshold, tolerance)
     if not (
-        _set_fans(candidate)
-        and fans_force_closed(threshold, best_normals, candidate.plane, candidate.fans)
+        _set_fans(candidate, plane, fans)
+        and fans_force_closed(threshold, best_normals, plane, fans)
     ):
         return math.inf
-    return critical_of_fans(
-        0.0, threshold, tolerance, best_normals, candidate.plane, candidate.fans
-    )
+    return critical_of_fans(0.0, threshold, tolerance, best_normals, plane, fans)
 
 
-@inlined
-def _force_part(candidate, i, u):
+@merged
+def _force_part(points, i, u):
     """Force part at contact i of a direction: u_f + u_tau x p, with p from the first contact."""
     x, y, z = (
-        candidate.points[i, 0] - candidate.points[0, 0],
-        candidate.points[i, 1] - candidate.points[0, 1],
-        candidate.points[i, 2] - candidate.points[0, 2],
+        points[i, 0] - points[0, 0],
+        points[i, 1] - points[0, 1],
+        points[i, 2] - points[0, 2],
     )
     return (
         u[0] + u[4] * z - u[5] * y,
@@ -172,55 +191,57 @@ def _force_part(candidate, i, u):
     )
 
 
-@inlined
+@merged
 def _separation_sine(candidate, i, u, best_normals):
     """Sine of the largest friction angle for which a direction separates a contact's forces.
 
     The largest over the contact's normals, or with `best_normals` the smallest; 1 where the
     direction has no force part at the contact.
     """
-    gx, gy, gz = _force_part(candidate, i, u)
+    gx, gy, gz = _force_part(candidate.points, i, u)
     size = math.sqrt(gx * gx + gy * gy + gz * gz)
     if not size > 0.0:
         return 1.0
     most, least = -1.0, 1.0
+    normals = candidate.normals
     for k in range(candidate.counts[i]):
-        normal = candidate.normals[i, k]
+        normal = normals[i, k]
         opposing = -(normal[0] * gx + normal[1] * gy + normal[2] * gz) / size
         most, least = max(most, opposing), min(least, opposing)
     return least if best_normals else most
 
 
-@inlined
-def _is_separated(candidate, n, sine, best_normals):
+@merged
+def _is_separated(candidate, directions, count, n, sine, best_normals):
     """Whether a remembered direction separates the candidate at the friction angle of this sine.
 
     A successful direction is moved to the front.
     """
-    for d in range(candidate.direction_use[0]):
-        u, i = candidate.directions[d], 0
+    for d in range(count):
+        u, i = directions[d], 0
         while i < n and _separation_sine(candidate, i, u, best_normals) >= sine:
             i += 1
         if i == n:
             # Move to the front what was successful: the next candidates are similar.
             for k in range(6):
-                last = candidate.directions[0, k]
-                candidate.directions[0, k] = candidate.directions[d, k]
-                candidate.directions[d, k] = last
+                last = directions[0, k]
+                directions[0, k] = directions[d, k]
+                directions[d, k] = last
             return True
     return False
 
 
-@inlined
-def _write_axes(candidate, n):
+@merged
+def _write_axes(candidate, chosen, n, all_axes):
     """Write the wrenches of the chosen normals and tangents, moments about the first contact."""
+    points, normals = candidate.points, candidate.normals
     for i in range(n):
         x, y, z = (
-            candidate.points[i, 0] - candidate.points[0, 0],
-            candidate.points[i, 1] - candidate.points[0, 1],
-            candidate.points[i, 2] - candidate.points[0, 2],
+            points[i, 0] - points[0, 0],
+            points[i, 1] - points[0, 1],
+            points[i, 2] - points[0, 2],
         )
-        normal, axes = candidate.normals[i, candidate.chosen[i]], candidate.axes[i]
+        normal, axes = normals[i, chosen[i]], all_axes[i]
         nx, ny, nz = normal[0], normal[1], normal[2]
         # Tangents from the cross product with z, or with x where the normal is close to z.
         if abs(nz) < 0.9:
@@ -238,60 +259,50 @@ def _write_axes(candidate, n):
             axes[j, 3], axes[j, 4], axes[j, 5] = y * fz - z * fy, z * fx - x * fz, x * fy - y * fx
 
 
-@inlined
-def _store_direction(candidate, u):
+@merged
+def _store_direction(directions, use, u):
     """Remember a separating direction at the front, in place of the oldest one."""
-    use = candidate.direction_use
     row = use[1]
     for k in range(6):
-        candidate.directions[row, k] = candidate.directions[0, k]
-        candidate.directions[0, k] = u[k]
+        directions[row, k] = directions[0, k]
+        directions[0, k] = u[k]
     use[0] = max(use[0], row + 1)
     use[1] = row + 1 if row + 1 < MAX_DIRECTIONS else 1
 
 
-@inlined
-def _hull_force_closed(candidate, n, angle):
+@merged
+def _hull_force_closed(candidate, hull, n, angle):
     """Closure test of the chosen normals by a hull; remembers the separating direction."""
-    _write_axes(candidate, n)
+    axes, cones, polytope = hull.axes, hull.cones, hull.polytope
+    _write_axes(candidate, hull.chosen, n, axes)
     # Unit forces on the rim of a circular cone of half-angle `angle`.
     normal, tangential = math.cos(angle), math.sin(angle)
     for i in range(n):
-        candidate.cones[i, 0], candidate.cones[i, 1] = normal, tangential
+        cones[i, 0], cones[i, 1] = normal, tangential
     spherical, rolling = True, False
-    space = WrenchSpace(
-        TOTAL,
-        spherical,
-        NO_TORSION,
-        candidate.axes[:n],
-        candidate.cones[:n],
-        candidate.rim,
-        rolling,
-    )
-    _, lower, _, _, facets = grow(
-        space, SIX, candidate.metric, None, AROUND_ORIGIN, SIGN, candidate.polytope
-    )
+    space = WrenchSpace(TOTAL, spherical, NO_TORSION, axes[:n], cones[:n], hull.rim, rolling)
+    _, lower, _, _, facets = grow(space, SIX, hull.metric, None, AROUND_ORIGIN, SIGN, polytope)
     if facets > 0 and lower > ROUNDING:
         return True
-    _store_direction(candidate, candidate.polytope.vectors[16])
+    _store_direction(hull.directions, hull.direction_use, polytope.vectors[16])
     return False
 
 
-@inlined
-def _proven_angle(candidate, n):
+@merged
+def _proven_angle(candidate, chosen, direction, n):
     """Lower bound of the chosen normals' critical angle, from the last separating direction."""
-    least = 1.0
+    least, points, normals = 1.0, candidate.points, candidate.normals
     for i in range(n):
-        gx, gy, gz = _force_part(candidate, i, candidate.directions[0])
+        gx, gy, gz = _force_part(points, i, direction)
         size = math.sqrt(gx * gx + gy * gy + gz * gz)
-        normal = candidate.normals[i, candidate.chosen[i]]
+        normal = normals[i, chosen[i]]
         if size > 0.0:
             least = min(least, -(normal[0] * gx + normal[1] * gy + normal[2] * gz) / size)
     return math.asin(min(max(least, 0.0), 1.0))
 
 
-@inlined
-def _critical_of_chosen(candidate, n, low, high, tolerance):
+@merged
+def _critical_of_chosen(candidate, hull, n, low, high, tolerance):
     """Critical angle of the chosen normals between two angles, by bisection [rad].
 
     `high` is returned where nothing lower is force-closed. After a failed test the separating
@@ -299,39 +310,29 @@ def _critical_of_chosen(candidate, n, low, high, tolerance):
     """
     while high - low > tolerance:
         middle = 0.5 * (low + high)
-        if _hull_force_closed(candidate, n, middle):
+        if _hull_force_closed(candidate, hull, n, middle):
             high = middle
         else:
-            low = max(middle, min(_proven_angle(candidate, n), high))
+            proven = _proven_angle(candidate, hull.chosen, hull.directions[0], n)
+            low = max(middle, min(proven, high))
     return high
 
 
-@scratch_kernel
-def evaluate(candidate, n, threshold, tolerance, best_normals):
-    """Critical friction angle of a grasp over its worst or best normals, if below a threshold.
+@merged
+def _evaluate_by_hulls(candidate, hull, n, threshold, tolerance, best_normals):
+    """Evaluate more than three contacts; see `evaluate`.
 
     The closure test and the bisection are one function because every function that calls the
     growing hull takes as long to compile as the hull.
-
-    Args:
-        candidate: `Candidate`; no two contacts coincide.
-        n: Contacts, 3 or more.
-        threshold: Friction angle at which the grasp must be force-closed [rad], at most pi / 2.
-        tolerance: Width of the bracket [rad] whose upper end is returned.
-        best_normals: The smallest over all combinations of the contacts' normals; else the largest.
-
-    Returns:
-        The angle; inf where the grasp is not force-closed at the threshold, as three collinear
-        contacts never are.
     """
-    if n == 3:
-        return _evaluate_three(candidate, threshold, tolerance, best_normals)
-    if _is_separated(candidate, n, math.sin(threshold), best_normals):
+    directions, counts, chosen = hull.directions, candidate.counts, hull.chosen
+    sine, known = math.sin(threshold), hull.direction_use[0]
+    if _is_separated(candidate, directions, known, n, sine, best_normals):
         return math.inf
     found = math.inf if best_normals else 0.0
     # Over the worst normals: first test all combinations, then find the largest angle.
     testing = not best_normals
-    _first_combination(candidate, n)
+    _first_combination(chosen, n)
     while True:
         # Over the worst normals only a combination that fails at the largest angle so far can
         # raise it; over the best ones only one that succeeds below the smallest can lower it.
@@ -341,14 +342,36 @@ def evaluate(candidate, n, threshold, tolerance, best_normals):
             tested = min(threshold, found - tolerance)
         else:
             tested = found
-        closed = tested > 0.0 and _hull_force_closed(candidate, n, tested)
+        closed = tested > 0.0 and _hull_force_closed(candidate, hull, n, tested)
         if testing and not closed:
             return math.inf
         if not testing and closed == best_normals:
             low, high = (0.0, tested) if best_normals else (tested, threshold)
-            found = _critical_of_chosen(candidate, n, low, high, tolerance)
-        if not _next_combination(candidate, n):
+            found = _critical_of_chosen(candidate, hull, n, low, high, tolerance)
+        if not _next_combination(chosen, counts, n):
             if not testing:
                 return found
             testing = False
-            _first_combination(candidate, n)
+            _first_combination(chosen, n)
+
+
+@part
+def evaluate(candidate, planar, hull, n, threshold, tolerance, best_normals):
+    """Critical friction angle of a grasp over its worst or best normals, if below a threshold.
+
+    Args:
+        candidate: `Candidate`; no two contacts coincide.
+        planar: `PlaneScratch`.
+        hull: `HullScratch`; None: there are three contacts, for which no hull is compiled.
+        n: Contacts, 3 or more.
+        threshold: Friction angle at which the grasp must be force-closed [rad], at most pi / 2.
+        tolerance: Width of the bracket [rad] whose upper end is returned.
+        best_normals: The smallest over all combinations of the contacts' normals; else the largest.
+
+    Returns:
+        The angle; inf where the grasp is not force-closed at the threshold, as three collinear
+        contacts never are.
+    """
+    if hull is None:
+        return _evaluate_three(candidate, planar, threshold, tolerance, best_normals)
+    return _evaluate_by_hulls(candidate, hull, n, threshold, tolerance, best_normals)

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import inlined
+from grasp3d._kernels.compiling import merged
 from grasp3d._kernels.multifinger_contacts import (
     NO_CONTACT,
     set_contact,
@@ -31,7 +31,11 @@ class BestGrasps(NamedTuple):
 
 
 class SearchWorkspace(NamedTuple):
-    """Scratch arrays for one thread."""
+    """Scratch arrays for one thread.
+
+    Those of `evaluate` are passed beside it: where a kernel reads a tuple, LLVM takes all of it
+    apart, which is most of the time that it needs for kernels with many arrays.
+    """
 
     candidate: Candidate
     face_normals: npt.NDArray[np.float64]
@@ -76,7 +80,7 @@ def make_search_workspace(fingers: int, normals: int, common_count: int) -> Sear
     )
 
 
-@inlined
+@merged
 def load_grasp(v, n, grasps, domain, workspace):
     """Make the best grasp of a vertex so far the current one; returns its critical angle."""
     set_vertex_contact(0, v, domain, workspace.candidate)
@@ -89,7 +93,7 @@ def load_grasp(v, n, grasps, domain, workspace):
     return grasps.angles[v]
 
 
-@inlined
+@merged
 def store_grasp(v, n, angle, grasps, workspace):
     """Store the current grasp as the best of a vertex."""
     grasps.angles[v] = angle
@@ -99,7 +103,7 @@ def store_grasp(v, n, angle, grasps, workspace):
             grasps.weights[v, j - 1, c] = workspace.weights[0, j, c]
 
 
-@inlined
+@merged
 def set_finger(i, point, domain, candidate_points, workspace):
     """Move finger i of the current grasp to a candidate point."""
     workspace.elements[0, i] = candidate_points.elements[point]

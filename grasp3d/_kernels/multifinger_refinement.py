@@ -2,7 +2,7 @@
 
 import math
 
-from grasp3d._kernels.compiling import inlined
+from grasp3d._kernels.compiling import merged
 from grasp3d._kernels.multifinger_contacts import (
     NO_CONTACT,
     distances_allowed,
@@ -27,7 +27,7 @@ MAX_EDGES = 8
 """Most edges that a finger moves along in one step, where contacts are vertices."""
 
 
-@inlined
+@merged
 def _move_finger(j, step, domain, limits, workspace):
     """Write a random variation of finger j of the current grasp, up to two steps away."""
     elements, weights, random_state = workspace.elements, workspace.weights, workspace.random_state
@@ -54,8 +54,8 @@ def _move_finger(j, step, domain, limits, workspace):
     )  # fmt: skip
 
 
-@inlined
-def refine(n, angle, step, rounds, domain, limits, workspace):
+@merged
+def refine(n, angle, step, rounds, domain, limits, workspace, planar, hull):
     """Improve the current grasp by random steps of its fingers.
 
     An evolution strategy with success-based step lengths (Rechenberg 1973). The critical angle is a
@@ -89,7 +89,9 @@ def refine(n, angle, step, rounds, domain, limits, workspace):
         workspace.evaluated[0] += fits
         found = math.inf
         if fits and threshold > 0.0:
-            found = evaluate(candidate, n, threshold, limits.tolerance, limits.best_normals)
+            found = evaluate(
+                candidate, planar, hull, n, threshold, limits.tolerance, limits.best_normals
+            )
         # The step grows after a success and shrinks after a failure, such that it stays constant
         # at a success rate of about 1/5, which is nearly optimal (Rechenberg 1973).
         better = found < math.inf
@@ -109,8 +111,8 @@ def refine(n, angle, step, rounds, domain, limits, workspace):
     return angle
 
 
-@inlined
-def _best_point(i, n, angle, count, domain, candidate_points, limits, workspace):
+@merged
+def _best_point(i, n, angle, count, domain, candidate_points, limits, workspace, planar, hull):
     """The candidate point of finger i with the best grasp: (point or NO_CONTACT, angle)."""
     candidate, chosen = workspace.candidate, NO_CONTACT
     for s in range(count):
@@ -123,13 +125,15 @@ def _best_point(i, n, angle, count, domain, candidate_points, limits, workspace)
         ):
             continue
         workspace.evaluated[0] += 1
-        found = evaluate(candidate, n, threshold, limits.tolerance, limits.best_normals)
+        found = evaluate(
+            candidate, planar, hull, n, threshold, limits.tolerance, limits.best_normals
+        )
         if found < math.inf:
             chosen, angle = point, found
     return chosen, angle
 
 
-@inlined
+@merged
 def _most_distant_point(i, n, count, domain, candidate_points, limits, workspace):
     """The reachable point farthest from the other contacts, for a finger that improves nothing."""
     candidate, chosen, widest = workspace.candidate, NO_CONTACT, 0.0
@@ -151,8 +155,10 @@ def _most_distant_point(i, n, count, domain, candidate_points, limits, workspace
     return chosen
 
 
-@inlined
-def exchange_fingers(n, added, angle, count, domain, candidate_points, limits, workspace):
+@merged
+def exchange_fingers(
+    n, added, angle, count, domain, candidate_points, limits, workspace, planar, hull
+):
     """Move one finger after the other to the reachable candidate point with the best grasp.
 
     Args:
@@ -164,6 +170,8 @@ def exchange_fingers(n, added, angle, count, domain, candidate_points, limits, w
         candidate_points: `CandidatePoints`.
         limits: `SearchLimits`.
         workspace: `SearchWorkspace`.
+        planar: As for `evaluate`.
+        hull: As for `evaluate`.
 
     Returns:
         The critical angle [rad]; inf where the new finger cannot be placed.
@@ -175,7 +183,7 @@ def exchange_fingers(n, added, angle, count, domain, candidate_points, limits, w
         point, first = NO_CONTACT, added and turn == 1
         if angle > limits.target:
             point, angle = _best_point(
-                i, n, angle, count, domain, candidate_points, limits, workspace
+                i, n, angle, count, domain, candidate_points, limits, workspace, planar, hull
             )
         # An added finger never hurts, even if it exerts no force.
         if first and point == NO_CONTACT:

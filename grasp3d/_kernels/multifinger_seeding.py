@@ -2,7 +2,7 @@
 
 import math
 
-from grasp3d._kernels.compiling import inlined
+from grasp3d._kernels.compiling import merged
 from grasp3d._kernels.coplanar_contacts import set_contact_plane
 from grasp3d._kernels.multifinger_contacts import distances_allowed, set_point_contact
 from grasp3d._kernels.multifinger_evaluation import RIGHT_ANGLE, evaluate
@@ -13,7 +13,7 @@ MAX_PAIRINGS = 128
 and the work grows linearly with the number of points."""
 
 
-@inlined
+@merged
 def _exceeds_elevation(candidate, i, sine, mx, my, mz):
     """Whether a contact's only normal rises over the plane with normal m by an angle or more."""
     if candidate.counts[i] != 1:
@@ -23,7 +23,7 @@ def _exceeds_elevation(candidate, i, sine, mx, my, mz):
     return along * along >= sine * sine * (mx * mx + my * my + mz * mz)
 
 
-@inlined
+@merged
 def _any_exceeds_elevation(candidate, sine):
     """Whether a normal of three contacts rises over their plane by an angle of this sine or more.
 
@@ -40,7 +40,7 @@ def _any_exceeds_elevation(candidate, sine):
     )
 
 
-@inlined
+@merged
 def list_reachable(v, own, most, domain, candidate_points, limits, workspace):
     """List candidate points at allowed distances from a vertex, its own point first.
 
@@ -69,7 +69,7 @@ def list_reachable(v, own, most, domain, candidate_points, limits, workspace):
     return count
 
 
-@inlined
+@merged
 def _keep_start(angle, one, two, workspace):
     """Insert a pair into the sorted list of the best starts, which have no point in common.
 
@@ -95,8 +95,8 @@ def _keep_start(angle, one, two, workspace):
     pairs[row, 0], pairs[row, 1] = one, two
 
 
-@inlined
-def seed_pairs(count, n, domain, candidate_points, limits, workspace):
+@merged
+def seed_pairs(count, domain, candidate_points, limits, workspace, planar, hull):
     """Evaluate pairs of reachable candidate points as second and third contacts of a vertex."""
     candidate = workspace.candidate
     for k in range(STARTS):
@@ -119,13 +119,15 @@ def seed_pairs(count, n, domain, candidate_points, limits, workspace):
             # which needs no projection.
             threshold = min(workspace.angles[STARTS - 1] - limits.margin, limits.max_angle)
             if threshold > 0.0 and not _any_exceeds_elevation(candidate, math.sin(threshold)):
-                angle = evaluate(candidate, n, threshold, limits.tolerance, limits.best_normals)
+                angle = evaluate(
+                    candidate, planar, hull, 3, threshold, limits.tolerance, limits.best_normals
+                )
                 if angle < math.inf:
                     _keep_start(angle, one, two, workspace)
 
 
-@inlined
-def first_pair(count, domain, candidate_points, limits, workspace):
+@merged
+def first_pair(count, domain, candidate_points, limits, workspace, plane):
     """Take the first allowed pair of candidate points, where any critical angle is accepted."""
     candidate = workspace.candidate
     for a in range(count):
@@ -135,7 +137,7 @@ def first_pair(count, domain, candidate_points, limits, workspace):
                 set_point_contact(1, one, domain, candidate_points, candidate)
                 and set_point_contact(2, two, domain, candidate_points, candidate)
                 and distances_allowed(candidate, 2, 2, limits)
-                and set_contact_plane(candidate.points, candidate.plane)
+                and set_contact_plane(candidate.points, plane)
             ):
                 workspace.angles[0] = RIGHT_ANGLE
                 workspace.start_points[0, 0], workspace.start_points[0, 1] = one, two

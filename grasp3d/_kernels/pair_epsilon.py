@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d._kernels.cap_maximum import largest_on_cap, value_at
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.growing_hull import CONVERGED
 from grasp3d._kernels.pair_sides import (
     aligned_side,
@@ -79,7 +79,7 @@ def _keep(best, value, front, g, v1, v2, e1, e2):
         best[5], best[6], best[7], best[8] = v1, v2, e1, e2
 
 
-@scratch_kernel
+@part
 def _examined(side, front, per_finger, cosine, sine, reduction, factor, best):
     """(bound, value) of |u|^2 for an interval of psi, and in its middle.
 
@@ -154,7 +154,7 @@ def _parts(bound, value, goal):
     return np.int64(min(max(parts, 2), MOST_PARTS))
 
 
-@scratch_kernel
+@part
 def _searched(side, front, per_finger, factor, first, size, largest, scratch):
     """Divide the stacked intervals of a side; (whether all are decided, largest bound)."""
     intervals, best = scratch.intervals, scratch.best
@@ -176,7 +176,7 @@ def _searched(side, front, per_finger, factor, first, size, largest, scratch):
     return True, largest
 
 
-@scratch_kernel
+@part
 def _nearly_symmetric(sides, angles, spherical, per_finger, factor, scratch):
     """(largest bound of |u|^2, whether that is near enough) where a pair is nearly symmetric.
 
@@ -221,7 +221,7 @@ def _is_regular(form, angles):
     return not spherical or one + two < math.pi - CLEAR_ANGLE
 
 
-@scratch_kernel
+@part
 def _separated(frames, points, normals, cones, spherical, direction):
     """Write a direction (6,) in which no wrench has a positive component; whether there is one.
 
@@ -276,7 +276,7 @@ def _largest_square(sides, angles, spherical, per_finger, factor, scratch):
     return done, largest
 
 
-@scratch_kernel
+@part
 def _epsilon(form, frames, points, normals, cones, angles, rtol, scratch, direction):
     """(whether it was found, lower, upper) of one force-closed pair; writes its direction (6,)."""
     kind, spherical, _, _ = form

@@ -28,7 +28,7 @@ import math
 from typing import NamedTuple
 
 from grasp3d._kernels.cap_maximum import Arrow
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 
 ON_LINE = 1e-12
 """Distance of the centre of mass from the line, relative to that of the contacts, taken as 0."""
@@ -154,7 +154,7 @@ def _in_frame(frame, v):
     return dot(frame[0], v), dot(frame[1], v), dot(frame[2], v)
 
 
-@scratch_kernel
+@part
 def side_of(frame, points, normals, cones, spherical, f):
     """The side where contact f is the front.
 

@@ -3,7 +3,7 @@
 import math
 
 from grasp3d._kernels.blocked_angles import NONE, block_angles, turn_sizes
-from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
+from grasp3d._kernels.compiling import kernel, merged, part, scratch_kernel
 from grasp3d._kernels.gripper_parts import RADIUS, in_table, write_parts
 from grasp3d._kernels.gripper_shape import (
     BOTTOM,
@@ -18,7 +18,7 @@ INSIDE = 0.5
 """Winding number from which a point is inside the object."""
 
 
-@scratch_kernel
+@part
 def winding_number(px, py, pz, triangles):
     """Winding number of a surface about a point: 1 inside a solid, 0 outside.
 
@@ -65,7 +65,7 @@ def _tips_inside(axis, frame, triangles):
     return _inside(-axis, 0.0, frame, triangles) or _inside(axis, 0.0, frame, triangles)
 
 
-@scratch_kernel
+@part
 def _boxes_inside(frame, parts, triangles):
     """Whether a box is inside the object; as none meets a face, its centre decides."""
     for i in range(PALM + 1):
@@ -75,7 +75,7 @@ def _boxes_inside(frame, parts, triangles):
     return False
 
 
-@scratch_kernel
+@part
 def _pose_collides(pose, opening, sign, swept, shape, limits, tree, workspace):
     """Whether a gripper at a pose collides; see `collide_poses`."""
     frame, parts = workspace.frame, workspace.parts

@@ -5,7 +5,7 @@ import math
 from grasp3d._kernels.blocked_angles import NONE, all_angles, block_angles, turn_sizes
 from grasp3d._kernels.box_tree import ball_is_free
 from grasp3d._kernels.capsules import capsule_is_free
-from grasp3d._kernels.compiling import kernel, scratch_kernel
+from grasp3d._kernels.compiling import kernel, part
 from grasp3d._kernels.gripper_parts import (
     in_table_angles,
     margin_of,
@@ -34,7 +34,7 @@ PREFERRED, SHALLOWEST = (0.0, -0.25), -0.4
 """Displacements of flat pads along z, in pad heights: the first that is free is chosen."""
 
 
-@scratch_kernel
+@part
 def tip_fits(point, normal, shape, tree, nodes):
     """Whether a round tip that touches at a contact touches nothing else, beyond its compliance.
 
@@ -56,7 +56,7 @@ def tip_fits(point, normal, shape, tree, nodes):
     )
 
 
-@scratch_kernel
+@part
 def tips_open(axis, sign, shape, tree, workspace):
     """Whether round tips touch nothing on their way between a grasp and their clearance.
 
@@ -78,7 +78,7 @@ def tips_open(axis, sign, shape, tree, workspace):
     return True
 
 
-@scratch_kernel
+@part
 def _write_result(k, offset, top, opening, sign, margin, shape, workspace, found):
     """Write the pose at an angle, and the numbers behind it."""
     frame = workspace.frame
@@ -96,7 +96,7 @@ def _write_result(k, offset, top, opening, sign, margin, shape, workspace, found
     found[DEPTH] = top + shape.tip_radius
 
 
-@scratch_kernel
+@part
 def _blocked_at(offset, opening, sign, known, shape, limits, tree, workspace):
     """Mask of the angles that are blocked at one displacement along z, with those known to be."""
     top = 0.5 * shape.pad_height + offset
@@ -107,7 +107,7 @@ def _blocked_at(offset, opening, sign, known, shape, limits, tree, workspace):
     return blocked
 
 
-@scratch_kernel
+@part
 def _blocked_at_best(opening, sign, outside, shape, limits, tree, workspace):
     """Find the preferred displacement along z at which not all angles are blocked.
 
@@ -138,7 +138,7 @@ def _blocked_at_best(opening, sign, outside, shape, limits, tree, workspace):
     return shallow, offset
 
 
-@scratch_kernel
+@part
 def _is_table_alone(blocked, outside, offset, explain, shape, limits, tree, workspace):
     """Whether only the table is in the way where all angles are blocked.
 
@@ -164,7 +164,7 @@ def _is_table_alone(blocked, outside, offset, explain, shape, limits, tree, work
     return without != blocked
 
 
-@scratch_kernel
+@part
 def reach_pair(points, normals, sign, shape, limits, explain, tree, workspace, found):
     """Test one grasp of a parallel gripper at all approach angles.
 

@@ -12,7 +12,7 @@ which exists where they are at one point or on one line.
 
 import math
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.support_functions import ROWS, farthest_in_patch
 from grasp3d._kernels.vectors import dot6, remove_components
 
@@ -129,7 +129,7 @@ def _clearly_separated(axes, cone, soft, slowest, u):
     )
 
 
-@scratch_kernel
+@part
 def separation(kind, soft, axes, cones, rim, largest, u, scratch):
     """Whether a direction proves that a grasp is not force-closed.
 

@@ -19,7 +19,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 from grasp3d._kernels.vectors import dot6
 
 TINY = 1e-300
@@ -99,7 +99,7 @@ def _cosine_and_sine_of_torsion(friction, z0, tangent, twist):
     return c / length, s / length
 
 
-@scratch_kernel
+@part
 def _farthest_elliptic(spherical, friction, z0, z1, z2, z3):
     """(support, -1, force) of a contact with the elliptic limit surface; as `_farthest_force`."""
     tangent, twist = math.sqrt(z1 * z1 + z2 * z2), abs(z3)
@@ -269,7 +269,7 @@ def support(space, u, point, force):
     return farthest(space, u, point, force)
 
 
-@scratch_kernel
+@part
 def contact_forces(space, u, weight, force, forces):
     """Add the contact forces of the farthest wrench in a direction, times a weight.
 

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 
 MOST_FACES = 512
 """Most faces that a walk crosses."""
@@ -40,7 +40,7 @@ def _corner(points, faces, face, i):
     return points[v, 0], points[v, 1], points[v, 2]
 
 
-@scratch_kernel
+@part
 def walk(face, weights, angle, length, points, faces, adjacent_faces):
     """Walk straight over a surface: each next face is unfolded about the common edge.
 

@@ -12,7 +12,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 
 ANY_DIRECTION, WITHIN, POINTS, ELLIPSOID = 0, 1, 2, 3
 """Kinds of terms: a force in any direction, or within an angle of a direction, at the centre of
@@ -112,7 +112,7 @@ def reach(terms, points, fx, fy, fz, tx, ty, tz):
     return total
 
 
-@scratch_kernel
+@part
 def task_reach(task, n0, n1, n2, n3, n4, n5):
     """How far a task's opposite reaches along a direction in balanced coordinates; not below 0.
 

@@ -5,8 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
+from numba.core import types
+from numba.extending import overload
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import inlined, merged, scratch_kernel
 from grasp3d._kernels.equilibrium import equilibrium
 from grasp3d._kernels.force_balance import LARGEST_SLACK, SMALL_SLACK, balance, clear_slack
 from grasp3d._kernels.growing_hull import CONVERGED, EXHAUSTED, STALLED, UNDECIDED, grow
@@ -27,6 +29,9 @@ errors of less than that may have moved the origin into it."""
 
 AT_REST = 4
 """Status, in the kernels only: not force-closed if contacts that are close together coincide."""
+
+OTHER_RANK = 5
+"""Status, in the kernels only: `epsilons` left a grasp of rank 1 to 5 to `epsilons_of_any_rank`."""
 
 
 class Workspace(NamedTuple):
@@ -152,12 +157,25 @@ def project(kind, source, workspace, rank):
         metric[k] *= metric[k]
 
 
-@merged
-def _grow(space, rank, workspace, goal, polytope):
-    """Grow the hull in the dimension of the span."""
-    if rank == 6:
-        return grow(space, SIX, workspace.metric, None, AROUND_ORIGIN, goal, polytope)
-    return grow(space, workspace.dims[:rank], workspace.metric, None, AROUND_ORIGIN, goal, polytope)
+def _grow(space, dims, rank, metric, goal, polytope):
+    """Grow the hull in the dimension of the span: that of a tuple, or the given one of an array."""
+    dims = dims if isinstance(dims, tuple) else dims[:rank]
+    return grow(space, dims, metric, None, AROUND_ORIGIN, goal, polytope)
+
+
+@overload(_grow, inline="always")
+def _grow_in(space, dims, rank, metric, goal, polytope):  # noqa: ARG001 - Numba matches the names
+    if isinstance(dims, types.BaseTuple):
+
+        def implementation(space, dims, rank, metric, goal, polytope):  # noqa: ARG001 - as above
+            return grow(space, dims, metric, None, AROUND_ORIGIN, goal, polytope)
+
+    else:
+
+        def implementation(space, dims, rank, metric, goal, polytope):
+            return grow(space, dims[:rank], metric, None, AROUND_ORIGIN, goal, polytope)
+
+    return implementation
 
 
 @merged
@@ -248,8 +266,8 @@ def verify(form, wrenches, tangential, cones, rim, tolerance, workspace, scratch
     return balance(space, rank, workspace.extents, forces, scratch)
 
 
-@scratch_kernel
-def epsilons(
+@inlined
+def _epsilons(
     form,
     wrenches,
     tangential,
@@ -263,29 +281,10 @@ def epsilons(
     workspace,
     polytope,
     results,
+    least_rank,
+    dims,
 ):
-    """Epsilon, force closure and certificates of many grasps.
-
-    Args:
-        form: (kind, spherical, torsion, rolling) of `WrenchSpace`.
-        wrenches: Axes of contacts (b, n, 4, 6), or where they resist rolling (b, n, 6, 6); or rows
-            (b, n, 1, 6).
-        tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
-        cones: As in `WrenchSpace` (b, n, 2).
-        rim: As in `WrenchSpace` (m, 2).
-        tolerance: As in `span`.
-        goal: As in `grow`; its cutoff is 0 or inf.
-        group: Number of consecutive grasps of which only the smallest epsilon is needed; each is
-            abandoned when it cannot be smaller than those before it. 1: all are computed.
-        with_forces: Whether equilibrium forces are computed.
-        first: Index of the first grasp to compute.
-        workspace: `Workspace`.
-        polytope: `Polytope`.
-        results: `Results`.
-
-    Returns:
-        The first grasp for which the polytope was too small, b if none; its bounds hold.
-    """
+    """Evaluate grasps; see `epsilons`."""
     kind, spherical, torsion, rolling = form
     rtol, atol, cutoff, sign = goal
     smallest = math.inf
@@ -308,12 +307,15 @@ def epsilons(
         if rank == 0:
             smallest = 0.0
             continue
+        if rank < least_rank:
+            results.status[g] = OTHER_RANK
+            return g
         project(kind, wrenches[g], workspace, rank)
         # Within a group, growing stops when epsilon cannot be smaller than those before it.
         space = WrenchSpace(kind, spherical, torsion, workspace.axes, cones[g], rim, rolling)
         limit = min(cutoff, smallest) if group > 1 else cutoff
         status, lower, upper, vertices, used = _grow(
-            space, rank, workspace, (rtol, atol, limit, sign), polytope
+            space, dims, rank, workspace.metric, (rtol, atol, limit, sign), polytope
         )
         closed = used > 0 and lower > 0.0
         # No plane could be computed: the sizes of the coordinates differ too much.
@@ -333,7 +335,7 @@ def epsilons(
                 space = WrenchSpace(
                     TOTAL, spherical, torsion, workspace.axes, cones[g], rim, rolling
                 )
-                _, _, _, vertices, used = _grow(space, rank, workspace, SIGN, polytope)
+                _, _, _, vertices, used = _grow(space, dims, rank, workspace.metric, SIGN, polytope)
             slack = math.inf
             if used > 0:
                 equilibrium(
@@ -354,3 +356,71 @@ def epsilons(
         if status == EXHAUSTED:
             return g
     return wrenches.shape[0]
+
+
+@scratch_kernel
+def epsilons(
+    form,
+    wrenches,
+    tangential,
+    cones,
+    rim,
+    tolerance,
+    goal,
+    group,
+    with_forces,
+    first,
+    workspace,
+    polytope,
+    results,
+):
+    """Epsilon, force closure and certificates of many grasps, as far as their rank is 6.
+
+    Args:
+        form: (kind, spherical, torsion, rolling) of `WrenchSpace`.
+        wrenches: Axes of contacts (b, n, 4, 6), or where they resist rolling (b, n, 6, 6); or rows
+            (b, n, 1, 6).
+        tangential: Factor of the tangential axes for the span: 0 without friction (b, n).
+        cones: As in `WrenchSpace` (b, n, 2).
+        rim: As in `WrenchSpace` (m, 2).
+        tolerance: As in `span`.
+        goal: As in `grow`; its cutoff is 0 or inf.
+        group: Number of consecutive grasps of which only the smallest epsilon is needed; each is
+            abandoned when it cannot be smaller than those before it. 1: all are computed.
+        with_forces: Whether equilibrium forces are computed.
+        first: Index of the first grasp to compute.
+        workspace: `Workspace`.
+        polytope: `Polytope`.
+        results: `Results`.
+
+    Returns:
+        The first grasp for which the polytope was too small, whose bounds hold, or that has the
+        status OTHER_RANK; b if none.
+    """
+    return _epsilons(
+        form, wrenches, tangential, cones, rim, tolerance, goal, group, with_forces, first,
+        workspace, polytope, results, 6, SIX,
+    )  # fmt: skip
+
+
+@scratch_kernel
+def epsilons_of_any_rank(
+    form,
+    wrenches,
+    tangential,
+    cones,
+    rim,
+    tolerance,
+    goal,
+    group,
+    with_forces,
+    first,
+    workspace,
+    polytope,
+    results,
+):
+    """As `epsilons`, for grasps of any rank, but up to an eighth slower where it is 6."""
+    return _epsilons(
+        form, wrenches, tangential, cones, rim, tolerance, goal, group, with_forces, first,
+        workspace, polytope, results, 1, workspace.dims,
+    )  # fmt: skip

@@ -13,7 +13,7 @@ force.
 
 import math
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.equilibrium import solve
 from grasp3d._kernels.support_functions import contact_forces, farthest
 from grasp3d._kernels.vectors import dot6
@@ -130,7 +130,7 @@ def _search(space, dims, goal, rtol, length, vectors):
     return status, min(lower, upper), upper
 
 
-@scratch_kernel
+@part
 def resist(space, dims, goal, rtol, vectors, forces):
     """Find the smallest bound on the contact forces that apply a wrench.
 
@@ -157,7 +157,7 @@ def resist(space, dims, goal, rtol, vectors, forces):
     return status, min(lower, upper), upper
 
 
-@scratch_kernel
+@part
 def _write_forces(space, dim, goal, vectors, forces):
     """Combine the forces of the basis, with weights that are solved for anew.
 

@@ -20,7 +20,7 @@ class Warmup:
     """
 
     fingers: Annotated[int, tyro.conf.arg(metavar="INT")] = 2
-    """Largest number of fingers, 2 to 5; the kernels for three serve four and five as well."""
+    """Largest number of fingers, 2 to 5; the kernels for four serve five as well."""
 
     gripper: Flag = False
     """Compile the kernels for grippers too."""

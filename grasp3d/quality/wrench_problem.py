@@ -306,15 +306,23 @@ class WrenchProblem:
             views: list[Any] = [values[chunk] for values in results]
             written = Results(*views)
             wrenches = self.wrenches_of(chunk)
-            self.with_polytope(
-                len(wrenches),
-                lambda first, polytope: kernels.epsilons(
-                    self._form, wrenches, self.tangential[chunk],
-                    self.cones[chunk], self.rim, self.rank_tolerance, goal, group, with_forces,
-                    first, workspace, polytope, written,
-                ),
+            settings = (
+                self._form, wrenches, self.tangential[chunk], self.cones[chunk], self.rim,
+                self.rank_tolerance, goal, group, with_forces,
             )  # fmt: skip
 
+            def run(first: int, polytope: Polytope) -> int:
+                given = (workspace, polytope, written)
+                if not thin:
+                    first = int(kernels.epsilons(*settings, first, *given))
+                    if first == len(wrenches) or written.status[first] != kernels.OTHER_RANK:
+                        return first
+                return int(kernels.epsilons_of_any_rank(*settings, first, *given))
+
+            self.with_polytope(len(wrenches), run)
+
+        # Two hard fingers have no torque about their line: the kernel for rank 6 is of no use.
+        thin = self.kind != ROWS and self.count == 2 and not (self.soft or self.rolling)
         self.in_chunks(evaluate, group, threads)
 
     def _clearly_placed(self, grasps: Ints) -> Bools:

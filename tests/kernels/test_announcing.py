@@ -36,8 +36,9 @@ def test_each_phase_is_announced_once(caplog: pytest.LogCaptureFixture) -> None:
     )
     assert [phase.work for phase in announcer.compiled] == ["two fingers", "epsilon"]
     first, second = caplog.messages
-    assert first.startswith("grasp3d: compiling kernels for two fingers, about 10 s, once per ")
-    assert second.startswith("grasp3d: compiling kernels for epsilon, about 25 s, once per ")
+    for line, phase in ((first, announcing.TWO_FINGERS), (second, announcing.EPSILON)):
+        work = f"{phase.work}, about {phase.seconds} s"
+        assert line.startswith(f"grasp3d: compiling kernels for {work}, once per ")
     # At a level that Python prints to standard error where no logging is configured.
     assert {(one.name, one.levelname) for one in caplog.records} == {
         ("grasp3d.compiling", "WARNING")
@@ -88,11 +89,12 @@ def test_the_time_is_that_of_what_is_not_compiled(monkeypatch: pytest.MonkeyPatc
     two, three = announcing.seconds_missing(2), announcing.seconds_missing(3)
     phases = (
         announcing.PATCHES, announcing.LOCATIONS, announcing.WRENCHES, announcing.EPSILON_OF_PAIRS,
-        announcing.EPSILON,
+        announcing.EPSILON, announcing.EPSILON_OF_ANY_RANK,
     )  # fmt: skip
     left = sum(phase.seconds for phase in phases)
     assert two == left + announcing.SCANS.seconds
-    assert three == left + announcing.MORE_FINGERS.seconds
+    assert three == left + announcing.THREE_FINGERS.seconds
+    assert announcing.seconds_missing(5) == three + announcing.MORE_FINGERS.seconds
     held = announcing.seconds_missing(2, gripper=True, forces=True)
     assert held == two + announcing.GRIPPERS.seconds + announcing.FORCES.seconds
     assert announcing.seconds_missing(0, forces=True) == 0

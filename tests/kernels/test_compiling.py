@@ -9,10 +9,10 @@ from typing import Any
 
 import pytest
 
-from grasp3d._kernels import compiling, machine_code
+from grasp3d._kernels import compiling, machine_code, parts
 
 CALLEE = """
-from small.compiling import inlined, kernel, merged
+from small.compiling import inlined, kernel, merged, part
 
 @kernel
 def called(x):
@@ -25,24 +25,30 @@ def written_out(x):
 @merged
 def merged_in(x):
     return x + 100 * {step}
+
+@part
+def linked(x, power):
+    return x + 1000 * {step} + power
 """
 
 CALLER = """
-from small.callee import called, merged_in, written_out
+from small.callee import called, linked, merged_in, written_out
 from small.compiling import kernel
 
 @kernel
 def climb(x):
-    return merged_in(written_out(called(x)))
+    return linked(merged_in(written_out(called(x))) + called(0) - called(0), 0)
 """
 
 REPORT = """
 import json
 import numba
+from small.callee import called, linked, merged_in
 from small.caller import climb
 from small.machine_code import cache_folder
 print(json.dumps({
     "value": climb(0),
+    "signatures": [len(kernel.signatures) for kernel in (called, linked, merged_in)],
     "hits": sum(climb.stats.cache_hits.values()),
     "folder": str(cache_folder()),
     "settings": [numba.config.CACHE_DIR, numba.config.CACHE_LOCATOR_CLASSES],
@@ -117,7 +123,7 @@ def package(tmp_path: Path) -> Package:
     made.folder.mkdir()
     (made.folder / "__init__.py").touch()
     (made.folder / "caller.py").write_text(CALLER, encoding="utf-8")
-    for module in (compiling, machine_code):
+    for module in (compiling, machine_code, parts):
         source = Path(str(module.__file__))
         text = source.read_text(encoding="utf-8").replace("grasp3d._kernels", "small")
         (made.folder / source.name).write_text(text, encoding="utf-8")
@@ -144,10 +150,10 @@ def refuse_writing(monkeypatch: pytest.MonkeyPatch, folder: Path) -> None:
 
 @pytest.mark.slow
 def test_a_change_in_one_file_recompiles_its_callers_in_others(package: Package) -> None:
-    assert package.run()["value"] == 111
+    assert package.run()["value"] == 1111
     package.write(step=2)
     changed = package.run()
-    assert (changed["value"], changed["hits"]) == (222, 0)
+    assert (changed["value"], changed["hits"]) == (2222, 0)
 
 
 @pytest.mark.slow
@@ -157,8 +163,29 @@ def test_machine_code_is_cached_while_no_file_changes(package: Package) -> None:
     assert stored
     assert first["hits"] == 0
     second = package.run()
-    assert (second["value"], second["hits"]) == (111, 1)
+    assert (second["value"], second["hits"]) == (1111, 1)
     assert files(package.home) == stored
+
+
+@pytest.mark.slow
+def test_kernels_are_compiled_once_and_parts_only_into_them(package: Package) -> None:
+    """A constant in a call has the type of a variable."""
+    assert package.run()["signatures"] == [1, 1, 1]
+    stored = {path.name.split("-")[0] for path in files(package.home)}
+    assert stored == {"caller.climb", "callee.called"}
+
+
+def test_a_part_is_a_kernel_where_python_calls_it() -> None:
+    @compiling.merged
+    def square_of_sum(a: float, b: float) -> float:
+        return (a + b) * (a + b)
+
+    @compiling.kernel
+    def one_more(a: float, b: float) -> float:
+        return 1.0 + square_of_sum(a, b)
+
+    assert (square_of_sum(1.0, 2.0), one_more(1.0, 2.0)) == (9.0, 10.0)
+    assert square_of_sum.kernel.signatures == square_of_sum.signatures
 
 
 @pytest.mark.slow
@@ -168,7 +195,7 @@ def test_copies_of_the_sources_share_their_machine_code(package: Package, tmp_pa
     copy = Package(tmp_path / "elsewhere")
     shutil.copytree(package.folder, copy.folder)
     report = copy.run(XDG_CACHE_HOME=str(package.home / "cache"))
-    assert (report["value"], report["hits"]) == (111, 1)
+    assert (report["value"], report["hits"]) == (1111, 1)
 
 
 @pytest.mark.slow
@@ -183,7 +210,7 @@ def test_the_package_keeps_the_machine_code_where_the_user_has_no_folder(package
 def test_kernels_run_where_no_machine_code_can_be_cached(package: Package) -> None:
     package.block()
     report = package.run(XDG_CACHE_HOME=str(package.folder / "caller.py" / "below"))
-    assert (report["value"], report["folder"]) == (111, "None")
+    assert (report["value"], report["folder"]) == (1111, "None")
     assert not files(package.home)
 
 
@@ -227,7 +254,7 @@ def test_epsilon_is_the_same_without_compilation() -> None:
 
 @pytest.mark.slow
 def test_a_user_without_a_home_folder(package: Package) -> None:
-    assert package.run(XDG_CACHE_HOME="", HOME="~")["value"] == 111  # "~": no home folder
+    assert package.run(XDG_CACHE_HOME="", HOME="~")["value"] == 1111  # "~": no home folder
 
 
 @pytest.mark.slow
@@ -245,7 +272,7 @@ def test_machine_code_that_an_installation_brings_is_copied(package: Package) ->
     unusable = str(package.folder / "caller.py" / "below")
     package.run(XDG_CACHE_HOME=unusable)  # into the package's folder
     report = package.run()
-    assert (report["value"], report["hits"]) == (111, 1)
+    assert (report["value"], report["hits"]) == (1111, 1)
     assert Path(report["folder"]).parent == package.home / "cache" / "grasp3d"
     assert files(package.home / "cache")
 

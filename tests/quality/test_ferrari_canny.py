@@ -1133,3 +1133,18 @@ def test_closure_depends_neither_on_position_nor_on_size(size: float) -> None:
     assert result.closed
     assert result.rank == 6
     check_certificate(moved, result)
+
+
+def test_grasps_of_any_rank_share_a_batch() -> None:
+    """Where three contacts are on a line, their wrenches have rank 5, which has its own kernel."""
+    rng = np.random.default_rng(3)
+    points = rng.normal(size=(12, 3, 3))
+    points[[4, 5, 9]] = np.linspace(-1.0, 1.5, 3)[:, None] * rng.normal(size=(3, 1, 3))
+    normals = -points / np.linalg.norm(points, axis=-1, keepdims=True)
+    normals[[4, 5, 9], 1] = np.array([0.6, 0.0, 0.8])
+    contacts = Contacts(points, normals, 1.5)
+    batch = epsilon(contacts, edges=8, threads=1)
+    assert set(batch.rank) == {5, 6}
+    for g in range(12):
+        alone = epsilon(Contacts(points[g], normals[g], 1.5), edges=8, threads=1)
+        assert (alone.lower, alone.upper) == (batch.lower[g], batch.upper[g])
