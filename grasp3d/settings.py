@@ -453,7 +453,8 @@ class Sampling(LengthSettings):
             what friction and resolution need. Wider: the surface can be labelled again, without a
             new search, for any friction and resolution with atan(friction) + alpha/2 up to this
             angle. Narrower: a limit to the search.
-        tolerance: Step size at which the search around a vertex's best grasp stops.
+        tolerance: Step size at which the search around a vertex's best grasp stops, where it is by
+            rays or random steps.
 
     Example:
         A gripper that opens to 80 mm, and a search that is wide enough to label the surface again

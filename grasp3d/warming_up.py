@@ -238,7 +238,7 @@ def compile_forces() -> None:
 
 
 def _solid(patch_radius: float = 0.0) -> "ObjectMesh":
-    """A small solid without symmetry, whose best grasps are found by refinement alone."""
+    """A small solid without symmetry, whose best grasps rays find by refinement alone."""
     from grasp3d.mesh import load_mesh
 
     corners = np.array(list(itertools.product((0.0, 1.0), repeat=3)))

@@ -219,6 +219,8 @@ def _cosine_on_edge(t, face, k, v, surface, own, count, rows):
     x = (1.0 - t) * points[start, 0] + t * points[end, 0] - points[v, 0]
     y = (1.0 - t) * points[start, 1] + t * points[end, 1] - points[v, 1]
     z = (1.0 - t) * points[start, 2] + t * points[end, 2] - points[v, 2]
+    if x * x + y * y + z * z < SMALLEST_OPENING * SMALLEST_OPENING:
+        return -1.0
     result = best_cosine(own, count, x, y, z)
     if twins[face, k, 0] == ANY_NORMAL:
         return result
@@ -251,8 +253,8 @@ def _within_reach(face, k, v, surface, largest):
 def _is_useless(face, k, v, cosine, surface, own, count, rows):
     """Whether no contact on an edge can be above a cosine, from the angle at its middle.
 
-    Half the edge turns the line by at most asin(half / distance), and the normals by half their
-    difference.
+    Half the edge turns the line by at most asin(half / distance). It turns the ends of the arc of
+    normals by half their difference, and its middle by less than twice that.
     """
     middle = _cosine_on_edge(0.5, face, k, v, surface, own, count, rows)
     points, start, end = surface.points, surface.faces[face, k - 2], surface.faces[face, k - 1]
@@ -292,7 +294,7 @@ def _best_on_edge(face, k, v, cosine, surface, own, count, largest, rows):
             low, one, at_one = one, other, at_other
             other = low + GOLDEN * (high - low)
             at_other = _cosine_on_edge(other, face, k, v, surface, own, count, rows)
-    if max(at_one, at_other) <= cosine:
+    if not max(at_one, at_other) > cosine:
         return cosine, -1.0
     return (at_one, one) if at_one > at_other else (at_other, other)
 
@@ -340,7 +342,8 @@ def best_on_creases(face, v, cosine, owners, surface, sets, own, count, largest,
                 cosine = found
                 weights[0], weights[1], weights[2] = 0.0, 0.0, 0.0
                 weights[k] = 1.0
-        if _has_edge(face, k, surface):
+        ends = surface.faces[face, k - 2], surface.faces[face, k - 1]
+        if _has_edge(face, k, surface) and ends[0] != v and ends[1] != v:
             cosine, t = _best_on_edge(face, k, v, cosine, surface, own, count, largest, rows)
             if t >= 0.0:
                 weights[k], weights[(k + 1) % 3], weights[(k + 2) % 3] = 0.0, 1.0 - t, t

@@ -9,7 +9,7 @@ import math
 from grasp3d._kernels.compiling import merged, scratch_kernel
 
 CORNERS = 32
-"""Most corners of a polygon; each cut adds one at most."""
+"""Most corners of a polygon; each cut adds one, or two by rounding errors."""
 
 
 @scratch_kernel
@@ -32,6 +32,8 @@ def cut(polygon, size, a, b, c):
         return size, least
     if least >= 0.0:
         return 0, least
+    if size >= CORNERS - 2:  # no room: a polygon that is not cut contains what it should, too
+        return size, least
     left = CORNERS
     for i in range(size):
         after = i + 1 if i + 1 < size else 0
@@ -44,7 +46,7 @@ def cut(polygon, size, a, b, c):
             polygon[left, 0] = polygon[i, 0] + t * (polygon[after, 0] - polygon[i, 0])
             polygon[left, 1] = polygon[i, 1] + t * (polygon[after, 1] - polygon[i, 1])
             left += 1
-    left = min(left - CORNERS, CORNERS - 1)
+    left -= CORNERS
     for i in range(left):
         polygon[i, 0], polygon[i, 1] = polygon[CORNERS + i, 0], polygon[CORNERS + i, 1]
     return left, least

@@ -35,6 +35,10 @@ from grasp3d._kernels.face_minimum import (
 CREASE_GAIN = math.radians(0.25)
 """Decrease of an angle from which contacts on creases and corners are searched for [rad]."""
 
+APPARENT = 0.1
+"""Apparent size from which a face is divided where the best of several normals counts: for smaller
+ones the angle is at most 0.2 degrees too large [rad]."""
+
 
 @merged
 def _outside(ax, ay, az, cosine, sine, x, y, z, square):
@@ -59,6 +63,8 @@ def rank(node, v, own, count, worst, tree, surface, limits, cosine, sine):
         cosine: Cosine of the limit of the critical angle, not below 0.
         sine: Its sine.
     """
+    if tree.bounds[node, 3] < 0.0:  # nothing in it
+        return math.inf
     if count != 1:
         bound = upper_bound(node, v, own, count, worst, tree, surface, limits, cosine)
         return cosine - bound
@@ -87,6 +93,15 @@ def rank(node, v, own, count, worst, tree, surface, limits, cosine, sine):
     return result
 
 
+@merged
+def _apparent_size(lines):
+    """Length of a face's longest edge relative to the distance of its nearest corner."""
+    nearest = math.inf
+    for i in range(3):
+        nearest = min(nearest, lines[i, 0] ** 2 + lines[i, 1] ** 2 + lines[i, 2] ** 2)
+    return longest_difference(lines) / max(math.sqrt(nearest), 1e-6)
+
+
 @scratch_kernel
 def best_of_face(face, v, cosine, worst, centres, surface, own, count, largest, scratch):
     """Find the best contact of a vertex on a face; see `best_on_face`.
@@ -110,14 +125,19 @@ def best_of_face(face, v, cosine, worst, centres, surface, own, count, largest, 
     if not aim(face, v, centres, surface, weights):
         return cosine
     read_face(face, v, surface, lines, normals)
-    bend = longest_difference(normals)
-    most = MOST_POINTS if bend <= BENT else 1
-    found, resolved = best_on_face(
-        weights, cosine, lines, normals, own, count, worst, largest, most, polygon, nearest
-    )
-    if bend <= BENT or (resolved and found == cosine):
-        return found
-    parts = min(int(bend / BENT) + 1, MOST_PARTS)
+    bend, found = longest_difference(normals), cosine
+    # Directions near an arc or a polygon of normals form no convex region, either.
+    several = count != 1 and not worst
+    if several:
+        bend = max(bend, _apparent_size(lines) * BENT / APPARENT)
+    if bend <= BENT or not several:
+        most = MOST_POINTS if bend <= BENT else 1
+        found, resolved = best_on_face(
+            weights, cosine, lines, normals, own, count, worst, largest, most, polygon, nearest
+        )
+        if bend <= BENT or (resolved and found == cosine):
+            return found
+    parts = int(min(bend / BENT + 1.0, MOST_PARTS))
     return best_on_bent_face(
         weights, found, lines, normals, own, count, worst, largest, parts, polygon, nearest, part
     )
@@ -228,10 +248,13 @@ def _keep(v, face, weights, surface, sets, grasps, found):
 
 
 @kernel
-def descend_exactly(vertices, worst, owners, cone, tree, centres, surface, sets, limits, grasps):
+def descend_exactly(
+    vertices, worst, owners, cone, most, tree, centres, surface, sets, limits, grasps
+):
     """Find the opposing contact of each vertex with the smallest critical angle.
 
-    The result depends on the order of the vertices by less than `RESOLVED`.
+    The result depends on the order of the vertices by less than `RESOLVED`, for creases by less
+    than `CREASE_GAIN`; by more where more than `MOST_FACES` faces are about equally good.
 
     Args:
         vertices: Vertices (n,), neighbours one after the other.
@@ -240,6 +263,7 @@ def descend_exactly(vertices, worst, owners, cone, tree, centres, surface, sets,
         owners: Empty for contacts inside faces; what `faces_of_corners` returns (V,) for contacts
             exactly on creases and corners, over the best normals.
         cone: Largest angle that is searched for, at most pi / 2 [rad].
+        most: Largest number of normals of a vertex, 1 at least.
         tree: `FaceTree`; for creases and corners with the bounds of `bound_creases`.
         centres: Centre of each vertex's set of normals (V, 3).
         surface: `Surface`.
@@ -251,7 +275,6 @@ def descend_exactly(vertices, worst, owners, cone, tree, centres, surface, sets,
         Number of faces on which a contact was computed.
     """
     gain = CREASE_GAIN if owners.shape[0] > 0 else RESOLVED
-    most = max(sets.counts.max(), 1)
     scratch, nodes = make_scratch(most), np.empty(STACK, dtype=np.int64)
     best, found, own = np.empty(3), np.empty((2, 3)), np.empty((most, 12))
     last, tried = tree.order[0], 0  # any face will do for the first vertex

@@ -91,13 +91,14 @@ def best_on_face(
     for i in range(3):
         polygon[i, 0] = 1.0 - 2.0 * INSIDE if i == 1 else INSIDE
         polygon[i, 1] = 1.0 - 2.0 * INSIDE if i == 2 else INSIDE
-    size, x, y, previous = weights.shape[0], weights[1], weights[2], 1.0
+    size = weights.shape[0]  # 3 corners
+    x, y, previous = weights[1], weights[2], 1.0
     sine = math.sqrt(max(1.0 - cosine * cosine, 0.0))
     for _ in range(most):
         line, normal = moved(start, u, w, x, y), moved(n, p, q, x, y)
         opening, length = math.sqrt(dot(line, line)), math.sqrt(dot(normal, normal))
         if opening < 1e-6 or length < 1e-12:
-            return cosine, True
+            return cosine, opening < 1e-6
         product = dot(normal, line)
         other = -product / (opening * length)
         unit = line[0] / opening, line[1] / opening, line[2] / opening
@@ -121,7 +122,7 @@ def best_on_face(
             # The plane through the vertex that touches the cone about the normal below the point.
             h = moved((0.0, 0.0, 0.0), across, own_normal, cosine / first_sine, -sine)
             size, least = cut(polygon, size, dot(h, u), dot(h, w), dot(h, start))
-            turn = min(-LOOSE * least / opening, sine)
+            turn = max(min(-LOOSE * least / opening, sine), -1.0)
             reach = cosine * math.sqrt(1.0 - turn * turn) + sine * turn
         if size > 2:
             # The region is where cosine |line| |normal| + line . normal is not positive.

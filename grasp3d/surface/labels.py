@@ -51,7 +51,7 @@ class SearchReport:
     """Number of rays traced, for two fingers."""
     evaluated: int = 0
     """Number of candidate grasps evaluated, for three fingers and more; for two fingers that
-    squeeze, faces on which the best contact was computed."""
+    squeeze, faces on which the best contact was computed, 0 where the search is by rays."""
     rounds: int = 0
     """Rounds of refinement about the best grasps; for three fingers and more, rounds in which the
     neighbours' grasps were evaluated."""
@@ -256,7 +256,7 @@ class SurfaceLabels(LabelledGrasps):
             >>> labels
             <SurfaceLabels of trimesh.Trimesh: 482 ...; S 0.0%, M 100.0%, U 0.0%>
             >>> labels.relabel(sensor_resolution=0.1)
-            <SurfaceLabels of trimesh.Trimesh: 482 ...; S 68.0%, M 20.8%, U 11.1%>
+            <SurfaceLabels of trimesh.Trimesh: 482 ...; S 68.0%, M 32.0%, U 0.0%>
         """
         given = {
             "friction": friction,
@@ -326,7 +326,7 @@ class SurfaceLabels(LabelledGrasps):
             >>> angles = grasp3d.label_surface(mesh, model).angle_distribution()
             >>> found = angles.fractions(friction=0.5, sensor_resolution=0.1)
             >>> {name: round(fraction, 2) for name, fraction in found.items()}
-            {'S': 0.68, 'M': 0.21, 'U': 0.11}
+            {'S': 0.68, 'M': 0.32, 'U': 0.0}
         """
         if any(own.friction is not None for own in parse_fingers(self.model.per_finger)):
             raise SettingError(

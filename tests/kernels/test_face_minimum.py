@@ -135,3 +135,29 @@ def test_a_cut_polygon_contains_what_is_on_the_right_side_of_all_lines(seed: int
     inside = [stays_inside(polygon, size, *point) for point in points]
     assert np.array_equal(inside, kept)
     assert stays_inside(polygon, size, *centroid(polygon, size))
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=40)
+@given(st.integers(0, 2**32 - 1), st.floats(0.05, 0.6))
+def test_faces_that_look_large_from_a_crease_hide_no_better_contact(
+    seed: int, height: float
+) -> None:
+    """Seen from the edge of a thin plate, a face covers a large angle."""
+    rng = np.random.default_rng(seed)
+    mesh = load_mesh(shapes.box((1.0, 1.0, height)), max_edge=0.4)
+    surface, sets, scratch = mesh.contact_surface, mesh.contact_normals, make_scratch(9)
+    own, lines, normals = np.empty((sets.counts.max(), 12)), np.empty((3, 3)), np.empty((3, 3))
+    for vertex in rng.choice(np.flatnonzero(sets.counts == 2), 4):
+        for face in rng.choice(len(surface.faces), 4):
+            count = read_own(vertex, sets, own)
+            read_face(face, vertex, surface, lines, normals)
+            if np.linalg.norm(lines, axis=1).min() < 1e-6:
+                continue
+            limits = PairLimits(1e-6, math.inf)
+            best = sampled(rng, lines, normals, own, limits, count, worst=False)
+            others = mesh.normal_sets.centres, surface, own, count, math.inf, scratch
+            for limit in (0.3, 0.6, 0.9):
+                if best > math.cos(limit):
+                    found = best_of_face(face, vertex, math.cos(limit), False, *others)  # noqa: FBT003
+                    assert math.acos(min(found, 1.0)) <= math.acos(min(best, 1.0)) + 4e-3

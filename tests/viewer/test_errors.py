@@ -198,7 +198,8 @@ def test_a_location_error_has_grasps_of_its_own() -> None:
     assert not text.stale
     assert any("another location error" in note for note in text.notes)
     wait_until_idle(session)
-    assert fractions(session)["S"] > immediate["S"] + 0.2
+    # Known exactly, a pinch and a grasp across are equally good, so that many were across already.
+    assert fractions(session)["S"] > immediate["S"] + 0.05
     assert not any("location error" in note for note in panel_text(session).notes)
     searched = label_surface(
         tube().mesh, replace(tube().model, location_error=pinched), sampling=WIDE

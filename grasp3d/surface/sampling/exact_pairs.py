@@ -49,6 +49,11 @@ class ExactSearch:
         tree: FaceTree = face_tree(self.surface)
         return tree
 
+    @cached_property
+    def most_normals(self) -> int:
+        """Largest number of normals of a vertex, 1 at least."""
+        return max(int(self.sets.counts.max()), 1)
+
     def in_order(self, vertices: Ints) -> Ints:
         """Vertices (n,) in the order of the tree, so that neighbours follow one another."""
         _, first = np.unique(self.surface.faces[self.tree.order], return_index=True)
@@ -101,7 +106,7 @@ class ExactSearch:
 
     def _descend_from(self, cone: float, worst: bool, owners: Ints, vertices: Ints) -> int:
         tried: int = descend_exactly(
-            vertices, worst, owners, cone, self.tree, self.centres, self.surface, self.sets,
-            self.limits, self.grasps,
+            vertices, worst, owners, cone, self.most_normals, self.tree, self.centres,
+            self.surface, self.sets, self.limits, self.grasps,
         )  # fmt: skip
         return tried

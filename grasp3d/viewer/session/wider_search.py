@@ -1,8 +1,8 @@
 """A wider search that keeps the grasps found in the narrower cone.
 
-The rays of a wider cone are further apart and may miss a grasp that the narrower search has found.
-As those grasps are kept, labels and area fractions at the resolutions that were already searched
-do not change.
+Where a search samples directions or contacts, those in a wider cone are further apart and may miss
+a grasp that the narrower search has found. As those grasps are kept, labels and area fractions at
+the resolutions that were already searched do not change.
 """
 
 import math
