@@ -44,7 +44,8 @@ def test_a_copy_has_the_labels_of_the_mesh() -> None:
     copy = surface.moved(np.zeros(surface.points.shape))
     for name in ("critical_angle", "critical_angle_best", "opening"):
         one, two = (getattr(label_surface(mesh), name) for mesh in (surface.mesh, copy))
-        np.testing.assert_allclose(one, two, atol=1e-12)
+        # Angles are resolved to 1e-7, and rounding decides which of two equal faces is the first.
+        np.testing.assert_allclose(one, two, atol=2e-7)
 
 
 @pytest.mark.parametrize("name", ["ball", "cone"])
