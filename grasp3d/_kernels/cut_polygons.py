@@ -32,7 +32,7 @@ def cut(polygon, size, a, b, c):
         return size, least
     if least >= 0.0:
         return 0, least
-    if size >= CORNERS - 2:  # no room: a polygon that is not cut contains what it should, too
+    if size >= CORNERS - 2:  # no row is left: a polygon that is not cut contains too much
         return size, least
     left = CORNERS
     for i in range(size):
