@@ -14,6 +14,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import settings_text
 from grasp3d.errors import SettingError
 from grasp3d.lengths import METRES, parse_length
+from grasp3d.surface.sampling.antipodal import OPENING_SLACK
 from tests.helpers import shapes
 
 
@@ -128,7 +129,7 @@ def test_labels_with_units_are_those_with_numbers() -> None:
     assert labels.model == GraspModel(torsion_radius=2.0)
     assert labels.sampling == Sampling(max_opening=50.0)
     assert labels.relabel(friction=0.4).model.torsion_radius == 2.0
-    assert np.nanmax(labels.opening) <= 50.0 + 1.001e-6 * mesh.size  # the tolerance of openings
+    assert np.nanmax(labels.opening) <= 50.0 + OPENING_SLACK * mesh.size + 1e-12
     grasp = [[[-20.0, 0.0, 0.0], [21.0, 0.0, 0.0]]]
     assert evaluate_grasps(mesh, grasp, model, max_distance="2mm").model.torsion_radius == 2.0
     without = load_mesh(box, max_edge=40.0)

@@ -183,8 +183,12 @@ def test_labels_are_those_of_relabel(
 
 @cache
 def tube() -> SurfaceLabels:
-    """A tube whose wall, of 4 mm, can be pinched, or held across its diameter of 80 mm."""
+    """A tube whose wall, of 4 mm, can be pinched, or held across its diameter of 80 mm.
+
+    It is a little wider at the top, so that a pinch is the better one where contacts are known.
+    """
     mesh = trimesh.creation.annulus(0.036, 0.040, 0.06, sections=48)
+    mesh.vertices[:, :2] *= 1.0 + mesh.vertices[:, 2:]
     return label_surface(load_mesh(mesh, unit="m", max_edge=0.02), sampling=WIDE)
 
 
@@ -198,8 +202,7 @@ def test_a_location_error_has_grasps_of_its_own() -> None:
     assert not text.stale
     assert any("another location error" in note for note in text.notes)
     wait_until_idle(session)
-    # Known exactly, a pinch and a grasp across are equally good, so that many were across already.
-    assert fractions(session)["S"] > immediate["S"] + 0.05
+    assert fractions(session)["S"] > immediate["S"] + 0.2
     assert not any("location error" in note for note in panel_text(session).notes)
     searched = label_surface(
         tube().mesh, replace(tube().model, location_error=pinched), sampling=WIDE
