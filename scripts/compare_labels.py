@@ -6,7 +6,7 @@ over the worst normals and then over the best ones, is the same within 1e-6 rad,
 and the largest increase; labels that differ, as before>after; CPU seconds of both. Angles beyond
 the half-angle of the search cone count as that: there no label depends on them.
 
-    python scripts/compare_labels.py BEFORE AFTER [MESH ...]
+    python scripts/compare_labels.py BEFORE AFTER [MESH ...] [--json FILE]
 """
 
 import argparse
@@ -59,8 +59,8 @@ def labels_of(checkout: Path, mesh: Path, folder: Path) -> dict[str, np.ndarray]
 
 def differences(before: np.ndarray, after: np.ndarray, cone: float) -> dict[str, float]:
     """Vertices with the same, a better and a worse angle, and the largest increase."""
-    known = np.isfinite(before) | np.isfinite(after)
-    change = np.minimum(after, cone)[known] - np.minimum(before, cone)[known]
+    # nan where a vertex is not on the surface
+    change = np.nan_to_num(np.minimum(after, cone) - np.minimum(before, cone))
     return {
         "same": int(np.sum(np.abs(change) <= SAME)),
         "better": int(np.sum(change < -SAME)),
@@ -72,6 +72,8 @@ def differences(before: np.ndarray, after: np.ndarray, cone: float) -> dict[str,
 def compared(before: dict[str, np.ndarray], after: dict[str, np.ndarray]) -> dict[str, object]:
     """The row of a mesh."""
     cone = float(before["cone"])
+    if len(before["worst"]) != len(after["worst"]):
+        sys.exit("the checkouts prepare the mesh differently: they have different vertices")
     pairs = zip(before["label"].tolist(), after["label"].tolist(), strict=True)
     changes = Counter(f"{'UMS'[a]}>{'UMS'[b]}" for a, b in pairs if a != b)
     return {
@@ -114,10 +116,15 @@ def main() -> None:
         for mesh in options.meshes or shipped:
             checkouts = options.before.resolve(), options.after.resolve()
             both = [labels_of(checkout, mesh.resolve(), Path(folder)) for checkout in checkouts]
-            rows[mesh.name] = compared(*both)
-            add_row(table, mesh.name, rows[mesh.name])
+            rows[str(mesh)] = compared(*both)
+            add_row(table, mesh.name, rows[str(mesh)])
     Console(width=180).print(table)
     total = np.sum([row["seconds"] for row in rows.values()], axis=0)
+    changes = sum((Counter(row["labels"]) for row in rows.values()), Counter())
+    vertices = sum(row["vertices"] for row in rows.values())
+    losses = [max(row[kind]["loss"] for row in rows.values()) for kind in ("worst", "best")]
+    Console().print(f"{vertices:,} vertices; labels {dict(changes) or 'the same'}; largest losses "
+                    f"{losses[0]:.1e} and {losses[1]:.1e}")  # fmt: skip
     Console().print(f"{total[0]:.2f} s before, {total[1]:.2f} s after: {total[0] / total[1]:.2f}")
     if options.json:
         options.json.write_text(json.dumps(rows, indent=2) + "\n")
