@@ -14,7 +14,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import settings_text
 from grasp3d.errors import SettingError
 from grasp3d.lengths import METRES, parse_length
-from grasp3d.surface.sampling.antipodal import OPENING_SLACK
+from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
 from tests.helpers import shapes
 
 

@@ -10,10 +10,13 @@ from numba.core import types
 from numba.core.dispatcher import Dispatcher
 
 from grasp3d._kernels.machine_code import KernelLocator, cache_folder
-from grasp3d._kernels.parts import Part
 
 _config: Any = numba.config
 _decorating = threading.Lock()
+
+PARTS_TESTED = numba.version_info.short < (0, 69)
+"""Whether parts are compiled into their callers only, which rests on internals of Numba that later
+versions may change: there they are compiled like kernels, and the first run takes longer."""
 
 
 @contextmanager
@@ -93,7 +96,11 @@ def part_for_constants(function: Callable[..., object]) -> Any:
     return function if _config.DISABLE_JIT else _part(function)
 
 
-def _part(function: Callable[..., object], **flags: Any) -> Part:
+def _part(function: Callable[..., object], **flags: Any) -> Any:
+    if not PARTS_TESTED:
+        return _compiled_and_cached(function, _nrt=False, **flags)
+    from grasp3d._kernels.parts import Part
+
     return Part(function, scratch_kernel, {**_FLAGS, "_nrt": False, **flags})
 
 

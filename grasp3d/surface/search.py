@@ -15,8 +15,9 @@ from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.labels import SearchReport, SurfaceLabels
 from grasp3d.surface.merged_grasps import with_more_margin
-from grasp3d.surface.sampling.antipodal import AntipodalGrasps, Ranking, best_pairs
+from grasp3d.surface.sampling.antipodal import AntipodalGrasps, best_pairs
 from grasp3d.surface.sampling.multifinger import search
+from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps, grasps_at, grasps_differ
 from grasp3d.system.progress import Progress, within
 
@@ -49,7 +50,7 @@ def label_pairs(
     cone, ranking = search_cone(model, sampling), Ranking.of(model)
     limited = sampling if reaching is None else reaching.within_stroke(mesh, sampling)
     find = partial(best_pairs, mesh, limited, cone, threads=threads, reaching=reaching)
-    alike = ranking == Ranking()
+    alike = ranking == ALIKE
     first = within(progress, 0.0, 1.0 if alike else BEFORE_MARGINS)
     searches = [find(progress=first)]
     grasps = _grasps_of_pairs(mesh, searches[0])

@@ -175,6 +175,17 @@ def test_kernels_are_compiled_once_and_parts_only_into_them(package: Package) ->
     assert stored == {"caller.climb", "callee.called"}
 
 
+@pytest.mark.slow
+def test_parts_are_kernels_with_versions_of_numba_that_are_not_known(package: Package) -> None:
+    source = package.folder / "compiling.py"
+    text = source.read_text(encoding="utf-8")
+    source.write_text(text.replace("numba.version_info.short < (0, 69)", "False"), encoding="utf-8")
+    (package.folder / "parts.py").write_text("raise ImportError", encoding="utf-8")
+    assert package.run()["value"] == 1111
+    stored = {path.name.split("-")[0] for path in files(package.home)}
+    assert "callee.linked" in stored
+
+
 def test_a_part_is_a_kernel_where_python_calls_it() -> None:
     @compiling.merged
     def square_of_sum(a: float, b: float) -> float:

@@ -23,7 +23,8 @@ from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.normal_angles import smallest_angle
 from grasp3d.settings import Grip
 from grasp3d.surface.sampling import antipodal
-from grasp3d.surface.sampling.antipodal import best_pairs, tangents
+from grasp3d.surface.sampling.antipodal import best_pairs
+from grasp3d.surface.sampling.tangents import tangents
 from tests.helpers import oracles, shapes
 
 

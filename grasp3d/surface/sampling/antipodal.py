@@ -17,9 +17,8 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
-from scipy.sparse import coo_array
 
-from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, BestPairs, PairLimits
+from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
 from grasp3d._kernels.antipodal_descent import descend
 from grasp3d._kernels.antipodal_directions import Frames, seed_rays
 from grasp3d._kernels.antipodal_neighbours import neighbour_rays
@@ -27,15 +26,18 @@ from grasp3d._kernels.antipodal_refinement import RAYS_PER_ROUND, exploring_rays
 from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.ray_tracing import Rays
-from grasp3d.arrays import Bools, Bytes, Floats, Ints, unit_rows, used_indices
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, used_indices
 from grasp3d.gripper.reach import Reach
 from grasp3d.gripper.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import GraspModel, Sampling
+from grasp3d.settings import Sampling
 from grasp3d.surface.sampling.exact_pairs import ExactSearch
+from grasp3d.surface.sampling.neighbours import neighbours
+from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking, largest_cost, pair_limits
 from grasp3d.surface.sampling.reachable import ReachSearch
+from grasp3d.surface.sampling.tangents import tangents
 from grasp3d.system.progress import Progress, ignore
 
 CHUNK = 100_000
@@ -85,45 +87,6 @@ MAX_ROUNDS = 30
 MIN_GAIN = 0.1
 """Decrease of a critical angle, relative to the tolerance, from which its ring keeps its size."""
 
-OPENING_SLACK = 1e-6
-"""Tolerance of the limits of openings, in object sizes: larger than rounding errors of files."""
-
-MIN_LENGTH = 1e-3
-"""Length of a reference vector's part orthogonal to the normal, from which it is used."""
-
-SYMMETRIC = 1e-9
-"""Third moment, in object sizes cubed, below which the object is symmetric along an axis."""
-
-
-@dataclass(frozen=True)
-class Ranking:
-    """Uncertainties of the contacts that the best of several grasps depends on.
-
-    Those that cost every grasp the same do not count.
-    """
-
-    location: float = 0.0
-    """Sum of the location errors of both contacts, in the mesh's unit."""
-    first_extra: float = 0.0
-    """Angle by which the finger at the vertex is known less well than the other one [rad]."""
-    second_extra: float = 0.0
-    """The same of the other finger; one of the two is 0 [rad]."""
-
-    @classmethod
-    def of(cls, model: GraspModel) -> "Ranking":
-        """The uncertainties of a model for two fingers, with lengths in the mesh's unit."""
-        if model.is_uniform:
-            return cls()
-        first, second = model.fingertips
-        difference = (first.least_friction_angle - first.tilt) - (
-            second.least_friction_angle - second.tilt
-        )
-        return cls(
-            first.location_error + second.location_error,
-            max(-difference, 0.0),
-            max(difference, 0.0),
-        )
-
 
 @dataclass(frozen=True, eq=False)
 class AntipodalGrasps:
@@ -165,7 +128,7 @@ def best_pairs(
     *,
     threads: int,
     reaching: Reaching | None = None,
-    ranking: Ranking = Ranking(),
+    ranking: Ranking = ALIKE,
     progress: Progress | None = None,
 ) -> AntipodalGrasps:
     """Search for the best antipodal grasp through every vertex of the surface.
@@ -190,29 +153,6 @@ def best_pairs(
         return search.run()
 
 
-def pair_limits(mesh: ObjectMesh, sampling: Sampling, cone: float, ranking: Ranking) -> PairLimits:
-    """Limits of pairs of contacts in the normalised frame, openings with a tolerance for rounding.
-
-    Args:
-        mesh: The surface.
-        sampling: Limits of openings.
-        cone: Largest critical angle that is searched for [rad].
-        ranking: Uncertainties of the contacts.
-    """
-    location = ranking.location / mesh.size
-    return PairLimits(
-        max(sampling.min_opening / mesh.size - OPENING_SLACK, SMALLEST_OPENING),
-        sampling.max_opening / mesh.size + OPENING_SLACK,
-        location,
-        math.cos(cone) if location > 0.0 else -2.0,
-    )
-
-
-def largest_cost(cone: float, ranking: Ranking) -> float:
-    """Largest cost of a grasp whose critical angle is within the search cone [rad]."""
-    return cone if ranking.location == 0.0 else min(cone + math.pi / 2.0, math.pi)
-
-
 def farthest(points: Floats, others: Floats) -> Floats:
     """Upper bound of the distance from each point (n, 3) to the farthest of others (m, 3)."""
     corners = np.stack([others.min(axis=0), others.max(axis=0)])
@@ -221,50 +161,6 @@ def farthest(points: Floats, others: Floats) -> Floats:
     in_box = np.linalg.norm(np.abs(corners[:, None] - points).max(axis=0), axis=1)
     in_ball = np.linalg.norm(points - centre, axis=1) + radius
     return np.asarray(np.minimum(in_box, in_ball))
-
-
-def tangents(mesh: ObjectMesh) -> Floats:
-    """A unit vector orthogonal to each vertex's normal that turns with the object, shape (V, 3).
-
-    Computed from the mesh's geometry, so that rotating, moving or scaling the object or reordering
-    its vertices changes no search direction: from the vector from the centre to the vertex; where
-    that is parallel to the normal, from the third moments of the surface, its principal axes, and
-    finally, for objects as regular as a ball, from an edge.
-    """
-    centres = mesh.normal_sets.centres
-    points = mesh.normalized
-    weights = mesh.vertex_areas / mesh.vertex_areas.sum()
-    squares = np.einsum("ij,ij->i", points, points)
-    moments = (points * weights[:, None]).T @ points
-    third_moment = ((weights * squares)[:, None] * points).sum(axis=0)
-    _, axes = np.linalg.eigh(moments)
-    skew = ((points @ axes) ** 3 * weights[:, None]).sum(axis=0)
-    signs = np.where(np.abs(skew) > SYMMETRIC, np.sign(skew), 0.0)
-    edge = np.zeros_like(points)
-    for k in (2, 1, 0):
-        edge[mesh.faces[:, k]] = points[mesh.faces[:, (k + 1) % 3]] - points[mesh.faces[:, k]]
-    references = [third_moment, axes[:, 2] * signs[2], axes[:, 0] * signs[0]]
-    result = np.zeros_like(points)
-    missing = np.ones(len(points), dtype=bool)
-    for reference in (points, *references, unit_rows(edge)):
-        across = reference - (reference * centres).sum(axis=1, keepdims=True) * centres
-        clear = missing & (np.linalg.norm(across, axis=1) > MIN_LENGTH)
-        result[clear] = across[clear]
-        missing &= ~clear
-    return unit_rows(result)
-
-
-def neighbours(mesh: ObjectMesh) -> tuple[Ints, Ints]:
-    """(first, index): the adjacent vertices of each vertex, grouped by vertex, for the kernels."""
-    one, two = mesh.faces[:, [0, 1, 2]].ravel(), mesh.faces[:, [1, 2, 0]].ravel()
-    links = coo_array(
-        (
-            np.ones(2 * len(one), dtype=np.int8),
-            (np.concatenate([one, two]), np.concatenate([two, one])),
-        ),
-        shape=(len(mesh.vertices),) * 2,
-    ).tocsr()
-    return links.indptr.astype(np.int64), links.indices.astype(np.int64)
 
 
 @dataclass(eq=False)
@@ -278,7 +174,7 @@ class _Search:
     executor: ThreadPoolExecutor
     progress: Progress
     reaching: Reaching | None = None
-    ranking: Ranking = Ranking()
+    ranking: Ranking = ALIKE
     traced: int = field(default=0, init=False)
     evaluated: int = field(default=0, init=False)
     reach: Reach | None = field(default=None, init=False)
@@ -354,7 +250,7 @@ class _Search:
         """
         return (
             self.sampling.grip == "squeeze"
-            and self.ranking == Ranking()
+            and self.ranking == ALIKE
             and self.limits.smallest == SMALLEST_OPENING
         )
 
@@ -402,7 +298,7 @@ class _Search:
         tree = face_tree(self.surface)
         vertices = self._unfinished(anywhere=True)
         creases = vertices[self.sets.counts[vertices] != 1]
-        if self.ranking != Ranking():
+        if self.ranking != ALIKE:
             creases = creases[:0]
         for chosen, worst, start in ((vertices, True, 0.45), (creases, False, 0.65)):
             number = max(-(-len(chosen) // DESCENDING), CHUNKS * self.threads)

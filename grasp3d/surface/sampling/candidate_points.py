@@ -8,9 +8,9 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import paired_edges
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
-from grasp3d.surface.sampling.antipodal import neighbours
 from grasp3d.surface.sampling.blue_noise import spread_points, spread_vertices
 from grasp3d.surface.sampling.crease_normals import crease_samples
+from grasp3d.surface.sampling.neighbours import neighbours
 
 
 def contact_domain(mesh: ObjectMesh, scale: float, *, on_vertices: bool) -> ContactDomain:

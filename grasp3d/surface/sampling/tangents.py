@@ -1,0 +1,43 @@
+"""Reference directions about the normals of vertices."""
+
+import numpy as np
+
+from grasp3d.arrays import Floats, unit_rows
+from grasp3d.mesh import ObjectMesh
+
+MIN_LENGTH = 1e-3
+"""Length of a reference vector's part orthogonal to the normal, from which it is used."""
+
+SYMMETRIC = 1e-9
+"""Third moment, in object sizes cubed, below which the object is symmetric along an axis."""
+
+
+def tangents(mesh: ObjectMesh) -> Floats:
+    """A unit vector orthogonal to each vertex's normal that turns with the object, shape (V, 3).
+
+    Computed from the mesh's geometry, so that rotating, moving or scaling the object or reordering
+    its vertices changes no search direction: from the vector from the centre to the vertex; where
+    that is parallel to the normal, from the third moments of the surface, its principal axes, and
+    finally, for objects as regular as a ball, from an edge.
+    """
+    centres = mesh.normal_sets.centres
+    points = mesh.normalized
+    weights = mesh.vertex_areas / mesh.vertex_areas.sum()
+    squares = np.einsum("ij,ij->i", points, points)
+    moments = (points * weights[:, None]).T @ points
+    third_moment = ((weights * squares)[:, None] * points).sum(axis=0)
+    _, axes = np.linalg.eigh(moments)
+    skew = ((points @ axes) ** 3 * weights[:, None]).sum(axis=0)
+    signs = np.where(np.abs(skew) > SYMMETRIC, np.sign(skew), 0.0)
+    edge = np.zeros_like(points)
+    for k in (2, 1, 0):
+        edge[mesh.faces[:, k]] = points[mesh.faces[:, (k + 1) % 3]] - points[mesh.faces[:, k]]
+    references = [third_moment, axes[:, 2] * signs[2], axes[:, 0] * signs[0]]
+    result = np.zeros_like(points)
+    missing = np.ones(len(points), dtype=bool)
+    for reference in (points, *references, unit_rows(edge)):
+        across = reference - (reference * centres).sum(axis=1, keepdims=True) * centres
+        clear = missing & (np.linalg.norm(across, axis=1) > MIN_LENGTH)
+        result[clear] = across[clear]
+        missing &= ~clear
+    return unit_rows(result)
