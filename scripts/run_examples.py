@@ -38,7 +38,7 @@ from sybil.region import Lexeme
 
 from grasp3d import cli
 
-ROOT = Path(__file__).parents[1]
+ROOT = Path(__file__).resolve().parents[1]
 LIBRARY = ROOT / "meshes"
 PAGES = (
     ROOT / "README.md",
@@ -53,6 +53,7 @@ OF_BASH = re.compile(r"[|&;<>$`(){}*?\[\]~#!]")
 """What bash would expand, redirect or leave out, where it is not quoted."""
 FLAGS = doctest.ELLIPSIS | doctest.REPORT_NDIFF
 MOST_SECONDS = 300.0
+"""Time limit of a block in bash; one in this process has that of the test."""
 
 ALL_IN_BASH = (ROOT / "README.md", ROOT / "docs" / "quickstart.md")
 """Pages whose commands are run as users run them."""
@@ -181,7 +182,7 @@ def run_here(commands: list[list[str]]) -> subprocess.CompletedProcess[str]:
             try:
                 code = cli.main(words)
             except SystemExit as ended:  # errors of usage
-                code = int(ended.code or 0)
+                code = ended.code if isinstance(ended.code, int) else int(ended.code is not None)
             if code:
                 break
     return subprocess.CompletedProcess(commands, code, printed_to(out), printed_to(err))

@@ -83,9 +83,6 @@ NESTED = {
 }  # fmt: skip
 """Kernels that commands call, and that are compiled with others, which call them as well."""
 
-NO_PHASE = {"reachable_partners.explain_pairs"}
-"""Kernels that belong to no phase, and are compiled after those of one."""
-
 
 @pytest.mark.parametrize("fingers", [1, 6, 2.5, "two"])
 def test_numbers_of_fingers_outside_the_range_are_refused(fingers: object) -> None:
@@ -199,8 +196,8 @@ def test_after_warmup_no_command_compiles(tmp_path: Path) -> None:
     used = [*loaded.split()[1:], *(path.name for path in cache.rglob("patches.reset_front-*.nbc"))]
     assert phases_of(used) == {
         "meshes", "contact patches", "uncertain contact locations", "two fingers",
-        "wrenches of contacts", "epsilon of two fingers", "epsilon",
-        "epsilon in fewer than six dimensions", "scans", "grippers",
+        "searches by rays", "wrenches of contacts", "epsilon of two fingers", "epsilon",
+        "epsilon in fewer than six dimensions", "scans", "grippers", "closing jaws",
     }  # fmt: skip
     for path in cache.rglob("*.nbc"):
         if path.name not in used and kernel_of(path.name) not in NESTED:
@@ -216,7 +213,7 @@ def test_after_warmup_no_command_compiles(tmp_path: Path) -> None:
 def phases_of(files: list[str]) -> set[str]:
     """What kernels do whose machine code is in these files; each belongs to a phase."""
     works = {kernel: phase.work for phase in PHASES for kernel in phase.kernels}
-    return {works[kernel_of(name)] for name in files if kernel_of(name) not in NO_PHASE}
+    return {works[kernel_of(name)] for name in files}
 
 
 def kernel_of(file: str) -> str:

@@ -41,7 +41,7 @@ class Phase:
 SHORTEST = 2
 """Time to compile from which a line is logged [s]."""
 
-MESHES = Phase("meshes", 3, ("normal_sets.order_normal_sets",))
+MESHES = Phase("meshes", 2, ("normal_sets.order_normal_sets",))
 PATCHES = Phase(
     "contact patches",
     2,
@@ -49,20 +49,26 @@ PATCHES = Phase(
 )
 TWO_FINGERS = Phase(
     "two fingers",
-    15,
+    10,
+    (
+        "crease_contacts.bound_creases",
+        "crease_contacts.faces_of_corners",
+        "exact_descent.descend_exactly",
+        "face_tree.face_tree",
+        "surface_contacts.write_normals_of_all",
+    ),
+)
+RAYS = Phase(
+    "searches by rays",
+    10,
     (
         "antipodal_descent.descend",
         "antipodal_directions.seed_rays",
         "antipodal_neighbours.neighbour_rays",
         "antipodal_refinement.exploring_rays",
         "antipodal_refinement.refining_rays",
-        "crease_contacts.bound_creases",
-        "crease_contacts.faces_of_corners",
-        "exact_descent.descend_exactly",
-        "face_tree.face_tree",
         "ray_crossings.evaluate_crossings",
         "ray_tracing.write_rays",
-        "surface_contacts.write_normals_of_all",
     ),
 )
 LOCATIONS = Phase(
@@ -70,42 +76,43 @@ LOCATIONS = Phase(
 )
 THREE_FINGERS = Phase(
     "three fingers",
-    15,
+    10,
     (
         "multifinger.search_three_fingers",
         "coplanar_contacts.critical_of_sets",
         "coplanar_contacts.critical_of_three",
     ),
 )
-MORE_FINGERS = Phase("four fingers and more", 15, ("multifinger.search_more_fingers",))
+MORE_FINGERS = Phase("four fingers and more", 30, ("multifinger.search_more_fingers",))
 WRENCHES = Phase("wrenches of contacts", 1, ("contact_axes.write_axes",))
-EPSILON_OF_PAIRS = Phase("epsilon of two fingers", 6, ("pair_epsilon.pair_epsilons",))
-EPSILON = Phase("epsilon", 15, ("wrench_problem.epsilons",))
+EPSILON_OF_PAIRS = Phase("epsilon of two fingers", 4, ("pair_epsilon.pair_epsilons",))
+EPSILON = Phase("epsilon", 10, ("wrench_problem.epsilons",))
 EPSILON_OF_ANY_RANK = Phase(
     "epsilon in fewer than six dimensions", 15, ("wrench_problem.epsilons_of_any_rank",)
 )
 SCANS = Phase("scans", 1, ("scanning.scan",))
 GRIPPERS = Phase(
     "grippers",
-    25,
+    15,
     (
         "box_tree.box_tree",
-        "closing.close_on",
         "pose_collisions.collide_poses",
+        "reachable_partners.explain_pairs",
         "reachable_partners.keep_reached",
         "reachable_partners.search_reachable",
         "reaching.reach_pairs",
         "reaching.reach_tips",
     ),
 )
+CLOSING = Phase("closing jaws", 25, ("closing.close_on",))
 FORCES = Phase(
     "grip forces",
-    30,
+    25,
     ("grip_force.task_forces", "grip_force.wrench_forces", "tasks.reach"),
 )
 PHASES = (
-    MESHES, PATCHES, TWO_FINGERS, LOCATIONS, THREE_FINGERS, MORE_FINGERS, WRENCHES,
-    EPSILON_OF_PAIRS, EPSILON, EPSILON_OF_ANY_RANK, SCANS, GRIPPERS, FORCES,
+    MESHES, PATCHES, TWO_FINGERS, RAYS, LOCATIONS, THREE_FINGERS, MORE_FINGERS, WRENCHES,
+    EPSILON_OF_PAIRS, EPSILON, EPSILON_OF_ANY_RANK, SCANS, GRIPPERS, CLOSING, FORCES,
 )  # fmt: skip
 
 
@@ -174,11 +181,11 @@ def seconds_missing(fingers: int, *, gripper: bool = False, forces: bool = False
     """
     phases = [MESHES]
     if fingers:  # a search for more fingers starts from the grasps of two
-        phases += [PATCHES, TWO_FINGERS, LOCATIONS, WRENCHES, EPSILON_OF_PAIRS]
+        phases += [PATCHES, TWO_FINGERS, RAYS, LOCATIONS, WRENCHES, EPSILON_OF_PAIRS]
         phases += [EPSILON, EPSILON_OF_ANY_RANK]
         phases += [SCANS] if fingers == PAIR else [THREE_FINGERS]
         phases += [MORE_FINGERS] if fingers > TRIPLE else []
-        phases += [GRIPPERS] if gripper else []
+        phases += [GRIPPERS, CLOSING] if gripper else []
         phases += [FORCES] if forces else []
     return sum(phase.seconds for phase in phases if not phase.compiled)
 

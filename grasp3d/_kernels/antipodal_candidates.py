@@ -17,7 +17,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import inlined, kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
 from grasp3d._kernels.surface_contacts import write_normals
 
@@ -82,7 +82,38 @@ class BestPairs(NamedTuple):
     """The same of the other finger; one of the two is 0 [rad]."""
 
 
-@inlined
+def no_pairs(
+    count: int,
+    starts: int,
+    distinct_cosine: float,
+    location: float = 0.0,
+    first_extra: float = 0.0,
+    second_extra: float = 0.0,
+) -> BestPairs:
+    """Grasps of a number of vertices before any was found, with so many cached directions."""
+    return BestPairs(
+        worst=np.full(count, math.inf),
+        best=np.full(count, math.inf),
+        closing=np.zeros((count, 3)),
+        closing_best=np.zeros((count, 3)),
+        partner=np.full((count, 3), math.nan),
+        partner_normal=np.full((count, 3), math.nan),
+        faces=np.full((count, 2), -1, dtype=np.int64),
+        weights=np.zeros((count, 2, 3)),
+        signs=np.zeros(count, dtype=np.int8),
+        signs_best=np.zeros(count, dtype=np.int8),
+        reason=np.full(count, NO_PARTNER, dtype=np.uint8),
+        starts=np.zeros((count, starts, 3)),
+        start_angles=np.full((count, starts), math.inf),
+        start_signs=np.zeros((count, starts), dtype=np.int8),
+        distinct_cosine=distinct_cosine,
+        location=location,
+        first_extra=first_extra,
+        second_extra=second_extra,
+    )
+
+
+@merged
 def _keep_start(v, sign, x, y, z, angle, grasps):
     """Insert a closing direction into a vertex's sorted cache of clearly different ones."""
     directions, angles, signs = grasps.starts[v], grasps.start_angles[v], grasps.start_signs[v]
@@ -97,13 +128,14 @@ def _keep_start(v, sign, x, y, z, angle, grasps):
     # Insertion sort: worse entries move down, the last one, or the similar one, is dropped.
     while row > 0 and angle < angles[row - 1] - TIE:
         angles[row], signs[row] = angles[row - 1], signs[row - 1]
-        directions[row] = directions[row - 1]
+        for k in range(3):
+            directions[row, k] = directions[row - 1, k]
         row -= 1
     angles[row], signs[row] = angle, sign
     directions[row, 0], directions[row, 1], directions[row, 2] = x, y, z
 
 
-@kernel
+@part
 def line_turn(location, opening):
     """Angle by which the line between two contacts may turn, whose location errors are known.
 
@@ -112,7 +144,7 @@ def line_turn(location, opening):
     return math.asin(min(location / opening, 1.0))
 
 
-@inlined
+@merged
 def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasps, found):
     """Evaluate the grasp of a vertex and a point on a face; store it if it is the best so far."""
     start, counts, normals = sets.start, sets.counts, sets.normals
@@ -134,7 +166,8 @@ def evaluate_pair(v, sign, partner, opening, face, weights, surface, sets, grasp
         first, count = start[vertex], counts[vertex]
         low = max(low, smallest_angle(normals, first, count, -x, -y, -z) + extra)
         high = max(high, largest_angle(normals, first, count, -x, -y, -z) + extra)
-        found[0] = normals[first]
+        for k in range(3):
+            found[0, k] = normals[first, k]
     else:
         low = max(low, smallest_angle(found, 0, count, -x, -y, -z) + extra)
         high = max(high, largest_angle(found, 0, count, -x, -y, -z) + extra)

@@ -14,7 +14,7 @@ import math
 import numpy as np
 
 from grasp3d._kernels.antipodal_candidates import evaluate_pair
-from grasp3d._kernels.compiling import inlined, kernel, scratch_kernel
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.face_contacts import (
     NONE,
     aim,
@@ -34,20 +34,23 @@ STACK = 128
 """Nodes that wait at most: fewer than two for each level of the tree."""
 
 
-@inlined
+@merged
 def evaluate(v, face, weights, surface, sets, grasps, found):
     """Evaluate the grasp of a vertex and a point inside a face, as rays do."""
-    corners, points = surface.faces[face], surface.points
-    partner, own = np.zeros(3), points[v]
+    points, own = surface.points, surface.points[v]
+    x, y, z = 0.0, 0.0, 0.0
     for k in range(3):
-        for j in range(3):
-            partner[j] += weights[k] * points[corners[k], j]
-    x, y, z = partner[0] - own[0], partner[1] - own[1], partner[2] - own[2]
+        corner = surface.faces[face, k]
+        x += weights[k] * points[corner, 0]
+        y += weights[k] * points[corner, 1]
+        z += weights[k] * points[corner, 2]
+    partner = x, y, z
+    x, y, z = x - own[0], y - own[1], z - own[2]
     opening = math.sqrt(x * x + y * y + z * z)
     evaluate_pair(
         v,
         1,
-        (partner[0], partner[1], partner[2]),
+        partner,
         opening,
         face,
         (weights[0], weights[1], weights[2]),
@@ -58,7 +61,7 @@ def evaluate(v, face, weights, surface, sets, grasps, found):
     )
 
 
-@scratch_kernel
+@part
 def _best_on_surface(
     v,
     worst,

@@ -6,8 +6,7 @@ import numpy as np
 
 from grasp3d._kernels.antipodal_candidates import FOUND
 from grasp3d._kernels.compiling import kernel
-from grasp3d._kernels.normal_angles import smallest_angle
-from grasp3d._kernels.ray_tracing import starting_rays
+from grasp3d._kernels.ray_tracing import append_ray, starting_rays
 
 
 @kernel
@@ -25,7 +24,6 @@ def neighbour_rays(vertices, cone, points, neighbours, sets, grasps):
     Returns:
         The `Rays`.
     """
-    start, counts, normals = sets.start, sets.counts, sets.normals
     first, index = neighbours
     capacity = 0
     for v in vertices:
@@ -43,13 +41,12 @@ def neighbour_rays(vertices, cone, points, neighbours, sets, grasps):
             if grasps.reason[other] != FOUND:
                 continue
             sign = grasps.signs[other]
-            d = sign * (grasps.partner[other] - points[v])
-            length = math.sqrt(np.dot(d, d))
+            x = grasps.partner[other, 0] - points[v, 0]
+            y = grasps.partner[other, 1] - points[v, 1]
+            z = grasps.partner[other, 2] - points[v, 2]
+            length = math.sqrt(x * x + y * y + z * z)
             if length < 1e-6:
                 continue
-            d /= length
-            if smallest_angle(normals, start[v], counts[v], d[0], d[1], d[2]) <= bound:
-                owner[size], signs[size] = v, sign
-                closing[size] = d
-                size += 1
+            toward = sign * x / length, sign * y / length, sign * z / length
+            size = append_ray(size, v, sign, toward, bound, sets, owner, closing, signs)
     return starting_rays(owner, closing, signs, size)

@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from grasp3d._kernels.antipodal_candidates import line_turn
-from grasp3d._kernels.compiling import kernel
-from grasp3d._kernels.normal_angles import smallest_angle
-from grasp3d._kernels.ray_tracing import starting_rays
+from grasp3d._kernels.compiling import kernel, part
+from grasp3d._kernels.ray_tracing import append_ray, starting_rays
+from grasp3d._kernels.vectors import cross, dot
 
 RAYS_PER_ROUND = 13
 """Most rays per vertex of a round of refinement: two rings and a bisector."""
@@ -16,36 +16,46 @@ LONGER = 1.25
 """Factor by which openings may grow in a round: with uncertain locations wider grasps cost less."""
 
 
-@kernel
+@part
+def _across(axis, vector):
+    """The part of a vector orthogonal to a unit vector, and its length."""
+    along = dot(axis, vector)
+    x, y, z = vector[0] - along * axis[0], vector[1] - along * axis[1], vector[2] - along * axis[2]
+    return (x, y, z), math.sqrt(x * x + y * y + z * z)
+
+
+@part
 def _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, owner, closing, signs):
     """Append six directions at an angle of `radius` about `axis`; returns the new number of rays.
 
     Only those within `bound` of the normals, as others cannot have a smaller critical angle.
     """
-    start, counts, normals = sets.start, sets.counts, sets.normals
-    dot = np.dot(axis, tangent)
     # The tangents turn with the object, so the same directions are tried in any orientation.
-    e1 = tangent - dot * axis
-    length = math.sqrt(np.dot(e1, e1))
+    e1, length = _across(axis, (tangent[0], tangent[1], tangent[2]))
     if length < 1e-6:  # the axis is parallel to the tangent: any other vector will do
-        e1 = np.zeros(3)
-        e1[np.argmin(np.abs(axis))] = 1.0
-        e1 -= np.dot(e1, axis) * axis
-        length = math.sqrt(np.dot(e1, e1))
-    e1 /= length
-    e2 = np.cross(axis, e1)
+        x, y, z = abs(axis[0]), abs(axis[1]), abs(axis[2])
+        if x <= min(y, z):
+            e1, length = _across(axis, (1.0, 0.0, 0.0))
+        elif y <= z:
+            e1, length = _across(axis, (0.0, 1.0, 0.0))
+        else:
+            e1, length = _across(axis, (0.0, 0.0, 1.0))
+    e1 = e1[0] / length, e1[1] / length, e1[2] / length
+    e2 = cross(axis, e1)
+    along, aside = math.cos(radius), math.sin(radius)
     for k in range(6):
         azimuth = (k + turn) * math.pi / 3.0
-        p, q = math.sin(radius) * math.cos(azimuth), math.sin(radius) * math.sin(azimuth)
-        d = math.cos(radius) * axis + p * e1 + q * e2
-        if smallest_angle(normals, start[v], counts[v], d[0], d[1], d[2]) <= bound:
-            owner[size], signs[size] = v, sign
-            closing[size] = d
-            size += 1
+        p, q = aside * math.cos(azimuth), aside * math.sin(azimuth)
+        direction = (
+            along * axis[0] + p * e1[0] + q * e2[0],
+            along * axis[1] + p * e1[1] + q * e2[1],
+            along * axis[2] + p * e1[2] + q * e2[2],
+        )
+        size = append_ray(size, v, sign, direction, bound, sets, owner, closing, signs)
     return size
 
 
-@kernel
+@part
 def _largest_angle(v, points, grasps):
     """Largest angle to a normal at which a grasp near the best one may cost less [rad]."""
     cost = grasps.worst[v]
@@ -77,7 +87,6 @@ def refining_rays(vertices, radii, turn, cone, points, frames, sets, grasps):
     Returns:
         The `Rays`.
     """
-    start, counts, normals = sets.start, sets.counts, sets.normals
     capacity = vertices.shape[0] * RAYS_PER_ROUND
     owner = np.empty(capacity, dtype=np.int32)
     closing = np.empty((capacity, 3))
@@ -86,18 +95,16 @@ def refining_rays(vertices, radii, turn, cone, points, frames, sets, grasps):
     for v in vertices:
         sign, axis, tangent = grasps.signs[v], grasps.closing[v], frames.tangents[v]
         radius, bound = radii[v], min(cone, _largest_angle(v, points, grasps))
-        middle = frames.centres[v] - grasps.partner_normal[v]
-        length = math.sqrt(np.dot(middle, middle))
+        one, two = frames.centres[v], grasps.partner_normal[v]
+        x, y, z = one[0] - two[0], one[1] - two[1], one[2] - two[2]
+        length = math.sqrt(x * x + y * y + z * z)
         if length > 1e-9:
-            x, y, z = middle[0] / length, middle[1] / length, middle[2] / length
-            if smallest_angle(normals, start[v], counts[v], x, y, z) <= bound:
-                owner[size], signs[size] = v, sign
-                closing[size, 0], closing[size, 1], closing[size, 2] = x, y, z
-                size += 1
+            middle = x / length, y / length, z / length
+            size = append_ray(size, v, sign, middle, bound, sets, owner, closing, signs)
         size = _ring(size, v, sign, axis, radius, turn, tangent, bound, sets, owner, closing, signs)
         # On creases the best grasp over the best normals may be another one, with its own ring.
         other = grasps.closing_best[v]
-        if counts[v] != 1 and np.dot(axis, other) < math.cos(0.5 * radius):
+        if sets.counts[v] != 1 and dot(axis, other) < math.cos(0.5 * radius):
             sign = grasps.signs_best[v]
             size = _ring(
                 size, v, sign, other, radius, turn, tangent, bound, sets, owner, closing, signs
@@ -130,7 +137,7 @@ def exploring_rays(vertices, radius, turn, cone, frames, sets, grasps):
         bound = min(cone, grasps.start_angles[v, -1])
         for k in range(1, grasps.starts.shape[1]):
             if grasps.start_angles[v, k] < math.inf:
-                axis, sign = grasps.starts[v, k].copy(), grasps.start_signs[v, k]
+                axis, sign = grasps.starts[v, k], grasps.start_signs[v, k]
                 tangent = frames.tangents[v]
                 size = _ring(
                     size, v, sign, axis, radius, turn, tangent, bound, sets, owner, closing, signs

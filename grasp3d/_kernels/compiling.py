@@ -74,7 +74,8 @@ def scratch_kernel(function: Callable[..., object]) -> Any:
     """Compile a kernel that works in the arrays it is given and allocates nothing.
 
     Numba then rejects allocations and omits reference counting, which costs more time than a small
-    support function itself.
+    support function itself. It returns numbers: an array that it returned to a kernel would be
+    released there.
     """
     return _compiled_and_cached(function, _nrt=False)
 

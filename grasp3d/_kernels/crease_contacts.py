@@ -7,10 +7,11 @@ import math
 
 import numpy as np
 
-from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.face_contacts import best_cosine, read_own, write_side
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.surface_contacts import ANY_NORMAL, ON_EDGE
+from grasp3d._kernels.vectors import copy
 
 GOLDEN = 0.5 * (math.sqrt(5.0) - 1.0)
 STEPS = 36
@@ -45,7 +46,7 @@ def faces_of_corners(surface, sets):
     return result
 
 
-@kernel
+@part
 def _write_normals(face, owners, surface, sets, rows):
     """Write the normals of a face's creases and corners; returns their number, -1: any normal."""
     count = 0
@@ -53,7 +54,7 @@ def _write_normals(face, owners, surface, sets, rows):
         vertex = surface.faces[face, k]
         if owners[vertex] == face:
             for i in range(sets.counts[vertex]):
-                rows[count] = sets.normals[sets.start[vertex] + i]
+                copy(sets.normals[sets.start[vertex] + i], rows[count])
                 count += 1
             if sets.counts[vertex] == 0:
                 return -1
@@ -61,13 +62,13 @@ def _write_normals(face, owners, surface, sets, rows):
             if surface.twins[face, k, 0] == ANY_NORMAL:
                 return -1
             for i in range(2):
-                rows[count] = surface.normals[surface.twins[face, k, i]]
-                rows[count + 1] = surface.normals[surface.corners[face, k - 2 + i]]
+                copy(surface.normals[surface.twins[face, k, i]], rows[count])
+                copy(surface.normals[surface.corners[face, k - 2 + i]], rows[count + 1])
                 count += 2
     return count
 
 
-@kernel
+@part
 def _bound_face(face, owners, surface, sets, rows, bounds):
     """Write the bounds of a face's creases and corners, as in `FaceTree`; radius -inf: none."""
     count = _write_normals(face, owners, surface, sets, rows)
@@ -101,7 +102,7 @@ def _bound_face(face, owners, surface, sets, rows, bounds):
     bounds[7], bounds[8] = cosine, math.sqrt(1.0 - cosine * cosine)
 
 
-@kernel
+@part
 def _merge_balls(one, other):
     """Write the smallest ball that contains two of them over the first one."""
     square = 0.0
@@ -111,7 +112,8 @@ def _merge_balls(one, other):
     if distance + other[3] <= one[3]:
         return
     if distance + one[3] <= other[3]:
-        one[:4] = other[:4]
+        for k in range(4):
+            one[k] = other[k]
         return
     radius = 0.5 * (distance + one[3] + other[3])
     part = (radius - one[3]) / distance
@@ -120,7 +122,7 @@ def _merge_balls(one, other):
     one[3] = radius
 
 
-@kernel
+@part
 def _merge_cones(one, other):
     """Write the narrowest cone that contains two of them over the first one."""
     product = 0.0
@@ -131,7 +133,8 @@ def _merge_cones(one, other):
     if between + other_half <= half:
         return
     if between + half <= other_half:
-        one[4:9] = other[4:9]
+        for k in range(4, 9):
+            one[k] = other[k]
         return
     wide = 0.5 * (between + half + other_half) + 1e-7  # more than rounding errors of the angles
     if wide >= 0.5 * math.pi:
@@ -145,13 +148,14 @@ def _merge_cones(one, other):
     one[7], one[8] = math.cos(wide), math.sin(wide)
 
 
-@kernel
+@part
 def _merge(one, other):
     """Write bounds of two nodes over those of the first one."""
     if other[3] < 0.0:
         return
     if one[3] < 0.0:
-        one[:] = other
+        for k in range(9):
+            one[k] = other[k]
         return
     _merge_balls(one, other)
     _merge_cones(one, other)
@@ -172,7 +176,8 @@ def bound_creases(tree, owners, surface, sets):
     bounds, size, first_leaf = tree.bounds, tree.order.shape[0], (1 << tree.depth) - 1
     rows, one = np.empty((3 * max(sets.counts.max(), 4) + 12, 3)), np.empty(10)
     for node in range(2 * first_leaf, -1, -1):
-        bounds[node] = 0.0
+        for k in range(9):
+            bounds[node, k] = 0.0
         bounds[node, 3] = -math.inf
         leaf = node - first_leaf
         if leaf >= 0:
@@ -209,7 +214,7 @@ def _difference(normals, one, other):
     return math.sqrt(square)
 
 
-@scratch_kernel
+@part
 def _cosine_on_edge(t, face, k, v, surface, own, count, rows):
     """Cosine of the critical angle of a contact on the edge opposite a corner of a face."""
     points, normals = surface.points, surface.normals
@@ -230,7 +235,7 @@ def _cosine_on_edge(t, face, k, v, surface, own, count, rows):
     return min(result, best_cosine(rows, 2, -x, -y, -z))
 
 
-@scratch_kernel
+@part
 def _within_reach(face, k, v, surface, largest):
     """Ends of the part of an edge that is not farther from a vertex than the largest opening."""
     points = surface.points
@@ -249,7 +254,7 @@ def _within_reach(face, k, v, surface, largest):
     return low, high
 
 
-@scratch_kernel
+@part
 def _is_useless(face, k, v, cosine, surface, own, count, rows):
     """Whether no contact on an edge can be above a cosine, from the angle at its middle.
 
@@ -272,7 +277,7 @@ def _is_useless(face, k, v, cosine, surface, own, count, rows):
     return math.acos(max(min(middle, 1.0), -1.0)) - turn > math.acos(cosine)
 
 
-@scratch_kernel
+@part
 def _best_on_edge(face, k, v, cosine, surface, own, count, largest, rows):
     """Golden section over an edge, whose contacts within any limit form an interval.
 
@@ -299,7 +304,7 @@ def _best_on_edge(face, k, v, cosine, surface, own, count, largest, rows):
     return (at_one, one) if at_one > at_other else (at_other, other)
 
 
-@scratch_kernel
+@part
 def _cosine_at_corner(vertex, v, surface, sets, own, count, largest, rows):
     """Cosine of the critical angle of a contact at another vertex; -1: there is none."""
     points = surface.points
@@ -314,7 +319,7 @@ def _cosine_at_corner(vertex, v, surface, sets, own, count, largest, rows):
     return min(best_cosine(own, count, x, y, z), there)
 
 
-@scratch_kernel
+@part
 def best_on_creases(face, v, cosine, owners, surface, sets, own, count, largest, rows, weights):
     """Find the best contact of a vertex on the creases and corners of a face.
 

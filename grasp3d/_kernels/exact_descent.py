@@ -12,7 +12,7 @@ import math
 import numpy as np
 
 from grasp3d._kernels.antipodal_descent import MOST_FACES, STACK, evaluate
-from grasp3d._kernels.compiling import kernel, merged, scratch_kernel
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.crease_contacts import best_on_creases
 from grasp3d._kernels.cut_polygons import CORNERS
 from grasp3d._kernels.face_contacts import (
@@ -102,7 +102,7 @@ def _apparent_size(lines):
     return longest_difference(lines) / max(math.sqrt(nearest), 1e-6)
 
 
-@scratch_kernel
+@part
 def best_of_face(face, v, cosine, worst, centres, surface, own, count, largest, scratch):
     """Find the best contact of a vertex on a face; see `best_on_face`.
 
@@ -157,7 +157,7 @@ def make_scratch(most):
     )
 
 
-@scratch_kernel
+@part
 def _best_there(
     face, v, cosine, worst, owners, centres, surface, sets, own, count, largest, scratch
 ):
@@ -170,7 +170,7 @@ def _best_there(
     return best_of_face(face, v, cosine, worst, centres, surface, own, count, largest, scratch)
 
 
-@scratch_kernel
+@part
 def _best_on_surface(
     v, cosine, gain, worst, owners, skipped, tree, centres, surface, sets, own, count, limits,
     nodes, scratch, best,
@@ -227,7 +227,7 @@ def _best_on_surface(
     return best_face, face_count
 
 
-@kernel
+@part
 def _keep(v, face, weights, surface, sets, grasps, found):
     """Evaluate a contact; one beside an edge or corner of its face on that first.
 

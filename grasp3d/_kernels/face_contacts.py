@@ -5,7 +5,7 @@ Angles are compared by their cosines, which saves most of the time: the larger c
 
 import math
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part, scratch_kernel
 
 INSIDE = 2e-9
 """Smallest barycentric coordinate of a candidate: off the edges, where other normals count too."""
@@ -35,7 +35,7 @@ def write_side(own, i, after):
         own[i, 9 + k] = own[after, p] * own[i, 3 + q] - own[after, q] * own[i, 3 + p]
 
 
-@scratch_kernel
+@part
 def read_own(v, sets, own):
     """Write the normals of a vertex and the sides of their polygon, a row each; returns the number.
 
@@ -56,7 +56,7 @@ def _product(own, i, k, x, y, z):
     return own[i, k] * x + own[i, k + 1] * y + own[i, k + 2] * z
 
 
-@scratch_kernel
+@part
 def _cosine_to_nearest(own, count, x, y, z):
     """Length of a vector times the cosine of its smallest angle to a polygon of normals."""
     if count == 0:
@@ -213,7 +213,7 @@ def cosine_at(w0, w1, w2, lines, normals, own, count, worst, limits):
     return cosine
 
 
-@scratch_kernel
+@part
 def turning_speed(weights, lines, normals, cos_spread, location):
     """Upper bound of the change of the cost per unit of barycentric coordinates [rad]."""
     square = 0.0
@@ -233,7 +233,7 @@ def turning_speed(weights, lines, normals, cos_spread, location):
     return speed
 
 
-@scratch_kernel
+@part
 def move_on_face(weights, cosine, turning, limit, lines, normals, own, count, worst, limits):
     """Move a contact over its face in ever smaller steps while the angle falls; returns its cosine.
 

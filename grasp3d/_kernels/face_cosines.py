@@ -6,10 +6,11 @@ of the point's barycentric coordinates.
 
 import math
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
+from grasp3d._kernels.vectors import dot
 
 
-@scratch_kernel
+@part
 def _nearest_normal(own, count, x, y, z, nearest):
     """Write the normal of a polygon that is nearest to a unit vector; returns their cosine."""
     greatest, inside = -2.0, True
@@ -36,7 +37,7 @@ def _nearest_normal(own, count, x, y, z, nearest):
     return 1.0 if inside else greatest
 
 
-@scratch_kernel
+@part
 def decisive_normal(own, count, worst, x, y, z, nearest):
     """Write the vertex's normal that decides about a unit vector; returns their cosine.
 
@@ -60,12 +61,6 @@ def decisive_normal(own, count, worst, x, y, z, nearest):
             least, row = cosine, i
     nearest[0], nearest[1], nearest[2] = own[row, 0], own[row, 1], own[row, 2]
     return least
-
-
-@merged
-def dot(a, b):
-    """Scalar product of two vectors of three coordinates."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 
 
 @merged

@@ -10,17 +10,17 @@ method, or the polygon's centroid.
 
 import math
 
-from grasp3d._kernels.compiling import merged, scratch_kernel
+from grasp3d._kernels.compiling import merged, part
 from grasp3d._kernels.cut_polygons import centroid, cut, stays_inside
 from grasp3d._kernels.face_contacts import INSIDE
 from grasp3d._kernels.face_cosines import (
     decisive_normal,
-    dot,
     moved,
     other_derivatives,
     own_derivatives,
     step_to_equal,
 )
+from grasp3d._kernels.vectors import dot
 
 RESOLVED = 1e-7
 """Decrease of an angle that is not searched for [rad]."""
@@ -58,7 +58,7 @@ def _farthest(polygon, size, x, y):
     return square
 
 
-@scratch_kernel
+@part
 def best_on_face(
     weights, cosine, lines, normals, own, count, worst, largest, most, polygon, nearest
 ):
@@ -162,7 +162,7 @@ def _mix(rows, weights, mixed):
             )
 
 
-@scratch_kernel
+@part
 def best_on_bent_face(
     weights, cosine, lines, normals, own, count, worst, largest, parts, polygon, nearest, part
 ):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import kernel
+from grasp3d._kernels.compiling import kernel, part
 
 LEAF = 1
 """Most faces of a leaf; more faces per leaf take less memory and more time."""
@@ -59,7 +59,7 @@ def _widest(order, keys, first, last):
     return widest
 
 
-@kernel
+@part
 def _select(order, keys, k, first, last, middle):
     """Quickselect: the faces with the smaller keys before `middle`, the others after it."""
     low, high = first, last - 1
@@ -83,7 +83,7 @@ def _select(order, keys, k, first, last, middle):
             return
 
 
-@kernel
+@part
 def _bound_node(first, last, order, surface, bounds):
     """Write the bounds of the faces from `first` to `last`, as in `FaceTree`."""
     points, faces, corners, normals = (
@@ -92,18 +92,24 @@ def _bound_node(first, last, order, surface, bounds):
         surface.corners,
         surface.normals,
     )
-    low, high, axis = np.full(3, math.inf), np.full(3, -math.inf), np.zeros(3)
+    low, axis, high = 0, 4, 7  # where they begin, the corners of the box until its centre is known
+    for k in range(3):
+        bounds[low + k], bounds[high + k], bounds[axis + k] = math.inf, -math.inf, 0.0
     for i in range(first, last):
         for c in range(3):
             vertex, row = faces[order[i], c], corners[order[i], c]
             for k in range(3):
-                low[k], high[k] = min(low[k], points[vertex, k]), max(high[k], points[vertex, k])
-                axis[k] += normals[row, k]
-    length = math.sqrt(axis[0] ** 2 + axis[1] ** 2 + axis[2] ** 2)
+                bounds[low + k] = min(bounds[low + k], points[vertex, k])
+                bounds[high + k] = max(bounds[high + k], points[vertex, k])
+                bounds[axis + k] += normals[row, k]
+    length = math.sqrt(bounds[4] ** 2 + bounds[5] ** 2 + bounds[6] ** 2)
     if length < 1e-12:  # any axis will do, as on the whole of a closed surface
-        axis[2], length = 1.0, 1.0
+        bounds[6], length = 1.0, 1.0
     for k in range(3):
-        bounds[k], bounds[4 + k] = 0.5 * (low[k] + high[k]), axis[k] / length
+        bounds[k], bounds[4 + k] = (
+            0.5 * (bounds[low + k] + bounds[high + k]),
+            bounds[axis + k] / length,
+        )
     square, cosine, farthest = 0.0, 1.0, -math.inf
     for i in range(first, last):
         for c in range(3):

@@ -25,6 +25,7 @@ from grasp3d._kernels.gripper_shape import (
     TOP,
     TOUCHING,
 )
+from grasp3d._kernels.vectors import dot
 
 RADIUS = 0.5
 """Of the ball about the origin of the normalised frame that contains the object."""
@@ -183,16 +184,11 @@ def write_reference(normals, limits, frame):
     frame[2, 2] = z[0] * x[1] - z[1] * x[0]
 
 
-@merged
-def _dot(a, b):
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
 @part
 def outside_limits(limits, workspace):
     """Mask of the angles whose approach direction is not allowed."""
     frame = workspace.frame
-    y, z = _dot(limits.direction, frame[2]), _dot(limits.direction, frame[3])
+    y, z = dot(limits.direction, frame[2]), dot(limits.direction, frame[3])
     mask = NONE
     if limits.least_cosine >= -1.0:
         for k in range(workspace.cosines.shape[0]):
@@ -217,7 +213,7 @@ def in_table(origin, nx, ny, nz, top, way, shape, limits, parts):
         limits: `ApproachLimits`.
         parts: As `write_parts` writes them.
     """
-    height = _dot(origin, limits.table_normal) - limits.table_offset
+    height = dot(origin, limits.table_normal) - limits.table_offset
     for i in range(PARTS):
         if shape.tip_radius > 0.0 and i >= TIP_1:
             x = min(nx * parts[i, AXIS], nx * parts[i, OUTER_AXIS])
@@ -249,9 +245,9 @@ def in_table_angles(top, shape, limits, workspace):
     if limits.table_offset == -math.inf:
         return mask
     frame = workspace.frame
-    nx = _dot(limits.table_normal, frame[1])
-    y, z = _dot(limits.table_normal, frame[2]), _dot(limits.table_normal, frame[3])
-    oy, oz = _dot(frame[0], frame[2]), _dot(frame[0], frame[3])
+    nx = dot(limits.table_normal, frame[1])
+    y, z = dot(limits.table_normal, frame[2]), dot(limits.table_normal, frame[3])
+    oy, oz = dot(frame[0], frame[2]), dot(frame[0], frame[3])
     for k in range(workspace.cosines.shape[0]):
         c, s = workspace.cosines[k], workspace.sines[k]
         # Until the front of the gripper has left the ball about the object.

@@ -2,17 +2,17 @@
 
 import math
 
-from grasp3d._kernels.compiling import kernel
+from grasp3d._kernels.compiling import kernel, merged, part
 
 
-@kernel
+@merged
 def _angle(ax, ay, az, bx, by, bz):
     """Angle between two vectors, by atan2: accurate near 0 and pi too."""
     cx, cy, cz = ay * bz - az * by, az * bx - ax * bz, ax * by - ay * bx
     return math.atan2(math.sqrt(cx * cx + cy * cy + cz * cz), ax * bx + ay * by + az * bz)
 
 
-@kernel
+@part
 def _arc_angle(a, b, x, y, z):
     """Smallest angle between a direction and the normals on the arc from a to b."""
     wx, wy, wz = a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import kernel, merged
+from grasp3d._kernels.compiling import kernel, part
+from grasp3d._kernels.vectors import copy, cross, dot
 
 HEMISPHERE = 0.02
 """Cosine between the centre and a normal below which a set counts as all directions."""
@@ -30,30 +31,45 @@ class ContactNormals(NamedTuple):
     """Unit normals (K, 3)."""
 
 
-@kernel
-def _centre(normals, first, count):
-    """Middle of the normals: their mean, or the centre of the smallest cap around them."""
-    centre = np.zeros(3)
-    for i in range(first, first + count):
-        centre += normals[i]
-    length = math.sqrt(np.dot(centre, centre))
-    if length < 1e-9:
-        return normals[first].copy()
-    centre /= length
-    nearest = 1.0
-    for i in range(first, first + count):
-        nearest = min(nearest, np.dot(centre, normals[i]))
-    if nearest > HEMISPHERE:
-        return centre
-    for step in range(2, 400):  # Badoiu & Clarkson 2003: steps 1/k toward the farthest normal
-        far, least = first, 2.0
+@part
+def _write_centre(normals, first, count, centre):
+    """Write the middle of the normals: their mean, or the centre of the smallest cap around them.
+
+    Returns:
+        Smallest cosine between it and a normal.
+    """
+    for k in range(3):
+        centre[k] = 0.0
         for i in range(first, first + count):
-            cosine = np.dot(centre, normals[i])
-            if cosine < least:
-                far, least = i, cosine
-        centre += (normals[far] - centre) / step
-        centre /= max(math.sqrt(np.dot(centre, centre)), 1e-300)
-    return centre
+            centre[k] += normals[i, k]
+    length = math.sqrt(dot(centre, centre))
+    if length < 1e-9:
+        copy(normals[first], centre)
+        return _farthest(normals, first, count, centre)[1]
+    for k in range(3):
+        centre[k] /= length
+    _, nearest = _farthest(normals, first, count, centre)
+    if nearest > HEMISPHERE:
+        return nearest
+    for step in range(2, 400):  # Badoiu & Clarkson 2003: steps 1/k toward the farthest normal
+        far, _ = _farthest(normals, first, count, centre)
+        for k in range(3):
+            centre[k] += (normals[far, k] - centre[k]) / step
+        length = max(math.sqrt(dot(centre, centre)), 1e-300)
+        for k in range(3):
+            centre[k] /= length
+    return _farthest(normals, first, count, centre)[1]
+
+
+@part
+def _farthest(normals, first, count, centre):
+    """(row, cosine) of the normal with the largest angle from a direction."""
+    far, least = first, 2.0
+    for i in range(first, first + count):
+        cosine = dot(centre, normals[i])
+        if cosine < least:
+            far, least = i, cosine
+    return far, min(least, 1.0)
 
 
 @kernel
@@ -96,36 +112,19 @@ def _hull(points):
     return chain[: max(size, 1)]
 
 
-@merged
-def _copy(source, target):
-    """Copy a vector; an assignment of arrays takes Numba far longer to compile."""
-    for k in range(3):
-        target[k] = source[k]
-
-
-@kernel
+@part
 def _tangents(centre):
-    """Two unit vectors orthogonal to a unit vector and to each other (`np.cross` in full)."""
-    axis, e1, e2 = np.zeros(3), np.empty(3), np.empty(3)
-    shortest = 0
-    for k in range(1, 3):
-        if abs(centre[k]) < abs(centre[shortest]):
-            shortest = k
-    axis[shortest] = 1.0
-    _write_cross(axis, centre, e1)
-    length = math.sqrt(np.dot(e1, e1))
-    for k in range(3):
-        e1[k] /= length
-    _write_cross(centre, e1, e2)
-    return e1, e2
-
-
-@merged
-def _write_cross(a, b, out):
-    """Write the cross product of two vectors."""
-    out[0] = a[1] * b[2] - a[2] * b[1]
-    out[1] = a[2] * b[0] - a[0] * b[2]
-    out[2] = a[0] * b[1] - a[1] * b[0]
+    """Two unit vectors orthogonal to a unit vector and to each other."""
+    x, y, z = centre[0], centre[1], centre[2]
+    if abs(x) <= min(abs(y), abs(z)):
+        e1 = 0.0, -z, y
+    elif abs(y) <= abs(z):
+        e1 = z, 0.0, -x
+    else:
+        e1 = -y, x, 0.0
+    length = math.sqrt(dot(e1, e1))
+    e1 = e1[0] / length, e1[1] / length, e1[2] / length
+    return e1, cross(centre, e1)
 
 
 @kernel
@@ -148,31 +147,28 @@ def order_normal_sets(start, normals, counts, centres, radii):
             continue
         if count == 1:
             counts[v], radii[v] = 1, 0.0
-            _copy(normals[first], centres[v])
+            copy(normals[first], centres[v])
             continue
-        centre = _centre(normals, first, count)
-        _copy(centre, centres[v])
-        nearest = 1.0
-        for i in range(first, first + count):
-            nearest = min(nearest, np.dot(centre, normals[i]))
+        centre = centres[v]
+        nearest = _write_centre(normals, first, count, centre)
         # No hemisphere contains the normals (the tip of a needle, a thin plate's rim).
         if nearest < HEMISPHERE:
             counts[v], radii[v] = 0, math.pi
             continue
-        radii[v] = math.acos(min(1.0, nearest))
+        radii[v] = math.acos(nearest)
         # Central projection to the plane orthogonal to the centre maps great circles to lines, so
         # the spherical hull becomes a planar one.
         e1, e2 = _tangents(centre)
         plane = np.empty((count, 2))
         for i in range(count):
             normal = normals[first + i]
-            height = np.dot(centre, normal)
-            plane[i, 0] = np.dot(e1, normal) / height
-            plane[i, 1] = np.dot(e2, normal) / height
+            height = dot(centre, normal)
+            plane[i, 0] = dot(e1, normal) / height
+            plane[i, 1] = dot(e2, normal) / height
         corners = _hull(plane)
         chosen = np.empty((corners.shape[0], 3))
         for i in range(corners.shape[0]):
-            _copy(normals[first + corners[i]], chosen[i])
+            copy(normals[first + corners[i]], chosen[i])
         for i in range(corners.shape[0]):
-            _copy(chosen[i], normals[first + i])
+            copy(chosen[i], normals[first + i])
         counts[v] = corners.shape[0]

@@ -17,8 +17,6 @@ from grasp3d._kernels.growing_hull import CONVERGED
 from grasp3d._kernels.pair_sides import (
     aligned_side,
     combined,
-    cross,
-    dot,
     is_long,
     line_frame,
     point_of,
@@ -29,6 +27,7 @@ from grasp3d._kernels.pair_sides import (
     write_direction,
 )
 from grasp3d._kernels.support_functions import PER_FINGER
+from grasp3d._kernels.vectors import cross, dot
 
 FIRST_INTERVALS = 6
 """Intervals of psi at the start."""

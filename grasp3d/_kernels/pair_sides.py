@@ -29,6 +29,7 @@ from typing import NamedTuple
 
 from grasp3d._kernels.cap_maximum import Arrow
 from grasp3d._kernels.compiling import merged, part
+from grasp3d._kernels.vectors import cross, dot
 
 ON_LINE = 1e-12
 """Distance of the centre of mass from the line, relative to that of the contacts, taken as 0."""
@@ -75,22 +76,6 @@ class Side(NamedTuple):
 def triple(values):
     """The first three numbers of a row."""
     return values[0], values[1], values[2]
-
-
-@merged
-def dot(a, b):
-    """Inner product of triples."""
-    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
-
-
-@merged
-def cross(a, b):
-    """Cross product of triples."""
-    return (
-        a[1] * b[2] - a[2] * b[1],
-        a[2] * b[0] - a[0] * b[2],
-        a[0] * b[1] - a[1] * b[0],
-    )
 
 
 @merged

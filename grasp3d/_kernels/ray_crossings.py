@@ -39,10 +39,10 @@ def evaluate_crossings(count, hit, far, rays, surface, sets, limits, grasps):
     found = np.empty((2, 3))
     remaining = 0
     for i in range(count):
-        face = hit[i]
+        face = np.int64(hit[i])  # types as in other calls, for which Numba would compile again
         if face < 0:
             continue
-        v, sign = owner[i], signs[i]
+        v, sign = np.int64(owner[i]), np.int64(signs[i])
         ox, oy, oz = points[v, 0], points[v, 1], points[v, 2]
         dx, dy, dz = sign * closing[i, 0], sign * closing[i, 1], sign * closing[i, 2]
         f0, f1, f2 = faces[face, 0], faces[face, 1], faces[face, 2]

@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import kernel
+from grasp3d._kernels.compiling import kernel, part
+from grasp3d._kernels.normal_angles import smallest_angle
 
 STEP = 3e-7
 """Distance behind a crossing at which the ray continues: a few 32-bit rounding errors."""
@@ -44,6 +45,21 @@ def starting_rays(owner, closing, signs, size):
         np.full(size, STEP),
         np.full(size, -1, dtype=np.int32),
     )
+
+
+@part
+def append_ray(size, v, sign, direction, bound, sets, owner, closing, signs):
+    """Write a ray where its angle to the vertex's normals is within a bound.
+
+    Returns:
+        The new number of rays.
+    """
+    x, y, z = direction
+    if smallest_angle(sets.normals, sets.start[v], sets.counts[v], x, y, z) > bound:
+        return size
+    owner[size], signs[size] = v, sign
+    closing[size, 0], closing[size, 1], closing[size, 2] = x, y, z
+    return size + 1
 
 
 @kernel

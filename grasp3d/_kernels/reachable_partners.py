@@ -12,7 +12,7 @@ import numpy as np
 
 from grasp3d._kernels.antipodal_candidates import evaluate_pair
 from grasp3d._kernels.blocked_angles import NONE
-from grasp3d._kernels.compiling import inlined, kernel
+from grasp3d._kernels.compiling import kernel, merged, part
 from grasp3d._kernels.face_contacts import (
     aim,
     cosine_at,
@@ -25,6 +25,7 @@ from grasp3d._kernels.gripper_shape import BLOCKED, REACHED, RESULTS
 from grasp3d._kernels.normal_angles import smallest_angle
 from grasp3d._kernels.reaching import reach_pair
 from grasp3d._kernels.surface_contacts import write_normals
+from grasp3d._kernels.vectors import copy, dot
 
 MOST_WAITING = 2048
 """Nodes and contacts that wait at most; further ones are passed over."""
@@ -39,7 +40,7 @@ EXPLAIN = True
 """Whether `reach_pair` shall distinguish TABLE and BLOCKED exactly."""
 
 
-@kernel
+@part
 def _push(keys, entries, size, key, entry):
     """Insert an entry into a binary heap; returns the new size."""
     i = size
@@ -53,7 +54,7 @@ def _push(keys, entries, size, key, entry):
     return size + 1
 
 
-@kernel
+@part
 def _pop(keys, entries, size):
     """Remove the smallest entry from a binary heap; returns the new size."""
     size -= 1
@@ -71,7 +72,7 @@ def _pop(keys, entries, size):
     return size
 
 
-@inlined
+@merged
 def _write_point(face, weights, surface, point):
     """Write the position of a point on a face (3,)."""
     for k in range(3):
@@ -80,7 +81,7 @@ def _write_point(face, weights, surface, point):
             point[k] += weights[c] * surface.points[surface.faces[face, c], k]
 
 
-@kernel
+@part
 def _is_near(point, radius, others, count, spacing):
     """Whether a ball is within a distance of one of the first `count` points."""
     for i in range(count):
@@ -92,26 +93,29 @@ def _is_near(point, radius, others, count, spacing):
     return False
 
 
-@kernel
+@part
 def _test(v, sign, face, weights, explain, centres, surface, sets, reaching, scratch):
     """Test the grasp of a vertex and a point on a face; (code, free angles) of `reach_pair`."""
     shape, limits, tree, workspace = reaching
     points, normals, set_normals, result = scratch
-    points[0], normals[0] = surface.points[v], centres[v]
+    copy(surface.points[v], points[0])
+    copy(centres[v], normals[0])
     _write_point(face, weights, surface, points[1])
     three = (weights[0], weights[1], weights[2])
     count, vertex = write_normals(face, three, surface, sets, set_normals)
     if vertex >= 0:
-        normals[1] = centres[vertex]
+        copy(centres[vertex], normals[1])
     else:
-        normals[1] = set_normals[0]
+        copy(set_normals[0], normals[1])
         if count == 2:
-            normals[1] += set_normals[1]
+            for k in range(3):
+                normals[1, k] += set_normals[1, k]
     for i in range(2):
-        length = math.sqrt(normals[i, 0] ** 2 + normals[i, 1] ** 2 + normals[i, 2] ** 2)
+        length = math.sqrt(dot(normals[i], normals[i]))
         if length < 1e-12:
             return BLOCKED, NONE
-        normals[i] /= length
+        for k in range(3):
+            normals[i, k] /= length
     return reach_pair(points, normals, sign, shape, limits, explain, tree, workspace, result)
 
 
@@ -142,7 +146,7 @@ def keep_reached(
     scratch = _make_scratch()
     point, set_normals, result = scratch[0][1], scratch[2], scratch[3]
     for i in range(len(vertices)):
-        v, sign, face, own = vertices[i], signs[i], faces[i], weights[i]
+        v, sign, face, own = vertices[i], np.int64(signs[i]), faces[i], weights[i]
         if face < 0:
             continue
         _write_point(face, own, surface, point)
@@ -174,7 +178,9 @@ def keep_reached(
                 set_normals,
             )
             if grasps.worst[v] < before:
-                results.codes[v], results.free[v], results.found[v] = code, free, result
+                results.codes[v], results.free[v] = code, free
+                for k in range(RESULTS):
+                    results.found[v, k] = result[k]
 
 
 @kernel
@@ -195,8 +201,8 @@ def explain_pairs(vertices, signs, faces, weights, centres, surface, sets, reach
     scratch = _make_scratch()
     for i in range(len(vertices)):
         codes[vertices[i]], _ = _test(
-            vertices[i], signs[i], faces[i], weights[i], EXPLAIN, centres, surface, sets, reaching,
-            scratch,
+            vertices[i], np.int64(signs[i]), faces[i], weights[i], EXPLAIN, centres, surface, sets,
+            reaching, scratch,
         )  # fmt: skip
 
 
@@ -282,12 +288,13 @@ def search_reachable(
                         limits,
                     )
                     _write_point(face, chosen, surface, point)
-                tested[failed + reached] = point
+                copy(point, tested[failed + reached])
                 code, _ = _test(
                     v, 1, face, chosen, not EXPLAIN, centres, surface, sets, reaching, scratch
                 )
                 if code == REACHED:
-                    found_faces[row, reached], found_weights[row, reached] = face, chosen
+                    found_faces[row, reached] = face
+                    copy(chosen, found_weights[row, reached])
                     reached += 1
                 else:
                     failed += 1
@@ -318,7 +325,8 @@ def search_reachable(
                         worst, limits,
                     )  # fmt: skip
                     if cosine > least and waiting < MOST_WAITING:
-                        contact_faces[contacts], contact_weights[contacts] = face, weights
+                        contact_faces[contacts] = face
+                        copy(weights, contact_weights[contacts])
                         contacts += 1
                         waiting = _push(keys, entries, waiting, -cosine, -contacts)
     return found_faces, found_weights

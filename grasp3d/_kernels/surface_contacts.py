@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.compiling import inlined, kernel
+from grasp3d._kernels.compiling import kernel, merged
 
 ON_EDGE = 1e-9
 """Barycentric coordinate below which a contact lies on the opposite edge."""
@@ -31,7 +31,7 @@ class Surface(NamedTuple):
     (F, 3, 2); -1 where the edge is smooth or open, ANY_NORMAL where more than two faces meet."""
 
 
-@inlined
+@merged
 def write_normals(face, weights, surface, sets, found):
     """Write the normals that a contact inside or on the border of a face may have.
 

@@ -34,9 +34,9 @@ def test_each_phase_is_announced_once(caplog: pytest.LogCaptureFixture) -> None:
         "wrench_problem.epsilons",
         "antipodal_directions.seed_rays",
     )
-    assert [phase.work for phase in announcer.compiled] == ["two fingers", "epsilon"]
+    assert [phase.work for phase in announcer.compiled] == ["searches by rays", "epsilon"]
     first, second = caplog.messages
-    for line, phase in ((first, announcing.TWO_FINGERS), (second, announcing.EPSILON)):
+    for line, phase in ((first, announcing.RAYS), (second, announcing.EPSILON)):
         work = f"{phase.work}, about {phase.seconds} s"
         assert line.startswith(f"grasp3d: compiling kernels for {work}, once per ")
     # At a level that Python prints to standard error where no logging is configured.
@@ -88,15 +88,16 @@ def test_the_time_is_that_of_what_is_not_compiled(monkeypatch: pytest.MonkeyPatc
     assert announcing.seconds_missing(0) == 0
     two, three = announcing.seconds_missing(2), announcing.seconds_missing(3)
     phases = (
-        announcing.PATCHES, announcing.LOCATIONS, announcing.WRENCHES, announcing.EPSILON_OF_PAIRS,
-        announcing.EPSILON, announcing.EPSILON_OF_ANY_RANK,
+        announcing.PATCHES, announcing.RAYS, announcing.LOCATIONS, announcing.WRENCHES,
+        announcing.EPSILON_OF_PAIRS, announcing.EPSILON, announcing.EPSILON_OF_ANY_RANK,
     )  # fmt: skip
     left = sum(phase.seconds for phase in phases)
     assert two == left + announcing.SCANS.seconds
     assert three == left + announcing.THREE_FINGERS.seconds
     assert announcing.seconds_missing(5) == three + announcing.MORE_FINGERS.seconds
     held = announcing.seconds_missing(2, gripper=True, forces=True)
-    assert held == two + announcing.GRIPPERS.seconds + announcing.FORCES.seconds
+    more = announcing.GRIPPERS, announcing.CLOSING, announcing.FORCES
+    assert held == two + sum(phase.seconds for phase in more)
     assert announcing.seconds_missing(0, forces=True) == 0
 
 

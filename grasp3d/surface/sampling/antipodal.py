@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d._kernels.antipodal_candidates import FOUND, NO_PARTNER, BestPairs
+from grasp3d._kernels.antipodal_candidates import FOUND, no_pairs
 from grasp3d._kernels.antipodal_descent import descend
 from grasp3d._kernels.antipodal_directions import Frames, seed_rays
 from grasp3d._kernels.antipodal_neighbours import neighbour_rays
@@ -189,25 +189,13 @@ class _Search:
         self.surface = mesh.contact_surface
         self.frames = Frames(mesh.normal_sets.centres, tangents(mesh), mesh.normal_sets.radii)
         self.neighbours = neighbours(mesh)
-        self.grasps = BestPairs(
-            worst=np.full(count, math.inf),
-            best=np.full(count, math.inf),
-            closing=np.zeros((count, 3)),
-            closing_best=np.zeros((count, 3)),
-            partner=np.full((count, 3), math.nan),
-            partner_normal=np.full((count, 3), math.nan),
-            faces=np.full((count, 2), -1, dtype=np.int64),
-            weights=np.zeros((count, 2, 3)),
-            signs=np.zeros(count, dtype=np.int8),
-            signs_best=np.zeros(count, dtype=np.int8),
-            reason=np.full(count, NO_PARTNER, dtype=np.uint8),
-            starts=np.zeros((count, STARTS, 3)),
-            start_angles=np.full((count, STARTS), math.inf),
-            start_signs=np.zeros((count, STARTS), dtype=np.int8),
-            distinct_cosine=math.cos(self.spacing),
-            location=self.limits.location,
-            first_extra=self.ranking.first_extra,
-            second_extra=self.ranking.second_extra,
+        self.grasps = no_pairs(
+            count,
+            STARTS,
+            math.cos(self.spacing),
+            self.limits.location,
+            self.ranking.first_extra,
+            self.ranking.second_extra,
         )
 
     @cached_property
@@ -255,11 +243,7 @@ class _Search:
         )
 
     def _run_exactly(self) -> AntipodalGrasps:
-        """Find the contact with the smallest critical angle of every vertex.
-
-        Where there is none within the cone, rays find the reason, and the best contact beyond the
-        cone is found.
-        """
+        """Find the contact with the smallest critical angle of every vertex, or why it has none."""
         exact = ExactSearch(
             self.surface, self.sets, self.frames.centres, self.limits, self.grasps, self.executor,
             self.progress,
@@ -267,10 +251,11 @@ class _Search:
         ordered = exact.in_order(self.vertices)
         exact.search(ordered, self.cone, (0.0, 0.6))
         useless = ordered[self.grasps.worst[ordered] >= self.cone]
-        self._seed(useless, self.sampling.rays, 1, (0.6, 0.65))
-        beyond = useless[self.grasps.reason[useless] == FOUND]
-        exact.search(beyond, math.pi / 2.0, (0.65, 0.7))
-        exact.search_best_normals(ordered, self.cone, (0.7, 0.95))
+        if self.limits.largest < math.inf:  # is anything opposite within the largest opening?
+            self._seed(useless, self.sampling.rays, 1, (0.6, 0.65))
+            useless = useless[self.grasps.reason[useless] == FOUND]
+        exact.search(useless, math.pi / 2.0, (0.65, 0.75))
+        exact.search_best_normals(ordered, self.cone, (0.75, 0.95))
         self.evaluated = exact.evaluated
         self._keep_reached(squeeze=True)
         self.progress(1.0)

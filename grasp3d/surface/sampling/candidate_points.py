@@ -3,7 +3,7 @@
 import numpy as np
 
 from grasp3d._kernels.multifinger_contacts import NO_CONTACT, CandidatePoints, ContactDomain
-from grasp3d.arrays import Ints
+from grasp3d.arrays import Ints, locked
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.normals import paired_edges
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -22,7 +22,7 @@ def contact_domain(mesh: ObjectMesh, scale: float, *, on_vertices: bool) -> Cont
     adjacent = np.full(3 * len(mesh.faces), -1, dtype=np.int64)
     adjacent[one], adjacent[two] = two // 3, one // 3
     return ContactDomain(
-        surface=surface._replace(points=np.ascontiguousarray(scale * surface.points)),
+        surface=surface._replace(points=locked(scale * surface.points)),
         sets=mesh.contact_normals,
         adjacent_faces=adjacent.reshape(-1, 3),
         normal_start=normal_start,

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d._kernels.antipodal_candidates import FOUND, BestPairs, PairLimits
+from grasp3d._kernels.antipodal_candidates import FOUND, BestPairs, PairLimits, no_pairs
 from grasp3d._kernels.antipodal_neighbours import neighbour_rays
 from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.gripper_shape import ReachResults, make_workspace, no_results
@@ -287,23 +287,16 @@ def _copy(source: BestPairs, target: BestPairs, chosen: Bools, names: tuple[str,
 
 def _nothing_found(grasps: BestPairs) -> BestPairs:
     """Grasps of as many vertices, none found yet; the reasons are those known."""
-    count = len(grasps.worst)
-    return grasps._replace(
-        worst=np.full(count, np.inf),
-        best=np.full(count, np.inf),
-        closing=np.zeros((count, 3)),
-        closing_best=np.zeros((count, 3)),
-        partner=np.full((count, 3), np.nan),
-        partner_normal=np.full((count, 3), np.nan),
-        faces=np.full((count, 2), -1, dtype=np.int64),
-        weights=np.zeros((count, 2, 3)),
-        signs=np.zeros(count, dtype=np.int8),
-        signs_best=np.zeros(count, dtype=np.int8),
-        reason=np.where(grasps.reason == FOUND, NOT_REACHED, grasps.reason).astype(np.uint8),
-        starts=np.zeros((count, 1, 3)),
-        start_angles=np.full((count, 1), np.inf),
-        start_signs=np.zeros((count, 1), dtype=np.int8),
+    nothing = no_pairs(
+        len(grasps.worst),
+        1,
+        grasps.distinct_cosine,
+        grasps.location,
+        grasps.first_extra,
+        grasps.second_extra,
     )
+    unreached = np.where(grasps.reason == FOUND, NOT_REACHED, grasps.reason)
+    return nothing._replace(reason=unreached.astype(np.uint8))
 
 
 def _grasps_of(grasps: BestPairs, vertices: Ints, number: int) -> Pairs:
