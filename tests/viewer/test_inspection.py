@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from grasp3d import GraspModel, Label, SurfaceLabels, evaluate_grasps
+from grasp3d import GraspModel, Label, SurfaceLabels, evaluate_grasps, scan_surface
 from grasp3d.surface import Reason
 from grasp3d.viewer.session.explanations import Case, angle_text, explain
 from grasp3d.viewer.session.inspection import inspect
@@ -204,9 +204,12 @@ def _bend(labels: SurfaceLabels, point: NDArray[np.float64]) -> float:
 
 
 def test_the_fingers_in_the_explanation_are_on_sharp_edges() -> None:
-    """On the cone and the box every bend is a sharp edge."""
+    """On the cone and the box every bend is a sharp edge, and a scan has contacts on them."""
+    mesh = viewing.box().mesh
+    corner = mesh.vertices[np.abs(mesh.vertices).sum(axis=1).argmax()]
+    scan = scan_surface(mesh, fixed=corner[None])
     named = set()
-    for labels in (viewing.labels(), viewing.box()):
+    for labels in (viewing.labels(), viewing.box(), scan):
         subject = subject_of(labels)
         bent = labels.critical_angle > labels.critical_angle_best + 1e-3
         for vertex in np.flatnonzero(bent & (labels.label == Label.M)):
