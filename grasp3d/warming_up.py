@@ -15,6 +15,7 @@ import numpy as np
 
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel, Sampling, whole_number
+from grasp3d.stability.label import Label
 from grasp3d.system.names import printable
 from grasp3d.system.progress import ignore
 
@@ -163,6 +164,7 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     if gripper:
         _reach(solid, model, sampling)
     labels.compute_epsilon(ignore)
+    _draw(labels)
     _grow_hulls()
     contacts = best_grasps(labels, 1).contacts.points[0]  # (n, 3)
     evaluate_grasps(solid, contacts, model, threads=1)
@@ -179,6 +181,18 @@ def _locate() -> None:
 
     facing = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     classify(Contacts([-facing] * 2, [facing] * 2), 0.1, location_error=[0.1, 0.2])
+
+
+def _draw(labels: "SurfaceLabels") -> None:
+    """Draw a labelled surface, in colours and light that count for nothing."""
+    from grasp3d._kernels.visible_faces import draw_surface
+
+    mesh, normals = labels.mesh, labels.mesh.corner_normals
+    draw_surface(
+        mesh.vertices.T.copy(), mesh.faces, labels.label, normals.corners,
+        normals.normals[:, :2].copy(), not mesh.report.closed, np.ones((len(Label), 3)), 0.5,
+        np.zeros((8, 8, 4)),
+    )  # fmt: skip
 
 
 def _grow_hulls() -> None:

@@ -91,6 +91,7 @@ EPSILON_OF_ANY_RANK = Phase(
     "epsilon in fewer than six dimensions", 15, ("wrench_problem.epsilons_of_any_rank",)
 )
 SCANS = Phase("scans", 1, ("scanning.scan",))
+PICTURES = Phase("pictures of batches", 1, ("visible_faces.draw_surface",))
 GRIPPERS = Phase(
     "grippers",
     15,
@@ -112,7 +113,7 @@ FORCES = Phase(
 )
 PHASES = (
     MESHES, PATCHES, TWO_FINGERS, RAYS, LOCATIONS, THREE_FINGERS, MORE_FINGERS, WRENCHES,
-    EPSILON_OF_PAIRS, EPSILON, EPSILON_OF_ANY_RANK, SCANS, GRIPPERS, CLOSING, FORCES,
+    EPSILON_OF_PAIRS, EPSILON, EPSILON_OF_ANY_RANK, SCANS, PICTURES, GRIPPERS, CLOSING, FORCES,
 )  # fmt: skip
 
 
@@ -182,7 +183,7 @@ def seconds_missing(fingers: int, *, gripper: bool = False, forces: bool = False
     phases = [MESHES]
     if fingers:  # a search for more fingers starts from the grasps of two
         phases += [PATCHES, TWO_FINGERS, RAYS, LOCATIONS, WRENCHES, EPSILON_OF_PAIRS]
-        phases += [EPSILON, EPSILON_OF_ANY_RANK]
+        phases += [EPSILON, EPSILON_OF_ANY_RANK, PICTURES]
         phases += [SCANS] if fingers == PAIR else [THREE_FINGERS]
         phases += [MORE_FINGERS] if fingers > TRIPLE else []
         phases += [GRIPPERS, CLOSING] if gripper else []

@@ -90,6 +90,7 @@ def test_the_time_is_that_of_what_is_not_compiled(monkeypatch: pytest.MonkeyPatc
     phases = (
         announcing.PATCHES, announcing.RAYS, announcing.LOCATIONS, announcing.WRENCHES,
         announcing.EPSILON_OF_PAIRS, announcing.EPSILON, announcing.EPSILON_OF_ANY_RANK,
+        announcing.PICTURES,
     )  # fmt: skip
     left = sum(phase.seconds for phase in phases)
     assert two == left + announcing.SCANS.seconds
