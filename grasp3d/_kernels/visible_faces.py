@@ -1,4 +1,4 @@
-"""Pictures of surfaces by a buffer of depths: for small ones, on workers without OpenGL."""
+"""Pictures of surfaces by a buffer of depths (z-buffer), for workers without OpenGL."""
 
 import math
 
@@ -63,6 +63,16 @@ def _keep_highest(positions, faces, f, both_sides, heights, visible):
                     heights[row, column], visible[row, column] = height, f
 
 
+@merged
+def _brightness(lighting, corners, f, u, v, w, ambient):
+    """Brightness of a point of a face, both sides of which are lit, from 0 to 1."""
+    p, q, r = corners[f, 0], corners[f, 1], corners[f, 2]
+    light = u * lighting[p, 0] + v * lighting[q, 0] + w * lighting[r, 0]
+    if u * lighting[p, 1] + v * lighting[q, 1] + w * lighting[r, 1] < 0.0:
+        light = -light
+    return ambient + (1.0 - ambient) * max(light, 0.0)
+
+
 @kernel
 def draw_surface(positions, faces, codes, corners, lighting, both_sides, palette, ambient, picture):
     """Add the colours of a surface, as seen from above, to a picture.
@@ -94,12 +104,8 @@ def draw_surface(positions, faces, codes, corners, lighting, both_sides, palette
             factor = 1.0 / _twice_area(positions, a, b, c)
             u, v, w = _weights(positions, a, b, c, factor, x, y)
             code = codes[a if u >= max(v, w) else b if v >= w else c]
-            p, q, r = corners[f, 0], corners[f, 1], corners[f, 2]
-            light = u * lighting[p, 0] + v * lighting[q, 0] + w * lighting[r, 0]
-            if u * lighting[p, 1] + v * lighting[q, 1] + w * lighting[r, 1] < 0.0:
-                light = -light
-            brightness = (ambient + (1.0 - ambient) * max(light, 0.0)) / FINE**2
+            share = _brightness(lighting, corners, f, u, v, w, ambient) / FINE**2
             pixel = picture[row // FINE, column // FINE]
             for k in range(3):
-                pixel[k] += brightness * palette[code, k]
+                pixel[k] += share * palette[code, k]
             pixel[3] += 1.0 / FINE**2
