@@ -104,8 +104,8 @@ def draw_surface(positions, faces, codes, corners, lighting, both_sides, palette
             factor = 1.0 / _twice_area(positions, a, b, c)
             u, v, w = _weights(positions, a, b, c, factor, x, y)
             code = codes[a if u >= max(v, w) else b if v >= w else c]
-            share = _brightness(lighting, corners, f, u, v, w, ambient) / FINE**2
+            light = _brightness(lighting, corners, f, u, v, w, ambient) / FINE**2
             pixel = picture[row // FINE, column // FINE]
             for k in range(3):
-                pixel[k] += share * palette[code, k]
+                pixel[k] += light * palette[code, k]
             pixel[3] += 1.0 / FINE**2
