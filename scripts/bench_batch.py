@@ -23,6 +23,9 @@ SMALL = BatchSettings(
     GraspModel(), Sampling(rays=16), MeshOptions(max_edge=10.0, unit="cm"), best=3
 )
 
+FEWER = 1000
+"""Most small meshes that are labelled with one worker and with two."""
+
 
 class MemoryRecorder:
     """Records the memory of this process, which plans and stores the rows."""
@@ -91,20 +94,20 @@ def bench_overhead(count: int, workers: int) -> None:
         print(f"  resume of the finished run: {seconds:.2f} s")
 
 
-def bench_workers(inputs: Path) -> None:
-    """Label a real library with one worker and with two."""
+def bench_workers(inputs: Path, settings: BatchSettings) -> None:
+    """Label a library with one worker and with two."""
     times = {}
     with tempfile.TemporaryDirectory() as folder:
         for workers in (1, 2):
             output = Path(folder, str(workers))
-            times[workers], library = timed(inputs, output, BatchSettings(), workers)
+            times[workers], library = timed(inputs, output, settings, workers)
         print(f"{inputs.name}: {len(library.rows)} meshes, {len(library.failed)} failed")
     ratio = times[1] / times[2]
     print(f"  one worker {times[1]:.1f} s, two {times[2]:.1f} s: {ratio:.2f} times as fast")
 
 
 def main() -> None:
-    """Run both benchmarks."""
+    """Run all benchmarks."""
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("library", type=Path, nargs="?", default=Path("meshes"))
     parser.add_argument("--count", type=int, default=5000)
@@ -112,7 +115,12 @@ def main() -> None:
     options = parser.parse_args()
     if options.count:
         bench_overhead(options.count, options.workers)
-    bench_workers(options.library)
+        with tempfile.TemporaryDirectory() as folder:
+            inputs = Path(folder, "small")
+            inputs.mkdir()
+            make_meshes(inputs, min(options.count, FEWER))
+            bench_workers(inputs, SMALL)
+    bench_workers(options.library, BatchSettings())
 
 
 if __name__ == "__main__":
