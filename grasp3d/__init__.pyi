@@ -15,9 +15,9 @@ from .grasps.distinct import best_grasps as best_grasps
 from .grasps.evaluation import evaluate_grasps as evaluate_grasps
 from .grasps.reading import read_contacts as read_contacts
 from .grasps.writing import write_grasps as write_grasps
-from .gripper.approach import Approach as Approach
-from .gripper.parallel_gripper import ParallelGripper as ParallelGripper
-from .gripper.table import Table as Table
+from .hand.approach import Approach as Approach
+from .hand.parallel_gripper import ParallelGripper as ParallelGripper
+from .hand.table import Table as Table
 from .loads import Load as Load
 from .mesh.object_mesh import ObjectMesh as ObjectMesh
 from .mesh.preparing import load_mesh as load_mesh

@@ -11,11 +11,11 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints
-from grasp3d.gripper.reaching import Reaching, reaching_settings
-from grasp3d.lengths import one_line
+from grasp3d.hand.reaching import Reaching, reaching_settings
 from grasp3d.loads import load_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel, Sampling
+from grasp3d.settings.lengths import one_line
 from grasp3d.stability.label import COLORS, Label, Mode
 from grasp3d.surface.epsilon import EPSILON_RTOL
 from grasp3d.surface.labels import SurfaceLabels

@@ -7,7 +7,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grasp3d.errors import SettingError
-from grasp3d.lengths import (
+from grasp3d.quality.task_texts import (
+    check_task_text,
+    inline_files,
+    parse_task,
+    scaled_task,
+    task_files,
+)
+from grasp3d.settings.lengths import (
     METRES,
     Length,
     LengthSettings,
@@ -16,14 +23,7 @@ from grasp3d.lengths import (
     describe_length,
     one_line,
 )
-from grasp3d.quality.task_texts import (
-    check_task_text,
-    inline_files,
-    parse_task,
-    scaled_task,
-    task_files,
-)
-from grasp3d.quantities import DENSITIES, FORCES, MASSES, Quantity
+from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, Quantity
 
 if TYPE_CHECKING:
     from grasp3d.quality.tasks import Task

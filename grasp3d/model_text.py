@@ -2,9 +2,9 @@
 
 import math
 
-from grasp3d.lengths import Unit, small_length
 from grasp3d.settings import GraspModel
-from grasp3d.uncertainty import Uncertainty, parse_fingers
+from grasp3d.settings.lengths import Unit, small_length
+from grasp3d.settings.uncertainty import Uncertainty, parse_fingers
 
 
 def friction_text(model: GraspModel) -> str:

@@ -20,7 +20,7 @@ from grasp3d.system.names import printable
 from grasp3d.system.progress import ignore
 
 if TYPE_CHECKING:
-    from grasp3d.gripper.parallel_gripper import ParallelGripper
+    from grasp3d.hand.parallel_gripper import ParallelGripper
     from grasp3d.mesh import ObjectMesh
     from grasp3d.surface.labels import SurfaceLabels
 
@@ -210,9 +210,9 @@ def _grow_hulls() -> None:
 
 def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling) -> None:
     """Label grasps that a gripper reaches, and those that it closes on."""
-    from grasp3d.gripper.approach import Approach
-    from grasp3d.gripper.parallel_gripper import ParallelGripper
-    from grasp3d.gripper.reach import reach_grasps
+    from grasp3d.hand.approach import Approach
+    from grasp3d.hand.parallel_gripper import ParallelGripper
+    from grasp3d.hand.reach import reach_grasps
     from grasp3d.surface.labelling import label_surface
 
     tactile = ParallelGripper.preset("tactile")

@@ -25,9 +25,9 @@ from scipy.stats import spearmanr
 import grasp3d
 from grasp3d.arrays import Bools, Floats
 from grasp3d.grasps import GraspPoses
-from grasp3d.gripper import closed_jaws, jaw_shape
-from grasp3d.gripper.closing import close_jaws
-from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.hand import closed_jaws, jaw_shape
+from grasp3d.hand.closing import close_jaws
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.stability.label import Label
 from grasp3d.validating.label_success import label_success, labels_at

@@ -15,9 +15,9 @@ from scipy.spatial.transform import Rotation
 import grasp3d
 from grasp3d.arrays import Floats
 from grasp3d.grasps import poses_of
-from grasp3d.gripper.closed_jaws import Closing
-from grasp3d.gripper.closing import close_jaws
-from grasp3d.gripper.reaching import metres_per_unit
+from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.closing import close_jaws
+from grasp3d.hand.reaching import metres_per_unit
 
 MESHES = ("mug.glb", "spray.glb", "bulb.glb")
 FINENESS = 1.0 / 22.0

@@ -20,7 +20,7 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.gripper.shapes import Triangles, gripper_triangles
+from grasp3d.hand.shapes import Triangles, gripper_triangles
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
 from grasp3d.rendering import View

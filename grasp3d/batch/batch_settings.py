@@ -7,10 +7,10 @@ from itertools import product
 from typing import Any
 
 from grasp3d.errors import SettingError
-from grasp3d.gripper.reach_settings import ReachSettings
-from grasp3d.lengths import length_in_unit, parse_length
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
 from grasp3d.settings import ANGLE_ROUNDING, DEGREE, GraspModel, MeshOptions, Sampling, search_cone
+from grasp3d.settings.lengths import length_in_unit, parse_length
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
 """Default sensor resolutions of the grid: 0 to 60 degrees in steps of 5 [rad]."""

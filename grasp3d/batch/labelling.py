@@ -27,7 +27,7 @@ from grasp3d.system.progress import ignore
 from grasp3d.system.versions import package_version
 
 if TYPE_CHECKING:
-    from grasp3d.gripper.reach import Reach
+    from grasp3d.hand.reach import Reach
     from grasp3d.surface.holding import Holding
     from grasp3d.surface.labels import SurfaceLabels
 
@@ -117,7 +117,7 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
 
 def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force: bool) -> Row:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
-    from grasp3d.gripper.reaching import Reaching
+    from grasp3d.hand.reaching import Reaching
     from grasp3d.mesh import prepare_file
     from grasp3d.mesh.masses import loaded_mesh
     from grasp3d.mesh.plausible_lengths import refuse_lengths

@@ -10,7 +10,7 @@ from typing import Any
 from grasp3d.batch.inputs import MeshFile, find_meshes, real_path
 from grasp3d.batch.sweep_grasps import search_at_each
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.planar import Circle, square
 from grasp3d.settings import (
     ANGLE_ROUNDING,
@@ -245,7 +245,7 @@ def sweep_mesh(
         The sweep, or the reason why the mesh cannot be labelled.
     """
     # Imported here: the process that plans needs neither ray tracing nor the compiler.
-    from grasp3d.gripper.reaching import Reaching
+    from grasp3d.hand.reaching import Reaching
     from grasp3d.mesh import prepare_file
     from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface

@@ -17,9 +17,9 @@ from grasp3d.contact.grasp_samples import GraspSamples
 from grasp3d.contact.requirements import FingerDesign
 from grasp3d.contact.sensor import Sensor
 from grasp3d.contact.tips import CylinderTip, EllipsoidTip
-from grasp3d.lengths import Unit
+from grasp3d.settings.lengths import Unit
+from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.system.counts import counted
-from grasp3d.uncertainty import Uncertainty, friction_interval
 
 Tip = float | CylinderTip | EllipsoidTip
 

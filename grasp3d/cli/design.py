@@ -13,8 +13,8 @@ from grasp3d.cli.options import Flag, Force, LengthOption, OutputFile, SensorRes
 from grasp3d.contact.overlap import overlapping_field
 from grasp3d.contact.sensor import Sensor, radius_of
 from grasp3d.errors import SettingError
-from grasp3d.lengths import Unit, length_in_unit
-from grasp3d.uncertainty import Uncertainty
+from grasp3d.settings.lengths import Unit, length_in_unit
+from grasp3d.settings.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
     from grasp3d.contact.grasp_samples import GraspSamples

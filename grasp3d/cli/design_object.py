@@ -10,14 +10,14 @@ from grasp3d.cli.design_options import GraspOptions
 from grasp3d.contact.grasp_samples import GraspSamples
 from grasp3d.contact.requirements import FingerDesign
 from grasp3d.errors import SettingError
-from grasp3d.lengths import METRES, Unit
 from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.settings.uncertainty import friction_interval
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labelling import label_surface
 from grasp3d.system.progress import within
-from grasp3d.uncertainty import friction_interval
 
 TYPICAL_ERROR = 0.01
 """Location error of the second search if none is given, as a fraction of the object's size."""

@@ -9,8 +9,8 @@ import tyro
 from grasp3d.cli.options import Flag, LengthOption, SensorResolution, command
 from grasp3d.contact.encoders import JointEncoders
 from grasp3d.errors import SettingError
-from grasp3d.lengths import Unit, length_in_unit
-from grasp3d.uncertainty import Interval, friction_interval
+from grasp3d.settings.lengths import Unit, length_in_unit
+from grasp3d.settings.uncertainty import Interval, friction_interval
 
 _BETWEEN = ".."
 

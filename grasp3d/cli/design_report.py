@@ -9,7 +9,7 @@ from rich.table import Table
 
 from grasp3d.contact.friction_cones import effective_friction
 from grasp3d.contact.sensor import Sensor, resolution_limit
-from grasp3d.lengths import Unit
+from grasp3d.settings.lengths import Unit
 
 ROUNDING = 1e-12
 """Margin up to which a sensor is not fine enough [rad]."""

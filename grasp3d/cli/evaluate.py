@@ -20,7 +20,7 @@ from grasp3d.cli.options import (
     command,
 )
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.gripper.reach_settings import ObjectMotion, ReachSettings
+from grasp3d.hand.reach_settings import ObjectMotion, ReachSettings
 from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, with_fingers
 from grasp3d.system.names import safe_stem
@@ -132,10 +132,10 @@ class Evaluate:
         from grasp3d.grasps.evaluation import evaluate_grasps
         from grasp3d.grasps.reading import read_contacts
         from grasp3d.grasps.writing import write_grasps
-        from grasp3d.lengths import length_in_unit
         from grasp3d.mesh import prepare_file
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
+        from grasp3d.settings.lengths import length_in_unit
 
         points = read_contacts(self.contacts)
         if output.exists() and output.samefile(self.contacts):
@@ -166,7 +166,7 @@ class Evaluate:
         from grasp3d.cli import pose_report, report
         from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
         from grasp3d.grasps.pose_files import read_poses, write_poses
-        from grasp3d.gripper.reaching import Reaching
+        from grasp3d.hand.reaching import Reaching
         from grasp3d.mesh import prepare_file
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths

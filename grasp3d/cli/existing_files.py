@@ -16,7 +16,7 @@ from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.files import check_writable
 
 if TYPE_CHECKING:
-    from grasp3d.gripper.reaching import Reaching
+    from grasp3d.hand.reaching import Reaching
     from grasp3d.mesh import ObjectMesh
 
 MARK, MARKED = b"grasp3d", 2**16

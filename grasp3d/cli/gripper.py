@@ -10,7 +10,7 @@ from grasp3d.cli.options import LengthOption, OutputFile, Overwrite, Quiet, comm
 from grasp3d.errors import SettingError
 
 if TYPE_CHECKING:
-    from grasp3d.gripper.parallel_gripper import ParallelGripper
+    from grasp3d.hand.parallel_gripper import ParallelGripper
 
 _NAME = tyro.conf.arg(metavar="[NAME|FILE]", help_behavior_hint="")
 _LINKS = tyro.conf.arg(metavar="LINK LINK", help_behavior_hint="")
@@ -86,8 +86,8 @@ class Gripper:
                 check_replaceable(path, overwrite=self.overwrite)
 
     def _described(self) -> "ParallelGripper":
-        from grasp3d.gripper.gripper_files import is_file_name, load_gripper, read_gripper
-        from grasp3d.lengths import length_in_unit
+        from grasp3d.hand.gripper_files import is_file_name, load_gripper, read_gripper
+        from grasp3d.settings.lengths import length_in_unit
 
         tcp = length_in_unit("tcp", self.tcp, "m")
         if self.fingers is None and self.palm is None and tcp is None:
@@ -101,7 +101,7 @@ class Gripper:
 
     def _write(self, gripper: "ParallelGripper") -> list[Path]:
         """Write the files that are asked for, and return their paths."""
-        from grasp3d.gripper.gripper_files import write_gripper
+        from grasp3d.hand.gripper_files import write_gripper
         from grasp3d.plots.formats import save_as
         from grasp3d.plots.grippers import gripper_figure
 

@@ -21,7 +21,7 @@ from grasp3d.cli.options import (
 )
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout, time_limit
 from grasp3d.errors import SettingError
-from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, Sampling, check_per_finger
 from grasp3d.system.names import printable, safe_stem
@@ -153,7 +153,7 @@ class Label:
         """Read and label the mesh; `outputs` must not have been made with other settings."""
         from grasp3d.cli import report
         from grasp3d.cli.existing_files import check_same_settings
-        from grasp3d.gripper.reaching import Reaching
+        from grasp3d.hand.reaching import Reaching
         from grasp3d.mesh import prepare_file
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths

@@ -23,16 +23,16 @@ import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reach_settings import ReachSettings
-from grasp3d.lengths import Length, Position, parse_length
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load, TaskField
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.quality.task_texts import inline_files
-from grasp3d.quantities import Quantity
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
 from grasp3d.settings import Friction as FrictionField
-from grasp3d.uncertainty import PerFinger, parse_fingers
+from grasp3d.settings.lengths import Length, Position, parse_length
+from grasp3d.settings.quantities import Quantity
+from grasp3d.settings.uncertainty import PerFinger, parse_fingers
 from grasp3d.viewer.view_settings import ViewSettings
 
 _NONE = "none"
@@ -192,7 +192,7 @@ def optional_number(
 
 def _gripper_of(words: list[str]) -> ParallelGripper | None:
     """Return the gripper of a preset or a file; raises ValueError."""
-    from grasp3d.gripper.gripper_files import load_gripper
+    from grasp3d.hand.gripper_files import load_gripper
 
     try:
         return None if words[0].lower() == _NONE else load_gripper(words[0])

@@ -8,9 +8,9 @@ from rich.console import Console
 from rich.table import Table
 
 from grasp3d.cli.report import CHECK_HINT, escaped, length_with_unit
-from grasp3d.lengths import Unit, small_length
 from grasp3d.model_text import error_texts, friction_text
 from grasp3d.perturbing.perturbation import Perturbation
+from grasp3d.settings.lengths import Unit, small_length
 from grasp3d.stability.label import COLORS, MEANING, Label
 from grasp3d.system.counts import counted
 

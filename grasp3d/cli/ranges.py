@@ -3,8 +3,8 @@
 import math
 
 from grasp3d.errors import SettingError
-from grasp3d.lengths import METRES, parse_length
-from grasp3d.uncertainty import friction_interval
+from grasp3d.settings.lengths import METRES, parse_length
+from grasp3d.settings.uncertainty import friction_interval
 
 _LENGTH = f"a length (a number, or a number with a unit: {', '.join(METRES)})"
 """What one word of lengths must be."""

@@ -15,11 +15,11 @@ from rich.table import Table
 from grasp3d.cli.load_report import print_load
 from grasp3d.cli.uncertainty_report import uncertainty_lines
 from grasp3d.grasps.verdict import verdict_of
-from grasp3d.gripper.reaching import Reaching
-from grasp3d.lengths import Unit
+from grasp3d.hand.reaching import Reaching
 from grasp3d.meanings import MINIMUM
 from grasp3d.model_text import friction_text
 from grasp3d.settings import Sampling
+from grasp3d.settings.lengths import Unit
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.stability.label import Label as Code
 from grasp3d.surface.area_statistics import vertex_weights

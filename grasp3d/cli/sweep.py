@@ -35,7 +35,7 @@ from grasp3d.cli.ranges import (
     parse_resolutions,
 )
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.names import safe_stem
 

@@ -27,7 +27,7 @@ from grasp3d.cli.time_limit import (
     time_limit,
 )
 from grasp3d.errors import GraspError
-from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.names import printable

@@ -17,7 +17,7 @@ from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.contact.encoders import JointEncoders
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
-from grasp3d.uncertainty import Interval, Uncertainty, friction_interval
+from grasp3d.settings.uncertainty import Interval, Uncertainty, friction_interval
 
 PARTS = {
     "friction": "friction",

@@ -17,7 +17,7 @@ from dataclasses import dataclass
 from typing import Literal, get_args
 
 from grasp3d.errors import SettingError
-from grasp3d.uncertainty import Uncertainty
+from grasp3d.settings.uncertainty import Uncertainty
 
 JointKind = Literal["revolute", "prismatic"]
 """Kind of the joints of a finger; the jaws of a parallel gripper are prismatic."""

@@ -20,7 +20,7 @@ from grasp3d.contact.grasp_samples import GraspSamples
 from grasp3d.contact.sensor import Sensor
 from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 from grasp3d.errors import SettingError
-from grasp3d.uncertainty import Uncertainty, friction_interval
+from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 
 FIELD_ROUNDING = 1e-9
 """Fraction of the longest receptive field by which tested ones stay below it."""

@@ -19,7 +19,7 @@ import math
 from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
-from grasp3d.uncertainty import Uncertainty
+from grasp3d.settings.uncertainty import Uncertainty
 
 SMALL_UNCERTAINTY = 0.05
 """Largest location uncertainty that is small against the object, as a fraction of its size. At that

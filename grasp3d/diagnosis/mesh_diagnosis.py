@@ -4,9 +4,9 @@ from dataclasses import dataclass
 from enum import StrEnum
 
 from grasp3d.costs import Cost
-from grasp3d.lengths import Unit
 from grasp3d.mesh.repair import RepairStep
 from grasp3d.mesh.units import UnitGuess
+from grasp3d.settings.lengths import Unit
 
 
 class Trust(StrEnum):

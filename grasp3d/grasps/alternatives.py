@@ -8,7 +8,7 @@ import numpy as np
 from grasp3d.arrays import Bools, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.gripper.reach import reach_grasps
+from grasp3d.hand.reach import reach_grasps
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points

@@ -11,8 +11,8 @@ from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.evaluated_poses import CLOSED_LABEL, CLOSED_MARGIN, EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.reach import Reach
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.hand.reach import Reach
+from grasp3d.hand.reaching import Reaching
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel

@@ -15,9 +15,9 @@ from grasp3d.grasps.jaw_contacts import jaw_contacts
 from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.pose_readings import FITTING, starting_inside, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.closed_jaws import ClosedJaws, Closing, Touch
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reach_settings import ObjectMotion
+from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach_settings import ObjectMotion
 from grasp3d.loads import Load, load_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.critical_angle import critical_friction_angle

@@ -8,12 +8,12 @@ from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.lengths import length_in_unit
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with_fingers
+from grasp3d.settings.lengths import length_in_unit
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.load_case import LoadCase

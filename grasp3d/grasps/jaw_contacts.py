@@ -5,7 +5,7 @@ import numpy as np
 from grasp3d.arrays import Floats
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.patch_shapes import evenly_pressed_radius, in_tangent_plane
-from grasp3d.gripper.closed_jaws import ClosedJaws
+from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.settings import GraspModel
 
 

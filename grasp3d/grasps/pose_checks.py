@@ -5,7 +5,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError
-from grasp3d.lengths import METRES, Unit
+from grasp3d.settings.lengths import METRES, Unit
 
 TOLERANCE = 1e-3
 """Largest deviation from a rotation, for numbers rounded to few digits; more is an error."""

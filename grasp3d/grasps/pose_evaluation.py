@@ -8,14 +8,14 @@ from grasp3d.arrays import Bools, Floats, locked
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.approach import Approach
-from grasp3d.gripper.closed_jaws import ClosedJaws
-from grasp3d.gripper.closing import close_jaws
-from grasp3d.gripper.collisions import collides
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reach_settings import ObjectMotion
-from grasp3d.gripper.reaching import metres_per_unit
-from grasp3d.gripper.table import Table
+from grasp3d.hand.approach import Approach
+from grasp3d.hand.closed_jaws import ClosedJaws
+from grasp3d.hand.closing import close_jaws
+from grasp3d.hand.collisions import collides
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach_settings import ObjectMotion
+from grasp3d.hand.reaching import metres_per_unit
+from grasp3d.hand.table import Table
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
@@ -81,7 +81,7 @@ def evaluate_poses(
         >>> import grasp3d
         >>> from grasp3d.grasps.pose_evaluation import evaluate_poses
         >>> from grasp3d.grasps.poses import GraspPoses
-        >>> from grasp3d.gripper.presets import preset
+        >>> from grasp3d.hand.presets import preset
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
         >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
         >>> beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]

@@ -7,13 +7,13 @@ from typing import get_args
 import numpy as np
 
 from grasp3d.arrays import Bools, Bytes, Floats
-from grasp3d.gripper.closed_jaws import Closing
-from grasp3d.gripper.closing import close_jaws
-from grasp3d.gripper.collisions import collides
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reaching import metres_per_unit
-from grasp3d.lengths import METRES, Unit
+from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.closing import close_jaws
+from grasp3d.hand.collisions import collides
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reaching import metres_per_unit
 from grasp3d.mesh import ObjectMesh
+from grasp3d.settings.lengths import METRES, Unit
 
 FITTING = 0.5
 """Fraction of the poses that fit the object from which no other reading is tried."""
@@ -76,7 +76,7 @@ def suspected_reading(
         >>> import trimesh
         >>> import grasp3d
         >>> from grasp3d.grasps.pose_readings import suspected_reading
-        >>> from grasp3d.gripper.presets import preset
+        >>> from grasp3d.hand.presets import preset
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (5, 1, 1))
         >>> suspected_reading(box, poses, preset("franka")) is None

@@ -10,8 +10,8 @@ import numpy.typing as npt
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import ContactError
 from grasp3d.grasps.pose_checks import checked_poses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.lengths import METRES, Unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings.lengths import METRES, Unit
 
 LENGTH_COLUMNS = frozenset({"contacts", "depth", "centroid_distance"})
 """Columns that are lengths, and are converted with the unit."""

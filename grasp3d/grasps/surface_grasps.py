@@ -11,8 +11,8 @@ import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.closed_grasps import ClosedGrasps, close_on_grasps
-from grasp3d.gripper.reach import Reach
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.hand.reach import Reach
+from grasp3d.hand.reaching import Reaching
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.closure import force_closure

@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, ranked_vertices
 from grasp3d.grasps.holding_verdict import HoldingVerdict
-from grasp3d.gripper.reach import Reachability
+from grasp3d.hand.reach import Reachability
 from grasp3d.stability.label import Label
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason, grasps_at

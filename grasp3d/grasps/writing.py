@@ -12,11 +12,11 @@ import numpy.typing as npt
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.surface_poses import poses_of
-from grasp3d.gripper.reaching import reaching_settings
-from grasp3d.lengths import one_line
+from grasp3d.hand.reaching import reaching_settings
 from grasp3d.loads import load_settings
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings import PoseFormat
+from grasp3d.settings.lengths import one_line
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.epsilon import EPSILON_RTOL
 from grasp3d.system.files import atomic_write, check_suffix

@@ -7,9 +7,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.lengths import METRES
 from grasp3d.loads import Load
 from grasp3d.mesh.object_mesh import ObjectMesh
+from grasp3d.settings.lengths import METRES
 
 OVERLAP = 0.01
 """Fraction by which volumes of bodies may add to more than that of the object: they overlap."""

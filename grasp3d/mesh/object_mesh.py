@@ -10,11 +10,11 @@ import numpy as np
 from grasp3d._kernels.normal_sets import ContactNormals
 from grasp3d._kernels.surface_contacts import Surface
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows, used_indices
-from grasp3d.lengths import Unit
 from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins
 from grasp3d.mesh.repair import RepairStep, Solids
 from grasp3d.settings import MeshOptions
+from grasp3d.settings.lengths import Unit
 
 
 @dataclass(frozen=True)

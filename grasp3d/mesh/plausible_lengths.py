@@ -5,11 +5,11 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
-from grasp3d.lengths import METRES, Unit, describe_length, length_in_unit
 from grasp3d.loads import Load
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.units import guess_unit, unit_warning
-from grasp3d.uncertainty import parse_fingers
+from grasp3d.settings.lengths import METRES, Unit, describe_length, length_in_unit
+from grasp3d.settings.uncertainty import parse_fingers
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,6 @@ import numpy as np
 from grasp3d.arrays import Floats, Ints, locked, used_indices
 from grasp3d.costs import check_cost
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.lengths import Unit
 from grasp3d.mesh.measures import face_areas, rounding_of, signed_volumes
 from grasp3d.mesh.mesh_sources import GivenMesh, MeshSource, read_source
 from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
@@ -21,6 +20,7 @@ from grasp3d.mesh.units import impossible_size, unit_warning
 from grasp3d.mesh.work_bounds import bounds_of, cell_counts
 from grasp3d.reading import RawMesh, check_finite
 from grasp3d.settings import MeshOptions
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.names import printable
 from grasp3d.system.steps import begin_step
 

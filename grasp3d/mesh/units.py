@@ -4,7 +4,7 @@ from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import get_args
 
-from grasp3d.lengths import METRES, Unit
+from grasp3d.settings.lengths import METRES, Unit
 
 PLAUSIBLE = (0.002, 2.0)
 """Sizes of objects that a hand can hold [m]."""

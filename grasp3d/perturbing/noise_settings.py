@@ -4,8 +4,8 @@ import math
 from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
-from grasp3d.lengths import Length, LengthSettings, comparable, describe_length
 from grasp3d.settings import SEED_LIMIT, whole_number
+from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
 
 MAX_COPIES = 10_000
 

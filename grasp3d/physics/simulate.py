@@ -8,9 +8,8 @@ import numpy as np
 from grasp3d.arrays import Floats, angles_between, locked, unit_rows
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.errors import SettingError
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reaching import metres_per_unit
-from grasp3d.lengths import METRES
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reaching import metres_per_unit
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.noise_fields import noise_stream
 from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_points
@@ -23,6 +22,7 @@ from grasp3d.physics.scene import SimulatedObject
 from grasp3d.physics.simulation import Simulation
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, with_fingers
+from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import Label
 from grasp3d.system.counts import counted
 from grasp3d.system.progress import Progress, ignore
@@ -155,7 +155,7 @@ def _within(sampling: Sampling, mesh: ObjectMesh, gripper: ParallelGripper | Non
         raise SettingError("simulated tips close from outside; grip must be squeeze")
     if gripper is None:
         return given
-    from grasp3d.gripper.reaching import Reaching
+    from grasp3d.hand.reaching import Reaching
 
     return Reaching(gripper).within_stroke(mesh, given)
 

@@ -11,7 +11,6 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Floats, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.lengths import METRES
 from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.drawing import DrawnGrasps
 from grasp3d.physics.pulling import Fate, Outcome
@@ -20,6 +19,7 @@ from grasp3d.physics.success import SuccessRate, rates_by, success_rate
 from grasp3d.physics.table_columns import contact_columns, label_columns, outcome_columns
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import Label
 
 if TYPE_CHECKING:

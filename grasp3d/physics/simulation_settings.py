@@ -5,9 +5,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.lengths import Length, LengthSettings, comparable, describe_length
-from grasp3d.quantities import MASSES, Quantity
 from grasp3d.settings import DEGREE, SEED_LIMIT, Radians, check_choice, whole_number
+from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
+from grasp3d.settings.quantities import MASSES, Quantity
 
 Pulled = Literal["line", "center_of_mass"]
 MAX_GRASPS = 100_000

@@ -5,9 +5,9 @@ import math
 import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints, unit_rows
-from grasp3d.gripper.shapes import COLORS, Part, gripper_triangles
-from grasp3d.lengths import METRES
+from grasp3d.hand.shapes import COLORS, Part, gripper_triangles
 from grasp3d.rendering import Finger, View, picture
+from grasp3d.settings.lengths import METRES
 from grasp3d.validating.disagreements import Disagreement
 
 PIXELS = (420, 360)

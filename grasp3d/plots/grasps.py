@@ -10,13 +10,13 @@ from matplotlib.figure import Figure
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.closed_grasps import UNKNOWN
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.gripper.shapes import Triangles, gripper_triangles
-from grasp3d.lengths import METRES
+from grasp3d.hand.shapes import Triangles, gripper_triangles
 from grasp3d.model_text import model_line
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import PAGE, as_text, label_patches, new_figure, styled
 from grasp3d.plots.views import views_of, views_of_gripper
 from grasp3d.rendering import Finger, View, extent_of, span_of
+from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.labels import SurfaceLabels

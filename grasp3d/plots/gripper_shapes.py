@@ -7,10 +7,10 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import ArrayLike
-from grasp3d.gripper import shapes
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.shapes import Triangles
-from grasp3d.lengths import Unit
+from grasp3d.hand import shapes
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.shapes import Triangles
+from grasp3d.settings.lengths import Unit
 
 
 def gripper_shape(
@@ -30,7 +30,7 @@ def gripper_shape(
 
     Example:
         >>> import numpy as np
-        >>> from grasp3d.gripper.presets import preset
+        >>> from grasp3d.hand.presets import preset
         >>> from grasp3d.plots.gripper_shapes import gripper_shape
         >>> shape = gripper_shape(preset("franka"), np.eye(4), 40.0, "mm")
         >>> sorted(shape.cell_data)

@@ -6,8 +6,8 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import MeshError
-from grasp3d.lengths import Unit
 from grasp3d.reading.sources import check_finite
+from grasp3d.settings.lengths import Unit
 
 if TYPE_CHECKING:
     import trimesh

@@ -9,7 +9,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, short_repr
 from grasp3d.errors import MeshError
-from grasp3d.lengths import Unit
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.names import printable
 
 DIRECT_FORMATS = ("stl", "ply", "obj", "off")

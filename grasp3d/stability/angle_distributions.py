@@ -19,9 +19,9 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel
+from grasp3d.settings.uncertainty import check_location_error
 from grasp3d.stability.round_shapes import critical_angle_below, location_ratio, worst_angle
 from grasp3d.stability.thresholds import unstable_from
-from grasp3d.uncertainty import check_location_error
 
 FRACTION_ROUNDING = 1e-12
 """Fraction of a surface that rounding errors may amount to."""

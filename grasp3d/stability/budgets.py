@@ -7,7 +7,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.budget import MarginBudget
 from grasp3d.settings import GraspModel
-from grasp3d.uncertainty import Uncertainty, parse_fingers
+from grasp3d.settings.uncertainty import Uncertainty, parse_fingers
 
 
 def margin_budget(

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 from grasp3d.costs import check_cost
 from grasp3d.errors import SettingError
-from grasp3d.gripper.approach import Approach
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reaching import Reaching, metres_per_unit
-from grasp3d.gripper.table import Table
+from grasp3d.hand.approach import Approach
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reaching import Reaching, metres_per_unit
+from grasp3d.hand.table import Table
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, locked
 from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.gripper.reach import Reach
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.hand.reach import Reach
+from grasp3d.hand.reaching import Reaching
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
@@ -22,6 +22,7 @@ from grasp3d.model_text import model_line
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, check_choice, search_cone
+from grasp3d.settings.uncertainty import Uncertainty, friction_interval, parse_fingers
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.sampled_normals import WorstAndBest
@@ -35,7 +36,6 @@ from grasp3d.surface.labelled_grasps import LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.vertex_grasps import VertexGrasps
 from grasp3d.surface.vertex_hulls import vertex_angles, vertex_epsilons, vertex_labels
-from grasp3d.uncertainty import Uncertainty, friction_interval, parse_fingers
 
 Quantity = Literal["nominal", "minimum", "maximum"]
 

@@ -5,7 +5,7 @@ from dataclasses import fields, replace
 import numpy as np
 
 from grasp3d.arrays import Bools, Bytes, Floats, locked
-from grasp3d.gripper.reach import Reach
+from grasp3d.hand.reach import Reach
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel
 from grasp3d.surface.vertex_grasps import Reason, VertexGrasps

@@ -6,8 +6,8 @@ from functools import partial
 import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints
-from grasp3d.gripper.reach import Reach, reach_grasps
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.hand.reach import Reach, reach_grasps
+from grasp3d.hand.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, Sampling, search_cone

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from grasp3d._kernels import antipodal_candidates
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr
-from grasp3d.gripper.reach import Reach
+from grasp3d.hand.reach import Reach
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel

@@ -9,9 +9,9 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.lengths import Unit, describe_length, length_in_unit, parse_length
 from grasp3d.settings import GraspModel
-from grasp3d.uncertainty import check_normal_error, check_resolution
+from grasp3d.settings.lengths import Unit, describe_length, length_in_unit, parse_length
+from grasp3d.settings.uncertainty import check_normal_error, check_resolution
 
 AxisName = Literal[
     "friction", "friction_error", "normal_error", "location_error", "sensor_resolution"

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
-from grasp3d.lengths import Unit
+from grasp3d.settings.lengths import Unit
 from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Mode
 from grasp3d.sweeps.axes import COLUMN, NAMES, AxisName, AxisValues

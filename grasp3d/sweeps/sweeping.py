@@ -7,8 +7,8 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.lengths import Unit
 from grasp3d.settings import check_choice
+from grasp3d.settings.lengths import Unit
 from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Mode
 from grasp3d.sweeps.axes import NAMES, AxisName, AxisValues, axis_values

@@ -11,11 +11,11 @@ from grasp3d.errors import ContactError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.closed_jaws import MEANING as CLOSINGS
-from grasp3d.gripper.closed_jaws import Closing
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reach_settings import ObjectMotion, ReachSettings
-from grasp3d.gripper.reaching import Reaching, metres_per_unit
+from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
+from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach_settings import ObjectMotion, ReachSettings
+from grasp3d.hand.reaching import Reaching, metres_per_unit
 from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions
 from grasp3d.system.progress import Progress, within

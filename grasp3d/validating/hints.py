@@ -3,9 +3,9 @@
 import math
 from collections.abc import Mapping
 
-from grasp3d.gripper.closed_jaws import MEANING as CLOSINGS
-from grasp3d.gripper.closed_jaws import Closing
-from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
+from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.settings import GraspModel
 
 SMALL_AREA = 0.05

@@ -11,7 +11,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, angles_between
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.lengths import METRES
+from grasp3d.settings.lengths import METRES
 
 Better = Literal["larger", "smaller"]
 Quantity = Literal["angle", "length", "area", "force", "number"]

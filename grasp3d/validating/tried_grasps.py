@@ -10,8 +10,8 @@ from grasp3d.arrays import Ints, short_repr
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.presets import ALIASES, PRESETS, preset
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.presets import ALIASES, PRESETS, preset
 from grasp3d.mesh import MeshSource
 from grasp3d.validating.mesh_lookup import MeshFolder
 

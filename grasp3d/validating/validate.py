@@ -5,8 +5,8 @@ from pathlib import Path
 
 from grasp3d.errors import SettingError
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reach_settings import ObjectMotion, ReachSettings
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach_settings import ObjectMotion, ReachSettings
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource
 from grasp3d.settings import GraspModel, MeshOptions

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, short_repr
-from grasp3d.gripper.closed_jaws import Closing
+from grasp3d.hand.closed_jaws import Closing
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.system.names import as_unicode

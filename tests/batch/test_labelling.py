@@ -19,7 +19,7 @@ from grasp3d.batch.plan import Job
 from grasp3d.batch.row import TIMINGS, Outcome, Row
 from grasp3d.errors import SettingError
 from grasp3d.grasps import verdict_of
-from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.isolation import NeedsMemory
 from grasp3d.storage import Folder
 from grasp3d.surface.labels import SurfaceLabels

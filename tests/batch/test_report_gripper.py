@@ -17,7 +17,7 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, write_report
 from grasp3d.batch.report.gripper_data import drawn_openings, gripper_data
 from grasp3d.batch.row import Row
-from grasp3d.gripper.shapes import Part, gripper_triangles
+from grasp3d.hand.shapes import Part, gripper_triangles
 from tests.batch.test_report_page import BROWSER, OPTIONS
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, best_grasps_of, held_box, with_reach

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import trimesh
 
-from grasp3d.gripper.gripper_files import write_gripper
+from grasp3d.hand.gripper_files import write_gripper
 from tests.helpers import shapes
 from tests.helpers.commands import run_here
 from tests.helpers.grippers import HAND

@@ -11,7 +11,7 @@ import trimesh
 import grasp3d
 from grasp3d.contact import EllipsoidTip, FingerDesign, GraspSamples, JointEncoders
 from grasp3d.contact.sensor import Sensor
-from grasp3d.uncertainty import Uncertainty
+from grasp3d.settings.uncertainty import Uncertainty
 from tests.cli.test_design import design, facts, printed
 
 FINGER = (

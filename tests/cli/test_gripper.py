@@ -7,9 +7,9 @@ from pathlib import Path
 
 import pytest
 
-from grasp3d.gripper.gripper_files import read_gripper
-from grasp3d.gripper.presets import PRESETS, preset
-from tests.gripper.test_robot_descriptions import mjcf, urdf
+from grasp3d.hand.gripper_files import read_gripper
+from grasp3d.hand.presets import PRESETS, preset
+from tests.hand.test_robot_descriptions import mjcf, urdf
 from tests.helpers.commands import run_here as grasp3d
 
 

@@ -11,8 +11,8 @@ import trimesh
 
 from grasp3d import Sampling, Table, label_surface, load_mesh
 from grasp3d.grasps.pose_files import holds_poses, read_poses
-from grasp3d.gripper.gripper_files import write_gripper
-from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.hand.gripper_files import write_gripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.rendering import can_render
 from tests.helpers import shapes
 from tests.helpers.commands import run_here

@@ -10,7 +10,7 @@ import grasp3d
 from grasp3d.contact import FingerDesign, GraspSamples, JointEncoders, MarginBudget
 from grasp3d.contact.budget import PARTS
 from grasp3d.errors import SettingError
-from grasp3d.uncertainty import Uncertainty
+from grasp3d.settings.uncertainty import Uncertainty
 
 SENSOR = grasp3d.Sensor(receptive_field=4.0, fingertip_radius=10.0)
 JOINTS = JointEncoders(4096, (60.0, 30.0))

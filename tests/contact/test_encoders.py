@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d.contact import JointEncoders
 from grasp3d.errors import SettingError
-from grasp3d.uncertainty import Uncertainty
+from grasp3d.settings.uncertainty import Uncertainty
 
 counts = st.floats(20.0, 1e6)
 lengths = st.lists(st.floats(0.0, 100.0), min_size=1, max_size=5)

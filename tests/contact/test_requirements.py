@@ -10,8 +10,8 @@ from hypothesis import strategies as st
 import grasp3d
 from grasp3d.contact import CylinderTip, EllipsoidTip, FingerDesign, GraspSamples, JointEncoders
 from grasp3d.errors import SettingError
+from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.stability import margin_budget
-from grasp3d.uncertainty import Uncertainty
 
 SENSOR = grasp3d.Sensor(receptive_field=2.0, fingertip_radius=10.0)
 JOINTS = JointEncoders(4096, (60.0, 30.0))

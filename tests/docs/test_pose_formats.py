@@ -19,7 +19,7 @@ from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.pose_files import SUFFIXES, write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.surface_poses import poses_of
-from grasp3d.gripper.closed_jaws import Closing
+from grasp3d.hand.closed_jaws import Closing
 from grasp3d.settings import PoseFormat
 from tests.docs.test_formats import Names, sections_of, tables_of
 from tests.helpers import shapes

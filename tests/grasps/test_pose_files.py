@@ -19,7 +19,7 @@ from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.pose_files import holds_poses, read_poses, write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.reading import read_contacts
-from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.helpers import shapes
 
 h5py = shapes.reader("h5py")

@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 from grasp3d.errors import ContactError
 from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.lengths import METRES
+from grasp3d.settings.lengths import METRES
 
 
 def random_poses(count: int, seed: int = 0, distance: float = 0.05) -> np.ndarray:

@@ -20,7 +20,7 @@ from grasp3d import (
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.grasps import evaluate_poses, poses_of
 from grasp3d.grasps.pose_files import holds_poses, read_poses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, TIPS
 

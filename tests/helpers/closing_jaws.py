@@ -7,7 +7,7 @@ import trimesh
 from numpy.typing import NDArray
 from scipy.spatial.transform import Rotation
 
-from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
 
 Floats = NDArray[np.float64]
 

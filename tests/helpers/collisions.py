@@ -9,7 +9,7 @@ from collections.abc import Iterator
 import fcl
 import numpy as np
 
-from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
 
 FAR = 4.0
 """Length of swept parts, in object sizes."""

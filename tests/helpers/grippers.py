@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh
-from grasp3d.gripper.parallel_gripper import ParallelGripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
 
 HAND = ParallelGripper(
     name="hand",

@@ -11,11 +11,11 @@ from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.batch.row import BestGrasp
 from grasp3d.grasps.distinct import grasps_of_vertices
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reach import Reach, Reachability
-from grasp3d.gripper.reach_settings import ReachSettings
-from grasp3d.gripper.reaching import Reaching
-from grasp3d.gripper.table import Table
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach import Reach, Reachability
+from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.table import Table
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
 

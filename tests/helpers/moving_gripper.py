@@ -11,10 +11,10 @@ import fcl
 import numpy as np
 
 from grasp3d import ObjectMesh
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reach import Reach
-from grasp3d.gripper.table import Table
-from grasp3d.lengths import METRES
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach import Reach
+from grasp3d.hand.table import Table
+from grasp3d.settings.lengths import METRES
 from tests.helpers.collisions import Oracle
 
 STEPS = 200

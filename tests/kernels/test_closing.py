@@ -8,8 +8,8 @@ import trimesh
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d._kernels import clipping
-from grasp3d.gripper.closed_jaws import ClosedJaws, Closing
-from grasp3d.gripper.closing import close_jaws
+from grasp3d.hand.closed_jaws import ClosedJaws, Closing
+from grasp3d.hand.closing import close_jaws
 from tests.helpers import shapes
 from tests.helpers.closing_jaws import pads, random_poses, sampled_ball, sliced_pad, tips
 

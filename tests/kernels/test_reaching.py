@@ -17,7 +17,7 @@ from grasp3d._kernels.gripper_parts import margin_of, widest_arc
 from grasp3d._kernels.gripper_shape import make_workspace
 from grasp3d._kernels.pose_collisions import winding_number
 from grasp3d._kernels.reaching import tip_fits
-from grasp3d.gripper.scene import normalized_shape
+from grasp3d.hand.scene import normalized_shape
 from tests.helpers import shapes
 from tests.helpers.grippers import TIPS
 

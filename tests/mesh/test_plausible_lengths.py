@@ -6,9 +6,9 @@ import pytest
 
 from grasp3d import Sampling, label_surface, load_mesh
 from grasp3d.errors import SettingError
-from grasp3d.lengths import length_in_unit
 from grasp3d.loads import Load
 from grasp3d.mesh.plausible_lengths import check_lengths, length_warnings, refuse_lengths
+from grasp3d.settings.lengths import length_in_unit
 from tests.helpers import shapes
 
 REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {

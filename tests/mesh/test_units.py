@@ -7,7 +7,6 @@ from hypothesis import strategies as st
 
 from grasp3d import check_mesh, load_mesh
 from grasp3d.diagnosis.mesh_diagnosis import Trust
-from grasp3d.lengths import METRES, Unit
 from grasp3d.mesh.units import (
     PLAUSIBLE,
     USUAL,
@@ -16,6 +15,7 @@ from grasp3d.mesh.units import (
     length_text,
     unit_warning,
 )
+from grasp3d.settings.lengths import METRES, Unit
 from tests.helpers import shapes
 
 EQUALLY, NONE = "these are equally plausible", "no hand holds any of these"

@@ -10,7 +10,7 @@ from grasp3d.contact.budget import PARTS
 from grasp3d.errors import SettingError
 from grasp3d.plots.budgets import COLORS, NEGATIVE, budget_figure
 from grasp3d.plots.formats import save_as
-from grasp3d.uncertainty import Uncertainty
+from grasp3d.settings.uncertainty import Uncertainty
 from tests.helpers.figures import check_texts
 
 SENSOR = grasp3d.Sensor(receptive_field=4.0, fingertip_radius=10.0)

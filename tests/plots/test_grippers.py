@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle, Rectangle
 
-from grasp3d.gripper import shapes
-from grasp3d.gripper.presets import PRESETS, preset
-from grasp3d.gripper.shapes import Part, gripper_triangles
+from grasp3d.hand import shapes
+from grasp3d.hand.presets import PRESETS, preset
+from grasp3d.hand.shapes import Part, gripper_triangles
 from grasp3d.plots.formats import save_as
 from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape
 from grasp3d.plots.grippers import gripper_figure

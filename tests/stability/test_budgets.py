@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import grasp3d
+from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.stability import margin_budget
-from grasp3d.uncertainty import Uncertainty
 
 
 def test_the_margin_is_the_effective_friction_angle_minus_the_located_angle() -> None:

@@ -18,11 +18,11 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.errors import SettingError
-from grasp3d.gripper.approach import Approach
-from grasp3d.gripper.reach import Reachability, reach_grasps
-from grasp3d.gripper.reaching import Reaching
-from grasp3d.lengths import Unit
+from grasp3d.hand.approach import Approach
+from grasp3d.hand.reach import Reachability, reach_grasps
+from grasp3d.hand.reaching import Reaching
 from grasp3d.settings import Grip
+from grasp3d.settings.lengths import Unit
 from grasp3d.surface.vertex_grasps import Reason, grasps_at
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM, TIPS

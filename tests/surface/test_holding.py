@@ -21,10 +21,10 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.errors import SettingError
-from grasp3d.lengths import METRES, Unit
 from grasp3d.loads import Load
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Weight, Wrenches
+from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_forces import surface_holding, tilts_of
 from grasp3d.surface.held_area import force_quantiles, held_fractions, payload_quantiles

@@ -24,8 +24,8 @@ from grasp3d import (
     sweep,
 )
 from grasp3d.errors import SearchCoverageError, SettingError
+from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.surface.vertex_grasps import Reason, grasps_at
-from grasp3d.uncertainty import Uncertainty
 from tests.helpers import shapes
 
 MESHES = Path(__file__).parents[2] / "meshes"

@@ -1,7 +1,7 @@
 import math
 
 from grasp3d import GraspModel, ParallelGripper
-from grasp3d.gripper.closed_jaws import Closing
+from grasp3d.hand.closed_jaws import Closing
 from grasp3d.validating.hints import NONE, failed_hints, held_hints, is_small
 
 FRANKA = ParallelGripper.preset("franka")

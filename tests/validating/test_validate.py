@@ -14,7 +14,7 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.reach_settings import ReachSettings
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.tables import read_columns
 from grasp3d.validating import Validation, ValidationSettings, sentences, write_validation
 from grasp3d.validating.comparison import _resamples

@@ -18,9 +18,9 @@ from hypothesis.extra.numpy import arrays
 from grasp3d import SurfaceLabels, write_fields, write_ply
 from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.gripper.reach import Reach
-from grasp3d.gripper.reach_settings import ReachSettings
-from grasp3d.gripper.reaching import reaching_settings
+from grasp3d.hand.reach import Reach
+from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.hand.reaching import reaching_settings
 from grasp3d.mesh.measures import is_closed
 from grasp3d.rendering import View
 from grasp3d.settings import Sampling

@@ -7,9 +7,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.batch.row import BestGrasp
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.shapes import Part, Triangles, gripper_triangles, table_triangles
-from grasp3d.lengths import METRES, Unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.shapes import Part, Triangles, gripper_triangles, table_triangles
+from grasp3d.settings.lengths import METRES, Unit
 
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels

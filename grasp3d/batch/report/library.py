@@ -10,9 +10,9 @@ import numpy as np
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report.settings_text import describe_settings, summarise_settings
 from grasp3d.batch.row import AreaFractions, Row
-from grasp3d.lengths import METRES, to_metres
 from grasp3d.meanings import SAFE_LABELS
 from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import METRES, to_metres
 
 VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
 """Path of the objects' scripts below the output folder, and their suffix."""

@@ -5,11 +5,11 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.gripper.reach_settings import ReachSettings
-from grasp3d.lengths import describe_length
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
 from grasp3d.model_text import error_texts
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings.lengths import describe_length
 
 
 def describe_settings(settings: BatchSettings) -> list[tuple[str, str]]:

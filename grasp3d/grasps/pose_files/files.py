@@ -14,9 +14,9 @@ from grasp3d.grasps.pose_files.moveit import is_moveit, parse_moveit, write_move
 from grasp3d.grasps.pose_files.own_json import is_own, parse_json, write_json
 from grasp3d.grasps.pose_files.table import are_poses, read_table, write_table
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.lengths import Unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.settings import PoseFormat, check_choice
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import printable, unsupported
 

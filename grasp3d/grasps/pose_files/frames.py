@@ -11,8 +11,8 @@ from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.pose_checks import checked_quaternions
 from grasp3d.grasps.pose_files.documents import numbers
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.lengths import Unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings.lengths import Unit
 
 
 def in_metres(poses: GraspPoses, what: str) -> GraspPoses:

@@ -24,8 +24,8 @@ from grasp3d.grasps.pose_files.frames import (
     needed_gripper,
 )
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.lengths import METRES, Unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.system.files import atomic_write
 
 WHAT = "GraspGen"

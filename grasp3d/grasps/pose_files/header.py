@@ -7,9 +7,9 @@ from typing import Any, get_args
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.pose_files.documents import kind, one_number, text_or_none
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.gripper_files import FORMAT, VERSION, fields_of_gripper
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.lengths import Unit
+from grasp3d.hand.gripper_files import FORMAT, VERSION, fields_of_gripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.versions import package_version
 
 FRAME = (

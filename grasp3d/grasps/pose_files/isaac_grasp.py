@@ -33,8 +33,8 @@ from grasp3d.grasps.pose_files.frames import (
     unequal_names,
 )
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.lengths import METRES, Unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.system.files import atomic_write
 from grasp3d.system.versions import package_version
 

@@ -31,8 +31,8 @@ from grasp3d.grasps.pose_files.frames import (
     tcp_poses,
 )
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.lengths import Unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import atomic_write
 
 WHAT = "moveit_msgs/Grasp"

@@ -24,8 +24,8 @@ from grasp3d.grasps.pose_files.documents import (
 from grasp3d.grasps.pose_files.header import fields_of, header_of
 from grasp3d.grasps.pose_files.outcomes import NAMES, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, VECTOR_COLUMNS, GraspPoses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.lengths import Unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import atomic_write
 
 

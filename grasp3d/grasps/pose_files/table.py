@@ -14,8 +14,8 @@ from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
 from grasp3d.grasps.pose_files.header import fields_of, header_of
 from grasp3d.grasps.pose_files.outcomes import outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.lengths import Unit
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings.lengths import Unit
 
 Columns = Mapping[str, npt.NDArray[Any]]
 

@@ -27,8 +27,8 @@ from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.ray_tracing import Rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, used_indices
-from grasp3d.gripper.reach import Reach
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.hand.reach import Reach
+from grasp3d.hand.reaching import Reaching
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints

@@ -20,9 +20,9 @@ from grasp3d._kernels.gripper_shape import ReachResults, make_workspace, no_resu
 from grasp3d._kernels.ray_tracing import starting_rays
 from grasp3d._kernels.reachable_partners import explain_pairs, keep_reached, search_reachable
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.gripper.reach import Reach, Reachability
-from grasp3d.gripper.reaching import Reaching
-from grasp3d.gripper.scene import Scene
+from grasp3d.hand.reach import Reach, Reachability
+from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints

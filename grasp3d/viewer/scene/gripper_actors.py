@@ -4,12 +4,12 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Floats
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.shapes import ARC_COLOR, TABLE_COLOR, Part, plate_triangles
-from grasp3d.gripper.table import Table
-from grasp3d.lengths import METRES
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.shapes import ARC_COLOR, TABLE_COLOR, Part, plate_triangles
+from grasp3d.hand.table import Table
 from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape, surface_of
 from grasp3d.rendering import AMBIENT
+from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.framing import pixel_ratio
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
 from grasp3d.viewer.subjects.subject import Subject

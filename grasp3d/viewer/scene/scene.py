@@ -9,9 +9,9 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Bytes, Floats
-from grasp3d.lengths import METRES
 from grasp3d.rendering import View
 from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.scene.captions import Captions
 from grasp3d.viewer.scene.contact_numbers import contact_numbers, display_positions
 from grasp3d.viewer.scene.framing import (

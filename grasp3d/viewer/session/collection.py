@@ -12,15 +12,15 @@ import numpy as np
 from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.gripper.reach_settings import ReachSettings
-from grasp3d.gripper.reaching import Reaching, reaching_settings
-from grasp3d.lengths import Unit
+from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.hand.reaching import Reaching, reaching_settings
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh, prepare_file
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.plausible_lengths import check_lengths, refuse_lengths
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
+from grasp3d.settings.lengths import Unit
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface

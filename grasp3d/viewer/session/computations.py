@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.hand.reaching import Reaching
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GraspModel, Sampling, search_cone

@@ -4,7 +4,7 @@ import math
 from dataclasses import dataclass
 from functools import partial
 
-from grasp3d.gripper.reach import Reachability
+from grasp3d.hand.reach import Reachability
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label, Mode
 from grasp3d.surface.vertex_grasps import Reason

@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.gripper.reach import Reachability
+from grasp3d.hand.reach import Reachability
 from grasp3d.meanings import EPSILON_MIN
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.quality.grip_forces import Resistance

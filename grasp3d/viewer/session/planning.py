@@ -6,8 +6,8 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from grasp3d.lengths import METRES
 from grasp3d.settings import GraspModel, Sampling
+from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
     compute_epsilon,

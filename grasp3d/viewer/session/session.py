@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.hand.reaching import Reaching
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.session.background import Finished, Worker

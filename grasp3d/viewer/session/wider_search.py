@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from grasp3d.gripper.reaching import Reaching
+from grasp3d.hand.reaching import Reaching
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels

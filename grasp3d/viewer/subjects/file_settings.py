@@ -11,13 +11,13 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import GraspError
-from grasp3d.gripper.approach import Approach
-from grasp3d.gripper.parallel_gripper import ParallelGripper
-from grasp3d.gripper.reaching import Reaching
-from grasp3d.gripper.table import Table
-from grasp3d.lengths import Length, Position, Unit
+from grasp3d.hand.approach import Approach
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.table import Table
 from grasp3d.loads import Load, load_from
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings.lengths import Length, Position, Unit
 from grasp3d.stability.label import Mode
 from grasp3d.viewer.subjects.forces import LoadNumbers
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, short_repr
-from grasp3d.gripper.reach import Reach
+from grasp3d.hand.reach import Reach
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,9 +6,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.settings import GraspModel
+from grasp3d.settings.uncertainty import parse_fingers
 from grasp3d.stability.located_angles import ContactLimits
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.uncertainty import parse_fingers
 
 PAIR = 2
 

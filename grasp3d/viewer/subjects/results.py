@@ -14,8 +14,8 @@ from grasp3d.batch.folders import MARKER
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.batch.store import read_summary
 from grasp3d.errors import GraspError, MeshError
-from grasp3d.gripper.reach import Reach, Reachability
-from grasp3d.lengths import METRES
+from grasp3d.hand.reach import Reach, Reachability
+from grasp3d.settings.lengths import METRES
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.names import printable
 from grasp3d.tables import read_columns

@@ -11,15 +11,15 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints, first_at_position, locked, short_repr
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
-from grasp3d.gripper.reach import Reach
-from grasp3d.gripper.reaching import Reaching
-from grasp3d.lengths import Unit
+from grasp3d.hand.reach import Reach
+from grasp3d.hand.reaching import Reaching
 from grasp3d.loads import Load
 from grasp3d.mesh.measures import face_areas, is_closed
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.preparing import surface_extent
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, search_cone
+from grasp3d.settings.lengths import Unit
 from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights

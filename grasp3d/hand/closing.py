@@ -1,0 +1,213 @@
+"""Closing the jaws of a gripper on an object: contacts, and the patches that are touched."""
+
+import math
+from concurrent.futures import ThreadPoolExecutor
+from typing import Literal
+
+import numpy as np
+
+from grasp3d._kernels.closing import ClosedOn, close_on
+from grasp3d._kernels.face_tree import face_tree
+from grasp3d._kernels.jaws import ROUNDING, Jaw
+from grasp3d.arrays import ArrayLike, Bools, Floats
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.hand.closed_jaws import ClosedJaws, closed_jaws
+from grasp3d.hand.jaw_shape import jaw_of
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach_settings import ObjectMotion
+from grasp3d.hand.reaching import metres_per_unit
+from grasp3d.mesh import ObjectMesh
+from grasp3d.settings import check_choice
+from grasp3d.settings.lengths import length_in_unit
+from grasp3d.system.processors import available_processors
+from grasp3d.system.progress import Progress, ignore
+
+Moving = Literal["both", "one"]
+"""Which jaws move: each until it touches, or finger 2 toward finger 1, which stays."""
+
+FIXED = -1.0
+"""Friction with which the kernels keep the object where it is."""
+
+CHUNK = 256
+"""Poses that one thread computes at a time."""
+
+
+def close_jaws(
+    mesh: ObjectMesh,
+    poses: ArrayLike,
+    gripper: ParallelGripper,
+    *,
+    opening: ArrayLike | str | None = None,
+    object_motion: ObjectMotion = "fixed",
+    friction: float = 0.5,
+    moving: Moving = "both",
+    threads: int | None = None,
+    progress: Progress | None = None,
+) -> ClosedJaws:
+    """Close the jaws of a gripper on an object.
+
+    Each jaw is moved along the closing axis until it touches. Flat pads are rectangles, or the
+    `inner_faces` of the gripper; of the faces that face a pad, the parts within it count, exactly.
+    Round tips are balls. What a jaw touches is the surface within the gripper's compliance beyond
+    the first touch: the patch. The contact is the patch's centroid, its normal the mean of the
+    interpolated normals there.
+
+    A free object gives way before that: squeezed by the jaws it turns about y and z and shifts
+    along them until friction holds it, without friction until no small motion closes the jaws at a
+    finite rate: one that is held exactly by its longest axis stays. The motion is quasi-static,
+    without inertia and weight. At rest the forces of both jaws are on one
+    line, so that the contacts are the centres of pressure (`centres_of_pressure`). Normals are then
+    means over what is opposite the pad within a third of its smaller side: that slope decides where
+    the object goes when it rolls or slips a little.
+
+    On a flat pad both are weighted by the area on the pad: each part of it presses along the
+    closing axis by about the same amount, whatever slope is below it, so steep faces bear little
+    and those parallel to the axis nothing. On a round tip they are weighted by the surface's area.
+
+    Args:
+        mesh: The object, whose unit is known.
+        poses: Matrices that take coordinates of the gripper's frame to the mesh's, translations in
+            the mesh's unit, shape (k, 4, 4), or (4, 4) for one.
+        gripper: The gripper.
+        opening: Opening at the start, in the mesh's unit or with a unit, one or (k,); None: the
+            stroke.
+        object_motion: free: the object gives way; fixed: it does not move.
+        friction: Coulomb coefficient between the jaws and a free object; at least 0.
+        moving: both: each jaw moves until it touches, as the hand or the object gives way; one:
+            finger 2 moves, finger 1 stays at the start, where it touches only what is there; the
+            object must be fixed.
+        threads: Threads to use; None: one per processor. The result does not depend on it.
+        progress: Called with the fraction of the work done, from 0 to 1.
+
+    Raises:
+        SettingError: The unit of the mesh is not known, or a setting is outside its range.
+        ContactError: Poses of another shape, or values that are not finite.
+
+    Example:
+        >>> import numpy as np
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.hand.closed_jaws import Closing
+        >>> from grasp3d.hand.closing import close_jaws
+        >>> from grasp3d.hand.parallel_gripper import ParallelGripper
+        >>> gripper = ParallelGripper(
+        ...     name="small", max_opening=0.08, pad_width=0.02, pad_height=0.01,
+        ...     finger_thickness=0.01, finger_width=0.02, finger_length=0.05,
+        ...     palm_thickness=0.1, palm_width=0.05, palm_length=0.05,
+        ... )
+        >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.05, 0.03]), unit="m")
+        >>> found = close_jaws(box, np.eye(4), gripper)
+        >>> Closing(found.state[0]).name, found.opening.round(6).tolist()
+        ('CLOSED', [0.06])
+        >>> found.normals[0, :, 0].round(6).tolist(), (1e6 * found.area).round(3).tolist()
+        ([1.0, -1.0], [[200.0, 200.0]])
+    """
+    check_choice("moving", moving, Moving)
+    check_choice("object_motion", object_motion, ObjectMotion)
+    free = object_motion == "free"
+    if free and moving == "one":
+        raise SettingError("moving='one' needs object_motion='fixed': a free object gives way")
+    if not 0.0 <= friction < math.inf:
+        raise SettingError(f"friction must be a finite number of at least 0; got {friction:g}")
+    scale = 1.0 / (metres_per_unit(mesh) * mesh.size)  # from metres
+    matrices = _normalized(mesh, poses)
+    start = _openings(mesh, opening, gripper, len(matrices))
+    jaw = jaw_of(gripper, scale)
+    found = _empty(len(matrices))
+    used = friction if free else FIXED
+    _run(mesh, matrices, start, used, jaw, found, threads, progress or ignore)
+    return closed_jaws(
+        mesh,
+        found,
+        matrices,
+        jaw,
+        least=gripper.min_opening * scale,
+        at_rest=_at_rest(found, start, jaw) if moving == "one" else None,
+        free=free,
+    )
+
+
+def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:
+    """Poses to the normalised frame as rotation and translation, shape (k, 3, 4)."""
+    try:
+        matrices = np.array(poses, dtype=np.float64)
+    except (TypeError, ValueError) as error:
+        raise ContactError(f"poses must be 4x4 matrices of numbers: {error}") from error
+    if matrices.ndim == 2:
+        matrices = matrices[None]
+    if matrices.ndim != 3 or matrices.shape[1:] != (4, 4):
+        raise ContactError(f"poses must be 4x4 matrices, shape (k, 4, 4); got {np.shape(poses)}")
+    bad = np.flatnonzero(~np.isfinite(matrices).all(axis=(1, 2)))
+    if len(bad):
+        raise ContactError(f"pose {bad[0] + 1} has numbers that are not finite")
+    matrices[:, :3, 3] = (matrices[:, :3, 3] - mesh.center) / mesh.size
+    return np.ascontiguousarray(matrices[:, :3])
+
+
+def _openings(
+    mesh: ObjectMesh, opening: ArrayLike | str | None, gripper: ParallelGripper, count: int
+) -> Floats:
+    """Openings at the start [object sizes], shape (k,)."""
+    stroke = gripper.max_opening / metres_per_unit(mesh)
+    if isinstance(opening, str):
+        opening = length_in_unit("opening", opening, mesh.unit)
+    try:
+        given = np.asarray(stroke if opening is None else opening, dtype=np.float64)
+        start = np.array(np.broadcast_to(given, (count,)))
+    except (TypeError, ValueError) as error:
+        raise SettingError(
+            f"opening must be one length or one for each of the {count} poses; got {opening!r}"
+        ) from error
+    # Openings of files are rounded.
+    bad = np.flatnonzero(~((start >= 0.0) & (start <= stroke * (1.0 + 1e-6))))
+    if len(bad):
+        raise SettingError(
+            f"pose {bad[0] + 1}: opening must be from 0 to the stroke of gripper "
+            f"{gripper.name!r}, {stroke:.4g} {mesh.unit}; got {start[bad[0]]:.4g}"
+        )
+    return np.asarray(start / mesh.size)
+
+
+def _empty(count: int) -> ClosedOn:
+    return ClosedOn(
+        poses=np.empty((count, 3, 4)),
+        outcome=np.zeros((count, 2), dtype=np.int64),
+        position=np.full((count, 2), math.nan),
+        points=np.full((count, 2, 3), math.nan),
+        normals=np.full((count, 2, 3), math.nan),
+        area=np.zeros((count, 2)),
+        bounds=np.zeros((count, 2, 4)),
+    )
+
+
+def _run(
+    mesh: ObjectMesh,
+    matrices: Floats,
+    start: Floats,
+    friction: float,
+    jaw: Jaw,
+    found: ClosedOn,
+    threads: int | None,
+    progress: Progress,
+) -> None:
+    """Close the jaws from every pose, in chunks; `found` is written."""
+    threads = available_processors() if threads is None else threads
+    if threads < 1:
+        raise SettingError(f"threads must be at least 1; got {threads}")
+    surface = mesh.contact_surface
+    tree = face_tree(surface)
+    firsts = range(0, len(matrices), CHUNK)
+
+    def work(first: int) -> None:
+        last = min(first + CHUNK, len(matrices))
+        close_on(surface, tree, matrices, start, friction, jaw, first, last, found)
+
+    with ThreadPoolExecutor(threads) as executor:
+        for done, _ in enumerate(executor.map(work, firsts), start=1):
+            progress(done / len(firsts))
+
+
+def _at_rest(found: ClosedOn, start: Floats, jaw: Jaw) -> Bools:
+    """Finger 1 where it would touch only if it moved, shape (k, 2)."""
+    ahead = found.position[:, 0] + 0.5 * start > jaw.compliance + ROUNDING
+    return np.stack([ahead, np.zeros_like(ahead)], axis=1)

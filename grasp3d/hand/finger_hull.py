@@ -1,0 +1,208 @@
+"""Faces of a finger that the other finger sees, from its geometry.
+
+A jaw that moves along the closing axis touches with these. Each piece of the geometry, a closed
+surface that is connected, counts as its convex hull, as in physics engines: hollows of a piece are
+filled, those between pieces are not. Geometry that is not closed is one piece.
+
+A hull is the intersection of half-spaces. Those that bound it most are used, until the shape that
+they bound is nowhere more than `TOLERANCE` outside the hull; this merges coplanar triangles, and
+fillets become a few faces. Where pieces are in front of each other, the front one is kept.
+
+Everything is in the gripper's frame, of finger 1: the other finger is at larger x.
+"""
+
+import math
+from collections.abc import Iterator, Sequence
+from itertools import islice
+from typing import NamedTuple
+
+import numpy as np
+import trimesh
+from scipy.spatial import ConvexHull, QhullError
+
+from grasp3d.arrays import Floats
+from grasp3d.hand.convex_polygons import clipped, common, rectangle, width, without
+
+TOLERANCE = 2e-4
+"""Largest distance of the faces from the hull [m]; parts that are narrower are left out. Collision
+meshes are hardly more exact, and pads give way by more."""
+
+STEEP = math.radians(3.0)
+"""Angle to the closing axis up to which faces are sides of the finger, as moulded parts with their
+draft have them. Nothing is held there: the friction would have to be 1 / tan(3 degrees) = 19."""
+
+MOST_FACES = 64
+"""Most faces of a finger: the time to close jaws is proportional to them. A hull with more of them
+is approximated more coarsely; pieces that have more of them together count as one."""
+
+EDGE_ON = 1e-6
+"""Largest x of the unit normal of a face that counts as parallel to the closing axis."""
+
+SAME_PLANE = 1e-6
+"""Distance along x below which pieces are equally far in front [m]."""
+
+SAME_POINT = 6
+"""Decimals [m] in which corners of connected triangles agree."""
+
+SLIVER = 5e-5
+"""Width up to which parts of faces are left out that are in front of or behind others [m]."""
+
+
+class Face(NamedTuple):
+    """A convex face at x = a + b y + c z."""
+
+    plane: Floats
+    """a [m], b and c (3,)."""
+    outline: Floats
+    """Corners (y, z), counterclockwise [m] (n, 2)."""
+
+    def x(self, points: Floats) -> Floats:
+        """Position of its plane along x at points (y, z) (n, 2), shape (n,)."""
+        return np.asarray(self.plane[0] + points @ self.plane[1:])
+
+    @property
+    def corners(self) -> Floats:
+        """Corners (x, y, z) (n, 3)."""
+        return np.column_stack([self.x(self.outline), self.outline])
+
+    @property
+    def angle(self) -> float:
+        """Angle to the closing axis [rad], 0 to pi / 2."""
+        return math.atan2(1.0, math.hypot(*self.plane[1:]))
+
+
+def finger_faces(
+    triangles: Floats, *, front: float = -math.inf, tolerance: float = TOLERANCE
+) -> list[Face]:
+    """Faces of a finger that the other finger sees.
+
+    Args:
+        triangles: Corners of its geometry [m], shape (n, 3, 3).
+        front: Position along z of the front of the palm; what is behind it is left out [m].
+        tolerance: Largest distance of the faces from the hulls of its pieces [m].
+
+    Returns:
+        At most 64 faces, which do not overlap seen along x; none where the geometry has no volume.
+
+    Example:
+        >>> import trimesh
+        >>> from grasp3d.hand.finger_hull import finger_faces
+        >>> box = trimesh.creation.box(bounds=[[-0.01, -0.005, -0.03], [0.0, 0.005, 0.01]])
+        >>> (face,) = finger_faces(box.triangles)
+        >>> face.plane.round(9).tolist(), face.outline.round(9).tolist()[::2]
+        ([0.0, 0.0, 0.0], [[-0.005, -0.03], [0.005, 0.01]])
+    """
+    for pieces in (_pieces(triangles), [triangles]):
+        found = list(islice(_faces_of(pieces, front, tolerance), MOST_FACES + 1))
+        if len(found) <= MOST_FACES:
+            break
+    return found
+
+
+def _faces_of(pieces: Sequence[Floats], front: float, tolerance: float) -> Iterator[Face]:
+    """Faces of pieces that count as their hulls, but for sides and slivers."""
+    hulls = [hull_faces(points_beyond(piece, front), tolerance=tolerance) for piece in pieces]
+    for number, faces in enumerate(hulls):
+        for face in faces:
+            for part in _seen(face, hulls[:number], hulls[number + 1 :]):
+                if width(part.outline) > tolerance and part.angle > STEEP:
+                    yield part
+
+
+def points_beyond(triangles: Floats, front: float) -> Floats:
+    """Points whose hull is that of the triangles' parts from a plane at z on, shape (n, 3)."""
+    starts = np.asarray(triangles).reshape(-1, 3)
+    ends = np.roll(triangles, -1, axis=1).reshape(-1, 3)
+    below = starts[:, 2] < front
+    crossing = below != (ends[:, 2] < front)
+    one, two = starts[crossing], ends[crossing]
+    cut = one + (two - one) * ((front - one[:, 2:]) / (two - one)[:, 2:] if len(one) else 0.0)
+    return np.concatenate([starts[~below], cut])
+
+
+def hull_faces(points: Floats, *, tolerance: float = TOLERANCE) -> list[Face]:
+    """Faces toward larger x of the convex hull of points (n, 3), those that are steep as well.
+
+    They cover the hull seen along x, are nowhere behind it and at most `tolerance` in front of it,
+    or more if there are `MOST_FACES` of them.
+    """
+    rows = _half_spaces(points)
+    if rows is None:
+        return []
+    low, high = points.min(axis=0), points.max(axis=0)
+    outline = rectangle(low[1:], high[1:])
+    faces = [Face(np.array([high[0], 0.0, 0.0]), outline)]
+    while len(rows) and len(faces) < MOST_FACES:
+        corners = np.concatenate([face.corners for face in faces])
+        outside = (corners @ rows[:, :3].T + rows[:, 3]).max(axis=0)
+        worst = int(outside.argmax())
+        if outside[worst] <= tolerance:
+            break
+        row, bounding = rows[worst], outside > tolerance  # the others never will be
+        bounding[worst] = False
+        rows = rows[bounding]
+        if row[0] == 0.0:
+            outline = clipped(outline, outline @ row[1:3] + row[3])
+            faces = [
+                Face(f.plane, clipped(f.outline, f.outline @ row[1:3] + row[3])) for f in faces
+            ]
+        else:
+            faces = _cut_by(Face(-row[[3, 1, 2]] / row[0], outline), faces)
+        faces = [face for face in faces if len(face.outline) > 2]
+    return faces
+
+
+def _half_spaces(points: Floats) -> Floats | None:
+    """Half-spaces nx x + ny y + nz z + d <= 0 around points, of those with nx >= 0 (m, 4).
+
+    Where faces at the back meet those at the front, half-spaces with nx = 0 bound the hull seen
+    along x. None: the points have no volume.
+    """
+    if len(points) < 4:
+        return None
+    try:
+        whole, seen = ConvexHull(points), ConvexHull(points[:, 1:])
+    except QhullError:  # flat
+        return None
+    front = whole.equations[whole.equations[:, 0] > EDGE_ON]
+    sides = np.column_stack([np.zeros(len(seen.equations)), seen.equations])
+    return np.concatenate([front, sides])
+
+
+def _cut_by(new: Face, faces: Sequence[Face]) -> list[Face]:
+    """The faces where they are not in front of a new one, and the new one where it is rearmost."""
+    outline, kept = new.outline, []
+    for face in faces:
+        outline = clipped(outline, new.x(outline) - face.x(outline))
+        kept.append(
+            Face(face.plane, clipped(face.outline, face.x(face.outline) - new.x(face.outline)))
+        )
+    return [*kept, Face(new.plane, outline)]
+
+
+def _pieces(triangles: Floats) -> list[Floats]:
+    """Triangles (n, 3, 3) of each closed, connected surface; of all where some are not closed."""
+    solid = trimesh.Trimesh(
+        triangles.reshape(-1, 3), np.arange(3 * len(triangles)).reshape(-1, 3), process=False
+    )
+    solid.merge_vertices(digits_vertex=SAME_POINT)
+    pieces = solid.split(only_watertight=False, repair=False)
+    if not all(piece.is_watertight for piece in pieces):
+        return [triangles]
+    return [np.asarray(piece.triangles) for piece in pieces]
+
+
+def _seen(
+    face: Face, earlier: Sequence[Sequence[Face]], later: Sequence[Sequence[Face]]
+) -> list[Face]:
+    """Convex parts of a face that no other piece is in front of.
+
+    Of pieces that are equally far in front the earlier one is kept.
+    """
+    parts = [face.outline]
+    for pieces, gap in ((earlier, -SAME_PLANE), (later, SAME_PLANE)):
+        for other in (other for piece in pieces for other in piece):
+            hidden = common(face.outline, other.outline)
+            hidden = clipped(hidden, face.x(hidden) - other.x(hidden) + gap)
+            parts = [rest for part in parts for rest in without(part, hidden, SLIVER)]
+    return [Face(face.plane, part) for part in parts]

@@ -1,0 +1,81 @@
+"""Settings of the command line and of batches: the gripper, and what the object stands on."""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Literal
+
+from grasp3d.errors import SettingError
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.settings import GraspModel, Radians, check_choice, whole_number
+
+Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
+Standing = Literal["none", "as-is", "stable"]
+ObjectMotion = Literal["free", "fixed"]
+"""Whether an object gives way to closing jaws."""
+
+MIN_ANGLES, MAX_ANGLES = 8, 64
+
+
+@dataclass(frozen=True)
+class ReachSettings:
+    """The gripper that must reach each grasp, and what the object stands on.
+
+    Attributes:
+        gripper: Name of a preset, or a JSON file (which grasp3d gripper makes of a URDF or MuJoCo
+            model), of the gripper that must reach each grasp: fingers and palm touch neither the
+            object nor the table on a straight approach. none: ideal point contacts.
+        table: What the object stands on. none: nothing; as-is: a table below its lowest points;
+            stable: a table in a stable resting pose, see resting_pose.
+        up: Axis of the mesh's frame that points up. Table stable has an up of its own.
+        resting_pose: Table stable: which of the resting poses; 1: the most probable one.
+        approach_within: Largest angle between the approach direction and straight down, above 0, up
+            to 180 degrees; with a table at most 90: never from below.
+        approach_angles: Approach angles about the closing axis that are tested, 8 to 64.
+    """
+
+    gripper: ParallelGripper | None = None
+    table: Standing = "none"
+    up: Axis = "z"
+    resting_pose: int = 1
+    approach_within: Radians = math.pi
+    approach_angles: int = 32
+
+    def __post_init__(self) -> None:
+        check_choice("table", self.table, Standing)
+        check_choice("axis", self.up, Axis)
+        whole_number("resting pose", self.resting_pose, 1)
+        check_approach(self.approach_within, self.approach_angles)
+        changed = [one.name for one in fields(self) if getattr(self, one.name) != one.default]
+        if self.gripper is None and changed:
+            raise SettingError(f"{changed[0]} applies to grippers only; give a gripper as well")
+        if self.table != "stable" and "resting_pose" in changed:
+            raise SettingError("resting_pose applies to table stable only")
+        if self.table == "stable" and "up" in changed:
+            raise SettingError("up does not apply to table stable, whose resting pose says it")
+
+    def touching(self, model: GraspModel) -> GraspModel:
+        """The model with the gripper's sensor resolution, where it has the default one itself."""
+        if self.gripper is None or model.sensor_resolution != GraspModel().sensor_resolution:
+            return model
+        return self.gripper.touching(model)
+
+
+def check_approach(within: float, angles: int) -> None:
+    """Refuse limits of the approach that are outside their range.
+
+    Args:
+        within: Largest angle from the preferred direction [rad].
+        angles: Number of angles that are tested.
+
+    Raises:
+        SettingError: A value is outside its range.
+    """
+    if not 0.0 < within <= math.pi:
+        raise SettingError(
+            "approach_within must be above 0 and at most 180 degrees; "
+            f"got {math.degrees(within):g} degrees"
+        )
+    if not MIN_ANGLES <= whole_number("approach_angles", angles, 0) <= MAX_ANGLES:
+        raise SettingError(
+            f"approach_angles must be from {MIN_ANGLES} to {MAX_ANGLES}; got {angles}"
+        )

@@ -1,0 +1,93 @@
+"""The plane that an object stands on, which a gripper must not enter."""
+
+import math
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Self
+
+import numpy as np
+
+from grasp3d.arrays import ArrayLike, Floats, locked
+from grasp3d.errors import SettingError
+from grasp3d.hand.reach_settings import Axis
+from grasp3d.settings import check_choice
+
+if TYPE_CHECKING:
+    from grasp3d.mesh import ObjectMesh
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """A half-space in the frame of the mesh: the points p with normal . p < offset."""
+
+    normal: Floats
+    """Unit vector that points up, out of the table, shape (3,)."""
+    offset: float
+    """Height of the table's surface along the normal, in the mesh's unit."""
+    probability: float | None = None
+    """Probability that the object, dropped, comes to rest like this; None: not computed."""
+
+    def __post_init__(self) -> None:
+        normal = np.asarray(self.normal, dtype=np.float64)
+        length = float(np.linalg.norm(normal)) if normal.shape == (3,) else math.nan
+        if not (math.isfinite(length) and length > 0.0):
+            raise SettingError(f"a table's normal must be three finite numbers; got {self.normal}")
+        if not math.isfinite(self.offset):
+            raise SettingError(f"a table's offset must be a finite length; got {self.offset:g}")
+        object.__setattr__(self, "normal", locked(normal / length))
+        object.__setattr__(self, "offset", float(self.offset))
+
+    @classmethod
+    def below(cls, mesh: "ObjectMesh", up: Axis | ArrayLike = "z") -> Self:
+        """The table below an object that stands as it is, on its lowest points.
+
+        Args:
+            mesh: The object.
+            up: Direction that points up: an axis of the mesh's frame, or three numbers.
+        """
+        normal = axis_vector(up) if isinstance(up, str) else np.asarray(up, dtype=np.float64)
+        table = cls(normal, 0.0)
+        heights = mesh.vertices[mesh.on_surface] @ table.normal
+        return cls(table.normal, float(heights.min()))
+
+    @classmethod
+    def resting(cls, mesh: "ObjectMesh", number: int = 1) -> Self:
+        """The table below an object in one of its stable resting poses, on its convex hull.
+
+        Args:
+            mesh: The object.
+            number: 1: the most probable pose, 2: the next one, and so on.
+
+        Raises:
+            SettingError: There are not so many resting poses.
+        """
+        import trimesh
+
+        body = trimesh.Trimesh(mesh.normalized, mesh.faces, process=False)
+        # Without noise in the centre of mass there is nothing random in it.
+        transforms, probabilities = trimesh.poses.compute_stable_poses(
+            body.convex_hull,
+            center_mass=(mesh.center_mass - mesh.center) / mesh.size,
+            sigma=0.0,
+            n_samples=1,
+        )
+        order = np.argsort(-probabilities, kind="stable")
+        if not 1 <= number <= len(order):
+            raise SettingError(
+                f"resting pose must be from 1 to {len(order)}, the number of stable poses of "
+                f"{mesh.report.source}; got {number}"
+            )
+        chosen = order[number - 1]
+        table = cls.below(mesh, transforms[chosen][2, :3])
+        return cls(table.normal, table.offset, float(probabilities[chosen]))
+
+
+def axis_vector(name: str) -> Floats:
+    """Unit vector of an axis, such as 'z' or '-x', shape (3,).
+
+    Raises:
+        SettingError: No axis has that name.
+    """
+    check_choice("axis", name, Axis)
+    vector = np.zeros(3)
+    vector["xyz".index(name[-1])] = -1.0 if name.startswith("-") else 1.0
+    return vector

@@ -1,0 +1,120 @@
+"""Masses, densities and forces in settings: numbers in SI units, or texts with a unit."""
+
+import math
+import re
+from collections.abc import Mapping
+from typing import Any, Generic, TypeVar
+
+from grasp3d.errors import SettingError
+
+POUND = 0.45359237
+"""International avoirdupois pound [kg]."""
+
+INCH = 0.0254
+"""[m]."""
+
+MASSES: dict[str, float] = {"kg": 1.0, "g": 1e-3, "lb": POUND, "oz": POUND / 16.0}
+FORCES: dict[str, float] = {"N": 1.0, "kN": 1e3, "lbf": POUND * 9.80665}
+DENSITIES: dict[str, float] = {"kg/m^3": 1.0, "g/cm^3": 1e3, "lb/in^3": POUND / INCH**3}
+"""Units by name, the SI unit first, as multiples of it."""
+
+LARGEST = 1e9
+"""Largest quantity in its SI unit: larger ones are mistakes, and overflow where they are squared.
+"""
+
+QuantityT = TypeVar("QuantityT", bound="float | tuple[float, ...] | None")
+
+_TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-z][a-z/^0-9]*)?", re.IGNORECASE)
+
+
+class Quantity(Generic[QuantityT]):
+    """A field of settings that holds a positive number with a physical unit, or none.
+
+    It takes a number in the SI unit, or a text with a unit, such as '500 g' or '40N', and holds the
+    number in the SI unit. With `several` it also takes several of them, as a tuple or a text with
+    commas, and holds a tuple.
+    """
+
+    def __init__(
+        self, default: QuantityT, units: Mapping[str, float], *, several: bool = False
+    ) -> None:
+        self._default = default
+        self._units = units
+        self._several = several
+        self._name = ""
+
+    def __set_name__(self, _owner: type, name: str) -> None:
+        self._name = name
+
+    def __get__(self, instance: object | None, _owner: type) -> QuantityT:
+        return self._default if instance is None else vars(instance)[self._name]
+
+    def __set__(self, instance: object, value: QuantityT | str) -> None:
+        vars(instance)[self._name] = self._parsed(value)
+
+    def _parsed(self, value: Any) -> Any:
+        if value is None:
+            return None
+        if self._several and isinstance(value, str) and "," in value:
+            value = value.split(",")
+        if self._several and isinstance(value, tuple | list):
+            numbers = tuple(parse_quantity(self._name, one, self._units) for one in value)
+            if not numbers:
+                raise _no_quantity(self._name, value, self._units)
+            return numbers if len(numbers) > 1 else numbers[0]
+        return parse_quantity(self._name, value, self._units)
+
+
+def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> float:
+    """A quantity in its SI unit.
+
+    Args:
+        name: Name of the setting, for the error.
+        value: A number in the SI unit, or a text of a number, with a unit or without.
+        units: Its units by name, the SI unit first, as multiples of it.
+
+    Raises:
+        SettingError: It is neither, or it is not finite and above 0, or it is above `LARGEST`.
+
+    Example:
+        >>> from grasp3d.settings.quantities import MASSES, parse_quantity
+        >>> parse_quantity("mass", "500 g", MASSES)
+        0.5
+    """
+    number = _number(value, units)
+    if number is None:
+        raise _no_quantity(name, value, units)
+    if not (number > 0.0 and math.isfinite(number)):
+        raise SettingError(f"{name} must be finite and above 0 [{next(iter(units))}]; got {value}")
+    if number > LARGEST:
+        raise SettingError(f"{name} must be at most {LARGEST:g} [{next(iter(units))}]; got {value}")
+    return number
+
+
+def _number(value: object, units: Mapping[str, float]) -> float | None:
+    """The number in the SI unit; None: it is no such quantity."""
+    if not isinstance(value, str):
+        single = getattr(value, "shape", ()) == () and hasattr(value, "__float__")
+        return float(value) if single and not isinstance(value, bool) else None  # type: ignore[arg-type]
+    text = value.strip()
+    if text.lower().lstrip("+-") in {"inf", "nan"}:
+        return float(text)
+    found = _TEXT.fullmatch(text)
+    if found is None:
+        return None
+    number, unit = float(found[1]), found[2]
+    if unit is None:
+        return number
+    for known, multiple in units.items():
+        if known.lower().replace("^", "") == unit.lower().replace("^", ""):
+            # To 15 digits, so that 300 g are 0.3 kg and not 0.3 and a rounding error.
+            return float(f"{number * multiple:.15g}")
+    return None
+
+
+def _no_quantity(name: str, value: object, units: Mapping[str, float]) -> SettingError:
+    known = ", ".join(units)
+    return SettingError(
+        f"{name} must be a number [{next(iter(units))}], or a number with a unit ({known}); "
+        f"got {value!r}"
+    )

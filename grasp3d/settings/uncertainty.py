@@ -1,0 +1,279 @@
+"""Uncertainty: what is not known exactly about a contact, as one value.
+
+A tactile sensor, the joints of a hand and the user each state it; such values add up. Wan & Howe
+2018 (Sec. III-A and IV-B) name friction, contact location and joint encoders beside the sensor's
+normals.
+"""
+
+import math
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields
+
+from grasp3d.errors import SettingError
+from grasp3d.settings.lengths import (
+    Length,
+    LengthSettings,
+    Unit,
+    comparable,
+    describe_length,
+    length_in_unit,
+    parse_length,
+)
+
+Interval = tuple[float, float]
+"""Smallest and largest value."""
+
+_BETWEEN = ".."
+"""Between the ends of an interval in a text."""
+
+_ANGLES = ("sensor_resolution", "normal_error")
+
+
+@dataclass(frozen=True)
+class Uncertainty(LengthSettings):
+    """What is not known exactly about a contact.
+
+    `a + b` is the uncertainty of a contact to which both apply: angles and lengths add up. Sensors
+    (`Sensor.uncertainty`) and encoders (`JointEncoders.uncertainty`) make one, and
+    `GraspModel.with_uncertainty` takes it.
+
+    Attributes:
+        sensor_resolution: Sensor resolution alpha [rad], from 0 to below pi: the true normal lies
+            within alpha / 2 of the perceived one.
+        normal_error: Further angle by which the true normal may differ [rad], from 0 to below
+            pi / 2, as joint encoders cause it.
+        location_error: Largest distance between the true and the perceived contact point, a
+            length.
+        friction: Smallest and largest coefficient of friction; None: nothing is said about it.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.uncertainty import Uncertainty
+        >>> sensor = Uncertainty(sensor_resolution=0.2, location_error="2 mm")
+        >>> joints = Uncertainty(normal_error=0.01, location_error="0.5 mm")
+        >>> total = sensor + joints
+        >>> total.location_error, total.normal_error
+        ('2.5 mm', 0.01)
+        >>> grasp3d.GraspModel().with_uncertainty(total).location_error
+        '2.5 mm'
+    """
+
+    sensor_resolution: float = 0.0
+    normal_error: float = 0.0
+    location_error: Length[float] = Length(0.0)
+    friction: Interval | None = None
+
+    def __post_init__(self) -> None:
+        check_resolution(self.sensor_resolution)
+        check_normal_error(self.normal_error)
+        check_location_error(self.location_error)
+        if self.friction is not None:
+            object.__setattr__(self, "friction", friction_interval(self.friction))
+
+    def __add__(self, other: "Uncertainty") -> "Uncertainty":
+        """The uncertainty of a contact to which both apply.
+
+        Raises:
+            SettingError: Both state a friction, or one length has a unit and the other none.
+        """
+        if not isinstance(other, Uncertainty):
+            return NotImplemented
+        if self.friction is not None and other.friction is not None:
+            raise SettingError("two uncertainties with a friction do not add up; give it once")
+        return Uncertainty(
+            sensor_resolution=self.sensor_resolution + other.sensor_resolution,
+            normal_error=self.normal_error + other.normal_error,
+            location_error=_sum_of_lengths(self.location_error, other.location_error),
+            friction=self.friction or other.friction,
+        )
+
+
+def check_resolution(resolution: float) -> None:
+    """Raise SettingError unless a sensor resolution is from 0 to below pi [rad]."""
+    if not 0.0 <= resolution < math.pi:
+        raise SettingError(
+            "sensor resolution must be at least 0 and below 180 degrees (pi radians); "
+            f"got {math.degrees(resolution):g} degrees (in Python angles are radians)"
+        )
+
+
+def check_normal_error(error: float) -> None:
+    """Raise SettingError unless an error of normals is from 0 to below pi / 2 [rad]."""
+    if not 0.0 <= error < math.pi / 2.0:
+        raise SettingError(
+            "normal error must be at least 0 and below 90 degrees (pi / 2 radians); "
+            f"got {math.degrees(error):g} degrees (in Python angles are radians)"
+        )
+
+
+def check_tilt(tilt: float) -> None:
+    """Raise SettingError unless true normals differ by less than pi / 2 from perceived ones."""
+    if not tilt < math.pi / 2.0:
+        raise SettingError(
+            "half the sensor resolution and the normal error, with those of a finger, must add up "
+            f"to less than 90 degrees; got {math.degrees(tilt):.4g} degrees"
+        )
+
+
+def check_location_error(error: float) -> None:
+    """Raise SettingError unless a location error is a finite length of at least 0, in any unit."""
+    if not all(0.0 <= one < math.inf for one in comparable(error) or ()):
+        raise SettingError(
+            f"location error must be a finite length of at least 0; got {describe_length(error)}"
+        )
+
+
+def friction_interval(value: object) -> Interval:
+    """Smallest and largest coefficient of friction.
+
+    Args:
+        value: A number, two of them, or a text: '0.5' or '0.4..0.6'.
+
+    Raises:
+        SettingError: They are not finite numbers above 0 in increasing order.
+
+    Example:
+        >>> from grasp3d.settings.uncertainty import friction_interval
+        >>> friction_interval("0.4..0.6"), friction_interval(0.5)
+        ((0.4, 0.6), (0.5, 0.5))
+    """
+    given = value.split(_BETWEEN) if isinstance(value, str) else value
+    try:
+        ends = [float(one) for one in given] if isinstance(given, Sequence) else [float(given)]  # type: ignore[arg-type]
+    except (TypeError, ValueError):
+        ends = []
+    if len(ends) == 1:
+        ends *= 2
+    if len(ends) != 2 or not all(0.0 < end < math.inf for end in ends) or ends[0] > ends[1]:
+        shown = f"{value:g}" if isinstance(value, float) else repr(value)
+        raise SettingError(
+            "friction must be a finite number above 0, or an interval of two, the smallest first "
+            f"(0.4{_BETWEEN}0.6, in Python (0.4, 0.6)); got {shown}"
+        )
+    return ends[0], ends[1]
+
+
+def parse_uncertainty(text: str) -> Uncertainty:
+    """Parse the uncertainty of a finger as text.
+
+    Args:
+        text: NAME=VALUE, separated by commas, with the names of the fields: angles in degrees,
+            lengths with or without a unit, friction as a number or an interval.
+
+    Raises:
+        SettingError: It is no such text, or a value is outside its range.
+
+    Example:
+        >>> from grasp3d.settings.uncertainty import parse_uncertainty
+        >>> parse_uncertainty("location_error=1mm, friction=0.3..0.4")
+        Uncertainty(..., location_error='1 mm', friction=(0.3, 0.4))
+    """
+    values: dict[str, object] = {}
+    for part in filter(None, (one.strip() for one in text.split(","))):
+        name, separator, value = (one.strip() for one in part.partition("="))
+        name = name.replace("-", "_")
+        known = [field.name for field in fields(Uncertainty)]
+        if name not in known or not separator or name in values:
+            raise SettingError(
+                f"the uncertainty of a finger must be NAME=VALUE, separated by commas, with the "
+                f"names {', '.join(known)}, each at most once ('location_error=1mm, "
+                f"friction=0.3..0.4'); got {part!r}"
+            )
+        values[name] = _angle(name, value) if name in _ANGLES else value
+    return Uncertainty(**values)  # type: ignore[arg-type]
+
+
+def describe_uncertainty(value: Uncertainty) -> str:
+    """The uncertainty of a finger as text, as `parse_uncertainty` reads it; '' for none."""
+    parts = [
+        f"{name}={math.degrees(getattr(value, name)):.15g}"
+        for name in _ANGLES
+        if getattr(value, name) != 0.0
+    ]
+    if value.location_error != 0.0:
+        length = value.location_error
+        parts.append(f"location_error={length if isinstance(length, str) else repr(float(length))}")
+    if value.friction is not None:
+        parts.append(f"friction={_BETWEEN.join(map(repr, value.friction))}")
+    return ", ".join(parts)
+
+
+class PerFinger:
+    """A field of settings that holds the uncertainty of each finger as one text, '' for none.
+
+    It takes a text, see `parse_uncertainty`, with the fingers separated by semicolons, or a
+    sequence of `Uncertainty`.
+    """
+
+    def __get__(self, instance: object | None, _owner: type) -> str:
+        return "" if instance is None else vars(instance)["per_finger"]
+
+    def __set__(self, instance: object, value: str | Sequence[Uncertainty]) -> None:
+        vars(instance)["per_finger"] = describe_fingers(parse_fingers(value))
+
+
+def parse_fingers(value: str | Sequence[Uncertainty]) -> tuple[Uncertainty, ...]:
+    """The uncertainty of each finger, from a text or from values; see `PerFinger`.
+
+    Raises:
+        SettingError: It is neither.
+    """
+    if isinstance(value, str):
+        return tuple(_parsed_fingers(value.split(";"))) if value.strip() else ()
+    given = list(value) if isinstance(value, Sequence) else []
+    fingers = tuple(one for one in given if isinstance(one, Uncertainty))
+    if not fingers or len(fingers) < len(given):
+        raise SettingError(
+            "per_finger must be a text such as 'location_error=1mm; normal_error=5' (degrees), or "
+            f"one Uncertainty for each finger; got {value!r}"
+        )
+    return fingers
+
+
+def _parsed_fingers(texts: Sequence[str]) -> Iterator[Uncertainty]:
+    for number, text in enumerate(texts, 1):
+        try:
+            yield parse_uncertainty(text)
+        except SettingError as error:
+            raise SettingError(f"finger {number}: {error}") from error
+
+
+def describe_fingers(values: Sequence[Uncertainty]) -> str:
+    """The uncertainty of each finger as one text; '' for none."""
+    texts = [describe_uncertainty(value) for value in values]
+    return "; ".join(texts) if any(texts) else ""
+
+
+def fingers_in_unit(text: str, unit: Unit | None, *, source: str = "the mesh") -> str:
+    """The text of `PerFinger` with every length as a number in a unit.
+
+    Raises:
+        SettingError: A length has a unit, but that of the mesh is not known.
+    """
+    return describe_fingers([one.in_unit(unit, source=source) for one in parse_fingers(text)])
+
+
+def _angle(name: str, text: str) -> float:
+    found = re.fullmatch(r"(\S+?)\s*(?:deg|degrees|°)?", text)
+    try:
+        return math.radians(float(found[1])) if found else math.nan
+    except ValueError as error:
+        raise SettingError(f"{name} must be an angle in degrees; got {text!r}") from error
+
+
+def _sum_of_lengths(one: float | str, two: float | str) -> float | str:
+    """Sum of two lengths, in the unit of the one that has one."""
+    for unit_of, other in ((one, two), (two, one)):
+        if isinstance(unit_of, str):
+            if other == 0.0:
+                return unit_of
+            number, unit = unit_of.split(" ")
+            if isinstance(other, str):
+                total = float(number) + float(length_in_unit("location_error", other, unit))  # type: ignore[arg-type]
+                return str(parse_length("location_error", f"{total:.15g} {unit}"))
+            raise SettingError(
+                f"location errors of {describe_length(one)} and {describe_length(two)} do not add "
+                "up: give both with a unit, or none"
+            )
+    return float(one) + float(two)

@@ -1,0 +1,375 @@
+"""Jaws that close on shapes whose contacts are known, and laws that hold for any shape."""
+
+import math
+import time
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from scipy.spatial.transform import Rotation
+
+from grasp3d import ObjectMesh, load_mesh
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.hand.closed_jaws import ClosedJaws, Closing
+from grasp3d.hand.closing import close_jaws
+from grasp3d.settings.lengths import Unit
+from tests.helpers import shapes
+from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips
+
+BOX = (0.06, 0.05, 0.03)
+DEPTH = 0.001
+
+
+def mesh_of(solid: trimesh.Trimesh | shapes.Surface, **options: Any) -> ObjectMesh:
+    """A prepared mesh in metres that is not refined."""
+    return load_mesh(solid, unit="m", max_edge=1.0, **options)
+
+
+@pytest.fixture(scope="module")
+def box() -> ObjectMesh:
+    return mesh_of(shapes.box(BOX))
+
+
+def blob_mesh(motion: Floats | None = None, scale: float = 1.0, unit: Unit = "m") -> ObjectMesh:
+    """A blob of 5 cm without symmetry, which may be moved, in another unit."""
+    vertices, faces = shapes.lopsided()
+    matrix = np.eye(4) if motion is None else motion
+    moved = 0.025 * vertices @ matrix[:3, :3].T + matrix[:3, 3]
+    return load_mesh((scale * moved, faces), unit=unit, max_edge=scale)
+
+
+@pytest.fixture(scope="module")
+def blob() -> ObjectMesh:
+    return blob_mesh()
+
+
+def states(found: ClosedJaws) -> list[str]:
+    return [Closing(code).name for code in found.state]
+
+
+def arrays(found: ClosedJaws) -> dict[str, Floats]:
+    return {name: getattr(found, name) for name in ("points", "normals", "area", "extents")}
+
+
+def test_pads_on_the_faces_of_a_box(box: ObjectMesh) -> None:
+    found = close_jaws(box, pose((0.004, 0.001, -0.002)), pads())
+    assert states(found) == ["CLOSED"]
+    assert found.opening[0] == pytest.approx(0.06, abs=1e-12)
+    np.testing.assert_allclose(found.points[0], [[-0.03, 0.001, -0.002], [0.03, 0.001, -0.002]])
+    np.testing.assert_allclose(found.normals[0], [[1, 0, 0], [-1, 0, 0]], atol=1e-12)
+    np.testing.assert_allclose(found.area[0], 0.02 * 0.01, rtol=1e-6)
+    np.testing.assert_allclose(found.extents[0], [[0.02, 0.01]] * 2, rtol=1e-6)
+    assert found.offset[0] == pytest.approx(-0.004)
+
+
+def test_a_pad_edge_over_the_edge_of_a_box_touches_the_part_on_the_box(box: ObjectMesh) -> None:
+    """Of each pad 4 mm in y and 3 mm in z lie on the face, at its corner."""
+    found = close_jaws(box, pose((0.0, 0.031, 0.017)), pads())
+    assert states(found) == ["CLOSED"]
+    np.testing.assert_allclose(found.points[0, :, 1:], [[0.023, 0.0135]] * 2, atol=1e-9)
+    np.testing.assert_allclose(found.extents[0], [[0.004, 0.003]] * 2, atol=1e-9)
+    np.testing.assert_allclose(found.area[0], 12e-6, rtol=1e-5)
+
+
+@pytest.mark.parametrize("gripper", [pads(), tips()])
+def test_pads_and_tips_that_only_graze_an_edge_do_not_touch(box: ObjectMesh, gripper: Any) -> None:
+    half = 0.01
+    assert states(close_jaws(box, pose((0.0, 0.025 + half, 0.0)), gripper)) == ["NOTHING"]
+    assert states(close_jaws(box, pose((0.0, 0.024 + half, 0.0)), gripper)) == ["CLOSED"]
+
+
+def test_pads_on_a_ball_touch_caps_of_the_depth_of_the_compliance() -> None:
+    radius = 0.03
+    ball = mesh_of(trimesh.creation.icosphere(5, radius))
+    found = close_jaws(ball, pose(), pads(compliance=DEPTH, pad_height=0.02))
+    cap = math.pi * (radius**2 - (radius - DEPTH) ** 2)
+    np.testing.assert_allclose(found.area, cap, rtol=0.01)
+    np.testing.assert_allclose(found.extents, 2.0 * math.sqrt(cap / math.pi), rtol=0.01)
+    np.testing.assert_allclose(found.points[0, :, 1:], 0.0, atol=1e-6)
+    # On average over its area seen along x, a shallow cap is half as deep.
+    np.testing.assert_allclose(found.points[0, :, 0], [0.5e-3 - radius, radius - 0.5e-3], atol=2e-5)
+    np.testing.assert_allclose(found.normals[0], [[1, 0, 0], [-1, 0, 0]], atol=1e-4)
+    assert found.opening[0] == pytest.approx(2.0 * radius, rel=1e-3)
+
+
+def test_pads_across_a_cylinder_touch_strips() -> None:
+    radius = 0.02
+    cylinder = mesh_of(trimesh.creation.cylinder(radius, 0.2, sections=720))
+    found = close_jaws(cylinder, pose(), pads(compliance=0.0005))
+    half = math.sqrt(radius**2 - (radius - 0.0005) ** 2)
+    np.testing.assert_allclose(found.extents[0, :, 0], 2.0 * half, rtol=2e-3)
+    np.testing.assert_allclose(found.extents[0, :, 1], 0.01, rtol=1e-6)
+    np.testing.assert_allclose(found.area, 2.0 * half * 0.01, rtol=2e-3)
+
+
+def wedge(half_angle: float, height: float = 0.06) -> ObjectMesh:
+    """A prism along z whose faces make the half-angle with y, with its apex at y = height / 2."""
+    half = height * math.tan(half_angle)
+    outline = np.array([[-half, -height / 2], [half, -height / 2], [0.0, height / 2]])
+    points = np.array([[*corner, z] for z in (-0.05, 0.05) for corner in outline])
+    return mesh_of(trimesh.Trimesh(points, trimesh.convex.convex_hull(points).faces).convex_hull)
+
+
+def test_rigid_pads_on_a_wedge_touch_at_their_edge() -> None:
+    """The pads' edges nearest to the base; the normals are those of the wedge's faces."""
+    angle = math.radians(10.0)
+    found = close_jaws(wedge(angle), pose(), pads(compliance=0.0))
+    width = 2.0 * (0.03 + 0.01) * math.tan(angle)
+    assert states(found) == ["CLOSED"]
+    assert found.opening[0] == pytest.approx(width, abs=1e-8)
+    np.testing.assert_allclose(found.points[0, :, 1], -0.01, atol=1e-6)
+    expected = [[math.cos(angle), -math.sin(angle), 0.0], [-math.cos(angle), -math.sin(angle), 0.0]]
+    np.testing.assert_allclose(found.normals[0], expected, atol=1e-6)
+
+
+def test_compliant_pads_on_a_wedge_touch_a_strip() -> None:
+    angle = math.radians(10.0)
+    found = close_jaws(wedge(angle), pose(), pads(compliance=0.0005))
+    strip = 0.0005 / math.tan(angle)
+    np.testing.assert_allclose(found.extents[0, :, 0], strip, rtol=1e-6)
+    np.testing.assert_allclose(found.points[0, :, 1], -0.01 + strip / 2.0, atol=1e-8)
+
+
+@pytest.mark.parametrize(("step", "middle"), [(0.0004, 0.0), (0.0006, 0.005)])
+def test_a_step_within_the_compliance_is_touched_on_both_levels(step: float, middle: float) -> None:
+    """A box with a lower half for y < 0; the other side is flat."""
+    high = trimesh.creation.box(bounds=[[-0.02, 0.0, -0.02], [0.02, 0.03, 0.02]])
+    low = trimesh.creation.box(bounds=[[-0.02 + step, -0.03, -0.02], [0.02, 0.0, 0.02]])
+    solid = trimesh.boolean.union([high, low])
+    found = close_jaws(mesh_of(solid), pose(), pads(compliance=0.0005))
+    assert found.opening[0] == pytest.approx(0.04)
+    np.testing.assert_allclose(found.points[0, :, 1], [middle, 0.0], atol=1e-8)
+    np.testing.assert_allclose(found.area[0], [2e-4 if middle == 0.0 else 1e-4, 2e-4], rtol=1e-5)
+    np.testing.assert_allclose(found.normals[0], [[1, 0, 0], [-1, 0, 0]], atol=1e-9)
+
+
+@pytest.mark.parametrize("compliance", [0.0, 0.0005])
+def test_a_pad_on_a_vertex_has_the_mean_of_its_normals(compliance: float) -> None:
+    """A cube that stands on a corner, between the pads."""
+    solid = trimesh.creation.box((0.03, 0.03, 0.03))
+    turn, _ = Rotation.align_vectors([[1.0, 0.0, 0.0]], [[1.0, 1.0, 1.0]])
+    found = close_jaws(mesh_of(solid), pose(turn=turn.inv()), pads(compliance=compliance))
+    corner = 0.015 * np.ones(3)
+    depth = 0.001 if compliance else 1e-6
+    np.testing.assert_allclose(found.points[0], [-corner, corner], atol=depth)
+    diagonal = np.ones(3) / math.sqrt(3.0)
+    np.testing.assert_allclose(found.normals[0], [diagonal, -diagonal], atol=1e-6)
+    assert found.opening[0] == pytest.approx(0.03 * math.sqrt(3.0))
+    # The section of a cube's corner at depth d is a triangle of area 3 sqrt(3) / 2 d^2.
+    depth = max(compliance, 1e-9)
+    assert found.area[0, 0] == pytest.approx(1.5 * math.sqrt(3.0) * depth**2, rel=1e-4, abs=1e-12)
+
+
+def test_a_round_tip_on_a_face_touches_a_disc(box: ObjectMesh) -> None:
+    found = close_jaws(box, pose(), tips(compliance=DEPTH))
+    square = 0.01**2 - (0.01 - DEPTH) ** 2
+    np.testing.assert_allclose(found.area, math.pi * square, rtol=1e-9)
+    np.testing.assert_allclose(found.extents, 2.0 * math.sqrt(square), rtol=1e-9)
+    np.testing.assert_allclose(found.points[0], [[-0.03, 0.0, 0.0], [0.03, 0.0, 0.0]], atol=1e-12)
+    assert found.opening[0] == pytest.approx(0.06)
+
+
+def test_round_tips_on_a_wedge_touch_with_their_sides() -> None:
+    """A tip touches a face with the point of its surface that faces it."""
+    angle = math.radians(20.0)
+    found = close_jaws(wedge(angle, 0.04), pose(), tips(compliance=0.0))
+    expected_y = -0.01 * math.sin(angle)
+    np.testing.assert_allclose(found.points[0, :, 1], expected_y, atol=1e-6)
+    np.testing.assert_allclose(abs(found.normals[0, :, 0]), math.cos(angle), atol=1e-9)
+    apex_distance = 2.0 * ((0.02 - expected_y) * math.tan(angle) - 0.01 * (1.0 - math.cos(angle)))
+    assert found.opening[0] == pytest.approx(apex_distance, abs=1e-8)
+
+
+def test_a_round_tip_beside_an_edge_touches_the_edge(box: ObjectMesh) -> None:
+    """6 mm beyond the edge, a ball of 10 mm has advanced 2 mm more when it touches it."""
+    found = close_jaws(box, pose((0.0, 0.031, 0.0)), tips(compliance=0.0))
+    assert found.opening[0] == pytest.approx(0.06 - 2.0 * 0.002, abs=1e-9)
+    np.testing.assert_allclose(found.points[0], [[-0.03, 0.025, 0], [0.03, 0.025, 0]], atol=1e-5)
+
+
+def test_where_jaws_touch_nothing_or_start_inside(box: ObjectMesh) -> None:
+    centers = [(0.0, 0.1, 0.0), (0.02, 0.0, 0.0), (0.07, 0.0, 0.0), (0.0, 0.0, 0.0)]
+    found = close_jaws(box, [pose(center) for center in centers], pads())
+    assert states(found) == ["NOTHING", "STARTS_INSIDE", "STARTS_INSIDE", "CLOSED"]
+    assert np.isnan(found.points[:3]).all()
+    assert np.isnan(found.opening[:3]).all()
+    assert (found.area[:3] == 0.0).all()
+    np.testing.assert_array_equal(found.closed, [False, False, False, True])
+
+
+def test_a_finger_wholly_in_a_solid_starts_inside() -> None:
+    solid = mesh_of(shapes.box((0.3, 0.3, 0.3)))
+    for gripper in (pads(), tips()):
+        found = close_jaws(solid, [pose(), pose((0.14, 0.0, 0.0))], gripper)
+        assert states(found) == ["STARTS_INSIDE"] * 2
+
+
+def test_a_finger_wholly_in_a_cavity_does_not_start_inside() -> None:
+    """Both fingers in a hollow box: the jaws meet."""
+    outer, inner = (trimesh.creation.box([size] * 3) for size in (0.3, 0.2))
+    hollow = trimesh.boolean.difference([outer, inner])
+    found = close_jaws(mesh_of(hollow), pose(), pads())
+    assert states(found) == ["NOTHING"]
+
+
+def test_the_wall_of_a_cup_is_between_the_jaws() -> None:
+    """One jaw inside, one outside: the far wall is not touched."""
+    cup = mesh_of(trimesh.creation.annulus(0.035, 0.04, 0.1, sections=256))
+    found = close_jaws(cup, pose((0.0375, 0.0, 0.045)), pads(compliance=0.0), opening=0.03)
+    assert states(found) == ["CLOSED"]
+    # The inner pad is stopped by its corners.
+    inner = math.sqrt(0.035**2 - 0.01**2)
+    assert found.opening[0] == pytest.approx(0.04 - inner, abs=1e-5)
+    np.testing.assert_allclose(found.points[0, :, 1], 0.0, atol=1e-4)
+
+
+def test_an_object_thinner_than_the_smallest_opening_is_not_held() -> None:
+    plate = mesh_of(shapes.box((0.004, 0.05, 0.05)))
+    assert states(close_jaws(plate, pose(), pads(min_opening=0.005))) == ["NOTHING"]
+    assert states(close_jaws(plate, pose(), pads(min_opening=0.004))) == ["CLOSED"]
+
+
+def test_with_one_moving_jaw_the_other_touches_what_is_there(box: ObjectMesh) -> None:
+    near, far = pose((0.01, 0.0, 0.0)), pose((0.005, 0.0, 0.0))
+    found = close_jaws(box, [near, far], pads(), moving="one")
+    assert states(found) == ["CLOSED", "ONE_SIDE"]
+    assert np.isnan(found.points[1, 0]).all()
+    np.testing.assert_allclose(found.points[1, 1], [0.03, 0.0, 0.0], atol=1e-9)
+    assert np.isnan(found.opening[1])
+
+
+def test_of_an_open_sheet_only_the_front_is_touched() -> None:
+    points = [[0, -0.03, -0.03], [0, 0.03, -0.03], [0, 0.03, 0.03], [0, -0.03, 0.03]]
+    sheet = mesh_of((np.array(points), np.array([[0, 2, 1], [0, 3, 2]])), repair="none")
+    found = close_jaws(sheet, pose(), pads())
+    assert states(found) == ["ONE_SIDE"]
+    assert found.area[0].tolist() == pytest.approx([2e-4, 0.0])
+    turned = close_jaws(sheet, pose(turn=Rotation.from_rotvec([0, 0, math.pi])), pads())
+    assert turned.area[0].tolist() == pytest.approx([0.0, 2e-4])
+
+
+@pytest.mark.parametrize("gripper", [pads(), tips()])
+def test_turning_the_gripper_by_half_a_turn_exchanges_the_jaws(
+    blob: ObjectMesh, gripper: Any
+) -> None:
+    matrices = random_poses(60, 0.01, seed=1)
+    half = np.diag([-1.0, -1.0, 1.0, 1.0])
+    one, two = (close_jaws(blob, poses, gripper) for poses in (matrices, matrices @ half))
+    assert one.closed.sum() > 20
+    np.testing.assert_array_equal(one.state, two.state)
+    np.testing.assert_allclose(one.opening, two.opening, atol=1e-12)
+    for name, values in arrays(one).items():
+        np.testing.assert_allclose(values, getattr(two, name)[:, ::-1], atol=1e-9, err_msg=name)
+
+
+def test_symmetric_poses_on_a_symmetric_object_have_symmetric_contacts() -> None:
+    """A torus about z, whose faces are not quite as symmetric."""
+    torus = mesh_of(shapes.torus(0.025, 0.008))
+    matrices = [pose((0.0, y, z)) for y in (0.0, 0.004, -0.01) for z in (0.0, 0.003)]
+    found = close_jaws(torus, matrices, pads())
+    assert found.closed.all()
+    np.testing.assert_allclose(found.offset, 0.0, atol=1e-4)
+    np.testing.assert_allclose(found.points[:, 0], found.points[:, 1] * [-1, 1, 1], atol=1e-4)
+    np.testing.assert_allclose(found.normals[:, 0], found.normals[:, 1] * [-1, 1, 1], atol=1e-4)
+    np.testing.assert_allclose(found.area[:, 0], found.area[:, 1], rtol=1e-3)
+
+
+@pytest.mark.parametrize("gripper", [pads(), tips()])
+def test_units_change_nothing(blob: ObjectMesh, gripper: Any) -> None:
+    matrices = random_poses(40, 0.01, seed=2)
+    found = close_jaws(blob, matrices, gripper)
+    large = blob_mesh(scale=1000.0, unit="mm")
+    matrices[:, :3, 3] *= 1000.0
+    again = close_jaws(large, matrices, gripper, opening="80 mm")
+    np.testing.assert_array_equal(again.state, found.state)
+    np.testing.assert_allclose(again.opening, 1000.0 * found.opening, atol=1e-8)
+    np.testing.assert_allclose(again.points, 1000.0 * found.points, atol=1e-6)
+    np.testing.assert_allclose(again.normals, found.normals, atol=1e-9)
+    np.testing.assert_allclose(again.area, 1e6 * found.area, atol=1e-5)
+
+
+@pytest.mark.parametrize("gripper", [pads(), tips()])
+def test_moving_object_and_gripper_together_moves_the_contacts(
+    blob: ObjectMesh, gripper: Any
+) -> None:
+    matrices = random_poses(40, 0.01, seed=3)
+    found = close_jaws(blob, matrices, gripper)
+    motion = pose((0.3, -1.0, 0.2), Rotation.from_rotvec([0.3, 1.0, -0.4]))
+    again = close_jaws(blob_mesh(motion), motion @ matrices, gripper)
+    np.testing.assert_array_equal(again.state, found.state)
+    expected = found.points @ motion[:3, :3].T + motion[:3, 3]
+    np.testing.assert_allclose(again.points, expected, atol=1e-7)
+    np.testing.assert_allclose(again.normals, found.normals @ motion[:3, :3].T, atol=1e-6)
+    np.testing.assert_allclose(again.area, found.area, atol=1e-10)
+
+
+def test_more_compliance_touches_more_and_leaves_the_opening(blob: ObjectMesh) -> None:
+    matrices = random_poses(60, 0.005, seed=4)
+    soft, softer = (close_jaws(blob, matrices, pads(compliance=c)) for c in (0.0005, 0.001))
+    both = soft.closed & softer.closed
+    assert both.sum() > 20
+    np.testing.assert_allclose(soft.opening[both], softer.opening[both], rtol=1e-12)
+    assert (soft.area[both] < softer.area[both]).all()
+    assert (softer.area[both] <= 2e-4 * (1.0 + 1e-9)).all()
+
+
+def test_the_number_of_threads_changes_nothing(blob: ObjectMesh) -> None:
+    matrices = random_poses(600, 0.01, seed=5)
+    one, two = (close_jaws(blob, matrices, pads(), threads=count) for count in (1, 2))
+    for name, values in arrays(one).items():
+        np.testing.assert_array_equal(values, getattr(two, name))
+
+
+def test_refining_a_mesh_changes_nothing(box: ObjectMesh) -> None:
+    matrices = random_poses(60, 0.01, seed=6)
+    fine = load_mesh(shapes.box(BOX), unit="m", max_edge=0.004)
+    found, again = (close_jaws(mesh, matrices, pads(compliance=0.001)) for mesh in (box, fine))
+    assert len(fine.faces) > 50 * len(box.faces)
+    np.testing.assert_array_equal(again.state, found.state)
+    np.testing.assert_allclose(again.points, found.points, atol=1e-9)
+    np.testing.assert_allclose(again.normals, found.normals, atol=1e-8)
+
+
+BAD: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
+    "opening": ({"opening": 0.09}, SettingError, "from 0 to the stroke of gripper 'pads', 0.08 m"),
+    "negative": ({"opening": [-0.01]}, SettingError, "pose 1: opening must be from 0"),
+    "not a number": ({"opening": math.nan}, SettingError, "got nan"),
+    "openings": ({"opening": [0.01, 0.02]}, SettingError, "one for each of the 1 poses"),
+    "moving": ({"moving": "none"}, SettingError, "moving"),
+    "threads": ({"threads": 0}, SettingError, "threads must be at least 1"),
+    "shape": ({"poses": np.eye(3)}, ContactError, r"shape \(k, 4, 4\); got \(3, 3\)"),
+    "finite": ({"poses": np.full((4, 4), np.nan)}, ContactError, "pose 1 has numbers"),
+    "text": ({"poses": "here"}, ContactError, "poses must be 4x4 matrices"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_bad_input(box: ObjectMesh, name: str) -> None:
+    changes, error, message = BAD[name]
+    given = {"poses": pose(), "gripper": pads(), **changes}
+    with pytest.raises(error, match=message):
+        close_jaws(box, given.pop("poses"), given.pop("gripper"), **given)
+
+
+def test_a_mesh_without_a_unit_needs_one() -> None:
+    with pytest.raises(SettingError, match="unit"):
+        close_jaws(load_mesh(shapes.box(BOX)), pose(), pads())
+
+
+def test_no_poses_give_no_contacts(box: ObjectMesh) -> None:
+    found = close_jaws(box, np.zeros((0, 4, 4)), replace(pads(), compliance=0.0))
+    assert found.points.shape == (0, 2, 3)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("gripper", [pads(), tips()])
+def test_ten_thousand_poses_take_seconds(gripper: Any) -> None:
+    """2,000 poses on twice as many faces, well below the time for them."""
+    ball = mesh_of(trimesh.creation.icosphere(5, 0.03))
+    matrices = random_poses(2000, 0.01)
+    close_jaws(ball, matrices[:1], gripper, threads=1)
+    start = time.process_time()
+    close_jaws(ball, matrices, gripper, threads=1)
+    assert time.process_time() - start < 8.0

@@ -1,0 +1,180 @@
+"""Grippers as JSON."""
+
+import json
+import math
+from dataclasses import fields, replace
+from pathlib import Path
+from typing import Any
+
+import pytest
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+from grasp3d.errors import OutputError, SettingError
+from grasp3d.hand.gripper_files import load_gripper, read_gripper, write_gripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.presets import PRESETS, preset
+
+LENGTHS = st.floats(1e-4, 0.05)
+
+
+@st.composite
+def grippers(draw: st.DrawFn) -> ParallelGripper:
+    """Any grippers, with flat pads or round tips."""
+    finger, opening = draw(LENGTHS), draw(st.floats(0.01, 0.05))
+    is_round = draw(st.booleans())
+    joints = draw(st.integers(0, 3))
+    numbers = st.floats(-10.0, 10.0)
+    return ParallelGripper(
+        name=draw(st.text(max_size=10)),
+        max_opening=opening,
+        finger_thickness=finger,
+        finger_width=2.0 * finger,
+        finger_length=3.0 * finger,
+        pad_width=0.0 if is_round else finger,
+        pad_height=0.0 if is_round else 3.0 * finger,
+        tip_radius=finger if is_round else 0.0,
+        palm_thickness=opening + draw(LENGTHS),
+        palm_width=draw(LENGTHS),
+        palm_length=draw(LENGTHS),
+        max_force=draw(st.none() | st.floats(0.1, 1e4)),
+        sensor_resolution=draw(st.none() | st.floats(0.0, 3.0)),
+        base_to_tcp=draw(LENGTHS),
+        base_axes=draw(st.sampled_from([("x", "z"), ("-y", "x")])),
+        joint_names=tuple(f"joint {number}" for number in range(joints)),
+        joint_scale=tuple(draw(numbers) for _ in range(joints)),
+        joint_closed=tuple(draw(numbers) for _ in range(joints)),
+        source=draw(st.text(max_size=10)),
+    )
+
+
+@settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(grippers())
+def test_what_is_written_is_read_again(tmp_path: Path, gripper: ParallelGripper) -> None:
+    write_gripper(tmp_path / "g.json", gripper)
+    assert read_gripper(tmp_path / "g.json") == gripper
+
+
+def test_every_field_is_in_the_file(tmp_path: Path) -> None:
+    write_gripper(tmp_path / "g.json", preset("tactile"))
+    found = json.loads((tmp_path / "g.json").read_text(encoding="utf-8"))
+    names = {field.name for field in fields(ParallelGripper)}
+    assert set(found) == names | {"format", "version", "unit"}
+    assert (found["format"], found["version"], found["unit"]) == ("grasp3d gripper", 1, "m")
+    assert found["tip_radius"] == 0.01
+
+
+def test_fields_with_defaults_may_be_missing(tmp_path: Path) -> None:
+    path = changed(tmp_path, compliance=None, clearance=None, joint_names=None, joint_scale=None,
+                   joint_closed=None)  # fmt: skip
+    gripper = read_gripper(path)
+    expected = replace(
+        preset("franka"), compliance=0.001, joint_names=(), joint_scale=(), joint_closed=()
+    )
+    assert gripper == expected
+
+
+def changed(folder: Path, **values: Any) -> Path:
+    """A file of the Franka hand with other values; those that are None are left out."""
+    path = folder / "g.json"
+    write_gripper(path, preset("franka"))
+    content = json.loads(path.read_text(encoding="utf-8")) | values
+    removed = {name for name, value in values.items() if value is None}
+    kept = {name: value for name, value in content.items() if name not in removed}
+    path.write_text(json.dumps(kept), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("values", "words"),
+    [
+        ({"format": "other"}, 'expected an object with "format": "grasp3d gripper"'),
+        ({"format": None}, 'expected an object with "format": "grasp3d gripper"'),
+        ({"version": 2}, "version must be 1; got 2"),
+        ({"version": True}, "version must be 1; got true"),
+        ({"unit": "mm"}, 'unit must be "m"; got "mm"'),
+        ({"unit": None}, 'unit must be "m"; got null'),
+        ({"max_openning": 0.08}, "no field is called 'max_openning' (did you mean max_opening?)"),
+        ({"max_openning": 0.08}, "known: name, max_opening, min_opening, finger_thickness"),
+        ({"max_opening": None}, "max_opening missing"),
+        ({"max_opening": "80 mm"}, 'max_opening must be a number; got "80 mm"'),
+        ({"max_opening": True}, "max_opening must be a number; got true"),
+        ({"max_opening": 80}, "is it in millimetres?"),
+        ({"max_opening": 0}, "max_opening must be above 0"),
+        ({"max_force": "strong"}, 'max_force must be a number or null; got "strong"'),
+        ({"name": 3}, "name must be a text; got 3"),
+        ({"joint_names": "one"}, 'joint_names must be a list of texts; got "one"'),
+        ({"joint_scale": [0.5, "x"]}, "joint_scale must be a list of numbers"),
+        ({"base_axes": ["x", "y", "z"]}, "base_axes must be a list of two texts"),
+        ({"pad_width": math.nan}, "is no JSON: NaN is no finite number"),
+        ({"pad_width": math.inf}, "is no JSON: Infinity is no finite number"),
+    ],
+)
+def test_wrong_contents_are_refused_in_one_sentence(
+    tmp_path: Path, values: dict[str, Any], words: str
+) -> None:
+    path = changed(tmp_path, **values)
+    with pytest.raises(SettingError) as refused:
+        read_gripper(path)
+    assert str(refused.value).startswith(str(path))
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("text", ["", "[1, 2]", "null", "{", "[" * 100_000, '{"format": 1}'])
+def test_files_of_something_else_are_refused(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "g.json"
+    path.write_text(text, encoding="utf-8")
+    with pytest.raises(SettingError, match=r"g[.]json: is no"):
+        read_gripper(path)
+
+
+def test_huge_and_undecodable_files_are_refused(tmp_path: Path) -> None:
+    path = tmp_path / "g.json"
+    path.write_bytes(b" " * (2**20 + 1))
+    with pytest.raises(SettingError, match="larger than 1048576 bytes"):
+        read_gripper(path)
+    path.write_bytes(b"\xff\xfe\x00{")
+    with pytest.raises(SettingError, match="is no JSON"):
+        read_gripper(path)
+
+
+def test_missing_files_and_other_formats_are_refused(tmp_path: Path) -> None:
+    for name, words in (
+        ("missing.json", "there is no such file"),
+        ("missing.urdf", "there is no such file"),
+        ("hand.stl", "unsupported gripper format .stl: supported are .json .urdf .xml .mjcf"),
+    ):
+        with pytest.raises(SettingError, match=words):
+            read_gripper(tmp_path / name, fingers=("a", "b"))
+    (tmp_path / "folder.json").mkdir()
+    with pytest.raises(SettingError, match="is a folder"):
+        read_gripper(tmp_path / "folder.json")
+    with pytest.raises(OutputError, match=r"supported are [.]json"):
+        write_gripper(tmp_path / "g.yaml", preset("franka"))
+
+
+def test_links_are_for_robot_descriptions(tmp_path: Path) -> None:
+    path = changed(tmp_path)
+    with pytest.raises(SettingError, match="for URDF and MuJoCo files only"):
+        read_gripper(path, fingers=("a", "b"))
+    (tmp_path / "hand.urdf").write_text("<robot/>", encoding="utf-8")
+    with pytest.raises(SettingError, match="name the links of its two fingers"):
+        read_gripper(tmp_path / "hand.urdf")
+    with pytest.raises(SettingError, match="two different finger links"):
+        read_gripper(tmp_path / "hand.urdf", fingers=("a", "a"))
+
+
+def test_a_name_is_a_preset_and_a_path_a_file(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    for name, gripper in PRESETS.items():
+        assert load_gripper(name) is gripper
+    write_gripper("mine.json", replace(preset("franka"), name="mine"))
+    assert load_gripper("mine.json").name == "mine"
+    assert load_gripper(tmp_path / "mine.json").name == "mine"
+    with pytest.raises(SettingError, match="no gripper is called 'mine'; known"):
+        load_gripper("mine")
+    with pytest.raises(SettingError, match="there is no such file"):
+        load_gripper("folder/mine.json")

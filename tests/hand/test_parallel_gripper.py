@@ -1,0 +1,106 @@
+"""Descriptions of grippers: what is refused, and what follows from them."""
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grasp3d.errors import SettingError
+from grasp3d.hand.parallel_gripper import AXES, ParallelGripper
+from grasp3d.settings import GraspModel
+
+FLAT: dict[str, Any] = {
+    "name": "flat",
+    "max_opening": 0.08,
+    "finger_thickness": 0.01,
+    "finger_width": 0.02,
+    "finger_length": 0.045,
+    "pad_width": 0.015,
+    "pad_height": 0.02,
+    "palm_thickness": 0.1,
+    "palm_width": 0.06,
+    "palm_length": 0.05,
+}
+ROUND = FLAT | {"name": "round", "pad_width": 0.0, "pad_height": 0.0, "tip_radius": 0.01}
+
+
+@pytest.mark.parametrize(
+    ("changed", "words"),
+    [
+        ({"max_opening": 0.0}, "max_opening must be above 0"),
+        ({"max_opening": -0.08}, "must be a length in metres of at least 0"),
+        ({"max_opening": math.nan}, "must be a length in metres"),
+        ({"max_opening": "80mm"}, "must be a length in metres"),
+        ({"max_opening": 80.0}, "is it in millimetres"),
+        ({"min_opening": 0.09}, "min_opening (0.09) must be at most max_opening (0.08)"),
+        ({"min_opening": 0.078}, "larger than the clearance on both sides"),
+        ({"pad_width": 0.03}, "pad_width (0.03) must be at most finger_width (0.02)"),
+        ({"pad_height": 0.05}, "pad_height (0.05) must be at most finger_length (0.045)"),
+        ({"palm_thickness": 0.07}, "must be at most palm_thickness (0.07)"),
+        ({"pad_width": 0.0}, "either flat pads"),
+        ({"tip_radius": 0.01}, "either flat pads"),
+        ({"receptive_field": 0.004}, "needs round tips"),
+        ({"sensor_resolution": 4.0}, "sensor resolution must be"),
+        ({"max_force": 0.0}, "max_force must be a finite force above 0"),
+        ({"max_force": math.inf}, "max_force must be a finite force above 0"),
+        ({"joint_names": ("one",)}, "a number for each of the 1 joint_names"),
+        ({"base_axes": ("x", "-x")}, "two axes at right angles"),
+        ({"base_axes": ("x", "up")}, "two axes at right angles"),
+        ({"base_axes": ("x",)}, "two axes at right angles"),
+        ({"base_axes": ()}, "two axes at right angles"),
+    ],
+)
+def test_impossible_grippers_are_refused(changed: dict[str, Any], words: str) -> None:
+    with pytest.raises(SettingError, match=r"gripper 'flat'|sensor resolution") as refused:
+        ParallelGripper(**(FLAT | changed))
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+def test_fingers_thicker_than_their_round_tips_are_refused() -> None:
+    with pytest.raises(SettingError, match=r"at most the diameter of the round tips, 0[.]018"):
+        ParallelGripper(**(ROUND | {"tip_radius": 0.009, "finger_thickness": 0.019}))
+
+
+def test_the_resolution_of_round_tips_follows_from_the_receptive_field() -> None:
+    gripper = ParallelGripper(**ROUND, receptive_field=0.004)
+    assert gripper.resolution == pytest.approx(0.4)
+    assert gripper.touching(GraspModel()).sensor_resolution == gripper.resolution
+    assert ParallelGripper(**ROUND).touching(GraspModel()) == GraspModel()
+
+
+def test_the_torsion_radius_is_that_of_a_disc_of_the_area_of_the_pad() -> None:
+    gripper = ParallelGripper(**FLAT)
+    disc = math.sqrt(0.015 * 0.02 / math.pi)
+    assert gripper.torsion_radius(0.5) == pytest.approx(2.0 / 3.0 * 0.5 * disc)
+    assert ParallelGripper(**ROUND).torsion_radius(0.5) == 0.0
+
+
+def test_fingers_end_at_the_pads_ends_or_the_centres_of_the_tips() -> None:
+    assert ParallelGripper(**FLAT).end == 0.01
+    assert ParallelGripper(**ROUND).end == 0.0
+
+
+@given(st.sampled_from([(a, b) for a in AXES for b in AXES if a[-1] != b[-1]]), st.floats(0.0, 0.5))
+def test_the_base_pose_takes_the_axes_of_the_hand_to_those_of_the_gripper(
+    axes: tuple[str, str], length: float
+) -> None:
+    gripper = ParallelGripper(**FLAT, base_axes=axes, base_to_tcp=length)
+    pose = gripper.base_pose
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    closing, approach = (np.array([*AXES[name], 0.0]) for name in axes)
+    assert (pose @ closing).tolist() == [1.0, 0.0, 0.0, 0.0]
+    assert (pose @ approach).tolist() == [0.0, 0.0, 1.0, 0.0]
+    tcp = length * np.array(AXES[axes[1]])
+    assert np.allclose(pose @ [*tcp, 1.0], [0.0, 0.0, 0.0, 1.0])
+
+
+def test_grippers_come_from_names_and_files(tmp_path: Any) -> None:
+    from grasp3d.hand.gripper_files import write_gripper
+
+    gripper = ParallelGripper.preset("panda")
+    write_gripper(tmp_path / "g.json", gripper)
+    assert ParallelGripper.from_file(tmp_path / "g.json") == gripper

@@ -1,0 +1,376 @@
+"""Which grasps a gripper reaches: known shapes, laws, and poses that are free."""
+
+import math
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import ObjectMesh, load_mesh
+from grasp3d.errors import ContactError, SettingError
+from grasp3d.hand.approach import Approach
+from grasp3d.hand.collisions import collides
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach import Reach, Reachability, reach_grasps
+from grasp3d.hand.table import Table
+from grasp3d.settings.lengths import Unit
+from tests.helpers import shapes
+from tests.helpers.collisions import Oracle
+from tests.helpers.grippers import GRIPPERS, HAND, SLIM, TIPS, normalized_poses, opposed
+
+BOX = (60.0, 40.0, 20.0)
+
+
+def block() -> ObjectMesh:
+    return load_mesh(shapes.box(BOX), unit="mm", max_edge=200.0)
+
+
+def across(axis: int, at: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> tuple:
+    """Contacts on two opposite sides of the block, and their inward normals."""
+    points, normals = np.tile(np.array(at), (2, 1)), np.zeros((2, 3))
+    points[:, axis] = -0.5 * BOX[axis], 0.5 * BOX[axis]
+    normals[:, axis] = 1.0, -1.0
+    return points[None], normals[None]
+
+
+def names(reach: Reach) -> list[str]:
+    return [Reachability(state).name for state in reach.state]
+
+
+def directions(reach: Reach) -> np.ndarray:
+    """Approach directions of the first grasp at its angles, whose first one is a pose's."""
+    y, z = reach.poses[0, :3, 1], reach.poses[0, :3, 2]
+    free = reach.free[0]
+    turns = 2.0 * np.pi * np.arange(len(free)) / len(free)
+    return np.outer(np.cos(turns), z) - np.outer(np.sin(turns), y)
+
+
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_block_is_reached_from_all_around_each_pair_of_its_sides(axis: int) -> None:
+    reach = reach_grasps(block(), *across(axis), HAND)
+    # The palm is 36 mm behind the contacts, and meets corners only, those of the large side.
+    assert names(reach) == ["REACHED"]
+    assert reach.opening[0] == pytest.approx(BOX[axis])
+    assert reach.pregrasp_opening[0] == pytest.approx(BOX[axis] + 4.0)
+    assert reach.depth[0] == pytest.approx(9.0)
+    sides = np.delete(0.5 * np.array(BOX), axis)
+    toward = np.abs(np.delete(np.array(directions(reach)), axis, axis=1))
+    assert (reach.free[0] == (toward @ sides < 36.0)).all()
+    assert reach.free.all() == (axis != 2)
+    assert reach.approach_margin[0] == pytest.approx(math.pi if axis != 2 else math.pi / 4)
+    assert reach.poses[0, :3, 3] == pytest.approx(np.zeros(3), abs=1e-9)
+
+
+def test_the_pose_is_the_grasps_frame() -> None:
+    points, normals = across(1, (2.0, 0.0, -1.5))
+    reach = reach_grasps(block(), points, normals, HAND, table=None)
+    pose = reach.poses[0]
+    assert pose[:3, 0] == pytest.approx((points[0, 1] - points[0, 0]) / BOX[1])
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    assert pose[:3, 3] == pytest.approx(points[0].mean(axis=0))
+    # All around is free: the approach is toward the centre of the object.
+    assert reach.free.all()
+    assert pose[:3, 2] == pytest.approx([-0.8, 0.0, 0.6])
+
+
+def test_a_contact_far_from_the_approached_end_is_out_of_the_fingers_reach() -> None:
+    """From 20 mm beside the centre the far end is 50 mm away, and the fingers reach 36 mm."""
+    wide = replace(HAND, palm_width=0.2)
+    points, normals = across(1, (20.0, 0.0, 0.0))
+    approach = Approach(np.array([1.0, 0.0, 0.0]), angles=64)
+    reach = reach_grasps(block(), points, normals, wide, approach=approach)
+    angles = 2.0 * np.pi * np.arange(64) / 64
+    farthest = 50.0 * np.cos(angles) + 10.0 * np.abs(np.sin(angles))
+    assert (reach.free[0] == (farthest < 36.0)).all()
+    free = int(reach.free.sum())
+    assert reach.approach_margin[0] == pytest.approx((free - 1) // 2 * 2.0 * np.pi / 64)
+    # The middle of the arc is the approach from the near end.
+    assert reach.poses[0, :3, 2] == pytest.approx([-1.0, 0.0, 0.0], abs=1e-9)
+
+
+def test_beside_a_table_a_block_is_reached_from_above_only() -> None:
+    mesh = block()
+    approach = Approach(angles=64)
+    reach = reach_grasps(mesh, *across(1), HAND, table=Table.below(mesh), approach=approach)
+    # The fingers' lower corners are 9 mm below and 10 mm beside the contacts, which are 10 mm up.
+    turn = math.atan2(10.0, 9.0) - math.acos(10.0 / math.hypot(9.0, 10.0))
+    count = int(turn / (2.0 * math.pi / 64))
+    assert reach.free[0, [*range(count + 1), *range(-count, 0)]].all()
+    assert reach.free.sum() == 2 * count + 1 == 3
+    assert reach.poses[0, :3, 2] == pytest.approx([0.0, 0.0, -1.0])
+    assert reach.approach_margin[0] == pytest.approx(2.0 * math.pi / 64)
+
+
+def test_beside_a_table_a_grasp_from_above_and_below_is_not_reached() -> None:
+    mesh = block()
+    assert names(reach_grasps(mesh, *across(2), HAND, table=Table.below(mesh))) == ["TABLE"]
+
+
+def test_what_object_and_table_block_together_is_blocked() -> None:
+    """A finger cannot go into a deep hole beside the table either."""
+    tube = load_mesh(shapes.tube(5.0, 15.0, 200.0), unit="mm", max_edge=500.0)
+    points = np.array([[[5.0, 0.0, 0.0], [15.0, 0.0, 0.0]]])
+    normals = np.array([[[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]]])
+    for table in (None, Table.below(tube)):
+        assert names(reach_grasps(tube, points, normals, HAND, table=table)) == ["BLOCKED"]
+
+
+def test_approach_limits() -> None:
+    mesh = block()
+    down = Approach(np.array([0.0, 0.0, -1.0]), within=math.radians(30.0), angles=64)
+    reach = reach_grasps(mesh, *across(1), HAND, approach=down)
+    step = 2.0 * math.pi / 64
+    assert reach.free.sum() == 2 * int(math.radians(30.0) / step) + 1
+    assert reach.poses[0, :3, 2] == pytest.approx([0.0, 0.0, -1.0])
+    none = reach_grasps(mesh, *across(2), HAND, approach=down)
+    assert names(none) == ["DIRECTION"]
+    assert np.isnan(none.poses).all()
+    assert np.isnan(none.approach_margin).all()
+
+
+@pytest.mark.parametrize(
+    ("radius", "state", "depth"),
+    [(10.0, "REACHED", 9.0), (38.0, "REACHED", 4.5), (38.01, "WIDTH", math.nan)],
+)
+def test_a_ball_in_the_gap(radius: float, state: str, depth: float) -> None:
+    """Balls of more than 36 mm radius touch the palm unless the fingers reach less far."""
+    mesh = load_mesh(shapes.sphere(3, radius), unit="mm", max_edge=100.0)
+    top = mesh.vertices[:, 0].argmax()
+    points = np.stack([-mesh.vertices[top], mesh.vertices[top]])[None]
+    normals = np.stack([mesh.vertices[top], -mesh.vertices[top]])[None]
+    reach = reach_grasps(mesh, points, normals, HAND)
+    assert names(reach) == [state]
+    assert reach.depth[0] == pytest.approx(depth, nan_ok=True)
+
+
+@pytest.mark.parametrize(("beside", "state"), [(7.4, "TIP"), (7.6, "REACHED"), (20.0, "REACHED")])
+def test_a_round_tip_in_an_inner_corner(beside: float, state: str) -> None:
+    """A wall nearer than the radius of 8 mm less the compliance is touched before the base."""
+    base, wall = trimesh.creation.box((100, 60, 10)), trimesh.creation.box((10, 60, 60))
+    wall.apply_translation((45.0, 0.0, 25.0))
+    profile = trimesh.boolean.union([base, wall], engine="manifold")
+    mesh = load_mesh((profile.vertices, profile.faces), unit="mm", max_edge=500.0)
+    x = 40.0 - beside
+    points = np.array([[[x, 0.0, -5.0], [x, 0.0, 5.0]]])
+    normals = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+    reach = reach_grasps(mesh, points, normals, TIPS)
+    assert names(reach) == [state]
+    if state == "REACHED":
+        assert reach.opening[0] == pytest.approx(10.0)
+        assert reach.depth[0] == pytest.approx(8.0)
+
+
+def test_a_round_tip_must_open_freely() -> None:
+    """Two walls: the tip fits beside one of them, but the other is nearer than the clearance."""
+    walls = [trimesh.creation.box((60, 60, 10)) for _ in range(2)]
+    for gap, state in ((16.0 + 1.0, "TIP"), (16.0 + 3.0, "REACHED")):
+        far = walls[1].copy()
+        far.apply_translation((0.0, 0.0, 10.0 + gap))
+        both = trimesh.util.concatenate([walls[0], far])
+        mesh = load_mesh((both.vertices, both.faces), unit="mm", max_edge=500.0)
+        points = np.array([[[20.0, 0.0, -5.0], [20.0, 0.0, 5.0]]])
+        normals = np.array([[[0.0, 0.0, 1.0], [0.0, 0.0, -1.0]]])
+        thin = replace(TIPS, finger_thickness=0.004, palm_thickness=0.08)
+        assert names(reach_grasps(mesh, points, normals, thin))[0] == state
+
+
+def test_a_ring_is_held_from_inside() -> None:
+    mesh = load_mesh(shapes.tube(30.0, 40.0, 20.0), unit="mm", max_edge=500.0)
+    points = np.array([[[-30.0, 0.0, 0.0], [30.0, 0.0, 0.0]]])
+    normals = np.array([[[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]])
+    reach = reach_grasps(mesh, points, normals, SLIM, grip=-1, approach=Approach(angles=64))
+    assert names(reach) == ["REACHED"]
+    # The commanded opening is that between the fingers' inner faces.
+    assert reach.opening[0] == pytest.approx(60.0 - 2 * 4.0)
+    assert reach.pregrasp_opening[0] == pytest.approx(60.0 - 2 * 4.0 - 4.0)
+    assert abs(reach.poses[0, 2, 2]) == pytest.approx(1.0)  # along the axis of the ring
+    assert not collides(mesh, reach.poses, reach.opening, SLIM, grip=-1).any()
+    assert collides(mesh, reach.poses, reach.opening + 3.0, SLIM, grip=-1).all()
+    # Fingers of 20 mm width do not fit to the curve, and of 30 mm thickness do not fit at all.
+    assert names(reach_grasps(mesh, points, normals, HAND, grip=-1)) == ["BLOCKED"]
+    thick = replace(SLIM, finger_thickness=0.029)
+    assert names(reach_grasps(mesh, points, normals, thick, grip=-1)) == ["WIDTH"]
+
+
+def test_tips_of_three_fingers() -> None:
+    mesh = load_mesh(shapes.sphere(4, 30.0), unit="mm", max_edge=200.0)
+    turns = 2.0 * np.pi * np.arange(3) / 3
+    out = np.stack([np.cos(turns), np.sin(turns), 0.0 * turns], axis=1)
+    points, normals = 30.0 * out[None], -out[None]
+    assert names(reach_grasps(mesh, points, normals, TIPS)) == ["REACHED"]
+    table = Table(np.array([0.0, 0.0, 1.0]), -7.9)
+    assert names(reach_grasps(mesh, points, normals, TIPS, table=table)) == ["TABLE"]
+    cave = load_mesh(shapes.tube(7.0, 20.0, 30.0), unit="mm", max_edge=200.0)
+    inside = names(reach_grasps(cave, 7.0 * out[None], out[None], TIPS))
+    assert inside == ["TIP"]
+    with pytest.raises(SettingError, match="round tips"):
+        reach_grasps(mesh, points, normals, HAND)
+
+
+@cache
+def blob(scale: float = 1.0, unit: Unit = "mm") -> ObjectMesh:
+    vertices, faces = shapes.lopsided()
+    return load_mesh((25.0 * scale * vertices, faces), unit=unit, max_edge=1000.0)
+
+
+@pytest.fixture(scope="module")
+def held() -> tuple[ObjectMesh, np.ndarray, np.ndarray]:
+    mesh = blob()
+    return mesh, *opposed(mesh, 60, seed=0)
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS, ids=lambda gripper: gripper.name)
+@pytest.mark.parametrize("stands", [False, True])
+def test_poses_are_free(held: tuple, gripper: ParallelGripper, stands: bool) -> None:
+    mesh, points, normals = held
+    table = Table.below(mesh) if stands else None
+    reach = reach_grasps(mesh, points, normals, gripper, table=table)
+    ok = reach.reached
+    assert 0 < ok.sum() < len(ok)
+    assert not collides(mesh, reach.poses[ok], reach.opening[ok], gripper, table=table).any()
+    scale = 1000.0 / mesh.size
+    oracle = Oracle(mesh.contact_surface.points, mesh.contact_surface.faces)
+    poses = normalized_poses(mesh, reach.poses[ok])
+    for pose, opening in zip(poses, reach.opening[ok] / mesh.size, strict=True):
+        assert oracle.collides(pose, opening, gripper, scale) is not True
+
+
+@pytest.mark.parametrize("gripper", GRIPPERS, ids=lambda gripper: gripper.name)
+def test_every_angle_is_blocked_or_free_as_its_own_pose(
+    held: tuple, gripper: ParallelGripper
+) -> None:
+    mesh, points, normals = held
+    reach = reach_grasps(mesh, points, normals, gripper)
+    step = 2.0 * np.pi / 32
+    for i in np.flatnonzero(reach.reached)[:8]:
+        pose, free = reach.poses[i], reach.free[i]
+        turned = np.tile(pose, (32, 1, 1))
+        for k in range(32):
+            c, s = math.cos(step * k), math.sin(step * k)
+            turned[k, :3, 1] = c * pose[:3, 1] + s * pose[:3, 2]
+            turned[k, :3, 2] = c * pose[:3, 2] - s * pose[:3, 1]
+            turned[k, :3, 3] = points[i].mean(axis=0)
+            if gripper.round_tips:
+                turned[k, :3, 3] = pose[:3, 3]
+            else:
+                offset = (pose[:3, 3] - points[i].mean(axis=0)) @ pose[:3, 2]
+                turned[k, :3, 3] += offset * turned[k, :3, 2]
+        hit = collides(mesh, turned, reach.opening[i], gripper)
+        assert any((np.roll(free, -k) == ~hit).all() for k in range(32))
+
+
+def test_swapping_the_contacts_mirrors_the_arc(held: tuple) -> None:
+    mesh, points, normals = held
+    one = reach_grasps(mesh, points, normals, HAND)
+    two = reach_grasps(mesh, points[:, ::-1], normals[:, ::-1], HAND)
+    assert (one.state == two.state).all()
+    assert one.reached.any()
+    assert (one.free == np.roll(two.free[:, ::-1], 1, axis=1)).all()
+    assert one.approach_margin == pytest.approx(two.approach_margin, nan_ok=True)
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=6)
+@given(
+    seed=st.integers(0, 10_000),
+    scale=st.floats(0.5, 20.0),
+    shift=st.tuples(*[st.floats(-500.0, 500.0)] * 3),
+)
+def test_moving_and_scaling_everything_changes_nothing(
+    seed: int, scale: float, shift: tuple
+) -> None:
+    mesh = blob()
+    points, normals = opposed(mesh, 12, seed=3)
+    turn = shapes.rotation(seed)
+    moved_mesh = load_mesh(
+        (scale * mesh.vertices @ turn.T + shift, mesh.faces), unit="mm", max_edge=1e6
+    )
+    large = replace(
+        HAND,
+        **{
+            name: scale * getattr(HAND, name)
+            for name in (
+                "max_opening", "finger_thickness", "finger_width", "finger_length", "pad_width",
+                "pad_height", "palm_thickness", "palm_width", "palm_length", "compliance",
+                "clearance",
+            )
+        },
+    )  # fmt: skip
+    table = Table.below(mesh)
+    moved_table = Table(turn @ table.normal, scale * table.offset + turn @ table.normal @ shift)
+    one = reach_grasps(mesh, points, normals, HAND, table=table)
+    two = reach_grasps(
+        moved_mesh, scale * points @ turn.T + shift, normals @ turn.T, large, table=moved_table
+    )
+    assert (one.state == two.state).all()
+    assert (one.free == two.free).all()
+    ok = one.reached
+    assert two.opening == pytest.approx(scale * one.opening, nan_ok=True)
+    assert np.allclose(two.poses[ok, :3, :3], turn @ one.poses[ok, :3, :3], atol=1e-6)
+    expected = scale * one.poses[ok, :3, 3] @ turn.T + shift
+    assert np.allclose(two.poses[ok, :3, 3], expected, atol=1e-5 * scale)
+
+
+def test_the_unit_of_the_mesh_does_not_matter(held: tuple) -> None:
+    mesh, points, normals = held
+    metres = blob(scale=0.001, unit="m")
+    one = reach_grasps(mesh, points, normals, TIPS)
+    two = reach_grasps(metres, 0.001 * points, normals, TIPS)
+    assert (one.state == two.state).all()
+    assert one.opening == pytest.approx(1000.0 * two.opening, nan_ok=True)
+    assert np.allclose(one.poses[:, :3, 3], 1000.0 * two.poses[:, :3, 3], equal_nan=True)
+
+
+@pytest.mark.slow
+@settings(deadline=None, max_examples=25)
+@given(
+    name=st.sampled_from(
+        ["finger_thickness", "finger_width", "palm_width", "palm_length", "palm_thickness"]
+    ),
+    factor=st.floats(1.0, 4.0),
+    stands=st.booleans(),
+)
+def test_a_larger_gripper_never_reaches_more(name: str, factor: float, stands: bool) -> None:
+    mesh = blob()
+    points, normals = opposed(mesh, 25, seed=5)
+    table = Table.below(mesh) if stands else None
+    large = replace(HAND, **{name: factor * getattr(HAND, name)})
+    small = reach_grasps(mesh, points, normals, HAND, table=table)
+    found = reach_grasps(mesh, points, normals, large, table=table)
+    assert not (found.reached & ~small.reached).any()
+    same = found.reached & (found.depth == small.depth)
+    assert not (found.free[same] & ~small.free[same]).any()
+
+
+def test_the_number_of_threads_does_not_matter(held: tuple) -> None:
+    mesh, points, normals = held
+    many = np.tile(points, (20, 1, 1)), np.tile(normals, (20, 1, 1))
+    one, two = (reach_grasps(mesh, *many, HAND, threads=threads) for threads in (1, 3))
+    assert (one.state == two.state).all()
+    assert np.array_equal(one.poses, two.poses, equal_nan=True)
+
+
+def test_no_grasps_are_no_error() -> None:
+    empty = np.zeros((0, 2, 3))
+    assert reach_grasps(block(), empty, empty, HAND).poses.shape == (0, 4, 4)
+
+
+def test_bad_grasps_are_refused() -> None:
+    mesh = block()
+    points, normals = across(0)
+    with pytest.raises(ContactError, match="shape"):
+        reach_grasps(mesh, points[0], normals[0], HAND)
+    with pytest.raises(ContactError, match="shape"):
+        reach_grasps(mesh, points, normals[:, :1], HAND)
+    with pytest.raises(ContactError, match="finite"):
+        reach_grasps(mesh, points * math.nan, normals, HAND)
+    with pytest.raises(ContactError, match="zero"):
+        reach_grasps(mesh, points, 0.0 * normals, HAND)
+    with pytest.raises(ContactError, match="grip must be"):
+        reach_grasps(mesh, points, normals, HAND, grip=2)
+    with pytest.raises(SettingError, match="--unit"):
+        reach_grasps(load_mesh(shapes.box(BOX)), points, normals, HAND)

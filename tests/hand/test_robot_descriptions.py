@@ -1,0 +1,373 @@
+"""Grippers from URDF and MuJoCo models of a hand whose sizes are known."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grasp3d.errors import SettingError
+from grasp3d.hand.gripper_files import read_gripper
+from grasp3d.hand.hand_geometry import Hand, SlidingFinger, gripper_of_hand
+from grasp3d.hand.mjcf import read_mjcf
+from grasp3d.hand.parallel_gripper import AXES, ParallelGripper
+from grasp3d.hand.urdf import read_urdf
+
+FINGERS = ("left", "right")
+
+URDF = """<robot name="hand">
+ <link name="arm"><collision><geometry><box size="1 1 1"/></geometry></collision></link>
+ <link name="hand"><collision><origin xyz="0 0 0.03"/>
+  <geometry><box size="0.06 0.12 0.06"/></geometry></collision></link>
+ <link name="camera"><collision><origin xyz="0.02 0 0"/>
+  <geometry><box size="0.04 0.02 0.02"/></geometry></collision></link>
+ <link name="left"><collision><origin xyz="0 0.005 0.02"/>
+  <geometry><box size="0.02 0.01 0.04"/></geometry></collision></link>
+ <link name="right"><collision><origin xyz="0 0.005 0.02"/>
+  <geometry>{right}</geometry></collision></link>
+ <joint name="wrist" type="fixed"><parent link="arm"/><child link="hand"/>
+  <origin xyz="0 0 0.5"/></joint>
+ <joint name="mount" type="fixed"><parent link="hand"/><child link="camera"/>
+  <origin xyz="0.01 0 0.03"/></joint>
+ <joint name="slide_left" type="{kind}"><parent link="hand"/><child link="left"/>
+  <origin xyz="0 0.001 0.06"/><axis xyz="0 1 0"/><limit lower="0" upper="0.03"/></joint>
+ <joint name="slide_right" type="prismatic"><parent link="hand"/><child link="right"/>
+  <origin xyz="0 -0.001 0.06" rpy="0 0 3.14159265358979"/><axis xyz="{axis}"/>
+  {limit}</joint>
+</robot>"""
+BOX = '<box size="0.02 0.01 0.04"/>'
+LIMIT = '<limit lower="0" upper="0.03"/>'
+"""A palm of 60 x 120 x 60 mm with a camera on it, fingers of 20 x 10 x 40 mm at its front, 2 to
+62 mm apart; the right one is turned by half a turn."""
+
+MJCF = """<mujoco>
+ <compiler angle="radian"/>
+ <worldbody>
+  <body name="hand" pos="1 2 3" euler="0.3 0.2 0.1">
+   <geom type="box" size="0.03 0.06 0.03" pos="0 0 0.03"/>
+   <geom type="sphere" size="0.5" contype="0" conaffinity="0"/>
+   <body name="camera" pos="0.01 0 0.03"><geom type="box" size="0.02 0.01 0.01" pos="0.02 0 0"/>
+   </body>
+   <body name="left" pos="0 0.001 0.06">
+    <joint name="slide_left" type="slide" axis="0 1 0" limited="true" range="0 0.03"/>
+    <geom type="box" size="0.01 0.005 0.02" pos="0 0.005 0.02"/>
+   </body>
+   <body name="right" pos="0 {y} 0.06" quat="0 0 0 1">
+    <joint name="slide_right" type="slide" axis="0 1 0" limited="true" range="0 0.03" ref="{ref}"/>
+    <geom type="box" size="0.01 0.005 0.02" pos="0 0.005 0.02"/>
+   </body>
+  </body>
+ </worldbody>
+ {more}
+</mujoco>"""
+
+
+def urdf(folder: Path, **changed: str) -> Path:
+    values = {"kind": "prismatic", "axis": "0 1 0", "right": BOX, "limit": LIMIT} | changed
+    path = folder / "hand.urdf"
+    path.write_text(URDF.format(**values), encoding="utf-8")
+    return path
+
+
+def mjcf(folder: Path, y: float = -0.001, ref: float = 0.0, more: str = "") -> Path:
+    path = folder / "hand.xml"
+    path.write_text(MJCF.format(y=y, ref=ref, more=more), encoding="utf-8")
+    return path
+
+
+def with_palm(path: Path, old: str, new: str) -> Path:
+    """The file with another palm, which is the link `camera`."""
+    text = path.read_text(encoding="utf-8")
+    assert text.count(old) == 1
+    path.write_text(text.replace(old, new), encoding="utf-8")
+    return path
+
+
+@pytest.fixture
+def _yourdfpy() -> None:
+    pytest.importorskip("yourdfpy")
+
+
+@pytest.fixture
+def _mujoco() -> None:
+    pytest.importorskip("mujoco")
+
+
+def check_hand(gripper: ParallelGripper) -> None:
+    """Check the sizes of the hand that URDF and MJCF describe."""
+    lengths = {
+        "min_opening": 2, "max_opening": 62, "finger_thickness": 10, "finger_width": 20,
+        "finger_length": 40, "pad_width": 20, "pad_height": 40, "palm_thickness": 120,
+        "palm_width": 100, "palm_length": 60, "base_to_tcp": 80,
+    }  # fmt: skip
+    for name, length in lengths.items():
+        assert 1e3 * getattr(gripper, name) == pytest.approx(length, abs=1e-5), name
+    assert gripper.base_axes == ("-y", "z")
+    assert gripper.joint_names == ("slide_left", "slide_right")
+    assert gripper.joint_scale == pytest.approx((0.5, 0.5))
+    assert gripper.joint_closed == pytest.approx((-0.001, -0.001))
+
+
+@pytest.mark.usefixtures("_yourdfpy")
+def test_a_urdf_gives_boxes_stroke_and_frame(tmp_path: Path) -> None:
+    check_hand(read_gripper(urdf(tmp_path), fingers=FINGERS))
+
+
+@pytest.mark.usefixtures("_mujoco")
+@pytest.mark.parametrize(("y", "ref"), [(-0.001, 0.0), (-0.011, 0.01)])
+def test_a_mujoco_model_gives_the_same(tmp_path: Path, y: float, ref: float) -> None:
+    """Also where the file shows the finger at a reference value of its joint."""
+    check_hand(read_gripper(mjcf(tmp_path, y, ref), fingers=FINGERS))
+
+
+@pytest.mark.usefixtures("_yourdfpy")
+def test_fingers_in_the_other_order_turn_the_closing_axis(tmp_path: Path) -> None:
+    gripper = read_gripper(urdf(tmp_path), fingers=("right", "left"))
+    assert gripper.base_axes == ("y", "z")
+    assert gripper.joint_names == ("slide_right", "slide_left")
+
+
+@pytest.mark.usefixtures("_yourdfpy")
+def test_the_palm_and_the_tcp_can_be_named(tmp_path: Path) -> None:
+    gripper = read_gripper(urdf(tmp_path), fingers=FINGERS, palm="hand", tcp=0.09)
+    assert gripper.base_to_tcp == 0.09
+    assert gripper.pad_height == pytest.approx(0.02)
+    assert gripper.palm_width == pytest.approx(0.1)
+    camera = read_gripper(urdf(tmp_path), fingers=FINGERS, palm="camera")
+    assert camera.palm_length == pytest.approx(0.02)
+    assert camera.finger_length == pytest.approx(0.06)
+    assert camera.palm_thickness == camera.max_opening  # at least the stroke
+
+
+@pytest.mark.usefixtures("_yourdfpy")
+def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> None:
+    folder = tmp_path / "my_hand" / "urdf"
+    (tmp_path / "my_hand" / "meshes").mkdir(parents=True)
+    folder.mkdir()
+    trimesh.creation.box([20.0, 10.0, 40.0]).export(tmp_path / "my_hand/meshes/f.stl")
+    for name in ("package://my_hand/meshes/f.stl", "../meshes/f.stl"):
+        mesh = f'<mesh filename="{name}" scale="0.001 0.001 0.001"/>'
+        check_hand(read_gripper(urdf(folder, right=mesh), fingers=FINGERS))
+
+
+@pytest.mark.usefixtures("_yourdfpy")
+@pytest.mark.parametrize(
+    ("changed", "fingers", "words"),
+    [
+        ({}, ("left", "rihgt"), "no link is called 'rihgt'; known: arm, hand"),
+        ({}, ("left", "arm"), "no joint moves arm"),
+        ({}, ("left", "camera"), "no joint moves camera"),
+        ({"kind": "revolute"}, FINGERS, "joint slide_left turns left; only fingers that slide"),
+        ({"axis": "1 0 0"}, FINGERS, "must move along one line, in opposite directions"),
+        ({"axis": "0 -1 0"}, FINGERS, "overlap by 28 mm when they are closed"),
+        ({"limit": ""}, FINGERS, "joint slide_right has no limits"),
+        ({"limit": '<limit lower="0" upper="0"/>'}, FINGERS, "joint slide_right has no limits"),
+        (
+            {"limit": f'{LIMIT}<mimic joint="slide_left" multiplier="-1"/>'},
+            FINGERS,
+            "slide_left and slide_right move them in the same direction",
+        ),
+        ({"right": '<mesh filename="package://none/f.stl"/>'}, FINGERS, "no mesh package://none/f"),
+        ({"right": '<mesh filename="f.stl"/>'}, FINGERS, "there is no mesh f.stl of link right"),
+    ],
+)
+def test_descriptions_of_no_gripper_are_refused(
+    tmp_path: Path, changed: dict[str, str], fingers: tuple[str, str], words: str
+) -> None:
+    path = urdf(tmp_path, **changed)
+    with pytest.raises(SettingError) as refused:
+        read_gripper(path, fingers=fingers)
+    assert str(refused.value).startswith(str(path))
+    assert words in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.usefixtures("_yourdfpy")
+def test_a_finger_that_follows_the_other_has_its_limits(tmp_path: Path) -> None:
+    path = urdf(tmp_path, limit='<mimic joint="slide_left"/>')
+    check_hand(read_gripper(path, fingers=FINGERS))
+
+
+@pytest.mark.usefixtures("_yourdfpy")
+def test_empty_geometry_and_damaged_meshes_are_refused(tmp_path: Path) -> None:
+    path = urdf(tmp_path)
+    text = path.read_text(encoding="utf-8")
+    start = text.index("<collision>", text.index('<link name="left">'))
+    end = text.index("</collision>", start) + len("</collision>")
+    path.write_text(text[:start] + text[end:], encoding="utf-8")
+    with pytest.raises(SettingError, match="left has no collision geometry"):
+        read_gripper(path, fingers=FINGERS)
+    (tmp_path / "f.stl").write_bytes(b"solid nothing")
+    with pytest.raises(SettingError, match=r"mesh of link right: .*f[.]stl"):
+        read_gripper(urdf(tmp_path, right='<mesh filename="f.stl"/>'), fingers=FINGERS)
+
+
+@pytest.mark.usefixtures("_yourdfpy")
+@pytest.mark.parametrize("tcp", [0.05, 0.079, 0.1, 0.2])
+def test_a_tcp_beside_the_pads_is_refused(tmp_path: Path, tcp: float) -> None:
+    with pytest.raises(SettingError, match="the TCP must be in the outer half of the fingers"):
+        read_gripper(urdf(tmp_path), fingers=FINGERS, tcp=tcp)
+
+
+@pytest.mark.usefixtures("_yourdfpy", "_mujoco")
+@pytest.mark.parametrize("suffix", ["urdf", "xml"])
+def test_entities_and_damaged_xml_are_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"hand.{suffix}"
+    for text, words in (
+        ('<!DOCTYPE a [<!ENTITY b "cc">]><robot>&b;</robot>', "declares a document type"),
+        ("<robot>", "is no XML"),
+        ("", "is no XML"),
+        ("<other/>", "no|cannot"),
+    ):
+        path.write_text(text, encoding="utf-8")
+        with pytest.raises(SettingError, match=words) as refused:
+            read_gripper(path, fingers=FINGERS)
+        assert "\n" not in str(refused.value)
+
+
+@pytest.mark.usefixtures("_mujoco")
+def test_mujoco_models_without_such_a_hand_are_refused(tmp_path: Path) -> None:
+    path = mjcf(tmp_path)
+    with pytest.raises(SettingError, match="no link is called 'nope'; known: world, hand, camera"):
+        read_gripper(path, fingers=("left", "nope"))
+    asset = '<asset><mesh name="m" file="gone.stl"/></asset>'
+    with pytest.raises(SettingError, match=r"MuJoCo cannot read it .*gone[.]stl"):
+        read_gripper(mjcf(tmp_path, more=asset), fingers=FINGERS)
+    same = (
+        '<equality><joint joint1="slide_right" joint2="slide_left" polycoef="0.03 -1 0 0 0"/>'
+        "</equality>"
+    )
+    with pytest.raises(SettingError, match="move them in the same direction"):
+        read_gripper(mjcf(tmp_path, more=same), fingers=FINGERS)
+
+
+@pytest.mark.usefixtures("_mujoco")
+@pytest.mark.parametrize(
+    ("shape", "sizes"),
+    [
+        ('type="sphere" size="0.01"', (20, 20, 20)),
+        ('type="ellipsoid" size="0.01 0.02 0.005"', (20, 40, 10)),
+        ('type="cylinder" size="0.01 0.02"', (20, 20, 40)),
+        ('type="cylinder" size="0.01 0.02" quat="1 1 0 0"', (20, 40, 20)),
+        ('type="capsule" size="0.01 0.02"', (20, 20, 60)),
+    ],
+)
+def test_all_shapes_of_mujoco_have_their_size(
+    tmp_path: Path, shape: str, sizes: tuple[float, float, float]
+) -> None:
+    palm = 'type="box" size="0.02 0.01 0.01" pos="0.02 0 0"'
+    path = with_palm(mjcf(tmp_path), palm, f'{shape} pos="-0.01 0 -0.02"')  # at x = 0
+    gripper = read_gripper(path, fingers=FINGERS, palm="camera")
+    assert 1e3 * gripper.palm_width == pytest.approx(sizes[0], rel=0.01)
+    assert 1e3 * gripper.palm_length == pytest.approx(sizes[2], rel=0.01)
+    points = read_mjcf(path, FINGERS, "camera").palm
+    assert 1e3 * np.ptp(points, axis=0) == pytest.approx(sizes, rel=0.01)
+
+
+@pytest.mark.usefixtures("_mujoco")
+def test_endless_shapes_are_refused(tmp_path: Path) -> None:
+    palm = 'type="box" size="0.02 0.01 0.01" pos="0.02 0 0"'
+    path = with_palm(mjcf(tmp_path), palm, 'type="plane" size="1 1 1"')
+    with pytest.raises(SettingError, match="of camera is of no finite shape"):
+        read_gripper(path, fingers=FINGERS)
+
+
+@pytest.mark.usefixtures("_yourdfpy")
+@pytest.mark.parametrize(
+    ("shape", "sizes"),
+    [
+        ('<sphere radius="0.01"/>', (20, 20, 20)),
+        ('<cylinder radius="0.01" length="0.04"/>', (20, 20, 40)),
+    ],
+)
+def test_all_shapes_of_a_urdf_have_their_size(
+    tmp_path: Path, shape: str, sizes: tuple[float, float, float]
+) -> None:
+    path = with_palm(urdf(tmp_path), '<box size="0.04 0.02 0.02"/>', shape)
+    points = read_urdf(path, FINGERS, "camera").palm
+    assert 1e3 * np.ptp(points, axis=0) == pytest.approx(sizes, rel=0.01)
+
+
+def hand_along(closing: str, approach: str, gap: float, shift: float = 0.0) -> Hand:
+    """A hand whose fingers are boxes of 20 x 8 x 50 mm in front of a palm, in any directions."""
+    x, z = np.array(AXES[closing]), np.array(AXES[approach])
+    frame = np.stack([x, np.cross(z, x), z])
+    fingers = []
+    for name, side in zip(FINGERS, (-1.0, 1.0), strict=True):
+        ends = sorted((side * 0.5 * gap, side * (0.5 * gap + 0.02)))
+        box = trimesh.creation.box(bounds=[[ends[0], -0.004, 0.1], [ends[1], 0.004, 0.15]])
+        triangles = (box.triangles + [shift, 0.0, 0.0]) @ frame
+        fingers.append(SlidingFinger(name, name, side * x, (0.0, 0.02), triangles))
+    palm = trimesh.creation.box(bounds=[[-0.08, -0.02, 0.0], [0.08, 0.02, 0.1]]).vertices @ frame
+    return Hand("hand", "palm", (fingers[0], fingers[1]), palm)
+
+
+@pytest.mark.slow
+@given(
+    st.sampled_from([(a, b) for a in AXES for b in AXES if a[-1] != b[-1]]),
+    st.floats(0.0, 0.05),
+    st.floats(0.0, 1.0),
+)
+def test_joints_give_the_opening_in_any_frame(
+    axes: tuple[str, str], gap: float, fraction: float
+) -> None:
+    """At the joints' values for an opening the inner sides are that far apart."""
+    hand = hand_along(*axes, gap)
+    gripper = gripper_of_hand(hand)
+    assert gripper.base_axes == axes
+    opening = gripper.min_opening + fraction * (gripper.max_opening - gripper.min_opening)
+    x = np.array(AXES[axes[0]])
+    sides = []
+    for number, finger in enumerate(hand.fingers):
+        value = gripper.joint_closed[number] + gripper.joint_scale[number] * opening
+        assert -1e-8 <= value <= 0.02 + 1e-8
+        sides.append((finger.triangles + value * finger.axis) @ x)
+    assert sides[1].min() - sides[0].max() == pytest.approx(opening, abs=1e-7)
+    in_frame = hand.palm @ gripper.base_pose[:3, :3].T + gripper.base_pose[:3, 3]
+    assert in_frame[:, 2].max() == pytest.approx(gripper.end - gripper.finger_length)
+
+
+def test_fingers_that_overlap_slightly_touch_when_they_are_closed() -> None:
+    gripper = gripper_of_hand(hand_along("x", "z", -0.001))
+    assert (gripper.min_opening, gripper.max_opening) == (0.0, pytest.approx(0.04))
+    with pytest.raises(SettingError, match="overlap by 3 mm"):
+        gripper_of_hand(hand_along("x", "z", -0.003))
+
+
+def test_a_hand_in_a_skewed_frame_is_refused() -> None:
+    with pytest.raises(SettingError, match="their middle is 5 mm beside it"):
+        gripper_of_hand(hand_along("x", "z", 0.01, shift=0.005))
+    hand = hand_along("x", "z", 0.01)
+    turn = trimesh.transformations.rotation_matrix(0.3, [0.0, 0.0, 1.0])[:3, :3]
+    turned = [
+        replace(finger, axis=turn @ finger.axis, triangles=finger.triangles @ turn.T)
+        for finger in hand.fingers
+    ]
+    with pytest.raises(SettingError, match="along an axis of the frame of palm"):
+        gripper_of_hand(replace(hand, fingers=tuple(turned), palm=hand.palm @ turn.T))
+
+
+def test_fingers_behind_the_palm_are_refused() -> None:
+    hand = hand_along("x", "z", 0.01)
+    with pytest.raises(SettingError, match="end behind the front of the palm"):
+        gripper_of_hand(replace(hand, palm=hand.palm * [1.0, 1.0, 1.6]))
+
+
+def test_parts_of_the_fingers_beside_the_palm_belong_to_it() -> None:
+    hand = hand_along("x", "z", 0.01)
+    narrow = replace(hand, palm=hand.palm * [0.1, 0.1, 1.1])  # its front is within the fingers
+    gripper = gripper_of_hand(narrow)
+    assert gripper.palm_thickness == pytest.approx(0.01 + 2 * 0.02 + 2 * 0.02)
+    assert gripper.palm_width == pytest.approx(0.008)
+    assert gripper.finger_length == pytest.approx(0.04)
+
+
+def test_a_finger_without_a_flat_side_is_refused() -> None:
+    hand = hand_along("x", "z", 0.01)
+    edge = np.array([[[0.005, 0.0, 0.1], [0.02, -0.01, 0.15], [0.02, 0.01, 0.15]]])
+    finger = replace(hand.fingers[1], triangles=edge)
+    with pytest.raises(SettingError, match="no flat inner sides"):
+        gripper_of_hand(replace(hand, fingers=(hand.fingers[0], finger)))

@@ -1,0 +1,248 @@
+"""Free objects that settle between closing jaws: known shapes, and laws that hold for any shape."""
+
+import math
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.spatial.transform import Rotation
+
+from grasp3d import ObjectMesh, best_grasps, label_surface, load_mesh
+from grasp3d._kernels.lowest_point import lowest_point
+from grasp3d.errors import SettingError
+from grasp3d.grasps import poses_of
+from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch, centres_of_pressure
+from grasp3d.hand.closing import close_jaws
+from grasp3d.hand.finger_faces import problem_of_face
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from tests.helpers import shapes
+from tests.helpers.closing_jaws import Floats, pads, pose, random_poses, tips
+
+BOX = (0.04, 0.05, 0.03)
+
+
+def mesh_of(solid: trimesh.Trimesh | shapes.Surface) -> ObjectMesh:
+    return load_mesh(solid, unit="m", max_edge=1.0)
+
+
+def about(axis: str, degrees: float) -> Rotation:
+    return Rotation.from_euler(axis, degrees, degrees=True)
+
+
+def free(
+    mesh: ObjectMesh, poses: Any, gripper: ParallelGripper | None = None, **options: Any
+) -> ClosedJaws:
+    return close_jaws(mesh, poses, gripper or pads(), object_motion="free", threads=1, **options)
+
+
+@pytest.fixture(scope="module")
+def box() -> ObjectMesh:
+    return mesh_of(shapes.box(BOX))
+
+
+@pytest.mark.parametrize("axis", ["y", "z"])
+@pytest.mark.parametrize("degrees", [-8.0, 3.0, 12.0])
+def test_a_box_turns_until_it_is_flush_with_the_pads(
+    box: ObjectMesh, axis: str, degrees: float
+) -> None:
+    found = free(box, pose(turn=about(axis, degrees)), friction=0.0)
+    assert found.opening[0] == pytest.approx(BOX[0], abs=2e-6)
+    assert np.degrees(found.turn[0]) == pytest.approx(abs(degrees), abs=0.1)
+    np.testing.assert_allclose(np.abs(found.normals[0, :, 0]), 1.0, atol=1e-6)
+    assert (found.touch[0] == Touch.FACE).all()
+    assert not found.apart[0]
+
+
+def test_friction_holds_a_wide_object_that_touches_within_its_cone(box: ObjectMesh) -> None:
+    """Corners of the pads 10 mm apart, on a box of 40 mm: friction of 0.25 balances the couple."""
+    turned = pose(turn=about("z", 5.0))
+    held, slips = (free(box, turned, friction=friction) for friction in (0.6, 0.1))
+    assert held.turn[0] == 0.0
+    assert np.degrees(slips.turn[0]) == pytest.approx(5.0, abs=0.2)
+
+
+def test_objects_at_rest_do_not_move(box: ObjectMesh) -> None:
+    ball = mesh_of(trimesh.creation.icosphere(4, 0.02))
+    for mesh in (box, ball):
+        for gripper in (pads(), tips()):
+            found = free(mesh, np.eye(4), gripper)
+            assert found.turn[0] == 0.0
+            np.testing.assert_allclose(found.poses[0], np.eye(4), atol=1e-9)
+
+
+def test_the_gripper_ends_up_midway_between_its_jaws(box: ObjectMesh) -> None:
+    found = free(box, pose((0.006, 0.0, 0.0)))
+    np.testing.assert_allclose(found.poses[0, :3, 3], 0.0, atol=1e-9)
+    assert found.offset[0] == pytest.approx(0.0, abs=1e-12)
+
+
+def wedge(half_angle: float) -> ObjectMesh:
+    """A prism along y that gets narrower against the approach direction."""
+    top, low = 0.01, -0.03
+    half = [0.012 + (top - z) * math.tan(half_angle) for z in (top, low)]
+    points = [
+        [sign * width, y, z]
+        for y in (-0.02, 0.02)
+        for z, width in ((top, half[0]), (low, half[1]))
+        for sign in (-1.0, 1.0)
+    ]
+    return mesh_of(trimesh.Trimesh(points).convex_hull)
+
+
+@pytest.mark.parametrize("friction", [0.1, 0.3, 0.6])
+def test_a_wedge_slides_out_where_friction_is_less_than_its_slope(friction: float) -> None:
+    """Rims of the pads on inclined faces: the object stays if tan(half-angle) <= friction."""
+    slope = math.degrees(math.atan(friction))
+    steep, gentle = wedge(math.radians(slope + 4.0)), wedge(math.radians(slope - 4.0))
+    at = pose(turn=about("x", 180.0))
+    assert Closing(free(steep, at, friction=friction).state[0]) != Closing.CLOSED
+    stays = free(gentle, at, friction=friction)
+    assert Closing(stays.state[0]) == Closing.CLOSED
+    np.testing.assert_allclose(stays.poses[0], at, atol=1e-9)
+
+
+def opening_after(
+    mesh: ObjectMesh, found: ClosedJaws, row: int, turn: Floats, shift: Floats
+) -> float:
+    """Opening after a motion of the object, by rigid jaws."""
+    moved = found.poses[row].copy()
+    middle = found.points[row].mean(axis=0)
+    rotation = moved[:3, :3] @ Rotation.from_rotvec(-turn).as_matrix()
+    local = moved[:3, :3].T @ (middle - moved[:3, 3])
+    moved[:3, 3] = middle - rotation @ (local + shift)
+    moved[:3, :3] = rotation
+    rigid = pads(compliance=0.0)
+    start = min(found.opening[row] + 0.008, rigid.max_opening)
+    return float(close_jaws(mesh, moved, rigid, opening=start, threads=1).opening[0])
+
+
+@pytest.mark.slow
+def test_at_rest_no_small_motion_pays() -> None:
+    """Opening plus friction times slips, for random motions of up to 0.3 degrees and 0.1 mm."""
+    vertices, faces = shapes.lopsided()
+    mesh, friction = mesh_of((0.025 * vertices, faces)), 0.4
+    found = free(mesh, random_poses(60, 0.006, seed=5), pads(compliance=0.0), friction=friction)
+    rows = np.flatnonzero(found.closed)
+    assert len(rows) > 30
+    assert (found.turn[rows] > 0.02).sum() > 5
+    rng = np.random.default_rng(0)
+    pays = 0
+    for row in rows:
+        for _ in range(8):
+            turn, shift = np.zeros(3), np.zeros(3)
+            turn[1:], shift[1:] = rng.normal(0, 0.002, 2), rng.normal(0, 5e-5, 2)
+            half = 0.5 * found.opening[row] * np.array([turn[2], -turn[1]])
+            slips = np.linalg.norm(shift[1:] + half) + np.linalg.norm(shift[1:] - half)
+            after = opening_after(mesh, found, row, turn, shift)
+            pays += after + friction * slips < found.opening[row] - 5e-6
+    assert pays <= 0.01 * 8 * len(rows)
+
+
+@pytest.mark.slow
+def test_rounding_does_not_choose_what_is_touched_of_a_symmetric_object() -> None:
+    """Faces that lie flat on a pad, and equal motions to either side, are tied."""
+    mesh, gripper = load_mesh(shapes.LIBRARY / "bulb.glb"), ParallelGripper.preset("franka")
+    labels = label_surface(mesh, gripper=gripper, threads=1)
+    poses = poses_of(best_grasps(labels, 60, distance=0.02 * mesh.size)).poses
+    expected, rng = free(mesh, poses, gripper), np.random.default_rng(1)
+    for _ in range(3):
+        noise = rng.normal(0.0, 1e-14 * mesh.size, mesh.vertices.shape)
+        found = free(replace(mesh, vertices=mesh.vertices + noise), poses, gripper)
+        np.testing.assert_array_equal(found.state, expected.state)
+        np.testing.assert_allclose(found.points, expected.points, atol=1e-9 * mesh.size)
+        np.testing.assert_allclose(found.normals, expected.normals, atol=1e-8)
+
+
+def test_what_closes_does_not_start_inside_where_it_comes_to_rest() -> None:
+    """A finger that follows the object passes what is behind it."""
+    vertices, faces = shapes.lopsided()
+    mesh, given = mesh_of((0.025 * vertices, faces)), random_poses(100, 0.012, seed=7)
+    found, fixed = free(mesh, given), close_jaws(mesh, given, pads(), threads=1)
+    outside = fixed.state != Closing.STARTS_INSIDE
+    assert 20 < outside.sum() < 100
+    assert (found.state[outside] != Closing.STARTS_INSIDE).all()
+
+
+def test_a_fixed_object_has_the_poses_that_were_given(box: ObjectMesh) -> None:
+    given = random_poses(20, 0.01)
+    found = close_jaws(box, given, pads(), friction=0.1)
+    np.testing.assert_allclose(found.poses, given, atol=1e-12)
+    assert (found.turn == 0.0).all()
+
+
+def test_a_rectangle_as_inner_face_is_the_pad(box: ObjectMesh) -> None:
+    face = ((0.0, -0.01, -0.005), (0.0, 0.01, -0.005), (0.0, 0.01, 0.005), (0.0, -0.01, 0.005))
+    given = random_poses(50, 0.01, seed=2)
+    one, two = (free(box, given, gripper) for gripper in (pads(), pads(inner_faces=(face,))))
+    np.testing.assert_array_equal(one.state, two.state)
+    np.testing.assert_allclose(one.points, two.points, atol=1e-9)
+
+
+def test_a_recessed_face_touches_what_stands_out() -> None:
+    """Behind the pad is a face 2 mm back, on which a wider part of the object lies."""
+    pad = ((0.0, -0.01, -0.005), (0.0, 0.01, -0.005), (0.0, 0.01, 0.005), (0.0, -0.01, 0.005))
+    back = tuple((-0.002, y, z - 0.01) for _, y, z in pad)
+    thin = trimesh.creation.box(bounds=[[-0.01, -0.01, -0.004], [0.01, 0.01, 0.004]])
+    wide = trimesh.creation.box(bounds=[[-0.014, -0.01, -0.014], [0.014, 0.01, -0.006]])
+    neck = trimesh.creation.box(bounds=[[-0.002, -0.01, -0.007], [0.002, 0.01, -0.003]])
+    mesh = mesh_of(trimesh.boolean.union([thin, neck, wide]))
+    found = close_jaws(mesh, np.eye(4), pads(inner_faces=(pad, back), compliance=0.0))
+    assert found.opening[0] == pytest.approx(0.028 - 0.004, abs=1e-9)
+    assert found.points[0, 0, 2] == pytest.approx(-0.01, abs=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("face", "problem"),
+    [
+        (((0.0, 0.0, 0.0), (0.0, 1e-3, 0.0)), "3 to 12 corners"),
+        (((1e-3, 0.0, 0.0), (0.0, 1e-3, 0.0), (0.0, 0.0, 1e-3)), "at most 0"),
+        (((0.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 1e-3)), "in metres"),
+        (((0.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (0.0, 1.0, 1.0)), "convex"),
+        (((-0.1, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 1.0, 1.0), (0.0, 0.0, 1.0)), "flat"),
+    ],
+)
+def test_faces_that_are_none_are_refused(face: Any, problem: str) -> None:
+    assert problem in str(problem_of_face(face))
+    with pytest.raises(SettingError, match=problem):
+        replace(pads(), inner_faces=(face,))
+
+
+def test_settings_that_do_not_go_together(box: ObjectMesh) -> None:
+    with pytest.raises(SettingError, match="moving='one' needs object_motion='fixed'"):
+        free(box, np.eye(4), moving="one")
+    with pytest.raises(SettingError, match="friction must be a finite number of at least 0"):
+        free(box, np.eye(4), friction=-0.1)
+
+
+def test_centres_of_pressure_are_on_one_line_where_patches_overlap() -> None:
+    points = np.array([[[-1.0, 0.0, 0.0], [1.0, 0.4, 0.0]]])
+    low, high = np.array([[[-0.5, -1], [0.2, -1]]]), np.array([[[0.3, 1], [0.8, 1]]])
+    identity = np.eye(4)[None, :3]
+    found = centres_of_pressure(points, low, high, identity)
+    np.testing.assert_allclose(found[0, :, 1], 0.2)
+    np.testing.assert_allclose(found[0, :, 0], [-1.0, 1.0])
+    apart = centres_of_pressure(
+        points, low + [[[0, 0], [1, 0]]], high + [[[0, 0], [1, 0]]], identity
+    )
+    np.testing.assert_allclose(apart[0, :, 1], [0.3, 1.2])
+
+
+@given(
+    st.lists(st.tuples(*[st.floats(-1.0, 1.0) for _ in range(3)]), min_size=1, max_size=6),
+    st.floats(0.0, 1.0),
+)
+@settings(deadline=None, max_examples=60)
+def test_the_lowest_point_is_lower_than_all_others(rows: Any, slope: float) -> None:
+    planes = np.array(rows)
+    value, u, v = lowest_point(planes, len(planes), 1.0, slope)
+    grid = np.linspace(-1.0, 1.0, 41)
+    x, y = (axis.ravel() for axis in np.meshgrid(grid, grid))
+    heights = (planes[:, :1] + planes[:, 1:2] * x + planes[:, 2:] * y).max(axis=0)
+    heights += slope * np.hypot(x, y)
+    assert value <= heights.min() + 1e-9
+    own = (planes[:, 0] + planes[:, 1] * u + planes[:, 2] * v).max() + slope * math.hypot(u, v)
+    assert own == pytest.approx(value, abs=1e-12)

@@ -1,0 +1,120 @@
+"""Grippers, approach fans and tables as triangles."""
+
+import math
+
+import numpy as np
+import pytest
+import trimesh
+from hypothesis import given
+from hypothesis import strategies as st
+
+import grasp3d
+from grasp3d.errors import SettingError
+from grasp3d.hand.presets import PRESETS, preset
+from grasp3d.hand.shapes import (
+    Part,
+    Triangles,
+    approach_triangles,
+    gripper_triangles,
+    moved,
+    table_triangles,
+)
+from grasp3d.hand.table import Table
+
+POSE = trimesh.transformations.rotation_matrix(0.7, [1.0, 2.0, -0.5], [0.1, 0.0, 0.3])
+
+
+def part(shape: Triangles, which: Part) -> trimesh.Trimesh:
+    return trimesh.Trimesh(shape.vertices, shape.faces[shape.parts == which], process=True)
+
+
+@pytest.mark.parametrize("name", PRESETS)
+def test_parts_have_the_lengths_of_the_description(name: str) -> None:
+    gripper = preset(name)
+    opening = 0.6 * gripper.max_opening
+    shape = gripper_triangles(gripper, opening)
+    palm, fingers = part(shape, Part.PALM), part(shape, Part.FINGER)
+    sizes = gripper.palm_thickness, gripper.palm_width, gripper.palm_length
+    assert palm.extents == pytest.approx(sizes)
+    assert palm.bounds[1, 2] == pytest.approx(gripper.end - gripper.finger_length)
+    assert fingers.extents[1:] == pytest.approx((gripper.finger_width, gripper.finger_length))
+    assert fingers.bounds[1, 2] == pytest.approx(gripper.end)
+    touching = part(shape, Part.TIP if gripper.round_tips else Part.PAD)
+    gap = touching.vertices[touching.vertices[:, 0] > 0.0, 0].min()
+    assert 2.0 * gap == pytest.approx(opening, rel=1e-3)
+    if gripper.round_tips:
+        assert touching.extents[2] == pytest.approx(2.0 * gripper.tip_radius)
+        middle = 0.5 * opening + gripper.tip_radius
+        far = middle + 0.5 * gripper.finger_thickness
+    else:
+        assert touching.extents[1:] == pytest.approx((gripper.pad_width, gripper.pad_height))
+        far = 0.5 * opening + gripper.finger_thickness
+    assert fingers.bounds[:, 0] == pytest.approx((-far, far))
+
+
+@pytest.mark.parametrize("name", ["franka", "tactile"])
+def test_parts_are_closed_and_face_outward(name: str) -> None:
+    shape = gripper_triangles(preset(name), 0.03)
+    for which in set(shape.parts.tolist()):
+        mesh = part(shape, Part(which))
+        assert mesh.is_watertight
+        assert mesh.volume > 0.0
+
+
+def test_poses_and_units_move_and_scale() -> None:
+    metres = gripper_triangles(preset("franka"), 0.04)
+    pose = POSE.copy()
+    pose[:3, 3] *= 1e3
+    moved_there = gripper_triangles(preset("franka"), 40.0, pose=pose, unit="mm")
+    assert np.allclose(moved_there.vertices, moved(1e3 * metres.vertices, pose))
+    assert (moved_there.faces == metres.faces).all()
+
+
+@pytest.mark.parametrize("pose", [np.eye(3), 2.0 * np.eye(4), np.full((4, 4), math.nan)])
+def test_wrong_poses_and_openings_are_refused(pose: np.ndarray) -> None:
+    with pytest.raises(SettingError, match="a pose must be a matrix of 4 x 4"):
+        gripper_triangles(preset("franka"), 0.04, pose=pose)
+    for opening in (-0.1, math.nan, math.inf):
+        with pytest.raises(SettingError, match="opening must be a finite length"):
+            gripper_triangles(preset("franka"), opening)
+
+
+@given(st.floats(-3.0, 3.0), st.floats(0.01, 3.0))
+def test_the_fan_covers_the_angles_where_the_gripper_stands(low: float, width: float) -> None:
+    """Turned by an angle of the arc, the palm's side of the gripper is in the fan."""
+    fan = approach_triangles(np.eye(4), [(low, low + width)], radius=2.0, inner=0.5)
+    mesh = trimesh.Trimesh(fan.vertices, fan.faces, process=False)
+    area = 0.5 * width * (2.0**2 - 1.0**2)
+    assert mesh.area == pytest.approx(area, rel=1e-3)
+    for angle in (low, low + width):
+        turn = trimesh.transformations.rotation_matrix(angle, [1.0, 0.0, 0.0])
+        behind = (turn @ [0.0, 0.0, -2.0, 1.0])[:3]
+        assert np.linalg.norm(fan.vertices - behind, axis=1).min() < 1e-9
+
+
+def test_fans_of_several_arcs_and_of_none() -> None:
+    both = approach_triangles(POSE, [(-0.1, 0.1), (2.0, 2.5)], radius=1.0)
+    alone = [approach_triangles(POSE, [arc], radius=1.0) for arc in ((-0.1, 0.1), (2.0, 2.5))]
+    corners = np.concatenate([one.vertices[one.faces] for one in alone])
+    assert np.allclose(both.vertices[both.faces], corners)
+    assert approach_triangles(POSE, [], radius=1.0).faces.shape == (0, 3)
+    for radius, inner in ((0.0, 0.5), (1.0, 1.0), (math.nan, 0.5)):
+        with pytest.raises(SettingError, match="approach arc needs a radius"):
+            approach_triangles(POSE, [], radius=radius, inner=inner)
+
+
+@pytest.mark.parametrize("up", ["z", "-y", [1.0, 1.0, 0.5]])
+def test_tables_lie_below_the_object(up: object) -> None:
+    box = grasp3d.load_mesh(trimesh.creation.box([80.0, 50.0, 30.0]), unit="mm")
+    table = Table.below(box, up)  # type: ignore[arg-type]
+    plate = table_triangles(table, box)
+    heights = plate.vertices @ table.normal
+    assert heights.max() < table.offset
+    assert heights.max() == pytest.approx(table.offset, abs=1e-3 * box.size)
+    assert np.ptp(heights) == pytest.approx(0.01 * box.size)
+    mesh = trimesh.Trimesh(plate.vertices, plate.faces)
+    assert mesh.is_watertight
+    flat = box.vertices - np.outer(box.vertices @ table.normal, table.normal)
+    across = plate.vertices - np.outer(heights, table.normal)
+    radius = np.linalg.norm(across - across.mean(axis=0), axis=1).max()
+    assert np.linalg.norm(flat - across.mean(axis=0), axis=1).max() < radius
