@@ -219,9 +219,7 @@ def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling) -> None:
     pairs = model.fingers == PAIR
     # From above many best grasps are not reached: others are searched for, and not always found.
     above = Approach(np.array([0.0, 0.0, -1.0]), within=0.3) if pairs else None
-    labels = label_surface(
-        mesh, model, sampling=sampling, gripper=tactile, approach=above, threads=1
-    )
+    labels = label_surface(mesh, model, sampling=sampling, hand=tactile, approach=above, threads=1)
     if pairs:
         corners = labels.mesh.vertices[None, :PAIR], labels.mesh.normals[None, :PAIR]
         reach_grasps(labels.mesh, *corners, tactile, threads=1)
@@ -234,7 +232,7 @@ def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
     from grasp3d.grasps.poses import GraspPoses
 
     poses = GraspPoses(poses=np.stack([np.eye(4)] * 2), unit=labels.mesh.unit)
-    evaluate_poses(labels.mesh, poses, labels.model, gripper=gripper, threads=1)
+    evaluate_poses(labels.mesh, poses, labels.model, hand=gripper, threads=1)
 
 
 def compile_forces() -> None:

@@ -55,7 +55,7 @@ class Rule:
     """A rule by which poses become contacts."""
 
     text: str
-    gripper: ParallelGripper
+    hand: ParallelGripper
     friction: float | None
     """Of a free object; None: it is fixed."""
     footprint: float = 0.0
@@ -73,7 +73,7 @@ class Rule:
             return close_jaws(
                 mesh,
                 poses,
-                self.gripper,
+                self.hand,
                 object_motion="fixed" if self.friction is None else "free",
                 friction=self.friction or 0.0,
             )
@@ -84,9 +84,9 @@ def centroids(points: Any, *_: Any) -> Any:
     return points
 
 
-def rules(gripper: ParallelGripper, friction: float) -> Iterator[Rule]:
+def rules(hand: ParallelGripper, friction: float) -> Iterator[Rule]:
     """Each with one step more; then the whole with one step changed."""
-    pads = replace(gripper, inner_faces=(), tip_thickness=None)
+    pads = replace(hand, inner_faces=(), tip_thickness=None)
     rigid = replace(pads, compliance=0.0)
     thin = replace(rigid, pad_width=THIN, pad_height=THIN)
     rubbed = Rule("with friction", pads, friction, pressed=False)
@@ -99,11 +99,11 @@ def rules(gripper: ParallelGripper, friction: float) -> Iterator[Rule]:
     yield rubbed
     yield one_line
     yield opposite
-    whole = replace(opposite, text="**the fingers' own faces: the whole rule**", gripper=gripper)
+    whole = replace(opposite, text="**the fingers' own faces: the whole rule**", hand=hand)
     yield whole
     yield replace(whole, text="whole, but a fixed object", friction=None)
     yield replace(whole, text="whole, but without friction", friction=0.0)
-    yield replace(whole, text="whole, but rigid", gripper=replace(gripper, compliance=0.0))
+    yield replace(whole, text="whole, but rigid", hand=replace(hand, compliance=0.0))
     yield replace(whole, text="whole, but centroids", pressed=False)
     yield replace(whole, text="whole, but only the patch's slope", footprint=0.0)
     for depth in (0.25, 0.5, 0.7):
@@ -173,11 +173,11 @@ def main() -> None:
         "| contacts | ROC-AUC of -β* | average precision | S held | M held | U held | not closed |"
     )
     print("|---|---|---|---|---|---|---|")
-    for rule in rules(tried.gripper, given.friction):
+    for rule in rules(tried.hand, given.friction):
         print(row(rule, mesh, poses, model), flush=True)
     if given.grasps.suffix == ".h5":
         whole = close_jaws(
-            mesh, poses.poses, tried.gripper, object_motion="free", friction=given.friction
+            mesh, poses.poses, tried.hand, object_motion="free", friction=given.friction
         )
         print("\n" + turn_agreement(given.grasps, whole, poses.outcome == 1.0))
         closed = RankedOutcomes.of(

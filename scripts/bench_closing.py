@@ -28,10 +28,10 @@ TILT, SHIFT = 0.15, 0.005
 
 
 def poses_near_grasps(
-    mesh: grasp3d.ObjectMesh, gripper: grasp3d.ParallelGripper, count: int
+    mesh: grasp3d.ObjectMesh, hand: grasp3d.ParallelGripper, count: int
 ) -> Floats:
     """Poses near the best grasps of a mesh."""
-    labels = grasp3d.label_surface(mesh, gripper=gripper)
+    labels = grasp3d.label_surface(mesh, hand=hand)
     best, random = poses_of(grasp3d.best_grasps(labels, 60)).poses, np.random.default_rng(0)
     poses = best[random.integers(len(best), size=count)].copy()
     turns = Rotation.from_rotvec(random.normal(0.0, TILT, (count, 3))).as_matrix()
@@ -47,16 +47,16 @@ def main() -> None:
     )
     parser.add_argument("--poses", type=int, default=10_000)
     count = parser.parse_args().poses
-    gripper = grasp3d.ParallelGripper.preset("franka")
+    hand = grasp3d.ParallelGripper.preset("franka")
     for name in MESHES:
         path = Path(__file__).parents[1] / "meshes" / name
         size = grasp3d.load_mesh(path).size
         mesh = grasp3d.load_mesh(path, max_edge=FINENESS * size)
-        poses, spent = poses_near_grasps(mesh, gripper, count), {}
+        poses, spent = poses_near_grasps(mesh, hand, count), {}
         for motion in ("fixed", "free"):
-            close_jaws(mesh, poses[:10], gripper, object_motion=motion, threads=1)
+            close_jaws(mesh, poses[:10], hand, object_motion=motion, threads=1)
             before = time.process_time()
-            found = close_jaws(mesh, poses, gripper, object_motion=motion, threads=1)
+            found = close_jaws(mesh, poses, hand, object_motion=motion, threads=1)
             spent[motion] = time.process_time() - before
         closed = 100.0 * float((found.state == Closing.CLOSED).mean())
         print(

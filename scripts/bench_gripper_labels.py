@@ -36,7 +36,7 @@ def compare(path: Path) -> str:
     if mesh.unit is None:
         mesh = grasp3d.load_mesh(path, unit="m")
     gripper, table = grasp3d.ParallelGripper.preset("franka"), grasp3d.Table.below(mesh)
-    options = ({}, {"gripper": gripper, "table": table})
+    options = ({}, {"hand": gripper, "table": table})
     searching, whole = [], []
     for keywords in options:
 

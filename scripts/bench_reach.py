@@ -173,9 +173,9 @@ def grasp_times(mesh: ObjectMesh, points: np.ndarray, normals: np.ndarray) -> No
     """Print the time per whole grasp."""
     count = len(points)
     inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
-    for gripper in (HAND, TIPS):
+    for hand in (HAND, TIPS):
         for table in (None, Table.below(mesh)):
-            scene = Scene.of(mesh, gripper, table, Approach())
+            scene = Scene.of(mesh, hand, table, Approach())
             codes, free = np.zeros(count, dtype=np.uint8), np.zeros(count, dtype=np.uint64)
             found, workspace = np.full((count, RESULTS), math.nan), make_workspace(ANGLES)
             arguments = (
@@ -185,7 +185,7 @@ def grasp_times(mesh: ObjectMesh, points: np.ndarray, normals: np.ndarray) -> No
             reach_pairs(*arguments)
             seconds, _ = best_time(lambda a=arguments: reach_pairs(*a))
             print(
-                f"  grasp, {gripper.name}, {'table' if table else 'no table':9}"
+                f"  grasp, {hand.name}, {'table' if table else 'no table':9}"
                 f"{1e6 * seconds / count:7.1f} us, reached {np.mean(codes == 0):.2f}"
             )
 

@@ -58,7 +58,7 @@ class Shown(NamedTuple):
 def loaded(path: Path) -> Shown:
     """Label a mesh for the gripper, and compute what each grasp can carry."""
     mesh = load_mesh(path, unit="m")
-    labels = label_surface(mesh, MODEL, gripper=GRIPPER, load=Load(grip_force=FORCE))
+    labels = label_surface(mesh, MODEL, hand=GRIPPER, load=Load(grip_force=FORCE))
     assert labels.holding is not None
     angles = VIEWS.get(path.stem, (75.0, 35.0))
     size = SHAPES.get(path.stem, COMPACT)

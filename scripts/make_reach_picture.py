@@ -57,7 +57,7 @@ def figure(view: View) -> Drawing:
     mesh = load_mesh(OBJECT, max_edge=load_mesh(OBJECT).size * FINENESS)
     low, high = GRIPPER.limits
     points = label_surface(mesh, MODEL, sampling=Sampling(min_opening=low, max_opening=high))
-    labels = label_surface(mesh, MODEL, gripper=GRIPPER, table=Table.below(mesh))
+    labels = label_surface(mesh, MODEL, hand=GRIPPER, table=Table.below(mesh))
     grasps = best_grasps(labels, 40)
     wide, narrow = (held(grasps, narrow=narrow) for narrow in (False, True))
     panels: list[tuple[str, SurfaceLabels, Triangles | None]] = [
@@ -67,11 +67,11 @@ def figure(view: View) -> Drawing:
         (f"handle, approach {margin(grasps, narrow)}", labels, drawn(grasps, narrow)),
     ]
     drawing = new_figure(1.8 * len(panels), 2.8)
-    for axes, (title, shown, gripper) in zip(drawing.subplots(1, 4), panels, strict=True):
-        span = SPANS[gripper is not None]
-        axes.imshow(paint_labels(shown, view=view, size=PIXELS, beside=gripper, span=span))
+    for axes, (title, shown, hand) in zip(drawing.subplots(1, 4), panels, strict=True):
+        span = SPANS[hand is not None]
+        axes.imshow(paint_labels(shown, view=view, size=PIXELS, beside=hand, span=span))
         axes.set_title(title)
-        if gripper is None:
+        if hand is None:
             parts = shown.fractions().items()
             axes.set_xlabel("  ".join(f"{name} {100.0 * part:.0f} %" for name, part in parts))
         axes.set(xticks=[], yticks=[])

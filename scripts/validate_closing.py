@@ -49,12 +49,10 @@ def random_poses(mesh: grasp3d.ObjectMesh, count: int, seed: int) -> Floats:
     return poses
 
 
-def stepped(
-    model: fcl.BVHModel, pose: Floats, side: float, gripper: ParallelGripper
-) -> float | None:
+def stepped(model: fcl.BVHModel, pose: Floats, side: float, hand: ParallelGripper) -> float | None:
     """Position at which a pad touches any face [mm], as x from its side; None: none, or inside."""
-    thickness, most = 1.2 * COARSE, 0.5e3 * gripper.max_opening
-    box = fcl.Box(thickness, 1e3 * gripper.pad_width, 1e3 * gripper.pad_height)
+    thickness, most = 1.2 * COARSE, 0.5e3 * hand.max_opening
+    box = fcl.Box(thickness, 1e3 * hand.pad_width, 1e3 * hand.pad_height)
     body, pad = fcl.CollisionObject(model), fcl.CollisionObject(box)
     pad.setRotation(pose[:3, :3])
     request = fcl.CollisionRequest()
@@ -77,9 +75,9 @@ def stepped(
     return position
 
 
-def fixed(gripper: ParallelGripper, count: int) -> None:
+def fixed(hand: ParallelGripper, count: int) -> None:
     """Compare first touches of rigid pads with brute force."""
-    rigid = replace(gripper, compliance=0.0, inner_faces=(), tip_thickness=None)
+    rigid = replace(hand, compliance=0.0, inner_faces=(), tip_thickness=None)
     print("rigid pads on a fixed object, steps of 1 um")
     errors, compared, missed = [], 0, 0
     for seed, name in enumerate(MESHES):
@@ -114,14 +112,14 @@ def boundary(mesh: grasp3d.ObjectMesh) -> fcl.BVHModel:
     return model
 
 
-def outside(mesh: grasp3d.ObjectMesh, poses: Floats, gripper: ParallelGripper) -> Floats:
+def outside(mesh: grasp3d.ObjectMesh, poses: Floats, hand: ParallelGripper) -> Floats:
     """The poses at which no finger starts in the object, shape (k, 4, 4)."""
-    return poses[close_jaws(mesh, poses, gripper).state != Closing.STARTS_INSIDE]
+    return poses[close_jaws(mesh, poses, hand).state != Closing.STARTS_INSIDE]
 
 
-def free(gripper: ParallelGripper, count: int) -> None:
+def free(hand: ParallelGripper, count: int) -> None:
     """Try motions of objects at rest."""
-    rigid = replace(gripper, compliance=0.0)
+    rigid = replace(hand, compliance=0.0)
     print(f"free objects at rest, friction {FRICTION:g}: {MOTIONS} motions of each")
     total, best = 0, []
     for seed, name in enumerate(MESHES):
@@ -139,7 +137,7 @@ def free(gripper: ParallelGripper, count: int) -> None:
 
 
 def gain_of_motions(
-    mesh: grasp3d.ObjectMesh, pose: Floats, width: float, gripper: ParallelGripper, seed: int
+    mesh: grasp3d.ObjectMesh, pose: Floats, width: float, hand: ParallelGripper, seed: int
 ) -> float:
     """Largest decrease of the opening minus what friction takes [mm], over random motions."""
     random = np.random.default_rng(seed)
@@ -147,12 +145,12 @@ def gain_of_motions(
     across = np.stack([np.zeros(MOTIONS), np.cos(angles), np.sin(angles)], axis=1)
     sizes = random.uniform(0.0, LARGEST, MOTIONS)
     shifted = np.arange(MOTIONS) % 2 == 1  # the others turn
-    pad = 0.5 * math.hypot(gripper.pad_width, gripper.pad_height) / metres_per_unit(mesh)
+    pad = 0.5 * math.hypot(hand.pad_width, hand.pad_height) / metres_per_unit(mesh)
     moved = np.tile(pose, (MOTIONS, 1, 1))
     turns = np.where(shifted, 0.0, sizes)[:, None] * across
     moved[:, :3, :3] = pose[:3, :3] @ Rotation.from_rotvec(turns).as_matrix()
     moved[:, :3, 3] += np.where(shifted, pad * sizes, 0.0)[:, None] * (across @ pose[:3, :3].T)
-    found = close_jaws(mesh, moved, gripper)
+    found = close_jaws(mesh, moved, hand)
     slip = np.where(shifted, 2.0 * pad, width) * sizes
     gain = width - found.opening - FRICTION * slip
     scale = 1e3 * metres_per_unit(mesh)
@@ -173,9 +171,9 @@ def main() -> None:
     )
     parser.add_argument("--poses", type=int, default=500)
     count = parser.parse_args().poses
-    gripper = ParallelGripper.preset("franka")
-    fixed(gripper, count)
-    free(gripper, count)
+    hand = ParallelGripper.preset("franka")
+    fixed(hand, count)
+    free(hand, count)
 
 
 if __name__ == "__main__":

@@ -32,7 +32,7 @@ def main() -> int:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("meshes", nargs="+", type=Path)
     parser.add_argument("--unit", default="m", help="of meshes that state none")
-    parser.add_argument("--gripper", default="franka", help="preset or file")
+    parser.add_argument("--hand", default="franka", help="preset or file")
     parser.add_argument("--compliance", type=float, default=0.001, help="of the pads [m]")
     parser.add_argument("--friction", type=float, default=0.4)
     parser.add_argument("--resolution", type=float, default=15.0, help="of the sensor [degrees]")
@@ -74,7 +74,7 @@ def _labels(path: Path, options: argparse.Namespace) -> SurfaceLabels:
         mesh,
         GraspModel(friction=options.friction, sensor_resolution=math.radians(options.resolution)),
         sampling=Sampling(),
-        gripper=replace(load_gripper(options.gripper), compliance=options.compliance),
+        hand=replace(load_gripper(options.hand), compliance=options.compliance),
         table=Table.below(mesh),
         approach=Approach(within=math.radians(options.within)),
     )
@@ -85,7 +85,7 @@ def _collisions(grasps: SurfaceGrasps) -> list[str]:
     reaching, reach = grasps.reaching, grasps.reach
     assert reaching is not None
     assert reach is not None
-    moving = MovingGripper(grasps.mesh, reaching.gripper, reaching.table)
+    moving = MovingGripper(grasps.mesh, reaching.hand, reaching.table)
     return [moving.collision(reach, row) for row in range(grasps.size)]
 
 

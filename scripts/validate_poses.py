@@ -35,26 +35,24 @@ def flat(name: str) -> grasp3d.ParallelGripper:
     return replace(grasp3d.ParallelGripper.preset(name), inner_faces=(), tip_thickness=None)
 
 
-def random_poses(
-    mesh: grasp3d.ObjectMesh, gripper: grasp3d.ParallelGripper, count: int
-) -> GraspPoses:
+def random_poses(mesh: grasp3d.ObjectMesh, hand: grasp3d.ParallelGripper, count: int) -> GraspPoses:
     """Poses near the best grasps of a mesh."""
-    labels = grasp3d.label_surface(mesh, gripper=gripper)
+    labels = grasp3d.label_surface(mesh, hand=hand)
     best = poses_of(grasp3d.best_grasps(labels, 40, distance=0.05 * mesh.size)).poses
     random = np.random.default_rng(5)
     poses = best[random.integers(len(best), size=count)].copy()
     turns = Rotation.from_rotvec(random.normal(0.0, TILT, (count, 3))).as_matrix()
     poses[:, :3, :3] = poses[:, :3, :3] @ turns
     poses[:, :3, 3] += random.normal(0.0, SHIFT, (count, 3)) / metres_per_unit(mesh)
-    return GraspPoses(poses=poses, unit=mesh.unit, gripper=gripper)
+    return GraspPoses(poses=poses, unit=mesh.unit, hand=hand)
 
 
-def tried(name: str, gripper: grasp3d.ParallelGripper, count: int) -> GraspPoses:
+def tried(name: str, hand: grasp3d.ParallelGripper, count: int) -> GraspPoses:
     """Simulated poses; those whose open tips touch the object have no outcome."""
     mesh = grasp3d.load_mesh(ROOT / "meshes" / name)
     if mesh.unit is None:
         mesh = grasp3d.load_mesh(ROOT / "meshes" / name, unit="m")
-    poses = simulate_poses(mesh, random_poses(mesh, gripper, count), gripper=gripper)
+    poses = simulate_poses(mesh, random_poses(mesh, hand, count), hand=hand)
     outcome = np.where(poses.columns["fate"] == "blocked", math.nan, poses.outcome)
     return replace(poses, outcome=outcome, object_file=name)
 
@@ -93,10 +91,10 @@ def main() -> None:
         folder = given.output or Path(scratch)
         folder.mkdir(parents=True, exist_ok=True)
         files = []
-        for gripper in GRIPPERS:
+        for hand in GRIPPERS:
             for name in MESHES:
-                files.append(folder / f"{gripper}_{Path(name).stem}.json")
-                write_poses(files[-1], tried(name, flat(gripper), given.count))
+                files.append(folder / f"{hand}_{Path(name).stem}.json")
+                write_poses(files[-1], tried(name, flat(hand), given.count))
         motions: tuple[ObjectMotion, ...] = ("free", "fixed")
         for motion in motions:
             report(files, motion)

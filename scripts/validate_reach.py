@@ -41,14 +41,14 @@ def main() -> int:
         assert mesh.unit is not None
         metres = METRES[mesh.unit]
         oracle = Oracle(mesh.contact_surface.points, mesh.contact_surface.faces)
-        for number, gripper in enumerate(GRIPPERS):
+        for number, hand in enumerate(GRIPPERS):
             start = time.perf_counter()
             poses, openings = random_poses(mesh, each, seed=number)
             grips = np.where(np.arange(each) % 2, 1, -1)
-            found = collides(mesh, poses, openings / metres, gripper, grip=grips)
+            found = collides(mesh, poses, openings / metres, hand, grip=grips)
             scale = 1.0 / (metres * mesh.size)
             right = [
-                oracle.collides(pose, opening * scale, gripper, scale, grip=grip)
+                oracle.collides(pose, opening * scale, hand, scale, grip=grip)
                 for pose, opening, grip in zip(
                     normalized_poses(mesh, poses), openings, grips.tolist(), strict=True
                 )
@@ -59,7 +59,7 @@ def main() -> int:
             )
             differing += differ
             print(
-                f"{Path(path).name:28}{gripper.name:9}{each:7}{found.sum():9}{touching:7}"
+                f"{Path(path).name:28}{hand.name:9}{each:7}{found.sum():9}{touching:7}"
                 f"{differ:8}{time.perf_counter() - start:7.1f}",
                 flush=True,
             )

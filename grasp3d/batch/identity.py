@@ -58,9 +58,9 @@ def settings_key(settings: BatchSettings) -> str:
 
 def settings_text(settings: BatchSettings) -> str:
     """Settings as canonical JSON: sorted, whole numbers without a decimal point, inf as null."""
-    return json.dumps(
-        _canonical(asdict(settings)), sort_keys=True, separators=(",", ":"), allow_nan=False
-    )
+    values = asdict(settings)
+    values["reach"]["gripper"] = values["reach"].pop("hand")  # the name that it has in files
+    return json.dumps(_canonical(values), sort_keys=True, separators=(",", ":"), allow_nan=False)
 
 
 def _canonical(value: Any) -> Any:

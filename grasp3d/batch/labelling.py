@@ -111,7 +111,7 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
         friction_error=settings.model.friction_error,
         normal_error=settings.model.normal_error,
         fingers=settings.model.fingers,
-        gripper=None if settings.reach.gripper is None else settings.reach.gripper.name,
+        gripper=None if settings.reach.hand is None else settings.reach.hand.name,
     )
 
 

@@ -177,7 +177,7 @@ def _rows(
         cluster=cluster,
         started=lambda job: counter.start(job.mesh),
         kernels=settings.model.fingers,
-        gripper=settings.reach.gripper is not None,
+        gripper=settings.reach.hand is not None,
         forces=settings.needs_forces,
     ):
         row = _row_of(result, store.rows)

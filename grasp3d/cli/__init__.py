@@ -15,7 +15,7 @@ from grasp3d.cli.compiling_lines import compiling_lines
 from grasp3d.cli.design import Design
 from grasp3d.cli.evaluate import Evaluate
 from grasp3d.cli.examples import print_examples
-from grasp3d.cli.gripper import Gripper
+from grasp3d.cli.hand import Hand
 from grasp3d.cli.label import Label
 from grasp3d.cli.options import Flag
 from grasp3d.cli.paper import Paper
@@ -46,7 +46,7 @@ Command = (
     | Annotated[Sweep, tyro.conf.subcommand("sweep")]
     | Annotated[Perturb, tyro.conf.subcommand("perturb")]
     | Annotated[Design, tyro.conf.subcommand("design")]
-    | Annotated[Gripper, tyro.conf.subcommand("gripper")]
+    | Annotated[Hand, tyro.conf.subcommand("hand")]
     | Annotated[View, tyro.conf.subcommand("view")]
     | Annotated[Paper, tyro.conf.subcommand("paper")]
     | Annotated[Warmup, tyro.conf.subcommand("warmup")]
@@ -103,6 +103,8 @@ def _printed(arguments: list[str]) -> int:
 
 
 def _run(arguments: list[str]) -> int:
+    if arguments[:1] == ["gripper"]:  # another name of that command
+        arguments = ["hand", *arguments[1:]]
     if arguments == ["--version"]:
         print(f"grasp3d {package_version()}")  # noqa: T201
         return 0

@@ -45,7 +45,7 @@ class Evaluate:
     """Contact points in the mesh's frame and unit: CSV or Parquet with columns x1 y1 z1 x2 y2 z2
     ... and one row per grasp, or JSON with a list of grasps, each a list of points [x, y, z]. Or
     poses of a gripper: the files that grasp3d writes, isaac_grasp (.yaml), ACRONYM (.h5), GraspNet
-    (.npy), GraspGen and moveit_msgs/Grasp (.json); they need --gripper."""
+    (.npy), GraspGen and moveit_msgs/Grasp (.json); they need --hand."""
 
     output: Annotated[OutputFile, tyro.conf.arg(aliases=["-o"])] = None
     """Results (.csv, .parquet or .json) (default: NAME_grasps.csv in this folder)."""
@@ -107,9 +107,9 @@ class Evaluate:
 
     def _check_gripper(self, *, poses: bool) -> None:
         """Refuse poses without a gripper, and contacts with one."""
-        if poses and self.reach.gripper is None:
+        if poses and self.reach.hand is None:
             raise SettingError(
-                f"{self.contacts}: contains poses; give their gripper with --gripper NAME|FILE"
+                f"{self.contacts}: contains poses; give their gripper with --hand NAME|FILE"
             )
         if not poses and self.object_motion != "free":
             raise SettingError("object_motion applies to poses of a gripper, not to contacts")
@@ -120,7 +120,7 @@ class Evaluate:
                 "the measures of --metrics are those of point contacts: use --contact soft, or "
                 "point"
             )
-        if self.reach.gripper is not None and not poses and self.contacts.is_file():
+        if self.reach.hand is not None and not poses and self.contacts.is_file():
             raise SettingError(
                 f"{self.contacts}: contains no poses; a gripper applies to poses, not to contacts"
             )
@@ -171,7 +171,7 @@ class Evaluate:
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
 
-        poses = read_poses(self.contacts, gripper=self.reach.gripper)
+        poses = read_poses(self.contacts, hand=self.reach.hand)
         mesh = in_stated_scale(prepare_file(self.file, self.mesh), poses)
         mesh, load = loaded_mesh(mesh, self.load.chosen)
         model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)

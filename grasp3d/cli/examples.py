@@ -28,7 +28,7 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
     "validate": (
         (
             "How well labels predict a robot's log of grasps on one object",
-            "validate tried.csv --mesh meshes/mug.glb --gripper franka -o validated",
+            "validate tried.csv --mesh meshes/mug.glb --hand franka -o validated",
         ),
         (
             "For rubber pads, with a table of S, M and U at other resolutions",
@@ -76,11 +76,11 @@ EXAMPLES: dict[str, tuple[tuple[str, str], ...]] = {
             "design --friction 0.4..0.6 --receptive-field 4mm --joint-lengths 6cm --object-size 50",
         ),
     ),
-    "gripper": (
-        ("Print a gripper, and draw it", "gripper franka --picture franka.png"),
+    "hand": (
+        ("Print a gripper, and draw it", "hand franka --picture franka.png"),
         (
             "Describe the hand of a URDF by the links of its fingers",
-            "gripper hand.urdf --fingers left_finger right_finger -o gripper.json",
+            "hand hand.urdf --fingers left_finger right_finger -o gripper.json",
         ),
     ),
     "view": (

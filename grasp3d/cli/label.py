@@ -91,9 +91,9 @@ class Label:
                 "graspgen files state which grasps held, which is not known of grasps that "
                 "are found; choose another grasps_format"
             )
-        if self.grasps_format and (self.reach.gripper is None or self.model.fingers > 2):
+        if self.grasps_format and (self.reach.hand is None or self.model.fingers > 2):
             raise SettingError(
-                "grasps_format is for poses of a gripper of two fingers; give one with --gripper"
+                "grasps_format is for poses of a gripper of two fingers; give one with --hand"
             )
         check_timeout(self.timeout)
         check_per_finger(self.model)
@@ -136,16 +136,16 @@ class Label:
         from grasp3d.grasps.writing import SUFFIXES
         from grasp3d.system.files import check_suffix
 
-        gripper = self.reach.gripper if self.model.fingers == 2 else None
-        chosen = self.grasps_format or (format_of(path) if gripper else None)
+        hand = self.reach.hand if self.model.fingers == 2 else None
+        chosen = self.grasps_format or (format_of(path) if hand else None)
         if not self.best:
             return
         if self.grasps_format:
             check_suffix(path, suffixes_of(self.grasps_format), self.grasps_format)
-        check_suffix(path, POSES if gripper else SUFFIXES, "table")
-        if chosen in JOINT_FORMATS and gripper is not None and not gripper.joint_names:
+        check_suffix(path, POSES if hand else SUFFIXES, "table")
+        if chosen in JOINT_FORMATS and hand is not None and not hand.joint_names:
             raise SettingError(
-                f"{chosen} files state values of joints, but gripper {gripper.name!r} has no "
+                f"{chosen} files state values of joints, but gripper {hand.name!r} has no "
                 "joint_names; choose another format"
             )
 

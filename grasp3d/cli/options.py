@@ -212,6 +212,10 @@ _GRIPPER: tyro.constructors.PrimitiveConstructorSpec[Any] = (
 """Parser of a gripper: the name of a preset, or a file."""
 
 
+_ALIASES = {"hand": ["--gripper"]}
+"""Other names of options, by the name of the field."""
+
+
 def _help_texts(settings: type) -> dict[str, str]:
     """Return the texts on the fields in the docstring of a settings class, by name."""
     return {
@@ -238,6 +242,7 @@ def _options_of(settings: type, *, hidden: tuple[str, ...] = ()) -> Any:
                         help=helps.get(field.name),
                         metavar=_METAVARS.get(field.name),
                         help_behavior_hint=_default_text(field.default),
+                        aliases=_ALIASES.get(field.name),
                     ),
                     *_parser(hints[field.name], option_name(field.name)),
                     *([tyro.conf.Suppress] if field.name in hidden else []),
@@ -388,7 +393,11 @@ Fingers = Annotated[int, _model_option("fingers")]
 LengthOption = Annotated[float | str | None, _ANY_LENGTH, tyro.conf.arg(help_behavior_hint="")]
 """A length: a number, a text with a unit, or none."""
 
-GripperOption = Annotated[ParallelGripper | None, _GRIPPER, tyro.conf.arg(help_behavior_hint="")]
+HandOption = Annotated[
+    ParallelGripper | None,
+    _GRIPPER,
+    tyro.conf.arg(help_behavior_hint="", aliases=_ALIASES["hand"]),
+]
 """A gripper: the name of a preset, or a file; None: not given."""
 
 Flag = Annotated[bool, tyro.conf.FlagCreatePairsOff, tyro.conf.arg(help_behavior_hint="")]

@@ -48,7 +48,7 @@ def print_poses(found: EvaluatedPoses, output: Path) -> None:
     mesh, model = found.mesh, found.model
     console.print(
         f"[bold]{escaped(mesh.report.source)}[/]: {counted(found.size, 'poses')} of gripper "
-        f"{escaped(found.gripper.name)}; friction {friction_text(model)}, sensor resolution "
+        f"{escaped(found.hand.name)}; friction {friction_text(model)}, sensor resolution "
         f"{math.degrees(model.sensor_resolution):.4g}°{_CONTACTS[model.contact]}",
         soft_wrap=True,
     )

@@ -154,8 +154,8 @@ def _epsilon_text(labels: SurfaceLabels) -> str:
 
 def _reaching_text(reaching: Reaching, size: float, unit: Unit | None) -> str:
     """Return the gripper, the table, and the limit of approach directions."""
-    gripper, table, approach = reaching.gripper, reaching.table, reaching.approach
-    text = f"gripper {escaped(gripper.name)}, stroke {1000.0 * gripper.max_opening:.4g} mm"
+    hand, table, approach = reaching.hand, reaching.table, reaching.approach
+    text = f"gripper {escaped(hand.name)}, stroke {1000.0 * hand.max_opening:.4g} mm"
     if table is not None:
         up = ", ".join(f"{number + 0.0:.3g}" for number in table.normal)
         height = round(table.offset / size, 9) * size + 0.0  # without rounding errors

@@ -11,7 +11,7 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
     ClusterOptions,
     Force,
-    GripperOption,
+    HandOption,
     InputFile,
     LengthOption,
     OutputFile,
@@ -53,7 +53,7 @@ class Simulate:
     """File of poses of a gripper to simulate, in any format that grasp3d evaluate reads (default:
     grasps are drawn from the surface)."""
 
-    gripper: GripperOption = None
+    hand: HandOption = None
     """Name of a preset, or a file, of the gripper of the poses. Of drawn grasps: a gripper with
     round tips, whose radius and limits of the opening are taken (default: tips of --tip-radius)."""
 
@@ -111,21 +111,21 @@ class Simulate:
         from grasp3d.physics.posed import simulate_poses
 
         assert self.grasps is not None
-        if self.gripper is None:
+        if self.hand is None:
             raise SettingError(
-                f"{self.grasps}: contains poses; give their gripper with --gripper NAME|FILE"
+                f"{self.grasps}: contains poses; give their gripper with --hand NAME|FILE"
             )
         if output.exists() and self.grasps.exists() and output.samefile(self.grasps):
             raise OutputError(f"{output}: is the file of poses; name another file with -o")
-        poses = read_poses(self.grasps, gripper=self.gripper)
+        poses = read_poses(self.grasps, hand=self.hand)
         check_replaceable(output, overwrite=self.overwrite, source=self.file)
         text = f"simulating {self.grasps.name}"
         with report.progress(text, quiet=self.quiet) as progress:
             found = simulate_poses(
                 prepare_file(self.file, self.mesh),
                 poses,
-                self.gripper.touching(self.model),
-                gripper=self.gripper,
+                self.hand.touching(self.model),
+                hand=self.hand,
                 simulation=self.simulation,
                 cluster=self.cluster,
                 progress=progress,
@@ -153,10 +153,10 @@ class Simulate:
         with report.progress(text, quiet=self.quiet) as progress:
             return simulate_grasps(
                 mesh,
-                self.model if self.gripper is None else self.gripper.touching(self.model),
+                self.model if self.hand is None else self.hand.touching(self.model),
                 simulation=self.simulation,
                 sampling=sampling,
-                gripper=self.gripper,
+                hand=self.hand,
                 cluster=self.cluster,
                 progress=progress,
             )

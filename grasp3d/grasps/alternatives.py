@@ -47,8 +47,8 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> SurfaceGr
         >>> from grasp3d.grasps import alternatives_at
         >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
         >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.01)
-        >>> gripper = grasp3d.ParallelGripper.preset("franka")
-        >>> labels = grasp3d.label_surface(mesh, gripper=gripper)
+        >>> hand = grasp3d.ParallelGripper.preset("franka")
+        >>> labels = grasp3d.label_surface(mesh, hand=hand)
         >>> grasps = alternatives_at(labels, 60, 3)
         >>> grasps.size, bool(grasps.reach.reached.all())
         (2, True)
@@ -119,7 +119,7 @@ def _grasps(
         ),
     )
     reach = reach_grasps(
-        mesh, contacts.points, contacts.normals, reaching.gripper, grip=signs,
+        mesh, contacts.points, contacts.normals, reaching.hand, grip=signs,
         table=reaching.table, approach=reaching.approach, threads=1,
     )  # fmt: skip
     worst, best = critical_angles(contacts, threads=1)

@@ -35,7 +35,7 @@ class ClosedGrasps:
         >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
         >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
         >>> gripper = grasp3d.ParallelGripper.preset("franka")
-        >>> grasps = grasp3d.best_grasps(grasp3d.label_surface(mesh, gripper=gripper), 2)
+        >>> grasps = grasp3d.best_grasps(grasp3d.label_surface(mesh, hand=gripper), 2)
         >>> grasps.closed.label.tolist(), grasps.closed.margin.round(2).tolist()
         ([2, 2], [0.27, 0.27])
         >>> grasps.closed.evaluated.opening.round(3).tolist()

@@ -62,7 +62,7 @@ class EvaluatedPoses(LabelledGrasps):
     """The object."""
     poses: GraspPoses
     """The poses as they were given, with their outcomes, in the mesh's unit."""
-    gripper: ParallelGripper
+    hand: ParallelGripper
     model: GraspModel
     """Friction and sensor resolution."""
     jaws: ClosedJaws
@@ -103,7 +103,7 @@ class EvaluatedPoses(LabelledGrasps):
         """The load on this object, with its mass, task and force at hand; None: no load."""
         if self.load is None:
             return None
-        return LoadCase.of(self.load, self.mesh, self.model, self.gripper)
+        return LoadCase.of(self.load, self.mesh, self.model, self.hand)
 
     @property
     def size(self) -> int:
@@ -147,7 +147,7 @@ class EvaluatedPoses(LabelledGrasps):
         mesh, poses = self.mesh, self.poses.poses
         found = None
         if self.size and (self.jaws.closed & ~self.collides).mean() < FITTING:
-            found = suspected_reading(mesh, poses, self.gripper, threads=self.threads)
+            found = suspected_reading(mesh, poses, self.hand, threads=self.threads)
         found = found or pose_warning(poses, mesh.center, mesh.size, mesh.unit)
         inside = starting_inside(self.state)
         return (*mesh.report.warnings, *(line for line in (found, inside) if line))
@@ -190,7 +190,7 @@ class EvaluatedPoses(LabelledGrasps):
         return replace(
             self.poses,
             opening=self.opening,
-            gripper=self.gripper,
+            hand=self.hand,
             columns=columns,
             settings={**self.poses.settings, **self._settings()},
         )
@@ -277,7 +277,7 @@ class EvaluatedPoses(LabelledGrasps):
             "source": self.mesh.report.source,
             **asdict(self.model),
             "unit": self.mesh.unit,
-            "gripper": self.gripper.name,
+            "gripper": self.hand.name,
             "object_motion": self.object_motion,
             **{name: value for name, value in self._load().items() if value is not None},
         }

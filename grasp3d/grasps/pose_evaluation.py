@@ -36,7 +36,7 @@ def evaluate_poses(
     poses: GraspPoses,
     model: GraspModel | None = None,
     *,
-    gripper: ParallelGripper,
+    hand: ParallelGripper,
     table: Table | None = None,
     approach: Approach | None = None,
     object_motion: ObjectMotion = "free",
@@ -56,7 +56,7 @@ def evaluate_poses(
         poses: The poses; without a unit they are in the mesh's.
         model: Friction and sensor resolution [rad]; None: the defaults, with the resolution that
             the gripper states, if any.
-        gripper: The gripper.
+        hand: The gripper.
         table: What the object stands on; None: nothing.
         approach: Allowed approach directions; None: any.
         object_motion: free: the object settles between the jaws; fixed: it does not move.
@@ -86,7 +86,7 @@ def evaluate_poses(
         >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
         >>> beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
         >>> found = evaluate_poses(
-        ...     box, GraspPoses(poses=[from_above, beside]), gripper=preset("franka")
+        ...     box, GraspPoses(poses=[from_above, beside]), hand=preset("franka")
         ... )
         >>> found.to_dataframe()[["closing", "label", "opening", "reachable"]].round(3)
            closing label  opening  reachable
@@ -98,30 +98,30 @@ def evaluate_poses(
     mesh, load = loaded_mesh(mesh, load)
     given = poses.scaled(1.0, mesh.unit) if poses.unit is None else _in_unit(poses, mesh)
     _check_external(given)
-    used = gripper.touching(GraspModel()) if model is None else model
+    used = hand.touching(GraspModel()) if model is None else model
     used = with_fingers(used.in_unit(mesh.unit, source=mesh.report.source), 2)
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
     if load is not None:
-        LoadCase.of(load, mesh, used, gripper)  # refuse it before the work
+        LoadCase.of(load, mesh, used, hand)  # refuse it before the work
     report = progress or ignore
     closing = within(report, 0.0, JAWS_CLOSED)
     jaws = close_jaws(
         mesh,
         given.poses,
-        gripper,
+        hand,
         object_motion=object_motion,
         friction=float(np.min(used.frictions)),
         threads=threads,
         progress=closing,
     )
     held = jaws.closed if object_motion == "fixed" else np.zeros(given.count, dtype=np.bool_)
-    colliding = _collides(mesh, given.poses, jaws, held, gripper, table, threads)
+    colliding = _collides(mesh, given.poses, jaws, held, hand, table, threads)
     found = EvaluatedPoses(
         mesh=mesh,
         poses=given,
-        gripper=gripper,
+        hand=hand,
         model=used,
         jaws=jaws,
         object_motion=object_motion,
@@ -129,7 +129,7 @@ def evaluate_poses(
         reachable=locked(
             jaws.closed
             & ~colliding
-            & _within_stroke(mesh, jaws, gripper)
+            & _within_stroke(mesh, jaws, hand)
             & _within_approach(given.poses, table, approach or Approach())
         ),
         load=load,
@@ -182,7 +182,7 @@ def _collides(
     poses: Floats,
     jaws: ClosedJaws,
     held: Bools,
-    gripper: ParallelGripper,
+    hand: ParallelGripper,
     table: Table | None,
     threads: int,
 ) -> Bools:
@@ -190,20 +190,20 @@ def _collides(
 
     Where the jaws do not close symmetrically about the TCP, hand or object has given way.
     """
-    wide = gripper.limits[1] / metres_per_unit(mesh)
+    wide = hand.limits[1] / metres_per_unit(mesh)
     opening = np.where(held, np.maximum(jaws.opening, 0.0), wide)
     centred = poses.copy()
     offset = np.where(held, jaws.offset, 0.0)
     centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
-    return collides(mesh, centred, opening, gripper, table=table, threads=threads)
+    return collides(mesh, centred, opening, hand, table=table, threads=threads)
 
 
-def _within_stroke(mesh: ObjectMesh, jaws: ClosedJaws, gripper: ParallelGripper) -> Bools:
+def _within_stroke(mesh: ObjectMesh, jaws: ClosedJaws, hand: ParallelGripper) -> Bools:
     """Whether the gripper can open to each opening, with clearance on both sides, (k,)."""
-    least, most = (limit / metres_per_unit(mesh) for limit in gripper.limits)
+    least, most = (limit / metres_per_unit(mesh) for limit in hand.limits)
     slack = ROUNDING * most
     # The object yields to the pads, which end up nearer to each other than at the first touch.
-    soft = 2.0 * gripper.compliance / metres_per_unit(mesh)
+    soft = 2.0 * hand.compliance / metres_per_unit(mesh)
     return np.asarray((jaws.opening >= least - slack) & (jaws.opening - soft <= most + slack))
 
 

@@ -50,7 +50,7 @@ class _Reading:
 def suspected_reading(
     mesh: ObjectMesh,
     poses: Floats,
-    gripper: ParallelGripper,
+    hand: ParallelGripper,
     unit: Unit | None = None,
     *,
     threads: int | None = None,
@@ -64,7 +64,7 @@ def suspected_reading(
     Args:
         mesh: The object; its unit is known.
         poses: TCP frame to the mesh's frame, translations in the mesh's unit, shape (k, 4, 4).
-        gripper: The gripper.
+        hand: The gripper.
         unit: Unit that the lengths were read in; None: that of the mesh.
         threads: Threads to use; None: one per processor.
 
@@ -90,14 +90,14 @@ def suspected_reading(
         return None
     chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), TRIED)).astype(np.int64))
     tried = poses[chosen]
-    given = int(_fits(mesh, tried, gripper, threads).sum())
+    given = int(_fits(mesh, tried, hand, threads).sum())
     if given >= FITTING * len(tried):
         return None
     plausible = PLAUSIBLE[0] <= _spread(tried) / mesh.size <= PLAUSIBLE[1]
     lengths = None if plausible else unit or mesh.unit
-    readings = list(_readings(mesh, gripper, lengths))
+    readings = list(_readings(mesh, hand, lengths))
     changed = np.concatenate([reading.change(tried) for reading in readings])
-    fitting = _fits(mesh, changed, gripper, threads).reshape(len(readings), -1).sum(axis=1)
+    fitting = _fits(mesh, changed, hand, threads).reshape(len(readings), -1).sum(axis=1)
     best = int(fitting.max())
     enough = max(LEAST_FIT * len(tried), given + LEAST_GAIN * len(tried), LEAST_RATIO * given)
     if best < enough:
@@ -126,22 +126,22 @@ def starting_inside(state: Bytes) -> str | None:
     )
 
 
-def _fits(mesh: ObjectMesh, poses: Floats, gripper: ParallelGripper, threads: int | None) -> Bools:
+def _fits(mesh: ObjectMesh, poses: Floats, hand: ParallelGripper, threads: int | None) -> Bools:
     """Whether the open gripper approaches each pose freely, and its jaws close there, (k,)."""
-    wide = gripper.limits[1] / metres_per_unit(mesh)
-    fits = ~collides(mesh, poses, wide, gripper, threads=threads)
+    wide = hand.limits[1] / metres_per_unit(mesh)
+    fits = ~collides(mesh, poses, wide, hand, threads=threads)
     if fits.any():
-        fits[fits] = close_jaws(mesh, poses[fits], gripper, threads=threads).closed
+        fits[fits] = close_jaws(mesh, poses[fits], hand, threads=threads).closed
     return np.asarray(fits)
 
 
-def _readings(mesh: ObjectMesh, gripper: ParallelGripper, unit: Unit | None) -> Iterator[_Reading]:
+def _readings(mesh: ObjectMesh, hand: ParallelGripper, unit: Unit | None) -> Iterator[_Reading]:
     """All other readings, the most common mistakes first."""
-    bases = _bases(gripper, metres_per_unit(mesh))
+    bases = _bases(hand, metres_per_unit(mesh))
     for how, change in (*_ROTATIONS, *_units(unit)):
         for frame in (np.eye(4), *bases):  # files state the pose of the TCP, or of the hand's base
             yield _Reading(how, _in_frame(change, frame))
-    distance = f"{1000.0 * gripper.base_to_tcp:.4g} mm"
+    distance = f"{1000.0 * hand.base_to_tcp:.4g} mm"
     for base in bases:
         yield _Reading(
             f"if they are those of the hand's base, {distance} behind the TCP: they may have been "
@@ -157,12 +157,12 @@ def _readings(mesh: ObjectMesh, gripper: ParallelGripper, unit: Unit | None) -> 
         yield _Reading(how, _after(np.array(axes)))
 
 
-def _bases(gripper: ParallelGripper, metres: float) -> list[Floats]:
+def _bases(hand: ParallelGripper, metres: float) -> list[Floats]:
     """Frames of the hand's base to the TCP's [mesh unit]: with its own axes, with those of the TCP.
 
     Data sets have the axes of the TCP, robots those of the hand's description.
     """
-    own = gripper.base_pose
+    own = hand.base_pose
     own[:3, 3] /= metres
     turned = np.eye(4)
     turned[:3, 3] = own[:3, 3]

@@ -61,7 +61,7 @@ class GraspPoses:
     """A name of each grasp; empty: grasp_1, grasp_2 and so on."""
     unit: Unit | None = None
     """Unit of all lengths; None: not known."""
-    gripper: ParallelGripper | str | None = None
+    hand: ParallelGripper | str | None = None
     """The gripper, or its name; None: not known."""
     columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     """What else is known of each grasp, shape (k, ...): `label` (text), `critical_angle`,

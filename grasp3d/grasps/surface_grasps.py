@@ -122,8 +122,8 @@ class SurfaceGrasps(LabelledGrasps):
         """The load on this object, with its mass, task and force at hand; None: no load."""
         if self.load is None:
             return None
-        gripper = None if self.reaching is None else self.reaching.gripper
-        return LoadCase.of(self.load, self.mesh, self.model, gripper)
+        hand = None if self.reaching is None else self.reaching.hand
+        return LoadCase.of(self.load, self.mesh, self.model, hand)
 
     @property
     def size(self) -> int:

@@ -32,8 +32,8 @@ def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
         >>> from grasp3d.grasps import poses_of
         >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
         >>> mesh = grasp3d.load_mesh(box, unit="m", max_edge=0.02)
-        >>> gripper = grasp3d.ParallelGripper.preset("franka")
-        >>> labels = grasp3d.label_surface(mesh, gripper=gripper)
+        >>> hand = grasp3d.ParallelGripper.preset("franka")
+        >>> labels = grasp3d.label_surface(mesh, hand=hand)
         >>> poses = poses_of(grasp3d.best_grasps(labels, 3))
         >>> poses.poses.shape, poses.unit, sorted(poses.columns)[:3]
         ((3, 4, 4), 'm', ['approach_margin', 'closed_label', 'closed_margin'])
@@ -41,8 +41,8 @@ def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
     reach, reaching = grasps.reach, grasps.reaching
     if reach is None or reaching is None:
         raise SettingError(
-            "the grasps have no poses: label the surface with a gripper (--gripper, in Python "
-            "gripper=...)"
+            "the grasps have no poses: label the surface with a gripper (--hand, in Python "
+            "hand=...)"
         )
     if not np.isfinite(reach.poses).all():
         raise SettingError(
@@ -54,7 +54,7 @@ def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
         pregrasp_opening=reach.pregrasp_opening,
         scores=_scores(grasps),
         unit=grasps.mesh.unit,
-        gripper=reaching.gripper,
+        hand=reaching.hand,
         columns=_columns(grasps),
         object_file=grasps.mesh.report.source,
     )

@@ -35,7 +35,7 @@ CHUNK = 256
 def close_jaws(
     mesh: ObjectMesh,
     poses: ArrayLike,
-    gripper: ParallelGripper,
+    hand: ParallelGripper,
     *,
     opening: ArrayLike | str | None = None,
     object_motion: ObjectMotion = "fixed",
@@ -68,7 +68,7 @@ def close_jaws(
         mesh: The object, whose unit is known.
         poses: Matrices that take coordinates of the gripper's frame to the mesh's, translations in
             the mesh's unit, shape (k, 4, 4), or (4, 4) for one.
-        gripper: The gripper.
+        hand: The gripper.
         opening: Opening at the start, in the mesh's unit or with a unit, one or (k,); None: the
             stroke.
         object_motion: free: the object gives way; fixed: it does not move.
@@ -90,13 +90,13 @@ def close_jaws(
         >>> from grasp3d.hand.closed_jaws import Closing
         >>> from grasp3d.hand.closing import close_jaws
         >>> from grasp3d.hand.parallel_gripper import ParallelGripper
-        >>> gripper = ParallelGripper(
+        >>> hand = ParallelGripper(
         ...     name="small", max_opening=0.08, pad_width=0.02, pad_height=0.01,
         ...     finger_thickness=0.01, finger_width=0.02, finger_length=0.05,
         ...     palm_thickness=0.1, palm_width=0.05, palm_length=0.05,
         ... )
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.05, 0.03]), unit="m")
-        >>> found = close_jaws(box, np.eye(4), gripper)
+        >>> found = close_jaws(box, np.eye(4), hand)
         >>> Closing(found.state[0]).name, found.opening.round(6).tolist()
         ('CLOSED', [0.06])
         >>> found.normals[0, :, 0].round(6).tolist(), (1e6 * found.area).round(3).tolist()
@@ -111,8 +111,8 @@ def close_jaws(
         raise SettingError(f"friction must be a finite number of at least 0; got {friction:g}")
     scale = 1.0 / (metres_per_unit(mesh) * mesh.size)  # from metres
     matrices = _normalized(mesh, poses)
-    start = _openings(mesh, opening, gripper, len(matrices))
-    jaw = jaw_of(gripper, scale)
+    start = _openings(mesh, opening, hand, len(matrices))
+    jaw = jaw_of(hand, scale)
     found = _empty(len(matrices))
     used = friction if free else FIXED
     _run(mesh, matrices, start, used, jaw, found, threads, progress or ignore)
@@ -121,7 +121,7 @@ def close_jaws(
         found,
         matrices,
         jaw,
-        least=gripper.min_opening * scale,
+        least=hand.min_opening * scale,
         at_rest=_at_rest(found, start, jaw) if moving == "one" else None,
         free=free,
     )
@@ -145,10 +145,10 @@ def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:
 
 
 def _openings(
-    mesh: ObjectMesh, opening: ArrayLike | str | None, gripper: ParallelGripper, count: int
+    mesh: ObjectMesh, opening: ArrayLike | str | None, hand: ParallelGripper, count: int
 ) -> Floats:
     """Openings at the start [object sizes], shape (k,)."""
-    stroke = gripper.max_opening / metres_per_unit(mesh)
+    stroke = hand.max_opening / metres_per_unit(mesh)
     if isinstance(opening, str):
         opening = length_in_unit("opening", opening, mesh.unit)
     try:
@@ -163,7 +163,7 @@ def _openings(
     if len(bad):
         raise SettingError(
             f"pose {bad[0] + 1}: opening must be from 0 to the stroke of gripper "
-            f"{gripper.name!r}, {stroke:.4g} {mesh.unit}; got {start[bad[0]]:.4g}"
+            f"{hand.name!r}, {stroke:.4g} {mesh.unit}; got {start[bad[0]]:.4g}"
         )
     return np.asarray(start / mesh.size)
 

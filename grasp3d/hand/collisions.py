@@ -21,7 +21,7 @@ def collides(
     mesh: ObjectMesh,
     poses: ArrayLike,
     opening: ArrayLike,
-    gripper: ParallelGripper,
+    hand: ParallelGripper,
     *,
     grip: ArrayLike = 1,
     table: Table | None = None,
@@ -37,7 +37,7 @@ def collides(
         poses: From the gripper's frame to the mesh's, in the mesh's unit, shape (b, 4, 4).
         opening: Distance between the inner faces of the fingers, or between the nearest points of
             round tips, in the mesh's unit, one number or shape (b,).
-        gripper: The gripper, in metres.
+        hand: The gripper, in metres.
         grip: +1: the fingers close from a clearance outside, -1: from inside, one number or (b,).
         table: What the object stands on; None: nothing.
         swept: Whether the straight approach and the clearance are tested too; else the final
@@ -64,7 +64,7 @@ def collides(
         array([False,  True])
     """
     matrices, openings, signs = _checked_poses(poses, opening, grip)
-    scene = Scene.of(mesh, gripper, table, Approach())
+    scene = Scene.of(mesh, hand, table, Approach())
     matrices[:, :3, 3] = (matrices[:, :3, 3] - mesh.center) / mesh.size
     openings = openings / mesh.size
     verdict = np.zeros(len(matrices), dtype=np.bool_)

@@ -108,7 +108,7 @@ def read_gripper(
     if fingers is None:
         raise SettingError(
             printable(
-                f"{path}: name the links of its two fingers: grasp3d gripper {path} --fingers LINK "
+                f"{path}: name the links of its two fingers: grasp3d hand {path} --fingers LINK "
                 "LINK -o NAME.json makes a description of it, for all commands"
             )
         )

@@ -108,7 +108,7 @@ def reach_grasps(
     mesh: ObjectMesh,
     points: ArrayLike,
     normals: ArrayLike,
-    gripper: ParallelGripper,
+    hand: ParallelGripper,
     *,
     grip: ArrayLike = 1,
     table: Table | None = None,
@@ -131,7 +131,7 @@ def reach_grasps(
         mesh: The object; its unit must be known.
         points: Contacts, in the mesh's frame and unit, shape (b, n, 3).
         normals: Inward unit normals there, shape (b, n, 3).
-        gripper: The gripper, in metres.
+        hand: The gripper, in metres.
         grip: +1 external grasps, -1 internal ones (the fingers inside, pushing outward), one
             number or shape (b,).
         table: What the object stands on; None: nothing.
@@ -157,7 +157,7 @@ def reach_grasps(
     """
     points, normals, signs = _checked(points, normals, grip)
     approach = approach or Approach()
-    scene = Scene.of(mesh, gripper, table, approach)
+    scene = Scene.of(mesh, hand, table, approach)
     inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
     if points.shape[1] > 2:
         return _reach_tips(scene, inner, normals, threads)

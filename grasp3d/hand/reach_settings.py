@@ -21,7 +21,7 @@ class ReachSettings:
     """The gripper that must reach each grasp, and what the object stands on.
 
     Attributes:
-        gripper: Name of a preset, or a JSON file (which grasp3d gripper makes of a URDF or MuJoCo
+        hand: Name of a preset, or a JSON file (which grasp3d hand makes of a URDF or MuJoCo
             model), of the gripper that must reach each grasp: fingers and palm touch neither the
             object nor the table on a straight approach. none: ideal point contacts.
         table: What the object stands on. none: nothing; as-is: a table below its lowest points;
@@ -33,7 +33,7 @@ class ReachSettings:
         approach_angles: Approach angles about the closing axis that are tested, 8 to 64.
     """
 
-    gripper: ParallelGripper | None = None
+    hand: ParallelGripper | None = None
     table: Standing = "none"
     up: Axis = "z"
     resting_pose: int = 1
@@ -46,7 +46,7 @@ class ReachSettings:
         whole_number("resting pose", self.resting_pose, 1)
         check_approach(self.approach_within, self.approach_angles)
         changed = [one.name for one in fields(self) if getattr(self, one.name) != one.default]
-        if self.gripper is None and changed:
+        if self.hand is None and changed:
             raise SettingError(f"{changed[0]} applies to grippers only; give a gripper as well")
         if self.table != "stable" and "resting_pose" in changed:
             raise SettingError("resting_pose applies to table stable only")
@@ -55,9 +55,9 @@ class ReachSettings:
 
     def touching(self, model: GraspModel) -> GraspModel:
         """The model with the gripper's sensor resolution, where it has the default one itself."""
-        if self.gripper is None or model.sensor_resolution != GraspModel().sensor_resolution:
+        if self.hand is None or model.sensor_resolution != GraspModel().sensor_resolution:
             return model
-        return self.gripper.touching(model)
+        return self.hand.touching(model)
 
 
 def check_approach(within: float, angles: int) -> None:

@@ -24,7 +24,7 @@ tolerance for rounding. Farther back, where no box of the gripper is tested, is 
 class Reaching:
     """A gripper beside one object: what its grasps are tested against."""
 
-    gripper: ParallelGripper
+    hand: ParallelGripper
     """The gripper [m]."""
     table: Table | None = None
     """In the frame and unit of the mesh; None: nothing is in the way but the object."""
@@ -45,7 +45,7 @@ class Reaching:
         Raises:
             SettingError: There are not so many resting poses, or the mesh has no unit.
         """
-        if settings.gripper is None:
+        if settings.hand is None:
             return None
         metres_per_unit(mesh)
         table: Table | None
@@ -56,7 +56,7 @@ class Reaching:
         down = -axis_vector(settings.up) if table is None else -table.normal
         within = settings.approach_within if table is None else min(settings.approach_within, LEVEL)
         approach = Approach(down, within=within, angles=settings.approach_angles)
-        return cls(settings.gripper, table, approach)
+        return cls(settings.hand, table, approach)
 
     @staticmethod
     def keywords(reaching: "Reaching | None") -> dict[str, Any]:
@@ -69,9 +69,9 @@ class Reaching:
         Raises:
             SettingError: Three fingers and more with flat pads.
         """
-        if model.fingers > 2 and not self.gripper.round_tips:
+        if model.fingers > 2 and not self.hand.round_tips:
             raise SettingError(
-                f"gripper {self.gripper.name!r} has two fingers with flat pads; for "
+                f"gripper {self.hand.name!r} has two fingers with flat pads; for "
                 f"{model.fingers} fingers only round tips (tip_radius) can be tested"
             )
 
@@ -87,9 +87,9 @@ class Reaching:
             sampling: Settings with lengths in the unit of the mesh.
         """
         metres = metres_per_unit(mesh)
-        inside = 0.0 if sampling.grip == "squeeze" else 2.0 * self.gripper.finger_thickness
-        least, most = self.gripper.limits
-        least, most = least / metres, (most + inside + 2.0 * self.gripper.tip_radius) / metres
+        inside = 0.0 if sampling.grip == "squeeze" else 2.0 * self.hand.finger_thickness
+        least, most = self.hand.limits
+        least, most = least / metres, (most + inside + 2.0 * self.hand.tip_radius) / metres
         try:
             return replace(
                 sampling,
@@ -98,7 +98,7 @@ class Reaching:
             )
         except SettingError as error:
             raise SettingError(
-                f"gripper {self.gripper.name!r} opens from {least:.4g} to {most:.4g} {mesh.unit}, "
+                f"gripper {self.hand.name!r} opens from {least:.4g} to {most:.4g} {mesh.unit}, "
                 f"which contradicts the limits of openings: {error}"
             ) from error
 
@@ -124,7 +124,7 @@ def reaching_settings(reaching: Reaching | None) -> dict[str, str | float | int 
     table, approach = reaching.table, reaching.approach
     direction = approach.direction
     return {
-        "gripper": json.dumps(asdict(reaching.gripper)),
+        "gripper": json.dumps(asdict(reaching.hand)),
         "table": "none" if table is None else _line([*table.normal, table.offset]),
         "approach_direction": "none" if direction is None else _line(direction),
         "approach_within": approach.within,

@@ -33,13 +33,13 @@ class Scene:
 
     @classmethod
     def of(
-        cls, mesh: ObjectMesh, gripper: ParallelGripper, table: Table | None, approach: Approach
+        cls, mesh: ObjectMesh, hand: ParallelGripper, table: Table | None, approach: Approach
     ) -> Self:
         """Arrange a gripper, an object and a table.
 
         Args:
             mesh: The object; its unit must be known.
-            gripper: The gripper, in metres.
+            hand: The gripper, in metres.
             table: What the object stands on; None: nothing.
             approach: Allowed directions.
 
@@ -48,13 +48,13 @@ class Scene:
         """
         surface = mesh.contact_surface
         return cls(
-            normalized_shape(mesh, gripper),
+            normalized_shape(mesh, hand),
             normalized_limits(mesh, table, approach),
             box_tree(surface.points, surface.faces),
         )
 
 
-def normalized_shape(mesh: ObjectMesh, gripper: ParallelGripper) -> GripperShape:
+def normalized_shape(mesh: ObjectMesh, hand: ParallelGripper) -> GripperShape:
     """A gripper's lengths in the mesh's normalised frame, as the kernels take them.
 
     Raises:
@@ -62,12 +62,12 @@ def normalized_shape(mesh: ObjectMesh, gripper: ParallelGripper) -> GripperShape
     """
     if mesh.unit is None:
         raise SettingError(
-            f"gripper {gripper.name!r} is in metres, but the unit of {mesh.report.source} is not "
+            f"gripper {hand.name!r} is in metres, but the unit of {mesh.report.source} is not "
             "known: give the unit of its coordinates (--unit, in Python unit=...)"
         )
     scale = 1.0 / (METRES[mesh.unit] * mesh.size)
-    lengths = {name: getattr(gripper, name) * scale for name in GripperShape._fields}
-    if gripper.round_tips:
+    lengths = {name: getattr(hand, name) * scale for name in GripperShape._fields}
+    if hand.round_tips:
         lengths["pad_height"] = 0.0
     return GripperShape(**lengths)
 

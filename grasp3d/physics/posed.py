@@ -30,7 +30,7 @@ def simulate_poses(
     poses: GraspPoses,
     model: GraspModel | None = None,
     *,
-    gripper: ParallelGripper,
+    hand: ParallelGripper,
     simulation: SimulationSettings | None = None,
     cluster: ClusterSettings | None = None,
     progress: Progress | None = None,
@@ -46,7 +46,7 @@ def simulate_poses(
         mesh: The object, whose unit is known or stated by the poses.
         poses: The poses.
         model: Friction, torsion radius, and what labels depend on; None: as in `evaluate_poses`.
-        gripper: The gripper.
+        hand: The gripper.
         simulation: Forces, times, limits and convex parts; None: the defaults. `count`,
             `tip_radius`, `pulled` and `part_angle` have no effect.
         cluster: Which processes simulate; None: one for each processor of this machine.
@@ -76,7 +76,7 @@ def simulate_poses(
         >>> beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
         >>> tried = simulate_poses(
         ...     box, GraspPoses(poses=[from_above, beside]),
-        ...     gripper=grasp3d.ParallelGripper.preset("franka"),
+        ...     hand=grasp3d.ParallelGripper.preset("franka"),
         ...     simulation=SimulationSettings(pull_time=0.1), cluster=ClusterSettings(workers=0),
         ... )
         >>> tried.outcome.tolist(), tried.columns["fate"].tolist()
@@ -86,12 +86,12 @@ def simulate_poses(
     surface = in_stated_scale(load_mesh(mesh), poses)
     scale, processes = metres_per_unit(surface), cluster or ClusterSettings()
     settings = replace((simulation or SimulationSettings()).in_unit("m"), pulled="center_of_mass")
-    found = evaluate_poses(surface, poses, model, gripper=gripper, threads=1)
+    found = evaluate_poses(surface, poses, model, hand=hand, threads=1)
     begin_step("dividing the object into convex parts")
     parts = divided(surface, settings, processes)
     begin_step("simulating grasps")
     stage = Stage(
-        simulated_object(surface, parts, scale), _tips(gripper, found.model, scale), settings
+        simulated_object(surface, parts, scale), _tips(hand, found.model, scale), settings
     )
     attempts = _attempts(found, stage.tips, scale)
     outcomes, _ = simulate_attempts(attempts, stage, processes, progress or ignore)
@@ -113,14 +113,14 @@ def simulate_poses(
     )
 
 
-def _tips(gripper: ParallelGripper, model: GraspModel, scale: float) -> Tips:
+def _tips(hand: ParallelGripper, model: GraspModel, scale: float) -> Tips:
     """The gripper's tips, in metres."""
-    pad = (gripper.finger_thickness, gripper.pad_width, gripper.pad_height)
+    pad = (hand.finger_thickness, hand.pad_width, hand.pad_height)
     return Tips(
-        gripper.tip_radius,
+        hand.tip_radius,
         model.friction,
         model.torsion_radius * scale,
-        (0.0, 0.0, 0.0) if gripper.round_tips else pad,
+        (0.0, 0.0, 0.0) if hand.round_tips else pad,
     )
 
 
@@ -128,7 +128,7 @@ def _attempts(found: EvaluatedPoses, tips: Tips, scale: float) -> list[Attempt]:
     """The attempts, from the opening with which the gripper comes."""
     poses = np.array(found.poses.poses)
     poses[:, :3, 3] *= scale
-    stroke = found.gripper.max_opening
+    stroke = found.hand.max_opening
     openings = np.nan_to_num(found.poses.pregrasp_opening * scale, nan=stroke)
     return [
         Attempt(

@@ -44,7 +44,7 @@ def simulate_grasps(
     *,
     simulation: SimulationSettings | None = None,
     sampling: Sampling | None = None,
-    gripper: ParallelGripper | None = None,
+    hand: ParallelGripper | None = None,
     options: MeshOptions | None = None,
     cluster: ClusterSettings | None = None,
     progress: Progress | None = None,
@@ -66,7 +66,7 @@ def simulate_grasps(
             the gripper states, if any.
         simulation: Number of grasps, tips, forces, limits, and the seed; None: the defaults.
         sampling: Its limits of the opening; None: none.
-        gripper: Gives its limits of the opening, and the radius of its tips; None: ideal ones.
+        hand: Gives its limits of the opening, and the radius of its tips; None: ideal ones.
         options: How the mesh is read and prepared.
         cluster: Which processes simulate; None: one for each processor of this machine. The result
             does not depend on it.
@@ -105,10 +105,10 @@ def simulate_grasps(
             "its coordinates (--unit, in Python unit=...)"
         )
     scale = METRES[surface.unit]
-    chosen = _model(model, gripper).in_unit(surface.unit, source=source)
+    chosen = _model(model, hand).in_unit(surface.unit, source=source)
     settings = simulation or SimulationSettings()
-    within = _within(sampling or Sampling(), surface, gripper)
-    radius = _tip_radius(settings, surface, gripper)
+    within = _within(sampling or Sampling(), surface, hand)
+    radius = _tip_radius(settings, surface, hand)
     processes = cluster or ClusterSettings()
     begin_step("dividing the object into convex parts")
     parts = divided(surface, settings, processes)
@@ -140,31 +140,31 @@ def simulate_grasps(
     )
 
 
-def _model(model: GraspModel | None, gripper: ParallelGripper | None) -> GraspModel:
+def _model(model: GraspModel | None, hand: ParallelGripper | None) -> GraspModel:
     """The model of two fingers, with the gripper's resolution where none is given."""
-    given = model or (GraspModel() if gripper is None else gripper.touching(GraspModel()))
+    given = model or (GraspModel() if hand is None else hand.touching(GraspModel()))
     if given.method != "exact":
         raise SettingError("simulated grasps need labels of the method exact")
     return with_fingers(given, 2)
 
 
-def _within(sampling: Sampling, mesh: ObjectMesh, gripper: ParallelGripper | None) -> Sampling:
+def _within(sampling: Sampling, mesh: ObjectMesh, hand: ParallelGripper | None) -> Sampling:
     """Limits of the opening in the unit of the mesh, within those of the gripper."""
     given = sampling.in_unit(mesh.unit, source=mesh.report.source)
     if given.grip != "squeeze":
         raise SettingError("simulated tips close from outside; grip must be squeeze")
-    if gripper is None:
+    if hand is None:
         return given
     from grasp3d.hand.reaching import Reaching
 
-    return Reaching(gripper).within_stroke(mesh, given)
+    return Reaching(hand).within_stroke(mesh, given)
 
 
 def _tip_radius(
-    settings: SimulationSettings, mesh: ObjectMesh, gripper: ParallelGripper | None
+    settings: SimulationSettings, mesh: ObjectMesh, hand: ParallelGripper | None
 ) -> float:
     """Radius of the tips, in the mesh's unit."""
-    if gripper is None:
+    if hand is None:
         radius = float(settings.in_unit(mesh.unit, source=mesh.report.source).tip_radius)
         if radius >= mesh.size:
             raise SettingError(
@@ -172,12 +172,12 @@ def _tip_radius(
                 f"got {radius:.4g}"
             )
         return radius
-    if not gripper.round_tips:
+    if not hand.round_tips:
         raise SettingError(
-            f"gripper {gripper.name!r} has flat pads, which touch more than two points; simulate "
+            f"gripper {hand.name!r} has flat pads, which touch more than two points; simulate "
             "round tips of its size without it (--tip-radius, --max-opening)"
         )
-    return gripper.tip_radius / metres_per_unit(mesh)
+    return hand.tip_radius / metres_per_unit(mesh)
 
 
 def _poses(drawn: DrawnGrasps, radius: float, random: np.random.Generator) -> tuple[Floats, Floats]:

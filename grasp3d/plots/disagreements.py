@@ -36,9 +36,9 @@ def draw_disagreement(one: Disagreement) -> Bytes:
     """
     mesh = one.mesh
     assert mesh.unit is not None  # evaluated poses have one
-    widest = one.gripper.max_opening / METRES[mesh.unit]
+    widest = one.hand.max_opening / METRES[mesh.unit]
     opening = one.opening if math.isfinite(one.opening) else widest
-    hand = gripper_triangles(one.gripper, max(opening, 0.0), pose=one.pose, unit=mesh.unit)
+    hand = gripper_triangles(one.hand, max(opening, 0.0), pose=one.pose, unit=mesh.unit)
     corners = hand.vertices[hand.faces].reshape(-1, 3)
     table = np.array([COLORS[part] for part in Part], dtype=np.uint8)
     points = np.concatenate([mesh.vertices, corners])

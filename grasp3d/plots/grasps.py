@@ -70,7 +70,7 @@ def draw_grasps(
     for number, scene in enumerate(scenes):
         picture = paint_labels(
             labels, view=scene.view, size=PIXELS, fingers=scene.fingers, span=span,
-            beside=scene.gripper,
+            beside=scene.hand,
         )  # fmt: skip
         pictures.append(picture)
         (progress or ignore)((number + 1) / len(views))
@@ -82,7 +82,7 @@ def _views(grasps: SurfaceGrasps, shown: SurfaceContacts, extent: float) -> list
     reach, reaching, unit = grasps.reach, grasps.reaching, grasps.mesh.unit
     if reach is None or reaching is None or unit is None or np.isnan(reach.poses).any():
         return views_of(shown, extent)
-    length = reaching.gripper.finger_length / METRES[unit]
+    length = reaching.hand.finger_length / METRES[unit]
     return views_of_gripper(shown, reach.poses[: shown.size], length)
 
 
@@ -93,13 +93,13 @@ class _Scene:
     view: View
     fingers: list[Finger]
     """Contacts to be marked."""
-    gripper: Triangles | None
+    hand: Triangles | None
 
     def span(self, surface: Floats) -> float:
         """Height of a picture that all of it fills, with the points of the surface (V, 3)."""
-        if self.gripper is None:
+        if self.hand is None:
             return span_of(surface, self.view, PIXELS, self.fingers)
-        both = np.concatenate([surface, self.gripper.vertices])
+        both = np.concatenate([surface, self.hand.vertices])
         return span_of(both, self.view, PIXELS)
 
 
@@ -112,7 +112,7 @@ def _scene(
         fingers = [Finger(*pair) for pair in zip(points, normals, strict=True)]
         return _Scene(view, fingers, None)
     pose, opening = reach.poses[number], float(reach.opening[number])
-    shape = gripper_triangles(reaching.gripper, opening, pose=pose, unit=unit)
+    shape = gripper_triangles(reaching.hand, opening, pose=pose, unit=unit)
     return _Scene(view, [], shape)
 
 

@@ -64,7 +64,7 @@ def write_report(folder: str | Path, found: Validation, progress: Progress | Non
         >>> poses[1, 1, 3] = 0.1
         >>> tried = GraspPoses(poses=poses, outcome=[1, 0], unit="m")
         >>> franka = grasp3d.ParallelGripper.preset("franka")
-        >>> write_report("report", grasp3d.validate_grasps(tried, mesh=box, gripper=franka))
+        >>> write_report("report", grasp3d.validate_grasps(tried, mesh=box, hand=franka))
         >>> sorted(path.name for path in Path("report").iterdir())
         ['calibration.csv', 'grasps.csv', 'labels.csv', 'report.html', 'scores.csv']
     """

@@ -637,7 +637,7 @@ def check_point_contacts(model: GraspModel) -> None:
     if model.contact != "point":
         raise SettingError(
             f"contact={model.contact!r} (--contact {model.contact}) applies to poses of a gripper, "
-            "whose jaws are closed on the object (grasp3d evaluate MESH POSES --gripper ...); "
+            "whose jaws are closed on the object (grasp3d evaluate MESH POSES --hand ...); "
             "elsewhere contacts are points: give the torsion radius of soft fingers instead "
             "(torsion_radius, --torsion-radius)"
         )

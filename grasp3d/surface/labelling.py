@@ -26,7 +26,7 @@ def label_surface(
     model: GraspModel | None = None,
     *,
     sampling: Sampling | None = None,
-    gripper: ParallelGripper | None = None,
+    hand: ParallelGripper | None = None,
     table: Table | None = None,
     approach: Approach | None = None,
     load: Load | None = None,
@@ -44,7 +44,7 @@ def label_surface(
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
         model: Friction, sensor resolution [rad] and number of fingers, 2 to 5; None: the defaults.
         sampling: How grasps are searched for, with limits in the mesh's unit; None: the defaults.
-        gripper: The gripper that must reach each grasp: the best grasp is that of the reachable
+        hand: The gripper that must reach each grasp: the best grasp is that of the reachable
             ones, and openings are limited to its stroke; None: ideal point contacts. For three
             fingers and more only its round tips are tested.
         table: What the object stands on, which the gripper must not enter; None: nothing.
@@ -93,15 +93,15 @@ def label_surface(
 
         With a gripper, while the box stands on a table:
 
-        >>> gripper = grasp3d.ParallelGripper.preset("franka")
+        >>> hand = grasp3d.ParallelGripper.preset("franka")
         >>> table = grasp3d.Table.below(mesh)
-        >>> labels = grasp3d.label_surface(mesh, gripper=gripper, table=table)
+        >>> labels = grasp3d.label_surface(mesh, hand=hand, table=table)
         >>> labels.reach.poses.shape, bool(labels.reach.reached.any())
         ((146, 4, 4), True)
 
         With a load, here the box of 0.5 kg, turned in any direction:
 
-        >>> labels = grasp3d.label_surface(mesh, gripper=gripper, load=grasp3d.Load(mass=0.5))
+        >>> labels = grasp3d.label_surface(mesh, hand=hand, load=grasp3d.Load(mass=0.5))
         >>> held = np.nanmax(labels.holding.payload)  # nan: not reached
         >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
         70 N hold 3.3 kg
@@ -110,10 +110,10 @@ def label_surface(
     model = model.in_unit(mesh.unit, source=mesh.report.source)
     sampling = sampling.in_unit(mesh.unit, source=mesh.report.source)
     check_search_settings(model, sampling)
-    reaching = _reaching(mesh, model, gripper, table, approach)
+    reaching = _reaching(mesh, model, hand, table, approach)
     mesh, load = loaded_mesh(mesh, load)
     if load is not None:
-        LoadCase.of(load, mesh, model, gripper)  # refuse it before the search
+        LoadCase.of(load, mesh, model, hand)  # refuse it before the search
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
@@ -138,16 +138,16 @@ def label_surface(
 def _reaching(
     mesh: ObjectMesh,
     model: GraspModel,
-    gripper: ParallelGripper | None,
+    hand: ParallelGripper | None,
     table: Table | None,
     approach: Approach | None,
 ) -> Reaching | None:
     """The gripper beside the object, after checks; None: no gripper."""
-    if gripper is None:
+    if hand is None:
         if table is not None or approach is not None:
             raise SettingError("a table and approach directions apply to grippers only; give one")
         return None
     metres_per_unit(mesh)
-    reaching = Reaching(gripper, table, approach or Approach())
+    reaching = Reaching(hand, table, approach or Approach())
     reaching.check_model(model)
     return reaching

@@ -27,8 +27,8 @@ class LoadCase:
         >>> import grasp3d
         >>> from grasp3d.surface.load_case import LoadCase
         >>> mesh = grasp3d.load_mesh(trimesh.creation.box([80, 50, 30]), unit="mm")
-        >>> gripper = grasp3d.ParallelGripper.preset("franka")
-        >>> case = LoadCase.of(grasp3d.Load(density=1000.0), mesh, grasp3d.GraspModel(), gripper)
+        >>> hand = grasp3d.ParallelGripper.preset("franka")
+        >>> case = LoadCase.of(grasp3d.Load(density=1000.0), mesh, grasp3d.GraspModel(), hand)
         >>> print(f"{case.mass:.3f} kg, {case.available:g} N, {case.torsion_radius:.2f} mm")
         0.120 kg, 70 N, 3.29 mm
     """
@@ -60,7 +60,7 @@ class LoadCase:
         load: Load,
         mesh: ObjectMesh,
         model: GraspModel,
-        gripper: ParallelGripper | None = None,
+        hand: ParallelGripper | None = None,
     ) -> "LoadCase":
         """The load on an object.
 
@@ -69,7 +69,7 @@ class LoadCase:
             mesh: The object; for several densities that of `mesh.masses.with_load`.
             model: The fingers; without a torsion radius they have that of the gripper's pads, or
                 where its contacts are not points that of their own patches.
-            gripper: Its greatest force is at hand unless the load states another one.
+            hand: Its greatest force is at hand unless the load states another one.
 
         Raises:
             SettingError: The centre of mass is not known, or the mass or the unit of the mesh is
@@ -82,12 +82,12 @@ class LoadCase:
         if mass is None and not isinstance(load.task, str):
             mass = task.mass
         force = load.grip_force
-        if force is None and gripper is not None:
-            force = gripper.max_force
+        if force is None and hand is not None:
+            force = hand.max_force
         torsion, pads = model.in_unit(mesh.unit, source=source).torsion_radius, None
         own = torsion == 0.0 and model.contact != "point"
-        if torsion == 0.0 and not own and gripper is not None and mesh.unit is not None:
-            pads = gripper.torsion_radius(1.0) / METRES[mesh.unit]
+        if torsion == 0.0 and not own and hand is not None and mesh.unit is not None:
+            pads = hand.torsion_radius(1.0) / METRES[mesh.unit]
             torsion = pads * float(np.min(model.frictions))
         radius = load.in_unit(mesh.unit, source=source).center_of_mass_radius
         return cls(load, mass, task, force, torsion, radius, pads, own)

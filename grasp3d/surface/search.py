@@ -187,7 +187,7 @@ def _reach_of_tips(
     tried = np.flatnonzero((reasons == Reason.FOUND) & mesh.on_surface)
     contacts = grasps_at(mesh, points, tried, 0)
     reach = reach_grasps(
-        mesh, contacts.points, contacts.normals, reaching.gripper, table=reaching.table,
+        mesh, contacts.points, contacts.normals, reaching.hand, table=reaching.table,
         threads=threads,
     )  # fmt: skip
     reasons = reasons.copy()

@@ -36,7 +36,7 @@ class Disagreement:
     hints: tuple[str, ...]
     """Likely causes, judged by its numbers."""
     mesh: ObjectMesh
-    gripper: ParallelGripper
+    hand: ParallelGripper
     pose: Floats
     """The gripper's pose in the mesh's frame, between the contacts where the jaws close, shape
     (4, 4)."""
@@ -103,13 +103,13 @@ def _disagreement(
     kind: Kind, poses: EvaluatedPoses, scores: dict[str, Floats], row: int, first: int
 ) -> Disagreement:
     own = {name: float(values[row]) for name, values in scores.items()}
-    state, mesh, gripper = Closing(int(poses.state[row])), poses.mesh, poses.gripper
+    state, mesh, hand = Closing(int(poses.state[row])), poses.mesh, poses.hand
     holding = poses.holding
     if kind == "failed":
         available = None if holding is None else holding.available
-        hints = failed_hints(own, gripper, mesh.size * metres_per_unit(mesh), available)
+        hints = failed_hints(own, hand, mesh.size * metres_per_unit(mesh), available)
     else:
-        hints = held_hints(own, gripper, poses.model, state)
+        hints = held_hints(own, hand, poses.model, state)
     pose = poses.jaws.poses[row].copy()
     offset = float(poses.jaws.offset[row])
     pose[:3, 3] += (offset if math.isfinite(offset) else 0.0) * pose[:3, 0]
@@ -119,7 +119,7 @@ def _disagreement(
         margin=own["margin"],
         hints=hints,
         mesh=mesh,
-        gripper=gripper,
+        hand=hand,
         pose=locked(pose),
         opening=float(poses.opening[row]),
         points=locked(poses.jaws.points[row]),

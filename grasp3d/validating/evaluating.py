@@ -86,7 +86,7 @@ class Evaluation:
     def _evaluated(
         self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject, progress: Progress
     ) -> EvaluatedPoses:
-        beside = _with_gripper(self.reach, tried.gripper)
+        beside = _with_gripper(self.reach, tried.hand)
         reaching, model = Reaching.of(beside, body.mesh), beside.touching(self.model)
         assert reaching is not None
         self.models.append(model)
@@ -94,7 +94,7 @@ class Evaluation:
             body.mesh,
             poses,
             model,
-            gripper=tried.gripper,
+            hand=tried.hand,
             table=reaching.table,
             approach=reaching.approach,
             object_motion=self.object_motion,
@@ -142,7 +142,7 @@ class Evaluation:
                 held=sum(int(part.held.sum()) for part in own),
                 not_tried=tried.not_tried,
                 not_closed=tried.count - closed,
-                gripper=tried.gripper.name,
+                gripper=tried.hand.name,
                 gripper_from=tried.gripper_from,
                 mass=body.mass,
                 mass_from=body.mass_from,
@@ -168,6 +168,6 @@ class Evaluation:
         )
 
 
-def _with_gripper(reach: ReachSettings, gripper: ParallelGripper) -> ReachSettings:
-    values = {name: value for name, value in vars(reach).items() if name != "gripper"}
-    return ReachSettings(gripper=gripper, **values)
+def _with_gripper(reach: ReachSettings, hand: ParallelGripper) -> ReachSettings:
+    values = {name: value for name, value in vars(reach).items() if name != "hand"}
+    return ReachSettings(hand=hand, **values)

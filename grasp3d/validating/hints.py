@@ -35,23 +35,23 @@ NONE = "no cause is visible in its numbers: dynamics, deformation, or a mesh tha
 
 
 def failed_hints(
-    scores: Mapping[str, float], gripper: ParallelGripper, size: float, available: float | None
+    scores: Mapping[str, float], hand: ParallelGripper, size: float, available: float | None
 ) -> tuple[str, ...]:
     """Why a grasp with a large margin may have failed.
 
     Args:
         scores: Its scores by name.
-        gripper: The gripper.
+        hand: The gripper.
         size: Size of the object [m].
         available: Force at hand of each finger [N]; None: not known.
     """
     hints = []
-    if is_small(scores["contact_area"], gripper):
+    if is_small(scores["contact_area"], hand):
         hints.append(ROLLS.format(area=_area(scores["contact_area"])))
     if scores["center_of_mass_distance"] > FAR_ARM * size:
         arm = f"{1e3 * scores['center_of_mass_distance']:.3g} mm"
         hints.append(ARM.format(arm=arm))
-    clearance = 0.5 * (gripper.max_opening - scores["opening"])
+    clearance = 0.5 * (hand.max_opening - scores["opening"])
     if clearance < TIGHT:
         hints.append(CLEARANCE.format(clearance=f"{1e3 * max(clearance, 0.0):.2g} mm"))
     needed = scores.get("grip_force", math.nan)
@@ -64,20 +64,20 @@ def failed_hints(
 
 
 def held_hints(
-    scores: Mapping[str, float], gripper: ParallelGripper, model: GraspModel, state: Closing
+    scores: Mapping[str, float], hand: ParallelGripper, model: GraspModel, state: Closing
 ) -> tuple[str, ...]:
     """Why a grasp with a small margin, or whose jaws do not close, may have held.
 
     Args:
         scores: Its scores by name.
-        gripper: The gripper.
+        hand: The gripper.
         model: Friction and sensor resolution of the labels.
         state: What the jaws do.
     """
     if state != Closing.CLOSED:
         return (CLOSING.format(closing=CLOSINGS[state]),)
     hints = []
-    if is_small(scores["contact_area"], gripper):
+    if is_small(scores["contact_area"], hand):
         hints.append(EDGE.format(area=_area(scores["contact_area"])))
     angle, friction = scores["critical_angle"], f"{model.friction:.3g}"
     if angle < model.friction_angle:
@@ -87,19 +87,19 @@ def held_hints(
     return tuple(hints) or (NONE,)
 
 
-def is_small(area: float, gripper: ParallelGripper) -> bool:
+def is_small(area: float, hand: ParallelGripper) -> bool:
     """Whether a contact is small for the gripper.
 
     For a pad, or for the cap of a round tip that its compliance presses in.
 
     Args:
         area: The smaller touched patch [m^2].
-        gripper: The gripper.
+        hand: The gripper.
     """
-    if gripper.round_tips:
-        whole = 2.0 * math.pi * gripper.tip_radius * gripper.compliance
+    if hand.round_tips:
+        whole = 2.0 * math.pi * hand.tip_radius * hand.compliance
     else:
-        whole = gripper.pad_width * gripper.pad_height
+        whole = hand.pad_width * hand.pad_height
     return area < SMALL_AREA * whole
 
 

@@ -39,7 +39,7 @@ class TriedGrasps:
     """Grasps with an outcome."""
     not_tried: int
     """Grasps without one, which are left out."""
-    gripper: ParallelGripper
+    hand: ParallelGripper
     gripper_from: str
     """Where the gripper is from, in words."""
     mesh: MeshSource
@@ -56,7 +56,7 @@ class TriedGrasps:
         poses = self.kept
         if poses is None:
             assert self.path is not None
-            poses = read_poses(self.path, gripper=self.gripper)
+            poses = read_poses(self.path, hand=self.hand)
         tried = np.flatnonzero(~np.isnan(poses.outcome))
         if len(tried) != self.count:
             raise ContactError(f"{self.name}: was changed while it was read")
@@ -68,7 +68,7 @@ def check_grasps(
     *,
     mesh: MeshSource | None = None,
     meshes: Path | None = None,
-    gripper: ParallelGripper | None = None,
+    hand: ParallelGripper | None = None,
 ) -> list[TriedGrasps]:
     """Check grasps before any work: outcomes, gripper and mesh of each.
 
@@ -76,7 +76,7 @@ def check_grasps(
         given: Files of poses, or poses in memory.
         mesh: The mesh of all of them; None: each file names its own.
         meshes: Folder in which these are looked up.
-        gripper: The gripper of all of them; None: each file names its own.
+        hand: The gripper of all of them; None: each file names its own.
 
     Returns:
         One for each, in their order; at least one has outcomes.
@@ -92,7 +92,7 @@ def check_grasps(
     found: list[TriedGrasps] = []
     for one in given:
         left = KEPT - sum(tried.count for tried in found if tried.kept is not None)
-        found.append(_checked(one, mesh, folder, gripper, left))
+        found.append(_checked(one, mesh, folder, hand, left))
     if not any(one.count for one in found):
         names = ", ".join(one.name for one in found[:5])
         raise ContactError(f"{names}: no outcome is known of any grasp; {OUTCOMES}")
@@ -103,16 +103,16 @@ def _checked(
     given: str | Path | GraspPoses,
     mesh: MeshSource | None,
     folder: MeshFolder,
-    gripper: ParallelGripper | None,
+    hand: ParallelGripper | None,
     left: int,
 ) -> TriedGrasps:
     path = None if isinstance(given, GraspPoses) else Path(given)
     name = "poses" if path is None else str(path)
     if isinstance(given, GraspPoses):
         poses = given
-        used, origin = _gripper(poses, gripper, name, acronym=False)
+        used, origin = _gripper(poses, hand, name, acronym=False)
     else:
-        poses, used, origin = _read(Path(given), gripper)
+        poses, used, origin = _read(Path(given), hand)
     if mesh is None:
         if path is None:
             raise SettingError("poses in memory need the mesh of their object: mesh=...")
@@ -123,20 +123,20 @@ def _checked(
         path=path,
         count=int(known.sum()),
         not_tried=int((~known).sum()),
-        gripper=used,
+        hand=used,
         gripper_from=origin,
         mesh=mesh,
         kept=poses if path is None or poses.count <= left else None,
     )
 
 
-def _read(path: Path, gripper: ParallelGripper | None) -> tuple[GraspPoses, ParallelGripper, str]:
+def _read(path: Path, hand: ParallelGripper | None) -> tuple[GraspPoses, ParallelGripper, str]:
     """Poses of a file, their gripper, and where it is from."""
-    poses = read_poses(path, gripper=gripper)
+    poses = read_poses(path, hand=hand)
     acronym = path.suffix.lower() in ACRONYM
-    used, origin = _gripper(poses, gripper, str(path), acronym=acronym)
-    if acronym and gripper is None:  # it states the hand, not the TCP
-        poses = read_poses(path, gripper=used)
+    used, origin = _gripper(poses, hand, str(path), acronym=acronym)
+    if acronym and hand is None:  # it states the hand, not the TCP
+        poses = read_poses(path, hand=used)
     return poses, used, origin
 
 
@@ -146,7 +146,7 @@ def _gripper(
     """The gripper that is given, or that the poses state. Raises SettingError."""
     if given is not None:
         return given, "as given"
-    stated = poses.gripper
+    stated = poses.hand
     if isinstance(stated, ParallelGripper):
         return stated, "as the file states"
     if stated is not None and ALIASES.get(stated, stated) in PRESETS:
@@ -154,7 +154,7 @@ def _gripper(
     if stated is None and acronym:
         return preset("franka"), "ACRONYM's grasps are of a Franka hand"
     reason = "states no gripper" if stated is None else f"states the gripper {stated!r}, unknown"
-    raise SettingError(f"{name}: {reason}; give it with --gripper NAME|FILE")
+    raise SettingError(f"{name}: {reason}; give it with --hand NAME|FILE")
 
 
 def as_list(

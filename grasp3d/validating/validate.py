@@ -31,7 +31,7 @@ def validate_grasps(
     mesh: MeshSource | None = None,
     meshes: str | Path | None = None,
     options: MeshOptions | None = None,
-    gripper: ParallelGripper | None = None,
+    hand: ParallelGripper | None = None,
     reach: ReachSettings | None = None,
     object_motion: ObjectMotion = "free",
     load: Load | None = None,
@@ -55,7 +55,7 @@ def validate_grasps(
             that it states.
         meshes: Folder in which these meshes are looked up, besides that of each file of grasps.
         options: How meshes are read.
-        gripper: The gripper; None: that of `reach`, else that which each file states (a known
+        hand: The gripper; None: that of `reach`, else that which each file states (a known
             name, or the description in files of this project), else for ACRONYM's files the
             Franka hand.
         reach: What the objects stand on, and the allowed approach directions.
@@ -84,7 +84,7 @@ def validate_grasps(
         >>> poses[:, 1, 3] = np.linspace(0.0, 0.04, 10)
         >>> tried = GraspPoses(poses=poses, outcome=[1, 1, 1, 1, 1, 0, 0, 0, 0, 0], unit="m")
         >>> franka = grasp3d.ParallelGripper.preset("franka")
-        >>> found = grasp3d.validate_grasps(tried, mesh=box, gripper=franka)
+        >>> found = grasp3d.validate_grasps(tried, mesh=box, hand=franka)
         >>> found.grasps.size, int(found.grasps.closed.sum())
         (10, 7)
         >>> print(f"{found.quality('margin').roc_auc:.2f}")
@@ -98,7 +98,7 @@ def validate_grasps(
         as_list(grasps),
         mesh=mesh,
         meshes=None if meshes is None else Path(meshes),
-        gripper=gripper or used.gripper,
+        hand=hand or used.hand,
     )
     worst = Disagreements(chosen.worst)
     done = Evaluation(given, options, used, load, object_motion, threads, worst)

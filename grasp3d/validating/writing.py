@@ -38,7 +38,7 @@ def write_validation(folder: str | Path, found: Validation) -> None:
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (2, 1, 1))
         >>> tried = GraspPoses(poses=poses, outcome=[1, 0], unit="m")
         >>> franka = grasp3d.ParallelGripper.preset("franka")
-        >>> write_validation("out", grasp3d.validate_grasps(tried, mesh=box, gripper=franka))
+        >>> write_validation("out", grasp3d.validate_grasps(tried, mesh=box, hand=franka))
         >>> print(Path("out/scores.csv").read_text()[:23])
         "score","better","roc_a
     """

@@ -32,19 +32,19 @@ def header_of(script: bytes) -> dict[str, Any]:
     return dict(found)
 
 
-@pytest.mark.parametrize("gripper", [JAWS, ROUND])
+@pytest.mark.parametrize("hand", [JAWS, ROUND])
 @pytest.mark.parametrize("opening", [0.0, 0.03, 0.08])
-def test_the_page_moves_the_fingers_as_python_draws_them(gripper: Any, opening: float) -> None:
-    data = gripper_data(with_reach(held_box(), gripper))
+def test_the_page_moves_the_fingers_as_python_draws_them(hand: Any, opening: float) -> None:
+    data = gripper_data(with_reach(held_box(), hand))
     assert data is not None
     vertices = np.array(data["vertices"]).reshape(-1, 3)
     vertices[:, 0] += opening * np.array(data["shifts"])
-    expected = gripper_triangles(gripper, opening)
+    expected = gripper_triangles(hand, opening)
     assert np.allclose(vertices, expected.vertices, atol=1e-6)
     assert np.array_equal(np.array(data["faces"]).reshape(-1, 3), expected.faces)
     assert data["parts"] == [Part(part).name.lower() for part in expected.parts]
-    assert data["name"] == gripper.name
-    assert data["fingers"] == gripper.finger_length
+    assert data["name"] == hand.name
+    assert data["fingers"] == hand.finger_length
     plate = np.array(data["table"]["vertices"]).reshape(-1, 3)
     assert plate[:, 2].max() == pytest.approx(-0.04, abs=1e-3)
 

@@ -21,7 +21,7 @@ OPTIONS = (
     "12",
     "--sensor-resolution",
     "15",
-    "--gripper",
+    "--hand",
     "hand.json",
 )
 """Those of label and evaluate."""

@@ -189,7 +189,7 @@ def posed(tmp_path: Path) -> Path:
 
 
 def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
-    arguments = ("small.stl", "poses.csv", "--unit", "mm", "--gripper", "franka")
+    arguments = ("small.stl", "poses.csv", "--unit", "mm", "--hand", "franka")
     run = grasp3d("evaluate", *arguments, "-o", "out.csv", cwd=posed)
     assert (run.returncode, run.stderr) == (0, "")
     assert "small.stl: 3 poses of gripper franka; friction 0.5" in run.stdout
@@ -217,7 +217,7 @@ def test_poses_of_a_gripper_are_evaluated(posed: Path) -> None:
 @pytest.mark.slow
 def test_contacts_of_poses_are_points_soft_or_patches(posed: Path) -> None:
     arguments = (
-        "small.stl", "poses.csv", "--unit", "mm", "--gripper", "wsg50", "--mass", "0.2kg",
+        "small.stl", "poses.csv", "--unit", "mm", "--hand", "wsg50", "--mass", "0.2kg",
         "--object-motion", "fixed",
     )  # fmt: skip
     forces = {}
@@ -233,7 +233,7 @@ def test_contacts_of_poses_are_points_soft_or_patches(posed: Path) -> None:
 
 
 def test_metrics_of_poses_are_written_and_replaced(posed: Path) -> None:
-    arguments = ("poses.csv", "--unit", "mm", "--gripper", "franka")
+    arguments = ("poses.csv", "--unit", "mm", "--hand", "franka")
     run = grasp3d(
         "evaluate", "small.stl", *arguments, "-o", "out.csv", "--metrics", "all", cwd=posed
     )
@@ -254,7 +254,7 @@ def test_metrics_of_poses_are_written_and_replaced(posed: Path) -> None:
 def test_poses_on_a_table_collide_from_below(posed: Path) -> None:
     below = POSES.replace(",10,1,0,0,0", ",-10,0,0,0,1")
     (posed / "poses.csv").write_text(below, encoding="utf-8")
-    arguments = ("small.stl", "poses.csv", "--unit", "mm", "--gripper", "franka")
+    arguments = ("small.stl", "poses.csv", "--unit", "mm", "--hand", "franka")
     run = grasp3d("evaluate", *arguments, "--table", "as-is", cwd=posed)
     assert run.returncode == 0
     assert re.search("closed, but the gripper collides +2", run.stdout)
@@ -262,11 +262,11 @@ def test_poses_on_a_table_collide_from_below(posed: Path) -> None:
 
 
 BAD_POSES: dict[str, tuple[list[str], str]] = {
-    "no gripper": (["poses.csv", "--unit", "mm"], "give their gripper with --gripper NAME"),
-    "no unit": (["poses.csv", "--gripper", "franka"], "unit"),
-    "contacts": (["pair.json", "--unit", "mm", "--gripper", "franka"], "contains no poses"),
+    "no gripper": (["poses.csv", "--unit", "mm"], "give their gripper with --hand NAME"),
+    "no unit": (["poses.csv", "--hand", "franka"], "unit"),
+    "contacts": (["pair.json", "--unit", "mm", "--hand", "franka"], "contains no poses"),
     "onto the poses": (
-        ["poses.csv", "--unit", "mm", "--gripper", "franka", "-o", "poses.csv"],
+        ["poses.csv", "--unit", "mm", "--hand", "franka", "-o", "poses.csv"],
         "poses.csv: is the file of poses; name another file",
     ),
     "metrics of patches": (
@@ -274,7 +274,7 @@ BAD_POSES: dict[str, tuple[list[str], str]] = {
             "poses.csv",
             "--unit",
             "mm",
-            "--gripper",
+            "--hand",
             "franka",
             "--contact",
             "patch",
@@ -288,7 +288,7 @@ BAD_POSES: dict[str, tuple[list[str], str]] = {
         "contact='patch' (--contact patch) applies to poses of a gripper",
     ),
     "distance": (
-        ["poses.csv", "--unit", "mm", "--gripper", "franka", "--max-distance", "1"],
+        ["poses.csv", "--unit", "mm", "--hand", "franka", "--max-distance", "1"],
         "max_distance applies to contacts",
     ),
 }

@@ -1,4 +1,4 @@
-"""`--gripper`, `--table` and approach limits of label, batch, sweep and view."""
+"""`--hand`, `--table` and approach limits of label, batch, sweep and view."""
 
 import csv
 import json
@@ -19,7 +19,7 @@ from tests.helpers.commands import run_here
 from tests.helpers.grippers import HAND
 
 OPTIONS = ("--unit", "mm", "--max-edge", "10", "--rays", "8")
-FRANKA = ("--gripper", "franka", "--table", "as-is")
+FRANKA = ("--hand", "franka", "--table", "as-is")
 
 
 @pytest.fixture
@@ -44,7 +44,7 @@ def test_label_prints_the_verdict_and_writes_poses(
     assert (poses.poses[:, 2, 2] < -0.7).all()  # from above
     labels = label_surface(
         load_mesh(box / "box.stl", unit="mm", max_edge=10.0), sampling=Sampling(rays=8),
-        gripper=ParallelGripper.preset("franka"), table=Table(np.array([0.0, 0.0, 1.0]), -10.0),
+        hand=ParallelGripper.preset("franka"), table=Table(np.array([0.0, 0.0, 1.0]), -10.0),
     )  # fmt: skip
     written = trimesh.load(box / "box_labeled.ply", process=False)
     stored = written.metadata["_ply_raw"]["vertex"]["data"]
@@ -58,7 +58,7 @@ def test_label_prints_the_verdict_and_writes_poses(
     # The same command again replaces its files; another gripper or table is refused.
     again = ("label", "box.stl", *OPTIONS, "--best", "4")
     assert run_here(*again, *FRANKA, cwd=box).returncode == 0
-    for others in (("--gripper", "wsg50"), ("--gripper", "franka"), ()):
+    for others in (("--hand", "wsg50"), ("--hand", "franka"), ()):
         other = run_here(*again, *others, cwd=box)
         assert other.returncode == 2
         assert "gripper" in other.stderr or "table" in other.stderr
@@ -82,7 +82,7 @@ def test_own_grippers_and_resting_poses(box: Path, monkeypatch: pytest.MonkeyPat
     monkeypatch.setattr("grasp3d.rendering.can_render", lambda: False)  # pictures take seconds
     write_gripper(box / "mine.json", HAND)
     run = run_here(
-        "label", "box.stl", *OPTIONS, "--gripper", "mine.json", "--table", "stable",
+        "label", "box.stl", *OPTIONS, "--hand", "mine.json", "--table", "stable",
         "--resting-pose", "3", "--approach-within", "40", "--approach-angles", "16", "--best", "2",
         cwd=box,
     )  # fmt: skip
@@ -134,10 +134,10 @@ def test_batches_have_verdicts_and_poses_and_resume(box: Path) -> None:
     again = run_here(*command, *FRANKA, cwd=box)
     assert again.returncode == 0
     assert rows() == before  # also the times: nothing was labelled again
-    other = run_here(*command, "--gripper", "wsg50", "--table", "as-is", cwd=box)
+    other = run_here(*command, "--hand", "wsg50", "--table", "as-is", cwd=box)
     assert other.returncode in {0, 2}
     if other.returncode == 2:
-        other = run_here(*command, "--gripper", "wsg50", "--table", "as-is", "--overwrite", cwd=box)
+        other = run_here(*command, "--hand", "wsg50", "--table", "as-is", "--overwrite", cwd=box)
     assert other.returncode == 0
     assert {row["gripper"] for row in rows().values()} == {"wsg50"}
     assert all(rows()[name]["key"] != before[name]["key"] for name in before)
@@ -204,7 +204,7 @@ def own(folder: Path, **changes: float) -> str:
 def test_a_bad_gripper_is_one_sentence(
     box: Path, command: str, changes: dict[str, float], message: str
 ) -> None:
-    run = run_here(command, "box.stl", "--gripper", own(box, **changes), cwd=box, columns=400)
+    run = run_here(command, "box.stl", "--hand", own(box, **changes), cwd=box, columns=400)
     assert run.returncode == 2
     assert message in run.stderr
     assert "Traceback" not in run.stderr
@@ -214,18 +214,18 @@ def test_a_bad_gripper_is_one_sentence(
 @pytest.mark.parametrize(
     ("options", "message"),
     [
-        (("--gripper", "franka"), "give the unit"),
-        (("--gripper", "gripe"), "franka"),
-        (("--gripper", "none.json"), "none.json"),
-        (("--unit", "mm", "--gripper", "franka", "--table", "stable", "--resting-pose", "99"),
+        (("--hand", "franka"), "give the unit"),
+        (("--hand", "gripe"), "franka"),
+        (("--hand", "none.json"), "none.json"),
+        (("--unit", "mm", "--hand", "franka", "--table", "stable", "--resting-pose", "99"),
          "resting pose must be from 1 to"),
-        (("--unit", "mm", "--gripper", "franka", "--resting-pose", "2"), "table stable only"),
-        (("--unit", "mm", "--gripper", "franka", "--table", "stable", "--up", "y"), "up does not"),
+        (("--unit", "mm", "--hand", "franka", "--resting-pose", "2"), "table stable only"),
+        (("--unit", "mm", "--hand", "franka", "--table", "stable", "--up", "y"), "up does not"),
         (("--unit", "mm", "--table", "as-is"), "applies to grippers only"),
-        (("--unit", "mm", "--gripper", "franka", "--approach-within", "0"), "approach_within"),
-        (("--unit", "mm", "--gripper", "franka", "--approach-angles", "7"), "from 8 to 64"),
-        (("--unit", "mm", "--gripper", "franka", "--fingers", "3"), "flat pads"),
-        (("--unit", "mm", "--gripper", "franka", "--min-opening", "100", "--force"), "contradicts"),
+        (("--unit", "mm", "--hand", "franka", "--approach-within", "0"), "approach_within"),
+        (("--unit", "mm", "--hand", "franka", "--approach-angles", "7"), "from 8 to 64"),
+        (("--unit", "mm", "--hand", "franka", "--fingers", "3"), "flat pads"),
+        (("--unit", "mm", "--hand", "franka", "--min-opening", "100", "--force"), "contradicts"),
     ],
 )  # fmt: skip
 def test_options_that_contradict_are_one_sentence(
@@ -241,9 +241,7 @@ def test_options_that_contradict_are_one_sentence(
 
 
 def test_a_batch_without_units_has_a_row_with_the_reason(box: Path) -> None:
-    run = run_here(
-        "batch", "box.stl", "-o", "out", "--workers", "0", "--gripper", "franka", cwd=box
-    )
+    run = run_here("batch", "box.stl", "-o", "out", "--workers", "0", "--hand", "franka", cwd=box)
     assert run.returncode == 1
     (row,) = pq.read_table(box / "out" / "summary").to_pylist()
     assert "give the unit" in row["error"]

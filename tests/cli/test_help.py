@@ -10,7 +10,7 @@ from grasp3d.cli.batch import Batch
 from grasp3d.cli.check import Check
 from grasp3d.cli.evaluate import Evaluate
 from grasp3d.cli.examples import EXAMPLES
-from grasp3d.cli.gripper import Gripper
+from grasp3d.cli.hand import Hand
 from grasp3d.cli.label import Label
 from grasp3d.cli.paper import Paper
 from grasp3d.cli.perturb import Perturb
@@ -65,7 +65,7 @@ def test_the_examples_are_valid(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, words: str
 ) -> None:
     """Those of `design` are run, the others parsed: they take longer."""
-    others = Evaluate, Validate, Simulate, Batch, Sweep, Gripper, View, Paper, Perturb, Warmup
+    others = Evaluate, Validate, Simulate, Batch, Sweep, Hand, View, Paper, Perturb, Warmup
     for command in (Label, Check, *others):
         monkeypatch.setattr(command, "run", lambda _: 0)
     run = grasp3d(*shlex.split(words), cwd=tmp_path)

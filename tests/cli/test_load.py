@@ -52,7 +52,7 @@ def test_the_remedy_for_hard_fingers_is_printed(tmp_path: Path) -> None:
 @pytest.mark.slow
 def test_label_writes_a_table_with_a_gripper(tmp_path: Path) -> None:
     export(tmp_path / "block.ply", BLOCK)
-    density = ("--density", "1g/cm^3", "--gripper", "franka")
+    density = ("--density", "1g/cm^3", "--hand", "franka")
     run = run_here("label", "block.ply", *SOFT[:4], *density, "-o", "out.npz", cwd=tmp_path)
     assert run.returncode == 0, run.stderr
     assert "load: 0.12 kg, weight; force at hand: 70 N per finger" in run.stdout

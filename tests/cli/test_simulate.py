@@ -44,7 +44,7 @@ def test_it_prints_success_by_label_and_margin(folder: Path) -> None:
 
 
 def test_given_poses_are_simulated(folder: Path) -> None:
-    words = ("--grasps", "poses.csv", "--gripper", "franka", "-o", "tried.csv")
+    words = ("--grasps", "poses.csv", "--hand", "franka", "-o", "tried.csv")
     done = grasp3d("simulate", "box.stl", *words, *QUICK, cwd=folder)
     assert (done.returncode, done.stderr) == (0, "")
     assert "S    surely stable        1        100 %" in done.stdout
@@ -55,8 +55,8 @@ def test_given_poses_are_simulated(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (("--grasps", "poses.csv"), "contains poses; give their gripper with --gripper NAME|FILE"),
-        (("--gripper", "franka"), "gripper 'franka' has flat pads, which touch more than two"),
+        (("--grasps", "poses.csv"), "contains poses; give their gripper with --hand NAME|FILE"),
+        (("--hand", "franka"), "gripper 'franka' has flat pads, which touch more than two"),
         (("-o", "out.ply"), "out.ply: unsupported table format .ply"),
         (("--count", "2"), "count must be a whole number of at least 3; got 2"),
         (
@@ -64,7 +64,7 @@ def test_given_poses_are_simulated(folder: Path) -> None:
             "tip_radius must be below the size of the object, 12.33 cm; got 400",
         ),
         (("-o", "box.stl"), "box.stl"),
-        (("--grasps", "poses.csv", "--gripper", "franka", "-o", "poses.csv"), "is the file of pos"),
+        (("--grasps", "poses.csv", "--hand", "franka", "-o", "poses.csv"), "is the file of pos"),
     ],
 )
 def test_mistakes_are_one_sentence(folder: Path, words: tuple[str, ...], message: str) -> None:

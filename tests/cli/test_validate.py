@@ -34,8 +34,8 @@ def poses(count: int = COUNT) -> tuple[GraspPoses, np.ndarray]:
     mesh = load_mesh((0.025 * points, faces), unit="m", max_edge=0.02)
     given = poses_on(mesh, count, 0, 0.075).poses.copy()
     given[:6, :3, 3] += 0.2
-    found = evaluate_poses(mesh, GraspPoses(poses=given), GraspModel(), gripper=FRANKA)
-    return GraspPoses(poses=given, unit="m", gripper="panda"), np.array(found.margin)
+    found = evaluate_poses(mesh, GraspPoses(poses=given), GraspModel(), hand=FRANKA)
+    return GraspPoses(poses=given, unit="m", hand="panda"), np.array(found.margin)
 
 
 def tried(held: np.ndarray) -> GraspPoses:
@@ -51,7 +51,7 @@ def folder(tmp_path: Path) -> Path:
     return tmp_path
 
 
-GIVEN = ("validate", "log.csv", "--mesh", "body.ply", "--gripper", "franka", *QUICK)
+GIVEN = ("validate", "log.csv", "--mesh", "body.ply", "--hand", "franka", *QUICK)
 
 
 def test_it_prints_how_well_scores_predict(folder: Path) -> None:
@@ -130,7 +130,7 @@ def test_the_mesh_is_looked_up_in_the_scale_that_is_stated(folder: Path) -> None
         (["-o", "log.csv"], "log.csv: is a file; name a folder"),
         (["-o", "missing/out"], "missing/out: cannot be written"),
         (["--meshes", "nowhere"], "nowhere: there is no such folder"),
-        (["--gripper", "nope"], "nope"),
+        (["--hand", "nope"], "nope"),
     ],
 )
 def test_bad_input_is_refused(folder: Path, words: list[str], message: str) -> None:

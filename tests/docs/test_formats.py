@@ -100,8 +100,8 @@ def metadata(path: Path) -> Names:
 
 @cache
 def with_gripper() -> SurfaceLabels:
-    gripper = ParallelGripper.preset("franka")
-    return label_surface(labels().mesh, GraspModel(), gripper=gripper)
+    hand = ParallelGripper.preset("franka")
+    return label_surface(labels().mesh, GraspModel(), hand=hand)
 
 
 @pytest.fixture(params=["points", "errors", "gripper", "load"])
@@ -252,13 +252,13 @@ def test_noisy_copies(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_validation(tmp_path: Path) -> None:
-    box, gripper = (
+    box, hand = (
         load_mesh(shapes.box((6.0, 4.0, 2.0)), unit="cm"),
         ParallelGripper.preset("franka"),
     )
     poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (4, 1, 1))
     tried = GraspPoses(poses=poses, outcome=np.array([1.0, 0.0, 1.0, 0.0]))
-    found = validate_grasps(tried, mesh=box, gripper=gripper, load=LOAD)
+    found = validate_grasps(tried, mesh=box, hand=hand, load=LOAD)
     write_validation(tmp_path / "out", found)
     files, *columns = tables("Validation")
     assert files == set(FILES) == {"report.html", *(path.name for path in tmp_path.glob("out/*"))}

@@ -46,7 +46,7 @@ def plain() -> GraspPoses:
         scores=np.array(0.5),
         outcome=np.array(1.0),
         unit="m",
-        gripper=GRIPPER,
+        hand=GRIPPER,
         settings=OBJECT,
         columns={"contacts": np.zeros((1, 2, 3)), "normals": np.ones((1, 2, 3))},
     )
@@ -56,13 +56,13 @@ def plain() -> GraspPoses:
 def found() -> GraspPoses:
     """Poses of grasps that were found."""
     mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
-    labels = label_surface(mesh, GraspModel(), gripper=GRIPPER)
+    labels = label_surface(mesh, GraspModel(), hand=GRIPPER)
     return poses_of(best_grasps(labels, 2))
 
 
 @cache
 def evaluated() -> EvaluatedPoses:
-    return evaluate_poses(load_mesh(shapes.box(), unit="cm"), found(), gripper=GRIPPER)
+    return evaluate_poses(load_mesh(shapes.box(), unit="cm"), found(), hand=GRIPPER)
 
 
 def paths(content: dict[str, Any], head: str = "") -> Iterator[str]:

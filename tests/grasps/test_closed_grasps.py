@@ -48,7 +48,7 @@ def wedge() -> SurfaceLabels:
     corners, faces = shapes.box((60.0, 40.0, 40.0))
     corners[:, 1] *= np.where(corners[:, 2] > 0.0, 1.0 - math.tan(math.radians(5.0)), 1.0)
     mesh = load_mesh((corners, faces), unit="mm", max_edge=10.0)
-    return label_surface(mesh, MODEL, gripper=HAND, threads=1)
+    return label_surface(mesh, MODEL, hand=HAND, threads=1)
 
 
 @cache
@@ -57,7 +57,7 @@ def cone(degrees: float, friction: float) -> SurfaceLabels:
     surface = shapes.cone(math.radians(degrees), 80.0, 24)
     mesh = load_mesh(surface, unit="mm", max_edge=12.0)
     model = replace(MODEL, friction=friction)
-    return label_surface(mesh, model, gripper=HAND, threads=1)
+    return label_surface(mesh, model, hand=HAND, threads=1)
 
 
 @cache
@@ -65,7 +65,7 @@ def tube(grip: str) -> SurfaceLabels:
     corners, faces = shapes.tube(sections=32)
     mesh = load_mesh((corners * 60.0, faces), unit="mm", max_edge=12.0)
     sampling = Sampling(grip=grip)
-    return label_surface(mesh, MODEL, sampling=sampling, gripper=SLIM, threads=1)
+    return label_surface(mesh, MODEL, sampling=sampling, hand=SLIM, threads=1)
 
 
 @cache
@@ -169,7 +169,7 @@ def test_poses_that_are_written_evaluate_to_the_same_labels(tmp_path: Path, suff
     best, path = best_grasps(wedge(), 40), tmp_path / f"wedge.{suffix}"
     write_grasps(path, best)
     poses = read_poses(path)
-    again = evaluate_poses(wedge().mesh, poses, MODEL, gripper=HAND)
+    again = evaluate_poses(wedge().mesh, poses, MODEL, hand=HAND)
     np.testing.assert_array_equal(again.label, best.closed.label)
     np.testing.assert_allclose(again.margin, best.closed.margin, rtol=1e-9, atol=1e-7)
     assert poses.columns["closed_label"].tolist() == [Label(code).name for code in again.label]
@@ -231,7 +231,7 @@ def test_threads_change_nothing() -> None:
 def test_a_symmetric_box_has_the_same_best_grasps_each_time() -> None:
     """Flat parallel sides: the jaws touch what the points are on."""
     mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=12.0)
-    labels = [label_surface(mesh, MODEL, gripper=HAND, threads=1) for _ in range(2)]
+    labels = [label_surface(mesh, MODEL, hand=HAND, threads=1) for _ in range(2)]
     first, second = (best_grasps(one, 8) for one in labels)
     np.testing.assert_array_equal(first.contacts.points, second.contacts.points)
     np.testing.assert_array_equal(first.closed.margin, second.closed.margin)
@@ -273,7 +273,7 @@ def test_ideal_points_and_three_fingers_have_none() -> None:
     mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=40.0)
     ideal = best_grasps(label_surface(mesh, MODEL, threads=1), 2)
     three = replace(MODEL, fingers=3)
-    tips = best_grasps(label_surface(mesh, three, gripper=TIPS, threads=1), 2)
+    tips = best_grasps(label_surface(mesh, three, hand=TIPS, threads=1), 2)
     for grasps in (ideal, tips):
         assert grasps.size
         assert grasps.closed is None
@@ -282,7 +282,7 @@ def test_ideal_points_and_three_fingers_have_none() -> None:
 
 def test_no_grasps_close_on_nothing() -> None:
     plate = load_mesh(shapes.box((120.0, 100.0, 90.0)), unit="mm", max_edge=120.0)
-    labels = label_surface(plate, MODEL, gripper=HAND, threads=1)
+    labels = label_surface(plate, MODEL, hand=HAND, threads=1)
     best = best_grasps(labels, 3)
     assert (best.size, best.closed.size, best.closed.evaluated) == (0, 0, None)
     assert best.closed.note(best.label) == ""

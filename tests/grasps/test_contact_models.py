@@ -40,13 +40,13 @@ def at_heights(*heights: float) -> GraspPoses:
 
 
 def evaluated(
-    mesh: Any, poses: GraspPoses, gripper: ParallelGripper | None = None, **model: Any
+    mesh: Any, poses: GraspPoses, hand: ParallelGripper | None = None, **model: Any
 ) -> EvaluatedPoses:
     """Evaluate poses on an object that does not give way."""
     load = Load(mass=0.2, grip_force=40.0)
-    jaws = gripper or replace(ParallelGripper.preset("franka"), inner_faces=())
+    jaws = hand or replace(ParallelGripper.preset("franka"), inner_faces=())
     return evaluate_poses(
-        mesh, poses, GraspModel(**model), gripper=jaws, object_motion="fixed", load=load
+        mesh, poses, GraspModel(**model), hand=jaws, object_motion="fixed", load=load
     )
 
 

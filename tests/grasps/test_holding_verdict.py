@@ -138,17 +138,17 @@ def test_grasps_that_hold_the_load_come_first() -> None:
 def test_poses_that_were_found_hold_as_much_when_they_are_evaluated() -> None:
     franka, load = replace(ParallelGripper.preset("franka"), inner_faces=()), Load(mass=0.5)
     model = GraspModel(sensor_resolution=0.2)
-    made = label_surface(labels().mesh, model, gripper=franka, load=load, threads=1)
+    made = label_surface(labels().mesh, model, hand=franka, load=load, threads=1)
     best = best_grasps(made, 3)
     poses = poses_of(best)
     assert best.holding is not None
     np.testing.assert_array_equal(poses.columns["payload"], best.holding.payload)
     stale = replace(poses, columns={**poses.columns, "payload": np.zeros(3)})
-    evaluated = evaluate_poses(made.mesh, stale, model, gripper=franka, load=load)
+    evaluated = evaluate_poses(made.mesh, stale, model, hand=franka, load=load)
     assert evaluated.holding is not None
     # Both touch flat sides: the pads' centres are the contacts.
     np.testing.assert_allclose(evaluated.holding.payload, best.holding.payload, rtol=0.05)
     assert evaluated.to_poses().columns["label_with_force"].tolist() == ["S"] * 3
-    without = evaluate_poses(made.mesh, stale, model, gripper=franka)
+    without = evaluate_poses(made.mesh, stale, model, hand=franka)
     assert "payload" not in without.to_poses().columns
     assert evaluated.to_table()["payload"].to_numpy() == pytest.approx(evaluated.holding.payload)

@@ -92,7 +92,7 @@ def some_poses(draw: st.DrawFn, *, known: bool = False) -> GraspPoses:
         outcome=each(st.sampled_from([0.0, 1.0])),
         names=tuple(draw(st.lists(words, min_size=count, max_size=count, unique=True))),
         unit="m",
-        gripper=PANDA,
+        hand=PANDA,
         columns={
             "label": np.array(["S", "M", "U", "S"])[:count],
             "critical_angle": np.linspace(0.1, 0.4, count),
@@ -107,7 +107,7 @@ def some_poses(draw: st.DrawFn, *, known: bool = False) -> GraspPoses:
 def there_and_back(folder: Path, poses: GraspPoses, name: Any) -> GraspPoses:
     path = folder / f"poses.{SUFFIX[name]}"
     write_poses(path, poses, format=name)
-    return read_poses(path, gripper=None if name in OWN else poses.gripper)
+    return read_poses(path, hand=None if name in OWN else poses.hand)
 
 
 def equal(one: Any, other: Any, tolerance: float = 1e-9) -> None:
@@ -135,7 +135,7 @@ def test_the_projects_formats_keep_everything(name: str, poses: GraspPoses, tmp_
     for column in ("critical_angle", "contacts", "normals"):
         equal(found.columns[column], poses.columns[column])
     if name != "csv":
-        assert found.gripper == PANDA
+        assert found.hand == PANDA
         assert found.object_file == "cups/mug.obj"
         assert found.object_scale == 0.001
 
@@ -152,7 +152,7 @@ def test_formats_of_robots_keep_what_they_have(
     equal(found.pregrasp_opening, poses.pregrasp_opening)
     equal(found.scores, poses.scores)
     assert found.unit == "m"
-    assert found.gripper == PANDA
+    assert found.hand == PANDA
     if name != "graspnet":
         assert found.names == poses.names
         equal(found.opening, poses.opening)
@@ -185,7 +185,7 @@ def one_pose(**fields: Any) -> GraspPoses:
     pose = np.eye(4)
     pose[:3, :3] = np.column_stack([[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]])
     pose[:3, 3] = [0.01, 0.02, 0.03]
-    values = {"opening": 0.03, "pregrasp_opening": 0.06, "unit": "m", "gripper": HAND, **fields}
+    values = {"opening": 0.03, "pregrasp_opening": 0.06, "unit": "m", "hand": HAND, **fields}
     return GraspPoses(poses=pose, **values)
 
 
@@ -207,7 +207,7 @@ def test_units_and_frames_return_from_every_format(
     name: Any, unit: Any, axes: tuple[str, str], tmp_path: Path
 ) -> None:
     """The unit of the poses and the axes of the hand's own frame change nothing."""
-    poses = one_pose(outcome=1.0, scores=0.5, gripper=replace(HAND, base_axes=axes))
+    poses = one_pose(outcome=1.0, scores=0.5, hand=replace(HAND, base_axes=axes))
     found = there_and_back(tmp_path, poses.in_unit(unit), name)
     assert found.unit == (unit if name in OWN else "m")
     found = found.in_unit("m")
@@ -245,7 +245,7 @@ def test_isaac_grasp_is_written_as_documented(tmp_path: Path) -> None:
 
 def test_poses_of_robots_are_those_of_the_frame_of_its_description(tmp_path: Path) -> None:
     """The fingers of the Franka hand move along y of its own frame; data sets turn it to x."""
-    poses = one_pose(gripper=PANDA, outcome=1.0)
+    poses = one_pose(hand=PANDA, outcome=1.0)
     rotation = poses.poses[0, :3, :3]
     write_poses(tmp_path / "one.yaml", poses)
     turn = yaml.safe_load((tmp_path / "one.yaml").read_text())["grasps"]["grasp_1"]["orientation"]
@@ -285,7 +285,7 @@ grasps:
 
 def test_isaac_grasp_is_read_from_its_documented_layout(tmp_path: Path) -> None:
     (tmp_path / "cup.yml").write_text(ISAAC)
-    found = read_poses(tmp_path / "cup.yml", gripper=HAND)
+    found = read_poses(tmp_path / "cup.yml", hand=HAND)
     assert found.names == ("first", "second")
     equal(found.scores, [0.5, 1.0])
     equal(found.opening, [0.025, 0.0])
@@ -309,7 +309,7 @@ def test_the_same_joint_values_of_all_grasps_may_be_written_once(tmp_path: Path)
     content = {"format": "isaac_grasp", "format_version": "1.0", "grasps": {"a": grasp, 7: grasp}}
     (tmp_path / "cup.yaml").write_text(yaml.safe_dump(content))
     assert "&id" in (tmp_path / "cup.yaml").read_text()
-    found = read_poses(tmp_path / "cup.yaml", gripper=HAND)
+    found = read_poses(tmp_path / "cup.yaml", hand=HAND)
     assert found.names == ("a", "7")
     equal(found.opening, [0.08, 0.08])
 
@@ -354,9 +354,9 @@ def test_acronym_is_read_from_its_documented_layout(tmp_path: Path) -> None:
     )  # fmt: skip
     assert found.settings["mass"] == 0.2
     assert found.settings["com"] == [0.0, 0.01, 0.02]
-    assert found.gripper == "panda"
+    assert found.hand == "panda"
     equal(
-        read_poses(tmp_path / "mug.h5", gripper=HAND).poses[:, :3, 3],
+        read_poses(tmp_path / "mug.h5", hand=HAND).poses[:, :3, 3],
         bases[:, :3, 3] + 0.1034 * bases[:, :3, 2],
     )
 
@@ -391,7 +391,7 @@ def test_a_published_file_of_acronym_is_read() -> None:
     assert distances.max() < 0.04
     center = 0.5 * (vertices.min(axis=0) + vertices.max(axis=0))
     assert pose_warning(found.poses, center, 0.14, "m") is None
-    wrong = read_poses(path, gripper=replace(HAND, base_to_tcp=0.0)).poses[:, :3, 3]
+    wrong = read_poses(path, hand=replace(HAND, base_to_tcp=0.0)).poses[:, :3, 3]
     assert cKDTree(vertices).query(wrong)[0].min() > 0.05
 
 
@@ -404,20 +404,20 @@ def test_graspgen_is_read_from_its_documented_layout(tmp_path: Path) -> None:
         },
     }
     (tmp_path / "b.json").write_text(json.dumps(content))
-    found = read_poses(tmp_path / "b.json", gripper=HAND)
+    found = read_poses(tmp_path / "b.json", hand=HAND)
     equal(found.poses[:, :3, 3], [[0.0, 0.0, 0.1034], [0.0, 0.0, -0.1034]])
     assert found.outcome.tolist() == [1.0, 0.0]
     assert found.object_scale == 0.02
     content["grasps"]["object_in_gripper"] = [[True], [False]]  # also published as a column
     (tmp_path / "b.json").write_text(json.dumps(content))
-    assert read_poses(tmp_path / "b.json", gripper=HAND).outcome.tolist() == [1.0, 0.0]
+    assert read_poses(tmp_path / "b.json", hand=HAND).outcome.tolist() == [1.0, 0.0]
 
 
 def test_graspnet_is_read_from_its_documented_layout(tmp_path: Path) -> None:
     """Approach along x, fingers close along y, and their ends are at x = depth."""
     row = [0.7, 0.06, 0.02, 0.03, *np.eye(3).ravel(), 0.1, 0.2, 0.3, 5]
     np.save(tmp_path / "one.npy", np.array([row], dtype=np.float32))
-    found = read_poses(tmp_path / "one.npy", gripper=HAND)
+    found = read_poses(tmp_path / "one.npy", hand=HAND)
     equal(found.poses[0, :3, 2], [1.0, 0.0, 0.0], 1e-6)  # approach
     equal(found.poses[0, :3, 0], [0.0, 1.0, 0.0], 1e-6)  # closing axis
     # The pads are 16 mm high, and the TCP is at their middle.
@@ -510,7 +510,7 @@ def test_messages_of_ros_1_are_read_as_well(tmp_path: Path) -> None:
     pose = {"position": {"x": 1.0, "y": 0.0, "z": 0.0}, "orientation": TURN}
     message = {"id": "a", "grasp_pose": {"header": header, "pose": pose}, "grasp_quality": 353.6}
     (tmp_path / "a.json").write_text(json.dumps(message))
-    found = read_poses(tmp_path / "a.json", gripper=HAND)
+    found = read_poses(tmp_path / "a.json", hand=HAND)
     equal(found.poses[0, :3, 3], [1.0, 0.0, 0.1034])
     assert found.settings == {"frame_id": "cup"}
     assert np.isnan(found.opening).all()
@@ -540,12 +540,12 @@ def test_normals_point_outward_in_files_and_contacts_are_those_of_read_contacts(
 
 
 def test_settings_are_at_the_top_of_json_and_in_the_metadata_of_parquet(tmp_path: Path) -> None:
-    poses = one_pose(settings={"friction": 0.5, "sensor_resolution": 0.3}, gripper="my hand")
+    poses = one_pose(settings={"friction": 0.5, "sensor_resolution": 0.3}, hand="my hand")
     for suffix in ("json", "parquet"):
         write_poses(tmp_path / f"one.{suffix}", poses)
         found = read_poses(tmp_path / f"one.{suffix}")
         assert found.settings == poses.settings
-        assert found.gripper == "my hand"
+        assert found.hand == "my hand"
     stated = json.loads(pq.read_schema(tmp_path / "one.parquet").metadata[b"grasp3d"])
     assert stated["normals"] == "outward"
 
@@ -575,7 +575,7 @@ def test_the_unit_of_a_file_without_one_is_given_and_another_one_is_refused(
         read_poses(path, unit="mm")
     write_poses(tmp_path / "one.npy", one_pose())
     with pytest.raises(ContactError, match="files are in metres, not in mm"):
-        read_poses(tmp_path / "one.npy", gripper=HAND, unit="mm")
+        read_poses(tmp_path / "one.npy", hand=HAND, unit="mm")
 
 
 def no_joints() -> ParallelGripper:
@@ -588,10 +588,10 @@ def no_joints() -> ParallelGripper:
         ("one.txt", None, {}, r"unsupported pose format \.txt: supported are \.json \.csv"),
         ("one", None, {}, "has no suffix"),
         ("one.csv", "isaac_grasp", {}, r"unsupported isaac_grasp format \.csv: .* \.yaml \.yml"),
-        ("one.yaml", None, {"gripper": None}, "need the lengths of the gripper: give it"),
-        ("one.h5", None, {"gripper": "franka"}, "need the lengths of the gripper: give it"),
+        ("one.yaml", None, {"hand": None}, "need the lengths of the gripper: give it"),
+        ("one.h5", None, {"hand": "franka"}, "need the lengths of the gripper: give it"),
         ("one.npy", None, {"unit": None}, "in metres, but the unit of the poses is not known"),
-        ("one.yaml", None, {"gripper": no_joints()}, "'two_fingers' has no joint_names"),
+        ("one.yaml", None, {"hand": no_joints()}, "'two_fingers' has no joint_names"),
         ("one.yaml", None, {"scores": 353.0}, "must be from 0 to 1; grasp 1 has 353"),
         ("one.json", "graspgen", {}, "outcome of grasp 1 is not known"),
         ("one.json", "moveit", {"scores": math.inf}, "scores .* must be finite"),
@@ -610,7 +610,7 @@ def test_what_cannot_be_written_is_refused_and_leaves_no_file(
 def test_no_poses_equal_names_and_unknown_formats_are_refused(tmp_path: Path) -> None:
     with pytest.raises(OutputError, match="no poses to write"):
         write_poses(tmp_path / "none.json", one_pose().take([]))
-    twins = GraspPoses(poses=[np.eye(4)] * 2, names=("a", "a"), unit="m", gripper=HAND)
+    twins = GraspPoses(poses=[np.eye(4)] * 2, names=("a", "a"), unit="m", hand=HAND)
     with pytest.raises(OutputError, match="two grasps are called 'a'"):
         write_poses(tmp_path / "twins.yaml", twins)
     with pytest.raises(SettingError, match="no format is called 'xml'; known: json, csv"):
@@ -628,7 +628,7 @@ def test_a_missing_library_is_named_with_its_extra(
         monkeypatch.setattr(f"grasp3d.grasps.pose_files.{module}.find_spec", lambda _: None)
     for name in ("mug.h5", "cup.yaml"):
         with pytest.raises(OutputError, match=r"pip install 'grasp3d\[datasets\]'"):
-            read_poses(tmp_path / name, gripper=HAND)
+            read_poses(tmp_path / name, hand=HAND)
         with pytest.raises(OutputError, match=r"pip install 'grasp3d\[datasets\]'"):
             write_poses(tmp_path / name, one_pose())
 
@@ -725,21 +725,21 @@ def test_what_holds_no_poses_is_refused_in_one_sentence(
 ) -> None:
     (tmp_path / file).write_text(content)
     with pytest.raises(ContactError, match=message) as caught:
-        read_poses(tmp_path / file, gripper=HAND)
+        read_poses(tmp_path / file, hand=HAND)
     assert "\n" not in str(caught.value)
     assert str(caught.value).startswith(str(tmp_path / file))
 
 
 @pytest.mark.parametrize(
-    ("gripper", "message"),
+    ("hand", "message"),
     [
         ({"name": "x"}, "its gripper is no gripper: expected an object with"),
         ([], "its gripper is no gripper"),
         ({"format": "grasp3d gripper", "version": 1, "unit": "m", "name": "x"}, "missing"),
     ],
 )
-def test_a_gripper_that_is_none_is_refused(gripper: Any, message: str, tmp_path: Path) -> None:
-    content = {"grasp3d": {"gripper": gripper}, "grasps": [{"pose": np.eye(4).tolist()}]}
+def test_a_gripper_that_is_none_is_refused(hand: Any, message: str, tmp_path: Path) -> None:
+    content = {"grasp3d": {"gripper": hand}, "grasps": [{"pose": np.eye(4).tolist()}]}
     (tmp_path / "a.json").write_text(json.dumps(content))
     with pytest.raises(ContactError, match=message):
         read_poses(tmp_path / "a.json")
@@ -757,7 +757,7 @@ def test_missing_files_and_folders_are_refused(tmp_path: Path) -> None:
 def test_poses_of_the_base_need_the_gripper(name: Any, tmp_path: Path) -> None:
     path = tmp_path / f"poses.{SUFFIX[name]}"
     write_poses(path, one_pose(outcome=1.0), format=name)
-    with pytest.raises(ContactError, match=r"not of the fingertips: give the gripper \(--gripper"):
+    with pytest.raises(ContactError, match=r"not of the fingertips: give the gripper \(--hand"):
         read_poses(path)
 
 
@@ -770,14 +770,14 @@ def test_references_do_not_expand(tmp_path: Path) -> None:
     bomb = "\n".join(lines) + ISAAC.replace("[0.1, -0.2, 3e-1]", "*l9")
     (tmp_path / "a.yaml").write_text(bomb)
     with pytest.raises(ContactError, match="position must be a list of 3 numbers; got a list of"):
-        read_poses(tmp_path / "a.yaml", gripper=HAND)
+        read_poses(tmp_path / "a.yaml", hand=HAND)
 
 
 def test_a_list_that_contains_itself_is_refused(tmp_path: Path) -> None:
     text = ISAAC.replace("[0.1, -0.2, 3e-1]", "&a [*a, *a, *a]")
     (tmp_path / "a.yaml").write_text(text)
     with pytest.raises(ContactError, match="position must be a list of 3 numbers"):
-        read_poses(tmp_path / "a.yaml", gripper=HAND)
+        read_poses(tmp_path / "a.yaml", hand=HAND)
 
 
 HUGE = 10**9
@@ -882,19 +882,19 @@ def test_wrong_data_sets_are_named(changes: dict[str, Any], message: str, tmp_pa
 def test_wrong_arrays_are_refused(array: np.ndarray, message: str, tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", array)
     with pytest.raises(ContactError, match=message):
-        read_poses(tmp_path / "a.npy", gripper=HAND)
+        read_poses(tmp_path / "a.npy", hand=HAND)
 
 
 def test_arrays_of_objects_and_of_huge_declared_size_are_refused(tmp_path: Path) -> None:
     np.save(tmp_path / "a.npy", np.array([[print] * 17], dtype=object), allow_pickle=True)
     with pytest.raises(ContactError, match=r"is no \.npy file of numbers"):
-        read_poses(tmp_path / "a.npy", gripper=HAND)
+        read_poses(tmp_path / "a.npy", hand=HAND)
     with (tmp_path / "b.npy").open("wb") as stream:
         np.lib.format.write_array_header_1_0(
             stream, {"descr": "<f8", "fortran_order": False, "shape": (10**14, 17)}
         )
     with pytest.raises(ContactError, match=r"is no \.npy file of numbers"):
-        read_poses(tmp_path / "b.npy", gripper=HAND)
+        read_poses(tmp_path / "b.npy", hand=HAND)
 
 
 @pytest.mark.parametrize("name", list(SUFFIX))
@@ -905,7 +905,7 @@ def test_truncated_files_are_refused(name: Any, tmp_path: Path) -> None:
     for fraction in (0.0, 0.1, 0.5, 0.9):
         path.write_bytes(whole[: int(fraction * len(whole))])
         with pytest.raises(GraspError) as caught:
-            read_poses(path, gripper=HAND)
+            read_poses(path, hand=HAND)
         assert "\n" not in str(caught.value)
 
 
@@ -932,7 +932,7 @@ def only_grasp_errors(path: Path) -> None:
     """Read a file, which may hold poses, but raises nothing else than GraspError."""
     holds_poses(path)
     try:
-        read_poses(path, gripper=HAND)
+        read_poses(path, hand=HAND)
     except GraspError as error:
         assert "\n" not in str(error)  # noqa: PT017, it need not be raised
 

@@ -107,7 +107,7 @@ def test_poses_beside_the_object_have_no_other_reading(cone: ObjectMesh, good: F
 def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: Floats) -> None:
     def warnings(poses: Floats, mesh: ObjectMesh = cone) -> str:
         given = GraspPoses(poses=poses, unit="m")
-        return " ".join(evaluate_poses(mesh, given, gripper=HAND, threads=1).warnings)
+        return " ".join(evaluate_poses(mesh, given, hand=HAND, threads=1).warnings)
 
     assert "jaws" not in warnings(good)
     assert "those of the hand's base" in warnings(good @ HAND.base_pose)
@@ -123,7 +123,7 @@ def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: Floats) -> None:
 def test_published_poses_in_other_orders() -> None:
     """Quaternions and frames of a mug's 2,000 poses mixed up."""
     folder = shapes.shared("datasets", "acronym")
-    poses = read_poses(next(folder.glob("*.h5")), gripper=HAND)
+    poses = read_poses(next(folder.glob("*.h5")), hand=HAND)
     mesh = load_mesh(next(folder.glob("*.obj")), unit="m", max_edge=1e9)
     scale = poses.object_scale
     assert scale is not None

@@ -41,7 +41,7 @@ def test_one_number_is_for_all_poses_and_what_is_not_given_is_not_known() -> Non
         assert np.isnan(getattr(poses, name)).all()
     assert poses.names == ("grasp_1", "grasp_2", "grasp_3")
     assert len(poses) == 3
-    assert poses.gripper is None
+    assert poses.hand is None
 
 
 def test_arrays_are_copies_that_cannot_be_changed() -> None:

@@ -31,15 +31,15 @@ MODEL = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
 def held(fingers: int = 2) -> SurfaceLabels:
     mesh = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=10.0 * (fingers - 1) ** 2)
     model = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0), fingers=fingers)
-    gripper = ParallelGripper.preset("franka") if fingers == 2 else TIPS
+    hand = ParallelGripper.preset("franka") if fingers == 2 else TIPS
     table = Table.below(mesh) if fingers == 2 else None
-    return label_surface(mesh, model, gripper=gripper, table=table, threads=1)
+    return label_surface(mesh, model, hand=hand, table=table, threads=1)
 
 
 def test_poses_have_all_that_is_known_of_the_grasps() -> None:
     best = best_grasps(held(), 4)
     poses = poses_of(best)
-    assert (poses.count, poses.unit, poses.gripper.name) == (4, "mm", "franka")
+    assert (poses.count, poses.unit, poses.hand.name) == (4, "mm", "franka")
     np.testing.assert_array_equal(poses.poses, best.reach.poses)
     np.testing.assert_array_equal(poses.opening, best.reach.opening)
     assert poses.columns["label"].tolist() == ["S"] * 4
@@ -64,7 +64,7 @@ def test_files_of_grasps_have_their_poses(tmp_path: Path, suffix: str, form: str
     best, path = best_grasps(held(), 3), tmp_path / f"box.{suffix}"
     write_grasps(path, best, format=form)
     assert holds_poses(path)
-    again = read_poses(path, gripper=held().reaching.gripper).in_unit("mm")
+    again = read_poses(path, hand=held().reaching.hand).in_unit("mm")
     np.testing.assert_allclose(again.poses, best.reach.poses, atol=1e-4)
 
 
@@ -82,8 +82,8 @@ def test_evaluated_again_poses_are_reached_and_stable() -> None:
     """Jaws closed on the mesh from the poses that were found."""
     labels = held()
     best = best_grasps(labels, 4)
-    gripper, table = labels.reaching.gripper, labels.reaching.table
-    found = evaluate_poses(labels.mesh, poses_of(best), MODEL, gripper=gripper, table=table)
+    hand, table = labels.reaching.hand, labels.reaching.table
+    found = evaluate_poses(labels.mesh, poses_of(best), MODEL, hand=hand, table=table)
     np.testing.assert_allclose(np.sort(found.opening), np.sort(best.reach.opening), atol=0.6)
 
 
@@ -111,6 +111,6 @@ def test_three_fingers_have_no_poses(tmp_path: Path) -> None:
 
 def test_no_grasps_make_a_table_without_rows(tmp_path: Path) -> None:
     plate = load_mesh(shapes.box((120.0, 80.0, 3.0)), unit="mm", max_edge=40.0)
-    labels = label_surface(plate, MODEL, gripper=HAND, table=Table.below(plate), threads=1)
+    labels = label_surface(plate, MODEL, hand=HAND, table=Table.below(plate), threads=1)
     write_grasps(tmp_path / "a.csv", best_grasps(labels, 2))
     assert len((tmp_path / "a.csv").read_text().splitlines()) == 1

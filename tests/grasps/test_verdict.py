@@ -30,7 +30,7 @@ def block() -> ObjectMesh:
 
 
 def beside(mesh: ObjectMesh, model: GraspModel = MODEL, **options: object) -> SurfaceLabels:
-    options = {"gripper": HAND, "threads": 1, **options}
+    options = {"hand": HAND, "threads": 1, **options}
     return label_surface(mesh, model, **options)
 
 
@@ -76,7 +76,7 @@ def test_out_of_reach_has_the_reason_of_most_of_the_surface() -> None:
 def test_what_is_reached_but_never_stable_leaves_an_object_out_of_reach() -> None:
     """Longer grasps than the 60 mm across are aslant by more than the friction angle."""
     wide, slippery = replace(HAND, min_opening=0.0607), replace(MODEL, friction=0.1)
-    labels = beside(block(), slippery, gripper=wide)
+    labels = beside(block(), slippery, hand=wide)
     assert labels.reach.reached.any()
     verdict = verdict_of(labels)
     assert str(verdict) == "out of reach (the openings are outside the stroke)"
@@ -85,17 +85,17 @@ def test_what_is_reached_but_never_stable_leaves_an_object_out_of_reach() -> Non
 def test_nothing_to_hold_is_no() -> None:
     pyramid = load_mesh(shapes.cone(1.0, 20.0, sections=32), unit="mm", max_edge=20.0)
     model = GraspModel(friction=0.1, sensor_resolution=math.radians(2.0))
-    for options in ({"gripper": None}, {}):
+    for options in ({"hand": None}, {}):
         verdict = verdict_of(beside(pyramid, model, **options))
-        if "gripper" in options:
+        if "hand" in options:
             assert str(verdict) == "not holdable: at no sensor resolution is a grasp S"
         assert verdict.count == 0
 
 
 def test_without_a_gripper_limits_of_openings_are_no_stroke() -> None:
-    labels = beside(block(), gripper=None, sampling=Sampling(max_opening=5.0))
+    labels = beside(block(), hand=None, sampling=Sampling(max_opening=5.0))
     assert verdict_of(labels).word == "no"
-    ideal = verdict_of(beside(block(), gripper=None))
+    ideal = verdict_of(beside(block(), hand=None))
     assert ideal.word == "holdable"
     assert math.isnan(ideal.approach_margin)
     assert "approach" not in str(ideal)

@@ -73,11 +73,11 @@ def test_a_pad_edge_over_the_edge_of_a_box_touches_the_part_on_the_box(box: Obje
     np.testing.assert_allclose(found.area[0], 12e-6, rtol=1e-5)
 
 
-@pytest.mark.parametrize("gripper", [pads(), tips()])
-def test_pads_and_tips_that_only_graze_an_edge_do_not_touch(box: ObjectMesh, gripper: Any) -> None:
+@pytest.mark.parametrize("hand", [pads(), tips()])
+def test_pads_and_tips_that_only_graze_an_edge_do_not_touch(box: ObjectMesh, hand: Any) -> None:
     half = 0.01
-    assert states(close_jaws(box, pose((0.0, 0.025 + half, 0.0)), gripper)) == ["NOTHING"]
-    assert states(close_jaws(box, pose((0.0, 0.024 + half, 0.0)), gripper)) == ["CLOSED"]
+    assert states(close_jaws(box, pose((0.0, 0.025 + half, 0.0)), hand)) == ["NOTHING"]
+    assert states(close_jaws(box, pose((0.0, 0.024 + half, 0.0)), hand)) == ["CLOSED"]
 
 
 def test_pads_on_a_ball_touch_caps_of_the_depth_of_the_compliance() -> None:
@@ -201,8 +201,8 @@ def test_where_jaws_touch_nothing_or_start_inside(box: ObjectMesh) -> None:
 
 def test_a_finger_wholly_in_a_solid_starts_inside() -> None:
     solid = mesh_of(shapes.box((0.3, 0.3, 0.3)))
-    for gripper in (pads(), tips()):
-        found = close_jaws(solid, [pose(), pose((0.14, 0.0, 0.0))], gripper)
+    for hand in (pads(), tips()):
+        found = close_jaws(solid, [pose(), pose((0.14, 0.0, 0.0))], hand)
         assert states(found) == ["STARTS_INSIDE"] * 2
 
 
@@ -250,13 +250,11 @@ def test_of_an_open_sheet_only_the_front_is_touched() -> None:
     assert turned.area[0].tolist() == pytest.approx([0.0, 2e-4])
 
 
-@pytest.mark.parametrize("gripper", [pads(), tips()])
-def test_turning_the_gripper_by_half_a_turn_exchanges_the_jaws(
-    blob: ObjectMesh, gripper: Any
-) -> None:
+@pytest.mark.parametrize("hand", [pads(), tips()])
+def test_turning_the_gripper_by_half_a_turn_exchanges_the_jaws(blob: ObjectMesh, hand: Any) -> None:
     matrices = random_poses(60, 0.01, seed=1)
     half = np.diag([-1.0, -1.0, 1.0, 1.0])
-    one, two = (close_jaws(blob, poses, gripper) for poses in (matrices, matrices @ half))
+    one, two = (close_jaws(blob, poses, hand) for poses in (matrices, matrices @ half))
     assert one.closed.sum() > 20
     np.testing.assert_array_equal(one.state, two.state)
     np.testing.assert_allclose(one.opening, two.opening, atol=1e-12)
@@ -276,13 +274,13 @@ def test_symmetric_poses_on_a_symmetric_object_have_symmetric_contacts() -> None
     np.testing.assert_allclose(found.area[:, 0], found.area[:, 1], rtol=1e-3)
 
 
-@pytest.mark.parametrize("gripper", [pads(), tips()])
-def test_units_change_nothing(blob: ObjectMesh, gripper: Any) -> None:
+@pytest.mark.parametrize("hand", [pads(), tips()])
+def test_units_change_nothing(blob: ObjectMesh, hand: Any) -> None:
     matrices = random_poses(40, 0.01, seed=2)
-    found = close_jaws(blob, matrices, gripper)
+    found = close_jaws(blob, matrices, hand)
     large = blob_mesh(scale=1000.0, unit="mm")
     matrices[:, :3, 3] *= 1000.0
-    again = close_jaws(large, matrices, gripper, opening="80 mm")
+    again = close_jaws(large, matrices, hand, opening="80 mm")
     np.testing.assert_array_equal(again.state, found.state)
     np.testing.assert_allclose(again.opening, 1000.0 * found.opening, atol=1e-8)
     np.testing.assert_allclose(again.points, 1000.0 * found.points, atol=1e-6)
@@ -290,14 +288,12 @@ def test_units_change_nothing(blob: ObjectMesh, gripper: Any) -> None:
     np.testing.assert_allclose(again.area, 1e6 * found.area, atol=1e-5)
 
 
-@pytest.mark.parametrize("gripper", [pads(), tips()])
-def test_moving_object_and_gripper_together_moves_the_contacts(
-    blob: ObjectMesh, gripper: Any
-) -> None:
+@pytest.mark.parametrize("hand", [pads(), tips()])
+def test_moving_object_and_gripper_together_moves_the_contacts(blob: ObjectMesh, hand: Any) -> None:
     matrices = random_poses(40, 0.01, seed=3)
-    found = close_jaws(blob, matrices, gripper)
+    found = close_jaws(blob, matrices, hand)
     motion = pose((0.3, -1.0, 0.2), Rotation.from_rotvec([0.3, 1.0, -0.4]))
-    again = close_jaws(blob_mesh(motion), motion @ matrices, gripper)
+    again = close_jaws(blob_mesh(motion), motion @ matrices, hand)
     np.testing.assert_array_equal(again.state, found.state)
     expected = found.points @ motion[:3, :3].T + motion[:3, 3]
     np.testing.assert_allclose(again.points, expected, atol=1e-7)
@@ -348,9 +344,9 @@ BAD: dict[str, tuple[dict[str, Any], type[Exception], str]] = {
 @pytest.mark.parametrize("name", BAD)
 def test_bad_input(box: ObjectMesh, name: str) -> None:
     changes, error, message = BAD[name]
-    given = {"poses": pose(), "gripper": pads(), **changes}
+    given = {"poses": pose(), "hand": pads(), **changes}
     with pytest.raises(error, match=message):
-        close_jaws(box, given.pop("poses"), given.pop("gripper"), **given)
+        close_jaws(box, given.pop("poses"), given.pop("hand"), **given)
 
 
 def test_a_mesh_without_a_unit_needs_one() -> None:
@@ -364,12 +360,12 @@ def test_no_poses_give_no_contacts(box: ObjectMesh) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gripper", [pads(), tips()])
-def test_ten_thousand_poses_take_seconds(gripper: Any) -> None:
+@pytest.mark.parametrize("hand", [pads(), tips()])
+def test_ten_thousand_poses_take_seconds(hand: Any) -> None:
     """2,000 poses on twice as many faces, well below the time for them."""
     ball = mesh_of(trimesh.creation.icosphere(5, 0.03))
     matrices = random_poses(2000, 0.01)
-    close_jaws(ball, matrices[:1], gripper, threads=1)
+    close_jaws(ball, matrices[:1], hand, threads=1)
     start = time.process_time()
-    close_jaws(ball, matrices, gripper, threads=1)
+    close_jaws(ball, matrices, hand, threads=1)
     assert time.process_time() - start < 8.0

@@ -33,18 +33,18 @@ def object_of(name: str) -> ObjectMesh:
 
 @pytest.mark.slow
 @pytest.mark.parametrize("grip", [1, -1])
-@pytest.mark.parametrize("gripper", GRIPPERS, ids=lambda gripper: gripper.name)
+@pytest.mark.parametrize("hand", GRIPPERS, ids=lambda hand: hand.name)
 @pytest.mark.parametrize("name", ["mug.glb", "torus.glb", "spray.glb", "ycb_006_mustard_bottle"])
-def test_verdicts_are_those_of_fcl(name: str, gripper: ParallelGripper, grip: int) -> None:
+def test_verdicts_are_those_of_fcl(name: str, hand: ParallelGripper, grip: int) -> None:
     mesh = object_of(name)
     assert mesh.unit is not None
     scale = 1.0 / (METRES[mesh.unit] * mesh.size)
     poses, openings = random_poses(mesh, 150, seed=len(name))
-    found = collides(mesh, poses, openings / METRES[mesh.unit], gripper, grip=grip)
+    found = collides(mesh, poses, openings / METRES[mesh.unit], hand, grip=grip)
     surface = mesh.contact_surface
     oracle = Oracle(surface.points, surface.faces)
     right = [
-        oracle.collides(pose, opening * scale, gripper, scale, grip=grip)
+        oracle.collides(pose, opening * scale, hand, scale, grip=grip)
         for pose, opening in zip(normalized_poses(mesh, poses), openings, strict=True)
     ]
     touching = [one is None for one in right]
@@ -54,13 +54,13 @@ def test_verdicts_are_those_of_fcl(name: str, gripper: ParallelGripper, grip: in
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gripper", [HAND, TIPS], ids=lambda gripper: gripper.name)
-def test_a_swept_gripper_collides_somewhere_on_its_way(gripper: ParallelGripper) -> None:
+@pytest.mark.parametrize("hand", [HAND, TIPS], ids=lambda hand: hand.name)
+def test_a_swept_gripper_collides_somewhere_on_its_way(hand: ParallelGripper) -> None:
     """The approach in 200 steps with open fingers; what the steps hit, the swept parts do."""
     mesh = load_mesh(shapes.LIBRARY / "mug.glb")
     scale = 1.0 / mesh.size
     poses, openings = random_poses(mesh, 25, seed=4)
-    found = collides(mesh, poses, openings, gripper)
+    found = collides(mesh, poses, openings, hand)
     surface = mesh.contact_surface
     oracle = Oracle(surface.points, surface.faces)
     way = 1.6  # from the centre of the object out of the ball about it, for the poses used here
@@ -70,9 +70,9 @@ def test_a_swept_gripper_collides_somewhere_on_its_way(gripper: ParallelGripper)
     ):
         steps = np.tile(pose, (200, 1, 1))
         steps[:, :3, 3] -= np.linspace(way, 0.0, 200)[:, None] * pose[:3, 2]
-        length = (gripper.finger_length + gripper.palm_length) * scale
+        length = (hand.finger_length + hand.palm_length) * scale
         on_the_way = any(
-            oracle.meets(step, swept_parts(gripper, opening, scale, far=length, grow=-1e-6))
+            oracle.meets(step, swept_parts(hand, opening, scale, far=length, grow=-1e-6))
             for step in steps
         )
         assert verdict or not on_the_way
@@ -83,16 +83,16 @@ def test_a_swept_gripper_collides_somewhere_on_its_way(gripper: ParallelGripper)
     assert 3 < found.sum() < 22
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS, ids=lambda gripper: gripper.name)
-def test_what_blocks_shallow_fingers_blocks_deeper_ones(gripper: ParallelGripper) -> None:
+@pytest.mark.parametrize("hand", GRIPPERS, ids=lambda hand: hand.name)
+def test_what_blocks_shallow_fingers_blocks_deeper_ones(hand: ParallelGripper) -> None:
     mesh = load_mesh(shapes.lopsided(), unit="cm", max_edge=100.0)
     poses, openings = random_poses(mesh, 300, seed=6)
     poses[:, :3, 3] *= 2.0
     deeper = poses.copy()
     deeper[:, :3, 3] += 0.7 * poses[:, :3, 2]
     table = Table.below(mesh)
-    shallow = collides(mesh, poses, 100.0 * openings, gripper, table=table)
-    deep = collides(mesh, deeper, 100.0 * openings, gripper, table=table)
+    shallow = collides(mesh, poses, 100.0 * openings, hand, table=table)
+    deep = collides(mesh, deeper, 100.0 * openings, hand, table=table)
     assert not (shallow & ~deep).any()
     assert (deep & ~shallow).any()
 

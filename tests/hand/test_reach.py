@@ -223,28 +223,26 @@ def held() -> tuple[ObjectMesh, np.ndarray, np.ndarray]:
     return mesh, *opposed(mesh, 60, seed=0)
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS, ids=lambda gripper: gripper.name)
+@pytest.mark.parametrize("hand", GRIPPERS, ids=lambda hand: hand.name)
 @pytest.mark.parametrize("stands", [False, True])
-def test_poses_are_free(held: tuple, gripper: ParallelGripper, stands: bool) -> None:
+def test_poses_are_free(held: tuple, hand: ParallelGripper, stands: bool) -> None:
     mesh, points, normals = held
     table = Table.below(mesh) if stands else None
-    reach = reach_grasps(mesh, points, normals, gripper, table=table)
+    reach = reach_grasps(mesh, points, normals, hand, table=table)
     ok = reach.reached
     assert 0 < ok.sum() < len(ok)
-    assert not collides(mesh, reach.poses[ok], reach.opening[ok], gripper, table=table).any()
+    assert not collides(mesh, reach.poses[ok], reach.opening[ok], hand, table=table).any()
     scale = 1000.0 / mesh.size
     oracle = Oracle(mesh.contact_surface.points, mesh.contact_surface.faces)
     poses = normalized_poses(mesh, reach.poses[ok])
     for pose, opening in zip(poses, reach.opening[ok] / mesh.size, strict=True):
-        assert oracle.collides(pose, opening, gripper, scale) is not True
+        assert oracle.collides(pose, opening, hand, scale) is not True
 
 
-@pytest.mark.parametrize("gripper", GRIPPERS, ids=lambda gripper: gripper.name)
-def test_every_angle_is_blocked_or_free_as_its_own_pose(
-    held: tuple, gripper: ParallelGripper
-) -> None:
+@pytest.mark.parametrize("hand", GRIPPERS, ids=lambda hand: hand.name)
+def test_every_angle_is_blocked_or_free_as_its_own_pose(held: tuple, hand: ParallelGripper) -> None:
     mesh, points, normals = held
-    reach = reach_grasps(mesh, points, normals, gripper)
+    reach = reach_grasps(mesh, points, normals, hand)
     step = 2.0 * np.pi / 32
     for i in np.flatnonzero(reach.reached)[:8]:
         pose, free = reach.poses[i], reach.free[i]
@@ -254,12 +252,12 @@ def test_every_angle_is_blocked_or_free_as_its_own_pose(
             turned[k, :3, 1] = c * pose[:3, 1] + s * pose[:3, 2]
             turned[k, :3, 2] = c * pose[:3, 2] - s * pose[:3, 1]
             turned[k, :3, 3] = points[i].mean(axis=0)
-            if gripper.round_tips:
+            if hand.round_tips:
                 turned[k, :3, 3] = pose[:3, 3]
             else:
                 offset = (pose[:3, 3] - points[i].mean(axis=0)) @ pose[:3, 2]
                 turned[k, :3, 3] += offset * turned[k, :3, 2]
-        hit = collides(mesh, turned, reach.opening[i], gripper)
+        hit = collides(mesh, turned, reach.opening[i], hand)
         assert any((np.roll(free, -k) == ~hit).all() for k in range(32))
 
 

@@ -31,7 +31,7 @@ def test_a_table_is_below_and_the_approach_into_it() -> None:
         assert reaching.approach.direction == pytest.approx(-reaching.table.normal)
         assert (reaching.approach.within, reaching.approach.angles) == (1.0, 16)
     words = Reaching.keywords(reaching)
-    assert set(words) == {"gripper", "table", "approach"}
+    assert set(words) == {"hand", "table", "approach"}
 
 
 def test_without_a_table_up_still_says_where_down_is() -> None:
@@ -87,14 +87,14 @@ def test_a_mesh_without_a_unit_is_refused() -> None:
     [
         ({"table": "as-is"}, "applies to grippers only"),
         ({"approach_within": 1.0}, "applies to grippers only"),
-        ({"gripper": HAND, "table": "bed"}, "table"),
-        ({"gripper": HAND, "up": "q"}, "axis"),
-        ({"gripper": HAND, "resting_pose": 2}, "table stable only"),
-        ({"gripper": HAND, "table": "stable", "resting_pose": 0}, "resting pose"),
-        ({"gripper": HAND, "table": "stable", "up": "x"}, "up does not apply"),
-        ({"gripper": HAND, "approach_within": 0.0}, "approach_within"),
-        ({"gripper": HAND, "approach_within": 4.0}, "approach_within"),
-        ({"gripper": HAND, "approach_angles": 65}, "approach_angles"),
+        ({"hand": HAND, "table": "bed"}, "table"),
+        ({"hand": HAND, "up": "q"}, "axis"),
+        ({"hand": HAND, "resting_pose": 2}, "table stable only"),
+        ({"hand": HAND, "table": "stable", "resting_pose": 0}, "resting pose"),
+        ({"hand": HAND, "table": "stable", "up": "x"}, "up does not apply"),
+        ({"hand": HAND, "approach_within": 0.0}, "approach_within"),
+        ({"hand": HAND, "approach_within": 4.0}, "approach_within"),
+        ({"hand": HAND, "approach_angles": 65}, "approach_angles"),
     ],
 )
 def test_settings_that_contradict_are_refused(settings: dict, text: str) -> None:

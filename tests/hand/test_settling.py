@@ -34,9 +34,9 @@ def about(axis: str, degrees: float) -> Rotation:
 
 
 def free(
-    mesh: ObjectMesh, poses: Any, gripper: ParallelGripper | None = None, **options: Any
+    mesh: ObjectMesh, poses: Any, hand: ParallelGripper | None = None, **options: Any
 ) -> ClosedJaws:
-    return close_jaws(mesh, poses, gripper or pads(), object_motion="free", threads=1, **options)
+    return close_jaws(mesh, poses, hand or pads(), object_motion="free", threads=1, **options)
 
 
 @pytest.fixture(scope="module")
@@ -68,8 +68,8 @@ def test_friction_holds_a_wide_object_that_touches_within_its_cone(box: ObjectMe
 def test_objects_at_rest_do_not_move(box: ObjectMesh) -> None:
     ball = mesh_of(trimesh.creation.icosphere(4, 0.02))
     for mesh in (box, ball):
-        for gripper in (pads(), tips()):
-            found = free(mesh, np.eye(4), gripper)
+        for hand in (pads(), tips()):
+            found = free(mesh, np.eye(4), hand)
             assert found.turn[0] == 0.0
             np.testing.assert_allclose(found.poses[0], np.eye(4), atol=1e-9)
 
@@ -145,13 +145,13 @@ def test_at_rest_no_small_motion_pays() -> None:
 @pytest.mark.slow
 def test_rounding_does_not_choose_what_is_touched_of_a_symmetric_object() -> None:
     """Faces that lie flat on a pad, and equal motions to either side, are tied."""
-    mesh, gripper = load_mesh(shapes.LIBRARY / "bulb.glb"), ParallelGripper.preset("franka")
-    labels = label_surface(mesh, gripper=gripper, threads=1)
+    mesh, hand = load_mesh(shapes.LIBRARY / "bulb.glb"), ParallelGripper.preset("franka")
+    labels = label_surface(mesh, hand=hand, threads=1)
     poses = poses_of(best_grasps(labels, 60, distance=0.02 * mesh.size)).poses
-    expected, rng = free(mesh, poses, gripper), np.random.default_rng(1)
+    expected, rng = free(mesh, poses, hand), np.random.default_rng(1)
     for _ in range(3):
         noise = rng.normal(0.0, 1e-14 * mesh.size, mesh.vertices.shape)
-        found = free(replace(mesh, vertices=mesh.vertices + noise), poses, gripper)
+        found = free(replace(mesh, vertices=mesh.vertices + noise), poses, hand)
         np.testing.assert_array_equal(found.state, expected.state)
         np.testing.assert_allclose(found.points, expected.points, atol=1e-9 * mesh.size)
         np.testing.assert_allclose(found.normals, expected.normals, atol=1e-8)
@@ -177,7 +177,7 @@ def test_a_fixed_object_has_the_poses_that_were_given(box: ObjectMesh) -> None:
 def test_a_rectangle_as_inner_face_is_the_pad(box: ObjectMesh) -> None:
     face = ((0.0, -0.01, -0.005), (0.0, 0.01, -0.005), (0.0, 0.01, 0.005), (0.0, -0.01, 0.005))
     given = random_poses(50, 0.01, seed=2)
-    one, two = (free(box, given, gripper) for gripper in (pads(), pads(inner_faces=(face,))))
+    one, two = (free(box, given, hand) for hand in (pads(), pads(inner_faces=(face,))))
     np.testing.assert_array_equal(one.state, two.state)
     np.testing.assert_allclose(one.points, two.points, atol=1e-9)
 

@@ -48,7 +48,7 @@ def random_poses(count: int, spread: float, seed: int = 0) -> Floats:
 
 
 def sliced_pad(
-    solid: trimesh.Trimesh, matrix: Floats, gripper: ParallelGripper, finger: int
+    solid: trimesh.Trimesh, matrix: Floats, hand: ParallelGripper, finger: int
 ) -> dict[str, Any] | None:
     """What a flat pad touches, by cutting the mesh with planes; None: nothing.
 
@@ -58,7 +58,7 @@ def sliced_pad(
     local = trimesh.Trimesh(
         (solid.vertices - matrix[:3, 3]) @ matrix[:3, :3], solid.faces, process=False
     )
-    half = 0.5 * np.array([gripper.pad_width, gripper.pad_height])
+    half = 0.5 * np.array([hand.pad_width, hand.pad_height])
     for axis, size in zip((1, 2), half, strict=True):
         for sign in (-1.0, 1.0):
             normal, origin = np.zeros(3), np.zeros(3)
@@ -66,15 +66,15 @@ def sliced_pad(
             local = local.slice_plane(origin, normal)
             if not len(local.faces):
                 return None
-    start = -0.5 * gripper.max_opening - gripper.compliance
+    start = -0.5 * hand.max_opening - hand.compliance
     facing = (side * local.face_normals[:, 0] < -1e-9) & (local.area_faces > 0.0)
     x = side * local.triangles[:, :, 0]
-    kept = facing & (x.min(axis=1) >= start) & (x.min(axis=1) <= 0.5 * gripper.max_opening)
+    kept = facing & (x.min(axis=1) >= start) & (x.min(axis=1) <= 0.5 * hand.max_opening)
     if not kept.any():
         return None
     first = float(x[kept].min())
     local.update_faces(kept)
-    local = local.slice_plane([side * (first + gripper.compliance), 0, 0], [-side, 0, 0])
+    local = local.slice_plane([side * (first + hand.compliance), 0, 0], [-side, 0, 0])
     areas = local.area_faces * np.abs(local.face_normals[:, 0])
     middle = (areas[:, None] * local.triangles_center).sum(axis=0) / areas.sum()
     inward = -(areas[:, None] * local.face_normals).sum(axis=0)
@@ -89,10 +89,10 @@ def sliced_pad(
 
 
 def sampled_ball(
-    solid: trimesh.Trimesh, matrix: Floats, gripper: ParallelGripper, finger: int
+    solid: trimesh.Trimesh, matrix: Floats, hand: ParallelGripper, finger: int
 ) -> dict[str, Any] | None:
     """What a round tip touches, from small triangles; None: nothing."""
-    side, radius = 1.0 - 2.0 * finger, gripper.tip_radius
+    side, radius = 1.0 - 2.0 * finger, hand.tip_radius
     points = (solid.vertices - matrix[:3, 3]) @ matrix[:3, :3] * [side, 1.0, 1.0]
     triangles = points[solid.faces]
     facing = side * (solid.face_normals @ matrix[:3, 0]) < -1e-9
@@ -101,11 +101,11 @@ def sampled_ball(
     position[square > 0.0] = points[square > 0.0, 0] - np.sqrt(square[square > 0.0]) + radius
     used = np.zeros(len(points), dtype=bool)
     used[solid.faces[facing]] = True
-    position[~used | (position < -0.5 * gripper.max_opening - gripper.compliance)] = np.inf
+    position[~used | (position < -0.5 * hand.max_opening - hand.compliance)] = np.inf
     first = position.min()
-    if not first < 0.5 * gripper.max_opening:
+    if not first < 0.5 * hand.max_opening:
         return None
-    centre = np.array([first + gripper.compliance - radius, 0.0, 0.0])
+    centre = np.array([first + hand.compliance - radius, 0.0, 0.0])
     middles = triangles.mean(axis=1)
     inside = facing & (np.linalg.norm(middles - centre, axis=1) < radius)
     areas = np.where(inside, solid.area_faces, 0.0)

@@ -31,7 +31,7 @@ def _box(low: tuple[float, ...], high: tuple[float, ...], grow: float) -> tuple:
 
 
 def swept_parts(
-    gripper: ParallelGripper,
+    hand: ParallelGripper,
     opening: float,
     scale: float,
     *,
@@ -43,7 +43,7 @@ def swept_parts(
     """Fingers, palm and tips as FCL geometries with rotations and positions in the hand's frame.
 
     Args:
-        gripper: A gripper, in metres.
+        hand: A gripper, in metres.
         opening: Distance between the inner faces or tips, in object sizes.
         scale: Object sizes per metre.
         grip: +1 external, -1 internal.
@@ -51,7 +51,7 @@ def swept_parts(
         far: Length behind the front end.
         opened: Whether the way of the fingers to their clearance is included.
     """
-    g = {name: getattr(gripper, name) * scale for name in LENGTHS}
+    g = {name: getattr(hand, name) * scale for name in LENGTHS}
     radius, thick, clear = g["tip_radius"], g["finger_thickness"], g["clearance"] * opened
     axis = opening / 2 + radius
     inner = axis - thick / 2 if radius else axis
@@ -106,7 +106,7 @@ class Oracle:
         self,
         pose: np.ndarray,
         opening: float,
-        gripper: ParallelGripper,
+        hand: ParallelGripper,
         scale: float,
         *,
         grip: int = 1,
@@ -114,7 +114,7 @@ class Oracle:
     ) -> bool | None:
         """Whether swept parts at a pose meet the surface; None: within `slack` of touching."""
         large, small = (
-            self.meets(pose, swept_parts(gripper, opening, scale, grip=grip, grow=grow))
+            self.meets(pose, swept_parts(hand, opening, scale, grip=grip, grow=grow))
             for grow in (slack, -slack)
         )
         return large if large == small else None

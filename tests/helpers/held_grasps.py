@@ -34,7 +34,7 @@ JAWS = ParallelGripper(
 """A gripper of usual size."""
 
 
-def with_reach(labels: SurfaceLabels, gripper: ParallelGripper = JAWS) -> SurfaceLabels:
+def with_reach(labels: SurfaceLabels, hand: ParallelGripper = JAWS) -> SurfaceLabels:
     """Labels on a table with poses from above, wherever the contacts are side by side.
 
     Grasps whose closing axis is nearly vertical count as not reached.
@@ -79,7 +79,7 @@ def with_reach(labels: SurfaceLabels, gripper: ParallelGripper = JAWS) -> Surfac
         reason=locked(np.where(lost, Reason.NOT_REACHED, grasps.reason), np.uint8),
         reach=reach,
     )
-    reaching = Reaching.of(ReachSettings(gripper, table="as-is"), mesh)
+    reaching = Reaching.of(ReachSettings(hand, table="as-is"), mesh)
     return replace(labels, grasps=changed, reaching=reaching)
 
 

@@ -28,13 +28,11 @@ Part = tuple[object, np.ndarray, np.ndarray]
 class MovingGripper:
     """A gripper beside an object, which it may touch only with the compliance of its pads."""
 
-    def __init__(
-        self, mesh: ObjectMesh, gripper: ParallelGripper, table: Table | None = None
-    ) -> None:
+    def __init__(self, mesh: ObjectMesh, hand: ParallelGripper, table: Table | None = None) -> None:
         assert mesh.unit is not None
         self._scale = 1.0 / METRES[mesh.unit]
         self._oracle = Oracle(mesh.vertices - mesh.center, mesh.faces)
-        self._mesh, self._gripper, self._table = mesh, gripper, table
+        self._mesh, self._gripper, self._table = mesh, hand, table
         self._radius = np.linalg.norm(mesh.vertices - mesh.center, axis=1).max()
 
     def _length(self, name: str) -> float:

@@ -37,13 +37,13 @@ SHAPES = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", SHAPES)
 def test_flat_pads_touch_what_cut_meshes_say(name: str) -> None:
-    mesh, gripper = flat(SHAPES[name]), pads(compliance=0.001)
+    mesh, hand = flat(SHAPES[name]), pads(compliance=0.001)
     solid, count = solid_of(mesh), POSES // len(SHAPES) + 1
     matrices = random_poses(count, 0.012)
-    found = close_jaws(mesh, matrices, gripper, threads=1)
+    found = close_jaws(mesh, matrices, hand, threads=1)
     closed = 0
     for k in np.flatnonzero(found.state != Closing.STARTS_INSIDE):
-        expected = [sliced_pad(solid, matrices[k], gripper, finger) for finger in range(2)]
+        expected = [sliced_pad(solid, matrices[k], hand, finger) for finger in range(2)]
         if found.state[k] == Closing.NOTHING:
             one, two = expected
             assert one is None or two is None or one["position"] > two["position"]
@@ -75,13 +75,13 @@ def test_round_tips_touch_what_small_triangles_say() -> None:
     fine = solid_of(coarse)
     for _ in range(5):
         fine = fine.subdivide()
-    gripper, matrices = tips(compliance=0.001), random_poses(150, 0.008)
-    found = close_jaws(coarse, matrices, gripper, threads=1)
+    hand, matrices = tips(compliance=0.001), random_poses(150, 0.008)
+    found = close_jaws(coarse, matrices, hand, threads=1)
     closed = np.flatnonzero(found.closed)
     assert len(closed) > 40
     for k in closed:
         for finger in range(2):
-            what = sampled_ball(fine, matrices[k], gripper, finger)
+            what = sampled_ball(fine, matrices[k], hand, finger)
             assert what is not None
             later = (1.0 - 2.0 * finger) * (what["position"] - found.positions[k, finger])
             assert -1e-12 < later < 1e-5

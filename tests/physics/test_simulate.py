@@ -134,14 +134,14 @@ def test_the_table_has_what_the_result_has(tmp_path: Path) -> None:
 
 @pytest.mark.slow
 def test_a_gripper_gives_tips_and_limits() -> None:
-    gripper = ParallelGripper.preset("tactile")
+    hand = ParallelGripper.preset("tactile")
     one = grasp3d.simulate_grasps(
-        mesh(), simulation=SimulationSettings(count=3, pull_time=0.05), gripper=gripper,
+        mesh(), simulation=SimulationSettings(count=3, pull_time=0.05), hand=hand,
         cluster=HERE,
     )  # fmt: skip
-    assert (one.openings <= 100.0 * gripper.max_opening).all()
+    assert (one.openings <= 100.0 * hand.max_opening).all()
     with pytest.raises(SettingError, match="'franka' has flat pads"):
-        grasp3d.simulate_grasps(mesh(), gripper=ParallelGripper.preset("franka"), cluster=HERE)
+        grasp3d.simulate_grasps(mesh(), hand=ParallelGripper.preset("franka"), cluster=HERE)
 
 
 def test_what_cannot_be_simulated_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -211,12 +211,12 @@ def test_given_poses_are_tried() -> None:
     beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 10.0], [0, 0, 0, 0], [0, 0, 0, 0]]
     poses = GraspPoses(poses=[from_above, beside], pregrasp_opening=[6.0, 3.0], unit="cm")
     tried = simulate_poses(
-        mesh(), poses, gripper=ParallelGripper.preset("franka"), cluster=HERE,
+        mesh(), poses, hand=ParallelGripper.preset("franka"), cluster=HERE,
         simulation=SimulationSettings(pull_time=0.1),
     )  # fmt: skip
     assert tried.columns["fate"].tolist() == ["held", "missed"]
     assert tried.columns["label"].tolist() == ["S", "U"]
     assert tried.outcome.tolist() == [1.0, 0.0]
     narrow = GraspPoses(poses=from_above, pregrasp_opening=3.0, unit="cm")
-    blocked = simulate_poses(mesh(), narrow, gripper=ParallelGripper.preset("franka"), cluster=HERE)
+    blocked = simulate_poses(mesh(), narrow, hand=ParallelGripper.preset("franka"), cluster=HERE)
     assert (blocked.columns["fate"].tolist(), blocked.outcome.tolist()) == (["blocked"], [0.0])

@@ -33,7 +33,7 @@ def found(held: int | None = None) -> Validation:
     )
     settings = ValidationSettings(resamples=100, worst=1)
     return validate_grasps(
-        tried, GraspModel(), mesh=mesh, gripper=ParallelGripper.preset("franka"), settings=settings
+        tried, GraspModel(), mesh=mesh, hand=ParallelGripper.preset("franka"), settings=settings
     )
 
 

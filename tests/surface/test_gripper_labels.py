@@ -60,29 +60,29 @@ def solid(name: str, unit: Unit = "mm") -> ObjectMesh:
     return load_mesh((vertices * scale, faces), unit=unit, max_edge=edge * scale)
 
 
-def beside(mesh: ObjectMesh, gripper: ParallelGripper, **options: object) -> SurfaceLabels:
+def beside(mesh: ObjectMesh, hand: ParallelGripper, **options: object) -> SurfaceLabels:
     """Labels of an object on a table."""
     options = {"table": Table.below(mesh), "threads": 1, **options}
-    return label_surface(mesh, MODEL, gripper=gripper, **options)
+    return label_surface(mesh, MODEL, hand=hand, **options)
 
 
 @cache
-def held(name: str, gripper: ParallelGripper = HAND) -> SurfaceLabels:
-    return beside(solid(name), gripper)
+def held(name: str, hand: ParallelGripper = HAND) -> SurfaceLabels:
+    return beside(solid(name), hand)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gripper", [HAND, TIPS], ids=lambda gripper: gripper.name)
+@pytest.mark.parametrize("hand", [HAND, TIPS], ids=lambda hand: hand.name)
 @pytest.mark.parametrize(
     ("name", "grip"),
     [("blob", "squeeze"), ("finned", "squeeze"), ("box", "squeeze"), ("cone", "squeeze"),
      ("tube", "both")],
 )  # fmt: skip
-def test_a_gripper_only_lowers_labels(name: str, grip: Grip, gripper: ParallelGripper) -> None:
+def test_a_gripper_only_lowers_labels(name: str, grip: Grip, hand: ParallelGripper) -> None:
     mesh, sampling = solid(name), Sampling(grip=grip)
-    limited = Reaching(gripper).within_stroke(mesh, sampling)
+    limited = Reaching(hand).within_stroke(mesh, sampling)
     ideal = label_surface(mesh, MODEL, sampling=limited, threads=1)
-    real = beside(mesh, gripper, sampling=sampling)
+    real = beside(mesh, hand, sampling=sampling)
     assert (real.label <= ideal.label).all()
     assert (real.label < ideal.label).any()
     # What is outside the search cone was not searched for by either.
@@ -102,15 +102,13 @@ def test_a_gripper_only_lowers_labels(name: str, grip: Grip, gripper: ParallelGr
     [("blob", "squeeze"), ("box", "squeeze"), ("finned", "both"), ("tube", "both"),
      ("tube", "expand")],
 )  # fmt: skip
-@pytest.mark.parametrize("gripper", [NOWHERE, NO_TIPS], ids=lambda gripper: gripper.name)
-def test_a_gripper_of_no_size_changes_nothing(
-    name: str, grip: Grip, gripper: ParallelGripper
-) -> None:
+@pytest.mark.parametrize("hand", [NOWHERE, NO_TIPS], ids=lambda hand: hand.name)
+def test_a_gripper_of_no_size_changes_nothing(name: str, grip: Grip, hand: ParallelGripper) -> None:
     """Compared digit by digit with ideal fingers of the same stroke."""
     mesh, sampling = solid(name), Sampling(grip=grip, rays=32)
-    limited = Reaching(gripper).within_stroke(mesh, sampling)
+    limited = Reaching(hand).within_stroke(mesh, sampling)
     ideal = label_surface(mesh, MODEL, sampling=limited, threads=1)
-    real = label_surface(mesh, MODEL, sampling=sampling, threads=1, gripper=gripper)
+    real = label_surface(mesh, MODEL, sampling=sampling, threads=1, hand=hand)
     for array in ARRAYS:
         np.testing.assert_array_equal(getattr(real, array), getattr(ideal, array), err_msg=array)
     for array in ("faces", "weights"):
@@ -125,31 +123,31 @@ def test_tips_of_no_size_change_nothing_for_three_fingers() -> None:
     vertices, faces = shapes.sphere(1)
     mesh = load_mesh((vertices * (20, 25, 30), faces), unit="mm", max_edge=100.0)
     ideal = label_surface(mesh, model, sampling=sampling, threads=1)
-    real = label_surface(mesh, model, sampling=sampling, threads=1, gripper=NO_TIPS)
+    real = label_surface(mesh, model, sampling=sampling, threads=1, hand=NO_TIPS)
     for array in ARRAYS:
         np.testing.assert_array_equal(getattr(real, array), getattr(ideal, array), err_msg=array)
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("gripper", [HAND, TIPS], ids=lambda gripper: gripper.name)
-def test_every_grasp_of_a_vertex_is_reached(gripper: ParallelGripper) -> None:
+@pytest.mark.parametrize("hand", [HAND, TIPS], ids=lambda hand: hand.name)
+def test_every_grasp_of_a_vertex_is_reached(hand: ParallelGripper) -> None:
     """By testing it again, alone, and by moving the gripper step by step."""
-    labels = held("blob", gripper)
+    labels = held("blob", hand)
     mesh, reach = labels.mesh, labels.reach
     found = np.flatnonzero(labels.reason == Reason.FOUND)
     assert (reach.reached == (labels.reason == Reason.FOUND)).all()
     assert len(found) > 50
     contacts = grasps_at(mesh, labels.partner_points, found, 0)
     again = reach_grasps(
-        mesh, contacts.points, contacts.normals, gripper, table=labels.reaching.table, threads=1
+        mesh, contacts.points, contacts.normals, hand, table=labels.reaching.table, threads=1
     )
     assert again.reached.all()
     np.testing.assert_allclose(again.poses, reach.poses[found], atol=1e-9)
-    least, most = gripper.limits
+    least, most = hand.limits
     assert (reach.opening[found] >= 1000.0 * least - 1e-6).all()
     assert (reach.opening[found] <= 1000.0 * most + 1e-6).all()
     assert (reach.pregrasp_opening[found] > reach.opening[found]).all()
-    moving = MovingGripper(mesh, gripper, labels.reaching.table)
+    moving = MovingGripper(mesh, hand, labels.reaching.table)
     assert {moving.collision(reach, row) for row in found[:: len(found) // 6]} == {""}
 
 
@@ -270,10 +268,10 @@ def test_contradicting_options_are_refused() -> None:
     for options, text in (
         ({"table": Table.below(mesh)}, "apply to grippers only"),
         ({"approach": Approach()}, "apply to grippers only"),
-        ({"gripper": HAND, "model": GraspModel(fingers=3)}, "two fingers with flat pads"),
-        ({"gripper": HAND, "sampling": Sampling(min_opening=100.0)}, "contradicts the limits"),
+        ({"hand": HAND, "model": GraspModel(fingers=3)}, "two fingers with flat pads"),
+        ({"hand": HAND, "sampling": Sampling(min_opening=100.0)}, "contradicts the limits"),
     ):
         with pytest.raises(SettingError, match=text):
             label_surface(mesh, **options)
     with pytest.raises(SettingError, match="give the unit"):
-        label_surface(no_unit, gripper=HAND)
+        label_surface(no_unit, hand=HAND)

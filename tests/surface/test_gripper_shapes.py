@@ -37,16 +37,16 @@ def mesh_of(body: trimesh.Trimesh, max_edge: float) -> ObjectMesh:
     return load_mesh((body.vertices, body.faces), unit="mm", max_edge=max_edge)
 
 
-def labelled(mesh: ObjectMesh, gripper: ParallelGripper = HAND, **options: object) -> SurfaceLabels:
-    return label_surface(mesh, MODEL, gripper=gripper, threads=1, **options)
+def labelled(mesh: ObjectMesh, hand: ParallelGripper = HAND, **options: object) -> SurfaceLabels:
+    return label_surface(mesh, MODEL, hand=hand, threads=1, **options)
 
 
-def standing(mesh: ObjectMesh, gripper: ParallelGripper = HAND, **options: object) -> SurfaceLabels:
-    return labelled(mesh, gripper, table=Table.below(mesh), **options)
+def standing(mesh: ObjectMesh, hand: ParallelGripper = HAND, **options: object) -> SurfaceLabels:
+    return labelled(mesh, hand, table=Table.below(mesh), **options)
 
 
 def assert_free(labels: SurfaceLabels, rows: np.ndarray) -> None:
-    moving = MovingGripper(labels.mesh, labels.reaching.gripper, labels.reaching.table)
+    moving = MovingGripper(labels.mesh, labels.reaching.hand, labels.reaching.table)
     for row in rows:
         assert moving.collision(labels.reach, row, int(labels.grip[row])) == ""
 

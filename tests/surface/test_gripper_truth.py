@@ -44,11 +44,11 @@ def simplified(name: str, distance: float) -> ObjectMesh:
 def test_every_pose_of_an_objects_best_grasps_is_free(name: str) -> None:
     mesh = simplified(name, OBJECTS[name])
     model = GraspModel(friction=0.4, sensor_resolution=math.radians(15.0))
-    gripper = replace(ParallelGripper.preset("franka"), compliance=0.001)
+    hand = replace(ParallelGripper.preset("franka"), compliance=0.001)
     table = Table.below(mesh)
-    labels = label_surface(mesh, model, gripper=gripper, table=table)
+    labels = label_surface(mesh, model, hand=hand, table=table)
     best = best_grasps(labels, 20)
     assert best.label[0] == 2
-    moving = MovingGripper(mesh, gripper, table)
+    moving = MovingGripper(mesh, hand, table)
     assert [moving.collision(best.reach, row) for row in range(best.size)] == [""] * best.size
-    assert (best.reach.pregrasp_opening <= gripper.max_opening + 1e-9).all()
+    assert (best.reach.pregrasp_opening <= hand.max_opening + 1e-9).all()

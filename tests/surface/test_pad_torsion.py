@@ -131,7 +131,7 @@ def test_an_interval_contains_the_forces_of_its_frictions(
 def labels(friction: Any = NOMINAL, per_finger: str = "") -> SurfaceLabels:
     model = GraspModel(friction=friction, sensor_resolution=0.05, per_finger=per_finger)
     load = Load(mass=1.0)
-    return label_surface(block(), model, gripper=FRANKA, load=load, threads=1)
+    return label_surface(block(), model, hand=FRANKA, load=load, threads=1)
 
 
 @pytest.mark.slow
@@ -162,7 +162,7 @@ def test_given_poses_have_the_pads_torsion_at_each_friction() -> None:
 
     def largest(friction: Any) -> Floats:
         model = GraspModel(friction=friction, sensor_resolution=0.05)
-        found = evaluate_poses(mesh, poses, model, gripper=pads(), load=DOWN, threads=1).holding
+        found = evaluate_poses(mesh, poses, model, hand=pads(), load=DOWN, threads=1).holding
         assert found is not None
         return found.grip_force_largest
 

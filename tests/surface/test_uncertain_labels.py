@@ -141,17 +141,17 @@ def test_an_interval_replaces_the_error_of_friction(labels: SurfaceLabels) -> No
 
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "error"), [("tee.glb", "2mm"), ("cone.off", "5mm")])
-@pytest.mark.parametrize("gripper", [None, "franka"])
+@pytest.mark.parametrize("hand", [None, "franka"])
 def test_a_search_with_less_knowledge_turns_no_label_to_u(
-    name: str, error: str, gripper: str | None
+    name: str, error: str, hand: str | None
 ) -> None:
     """Nor does it find less margin than the grasps of the search with known locations have."""
     mesh = load_mesh(MESHES / name, unit="m", max_edge="12mm")
-    preset = None if gripper is None else ParallelGripper.preset(gripper)
-    known = label_surface(mesh, gripper=preset)
-    searched = label_surface(mesh, GraspModel(location_error=error), gripper=preset)
+    preset = None if hand is None else ParallelGripper.preset(hand)
+    known = label_surface(mesh, hand=preset)
+    searched = label_surface(mesh, GraspModel(location_error=error), hand=preset)
     assert not ((searched.label == Label.U) & (known.label != Label.U)).any()
-    if gripper is None:  # else the first search has not tested every grasp
+    if hand is None:  # else the first search has not tested every grasp
         assert not ((searched.label == Label.S) & (known.label != Label.S)).any()
     kept = known.relabel(location_error=error)
     assert (searched.margin >= kept.margin - 1e-9).all()

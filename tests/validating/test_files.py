@@ -87,19 +87,19 @@ def test_the_gripper_is_given_stated_or_known(tmp_path: Path, box: Path) -> None
     wsg = ParallelGripper.preset("wsg50")
 
     def used(path: Path, given: ParallelGripper | None = None) -> tuple[str, str]:
-        (tried,) = check_grasps([path], mesh=box, gripper=given)
-        return tried.gripper.name, tried.gripper_from
+        (tried,) = check_grasps([path], mesh=box, hand=given)
+        return tried.hand.name, tried.gripper_from
 
     own = replace(wsg, name="own")
-    write_poses(tmp_path / "own.json", poses(gripper=own))
+    write_poses(tmp_path / "own.json", poses(hand=own))
     assert used(tmp_path / "own.json") == ("own", "as the file states")
     assert used(tmp_path / "own.json", FRANKA) == ("franka", "as given")
-    write_poses(tmp_path / "named.json", poses(gripper="panda"))
+    write_poses(tmp_path / "named.json", poses(hand="panda"))
     assert used(tmp_path / "named.json") == ("franka", "as the file states (panda)")
     write_poses(tmp_path / "none.csv", poses())
-    with pytest.raises(SettingError, match=r"none.csv: states no gripper; give it with --gripper"):
+    with pytest.raises(SettingError, match=r"none.csv: states no gripper; give it with --hand"):
         used(tmp_path / "none.csv")
-    write_poses(tmp_path / "odd.json", poses(gripper="odd"))
+    write_poses(tmp_path / "odd.json", poses(hand="odd"))
     with pytest.raises(SettingError, match=r"odd.json: states the gripper 'odd', unknown; give"):
         used(tmp_path / "odd.json")
 
@@ -112,7 +112,7 @@ def test_acronym_without_a_gripper_is_of_a_franka_hand(tmp_path: Path, box: Path
         file["grasps/transforms"] = np.array([ABOVE])
         file["grasps/qualities/flex/object_in_gripper"] = [1]
     (tried,) = check_grasps([path], mesh=box)
-    assert (tried.gripper, tried.gripper_from) == (FRANKA, "ACRONYM's grasps are of a Franka hand")
+    assert (tried.hand, tried.gripper_from) == (FRANKA, "ACRONYM's grasps are of a Franka hand")
     given, _ = tried.poses()
     assert given.poses[0, :3, 3] == pytest.approx([0.0, 0.0, -FRANKA.base_to_tcp])
 
@@ -121,20 +121,20 @@ def test_grasps_that_were_not_tried_are_left_out(tmp_path: Path, box: Path) -> N
     path = tmp_path / "a.csv"
     four = GraspPoses(poses=np.tile(ABOVE, (4, 1, 1)), outcome=[np.nan, 1.0, np.nan, 0.0], unit="m")
     write_poses(path, four)
-    (tried,) = check_grasps([path], mesh=box, gripper=FRANKA)
+    (tried,) = check_grasps([path], mesh=box, hand=FRANKA)
     assert (tried.count, tried.not_tried) == (2, 2)
     given, numbers = tried.poses()
     assert numbers.tolist() == [2, 4]
     assert given.outcome.tolist() == [1.0, 0.0]
     write_poses(path, replace(four, outcome=np.full(4, np.nan)))
     with pytest.raises(ContactError, match=r"a.csv: no outcome is known of any grasp; a table ne"):
-        check_grasps([path], mesh=box, gripper=FRANKA)
+        check_grasps([path], mesh=box, hand=FRANKA)
     with pytest.raises(ContactError, match="name at least one file"):
         check_grasps([])
     with pytest.raises(ContactError, match="there is no such file"):
         check_grasps([tmp_path / "b.csv"], mesh=box)
     with pytest.raises(SettingError, match="need the mesh of their object"):
-        check_grasps([poses()], gripper=FRANKA)
+        check_grasps([poses()], hand=FRANKA)
 
 
 def test_a_file_that_changes_meanwhile_is_refused(
@@ -142,7 +142,7 @@ def test_a_file_that_changes_meanwhile_is_refused(
 ) -> None:
     monkeypatch.setattr("grasp3d.validating.tried_grasps.KEPT", 0)
     write_poses(tmp_path / "a.csv", poses())
-    (tried,) = check_grasps([tmp_path / "a.csv"], mesh=box, gripper=FRANKA)
+    (tried,) = check_grasps([tmp_path / "a.csv"], mesh=box, hand=FRANKA)
     assert tried.kept is None
     assert tried.poses()[0].count == 2  # read again
     write_poses(tmp_path / "a.csv", poses(outcome=[1.0, np.nan]))

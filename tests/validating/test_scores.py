@@ -29,13 +29,13 @@ def blob() -> ObjectMesh:
 @cache
 def on_blob() -> EvaluatedPoses:
     poses = poses_on(blob(), 60, 0, 0.075)
-    return evaluate_poses(blob(), poses, GraspModel(), gripper=FRANKA, load=Load(mass=0.1))
+    return evaluate_poses(blob(), poses, GraspModel(), hand=FRANKA, load=Load(mass=0.1))
 
 
 def fixed(model: GraspModel) -> EvaluatedPoses:
     """Friction changes how a free object settles."""
     poses = on_blob().poses
-    return evaluate_poses(blob(), poses, model, gripper=FRANKA, object_motion="fixed")
+    return evaluate_poses(blob(), poses, model, hand=FRANKA, object_motion="fixed")
 
 
 def test_a_box_has_known_scores() -> None:
@@ -44,7 +44,7 @@ def test_a_box_has_known_scores() -> None:
     pose[1, 3] = 0.005
     outside = pose + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
     given = GraspPoses(poses=np.array([pose, outside]), unit="m")
-    found = scores_of(evaluate_poses(box, given, gripper=FRANKA))
+    found = scores_of(evaluate_poses(box, given, hand=FRANKA))
     known = {
         "critical_angle": 0.0,
         "margin": math.atan(0.5) - math.radians(11.3),
@@ -69,7 +69,7 @@ def test_a_box_has_known_scores() -> None:
 def test_scores_do_not_depend_on_the_unit_of_the_mesh() -> None:
     points, faces = shapes.lopsided(3)
     in_mm = load_mesh((25.0 * points, faces), unit="mm", max_edge=20.0)
-    given = {"gripper": FRANKA, "load": Load(mass=0.1), "object_motion": "fixed"}
+    given = {"hand": FRANKA, "load": Load(mass=0.1), "object_motion": "fixed"}
     one, two = (
         scores_of(evaluate_poses(mesh, on_blob().poses, GraspModel(), **given))
         for mesh in (blob(), in_mm)

@@ -43,7 +43,7 @@ def poses() -> GraspPoses:
 
 @cache
 def margins() -> np.ndarray:
-    return np.array(evaluate_poses(mesh(), poses(), GraspModel(), gripper=FRANKA).margin)
+    return np.array(evaluate_poses(mesh(), poses(), GraspModel(), hand=FRANKA).margin)
 
 
 def tried(held: np.ndarray) -> GraspPoses:
@@ -52,7 +52,7 @@ def tried(held: np.ndarray) -> GraspPoses:
 
 def validated(held: np.ndarray, **options: object) -> Validation:
     return validate_grasps(
-        tried(held), mesh=mesh(), gripper=FRANKA, settings=QUICK, **options  # type: ignore[arg-type]
+        tried(held), mesh=mesh(), hand=FRANKA, settings=QUICK, **options  # type: ignore[arg-type]
     )  # fmt: skip
 
 
@@ -151,8 +151,8 @@ def test_several_objects_are_drawn_whole(tmp_path: Path) -> None:
     for k, one in enumerate((mesh(), larger)):
         one.to_trimesh().export(tmp_path / f"{k}.ply")
         part = tried(held).take(np.arange(20 * k, 20 * k + 20))
-        write_poses(tmp_path / f"{k}.json", replace(part, object_file=f"{k}.ply", gripper=FRANKA))
-        write_poses(tmp_path / f"{k}b.json", replace(part, object_file=f"{k}.ply", gripper=FRANKA))
+        write_poses(tmp_path / f"{k}.json", replace(part, object_file=f"{k}.ply", hand=FRANKA))
+        write_poses(tmp_path / f"{k}b.json", replace(part, object_file=f"{k}.ply", hand=FRANKA))
     files = [tmp_path / f"{name}.json" for name in ("0", "0b", "1")]
     options = grasp3d.MeshOptions(unit="m", max_edge=0.02)
     found = validate_grasps(files, options=options, settings=QUICK)
@@ -191,7 +191,7 @@ def test_poses_in_another_unit_close_on_nothing() -> None:
         r"at none of the 240 poses .*check gripper, unit and frame.*if their lengths are millim"
     )
     with pytest.raises(ContactError, match=message):
-        validate_grasps(given, mesh=mesh(), gripper=FRANKA, settings=QUICK)
+        validate_grasps(given, mesh=mesh(), hand=FRANKA, settings=QUICK)
 
 
 def test_many_grasps_are_drawn_less_often() -> None:
@@ -204,10 +204,10 @@ def test_many_grasps_are_drawn_less_often() -> None:
 def test_a_gripper_that_states_its_resolution_is_believed() -> None:
     held = margins() > 0.0
     tips = ParallelGripper.preset("tactile")
-    found = validate_grasps(tried(held), mesh=mesh(), gripper=tips, settings=QUICK)
+    found = validate_grasps(tried(held), mesh=mesh(), hand=tips, settings=QUICK)
     assert found.model.sensor_resolution == tips.resolution != GraspModel().sensor_resolution
     model = GraspModel(friction=0.8, sensor_resolution=0.2, location_error="1mm")
-    given = validate_grasps(tried(held), model, mesh=mesh(), gripper=tips, settings=QUICK)
+    given = validate_grasps(tried(held), model, mesh=mesh(), hand=tips, settings=QUICK)
     assert given.model == model
     assert "labels, margins and forces at μ 0.8, α 11.46°, locations ± 1 mm" in (
         sentences.model_of(given)
@@ -228,7 +228,7 @@ def test_models_without_margins_are_refused() -> None:
 def test_a_table_below_the_object_is_reached_by_fewer() -> None:
     held = margins() > 0.0
     free = validated(held).grasps.scores["reachable"]
-    beside = validated(held, reach=ReachSettings(gripper=FRANKA, table="as-is"))
+    beside = validated(held, reach=ReachSettings(hand=FRANKA, table="as-is"))
     reached = beside.grasps.scores["reachable"]
     assert (reached <= free).all()
     assert reached.sum() < free.sum()

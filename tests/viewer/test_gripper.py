@@ -231,7 +231,7 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
     labels, asked = held_box(), []
 
     def label(_: object, *__: object, **settings: Any) -> SurfaceLabels:
-        asked.append({name: settings.get(name) for name in ("gripper", "table", "approach")})
+        asked.append({name: settings.get(name) for name in ("hand", "table", "approach")})
         return replace(labels, sampling=settings["sampling"])
 
     for module in (computations, wider_search, collection):
@@ -289,7 +289,7 @@ def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
     assert subject.reaching is not None
     assert labels.reaching is not None
     assert labels.reach is not None
-    assert subject.reaching.gripper == JAWS
+    assert subject.reaching.hand == JAWS
     assert reaching_settings(subject.reaching) == reaching_settings(labels.reaching)
     assert subject.approach_margin is not None
     assert np.allclose(
@@ -358,7 +358,7 @@ def test_another_gripper_than_in_the_file_starts_a_search(
     write_ply(path, held_box())
 
     def label(_: object, *__: object, **settings: Any) -> SurfaceLabels:
-        asked.append(settings["gripper"].name)
+        asked.append(settings["hand"].name)
         return held_box()
 
     monkeypatch.setattr(computations, "label_surface", label)

@@ -30,15 +30,15 @@ def gripper_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
     reaching, unit = labels.reaching, labels.mesh.unit
     if reaching is None or unit is None:
         return None
-    gripper, table = reaching.gripper, reaching.table
-    closed = gripper_triangles(gripper, 0.0, unit=unit)
-    opened = gripper_triangles(gripper, 1.0, unit=unit)
+    hand, table = reaching.hand, reaching.table
+    closed = gripper_triangles(hand, 0.0, unit=unit)
+    opened = gripper_triangles(hand, 1.0, unit=unit)
     names = [part.name.lower() for part in Part]
     return {
-        "name": gripper.name,
+        "name": hand.name,
         "shifts": np.round((opened.vertices - closed.vertices)[:, 0], DIGITS).tolist(),
         "parts": [names[part] for part in closed.parts],
-        "fingers": gripper.finger_length / METRES[unit],
+        "fingers": hand.finger_length / METRES[unit],
         "table": None if table is None else _shape(table_triangles(table, labels.mesh)),
         **_shape(closed),
     }
@@ -50,19 +50,18 @@ def drawn_openings(grasps: Sequence[BestGrasp], labels: "SurfaceLabels") -> list
     if reaching is None or unit is None:
         return [None] * len(grasps)
     return [
-        None if not grasp.pose else _drawn_opening(grasp, reaching.gripper, unit)
-        for grasp in grasps
+        None if not grasp.pose else _drawn_opening(grasp, reaching.hand, unit) for grasp in grasps
     ]
 
 
-def _drawn_opening(grasp: BestGrasp, gripper: ParallelGripper, unit: Unit) -> float:
+def _drawn_opening(grasp: BestGrasp, hand: ParallelGripper, unit: Unit) -> float:
     """Distance between the inner faces of the fingers, or the nearest points of round tips."""
     points, outward = np.array(grasp.points), np.array(grasp.normals)
-    radius, thickness = gripper.tip_radius / METRES[unit], gripper.finger_thickness / METRES[unit]
+    radius, thickness = hand.tip_radius / METRES[unit], hand.finger_thickness / METRES[unit]
     centres = points + radius * outward
     opening = float(np.linalg.norm(centres[1] - centres[0])) - 2.0 * radius
     internal = float(outward[0] @ (points[1] - points[0])) > 0.0
-    if internal and not gripper.round_tips:
+    if internal and not hand.round_tips:
         opening -= 2.0 * thickness
     return max(opening, 0.0)
 

@@ -88,10 +88,10 @@ def _search(settings: BatchSettings) -> Iterator[tuple[str, str]]:
 
 
 def _reach(reach: ReachSettings) -> Iterator[tuple[str, str]]:
-    gripper = reach.gripper
-    if gripper is None:
+    hand = reach.hand
+    if hand is None:
         return
-    yield "Gripper", f"{gripper.name}, stroke {1000.0 * gripper.max_opening:.4g} mm"
+    yield "Gripper", f"{hand.name}, stroke {1000.0 * hand.max_opening:.4g} mm"
     if reach.table == "stable":
         yield "Table", f"resting pose {reach.resting_pose}"
     elif reach.table == "as-is":

@@ -63,18 +63,18 @@ OBJECT = {
 def write_acronym(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base, and outcomes where any are known."""
     h5py = _h5py()
-    gripper, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
     values: dict[str, Any] = {
-        TRANSFORMS: moved(given.poses, -gripper.base_to_tcp),
+        TRANSFORMS: moved(given.poses, -hand.base_to_tcp),
         "object/file": given.object_file or "",
         "object/scale": given.object_scale or METRES[poses.unit or "m"],
-        "gripper/type": gripper.name,
-        "gripper/base_to_tcp": gripper.base_to_tcp,
+        "gripper/type": hand.name,
+        "gripper/base_to_tcp": hand.base_to_tcp,
         NAMES: np.array(given.names, dtype=object),
     }
-    if gripper.joint_names:
-        widest = np.array([gripper.max_opening])
-        values["gripper/configuration"] = joint_values(gripper, widest, WHAT)[0]
+    if hand.joint_names:
+        widest = np.array([hand.max_opening])
+        values["gripper/configuration"] = joint_values(hand, widest, WHAT)[0]
     if not np.isnan(given.outcome).all():
         known = not np.isnan(given.outcome).any()
         values[OUTCOME] = given.outcome.astype(np.int64) if known else given.outcome
@@ -92,7 +92,7 @@ def write_acronym(path: Path, poses: GraspPoses) -> None:
             file[name] = value
 
 
-def read_acronym(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def read_acronym(path: Path, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
     _h5py()
     check_metres(unit, WHAT)
@@ -102,19 +102,19 @@ def read_acronym(path: Path, gripper: ParallelGripper | None, unit: Unit | None)
     seconds = SECONDS + path.stat().st_size / BYTES_PER_SECOND
     try:
         # HDF5 reads some damaged files for ever, and crashes at others.
-        return call(_read_file, path.absolute(), gripper, memory=MEMORY, seconds=seconds)
+        return call(_read_file, path.absolute(), hand, memory=MEMORY, seconds=seconds)
     except CallFailedError as failure:
         raise ContactError(f"is damaged: the process that reads it {failure}") from failure
 
 
-def _read_file(path: Path, gripper: ParallelGripper | None) -> GraspPoses:
+def _read_file(path: Path, hand: ParallelGripper | None) -> GraspPoses:
     """Poses of a file, in a child process. Raises ContactError."""
     h5py = _h5py()
     with _plain_errors(), h5py.File(path, "r") as file:
-        return _read(h5py, file, gripper)
+        return _read(h5py, file, hand)
 
 
-def _read(h5py: Any, file: Any, gripper: ParallelGripper | None) -> GraspPoses:
+def _read(h5py: Any, file: Any, hand: ParallelGripper | None) -> GraspPoses:
     data = _dataset(h5py, file, TRANSFORMS)
     if data is None:
         raise ContactError(f"the data set {TRANSFORMS} is missing")
@@ -133,11 +133,11 @@ def _read(h5py: Any, file: Any, gripper: ParallelGripper | None) -> GraspPoses:
         if (value := _numbers(h5py, file, name, (count,))) is not None
     }
     return GraspPoses(
-        poses=moved(np.asarray(bases), _base_to_tcp(h5py, file, gripper)),
+        poses=moved(np.asarray(bases), _base_to_tcp(h5py, file, hand)),
         outcome=np.full(count, np.nan) if outcome is None else outcome,
         names=_texts(h5py, file, NAMES, (count,)),
         unit="m",
-        gripper=gripper or next(iter(_texts(h5py, file, "gripper/type", ())), None),
+        hand=hand or next(iter(_texts(h5py, file, "gripper/type", ())), None),
         object_file=next(iter(_texts(h5py, file, "object/file", ())), None) or None,
         object_scale=_scale(h5py, file),
         settings={
@@ -149,9 +149,9 @@ def _read(h5py: Any, file: Any, gripper: ParallelGripper | None) -> GraspPoses:
     )
 
 
-def _base_to_tcp(h5py: Any, file: Any, gripper: ParallelGripper | None) -> float:
-    if gripper is not None:
-        return gripper.base_to_tcp
+def _base_to_tcp(h5py: Any, file: Any, hand: ParallelGripper | None) -> float:
+    if hand is not None:
+        return hand.base_to_tcp
     stated = _numbers(h5py, file, "gripper/base_to_tcp", ())
     return BASE_TO_TCP if stated is None else float(stated)
 

@@ -34,7 +34,7 @@ class _Format:
 
 
 def _json_reader(parse: Parse) -> Read:
-    return lambda path, gripper, unit: parse(load_json(path), gripper, unit)
+    return lambda path, hand, unit: parse(load_json(path), hand, unit)
 
 
 _FORMATS: dict[PoseFormat, _Format] = {
@@ -107,7 +107,7 @@ def read_poses(
     path: str | Path,
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
-    gripper: ParallelGripper | None = None,
+    hand: ParallelGripper | None = None,
     unit: Unit | None = None,
 ) -> GraspPoses:
     """Read grasp poses from files of robots, simulators and data sets.
@@ -117,7 +117,7 @@ def read_poses(
     Args:
         path: File to read.
         format: One of those of `write_poses`; None: found from the suffix and the content.
-        gripper: The gripper that the grasps are of; formats with the pose of the hand's base
+        hand: The gripper that the grasps are of; formats with the pose of the hand's base
             (isaac_grasp, graspgen, graspnet, moveit) need it.
         unit: Unit of the lengths, for files that state none; formats of robots are in metres.
 
@@ -142,7 +142,7 @@ def read_poses(
         problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
         raise ContactError(f"{path}: {problem}")
     try:
-        return _read(path, chosen, gripper, unit)
+        return _read(path, chosen, hand, unit)
     except OSError as error:
         raise _one_line(path, f"cannot be read ({error.strerror or error})") from error
     except (ContactError, ValueError) as error:
@@ -187,7 +187,7 @@ def format_of(path: Path) -> PoseFormat | None:
 
 
 def _read(
-    path: Path, chosen: PoseFormat | None, gripper: ParallelGripper | None, unit: Unit | None
+    path: Path, chosen: PoseFormat | None, hand: ParallelGripper | None, unit: Unit | None
 ) -> GraspPoses:
     """Poses of a file. Raises ContactError, ValueError, OSError, OutputError."""
     if chosen is None and path.suffix.lower() == ".json":
@@ -195,11 +195,11 @@ def _read(
         found = _json_format(content)
         if found is None:
             raise ContactError(_unknown_json(content))
-        return _PARSERS[found][1](content, gripper, unit)
+        return _PARSERS[found][1](content, hand, unit)
     chosen = chosen or _of_suffix(path)
     if chosen is None:
         raise ContactError(unsupported(path, SUFFIXES, "pose"))
-    return _FORMATS[chosen].read(path, gripper, unit)
+    return _FORMATS[chosen].read(path, hand, unit)
 
 
 def _json_format(content: object) -> PoseFormat | None:

@@ -36,22 +36,22 @@ def check_metres(unit: Unit | None, what: str) -> None:
 
 def gripper_of(poses: GraspPoses, what: str) -> ParallelGripper:
     """The gripper of poses to write. Raises OutputError if there is none."""
-    if not isinstance(poses.gripper, ParallelGripper):
+    if not isinstance(poses.hand, ParallelGripper):
         raise OutputError(
             f"{what} files have the pose of the hand's base and so need the lengths of the "
-            "gripper: give it (--gripper, in Python gripper=...)"
+            "gripper: give it (--hand, in Python hand=...)"
         )
-    return poses.gripper
+    return poses.hand
 
 
-def needed_gripper(gripper: ParallelGripper | str | None, what: str) -> ParallelGripper:
+def needed_gripper(hand: ParallelGripper | str | None, what: str) -> ParallelGripper:
     """The gripper of a file to read. Raises ContactError if there is none."""
-    if not isinstance(gripper, ParallelGripper):
+    if not isinstance(hand, ParallelGripper):
         raise ContactError(
             f"{what} files have the pose of the hand's base, not of the fingertips: give the "
-            "gripper (--gripper, in Python gripper=...)"
+            "gripper (--hand, in Python hand=...)"
         )
-    return gripper
+    return hand
 
 
 def moved(poses: Floats, distance: float | Floats) -> Floats:
@@ -61,14 +61,14 @@ def moved(poses: Floats, distance: float | Floats) -> Floats:
     return result
 
 
-def hand_poses(poses: Floats, gripper: ParallelGripper) -> Floats:
+def hand_poses(poses: Floats, hand: ParallelGripper) -> Floats:
     """Poses of the hand's own frame, that of its robot description, shape (k, 4, 4) [m]."""
-    return np.asarray(poses @ gripper.base_pose)
+    return np.asarray(poses @ hand.base_pose)
 
 
-def tcp_poses(bases: Floats, gripper: ParallelGripper) -> Floats:
+def tcp_poses(bases: Floats, hand: ParallelGripper) -> Floats:
     """Poses of the TCP from those of the hand's own frame, shape (k, 4, 4) [m]."""
-    return np.asarray(bases @ np.linalg.inv(gripper.base_pose))
+    return np.asarray(bases @ np.linalg.inv(hand.base_pose))
 
 
 def quaternions(poses: Floats) -> Floats:
@@ -89,57 +89,57 @@ def from_quaternions(positions: Floats, xyzw: Floats, where: str = "") -> Floats
     return poses
 
 
-def joint_values(gripper: ParallelGripper, openings: Floats, what: str) -> Floats:
+def joint_values(hand: ParallelGripper, openings: Floats, what: str) -> Floats:
     """Values of the finger joints at openings [m] of (k,), shape (k, joints); nan: not known.
 
     Raises:
         OutputError: Openings are known, but the gripper has no joints.
     """
-    if not gripper.joint_names and np.isfinite(openings).any():
+    if not hand.joint_names and np.isfinite(openings).any():
         raise OutputError(
-            f"{what} files have joint values, but gripper {gripper.name!r} has no joint_names: "
+            f"{what} files have joint values, but gripper {hand.name!r} has no joint_names: "
             "give it joint_names, joint_scale and joint_closed"
         )
-    closed, scale = np.array(gripper.joint_closed), np.array(gripper.joint_scale)
+    closed, scale = np.array(hand.joint_closed), np.array(hand.joint_scale)
     return np.asarray(closed + scale * openings[:, None])
 
 
-def openings_of_joints(gripper: ParallelGripper, joints: Sequence[dict[str, Any]]) -> Floats:
+def openings_of_joints(hand: ParallelGripper, joints: Sequence[dict[str, Any]]) -> Floats:
     """Openings [m] from joint values by name, the mean over the joints, (k,); nan: not stated.
 
     Raises:
         ContactError: The joints are those of another gripper.
     """
-    names = {name: k for k, name in enumerate(gripper.joint_names) if gripper.joint_scale[k]}
+    names = {name: k for k, name in enumerate(hand.joint_names) if hand.joint_scale[k]}
     openings = np.full(len(joints), np.nan)
     for number, values in enumerate(joints):
         known = [name for name in values if name in names]
         if not known:
-            _check_joints(gripper, names, values)
+            _check_joints(hand, names, values)
             continue
         indices = [names[name] for name in known]
         found = numbers([[values[name] for name in known]], (len(known),), "joint values")[0]
-        scale = np.array(gripper.joint_scale)[indices]
-        opening = float(((found - np.array(gripper.joint_closed)[indices]) / scale).mean())
-        openings[number] = _at_least_closed(opening, gripper, number)
+        scale = np.array(hand.joint_scale)[indices]
+        opening = float(((found - np.array(hand.joint_closed)[indices]) / scale).mean())
+        openings[number] = _at_least_closed(opening, hand, number)
     return openings
 
 
-def _check_joints(gripper: ParallelGripper, names: dict[str, int], values: dict[str, Any]) -> None:
+def _check_joints(hand: ParallelGripper, names: dict[str, int], values: dict[str, Any]) -> None:
     if values and names:
         stated = ", ".join(str(name)[:40] for name in list(values)[:4])
         raise ContactError(
-            f"its joints ({stated}) are not those of gripper {gripper.name!r} "
+            f"its joints ({stated}) are not those of gripper {hand.name!r} "
             f"({', '.join(names)}): give the gripper that the file was written for"
         )
 
 
-def _at_least_closed(opening: float, gripper: ParallelGripper, number: int) -> float:
+def _at_least_closed(opening: float, hand: ParallelGripper, number: int) -> float:
     """The opening; slightly negative ones, of fingers pressed together, are 0."""
-    if opening < -0.1 * gripper.max_opening:
+    if opening < -0.1 * hand.max_opening:
         raise ContactError(
             f"grasp {number + 1}: its joint values mean an opening of {opening:.4g} m: are they "
-            f"those of gripper {gripper.name!r}?"
+            f"those of gripper {hand.name!r}?"
         )
     return max(opening, 0.0)
 

@@ -42,7 +42,7 @@ def is_graspgen(content: object) -> bool:
 
 def write_graspgen(path: Path, poses: GraspPoses) -> None:
     """Write the poses of the hand's base and the outcomes, which all grasps must have."""
-    gripper, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
     unknown = np.flatnonzero(np.isnan(given.outcome))
     if len(unknown):
         raise OutputError(
@@ -50,7 +50,7 @@ def write_graspgen(path: Path, poses: GraspPoses) -> None:
             "not known"
         )
     grasps = {
-        "transforms": moved(given.poses, -gripper.base_to_tcp).tolist(),
+        "transforms": moved(given.poses, -hand.base_to_tcp).tolist(),
         "object_in_gripper": (given.outcome == 1.0).tolist(),
         "names": list(given.names),
         **{
@@ -65,16 +65,14 @@ def write_graspgen(path: Path, poses: GraspPoses) -> None:
         part.write_text(json_text(document), encoding="utf-8")
 
 
-def parse_graspgen(
-    content: object, gripper: ParallelGripper | None, unit: Unit | None
-) -> GraspPoses:
+def parse_graspgen(content: object, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
     document = mapping(content, "the file")
     grasps = mapping(required(document, "grasps"), "grasps")
     transforms = grasp_list(required(grasps, "transforms", "grasps: "), "grasps.transforms")
     about = mapping(document.get("object", {}), "object")
     check_metres(unit, WHAT)
-    hand = needed_gripper(gripper, WHAT)
+    hand = needed_gripper(hand, WHAT)
     count = len(transforms)
     scale = about.get("scale")
     fields = {"outcome": "object_in_gripper", **EXTRA}
@@ -88,7 +86,7 @@ def parse_graspgen(
         poses=moved(numbers(transforms, (4, 4), "transforms"), hand.base_to_tcp),
         names=tuple(map(str, grasp_list(names, "grasps.names"))) if names is not None else (),
         unit="m",
-        gripper=hand,
+        hand=hand,
         object_file=text_or_none(about.get("file"), "object.file") or None,
         object_scale=None if scale is None else one_number(scale, "object.scale"),
         **known,

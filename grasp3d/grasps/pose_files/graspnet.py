@@ -48,8 +48,8 @@ BEST_SCORE = 1.1
 
 def write_graspnet(path: Path, poses: GraspPoses) -> None:
     """Write a row for each grasp, float64."""
-    gripper, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
-    moved_back = moved(given.poses, gripper.end - DEPTH)
+    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    moved_back = moved(given.poses, hand.end - DEPTH)
     rows = np.empty((given.count, LENGTH))
     rows[:, 0] = _scores(given)
     known = np.isfinite(given.pregrasp_opening)
@@ -72,11 +72,11 @@ def _scores(poses: GraspPoses) -> Floats:
     return np.where(np.isnan(poses.scores), np.maximum(implied, NO_OBJECT), poses.scores)
 
 
-def read_graspnet(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def read_graspnet(path: Path, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
     """Poses in the order of the rows. Raises ContactError, OSError."""
     rows = _rows(path)
     check_metres(unit, WHAT)
-    hand = needed_gripper(gripper, WHAT)
+    hand = needed_gripper(hand, WHAT)
     if not np.isfinite(rows[:, 3:]).all():
         bad = np.flatnonzero(~np.isfinite(rows[:, 3:]).all(axis=1))
         raise ContactError(f"grasp {bad[0] + 1} has numbers that are not finite")
@@ -88,7 +88,7 @@ def read_graspnet(path: Path, gripper: ParallelGripper | None, unit: Unit | None
         pregrasp_opening=rows[:, 1],
         scores=rows[:, 0],
         unit="m",
-        gripper=hand,
+        hand=hand,
         columns={"object_id": rows[:, 16]},
     )
 

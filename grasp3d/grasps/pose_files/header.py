@@ -28,7 +28,7 @@ STATED = frozenset({
 
 def header_of(poses: GraspPoses) -> dict[str, Any]:
     """Version, unit, frame, direction of the normals, gripper, object, settings."""
-    gripper = poses.gripper
+    hand = poses.hand
     return {
         "version": package_version(),
         "content": "poses",
@@ -36,7 +36,7 @@ def header_of(poses: GraspPoses) -> dict[str, Any]:
         "frame": FRAME,
         "normals": NORMALS,
         "angles": ANGLES,
-        "gripper": _description(gripper) if isinstance(gripper, ParallelGripper) else gripper,
+        "gripper": _description(hand) if isinstance(hand, ParallelGripper) else hand,
         "object_file": poses.object_file,
         "object_scale": poses.object_scale,
         **{name: value for name, value in poses.settings.items() if name not in STATED},
@@ -44,13 +44,13 @@ def header_of(poses: GraspPoses) -> dict[str, Any]:
 
 
 def fields_of(
-    header: Mapping[str, Any], gripper: ParallelGripper | str | None, unit: Unit | None
+    header: Mapping[str, Any], hand: ParallelGripper | str | None, unit: Unit | None
 ) -> dict[str, Any]:
     """Fields of `GraspPoses` that a header states.
 
     Args:
         header: What `header_of` returned.
-        gripper: Replaces that of the file; None: as in the file.
+        hand: Replaces that of the file; None: as in the file.
         unit: Unit of a file that does not state it.
 
     Raises:
@@ -59,7 +59,7 @@ def fields_of(
     scale = header.get("object_scale")
     return {
         "unit": stated_unit(header.get("unit"), unit),
-        "gripper": gripper or _gripper(header.get("gripper")),
+        "hand": hand or _gripper(header.get("gripper")),
         "object_file": text_or_none(header.get("object_file"), "object_file"),
         "object_scale": None if scale is None else one_number(scale, "object_scale"),
         "settings": {name: value for name, value in header.items() if name not in STATED},
@@ -85,9 +85,9 @@ def stated_unit(stated: object, given: Unit | None) -> Unit | None:
     return unit
 
 
-def _description(gripper: ParallelGripper) -> dict[str, Any]:
+def _description(hand: ParallelGripper) -> dict[str, Any]:
     """What `write_gripper` writes."""
-    return {"format": FORMAT, "version": VERSION, "unit": "m", **asdict(gripper)}
+    return {"format": FORMAT, "version": VERSION, "unit": "m", **asdict(hand)}
 
 
 def _gripper(value: object) -> ParallelGripper | str | None:

@@ -50,15 +50,15 @@ _PYTHON = "tag:yaml.org,2002:python"
 def write_isaac(path: Path, poses: GraspPoses) -> None:
     """Write grasps by name, the hand's base relative to the object."""
     yaml = _yaml()
-    gripper, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
     unequal_names(given.names)
     document = {
         "format": WHAT,
         "format_version": VERSION,
         "object_frame_link": str(given.settings.get("object_frame_link", "object")),
-        "gripper_frame_link": str(given.settings.get("gripper_frame_link", gripper.name)),
+        "gripper_frame_link": str(given.settings.get("gripper_frame_link", hand.name)),
         "object_scale": given.object_scale or METRES[poses.unit or "m"],
-        "grasps": dict(zip(given.names, _entries(given, gripper), strict=True)),
+        "grasps": dict(zip(given.names, _entries(given, hand), strict=True)),
     }
     dumper = getattr(yaml, "CSafeDumper", yaml.SafeDumper)
     with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
@@ -68,17 +68,17 @@ def write_isaac(path: Path, poses: GraspPoses) -> None:
         )
 
 
-def _entries(poses: GraspPoses, gripper: ParallelGripper) -> list[dict[str, Any]]:
+def _entries(poses: GraspPoses, hand: ParallelGripper) -> list[dict[str, Any]]:
     outside = np.flatnonzero((poses.scores < 0.0) | (poses.scores > 1.0))
     if len(outside):
         raise OutputError(
             f"the confidence in {WHAT} files must be from 0 to 1; grasp {outside[0] + 1} has "
             f"{poses.scores[outside[0]]:g}"
         )
-    bases = hand_poses(poses.poses, gripper)
+    bases = hand_poses(poses.poses, hand)
     turned = quaternions(bases).tolist()
-    closed = _joints(gripper, poses.opening)
-    opened = _joints(gripper, poses.pregrasp_opening)
+    closed = _joints(hand, poses.opening)
+    opened = _joints(hand, poses.pregrasp_opening)
     return [
         {
             "confidence": float(poses.scores[k]),
@@ -91,16 +91,15 @@ def _entries(poses: GraspPoses, gripper: ParallelGripper) -> list[dict[str, Any]
     ]
 
 
-def _joints(gripper: ParallelGripper, openings: Floats) -> list[dict[str, float]]:
+def _joints(hand: ParallelGripper, openings: Floats) -> list[dict[str, float]]:
     """Joint values by name; empty where the opening is not known."""
-    rows = json_numbers(joint_values(gripper, openings, WHAT))
+    rows = json_numbers(joint_values(hand, openings, WHAT))
     return [
-        {n: v for n, v in zip(gripper.joint_names, row, strict=True) if v is not None}
-        for row in rows
+        {n: v for n, v in zip(hand.joint_names, row, strict=True) if v is not None} for row in rows
     ]
 
 
-def read_isaac(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def read_isaac(path: Path, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
     """Grasps in the order of the file. Raises ContactError, OSError."""
     document = mapping(load_yaml(path), "the file")
     if required(document, "format") != WHAT:
@@ -112,7 +111,7 @@ def read_isaac(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -
     if not grasps:
         raise ContactError("there are no grasps in it")
     check_metres(unit, WHAT)
-    hand = needed_gripper(gripper, WHAT)
+    hand = needed_gripper(hand, WHAT)
     entries = [mapping(entry, f"grasp {number}") for number, entry in enumerate(grasps.values(), 1)]
     scale = document.get("object_scale")
     return GraspPoses(
@@ -124,7 +123,7 @@ def read_isaac(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -
         scores=optional_numbers(entries, "confidence"),
         names=tuple(map(str, grasps)),
         unit="m",
-        gripper=hand,
+        hand=hand,
         object_file=text_or_none(document.get("object_file"), "object_file"),
         object_scale=None if scale is None else one_number(scale, "object_scale"),
         settings=_frames(document),

@@ -52,20 +52,20 @@ def is_moveit(content: object) -> bool:
 
 def write_moveit(path: Path, poses: GraspPoses) -> None:
     """Write one message for each grasp."""
-    gripper, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
+    hand, given = gripper_of(poses, WHAT), in_metres(poses, WHAT)
     frame = str(given.settings.get("frame_id", "object"))
-    bases = hand_poses(given.poses, gripper)
+    bases = hand_poses(given.poses, hand)
     turned = quaternions(bases)
-    before = json_numbers(joint_values(gripper, given.pregrasp_opening, WHAT))
-    closed = json_numbers(joint_values(gripper, given.opening, WHAT))
+    before = json_numbers(joint_values(hand, given.pregrasp_opening, WHAT))
+    closed = json_numbers(joint_values(hand, given.opening, WHAT))
     messages = []
     for k in range(given.count):
         approach = given.poses[k, :3, 2]
         messages.append(
             {
                 "id": given.names[k],
-                "pre_grasp_posture": _posture(gripper, before[k], frame),
-                "grasp_posture": _posture(gripper, closed[k], frame),
+                "pre_grasp_posture": _posture(hand, before[k], frame),
+                "grasp_posture": _posture(hand, closed[k], frame),
                 "grasp_pose": {
                     "header": _header(frame),
                     "pose": {
@@ -77,9 +77,7 @@ def write_moveit(path: Path, poses: GraspPoses) -> None:
                 "pre_grasp_approach": _translation(approach, frame),
                 "post_grasp_retreat": _translation(-approach, frame),
                 "post_place_retreat": _translation(-approach, frame),
-                "max_contact_force": NO_FORCE_LIMIT
-                if gripper.max_force is None
-                else gripper.max_force,
+                "max_contact_force": NO_FORCE_LIMIT if hand.max_force is None else hand.max_force,
                 "allowed_touch_objects": [],
             }
         )
@@ -102,7 +100,7 @@ def _letters(values: Floats, letters: str) -> dict[str, float]:
     return dict(zip(letters, values.tolist(), strict=True))
 
 
-def _posture(gripper: ParallelGripper, values: list[Any], frame: str) -> dict[str, Any]:
+def _posture(hand: ParallelGripper, values: list[Any], frame: str) -> dict[str, Any]:
     """trajectory_msgs/JointTrajectory of one point; of none where the opening is not known."""
     known = bool(values) and None not in values
     point = {
@@ -111,7 +109,7 @@ def _posture(gripper: ParallelGripper, values: list[Any], frame: str) -> dict[st
     }  # fmt: skip
     return {
         "header": _header(frame),
-        "joint_names": list(gripper.joint_names) if known else [],
+        "joint_names": list(hand.joint_names) if known else [],
         "points": [point] if known else [],
     }
 
@@ -125,12 +123,12 @@ def _translation(direction: Floats, frame: str) -> dict[str, Any]:
     }
 
 
-def parse_moveit(content: object, gripper: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def parse_moveit(content: object, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
     """Poses of the content of a JSON file, a list of messages or one. Raises ContactError."""
     found = grasp_list(content if isinstance(content, list) else [content], "the file")
     messages = [mapping(message, f"grasp {number}") for number, message in enumerate(found, 1)]
     check_metres(unit, WHAT)
-    hand = needed_gripper(gripper, WHAT)
+    hand = needed_gripper(hand, WHAT)
     return GraspPoses(
         poses=tcp_poses(_bases(messages), hand),
         opening=_openings(hand, messages, "grasp_posture"),
@@ -138,7 +136,7 @@ def parse_moveit(content: object, gripper: ParallelGripper | None, unit: Unit | 
         scores=optional_numbers(messages, "grasp_quality"),
         names=tuple(str(m.get("id", f"grasp_{number}")) for number, m in enumerate(messages, 1)),
         unit="m",
-        gripper=hand,
+        hand=hand,
         settings=_frame(messages),
     )
 
@@ -158,7 +156,7 @@ def _bases(messages: list[dict[str, Any]]) -> Floats:
     return from_quaternions(position, turned)
 
 
-def _openings(gripper: ParallelGripper, messages: list[dict[str, Any]], key: str) -> Floats:
+def _openings(hand: ParallelGripper, messages: list[dict[str, Any]], key: str) -> Floats:
     """Openings [m] at the last point of the postures, (k,); nan: not stated."""
     joints = []
     for number, message in enumerate(messages, 1):
@@ -175,7 +173,7 @@ def _openings(gripper: ParallelGripper, messages: list[dict[str, Any]], key: str
                 f"{kind(positions)}"
             )
         joints.append(dict(zip(map(str, names), positions, strict=False)))
-    return openings_of_joints(gripper, joints)
+    return openings_of_joints(hand, joints)
 
 
 def _frame(messages: list[dict[str, Any]]) -> dict[str, str]:

@@ -81,7 +81,7 @@ def _contacts(columns: Mapping[str, npt.NDArray[Any]]) -> list[list[dict[str, An
     ]
 
 
-def parse_json(content: object, gripper: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def parse_json(content: object, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
     document = mapping(content, "the file")
     found = grasp_list(required(document, "grasps"), "grasps")
@@ -97,7 +97,7 @@ def parse_json(content: object, gripper: ParallelGripper | None, unit: Unit | No
         outcome=_outcomes(entries),
         names=_names(entries),
         columns=_columns(entries),
-        **fields_of(header, gripper, unit),
+        **fields_of(header, hand, unit),
     )
 
 

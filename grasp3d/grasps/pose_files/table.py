@@ -64,7 +64,7 @@ def are_poses(names: list[str]) -> bool:
     return any(name in names for name in REQUIRED)
 
 
-def read_table(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def read_table(path: Path, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
     """Poses of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
     from grasp3d.tables import read_columns, read_settings
 
@@ -81,7 +81,7 @@ def read_table(path: Path, gripper: ParallelGripper | None, unit: Unit | None) -
     stated = dict(header or {})
     stated.setdefault("unit", _unit(columns))
     count = len(columns["px"])
-    known = fields_of(stated, gripper, unit)
+    known = fields_of(stated, hand, unit)
     return GraspPoses(
         poses=from_quaternions(_stacked(columns, POSITION), _stacked(columns, QUATERNION)),
         opening=_optional(columns, "opening", count),

@@ -82,7 +82,7 @@ class ReachSearch:
         mesh, reaching = self.mesh, self.reaching
         self.surface, self.sets = mesh.contact_surface, mesh.contact_normals
         self.centres = mesh.normal_sets.centres
-        scene = Scene.of(mesh, reaching.gripper, reaching.table, reaching.approach)
+        scene = Scene.of(mesh, reaching.hand, reaching.table, reaching.approach)
         self.shape, self.approach, self.boxes = scene.shape, scene.limits, scene.tree
         self.tree: FaceTree = face_tree(self.surface)
         self.results = no_results(len(mesh.vertices))

@@ -164,7 +164,7 @@ def _errors(session: Session, model: GraspModel) -> tuple[str, ...]:
 def _gripper(session: Session) -> tuple[str, ...]:
     """Name of the gripper that must reach each grasp."""
     reaching = session.reaching
-    return () if reaching is None else (f"gripper {reaching.gripper.name}",)
+    return () if reaching is None else (f"gripper {reaching.hand.name}",)
 
 
 def _limit(session: Session) -> tuple[str, ...]:

@@ -47,7 +47,7 @@ class GripperActors:
     def show(
         self,
         subject: Subject,
-        gripper: ParallelGripper | None,
+        hand: ParallelGripper | None,
         held: GripperPose | None,
         table: Table | None,
     ) -> bool:
@@ -55,7 +55,7 @@ class GripperActors:
 
         Args:
             subject: The surface.
-            gripper: The gripper.
+            hand: The gripper.
             held: Its pose.
             table: The table.
                 Any of these may be None: it is not drawn.
@@ -66,7 +66,7 @@ class GripperActors:
             self._show_table(subject, table)
         if same_object and before[2] is held:
             return False
-        self._show_gripper(subject, gripper, held)
+        self._show_gripper(subject, hand, held)
         return len(self.points) > 0
 
     def hide(self) -> None:
@@ -86,14 +86,14 @@ class GripperActors:
             self.table_points = plate.vertices
 
     def _show_gripper(
-        self, subject: Subject, gripper: ParallelGripper | None, held: GripperPose | None
+        self, subject: Subject, hand: ParallelGripper | None, held: GripperPose | None
     ) -> None:
         for actor in (self._gripper, self._edges, self._arc):
             actor.visibility = False
         self.points = NO_POINTS
-        if gripper is None or held is None or subject.unit is None:
+        if hand is None or held is None or subject.unit is None:
             return
-        shape = gripper_shape(gripper, held.pose, held.opening, subject.unit)
+        shape = gripper_shape(hand, held.pose, held.opening, subject.unit)
         parts = shape.cell_data["part"]
         opacities = np.array([255.0 * OPACITIES[part] for part in Part], dtype=np.uint8)
         shape.cell_data["color"] = np.c_[shape.cell_data["color"], opacities[parts]]
@@ -106,7 +106,7 @@ class GripperActors:
         boxes = shape.regular_faces[parts <= Part.FINGER]
         self.points = np.asarray(shape.points[np.unique(boxes)], dtype=np.float64)
         if held.arcs:
-            radius = ARC_RADIUS * gripper.finger_length / METRES[subject.unit]
+            radius = ARC_RADIUS * hand.finger_length / METRES[subject.unit]
             self._arc.mapper.dataset = approach_arc(
                 held.pose, held.arcs, radius=radius, inner=ARC_INNER
             )

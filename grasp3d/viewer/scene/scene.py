@@ -198,8 +198,8 @@ class Scene:
         """Set the direction that is up, and the size of all that may be shown."""
         reaching, self._size, self._up = session.reaching, subject.size, None
         if reaching is not None and subject.unit is not None:
-            gripper = reaching.gripper
-            length = gripper.finger_length + gripper.palm_length + gripper.palm_thickness
+            hand = reaching.hand
+            length = hand.finger_length + hand.palm_length + hand.palm_thickness
             self._size += length / METRES[subject.unit]
             self._up = None if reaching.table is None else reaching.table.normal
 
@@ -242,16 +242,16 @@ class Scene:
         self._marks[number].show(subject, inspection, fixed, cones=held is None)
         return self._grippers[number].show(
             subject,
-            None if reaching is None else reaching.gripper,
+            None if reaching is None else reaching.hand,
             held,
             reaching.table if reaching is not None and state.show_table else None,
         )
 
     def _clear(self) -> None:
         self._item = self._inspection = None
-        for pane, gripper, marks in zip(self._panes, self._grippers, self._marks, strict=True):
+        for pane, hand, marks in zip(self._panes, self._grippers, self._marks, strict=True):
             pane.hide()
-            gripper.hide()
+            hand.hide()
             marks.hide()
 
     def _find_free_area(self) -> FreeArea:

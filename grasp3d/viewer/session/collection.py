@@ -245,7 +245,7 @@ def _with_gripper(subject: Subject, search: Search, progress: Progress) -> Subje
         SettingError: It is a scan, its unit is unknown, or the gripper cannot make such grasps.
     """
     reach, model, sampling = search
-    if reach.gripper is None:
+    if reach.hand is None:
         return subject
     if subject.mode == "scan":
         raise SettingError(
@@ -256,7 +256,7 @@ def _with_gripper(subject: Subject, search: Search, progress: Progress) -> Subje
     if stored is not None and reaching_settings(stored) == reaching_settings(wanted):
         return subject
     found = search_grasps(replace(subject, reaching=wanted), model, sampling, progress)
-    note = f"grasps were searched again for gripper {wanted.gripper.name}, unlike in the file"
+    note = f"grasps were searched again for gripper {wanted.hand.name}, unlike in the file"
     return replace(found, notes=(*subject.notes, note))
 
 

@@ -98,7 +98,7 @@ def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspectio
         cone=subject.cone,
         reason=_reason(subject, vertex),
         off_line=off,
-        gripper=None if subject.reaching is None else subject.reaching.gripper.name,
+        gripper=None if subject.reaching is None else subject.reaching.hand.name,
         unreached=_unreached(subject, vertex),
         perceived=_perceived(model, *perceived),
     )

@@ -128,7 +128,7 @@ def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
     )
     if subject.reaching is not None:
         table = "" if subject.reaching.table is None else " and a table"
-        facts += f"; gripper {subject.reaching.gripper.name}{table}"
+        facts += f"; gripper {subject.reaching.hand.name}{table}"
     if subject.load_numbers is not None:
         facts += f"; load {subject.load_numbers}"
     if subject.mode == "scan" and not stale:

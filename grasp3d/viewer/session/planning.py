@@ -123,7 +123,7 @@ def _limits(subject: Subject, sampling: Sampling) -> Sampling:
     sampling = replace(sampling, search_angle=None)
     if subject.reaching is None or subject.unit is None:
         return sampling
-    least, most = (limit / METRES[subject.unit] for limit in subject.reaching.gripper.limits)
+    least, most = (limit / METRES[subject.unit] for limit in subject.reaching.hand.limits)
     most = min(sampling.max_opening, most)
     return replace(
         sampling, min_opening=min(max(sampling.min_opening, least), most), max_opening=most

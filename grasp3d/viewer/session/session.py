@@ -244,7 +244,7 @@ class Session:
             return
         reaching = self.reaching
         if reaching is None:
-            raise SettingError("there is no gripper; open the object with one (--gripper)")
+            raise SettingError("there is no gripper; open the object with one (--hand)")
         if table and reaching.table is None:
             raise SettingError("there is no table; open the object with one (--table)")
 

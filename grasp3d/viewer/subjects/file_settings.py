@@ -128,11 +128,11 @@ def _reaching(values: Mapping[str, str]) -> Reaching | None:
     if values.get("gripper", "none") == "none":
         return None
     try:
-        gripper = ParallelGripper(**_fields(json.loads(values["gripper"])))
+        hand = ParallelGripper(**_fields(json.loads(values["gripper"])))
         table, direction = _numbers(values, "table", 4), _numbers(values, "approach_direction", 3)
         within, angles = float(values["approach_within"]), int(values["approach_angles"])
         return Reaching(
-            gripper,
+            hand,
             None if table is None else Table(table[:3], float(table[3])),
             Approach(direction, within=within, angles=angles),
         )

@@ -164,12 +164,12 @@ def _gripper_openings(
         In the mesh's unit, shape (V,).
     """
     assert subject.reaching is not None
-    gripper = subject.reaching.gripper
+    hand = subject.reaching.hand
     metres = METRES[subject.unit] if subject.unit else math.nan
-    radius, thickness = gripper.tip_radius / metres, gripper.finger_thickness / metres
+    radius, thickness = hand.tip_radius / metres, hand.finger_thickness / metres
     ends = partners[:, 0] - radius * normals[:, 0]
     gaps = np.linalg.norm(ends - (subject.vertices - radius * subject.normals), axis=1)
-    inside = 0.0 if gripper.round_tips else 2.0 * thickness
+    inside = 0.0 if hand.round_tips else 2.0 * thickness
     internal = _numbers(columns, "grip") < 0.0
     return np.asarray(np.maximum(gaps - 2.0 * radius - np.where(internal, inside, 0.0), 0.0))
 

@@ -55,7 +55,7 @@ def page_state(session: Session) -> dict[str, Any]:
             for name, shown in PAINTS.items()
             if session.offers(name) or session.state.paint == name
         ],
-        "gripper": "" if reaching is None else reaching.gripper.name,
+        "gripper": "" if reaching is None else reaching.hand.name,
         "table": reaching is not None and reaching.table is not None,
         "title": text.title,
         "facts": text.facts,

@@ -1,4 +1,4 @@
-"""`grasp3d gripper`."""
+"""`grasp3d hand`."""
 
 import json
 import re
@@ -16,7 +16,7 @@ from tests.helpers.commands import run_here as grasp3d
 def refused(*arguments: str | Path, cwd: Path) -> str:
     """Run the command, which must refuse its input in one line."""
     before = sorted(cwd.iterdir())
-    run = grasp3d("gripper", *arguments, cwd=cwd)
+    run = grasp3d("hand", *arguments, cwd=cwd)
     assert (run.returncode, run.stdout) == (2, "")
     assert run.stderr.count("\n") == 1
     assert sorted(cwd.iterdir()) == before
@@ -24,7 +24,7 @@ def refused(*arguments: str | Path, cwd: Path) -> str:
 
 
 def test_without_a_gripper_the_presets_are_listed(tmp_path: Path) -> None:
-    run = grasp3d("gripper", cwd=tmp_path, columns=80)
+    run = grasp3d("hand", cwd=tmp_path, columns=80)
     assert (run.returncode, run.stderr) == (0, "")
     for name in (*PRESETS, "(panda)"):
         assert name in run.stdout
@@ -35,7 +35,7 @@ def test_without_a_gripper_the_presets_are_listed(tmp_path: Path) -> None:
 @pytest.mark.parametrize("name", PRESETS)
 def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) -> None:
     gripper = preset(name)
-    run = grasp3d("gripper", name, cwd=tmp_path, columns=200)
+    run = grasp3d("hand", name, cwd=tmp_path, columns=200)
     assert (run.returncode, run.stderr) == (0, "")
     lines = dict(re.findall(r"^(\w[\w ]*?)  +(\S.*?) *$", run.stdout, re.MULTILINE))
     assert lines["opening"] == f"{1e3 * gripper.min_opening:g} to {1e3 * gripper.max_opening:g}"
@@ -49,14 +49,14 @@ def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) ->
 
 
 def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
-    run = grasp3d("gripper", "panda", "-o", "g.json", "--picture", "g.png", cwd=tmp_path)
+    run = grasp3d("hand", "panda", "-o", "g.json", "--picture", "g.png", cwd=tmp_path)
     assert run.stdout.endswith("written: g.json\nwritten: g.png\n")
     assert read_gripper(tmp_path / "g.json") == preset("franka")
     assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
-    again = grasp3d("gripper", "g.json", "-q", "-o", "g.json", cwd=tmp_path)
+    again = grasp3d("hand", "g.json", "-q", "-o", "g.json", cwd=tmp_path)
     assert (again.returncode, again.stdout) == (2, "")
     assert "exists and is no result" in again.stderr  # it may have been written by hand
-    again = grasp3d("gripper", "g.json", "-q", "-o", "g.json", "--overwrite", cwd=tmp_path)
+    again = grasp3d("hand", "g.json", "-q", "-o", "g.json", "--overwrite", cwd=tmp_path)
     assert (again.returncode, again.stdout, again.stderr) == (0, "", "")
 
 
@@ -74,7 +74,7 @@ def test_bad_files_and_options_are_refused(tmp_path: Path) -> None:
     assert "supported are .svg" in refused("franka", "--picture", "g.txt", cwd=tmp_path)
     words = refused("franka", "-o", "other.json", cwd=tmp_path)
     assert "exists and is no result of grasp3d" in words
-    run = grasp3d("gripper", "franka", "-o", "other.json", "--overwrite", "-q", cwd=tmp_path)
+    run = grasp3d("hand", "franka", "-o", "other.json", "--overwrite", "-q", cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")
 
 
@@ -85,7 +85,7 @@ def test_robots_are_read_by_their_finger_links(
     pytest.importorskip(library)
     path = kind(tmp_path)
     words = ("--fingers", "left", "right")
-    run = grasp3d("gripper", path, *words, "--tcp", "9cm", "-o", "g.json", cwd=tmp_path)
+    run = grasp3d("hand", path, *words, "--tcp", "9cm", "-o", "g.json", cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")
     gripper = read_gripper(tmp_path / "g.json")
     assert gripper == read_gripper(path, fingers=("left", "right"), tcp=0.09)

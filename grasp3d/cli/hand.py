@@ -1,4 +1,4 @@
-"""The command `grasp3d gripper`: prints the description of a gripper, draws and writes it."""
+"""The command `grasp3d hand`: prints the description of a gripper, draws and writes it."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,13 +19,13 @@ _LINK = tyro.conf.arg(metavar="LINK", help_behavior_hint="")
 
 @command
 @dataclass(frozen=True)
-class Gripper:
+class Hand:
     """Print the lengths, frame, force and touch of a gripper; draw it, write it as JSON.
 
     Without a gripper: list the ones that are known by name.
     """
 
-    gripper: Annotated[str, tyro.conf.Positional, _NAME] = ""
+    hand: Annotated[str, tyro.conf.Positional, _NAME] = ""
     """Name of a preset; or a file: JSON, as this command writes it, URDF (.urdf) or a MuJoCo model
     (.xml, .mjcf)."""
 
@@ -52,18 +52,18 @@ class Gripper:
 
     def run(self) -> int:
         """Run the command, and return the exit code."""
-        from grasp3d.cli import gripper_report
+        from grasp3d.cli import hand_report
 
-        if not self.gripper:
+        if not self.hand:
             self._check_nothing_else()
             if not self.quiet:
-                gripper_report.print_presets()
+                hand_report.print_presets()
             return 0
         self._check_outputs()
         gripper = self._described()
         written = self._write(gripper)
         if not self.quiet:
-            gripper_report.print_gripper(gripper, written)
+            hand_report.print_gripper(gripper, written)
         return 0
 
     def _check_nothing_else(self) -> None:
@@ -91,13 +91,13 @@ class Gripper:
 
         tcp = length_in_unit("tcp", self.tcp, "m")
         if self.fingers is None and self.palm is None and tcp is None:
-            return load_gripper(self.gripper)
-        if not is_file_name(self.gripper):
+            return load_gripper(self.hand)
+        if not is_file_name(self.hand):
             raise SettingError(
-                f"--fingers, --palm and --tcp are for URDF and MuJoCo files; {self.gripper!r} is "
+                f"--fingers, --palm and --tcp are for URDF and MuJoCo files; {self.hand!r} is "
                 "no file"
             )
-        return read_gripper(self.gripper, fingers=self.fingers, palm=self.palm, tcp=tcp)
+        return read_gripper(self.hand, fingers=self.fingers, palm=self.palm, tcp=tcp)
 
     def _write(self, gripper: "ParallelGripper") -> list[Path]:
         """Write the files that are asked for, and return their paths."""

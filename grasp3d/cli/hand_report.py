@@ -1,4 +1,4 @@
-"""Printed report of `grasp3d gripper`."""
+"""Printed report of `grasp3d hand`."""
 
 import math
 from collections.abc import Iterator, Sequence
@@ -31,7 +31,7 @@ def print_presets() -> None:
     console = Console(emoji=False)
     console.print(table)
     console.print(
-        "fingers: thickness x width x length; grasp3d gripper NAME prints all of a gripper",
+        "fingers: thickness x width x length; grasp3d hand NAME prints all of a gripper",
         soft_wrap=True,
     )
 
