@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints
-from grasp3d.hand.reaching import Reaching, reaching_settings
+from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.loads import load_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel, Sampling
@@ -196,7 +196,7 @@ def settings_of(labels: SurfaceLabels) -> dict[str, str | float | int | None]:
     u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
     return {
         "version": package_version(),
-        **chosen_settings(mesh, labels.model, labels.sampling, labels.mode, labels.reaching),
+        **chosen_settings(mesh, labels.model, labels.sampling, labels.mode, labels.scene),
         **({} if labels.load is None else load_settings(labels.load)),
         "search_angle": search.cone,
         "rays_traced": search.rays,
@@ -217,7 +217,7 @@ def chosen_settings(
     model: GraspModel,
     sampling: Sampling | None,
     mode: Mode,
-    reaching: Reaching | None = None,
+    scene: Scene | None = None,
 ) -> dict[str, str | float | int | None]:
     """Those of the settings that the user chooses, known before the mesh is labelled.
 
@@ -232,7 +232,7 @@ def chosen_settings(
         **asdict(mesh.options),
         "center_of_mass": one_line(mesh.options.center_of_mass),
         "unit": mesh.unit or "unknown",
-        **reaching_settings(reaching),
+        **scene_settings(scene),
     }
 
 

@@ -27,7 +27,7 @@ from grasp3d._kernels.gripper_shape import RESULTS, make_workspace
 from grasp3d._kernels.pose_collisions import collide_poses
 from grasp3d._kernels.reaching import reach_pairs
 from grasp3d.hand.approach import Approach
-from grasp3d.hand.scene import Scene
+from grasp3d.hand.normalized_scene import NormalizedScene
 from grasp3d.hand.table import Table
 from tests.helpers.collisions import FAR
 from tests.helpers.grippers import HAND, TIPS, normalized_poses, opposed, random_poses
@@ -146,7 +146,7 @@ def grasp_poses(points: np.ndarray) -> np.ndarray:
 
 def compare(kind: str, mesh: ObjectMesh, poses: np.ndarray, openings: np.ndarray) -> int:
     """Print a row of times per pose; returns the verdicts that differ from FCL's."""
-    scene = Scene.of(mesh, HAND, None, Approach())
+    scene = NormalizedScene.of(mesh, HAND, None, Approach())
     found, signs = np.zeros(len(poses), dtype=bool), np.ones(len(poses), dtype=np.int8)
     workspace, scaled, swept = make_workspace(1), openings / mesh.size, True
 
@@ -175,7 +175,7 @@ def grasp_times(mesh: ObjectMesh, points: np.ndarray, normals: np.ndarray) -> No
     inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
     for hand in (HAND, TIPS):
         for table in (None, Table.below(mesh)):
-            scene = Scene.of(mesh, hand, table, Approach())
+            scene = NormalizedScene.of(mesh, hand, table, Approach())
             codes, free = np.zeros(count, dtype=np.uint8), np.zeros(count, dtype=np.uint64)
             found, workspace = np.full((count, RESULTS), math.nan), make_workspace(ANGLES)
             arguments = (

@@ -29,7 +29,7 @@ SETTINGS: dict[str, list[str]] = {
     for fingers in (2, 3)
     for method in ("exact", "extremes")
 } | {
-    "franka, table, mass": ["--hand", "franka", "--mass", "0.2kg", "--table", "as-is"],
+    "franka, table, mass": ["--gripper", "franka", "--mass", "0.2kg", "--table", "as-is"],
     "location error": ["--location-error", "1mm", "--friction", "0.4..0.6"],
 }
 """Words of the command line by name of the setting."""

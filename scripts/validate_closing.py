@@ -21,8 +21,8 @@ import grasp3d
 from grasp3d.arrays import Floats
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.closing import close_jaws
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reaching import metres_per_unit
 
 MESHES = ("mug.glb", "spray.glb", "banana.ply", "knob.ply", "wrench.glb")
 COARSE, FINE = 0.05, 0.001

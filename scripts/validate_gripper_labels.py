@@ -82,10 +82,10 @@ def _labels(path: Path, options: argparse.Namespace) -> SurfaceLabels:
 
 def _collisions(grasps: SurfaceGrasps) -> list[str]:
     """What the gripper meets on its way to each grasp; empty: nothing."""
-    reaching, reach = grasps.reaching, grasps.reach
-    assert reaching is not None
+    scene, reach = grasps.scene, grasps.reach
+    assert scene is not None
     assert reach is not None
-    moving = MovingGripper(grasps.mesh, reaching.hand, reaching.table)
+    moving = MovingGripper(grasps.mesh, scene.hand, scene.table)
     return [moving.collision(reach, row) for row in range(grasps.size)]
 
 

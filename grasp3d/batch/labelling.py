@@ -117,7 +117,7 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
 
 def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force: bool) -> Row:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
-    from grasp3d.hand.reaching import Reaching
+    from grasp3d.hand.scene import Scene
     from grasp3d.mesh import prepare_file
     from grasp3d.mesh.masses import loaded_mesh
     from grasp3d.mesh.plausible_lengths import refuse_lengths
@@ -137,9 +137,9 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     cost, allowed = labelling_cost(len(mesh.vertices), model, sampling), allowed_memory()
     if allowed is not None and cost.memory > allowed:
         raise NeedsMemory(cost.memory)
-    reaching = Reaching.keywords(Reaching.of(settings.reach, mesh))
+    scene = Scene.of(settings.reach, mesh)
     labels = label_surface(
-        mesh, model, sampling=sampling, load=load, threads=job.threads, **reaching
+        mesh, model, sampling=sampling, load=load, threads=job.threads, scene=scene
     )
     labels.compute_epsilon(ignore)
     labels.compute_holding(ignore)

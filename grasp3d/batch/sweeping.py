@@ -245,7 +245,7 @@ def sweep_mesh(
         The sweep, or the reason why the mesh cannot be labelled.
     """
     # Imported here: the process that plans needs neither ray tracing nor the compiler.
-    from grasp3d.hand.reaching import Reaching
+    from grasp3d.hand.scene import Scene
     from grasp3d.mesh import prepare_file
     from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface
@@ -258,7 +258,7 @@ def sweep_mesh(
         if not force:
             largest = settings.axes.location_errors()[-1]
             refuse_lengths(surface, settings.sampling.lengths() | {"location_error": largest})
-        reaching = Reaching.keywords(Reaching.of(settings.reach, surface))
+        scene = Scene.of(settings.reach, surface)
         grasps = search_at_each(
             lambda model, report: label_surface(
                 surface,
@@ -266,7 +266,7 @@ def sweep_mesh(
                 sampling=sampling,
                 threads=threads,
                 progress=report,
-                **reaching,
+                scene=scene,
             ),
             settings.model,
             settings.axes.location_errors(),

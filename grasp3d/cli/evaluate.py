@@ -166,7 +166,7 @@ class Evaluate:
         from grasp3d.cli import pose_report, report
         from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
         from grasp3d.grasps.pose_files import read_poses, write_poses
-        from grasp3d.hand.reaching import Reaching
+        from grasp3d.hand.scene import Scene
         from grasp3d.mesh import prepare_file
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
@@ -178,7 +178,7 @@ class Evaluate:
         if not self.force:
             given = self.model.lengths()
             refuse_lengths(mesh, given, load, per_finger=self.model.per_finger)
-        reaching = Reaching.of(self.reach, mesh)
+        scene = Scene.of(self.reach, mesh)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             found = evaluate_poses(
                 mesh,
@@ -187,7 +187,7 @@ class Evaluate:
                 object_motion=self.object_motion,
                 load=load,
                 progress=progress,
-                **Reaching.keywords(reaching),
+                scene=scene,
             )
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
             found.compute_epsilon(progress)

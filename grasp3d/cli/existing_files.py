@@ -16,7 +16,7 @@ from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.files import check_writable
 
 if TYPE_CHECKING:
-    from grasp3d.hand.reaching import Reaching
+    from grasp3d.hand.scene import Scene
     from grasp3d.mesh import ObjectMesh
 
 MARK, MARKED = b"grasp3d", 2**16
@@ -91,7 +91,7 @@ def check_same_settings(
     mesh: "ObjectMesh",
     model: GraspModel,
     sampling: Sampling,
-    reaching: "Reaching | None" = None,
+    scene: "Scene | None" = None,
     load: Load | None = None,
     *,
     overwrite: bool,
@@ -105,7 +105,7 @@ def check_same_settings(
         mesh: The mesh to be labelled.
         model: With lengths in the mesh's unit.
         sampling: With lengths in the mesh's unit.
-        reaching: The gripper beside the mesh; None: none.
+        scene: The gripper beside the mesh; None: none.
         load: What the grasps must hold; None: nothing.
         overwrite: Whether other labels may be replaced.
 
@@ -119,7 +119,7 @@ def check_same_settings(
     stored = None if overwrite or not path.exists() else stored_settings(path)
     if stored is None:
         return
-    chosen = chosen_settings(mesh, model, sampling, "label", reaching)
+    chosen = chosen_settings(mesh, model, sampling, "label", scene)
     chosen |= load_settings(load)
     chosen["search_angle"] = search_cone(model, sampling)
     of_mesh = {"file_vertices": mesh.file_vertices, "torque_scale": mesh.torque_scale}

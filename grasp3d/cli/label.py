@@ -153,7 +153,7 @@ class Label:
         """Read and label the mesh; `outputs` must not have been made with other settings."""
         from grasp3d.cli import report
         from grasp3d.cli.existing_files import check_same_settings
-        from grasp3d.hand.reaching import Reaching
+        from grasp3d.hand.scene import Scene
         from grasp3d.mesh import prepare_file
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
@@ -162,14 +162,12 @@ class Label:
         mesh, load = loaded_mesh(prepare_file(self.file, self.mesh), self.load.chosen)
         model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)
         sampling = self.sampling.in_unit(mesh.unit, source=mesh.report.source)
-        reaching = Reaching.of(self.reach, mesh)
+        scene = Scene.of(self.reach, mesh)
         if not self.force:
             lengths = self.model.lengths() | self.sampling.lengths()
             refuse_lengths(mesh, lengths, load, per_finger=self.model.per_finger)
         for path in outputs:
-            check_same_settings(
-                path, mesh, model, sampling, reaching, load, overwrite=self.overwrite
-            )
+            check_same_settings(path, mesh, model, sampling, scene, load, overwrite=self.overwrite)
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
             labels = label_surface(
                 mesh,
@@ -177,7 +175,7 @@ class Label:
                 sampling=sampling,
                 load=load,
                 progress=progress,
-                **Reaching.keywords(reaching),
+                scene=scene,
             )
         begin_step("measuring epsilon")
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:

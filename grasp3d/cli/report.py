@@ -15,7 +15,7 @@ from rich.table import Table
 from grasp3d.cli.load_report import print_load
 from grasp3d.cli.uncertainty_report import uncertainty_lines
 from grasp3d.grasps.verdict import verdict_of
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.meanings import MINIMUM
 from grasp3d.model_text import friction_text
 from grasp3d.settings import Sampling
@@ -137,8 +137,8 @@ def _print_settings(console: Console, labels: SurfaceLabels) -> None:
         )
     if labels.sampling is not None and (differences := _differences(labels)):
         console.print("search settings: " + differences)
-    if labels.reaching is not None:
-        console.print(_reaching_text(labels.reaching, mesh.size, mesh.unit), soft_wrap=True)
+    if labels.scene is not None:
+        console.print(_scene_text(labels.scene, mesh.size, mesh.unit), soft_wrap=True)
     if labels.search.evaluated and model.fingers > 2:
         console.print(f"{counted(labels.search.evaluated, 'candidate grasps')} evaluated")
 
@@ -152,9 +152,9 @@ def _epsilon_text(labels: SurfaceLabels) -> str:
     return f"epsilon, 10/50/90 % of the area: {nominal}; {MINIMUM[labels.model.tilts]}: {minimum}"
 
 
-def _reaching_text(reaching: Reaching, size: float, unit: Unit | None) -> str:
+def _scene_text(scene: Scene, size: float, unit: Unit | None) -> str:
     """Return the gripper, the table, and the limit of approach directions."""
-    hand, table, approach = reaching.hand, reaching.table, reaching.approach
+    hand, table, approach = scene.hand, scene.table, scene.approach
     text = f"gripper {escaped(hand.name)}, stroke {1000.0 * hand.max_opening:.4g} mm"
     if table is not None:
         up = ", ".join(f"{number + 0.0:.3g}" for number in table.normal)

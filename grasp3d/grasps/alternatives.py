@@ -53,8 +53,8 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> SurfaceGr
         >>> grasps.size, bool(grasps.reach.reached.all())
         (2, True)
     """
-    reaching, mesh = labels.reaching, labels.mesh
-    if reaching is None or labels.model.fingers > 2:
+    scene, mesh = labels.scene, labels.mesh
+    if scene is None or labels.model.fingers > 2:
         raise SettingError("alternatives are grasps of two fingers with a gripper; give a gripper")
     if not 0 <= vertex < len(mesh.vertices):
         raise SettingError(f"vertex must be from 0 to {len(mesh.vertices) - 1}; got {vertex}")
@@ -62,12 +62,12 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> SurfaceGr
         raise SettingError(f"the number of grasps must be at least 1; got {count}")
     own = int(mesh.canonical[vertex])
     known = _known(labels, own)
-    limited = reaching.within_stroke(mesh, labels.sampling or Sampling())
+    limited = scene.within_stroke(mesh, labels.sampling or Sampling())
     with ThreadPoolExecutor(1) as executor:
         cone, ranking = labels.search.cone, Ranking.of(labels.model)
         limits = pair_limits(mesh, limited, cone, ranking)
         most = largest_cost(cone, ranking)
-        search = ReachSearch(mesh, reaching, cone, limits, executor, most)
+        search = ReachSearch(mesh, scene, cone, limits, executor, most)
         found = search.partners_of(np.array([own]), count, TESTS_PER_GRASP * count)
     signs = np.concatenate([known.signs, np.ones(count, dtype=np.int64)])
     faces = np.concatenate([known.points.faces, found.faces[0]])
@@ -108,8 +108,8 @@ def _grasps(
     labels: SurfaceLabels, vertex: int, points: SurfacePoints, signs: Ints
 ) -> SurfaceGrasps:
     """The grasps of a vertex and opposing contacts (k,) that are reached, best first."""
-    reaching, mesh, count = labels.reaching, labels.mesh, len(signs)
-    assert reaching is not None
+    scene, mesh, count = labels.scene, labels.mesh, len(signs)
+    assert scene is not None
     own = vertex_surface_points(mesh, np.full(count, vertex))
     contacts = SurfaceContacts(
         mesh,
@@ -119,8 +119,8 @@ def _grasps(
         ),
     )
     reach = reach_grasps(
-        mesh, contacts.points, contacts.normals, reaching.hand, grip=signs,
-        table=reaching.table, approach=reaching.approach, threads=1,
+        mesh, contacts.points, contacts.normals, scene.hand, grip=signs,
+        table=scene.table, approach=scene.approach, threads=1,
     )  # fmt: skip
     worst, best = critical_angles(contacts, threads=1)
     located, _ = located_angles_of(contacts, (worst, best), labels.model, threads=1)
@@ -132,7 +132,7 @@ def _grasps(
         locked(np.zeros((len(order), 2))),
         locked(worst[order]),
         locked(best[order]),
-        reaching=reaching,
+        scene=scene,
         reach=reach.take(order),
         load=labels.load,
         threads=labels.threads,

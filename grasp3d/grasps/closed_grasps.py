@@ -12,7 +12,7 @@ from grasp3d.grasps.evaluated_poses import CLOSED_LABEL, CLOSED_MARGIN, Evaluate
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.reach import Reach
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel
@@ -113,7 +113,7 @@ class ClosedGrasps:
 def close_on_grasps(
     mesh: ObjectMesh,
     reach: Reach,
-    reaching: Reaching,
+    scene: Scene,
     model: GraspModel,
     *,
     load: Load | None = None,
@@ -124,7 +124,7 @@ def close_on_grasps(
     Args:
         mesh: The object.
         reach: How the gripper reaches the grasps; those without a pose are not known.
-        reaching: The gripper, the table and the allowed approach.
+        scene: The gripper, the table and the allowed approach.
         model: Friction and sensor resolution, for two fingers.
         load: What each grasp must hold; None: nothing.
         threads: Threads to use; None: one per processor. The result does not depend on it.
@@ -139,7 +139,5 @@ def close_on_grasps(
         pregrasp_opening=reach.pregrasp_opening[rows],
         unit=mesh.unit,
     )
-    found = evaluate_poses(
-        mesh, poses, model, load=load, threads=threads, **Reaching.keywords(reaching)
-    )
+    found = evaluate_poses(mesh, poses, model, load=load, threads=threads, scene=scene)
     return ClosedGrasps(len(reach.state), rows, found)

@@ -110,7 +110,7 @@ def grasps_of_vertices(
         labels.model,
         on_surface,
         *angles,
-        reaching=labels.reaching,
+        scene=labels.scene,
         reach=None if labels.reach is None else labels.reach.take(vertices),
         load=labels.load,
         threads=labels.threads,
@@ -142,13 +142,13 @@ def ranked_vertices(labels: SurfaceLabels) -> Ints:
 
 def _closed(labels: SurfaceLabels, vertices: Ints) -> ClosedGrasps | None:
     """What the jaws touch at the grasps of vertices; None: more than two fingers have no poses."""
-    reach, reaching = labels.reach, labels.reaching
-    if reach is None or reaching is None or labels.model.fingers > 2:
+    reach, scene = labels.reach, labels.scene
+    if reach is None or scene is None or labels.model.fingers > 2:
         return None
     return close_on_grasps(
         labels.mesh,
         reach.take(vertices),
-        reaching,
+        scene,
         labels.model,
         load=labels.load,
         threads=labels.threads,

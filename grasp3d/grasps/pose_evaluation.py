@@ -12,9 +12,10 @@ from grasp3d.hand.approach import Approach
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.collisions import collides
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ObjectMotion
-from grasp3d.hand.reaching import metres_per_unit
+from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
@@ -36,9 +37,10 @@ def evaluate_poses(
     poses: GraspPoses,
     model: GraspModel | None = None,
     *,
-    hand: ParallelGripper,
+    hand: ParallelGripper | None = None,
     table: Table | None = None,
     approach: Approach | None = None,
+    scene: Scene | None = None,
     object_motion: ObjectMotion = "free",
     load: Load | None = None,
     threads: int | None = None,
@@ -56,9 +58,10 @@ def evaluate_poses(
         poses: The poses; without a unit they are in the mesh's.
         model: Friction and sensor resolution [rad]; None: the defaults, with the resolution that
             the gripper states, if any.
-        hand: The gripper.
+        hand: The gripper of the poses.
         table: What the object stands on; None: nothing.
         approach: Allowed approach directions; None: any.
+        scene: The gripper, the table and the approach together, in place of those three.
         object_motion: free: the object settles between the jaws; fixed: it does not move.
         load: What each grasp must hold: `holding` then has the grip force and payload of each, with
             the greatest force of the gripper at hand unless the load states another one. The mass
@@ -93,6 +96,12 @@ def evaluate_poses(
         0   closed     S     0.06       True
         1  nothing     U      NaN      False
     """
+    scene = scene or Scene.given(hand, table, approach)
+    if scene is None:
+        raise SettingError(
+            "poses are evaluated for a gripper; give it (--hand, in Python hand=...)"
+        )
+    hand = scene.hand
     mesh = in_stated_scale(load_mesh(mesh), poses)
     metres_per_unit(mesh)
     mesh, load = loaded_mesh(mesh, load)
@@ -117,7 +126,7 @@ def evaluate_poses(
         progress=closing,
     )
     held = jaws.closed if object_motion == "fixed" else np.zeros(given.count, dtype=np.bool_)
-    colliding = _collides(mesh, given.poses, jaws, held, hand, table, threads)
+    colliding = _collides(mesh, given.poses, jaws, held, scene, threads)
     found = EvaluatedPoses(
         mesh=mesh,
         poses=given,
@@ -130,7 +139,7 @@ def evaluate_poses(
             jaws.closed
             & ~colliding
             & _within_stroke(mesh, jaws, hand)
-            & _within_approach(given.poses, table, approach or Approach())
+            & _within_approach(given.poses, scene)
         ),
         load=load,
         threads=threads,
@@ -182,20 +191,20 @@ def _collides(
     poses: Floats,
     jaws: ClosedJaws,
     held: Bools,
-    hand: ParallelGripper,
-    table: Table | None,
+    scene: Scene,
     threads: int,
 ) -> Bools:
     """Whether the gripper collides, (k,): around an object that is held there, else wide open.
 
     Where the jaws do not close symmetrically about the TCP, hand or object has given way.
     """
+    hand = scene.hand
     wide = hand.limits[1] / metres_per_unit(mesh)
     opening = np.where(held, np.maximum(jaws.opening, 0.0), wide)
     centred = poses.copy()
     offset = np.where(held, jaws.offset, 0.0)
     centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
-    return collides(mesh, centred, opening, hand, table=table, threads=threads)
+    return collides(mesh, centred, opening, hand, table=scene.table, threads=threads)
 
 
 def _within_stroke(mesh: ObjectMesh, jaws: ClosedJaws, hand: ParallelGripper) -> Bools:
@@ -207,12 +216,12 @@ def _within_stroke(mesh: ObjectMesh, jaws: ClosedJaws, hand: ParallelGripper) ->
     return np.asarray((jaws.opening >= least - slack) & (jaws.opening - soft <= most + slack))
 
 
-def _within_approach(poses: Floats, table: Table | None, approach: Approach) -> Bools:
+def _within_approach(poses: Floats, scene: Scene) -> Bools:
     """Whether each approach direction is allowed, (k,)."""
-    direction = approach.direction
-    if direction is None and table is not None:
-        direction = -table.normal
+    direction = scene.approach.direction
+    if direction is None and scene.table is not None:
+        direction = -scene.table.normal
     if direction is None:
         return np.ones(len(poses), dtype=np.bool_)
     angle = np.arccos(np.clip(poses[:, :3, 2] @ direction, -1.0, 1.0))
-    return np.asarray(angle <= approach.within + ROUNDING)
+    return np.asarray(angle <= scene.approach.within + ROUNDING)

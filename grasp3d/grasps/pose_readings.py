@@ -10,8 +10,8 @@ from grasp3d.arrays import Bools, Bytes, Floats
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.closing import close_jaws
 from grasp3d.hand.collisions import collides
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reaching import metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.lengths import METRES, Unit
 

@@ -12,7 +12,7 @@ import numpy as np
 from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.closed_grasps import ClosedGrasps, close_on_grasps
 from grasp3d.hand.reach import Reach
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.closure import force_closure
@@ -66,7 +66,7 @@ class SurfaceGrasps(LabelledGrasps):
     """
     critical_angle_best: Floats
     """The same over the best normals, shape (b,); different only for contacts on creases."""
-    reaching: Reaching | None = None
+    scene: Scene | None = None
     """The gripper of the grasps, and what it must not touch; None: ideal points."""
     reach: Reach | None = None
     """How the gripper reaches each grasp, with its pose; None: no gripper."""
@@ -102,9 +102,9 @@ class SurfaceGrasps(LabelledGrasps):
 
     def _deferred_closed(self) -> Deferred[ClosedGrasps] | None:
         """`closed`; None: there is no gripper, or there are more than two fingers."""
-        if self.reach is None or self.reaching is None or self.contacts.count > 2:
+        if self.reach is None or self.scene is None or self.contacts.count > 2:
             return None
-        used = self.mesh, self.reach, self.reaching, self.model
+        used = self.mesh, self.reach, self.scene, self.model
         return Deferred(partial(_closed, *used, self.load, self.threads))
 
     def with_closed(self, closed: ClosedGrasps) -> "SurfaceGrasps":
@@ -122,7 +122,7 @@ class SurfaceGrasps(LabelledGrasps):
         """The load on this object, with its mass, task and force at hand; None: no load."""
         if self.load is None:
             return None
-        hand = None if self.reaching is None else self.reaching.hand
+        hand = None if self.scene is None else self.scene.hand
         return LoadCase.of(self.load, self.mesh, self.model, hand)
 
     @property
@@ -266,13 +266,13 @@ def _known(closed: ClosedGrasps, _progress: Progress) -> ClosedGrasps:
 def _closed(
     mesh: ObjectMesh,
     reach: Reach,
-    reaching: Reaching,
+    scene: Scene,
     model: GraspModel,
     load: Load | None,
     threads: int | None,
     _progress: Progress,
 ) -> ClosedGrasps:
-    return close_on_grasps(mesh, reach, reaching, model, load=load, threads=threads)
+    return close_on_grasps(mesh, reach, scene, model, load=load, threads=threads)
 
 
 def _distances(contacts: SurfaceContacts) -> Floats:

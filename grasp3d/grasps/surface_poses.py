@@ -38,8 +38,8 @@ def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
         >>> poses.poses.shape, poses.unit, sorted(poses.columns)[:3]
         ((3, 4, 4), 'm', ['approach_margin', 'closed_label', 'closed_margin'])
     """
-    reach, reaching = grasps.reach, grasps.reaching
-    if reach is None or reaching is None:
+    reach, scene = grasps.reach, grasps.scene
+    if reach is None or scene is None:
         raise SettingError(
             "the grasps have no poses: label the surface with a gripper (--hand, in Python "
             "hand=...)"
@@ -54,7 +54,7 @@ def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
         pregrasp_opening=reach.pregrasp_opening,
         scores=_scores(grasps),
         unit=grasps.mesh.unit,
-        hand=reaching.hand,
+        hand=scene.hand,
         columns=_columns(grasps),
         object_file=grasps.mesh.report.source,
     )

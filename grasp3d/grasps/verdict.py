@@ -125,7 +125,7 @@ def _verdict(labels: SurfaceLabels) -> Verdict:
 def _is_out_of_reach(labels: SurfaceLabels) -> bool:
     """Whether there are grasps that the gripper does not reach, or that exceed its stroke."""
     reasons = labels.reason[labels.mesh.on_surface]
-    outside = Reason.OPENING if labels.reaching is not None else Reason.NOT_REACHED
+    outside = Reason.OPENING if labels.scene is not None else Reason.NOT_REACHED
     return bool(np.isin(reasons, [Reason.NOT_REACHED, outside]).any())
 
 

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.surface_poses import poses_of
-from grasp3d.hand.reaching import reaching_settings
+from grasp3d.hand.scene import scene_settings
 from grasp3d.loads import load_settings
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings import PoseFormat
@@ -172,9 +172,9 @@ def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
 
 def _surroundings(grasps: SurfaceGrasps) -> dict[str, Any]:
     """The table and the allowed approach of a gripper; it is stated itself beside the poses."""
-    if grasps.reaching is None:
+    if grasps.scene is None:
         return {}
-    settings = reaching_settings(grasps.reaching)
+    settings = scene_settings(grasps.scene)
     return {name: value for name, value in settings.items() if name != "gripper"}
 
 

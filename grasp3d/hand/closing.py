@@ -13,9 +13,9 @@ from grasp3d.arrays import ArrayLike, Bools, Floats
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.closed_jaws import ClosedJaws, closed_jaws
 from grasp3d.hand.jaw_shape import jaw_of
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ObjectMotion
-from grasp3d.hand.reaching import metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
 from grasp3d.settings.lengths import length_in_unit

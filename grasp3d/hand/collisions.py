@@ -8,8 +8,8 @@ from grasp3d._kernels.pose_collisions import collide_poses
 from grasp3d.arrays import ArrayLike, Bools, Floats
 from grasp3d.errors import ContactError
 from grasp3d.hand.approach import Approach
+from grasp3d.hand.normalized_scene import NormalizedScene, checked_grip, in_chunks
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.scene import Scene, checked_grip, in_chunks
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 
@@ -64,7 +64,7 @@ def collides(
         array([False,  True])
     """
     matrices, openings, signs = _checked_poses(poses, opening, grip)
-    scene = Scene.of(mesh, hand, table, Approach())
+    scene = NormalizedScene.of(mesh, hand, table, Approach())
     matrices[:, :3, 3] = (matrices[:, :3, 3] - mesh.center) / mesh.size
     openings = openings / mesh.size
     verdict = np.zeros(len(matrices), dtype=np.bool_)

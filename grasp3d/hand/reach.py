@@ -12,8 +12,8 @@ from grasp3d._kernels.reaching import reach_pairs, reach_tips
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, short_repr, unit_rows
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.approach import Approach
+from grasp3d.hand.normalized_scene import NormalizedScene, checked_grip, in_chunks
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.scene import Scene, checked_grip, in_chunks
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 
@@ -157,7 +157,7 @@ def reach_grasps(
     """
     points, normals, signs = _checked(points, normals, grip)
     approach = approach or Approach()
-    scene = Scene.of(mesh, hand, table, approach)
+    scene = NormalizedScene.of(mesh, hand, table, approach)
     inner = np.ascontiguousarray((points - mesh.center) / mesh.size)
     if points.shape[1] > 2:
         return _reach_tips(scene, inner, normals, threads)
@@ -190,7 +190,9 @@ def _checked(points: ArrayLike, normals: ArrayLike, grip: ArrayLike) -> tuple[Fl
     return p, np.ascontiguousarray(unit_rows(n)), checked_grip(grip, len(p))
 
 
-def _reach_tips(scene: Scene, points: Floats, normals: Floats, threads: int | None) -> Reach:
+def _reach_tips(
+    scene: NormalizedScene, points: Floats, normals: Floats, threads: int | None
+) -> Reach:
     """Reach of grasps of three fingers and more: their tips alone."""
     if scene.shape.tip_radius == 0.0:
         raise SettingError(

@@ -8,8 +8,8 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reaching import metres_per_unit
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.physics.engine import mujoco_module
 from grasp3d.physics.hand import Tips

@@ -8,8 +8,8 @@ import numpy as np
 from grasp3d.arrays import Floats, angles_between, locked, unit_rows
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.errors import SettingError
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reaching import metres_per_unit
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.noise_fields import noise_stream
 from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_points
@@ -155,9 +155,9 @@ def _within(sampling: Sampling, mesh: ObjectMesh, hand: ParallelGripper | None) 
         raise SettingError("simulated tips close from outside; grip must be squeeze")
     if hand is None:
         return given
-    from grasp3d.hand.reaching import Reaching
+    from grasp3d.hand.scene import Scene
 
-    return Reaching(hand).within_stroke(mesh, given)
+    return Scene(hand).within_stroke(mesh, given)
 
 
 def _tip_radius(

@@ -79,10 +79,10 @@ def draw_grasps(
 
 def _views(grasps: SurfaceGrasps, shown: SurfaceContacts, extent: float) -> list[View]:
     """The view of each grasp that is shown, (b, n)."""
-    reach, reaching, unit = grasps.reach, grasps.reaching, grasps.mesh.unit
-    if reach is None or reaching is None or unit is None or np.isnan(reach.poses).any():
+    reach, scene, unit = grasps.reach, grasps.scene, grasps.mesh.unit
+    if reach is None or scene is None or unit is None or np.isnan(reach.poses).any():
         return views_of(shown, extent)
-    length = reaching.hand.finger_length / METRES[unit]
+    length = scene.hand.finger_length / METRES[unit]
     return views_of_gripper(shown, reach.poses[: shown.size], length)
 
 
@@ -107,12 +107,12 @@ def _scene(
     grasps: SurfaceGrasps, number: int, view: View, points: Floats, normals: Floats
 ) -> _Scene:
     """What is drawn of one grasp: the gripper if it reaches it, else its contacts (n, 3)."""
-    reach, reaching, unit = grasps.reach, grasps.reaching, grasps.mesh.unit
-    if reach is None or reaching is None or unit is None or np.isnan(reach.poses[number]).any():
+    reach, scene, unit = grasps.reach, grasps.scene, grasps.mesh.unit
+    if reach is None or scene is None or unit is None or np.isnan(reach.poses[number]).any():
         fingers = [Finger(*pair) for pair in zip(points, normals, strict=True)]
         return _Scene(view, fingers, None)
     pose, opening = reach.poses[number], float(reach.opening[number])
-    shape = gripper_triangles(reaching.hand, opening, pose=pose, unit=unit)
+    shape = gripper_triangles(scene.hand, opening, pose=pose, unit=unit)
     return _Scene(view, [], shape)
 
 

@@ -5,11 +5,12 @@ from dataclasses import replace
 from grasp3d.costs import check_cost
 from grasp3d.errors import SettingError
 from grasp3d.hand.approach import Approach
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reaching import Reaching, metres_per_unit
+from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.loads import Load
-from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
+from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.settings import GraspModel, Sampling, check_search_settings
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
@@ -29,6 +30,7 @@ def label_surface(
     hand: ParallelGripper | None = None,
     table: Table | None = None,
     approach: Approach | None = None,
+    scene: Scene | None = None,
     load: Load | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -49,6 +51,7 @@ def label_surface(
             fingers and more only its round tips are tested.
         table: What the object stands on, which the gripper must not enter; None: nothing.
         approach: Approach directions of the gripper; None: any.
+        scene: The gripper, the table and the approach together, in place of those three.
         load: What each grasp must hold, and with which force: `labels.holding` then has the grip
             force and payload of each. A gripper brings its greatest force and the torsion radius of
             its pads. It changes neither grasps nor labels. None: nothing.
@@ -110,10 +113,13 @@ def label_surface(
     model = model.in_unit(mesh.unit, source=mesh.report.source)
     sampling = sampling.in_unit(mesh.unit, source=mesh.report.source)
     check_search_settings(model, sampling)
-    reaching = _reaching(mesh, model, hand, table, approach)
+    scene = scene or Scene.given(hand, table, approach)
+    if scene is not None:
+        metres_per_unit(mesh)
+        scene.check_model(model)
     mesh, load = loaded_mesh(mesh, load)
-    if load is not None:
-        LoadCase.of(load, mesh, model, hand)  # refuse it before the search
+    if load is not None:  # refuse it before the search
+        LoadCase.of(load, mesh, model, None if scene is None else scene.hand)
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
@@ -126,28 +132,10 @@ def label_surface(
     begin_step("searching for grasps")
     find = label_pairs if model.fingers == 2 else label_multifinger
     searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
-    labels = find(mesh, model, sampling, reaching, threads, searching)
+    labels = find(mesh, model, sampling, scene, threads, searching)
     if load is not None:
         labels = replace(labels, load=load)
     if enumerated:
         begin_step("labelling at the extreme normals")
     labels.compute_labels(within(report, BEFORE_ENUMERATION, 1.0))
     return labels
-
-
-def _reaching(
-    mesh: ObjectMesh,
-    model: GraspModel,
-    hand: ParallelGripper | None,
-    table: Table | None,
-    approach: Approach | None,
-) -> Reaching | None:
-    """The gripper beside the object, after checks; None: no gripper."""
-    if hand is None:
-        if table is not None or approach is not None:
-            raise SettingError("a table and approach directions apply to grippers only; give one")
-        return None
-    metres_per_unit(mesh)
-    reaching = Reaching(hand, table, approach or Approach())
-    reaching.check_model(model)
-    return reaching

@@ -13,7 +13,7 @@ import numpy.typing as npt
 from grasp3d.arrays import ArrayLike, Bytes, Floats, locked
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.hand.reach import Reach
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
@@ -88,7 +88,7 @@ class SurfaceLabels(LabelledGrasps):
     """How grasps were searched for; None in a scan, where they are given."""
     mode: Mode
     search: SearchReport
-    reaching: Reaching | None = None
+    scene: Scene | None = None
     """The gripper that must reach each grasp, and what it must not touch; None: ideal points."""
     load: Load | None = None
     """What each grasp must hold; None: `holding` is not computed."""
@@ -136,7 +136,7 @@ class SurfaceLabels(LabelledGrasps):
         """The load on this object, with its mass, task and force at hand; None: no load."""
         if self.load is None:
             return None
-        hand = None if self.reaching is None else self.reaching.hand
+        hand = None if self.scene is None else self.scene.hand
         return LoadCase.of(self.load, self.mesh, self.model, hand)
 
     @property

@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.hand.reach import Reach, reach_grasps
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, Sampling, search_cone
@@ -33,7 +33,7 @@ def label_pairs(
     mesh: ObjectMesh,
     model: GraspModel,
     sampling: Sampling,
-    reaching: Reaching | None,
+    scene: Scene | None,
     threads: int,
     progress: Progress,
 ) -> SurfaceLabels:
@@ -43,13 +43,13 @@ def label_pairs(
         mesh: The object's surface.
         model: Friction and sensor resolution; labels are computed later.
         sampling: How grasps are searched for.
-        reaching: The gripper that must reach each grasp; None: ideal points.
+        scene: The gripper that must reach each grasp; None: ideal points.
         threads: Threads to use.
         progress: Called with the fraction of the work done, from 0 to 1.
     """
     cone, ranking = search_cone(model, sampling), Ranking.of(model)
-    limited = sampling if reaching is None else reaching.within_stroke(mesh, sampling)
-    find = partial(best_pairs, mesh, limited, cone, threads=threads, reaching=reaching)
+    limited = sampling if scene is None else scene.within_stroke(mesh, sampling)
+    find = partial(best_pairs, mesh, limited, cone, threads=threads, scene=scene)
     alike = ranking == ALIKE
     first = within(progress, 0.0, 1.0 if alike else BEFORE_MARGINS)
     searches = [find(progress=first)]
@@ -68,7 +68,7 @@ def label_pairs(
         still_falling=searches[-1].still_falling,
     )
     return SurfaceLabels(
-        grasps, model, sampling=sampling, mode="label", search=report, reaching=reaching,
+        grasps, model, sampling=sampling, mode="label", search=report, scene=scene,
         threads=threads,
     )  # fmt: skip
 
@@ -123,7 +123,7 @@ def label_multifinger(
     mesh: ObjectMesh,
     model: GraspModel,
     sampling: Sampling,
-    reaching: Reaching | None,
+    scene: Scene | None,
     threads: int,
     progress: Progress,
 ) -> SurfaceLabels:
@@ -133,7 +133,7 @@ def label_multifinger(
         mesh: The object's surface.
         model: Friction and sensor resolution; labels are computed later.
         sampling: How grasps are searched for.
-        reaching: A gripper whose round tips must fit at each contact; None: ideal points.
+        scene: A gripper whose round tips must fit at each contact; None: ideal points.
         threads: Threads to use.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -148,8 +148,8 @@ def label_multifinger(
     found = search(mesh, model.fingers, sampling, cone, threads=threads, progress=searching)
     points = _both_grasps(found.partner_points)
     reasons, reach = found.reason, None
-    if reaching is not None:
-        reasons, reach = _reach_of_tips(mesh, points, reasons, reaching, threads)
+    if scene is not None:
+        reasons, reach = _reach_of_tips(mesh, points, reasons, scene, threads)
     vertices = np.unique(mesh.canonical[(reasons == Reason.FOUND) & mesh.on_surface])
     grasps = grasps_at(mesh, points, vertices, 0)
     angles = np.full((2, count), math.inf)
@@ -175,19 +175,19 @@ def label_multifinger(
         cone, evaluated=found.evaluated, rounds=found.rounds, still_falling=found.still_falling
     )
     return SurfaceLabels(
-        vertex_grasps, model, sampling=sampling, mode="label", search=report, reaching=reaching,
+        vertex_grasps, model, sampling=sampling, mode="label", search=report, scene=scene,
         threads=threads,
     )  # fmt: skip
 
 
 def _reach_of_tips(
-    mesh: ObjectMesh, points: SurfacePoints, reasons: Bytes, reaching: Reaching, threads: int
+    mesh: ObjectMesh, points: SurfacePoints, reasons: Bytes, scene: Scene, threads: int
 ) -> tuple[Bytes, Reach]:
     """The reasons, and how round tips fit at the contacts of each vertex's grasp."""
     tried = np.flatnonzero((reasons == Reason.FOUND) & mesh.on_surface)
     contacts = grasps_at(mesh, points, tried, 0)
     reach = reach_grasps(
-        mesh, contacts.points, contacts.normals, reaching.hand, table=reaching.table,
+        mesh, contacts.points, contacts.normals, scene.hand, table=scene.table,
         threads=threads,
     )  # fmt: skip
     reasons = reasons.copy()

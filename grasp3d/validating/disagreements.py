@@ -9,8 +9,8 @@ import numpy as np
 from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reaching import metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.validating.hints import failed_hints, held_hints
 

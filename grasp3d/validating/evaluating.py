@@ -13,9 +13,10 @@ from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ObjectMotion, ReachSettings
-from grasp3d.hand.reaching import Reaching, metres_per_unit
+from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions
 from grasp3d.system.progress import Progress, within
@@ -87,16 +88,16 @@ class Evaluation:
         self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject, progress: Progress
     ) -> EvaluatedPoses:
         beside = _with_gripper(self.reach, tried.hand)
-        reaching, model = Reaching.of(beside, body.mesh), beside.touching(self.model)
-        assert reaching is not None
+        scene, model = Scene.of(beside, body.mesh), beside.touching(self.model)
+        assert scene is not None
         self.models.append(model)
         found = evaluate_poses(
             body.mesh,
             poses,
             model,
             hand=tried.hand,
-            table=reaching.table,
-            approach=reaching.approach,
+            table=scene.table,
+            approach=scene.approach,
             object_motion=self.object_motion,
             load=body.load,
             threads=self.threads,

@@ -9,7 +9,7 @@ from grasp3d.arrays import Floats, locked
 from grasp3d.errors import ContactError
 from grasp3d.grasps.pose_evaluation import in_stated_scale
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.reaching import metres_per_unit
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh, mass_of

@@ -34,7 +34,7 @@ def chosen(labels: SurfaceLabels, count: int = 5) -> list[int]:
 @pytest.mark.slow
 def test_alternatives_are_distinct_and_reached() -> None:
     labels = held()
-    moving = MovingGripper(labels.mesh, HAND, labels.reaching.table)
+    moving = MovingGripper(labels.mesh, HAND, labels.scene.table)
     several = 0
     for vertex in chosen(labels):
         grasps = alternatives_at(labels, vertex, 4)

@@ -309,6 +309,6 @@ def test_grasps_without_a_pose_are_not_known() -> None:
     labels = wedge()
     reach = labels.reach.take(labels.grasps.vertices[:3])
     missing = replace(reach, poses=np.where(np.arange(3)[:, None, None] == 1, np.nan, reach.poses))
-    found = close_on_grasps(labels.mesh, missing, labels.reaching, labels.model, threads=1)
+    found = close_on_grasps(labels.mesh, missing, labels.scene, labels.model, threads=1)
     assert found.rows.tolist() == [0, 2]
     assert found.label[1] == UNKNOWN

@@ -75,7 +75,7 @@ def test_kinds_take_turns_among_the_best() -> None:
 def test_best_grasps_have_the_reach_of_their_vertices() -> None:
     labels = block()
     best = best_grasps(labels, 5)
-    assert best.reaching is labels.reaching
+    assert best.scene is labels.scene
     assert best.reach.reached.all()
     for row in range(best.size):
         distances = np.linalg.norm(labels.mesh.vertices - best.contacts.points[row, 0], axis=1)

@@ -64,7 +64,7 @@ def test_files_of_grasps_have_their_poses(tmp_path: Path, suffix: str, form: str
     best, path = best_grasps(held(), 3), tmp_path / f"box.{suffix}"
     write_grasps(path, best, format=form)
     assert holds_poses(path)
-    again = read_poses(path, hand=held().reaching.hand).in_unit("mm")
+    again = read_poses(path, hand=held().scene.hand).in_unit("mm")
     np.testing.assert_allclose(again.poses, best.reach.poses, atol=1e-4)
 
 
@@ -82,7 +82,7 @@ def test_evaluated_again_poses_are_reached_and_stable() -> None:
     """Jaws closed on the mesh from the poses that were found."""
     labels = held()
     best = best_grasps(labels, 4)
-    hand, table = labels.reaching.hand, labels.reaching.table
+    hand, table = labels.scene.hand, labels.scene.table
     found = evaluate_poses(labels.mesh, poses_of(best), MODEL, hand=hand, table=table)
     np.testing.assert_allclose(np.sort(found.opening), np.sort(best.reach.opening), atol=0.6)
 

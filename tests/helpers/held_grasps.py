@@ -14,7 +14,7 @@ from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
@@ -79,8 +79,8 @@ def with_reach(labels: SurfaceLabels, hand: ParallelGripper = JAWS) -> SurfaceLa
         reason=locked(np.where(lost, Reason.NOT_REACHED, grasps.reason), np.uint8),
         reach=reach,
     )
-    reaching = Reaching.of(ReachSettings(hand, table="as-is"), mesh)
-    return replace(labels, grasps=changed, reaching=reaching)
+    scene = Scene.of(ReachSettings(hand, table="as-is"), mesh)
+    return replace(labels, grasps=changed, scene=scene)
 
 
 @cache

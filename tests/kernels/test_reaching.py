@@ -17,7 +17,8 @@ from grasp3d._kernels.gripper_parts import margin_of, widest_arc
 from grasp3d._kernels.gripper_shape import make_workspace
 from grasp3d._kernels.pose_collisions import winding_number
 from grasp3d._kernels.reaching import tip_fits
-from grasp3d.hand.scene import normalized_shape
+from grasp3d.hand.approach import Approach
+from grasp3d.hand.normalized_scene import NormalizedScene
 from tests.helpers import shapes
 from tests.helpers.grippers import TIPS
 
@@ -109,7 +110,7 @@ def test_balls_and_capsules_are_free_up_to_the_nearest_face() -> None:
 
 def test_a_tip_that_touches_one_point_fits() -> None:
     mesh = load_mesh(shapes.box((0.06, 0.06, 0.06)), unit="m", max_edge=1.0)
-    shape = normalized_shape(mesh, TIPS)
+    shape = NormalizedScene.of(mesh, TIPS, None, Approach()).shape
     tree = box_tree(mesh.contact_surface.points, mesh.contact_surface.faces)
     nodes = make_workspace(8).nodes
     top, inward = np.array([0.0, 0.0, 0.03]) / mesh.size, np.array([0.0, 0.0, -1.0])

@@ -20,7 +20,7 @@ from grasp3d import (
 from grasp3d.errors import SettingError
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.reach import Reachability, reach_grasps
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.settings import Grip
 from grasp3d.settings.lengths import Unit
 from grasp3d.surface.vertex_grasps import Reason, grasps_at
@@ -80,7 +80,7 @@ def held(name: str, hand: ParallelGripper = HAND) -> SurfaceLabels:
 )  # fmt: skip
 def test_a_gripper_only_lowers_labels(name: str, grip: Grip, hand: ParallelGripper) -> None:
     mesh, sampling = solid(name), Sampling(grip=grip)
-    limited = Reaching(hand).within_stroke(mesh, sampling)
+    limited = Scene(hand).within_stroke(mesh, sampling)
     ideal = label_surface(mesh, MODEL, sampling=limited, threads=1)
     real = beside(mesh, hand, sampling=sampling)
     assert (real.label <= ideal.label).all()
@@ -106,7 +106,7 @@ def test_a_gripper_only_lowers_labels(name: str, grip: Grip, hand: ParallelGripp
 def test_a_gripper_of_no_size_changes_nothing(name: str, grip: Grip, hand: ParallelGripper) -> None:
     """Compared digit by digit with ideal fingers of the same stroke."""
     mesh, sampling = solid(name), Sampling(grip=grip, rays=32)
-    limited = Reaching(hand).within_stroke(mesh, sampling)
+    limited = Scene(hand).within_stroke(mesh, sampling)
     ideal = label_surface(mesh, MODEL, sampling=limited, threads=1)
     real = label_surface(mesh, MODEL, sampling=sampling, threads=1, hand=hand)
     for array in ARRAYS:
@@ -139,7 +139,7 @@ def test_every_grasp_of_a_vertex_is_reached(hand: ParallelGripper) -> None:
     assert len(found) > 50
     contacts = grasps_at(mesh, labels.partner_points, found, 0)
     again = reach_grasps(
-        mesh, contacts.points, contacts.normals, hand, table=labels.reaching.table, threads=1
+        mesh, contacts.points, contacts.normals, hand, table=labels.scene.table, threads=1
     )
     assert again.reached.all()
     np.testing.assert_allclose(again.poses, reach.poses[found], atol=1e-9)
@@ -147,7 +147,7 @@ def test_every_grasp_of_a_vertex_is_reached(hand: ParallelGripper) -> None:
     assert (reach.opening[found] >= 1000.0 * least - 1e-6).all()
     assert (reach.opening[found] <= 1000.0 * most + 1e-6).all()
     assert (reach.pregrasp_opening[found] > reach.opening[found]).all()
-    moving = MovingGripper(mesh, hand, labels.reaching.table)
+    moving = MovingGripper(mesh, hand, labels.scene.table)
     assert {moving.collision(reach, row) for row in found[:: len(found) // 6]} == {""}
 
 
@@ -155,7 +155,7 @@ def test_the_oracle_finds_collisions() -> None:
     """The steps of a gripper, which are the oracle of poses, do meet what is in the way."""
     labels = held("box")
     row = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
-    moving = MovingGripper(labels.mesh, HAND, labels.reaching.table)
+    moving = MovingGripper(labels.mesh, HAND, labels.scene.table)
     assert moving.collision(labels.reach, row) == ""
     lower = labels.reach.poses.copy()
     lower[row, :3, 3] += (0.0, 0.0, -labels.mesh.vertices[:, 2].max())
@@ -178,7 +178,7 @@ def test_what_a_larger_gripper_reaches_a_smaller_one_reaches(name: str) -> None:
     found = np.flatnonzero(large.reason == Reason.FOUND)
     contacts = grasps_at(large.mesh, large.partner_points, found, 0)
     reach = reach_grasps(
-        large.mesh, contacts.points, contacts.normals, small, table=large.reaching.table, threads=1
+        large.mesh, contacts.points, contacts.normals, small, table=large.scene.table, threads=1
     )
     assert len(found) > 50
     assert reach.reached.all()
@@ -224,7 +224,7 @@ def test_turning_and_moving_everything_changes_nothing() -> None:
     mesh = still.mesh
     moved = load_mesh((mesh.vertices @ turn.T + shift, mesh.faces), unit="mm", max_edge=12.0)
     up = turn @ (0.0, 0.0, 1.0)
-    table = Table(up, still.reaching.table.offset + shift @ up)
+    table = Table(up, still.scene.table.offset + shift @ up)
     turned = beside(moved, HAND, table=table)
     assert_alike(still, turned)
     both = still.reach.reached & turned.reach.reached
@@ -258,7 +258,7 @@ def test_relabelling_keeps_the_poses() -> None:
     labels = held("box")
     finer = labels.relabel(sensor_resolution=math.radians(5.0))
     assert finer.reach is labels.reach
-    assert finer.reaching is labels.reaching
+    assert finer.scene is labels.scene
     assert (finer.label >= labels.label).all()
 
 

@@ -46,7 +46,7 @@ def standing(mesh: ObjectMesh, hand: ParallelGripper = HAND, **options: object) 
 
 
 def assert_free(labels: SurfaceLabels, rows: np.ndarray) -> None:
-    moving = MovingGripper(labels.mesh, labels.reaching.hand, labels.reaching.table)
+    moving = MovingGripper(labels.mesh, labels.scene.hand, labels.scene.table)
     for row in rows:
         assert moving.collision(labels.reach, row, int(labels.grip[row])) == ""
 

@@ -20,7 +20,7 @@ from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.hand.reaching import reaching_settings
+from grasp3d.hand.scene import scene_settings
 from grasp3d.mesh.measures import is_closed
 from grasp3d.rendering import View
 from grasp3d.settings import Sampling
@@ -113,8 +113,8 @@ def test_without_a_gripper_nothing_is_added() -> None:
 
 def test_a_table_is_needed_to_hide_it() -> None:
     labels = held_box()
-    assert labels.reaching is not None
-    session = ready_session(replace(labels, reaching=replace(labels.reaching, table=None)))
+    assert labels.scene is not None
+    session = ready_session(replace(labels, scene=replace(labels.scene, table=None)))
     handle_key(session, "t")
     assert "there is no table" in session.message
     assert panel_text(session).facts.endswith("gripper jaws")
@@ -231,7 +231,7 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
     labels, asked = held_box(), []
 
     def label(_: object, *__: object, **settings: Any) -> SurfaceLabels:
-        asked.append({name: settings.get(name) for name in ("hand", "table", "approach")})
+        asked.append(settings["scene"])
         return replace(labels, sampling=settings["sampling"])
 
     for module in (computations, wider_search, collection):
@@ -244,8 +244,8 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
     search_grasps(subject, subject.model, Sampling(), ignore)
     wider_search.search_wider(subject, subject.model, Sampling(), ignore)
     assert len(asked) == 3
-    assert labels.reaching is not None
-    assert all(one == vars(labels.reaching) for one in asked)
+    assert labels.scene is not None
+    assert all(one is labels.scene for one in asked)
 
 
 def test_limits_beyond_the_stroke_need_no_search() -> None:
@@ -275,7 +275,7 @@ def test_fixed_fingers_are_not_tested_with_the_gripper(session: Session) -> None
     session.change(click="fix")
     session.click(held_vertex())
     wait_until_idle(session)
-    assert session.reaching is not None
+    assert session.scene is not None
     assert any("the gripper is not tested" in note for note in panel_text(session).notes)
 
 
@@ -286,11 +286,11 @@ def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
     labels = held_box()
     write_ply(tmp_path / "box.ply", labels)
     subject = read_subject(tmp_path / "box.ply")
-    assert subject.reaching is not None
-    assert labels.reaching is not None
+    assert subject.scene is not None
+    assert labels.scene is not None
     assert labels.reach is not None
-    assert subject.reaching.hand == JAWS
-    assert reaching_settings(subject.reaching) == reaching_settings(labels.reaching)
+    assert subject.scene.hand == JAWS
+    assert scene_settings(subject.scene) == scene_settings(labels.scene)
     assert subject.approach_margin is not None
     assert np.allclose(
         subject.approach_margin, labels.reach.approach_margin, atol=1e-6, equal_nan=True
@@ -335,7 +335,7 @@ def test_results_of_a_batch_have_poses(tmp_path: Path) -> None:
     prepared = prepare_labels(subject, ignore).labels
     assert prepared is not None
     assert prepared.reach is subject.reach
-    assert prepared.reaching is subject.reaching
+    assert prepared.scene is subject.scene
     assert is_closed(subject.faces)
 
 
@@ -358,7 +358,7 @@ def test_another_gripper_than_in_the_file_starts_a_search(
     write_ply(path, held_box())
 
     def label(_: object, *__: object, **settings: Any) -> SurfaceLabels:
-        asked.append(settings["hand"].name)
+        asked.append(settings["scene"].hand.name)
         return held_box()
 
     monkeypatch.setattr(computations, "label_surface", label)
@@ -372,7 +372,7 @@ def test_another_gripper_than_in_the_file_starts_a_search(
 
 
 def test_settings_of_the_gripper_are_one_json_line() -> None:
-    settings = reaching_settings(held_box().reaching)
+    settings = scene_settings(held_box().scene)
     assert json.loads(str(settings["gripper"]))["name"] == "jaws"
 
 
@@ -479,9 +479,9 @@ def test_a_click_moves_the_camera_away_only_if_the_gripper_is_not_visible() -> N
 @needs_opengl
 def test_the_table_is_level_in_the_picture() -> None:
     labels = held_box()
-    assert labels.reaching is not None
-    table = replace(labels.reaching.table, normal=np.array([1.0, 0.0, 0.0]))
-    tilted = replace(labels, reaching=replace(labels.reaching, table=table))
+    assert labels.scene is not None
+    table = replace(labels.scene.table, normal=np.array([1.0, 0.0, 0.0]))
+    tilted = replace(labels, scene=replace(labels.scene, table=table))
     session = ready_session(tilted)
     plotter = new_plotter(ViewSettings(width=400, height=320), off_screen=True)
     try:

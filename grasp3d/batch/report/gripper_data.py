@@ -27,10 +27,10 @@ def gripper_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
         `parts`, a name for each face; `fingers`, their length; `table`, with vertices and faces in
         the frame of the mesh, or None.
     """
-    reaching, unit = labels.reaching, labels.mesh.unit
-    if reaching is None or unit is None:
+    scene, unit = labels.scene, labels.mesh.unit
+    if scene is None or unit is None:
         return None
-    hand, table = reaching.hand, reaching.table
+    hand, table = scene.hand, scene.table
     closed = gripper_triangles(hand, 0.0, unit=unit)
     opened = gripper_triangles(hand, 1.0, unit=unit)
     names = [part.name.lower() for part in Part]
@@ -46,12 +46,10 @@ def gripper_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
 
 def drawn_openings(grasps: Sequence[BestGrasp], labels: "SurfaceLabels") -> list[float | None]:
     """Opening at which the gripper is drawn at each grasp [mesh unit]; None: it is not drawn."""
-    reaching, unit = labels.reaching, labels.mesh.unit
-    if reaching is None or unit is None:
+    scene, unit = labels.scene, labels.mesh.unit
+    if scene is None or unit is None:
         return [None] * len(grasps)
-    return [
-        None if not grasp.pose else _drawn_opening(grasp, reaching.hand, unit) for grasp in grasps
-    ]
+    return [None if not grasp.pose else _drawn_opening(grasp, scene.hand, unit) for grasp in grasps]
 
 
 def _drawn_opening(grasp: BestGrasp, hand: ParallelGripper, unit: Unit) -> float:

@@ -28,7 +28,7 @@ from grasp3d._kernels.ray_crossings import SMALLEST_OPENING
 from grasp3d._kernels.ray_tracing import Rays
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, used_indices
 from grasp3d.hand.reach import Reach
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -127,7 +127,7 @@ def best_pairs(
     cone: float,
     *,
     threads: int,
-    reaching: Reaching | None = None,
+    scene: Scene | None = None,
     ranking: Ranking = ALIKE,
     progress: Progress | None = None,
 ) -> AntipodalGrasps:
@@ -142,13 +142,13 @@ def best_pairs(
         sampling: Rays, grip, opening limits and tolerance.
         cone: Half-angle of the cone of directions about the inward normals [rad].
         threads: Threads to use.
-        reaching: The gripper that must reach the grasps; None: ideal points.
+        scene: The gripper that must reach the grasps; None: ideal points.
         ranking: Which uncertainties of the contacts the best grasp depends on.
         progress: Called with the fraction of the work done, from 0 to 1.
     """
     with ThreadPoolExecutor(threads) as executor:
         search = _Search(
-            mesh, sampling, cone, threads, executor, progress or ignore, reaching, ranking
+            mesh, sampling, cone, threads, executor, progress or ignore, scene, ranking
         )
         return search.run()
 
@@ -173,7 +173,7 @@ class _Search:
     threads: int
     executor: ThreadPoolExecutor
     progress: Progress
-    reaching: Reaching | None = None
+    scene: Scene | None = None
     ranking: Ranking = ALIKE
     traced: int = field(default=0, init=False)
     evaluated: int = field(default=0, init=False)
@@ -263,10 +263,10 @@ class _Search:
 
     def _keep_reached(self, *, squeeze: bool) -> None:
         """With a gripper: replace the grasps by the best ones that it reaches."""
-        if self.reaching is None:
+        if self.scene is None:
             return
         reach = ReachSearch(
-            self.mesh, self.reaching, self.cone, self.limits, self.executor,
+            self.mesh, self.scene, self.cone, self.limits, self.executor,
             largest_cost(self.cone, self.ranking),
         )  # fmt: skip
         ideal, self.grasps = (

@@ -20,8 +20,8 @@ from grasp3d._kernels.gripper_shape import ReachResults, make_workspace, no_resu
 from grasp3d._kernels.ray_tracing import starting_rays
 from grasp3d._kernels.reachable_partners import explain_pairs, keep_reached, search_reachable
 from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.hand.normalized_scene import NormalizedScene
 from grasp3d.hand.reach import Reach, Reachability
-from grasp3d.hand.reaching import Reaching
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import SurfaceRays
@@ -69,7 +69,7 @@ class ReachSearch:
     """Search for the grasps of vertices that a gripper reaches, in the normalised frame."""
 
     mesh: ObjectMesh
-    reaching: Reaching
+    scene: Scene
     cone: float
     """Largest critical angle [rad]."""
     limits: PairLimits
@@ -79,14 +79,13 @@ class ReachSearch:
     """Largest cost that is searched for [rad]."""
 
     def __post_init__(self) -> None:
-        mesh, reaching = self.mesh, self.reaching
+        mesh, scene = self.mesh, self.scene
         self.surface, self.sets = mesh.contact_surface, mesh.contact_normals
         self.centres = mesh.normal_sets.centres
-        scene = Scene.of(mesh, reaching.hand, reaching.table, reaching.approach)
-        self.shape, self.approach, self.boxes = scene.shape, scene.limits, scene.tree
+        self.beside = NormalizedScene.of(mesh, scene.hand, scene.table, scene.approach)
         self.tree: FaceTree = face_tree(self.surface)
         self.results = no_results(len(mesh.vertices))
-        self.spacing = min(SPACING * self.shape.finger_width, LARGEST_SPACING)
+        self.spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)
 
     def run(
         self, found: BestPairs, tracer: SurfaceRays, neighbours: tuple[Ints, Ints], *, squeeze: bool
@@ -152,16 +151,16 @@ class ReachSearch:
         vertices, signs, faces, weights = _grasps_of(found, missing, 0)
         codes = self.results.codes
 
-        def work(rows: slice, reaching: Any) -> None:
+        def work(rows: slice, beside: Any) -> None:
             explain_pairs(
                 vertices[rows], signs[rows], faces[rows], weights[rows], self.centres,
-                self.surface, self.sets, reaching, codes,
+                self.surface, self.sets, beside, codes,
             )  # fmt: skip
 
         self._in_chunks(work, len(missing))
         useless = missing[found.best[missing] >= self.cone]
         codes[self._facing(useless, found, tracer)] = Reachability.WIDTH
-        return Reach.of(self.mesh, self.results, self.reaching.approach.angles)
+        return Reach.of(self.mesh, self.results, self.scene.approach.angles)
 
     def _facing(self, vertices: Ints, found: BestPairs, tracer: SurfaceRays) -> Ints:
         """Those vertices that have a grasp along their normal, of any opening."""
@@ -191,11 +190,11 @@ class ReachSearch:
         faces = np.full((len(vertices), wanted), -1, dtype=np.int64)
         weights = np.zeros((len(vertices), wanted, 3))
 
-        def work(rows: slice, reaching: Any) -> None:
+        def work(rows: slice, beside: Any) -> None:
             faces[rows], weights[rows] = search_reachable(
                 vertices[rows], worst, self.most, self.spacing, wanted, most_failed,
                 self.tree, self.centres,
-                self.surface, self.sets, self.limits, reaching,
+                self.surface, self.sets, self.limits, beside,
             )  # fmt: skip
 
         self._in_chunks(work, len(vertices))
@@ -218,10 +217,10 @@ class ReachSearch:
         order = np.argsort(pairs.vertices, kind="stable")
         vertices, signs, faces, weights = (array[order] for array in pairs)
 
-        def work(rows: slice, reaching: Any) -> None:
+        def work(rows: slice, beside: Any) -> None:
             keep_reached(
                 vertices[rows], signs[rows], faces[rows], weights[rows], self.centres,
-                self.surface, self.sets, reaching, reached, results,
+                self.surface, self.sets, beside, reached, results,
             )  # fmt: skip
 
         # No two threads write the grasp of one vertex.
@@ -238,8 +237,8 @@ class ReachSearch:
         ends = np.append(starts[1:], count)
 
         def run(start: int, end: int) -> None:
-            workspace = make_workspace(self.reaching.approach.angles)
-            work(slice(start, end), (self.shape, self.approach, self.boxes, workspace))
+            workspace = make_workspace(self.scene.approach.angles)
+            work(slice(start, end), (*self.beside, workspace))
 
         if count:
             list(self.executor.map(run, starts.tolist(), ends.tolist()))

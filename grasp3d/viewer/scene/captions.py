@@ -163,8 +163,8 @@ def _errors(session: Session, model: GraspModel) -> tuple[str, ...]:
 
 def _gripper(session: Session) -> tuple[str, ...]:
     """Name of the gripper that must reach each grasp."""
-    reaching = session.reaching
-    return () if reaching is None else (f"gripper {reaching.hand.name}",)
+    scene = session.scene
+    return () if scene is None else (f"gripper {scene.hand.name}",)
 
 
 def _limit(session: Session) -> tuple[str, ...]:

@@ -196,12 +196,12 @@ class Scene:
 
     def _set_surroundings(self, session: Session, subject: Subject) -> None:
         """Set the direction that is up, and the size of all that may be shown."""
-        reaching, self._size, self._up = session.reaching, subject.size, None
-        if reaching is not None and subject.unit is not None:
-            hand = reaching.hand
+        scene, self._size, self._up = session.scene, subject.size, None
+        if scene is not None and subject.unit is not None:
+            hand = scene.hand
             length = hand.finger_length + hand.palm_length + hand.palm_thickness
             self._size += length / METRES[subject.unit]
-            self._up = None if reaching.table is None else reaching.table.normal
+            self._up = None if scene.table is None else scene.table.normal
 
     def _show_whole_gripper(self) -> None:
         """Move the camera away, in the same direction, if most of the gripper is not visible."""
@@ -237,14 +237,14 @@ class Scene:
         pane.show(subject, state.paint, model, stale=session.stale)
         pane.cut(state.section.plane(subject.bounds) if state.section else None)
         fixed = np.array(state.fixed, dtype=float).reshape(-1, 3)
-        reaching = session.reaching
+        scene = session.scene
         held = inspection.held if inspection is not None and state.show_gripper else None
         self._marks[number].show(subject, inspection, fixed, cones=held is None)
         return self._grippers[number].show(
             subject,
-            None if reaching is None else reaching.hand,
+            None if scene is None else scene.hand,
             held,
-            reaching.table if reaching is not None and state.show_table else None,
+            scene.table if scene is not None and state.show_table else None,
         )
 
     def _clear(self) -> None:

@@ -13,7 +13,7 @@ from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.hand.reaching import Reaching, reaching_settings
+from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh, prepare_file
 from grasp3d.mesh.masses import loaded_mesh
@@ -251,11 +251,11 @@ def _with_gripper(subject: Subject, search: Search, progress: Progress) -> Subje
         raise SettingError(
             f"{subject.name}: is a scan, whose grasps are given; a gripper cannot be chosen for it"
         )
-    stored, wanted = subject.reaching, Reaching.of(reach, mesh_of(subject))
+    stored, wanted = subject.scene, Scene.of(reach, mesh_of(subject))
     assert wanted is not None
-    if stored is not None and reaching_settings(stored) == reaching_settings(wanted):
+    if stored is not None and scene_settings(stored) == scene_settings(wanted):
         return subject
-    found = search_grasps(replace(subject, reaching=wanted), model, sampling, progress)
+    found = search_grasps(replace(subject, scene=wanted), model, sampling, progress)
     note = f"grasps were searched again for gripper {wanted.hand.name}, unlike in the file"
     return replace(found, notes=(*subject.notes, note))
 
@@ -281,8 +281,8 @@ def _open_mesh(
     if not force:
         refuse_lengths(mesh, model.lengths() | sampling.lengths(), load)
     progress(READ)
-    reaching = Reaching.of(reach, mesh)
-    return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0), reaching, load)
+    scene = Scene.of(reach, mesh)
+    return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0), scene, load)
 
 
 def _label_mesh(
@@ -290,11 +290,12 @@ def _label_mesh(
     model: GraspModel,
     sampling: Sampling,
     progress: Progress,
-    reaching: Reaching | None = None,
+    scene: Scene | None = None,
     load: Load | None = None,
 ) -> Subject:
-    found = Reaching.keywords(reaching)
-    labels = label_surface(mesh, model, sampling=sampling, load=load, progress=progress, **found)
+    labels = label_surface(
+        mesh, model, sampling=sampling, scene=scene, load=load, progress=progress
+    )
     return warm_up(subject_of(labels))
 
 
@@ -318,7 +319,7 @@ def _scan_grasp(grasps: SurfaceGrasps, row: int, progress: Progress) -> Subject:
         held=GripperPose.of(grasps.reach, row),
         grasp=contacts,
     )
-    return warm_up(replace(subject_of(labels), last_contact=shown, reaching=grasps.reaching))
+    return warm_up(replace(subject_of(labels), last_contact=shown, scene=grasps.scene))
 
 
 def _in_unit(

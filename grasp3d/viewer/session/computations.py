@@ -8,7 +8,6 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.hand.reaching import Reaching
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
 from grasp3d.settings import GraspModel, Sampling, search_cone
@@ -88,7 +87,7 @@ def search_grasps(
     labels = label_surface(
         mesh, model, sampling=replace(sampling, search_angle=cone),
         load=subject.load, progress=within(progress, start, 1.0),
-        **Reaching.keywords(subject.reaching),
+        scene=subject.scene,
     )  # fmt: skip
     return warm_up(subject_of(labels, subject.name))
 
@@ -154,7 +153,7 @@ def prepare_labels(subject: Subject, progress: Progress) -> Subject:
         sampling=subject.sampling,
         mode=subject.mode,
         search=SearchReport(cone=subject.cone),
-        reaching=subject.reaching,
+        scene=subject.scene,
         load=subject.load,
     )
     return warm_up(replace(subject, labels=labels))

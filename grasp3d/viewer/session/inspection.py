@@ -98,7 +98,7 @@ def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspectio
         cone=subject.cone,
         reason=_reason(subject, vertex),
         off_line=off,
-        gripper=None if subject.reaching is None else subject.reaching.hand.name,
+        gripper=None if subject.scene is None else subject.scene.hand.name,
         unreached=_unreached(subject, vertex),
         perceived=_perceived(model, *perceived),
     )
@@ -237,7 +237,7 @@ def _reason(subject: Subject, vertex: int) -> Reason | None:
         sampling.min_opening > 0.0
         or math.isfinite(min(sampling.max_opening, sampling.max_spread))
         or sampling.min_separation is not None
-        or subject.reaching is not None
+        or subject.scene is not None
     )
     unnamed = subject.partners is None and reason == Reason.NO_PARTNER
     return None if unnamed and limited else reason
@@ -261,7 +261,7 @@ def _held(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
         return None
     numbers = (known.grip_force, known.grip_force_least, known.grip_force_largest, known.payload)
     force, least, largest, payload = (float(values[vertex]) for values in numbers)
-    hard = subject.reaching is None and subject.model.torsion_radius == 0.0
+    hard = subject.scene is None and subject.model.torsion_radius == 0.0
     codes = known.resistance
     resistance = None if codes is None else Resistance(int(codes[vertex]))
     return HeldGrasp(load, force, least, largest, payload, subject.model.fingers, hard, resistance)

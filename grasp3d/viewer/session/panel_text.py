@@ -126,9 +126,9 @@ def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
         f"size {subject.size:.3g} {unit}, {len(subject.vertices):,} vertices, "
         f"{'closed' if subject.closed else 'open'}"
     )
-    if subject.reaching is not None:
-        table = "" if subject.reaching.table is None else " and a table"
-        facts += f"; gripper {subject.reaching.hand.name}{table}"
+    if subject.scene is not None:
+        table = "" if subject.scene.table is None else " and a table"
+        facts += f"; gripper {subject.scene.hand.name}{table}"
     if subject.load_numbers is not None:
         facts += f"; load {subject.load_numbers}"
     if subject.mode == "scan" and not stale:
@@ -146,7 +146,7 @@ def _notes(session: Session) -> Iterator[str]:
     subject, state = session.subject, session.state
     if subject is None or session.stale:
         return
-    if state.fixed and session.reaching is not None:
+    if state.fixed and session.scene is not None:
         yield "with fixed fingers the labels are those of ideal points: the gripper is not tested"
     missing = state.model.fingers - 1 - len(state.fixed)
     if state.fixed and missing > 0:

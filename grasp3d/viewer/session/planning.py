@@ -121,9 +121,9 @@ def needs_search(subject: Subject, state: ViewState, sampling: Sampling) -> bool
 def _limits(subject: Subject, sampling: Sampling) -> Sampling:
     """Settings of a search without its cone, with openings that a gripper can have."""
     sampling = replace(sampling, search_angle=None)
-    if subject.reaching is None or subject.unit is None:
+    if subject.scene is None or subject.unit is None:
         return sampling
-    least, most = (limit / METRES[subject.unit] for limit in subject.reaching.hand.limits)
+    least, most = (limit / METRES[subject.unit] for limit in subject.scene.hand.limits)
     most = min(sampling.max_opening, most)
     return replace(
         sampling, min_opening=min(max(sampling.min_opening, least), most), max_opening=most

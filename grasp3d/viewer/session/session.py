@@ -5,7 +5,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.settings import MAX_SEARCHED_FINGERS, GraspModel
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.session.background import Finished, Worker
@@ -142,10 +142,10 @@ class Session:
         return last[2]
 
     @property
-    def reaching(self) -> Reaching | None:
+    def scene(self) -> Scene | None:
         """The gripper and the table of the current object; None: no gripper."""
         subject = self._viewed.subject
-        return None if subject is None else subject.reaching
+        return None if subject is None else subject.scene
 
     def change(self, **changes: Any) -> None:
         """Change some choices.
@@ -242,10 +242,10 @@ class Session:
         """
         if self._viewed.subject is None:
             return
-        reaching = self.reaching
-        if reaching is None:
+        scene = self.scene
+        if scene is None:
             raise SettingError("there is no gripper; open the object with one (--hand)")
-        if table and reaching.table is None:
+        if table and scene.table is None:
             raise SettingError("there is no table; open the object with one (--table)")
 
     def check_paint(self, paint: Paint) -> None:

@@ -10,7 +10,6 @@ from dataclasses import replace
 
 import numpy as np
 
-from grasp3d.hand.reaching import Reaching
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
@@ -45,7 +44,7 @@ def search_wider(
     wide = label_surface(
         known.mesh, replace(model, fingers=known.model.fingers),
         sampling=replace(sampling, search_angle=WIDEST), load=subject.load,
-        progress=within(progress, start, 1.0), **Reaching.keywords(subject.reaching),
+        progress=within(progress, start, 1.0), scene=subject.scene,
     )  # fmt: skip
     return warm_up(subject_of(with_known_grasps(wide, known), subject.name))
 
@@ -80,5 +79,5 @@ def _known_labels(subject: Subject, sampling: Sampling, progress: Progress) -> S
     cone = min(subject.cone, math.pi / 2.0)
     return label_surface(
         mesh_of(subject), subject.model, sampling=replace(sampling, search_angle=cone),
-        load=subject.load, progress=progress, **Reaching.keywords(subject.reaching),
+        load=subject.load, progress=progress, scene=subject.scene,
     )  # fmt: skip

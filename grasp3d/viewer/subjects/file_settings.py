@@ -13,7 +13,7 @@ from grasp3d.arrays import Floats
 from grasp3d.errors import GraspError
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.loads import Load, load_from
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
@@ -40,7 +40,7 @@ class FileSettings:
     cone: float
     """Largest critical friction angle that was searched [rad]."""
     unit: Unit | None
-    reaching: Reaching | None = None
+    scene: Scene | None = None
     """The gripper that must reach each grasp, and the table; None: ideal points."""
     load: Load | None = None
     """What each grasp must hold; None: nothing, or its task was made in Python."""
@@ -80,7 +80,7 @@ def settings_from(comments: Mapping[str, str]) -> FileSettings:
         mode="scan" if mode == "scan" else "label",
         cone=cone,
         unit=options.unit,
-        reaching=_reaching(values),
+        scene=_scene(values),
         load=load,
         load_numbers=_load_numbers(values, load, options.unit),
     )
@@ -119,7 +119,7 @@ def _depends_on_mass(load: Load | None, unit: Unit | None) -> bool:
         raise ValueError(str(error)) from error
 
 
-def _reaching(values: Mapping[str, str]) -> Reaching | None:
+def _scene(values: Mapping[str, str]) -> Scene | None:
     """The gripper, the table and the approach; None: there is no gripper.
 
     Raises:
@@ -131,7 +131,7 @@ def _reaching(values: Mapping[str, str]) -> Reaching | None:
         hand = ParallelGripper(**_fields(json.loads(values["gripper"])))
         table, direction = _numbers(values, "table", 4), _numbers(values, "approach_direction", 3)
         within, angles = float(values["approach_within"]), int(values["approach_angles"])
-        return Reaching(
+        return Scene(
             hand,
             None if table is None else Table(table[:3], float(table[3])),
             Approach(direction, within=within, angles=angles),

@@ -170,7 +170,7 @@ def _checked_header(source: Source, header: PlyHeader, kinds: dict[str, str]) ->
         found = settings_from(comments_of(source.head(LONGEST_HEADER)[: header.start]))
     except ValueError as error:
         raise damaged(source, f"its grasp3d comments are not valid: {error}") from error
-    if found.reaching is not None and kinds.get(APPROACH_MARGIN) not in {"f4", "f8"}:
+    if found.scene is not None and kinds.get(APPROACH_MARGIN) not in {"f4", "f8"}:
         raise damaged(source, f"its property {APPROACH_MARGIN!r} is not a float")
     for name in (*_located_names(found), *_force_names(found)):
         if kinds.get(name) not in {"f4", "f8"}:
@@ -183,7 +183,7 @@ def _checked_header(source: Source, header: PlyHeader, kinds: dict[str, str]) ->
 
 
 def _margins(settings: FileSettings, columns: dict[str, npt.NDArray[Any]]) -> Floats:
-    if settings.reaching is None:
+    if settings.scene is None:
         return np.full(len(columns["label"]), math.nan)
     return columns[APPROACH_MARGIN].astype(np.float64)
 

@@ -133,7 +133,7 @@ def _reach(
     Raises:
         ValueError: A column is missing, or axes are not at right angles.
     """
-    if subject.reaching is None:
+    if subject.scene is None:
         return None
     x, z = _vectors(columns, "closing_"), _vectors(columns, "approach_")
     poses = np.zeros((len(x), 4, 4))
@@ -163,8 +163,8 @@ def _gripper_openings(
     Returns:
         In the mesh's unit, shape (V,).
     """
-    assert subject.reaching is not None
-    hand = subject.reaching.hand
+    assert subject.scene is not None
+    hand = subject.scene.hand
     metres = METRES[subject.unit] if subject.unit else math.nan
     radius, thickness = hand.tip_radius / metres, hand.finger_thickness / metres
     ends = partners[:, 0] - radius * normals[:, 0]

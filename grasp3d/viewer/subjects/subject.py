@@ -12,7 +12,7 @@ import numpy.typing as npt
 from grasp3d.arrays import Bytes, Floats, Ints, first_at_position, locked, short_repr
 from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.reach import Reach
-from grasp3d.hand.reaching import Reaching
+from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
 from grasp3d.mesh.measures import face_areas, is_closed
 from grasp3d.mesh.normals import CornerNormals, corner_normals
@@ -138,7 +138,7 @@ class Subject:
     """Two fingers: grip codes as in `SurfaceLabels`. (V,)"""
     last_contact: LastContact | None = None
     """With fixed fingers: the best contact found for the last one; None: unknown."""
-    reaching: Reaching | None = None
+    scene: Scene | None = None
     """The gripper that must reach each grasp, and the table; None: ideal points."""
     reach: Reach | None = None
     """How it reaches the grasp of each vertex, a row for each; None: no gripper, or the file does
@@ -264,7 +264,7 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         labels=labels,
         partner_normals=labels.partner_normals,
         grip=labels.grip,
-        reaching=labels.reaching,
+        scene=labels.scene,
         reach=reach,
         approach_margin=None if reach is None else reach.approach_margin,
         unreached=None if reach is None else reach.state,
@@ -315,8 +315,8 @@ def read_subject(path: Path, max_memory: float = MeshOptions.max_memory) -> Subj
         options=stored.options,
         notes=(*_file_notes(stored.mode, closed=closed), *_method_notes(model, other)),
         labels=None,
-        reaching=stored.reaching,
-        approach_margin=locked(found.approach_margin) if stored.reaching else None,
+        scene=stored.scene,
+        approach_margin=locked(found.approach_margin) if stored.scene else None,
         load=stored.load,
         load_numbers=stored.load_numbers,
         forces=None if stored.load_numbers is None else _forces(found),

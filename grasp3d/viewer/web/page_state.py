@@ -47,7 +47,7 @@ def constant_state(session: Session) -> dict[str, Any]:
 
 def page_state(session: Session) -> dict[str, Any]:
     """State that depends on the session's choices and results."""
-    text, subject, reaching = panel_text(session), session.subject, session.reaching
+    text, subject, scene = panel_text(session), session.subject, session.scene
     return {
         **field_values(session),
         "paints": [
@@ -55,8 +55,8 @@ def page_state(session: Session) -> dict[str, Any]:
             for name, shown in PAINTS.items()
             if session.offers(name) or session.state.paint == name
         ],
-        "gripper": "" if reaching is None else reaching.hand.name,
-        "table": reaching is not None and reaching.table is not None,
+        "gripper": "" if scene is None else scene.hand.name,
+        "table": scene is not None and scene.table is not None,
         "title": text.title,
         "facts": text.facts,
         "rules": list(text.rules),

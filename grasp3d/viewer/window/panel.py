@@ -274,11 +274,11 @@ def _paint_buttons(session: Session) -> list[Row]:
 
 def _gripper_buttons(session: Session) -> list[Row]:
     """Switches for what a gripper adds to the picture."""
-    reaching, state = session.reaching, session.state
-    if reaching is None:
+    scene, state = session.scene, session.state
+    if scene is None:
         return []
     shown = [Button("key-j", "gripper", state.show_gripper)]
-    if reaching.table is not None:
+    if scene.table is not None:
         shown.append(Button("key-t", "table", state.show_table))
     return [ButtonRow("show", tuple(shown))]
 

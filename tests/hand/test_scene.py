@@ -7,9 +7,11 @@ import pytest
 
 from grasp3d import GraspModel, Sampling, load_mesh
 from grasp3d.errors import SettingError
+from grasp3d.hand.approach import Approach
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.hand.reaching import Reaching, metres_per_unit
+from grasp3d.hand.scene import Scene
 from grasp3d.settings.lengths import METRES
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, TIPS
@@ -18,32 +20,34 @@ BOX = load_mesh(shapes.box((60.0, 40.0, 20.0)), unit="mm", max_edge=200.0)
 
 
 def test_without_a_gripper_there_is_nothing() -> None:
-    assert Reaching.of(ReachSettings(), BOX) is None
-    assert Reaching.keywords(None) == {}
+    assert Scene.of(ReachSettings(), BOX) is None
+    assert Scene.given(None) is None
+    with pytest.raises(SettingError, match="apply to grippers only"):
+        Scene.given(None, approach=Approach())
 
 
 def test_a_table_is_below_and_the_approach_into_it() -> None:
     for up, axis, offset in (("z", 2, -10.0), ("y", 1, -20.0)):
         settings = ReachSettings(HAND, "as-is", up, approach_within=1.0, approach_angles=16)
-        reaching = Reaching.of(settings, BOX)
-        assert reaching.table.normal[axis] == 1.0
-        assert reaching.table.offset == pytest.approx(offset)
-        assert reaching.approach.direction == pytest.approx(-reaching.table.normal)
-        assert (reaching.approach.within, reaching.approach.angles) == (1.0, 16)
-    words = Reaching.keywords(reaching)
-    assert set(words) == {"hand", "table", "approach"}
+        scene = Scene.of(settings, BOX)
+        assert scene.table.normal[axis] == 1.0
+        assert scene.table.offset == pytest.approx(offset)
+        assert scene.approach.direction == pytest.approx(-scene.table.normal)
+        assert (scene.approach.within, scene.approach.angles) == (1.0, 16)
+    same = Scene.given(scene.hand, scene.table, scene.approach)
+    assert vars(same) == vars(scene)
 
 
 def test_without_a_table_up_still_says_where_down_is() -> None:
-    reaching = Reaching.of(ReachSettings(HAND, up="-x", approach_within=0.5), BOX)
-    assert reaching.table is None
-    assert reaching.approach.direction == pytest.approx([1.0, 0.0, 0.0])
+    scene = Scene.of(ReachSettings(HAND, up="-x", approach_within=0.5), BOX)
+    assert scene.table is None
+    assert scene.approach.direction == pytest.approx([1.0, 0.0, 0.0])
 
 
 def test_a_stable_table_is_that_of_the_resting_pose() -> None:
-    reaching = Reaching.of(ReachSettings(HAND, "stable", resting_pose=5), BOX)
-    assert abs(reaching.table.normal[0]) == pytest.approx(1.0)
-    assert reaching.approach.direction == pytest.approx(-reaching.table.normal)
+    scene = Scene.of(ReachSettings(HAND, "stable", resting_pose=5), BOX)
+    assert abs(scene.table.normal[0]) == pytest.approx(1.0)
+    assert scene.approach.direction == pytest.approx(-scene.table.normal)
 
 
 @pytest.mark.parametrize("unit", ["mm", "cm", "m", "in"])
@@ -52,34 +56,34 @@ def test_openings_are_limited_to_the_stroke_in_the_meshs_unit(unit: str) -> None
     vertices, faces = shapes.box((60.0, 40.0, 20.0))
     mesh = load_mesh((scale * vertices, faces), unit=unit, max_edge=200.0 * scale)
     assert metres_per_unit(mesh) == METRES[unit]
-    limited = Reaching(HAND).within_stroke(mesh, Sampling())
+    limited = Scene(HAND).within_stroke(mesh, Sampling())
     assert limited.max_opening == pytest.approx(76.0 * scale)
     assert limited.min_opening == 0.0
-    narrow = Reaching(HAND).within_stroke(mesh, Sampling(max_opening=30.0 * scale))
+    narrow = Scene(HAND).within_stroke(mesh, Sampling(max_opening=30.0 * scale))
     assert narrow.max_opening == pytest.approx(30.0 * scale)
     # Round tips may touch at an angle; internal grasps have the fingers between the contacts.
-    tips = Reaching(TIPS).within_stroke(mesh, Sampling())
+    tips = Scene(TIPS).within_stroke(mesh, Sampling())
     assert tips.max_opening == pytest.approx((76.0 + 16.0) * scale)
-    inside = Reaching(HAND).within_stroke(mesh, Sampling(grip="expand"))
+    inside = Scene(HAND).within_stroke(mesh, Sampling(grip="expand"))
     assert inside.max_opening == pytest.approx((76.0 + 40.0) * scale)
 
 
 def test_limits_outside_the_stroke_are_refused() -> None:
     with pytest.raises(SettingError, match="opens from 0 to 76 mm, which contradicts"):
-        Reaching(HAND).within_stroke(BOX, Sampling(min_opening=77.0))
+        Scene(HAND).within_stroke(BOX, Sampling(min_opening=77.0))
 
 
 def test_three_fingers_need_round_tips() -> None:
-    Reaching(TIPS).check_model(GraspModel(fingers=3))
-    Reaching(HAND).check_model(GraspModel(fingers=2))
+    Scene(TIPS).check_model(GraspModel(fingers=3))
+    Scene(HAND).check_model(GraspModel(fingers=2))
     with pytest.raises(SettingError, match="flat pads"):
-        Reaching(HAND).check_model(GraspModel(fingers=3))
+        Scene(HAND).check_model(GraspModel(fingers=3))
 
 
 def test_a_mesh_without_a_unit_is_refused() -> None:
     mesh = load_mesh(shapes.box(), max_edge=9.0)
     with pytest.raises(SettingError, match="--unit"):
-        Reaching.of(ReachSettings(HAND), mesh)
+        Scene.of(ReachSettings(HAND), mesh)
 
 
 @pytest.mark.parametrize(
