@@ -59,7 +59,8 @@ def run(checkout: Path, folder: Path, meshes: list[Path], only: list[str]) -> No
                 ]  # fmt: skip
                 if suffix == "npz":
                     words += ["--best", "10", "--grasps", str(target / f"{mesh.stem}.json")]
-                subprocess.run([sys.executable, "-c", start, *words], check=True, env=environment)  # noqa: S603
+                command = [sys.executable, "-P", "-c", start, *words]  # not from this folder
+                subprocess.run(command, check=True, env=environment)  # noqa: S603
 
 
 def arrays_of(path: Path) -> Arrays:
