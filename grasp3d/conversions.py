@@ -4,7 +4,6 @@ The libraries are imported when they are used.
 """
 
 import math
-from dataclasses import asdict
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -16,6 +15,7 @@ from grasp3d.loads import load_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.settings.lengths import one_line
+from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import COLORS, Label, Mode
 from grasp3d.surface.epsilon import EPSILON_RTOL
 from grasp3d.surface.labels import SurfaceLabels
@@ -227,9 +227,9 @@ def chosen_settings(
         # In a header it must be one line of ASCII characters.
         "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
         "mode": mode,
-        **asdict(model),
-        **({} if sampling is None else asdict(sampling)),
-        **asdict(mesh.options),
+        **plain_values(model),
+        **({} if sampling is None else plain_values(sampling)),
+        **plain_values(mesh.options),
         "center_of_mass": one_line(mesh.options.center_of_mass),
         "unit": mesh.unit or "unknown",
         **scene_settings(scene),

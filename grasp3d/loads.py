@@ -7,13 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from grasp3d.errors import SettingError
-from grasp3d.quality.task_texts import (
-    check_task_text,
-    inline_files,
-    parse_task,
-    scaled_task,
-    task_files,
-)
+from grasp3d.quality.task_texts import TaskField, TaskText
 from grasp3d.settings.lengths import (
     METRES,
     Length,
@@ -21,27 +15,17 @@ from grasp3d.settings.lengths import (
     Unit,
     comparable,
     describe_length,
+    length_in_unit,
     one_line,
 )
+from grasp3d.settings.parsing import TextValue, settings_of_texts
 from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, Quantity
 
 if TYPE_CHECKING:
     from grasp3d.quality.tasks import Task
 
-DEFAULT_TASK = "weight"
-
 GIVEN_TASK = "given: "
 """Start of a stored task that was made in Python."""
-
-
-class TaskField:
-    """A field of settings that holds a task: a text, see `quality.task_texts`, or a `Task`."""
-
-    def __get__(self, instance: object | None, _owner: type) -> "str | Task":
-        return DEFAULT_TASK if instance is None else vars(instance)["task"]
-
-    def __set__(self, instance: object, value: "str | Task") -> None:
-        vars(instance)["task"] = check_task_text(value) if isinstance(value, str) else value
 
 
 @dataclass(frozen=True)
@@ -81,10 +65,11 @@ class Load(LengthSettings):
     mass: Quantity[float | None] = Quantity(None, MASSES)
     density: Quantity[float | tuple[float, ...] | None] = Quantity(None, DENSITIES, several=True)
     grip_force: Quantity[float | None] = Quantity(None, FORCES)
-    task: TaskField = TaskField()
+    task: TaskField = TaskField(TaskText.of("weight"))
     center_of_mass_radius: Length[float] = Length(0.0)
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.mass is not None and self.density is not None:
             raise SettingError("mass and density exclude each other; give one of them")
         radius = comparable(self.center_of_mass_radius)
@@ -93,12 +78,10 @@ class Load(LengthSettings):
                 "center_of_mass_radius must be a finite length of at least 0; got "
                 f"{describe_length(self.center_of_mass_radius)}"
             )
-        if not isinstance(self.task, str):
-            _check_task(self.task)
-            if self.center_of_mass_radius != 0.0:
-                raise SettingError(
-                    "center_of_mass_radius is for tasks as text; a Task has a center_radius"
-                )
+        if self.center_of_mass_radius != 0.0 and not isinstance(self.task, TaskText):
+            raise SettingError(
+                "center_of_mass_radius is for tasks as text; a Task has a center_radius"
+            )
 
     @property
     def chosen(self) -> "Load | None":
@@ -113,7 +96,7 @@ class Load(LengthSettings):
     @property
     def task_files(self) -> tuple[Path, ...]:
         """Files that the task's text names."""
-        return task_files(self.task) if isinstance(self.task, str) else ()
+        return self.task.files if isinstance(self.task, TaskText) else ()
 
     def with_files_read(self) -> "Load":
         """The same load, with the wrenches of files in the task's text: it needs no files.
@@ -121,10 +104,10 @@ class Load(LengthSettings):
         Raises:
             SettingError: A file is missing or damaged.
         """
-        if not isinstance(self.task, str):
+        if not self.task_files:
             return self
-        inline = inline_files(self.task)
-        return self if inline == self.task else replace(self, task=inline)
+        assert isinstance(self.task, TaskText)
+        return replace(self, task=self.task.with_files_read())
 
     def task_for(
         self, mass: float | None, unit: Unit | None, *, source: str = "the mesh"
@@ -140,13 +123,12 @@ class Load(LengthSettings):
             SettingError: The unit is not known, but torques or the radius of the centre of mass
                 need it; a file is missing or damaged.
         """
-        if not isinstance(self.task, str):
-            return scaled_task(self.task, mass)
-        radius = self.in_unit(unit, source=source).center_of_mass_radius
-        return parse_task(
-            self.task,
+        if not isinstance(self.task, TaskText):
+            return self.task if mass is None else self.task.scaled_to(mass)
+        name, radius = "center_of_mass_radius", self.center_of_mass_radius
+        return self.task.task(
             mass=1.0 if mass is None else mass,
-            center_radius=radius,
+            center_radius=length_in_unit(name, radius, unit, source=source),
             metres_per_unit=None if unit is None else METRES[unit],
             source=source,
         )
@@ -183,15 +165,10 @@ def load_from(values: Mapping[str, str]) -> Load | None:
     Raises:
         SettingError: It is damaged.
     """
-    found = {
-        one.name: None if values[one.name] == "None" else values[one.name]
-        for one in fields(Load)
-        if one.name in values
-    }
-    task = found.get("task")
-    if task is None or task.startswith(GIVEN_TASK):
-        return None
-    return Load(**found)  # type: ignore[arg-type]
+    task = values.get("task", "None")
+    return (
+        None if task == "None" or task.startswith(GIVEN_TASK) else settings_of_texts(Load, values)
+    )
 
 
 def _one_line(value: object) -> str | float | None:
@@ -200,11 +177,5 @@ def _one_line(value: object) -> str | float | None:
         return one_line(value)
     if value is None or isinstance(value, float | int):
         return value
-    return " ".join((value if isinstance(value, str) else f"{GIVEN_TASK}{value!r}").split())
-
-
-def _check_task(task: object) -> None:
-    from grasp3d.quality.tasks import Task
-
-    if not isinstance(task, Task):
-        raise SettingError(f"task must be a text, such as 'weight', or a Task; got {task!r}")
+    text = str(value) if isinstance(value, TextValue) else f"{GIVEN_TASK}{value!r}"
+    return " ".join(text.split())

@@ -3,8 +3,8 @@
 import math
 
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import Unit, small_length
-from grasp3d.settings.uncertainty import Uncertainty, parse_fingers
+from grasp3d.settings.lengths import AnyLength, Unit, small_length
+from grasp3d.settings.uncertainty import Uncertainty
 
 
 def friction_text(model: GraspModel) -> str:
@@ -37,7 +37,7 @@ def error_texts(model: GraspModel, unit: Unit | None = None) -> list[str]:
         locations ± 2 mm finger 1: normals ± 2°, locations ± 1 mm more finger 2: friction 0.3 to 0.4
     """
     texts = _errors(model.normal_error, model.location_error, unit)
-    for number, own in enumerate(parse_fingers(model.per_finger), 1):
+    for number, own in enumerate(model.per_finger, 1):
         if own != Uncertainty():
             texts.append(f"finger {number}: {', '.join(_own(own, unit))}")
     return texts
@@ -69,7 +69,7 @@ def _own(own: Uncertainty, unit: Unit | None) -> list[str]:
     return [*texts, f"friction {_interval(own.friction)}"] if own.friction else texts
 
 
-def _errors(normal: float, location: float | str, unit: Unit | None) -> list[str]:
+def _errors(normal: float, location: AnyLength, unit: Unit | None) -> list[str]:
     texts = [f"normals ± {math.degrees(normal):.4g}°"] if normal else []
     if location:
         texts.append(f"locations ± {small_length(location, unit)}")

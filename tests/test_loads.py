@@ -147,7 +147,7 @@ def test_files_are_read_into_the_text(tmp_path: Path) -> None:
     assert load.chosen == load.with_files_read()
     alone = load.with_files_read()
     path.unlink()
-    assert alone.task == "weight + wrench 5,0,0,0,0,0"
+    assert str(alone.task) == "weight + wrench 5,0,0,0,0,0"
     assert alone.task_for(1.0, None).support([1, 0, 0, 0, 0, 0]) == pytest.approx(14.80665)
     with pytest.raises(SettingError, match=r"pushes\.csv"):
         load.task_for(1.0, None)

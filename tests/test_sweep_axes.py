@@ -14,6 +14,7 @@ from hypothesis import strategies as st
 from grasp3d import GraspModel
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.planar import Circle
+from grasp3d.settings.lengths import Measure
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles, SphereAngles
 from grasp3d.sweeps import Sweep, mean_sweep, sweep, write_sweeps
 from grasp3d.sweeps.axes import NAMES, AxisName, axis_values, describe_value
@@ -113,10 +114,10 @@ def test_the_required_resolution_by_row_counts_the_other_errors() -> None:
     )
 
 
-def test_locations_with_a_unit_reach_the_labels_as_texts() -> None:
+def test_locations_with_a_unit_reach_the_labels() -> None:
     grasps, lengths = Grasps([0.1]), list[float | str](["0.2 cm", 0.0, "1mm", "2 mm"])
     swept = sweep(grasps, friction=0.5, sensor_resolution=0.1, location_error=lengths)
-    assert grasps.asked == [0.0, "0.1 cm", "0.2 cm"]
+    assert grasps.asked == [0.0, Measure(0.1, "cm"), Measure(0.2, "cm")]
     assert (swept.unit, swept.location_error.tolist()) == ("cm", [0.0, 0.1, 0.2])
     assert describe_value("location_error", 0.1, swept.unit) == "0.1 cm"
 

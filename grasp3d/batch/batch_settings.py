@@ -10,7 +10,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
 from grasp3d.settings import ANGLE_ROUNDING, DEGREE, GraspModel, MeshOptions, Sampling, search_cone
-from grasp3d.settings.lengths import length_in_unit, parse_length
+from grasp3d.settings.lengths import GivenLength, length_in_unit, parse_length
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
 """Default sensor resolutions of the grid: 0 to 60 degrees in steps of 5 [rad]."""
@@ -39,7 +39,7 @@ class FractionGrid:
     sensor_resolution: tuple[float, ...] = ()
     friction_error: tuple[float, ...] = ()
     normal_error: tuple[float, ...] = ()
-    location_error: tuple[float | str, ...] = ()
+    location_error: tuple[GivenLength, ...] = ()
 
     def __post_init__(self) -> None:
         for friction in self.friction:

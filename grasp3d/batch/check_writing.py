@@ -9,6 +9,7 @@ from typing import Any
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.checking import CheckedMesh
 from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis
+from grasp3d.settings.parsing import plain_values
 from grasp3d.system.files import atomic_write
 from grasp3d.system.versions import package_version
 from grasp3d.tables import write_table
@@ -48,7 +49,7 @@ def write_checks(path: Path, meshes: Sequence[CheckedMesh], settings: BatchSetti
         return
     rows = [{} if mesh.diagnosis is None else _row(mesh.diagnosis) for mesh in meshes]
     rows = [{**row, **_head(mesh)} for row, mesh in zip(rows, meshes, strict=True)]
-    write_table(path, rows, _COLUMNS, settings=asdict(settings))
+    write_table(path, rows, _COLUMNS, settings=plain_values(settings))
 
 
 def json_of(meshes: Sequence[CheckedMesh], settings: BatchSettings) -> str:
@@ -57,7 +58,7 @@ def json_of(meshes: Sequence[CheckedMesh], settings: BatchSettings) -> str:
         _head(mesh) | ({} if mesh.diagnosis is None else asdict(mesh.diagnosis)) | _head(mesh)
         for mesh in meshes
     ]
-    header = {"version": package_version(), **_finite(asdict(settings))}
+    header = {"version": package_version(), **_finite(plain_values(settings))}
     return json.dumps({"grasp3d": header, "meshes": entries}, indent=1, allow_nan=False)
 
 

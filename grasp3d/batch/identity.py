@@ -2,7 +2,6 @@
 
 import hashlib
 import json
-from dataclasses import asdict
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -10,6 +9,7 @@ from typing import Any
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.errors import MeshError
 from grasp3d.reading.side_files import side_names
+from grasp3d.settings.parsing import plain_values
 from grasp3d.system.names import printable
 
 METHOD = 3
@@ -58,7 +58,7 @@ def settings_key(settings: BatchSettings) -> str:
 
 def settings_text(settings: BatchSettings) -> str:
     """Settings as canonical JSON: sorted, whole numbers without a decimal point, inf as null."""
-    values = asdict(settings)
+    values = plain_values(settings)
     values["reach"]["gripper"] = values["reach"].pop("hand")  # the name that it has in files
     return json.dumps(_canonical(values), sort_keys=True, separators=(",", ":"), allow_nan=False)
 

@@ -126,13 +126,11 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
     clock = _lap_times()
     next(clock)
     mesh, load = loaded_mesh(prepare_file(path, settings.mesh, threads=job.threads), settings.load)
-    model = settings.model.in_unit(mesh.unit, source=mesh.report.source)
-    sampling = settings.search.in_unit(mesh.unit, source=mesh.report.source)
+    model, sampling = mesh.in_own_unit(settings.model, settings.search)
     if not force:
-        lengths = settings.model.lengths() | settings.search.lengths()
-        refuse_lengths(mesh, lengths, load, per_finger=settings.model.per_finger)
+        refuse_lengths(mesh, settings.model, settings.search, load)
         for location in settings.errors_of("location_error"):
-            refuse_lengths(mesh, {"location_error": location})
+            refuse_lengths(mesh, location_error=location)
     reading = next(clock)
     cost, allowed = labelling_cost(len(mesh.vertices), model, sampling), allowed_memory()
     if allowed is not None and cost.memory > allowed:
@@ -154,7 +152,7 @@ def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force:
         thumbnail=job.thumbnail,
         **_surface_values(labels),
         location_error=labels.model.location_error,
-        per_finger=labels.model.per_finger,
+        per_finger=str(labels.model.per_finger),
         **_angle_values(labels),
         **_verdict_values(labels),
         **_load_values(labels),

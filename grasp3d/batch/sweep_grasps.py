@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import AnyLength
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.system.progress import Progress, ignore
 
@@ -42,7 +43,7 @@ class BestOfSeveral:
 def search_at_each(
     label: Callable[[GraspModel, Progress], "SurfaceLabels"],
     model: GraspModel,
-    location_errors: Sequence[float | str],
+    location_errors: Sequence[AnyLength],
     progress: Progress | None = None,
 ) -> BestOfSeveral:
     """Search for the grasps of a mesh at several location errors.

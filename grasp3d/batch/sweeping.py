@@ -20,6 +20,7 @@ from grasp3d.settings import (
     check_search_settings,
     search_cone,
 )
+from grasp3d.settings.lengths import AnyLength
 from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
 from grasp3d.stability.label import Mode
 from grasp3d.storage import local_copy, local_path
@@ -59,7 +60,7 @@ class SweepSettings:
     reach: ReachSettings = field(default_factory=ReachSettings)
     friction_error: tuple[float, ...] = (0.0,)
     normal_error: tuple[float, ...] = (0.0,)
-    location_error: tuple[float | str, ...] = (0.0,)
+    location_error: tuple[AnyLength, ...] = (0.0,)
 
     def __post_init__(self) -> None:
         if not self.friction or not self.sensor_resolution:
@@ -254,16 +255,15 @@ def sweep_mesh(
     try:
         with local_copy(mesh.source) as path:
             surface = prepare_file(path, settings.mesh, threads=threads)
-        sampling = settings.sampling.in_unit(surface.unit, source=surface.report.source)
         if not force:
             largest = settings.axes.location_errors()[-1]
-            refuse_lengths(surface, settings.sampling.lengths() | {"location_error": largest})
+            refuse_lengths(surface, settings.sampling, location_error=largest)
         scene = Scene.of(settings.reach, surface)
         grasps = search_at_each(
             lambda model, report: label_surface(
                 surface,
                 model,
-                sampling=sampling,
+                sampling=settings.sampling,
                 threads=threads,
                 progress=report,
                 scene=scene,

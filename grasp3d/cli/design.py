@@ -13,7 +13,7 @@ from grasp3d.cli.options import Flag, Force, LengthOption, OutputFile, SensorRes
 from grasp3d.contact.overlap import overlapping_field
 from grasp3d.contact.sensor import Sensor, radius_of
 from grasp3d.errors import SettingError
-from grasp3d.settings.lengths import Unit, length_in_unit
+from grasp3d.settings.lengths import AnyLength, Unit, length_in_unit, measure
 from grasp3d.settings.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
@@ -268,7 +268,7 @@ class Design:
         return GraspSamples(self.grasps.critical_angle or 0.0, opening), ""
 
     @property
-    def _given_lengths(self) -> dict[str, float | str | None]:
+    def _given_lengths(self) -> dict[str, AnyLength | None]:
         """Lengths that are compared with an object's size, with their units; none with --force."""
         given = {
             "location_error": self.grasps.location_error,
@@ -277,15 +277,14 @@ class Design:
         }
         return {} if self.force else {name: self._with_unit(one) for name, one in given.items()}
 
-    def _with_unit(self, length: float | str | None) -> float | str | None:
+    def _with_unit(self, length: AnyLength | None) -> AnyLength | None:
         """A length with the unit that is meant if it has none."""
-        bare = isinstance(length, float) and 0.0 < length < math.inf
-        return f"{length:.15g} {self.print_unit}" if bare else length
+        return measure(length, self.print_unit) if isinstance(length, float) else length
 
     def _length(self, name: str) -> float | None:
         """A length in the printed unit."""
         return self._converted(name, getattr(self, name))
 
-    def _converted(self, name: str, value: float | str | None) -> float | None:
+    def _converted(self, name: str, value: AnyLength | None) -> float | None:
         length: float | None = length_in_unit(name, value, self.print_unit)
         return length

@@ -13,7 +13,7 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh import load_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
-from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.settings.lengths import METRES, AnyLength, Unit
 from grasp3d.settings.uncertainty import friction_interval
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.labelling import label_surface
@@ -27,7 +27,7 @@ def grasps_of(
     options: GraspOptions,
     designs: Sequence[FingerDesign],
     unit: Unit,
-    lengths: Mapping[str, float | str | None],
+    lengths: Mapping[str, AnyLength | None],
 ) -> tuple[GraspSamples, str]:
     """Search an object for the best grasps at each vertex, and give their angles and openings.
 
@@ -59,7 +59,7 @@ def grasps_of(
             f"the unit of {name} is not known, but a design is in {unit}: give the unit of its "
             "coordinates with --unit"
         )
-    refuse_lengths(mesh, lengths)
+    refuse_lengths(mesh, **lengths)
     widest = math.inf if options.max_opening is None else options.max_opening
     scale = METRES[mesh.unit] / METRES[unit]
     columns = []

@@ -135,7 +135,6 @@ class Evaluate:
         from grasp3d.mesh import prepare_file
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
-        from grasp3d.settings.lengths import length_in_unit
 
         points = read_contacts(self.contacts)
         if output.exists() and output.samefile(self.contacts):
@@ -143,15 +142,11 @@ class Evaluate:
         model = with_fingers(self.model, points.shape[1])
         check_replaceable(output, overwrite=self.overwrite, source=self.file)
         mesh, load = loaded_mesh(prepare_file(self.file, self.mesh), self.load.chosen)
-        source = mesh.report.source
-        distance = length_in_unit("max_distance", self.max_distance, mesh.unit, source=source)
-        given = model.lengths() | {"max_distance": self.max_distance}
-        model = model.in_unit(mesh.unit, source=source)
         if not self.force:
-            refuse_lengths(mesh, given, load, per_finger=self.model.per_finger)
+            refuse_lengths(mesh, model, load, max_distance=self.max_distance)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             grasps = evaluate_grasps(
-                mesh, points, model, max_distance=distance, load=load, progress=progress
+                mesh, points, model, max_distance=self.max_distance, load=load, progress=progress
             )
         with report.progress("measuring epsilon", quiet=self.quiet) as progress:
             grasps.compute_epsilon(progress)
@@ -174,10 +169,9 @@ class Evaluate:
         poses = read_poses(self.contacts, hand=self.reach.hand)
         mesh = in_stated_scale(prepare_file(self.file, self.mesh), poses)
         mesh, load = loaded_mesh(mesh, self.load.chosen)
-        model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)
+        model = self.reach.touching(self.model)
         if not self.force:
-            given = self.model.lengths()
-            refuse_lengths(mesh, given, load, per_finger=self.model.per_finger)
+            refuse_lengths(mesh, model, load)
         scene = Scene.of(self.reach, mesh)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
             found = evaluate_poses(

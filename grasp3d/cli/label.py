@@ -160,12 +160,10 @@ class Label:
         from grasp3d.surface.labelling import label_surface
 
         mesh, load = loaded_mesh(prepare_file(self.file, self.mesh), self.load.chosen)
-        model = self.reach.touching(self.model).in_unit(mesh.unit, source=mesh.report.source)
-        sampling = self.sampling.in_unit(mesh.unit, source=mesh.report.source)
+        model, sampling = mesh.in_own_unit(self.reach.touching(self.model), self.sampling)
         scene = Scene.of(self.reach, mesh)
         if not self.force:
-            lengths = self.model.lengths() | self.sampling.lengths()
-            refuse_lengths(mesh, lengths, load, per_finger=self.model.per_finger)
+            refuse_lengths(mesh, self.model, self.sampling, load)
         for path in outputs:
             check_same_settings(path, mesh, model, sampling, scene, load, overwrite=self.overwrite)
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:

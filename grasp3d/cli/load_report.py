@@ -9,6 +9,7 @@ from rich.markup import escape
 from grasp3d.arrays import Floats
 from grasp3d.grasps.holding_verdict import HoldingVerdict
 from grasp3d.quality.force_ranges import Certainty
+from grasp3d.quality.task_texts import TaskText
 from grasp3d.surface.held_area import force_quantiles, held_fractions, payload_quantiles
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
@@ -91,7 +92,7 @@ def _print_heading(console: Console, holding: Holding) -> None:
     """Print mass, task, force at hand and the verdict."""
     mass = "mass not given" if holding.mass is None else f"{holding.mass:.3g} kg"
     given = holding.load.task
-    task = escape(printable(given)) if isinstance(given, str) else "a given task"
+    task = escape(printable(str(given))) if isinstance(given, TaskText) else "a given task"
     force = "none given" if holding.available is None else f"{holding.available:.3g} N per finger"
     console.print(f"[bold]load[/]: {mass}, {task}; force at hand: {force}", soft_wrap=True)
     verdict = HoldingVerdict.of(holding)

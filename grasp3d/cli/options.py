@@ -25,14 +25,15 @@ from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.loads import Load, TaskField
+from grasp3d.loads import Load
 from grasp3d.physics.simulation_settings import SimulationSettings
-from grasp3d.quality.task_texts import inline_files
+from grasp3d.quality.task_texts import TaskField, TaskText
 from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
-from grasp3d.settings import Friction as FrictionField
-from grasp3d.settings.lengths import Length, Position, parse_length
+from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
+from grasp3d.settings.parsing import Field
 from grasp3d.settings.quantities import Quantity
-from grasp3d.settings.uncertainty import PerFinger, parse_fingers
+from grasp3d.settings.uncertainty import Friction as FrictionField
+from grasp3d.settings.uncertainty import PerFinger, Uncertainty, parse_fingers
 from grasp3d.viewer.view_settings import ViewSettings
 
 _NONE = "none"
@@ -88,7 +89,7 @@ def _length(
     """Return the parser of a length, or of `none` if that is allowed."""
     none = f"|{_NONE}" if optional else ""
 
-    def parse(words: list[str]) -> float | str | None:
+    def parse(words: list[str]) -> AnyLength | None:
         if optional and words[0].lower() == _NONE:
             return None
         return parse_length(option, words[0])  # type: ignore[no-any-return]
@@ -97,15 +98,15 @@ def _length(
         nargs=1,
         metavar=f"LENGTH{none}",
         instance_from_str=parse,
-        is_instance=lambda value: value is None or isinstance(value, float | str),
+        is_instance=lambda value: value is None or isinstance(value, float | Measure),
         str_from_instance=lambda value: [_length_word(value)],
     )
 
 
-def _length_word(value: float | str | None) -> str:
+def _length_word(value: AnyLength | None) -> str:
     """Return the word with which a length is given."""
-    if isinstance(value, str):
-        return value.replace(" ", "")
+    if isinstance(value, Measure):
+        return str(value).replace(" ", "")
     return _NONE if value is None else f"{value:g}"
 
 
@@ -128,7 +129,7 @@ _DEGREES, _ANY_LENGTH = _angle("an angle"), _length("a length")
 _NAMED = {id(_DEGREES): _angle, id(_ANY_LENGTH): _length}
 """Parsers whose errors get the name of the option in `command`."""
 
-_TEXT_FIELDS = (FrictionField, Length, PerFinger, Position, Quantity, TaskField)
+_TEXT_FIELDS = Field
 """Kinds of fields that take texts."""
 
 _POSITION = _text(f"X,Y,Z|{_NONE}")
@@ -138,10 +139,11 @@ _QUANTITY = _text(f"NUMBER|{_NONE}")
 """Parser of a mass, density or force."""
 
 
-def _task(text: str) -> str:
+def _task(text: str) -> TaskText:
     """Check a task and its files; it keeps their names, which outputs must not have."""
-    inline_files(text)
-    return text
+    task = TaskText.of(text)
+    task.with_files_read()
+    return task
 
 
 _TASK = _text("TASK", _task, optional=False)
@@ -153,26 +155,25 @@ _FRICTION = _text("NUMBER|LOW..HIGH", optional=False)
 """
 
 
-def _fingers(text: str) -> str:
-    """Check the uncertainty of each finger; '' for none.
+def _fingers(text: str) -> tuple[Uncertainty, ...]:
+    """Return the uncertainty of each finger.
 
     Raises:
         SettingError: It is none.
     """
     given = "" if text.lower() == _NONE else text
     try:
-        parse_fingers(given)
+        return parse_fingers(given)
     except SettingError as error:
         raise SettingError(f"--per-finger: {error}") from error
-    return given
 
 
 _PER_FINGER = tyro.constructors.PrimitiveConstructorSpec[Any](
     nargs=1,
     metavar=f"NAME=VALUE,...;...|{_NONE}",
     instance_from_str=lambda words: _fingers(words[0]),
-    is_instance=lambda value: isinstance(value, str),
-    str_from_instance=lambda value: [value or _NONE],
+    is_instance=lambda _value: True,
+    str_from_instance=lambda value: [str(value) or _NONE],
 )
 """Parser of the uncertainty of each finger."""
 
@@ -273,11 +274,9 @@ def _options_of(settings: type, *, hidden: tuple[str, ...] = ()) -> Any:
 
 
 def _value_type(hint: Any) -> Any:
-    """Return the type of a field's values: of those that parse texts numbers, texts or none."""
-    if hint is PerFinger:
-        return str
-    texts = get_origin(hint) in {Length, Quantity} or hint in {FrictionField, Position, TaskField}
-    return float | str | None if texts else hint
+    """Return the type of a field's values: of those that parse texts any."""
+    kind = get_origin(hint) or hint
+    return Any if isinstance(kind, type) and issubclass(kind, Field) else hint
 
 
 def _default_text(default: object) -> str | None:
@@ -390,7 +389,7 @@ FrictionErrorRanges = Annotated[
 Fingers = Annotated[int, _model_option("fingers")]
 """A number of fingers."""
 
-LengthOption = Annotated[float | str | None, _ANY_LENGTH, tyro.conf.arg(help_behavior_hint="")]
+LengthOption = Annotated[AnyLength | None, _ANY_LENGTH, tyro.conf.arg(help_behavior_hint="")]
 """A length: a number, a text with a unit, or none."""
 
 HandOption = Annotated[

@@ -126,15 +126,16 @@ class Perturb:
         from grasp3d.perturbing.perturb import perturb_movable
 
         surface = movable_surface(self.file, self.mesh)
-        unit, source = surface.mesh.unit, surface.mesh.report.source
-        model = self.model.in_unit(unit, source=source)
-        sampling = self.sampling.in_unit(unit, source=source)
         if not self.force:
-            refuse_lengths(surface.mesh, self.model.lengths() | self.sampling.lengths())
+            refuse_lengths(surface.mesh, self.model, self.sampling)
         text = f"labelling {self.copies} copies of {self.file.name}"
         with report.progress(text, quiet=self.quiet) as progress:
             return perturb_movable(
-                surface, model, noise=self._noise(), sampling=sampling, progress=progress
+                surface,
+                self.model,
+                noise=self._noise(),
+                sampling=self.sampling,
+                progress=progress,
             )
 
     def _draw(self, found: "Perturbation", path: Path) -> None:

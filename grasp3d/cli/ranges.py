@@ -3,7 +3,7 @@
 import math
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.lengths import METRES, parse_length
+from grasp3d.settings.lengths import METRES, AnyLength, measure
 from grasp3d.settings.uncertainty import friction_interval
 
 _LENGTH = f"a length (a number, or a number with a unit: {', '.join(METRES)})"
@@ -86,7 +86,7 @@ def parse_frictions(what: str, words: tuple[str, ...]) -> tuple[float, ...]:
     return parse_numbers(what, words)
 
 
-def parse_lengths(what: str, words: tuple[str, ...]) -> tuple[float | str, ...]:
+def parse_lengths(what: str, words: tuple[str, ...]) -> tuple[AnyLength, ...]:
     """Parse lengths and ranges of them, FROM:TO:STEP, with or without a unit.
 
     A unit at the end of a range is that of all its numbers without one: 0:5:0.5mm.
@@ -106,16 +106,16 @@ def parse_lengths(what: str, words: tuple[str, ...]) -> tuple[float | str, ...]:
         >>> parse_lengths("location error", ("0:2:1mm", "0.5mm"))
         (0.0, '1 mm', '2 mm', '0.5 mm')
     """
-    lengths: dict[float | str, None] = {}
+    lengths: dict[AnyLength, None] = {}
     for word in map(str.lower, words):
         unit = next(
-            (one for one in sorted(METRES, key=len, reverse=True) if word.endswith(one)), ""
+            (one for one in sorted(METRES, key=len, reverse=True) if word.endswith(one)), None
         )
-        parts = [part.removesuffix(unit).strip() for part in word.split(":")]
+        parts = [part.removesuffix(unit or "").strip() for part in word.split(":")]
         if any(part.endswith(tuple(METRES)) for part in parts):
             raise _no_range(what, _LENGTH, word)
         for number in _range(what, _LENGTH, word, parts):
-            lengths[parse_length(what, f"{number:.15g} {unit}")] = None
+            lengths[measure(number, unit)] = None
         _check_count(what, len(lengths), word)
     return tuple(lengths)
 

@@ -3,7 +3,6 @@
 import math
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -20,6 +19,7 @@ from grasp3d.meanings import MINIMUM
 from grasp3d.model_text import friction_text
 from grasp3d.settings import Sampling
 from grasp3d.settings.lengths import Unit
+from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import COLORS, MEANING
 from grasp3d.stability.label import Label as Code
 from grasp3d.surface.area_statistics import vertex_weights
@@ -169,7 +169,7 @@ def _scene_text(scene: Scene, size: float, unit: Unit | None) -> str:
 
 def _differences(labels: SurfaceLabels) -> str:
     """Return the settings of the search that differ from their defaults."""
-    given, defaults = labels.sampling or Sampling(), asdict(Sampling())
+    given, defaults = labels.sampling or Sampling(), plain_values(Sampling())
     angles, lengths = ("search_angle", "tolerance"), given.length_names()
 
     def text(name: str, value: float) -> str:
@@ -179,7 +179,7 @@ def _differences(labels: SurfaceLabels) -> str:
 
     return ", ".join(
         f"{name} {text(name, value)}"
-        for name, value in asdict(given).items()
+        for name, value in plain_values(given).items()
         if value != defaults[name]
     )
 

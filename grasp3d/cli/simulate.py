@@ -147,8 +147,7 @@ class Simulate:
         mesh = prepare_file(self.file, self.mesh)
         sampling = self._sampling
         if not self.force:
-            given = self.model.lengths() | sampling.lengths() | self.simulation.lengths()
-            refuse_lengths(mesh, given, per_finger=self.model.per_finger)
+            refuse_lengths(mesh, self.model, sampling, self.simulation)
         text = f"simulating {self.simulation.count} grasps of {self.file.name}"
         with report.progress(text, quiet=self.quiet) as progress:
             return simulate_grasps(

@@ -1,6 +1,6 @@
 """The command `grasp3d sweep`: area fractions of labels over two of the uncertainties."""
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
@@ -37,6 +37,7 @@ from grasp3d.cli.ranges import (
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings.parsing import plain_values
 from grasp3d.system.names import safe_stem
 
 if TYPE_CHECKING:
@@ -153,7 +154,7 @@ class Sweep:
         every = list(dict.fromkeys(sweep for target in swept for sweep in target.sweeps))
         shown = list(dict.fromkeys(sweep for target in swept for sweep in target.shown))
         write_sweeps(
-            table, every, fractions=fractions, failures=failures, settings=asdict(settings)
+            table, every, fractions=fractions, failures=failures, settings=plain_values(settings)
         )
         if shown:
             members = {target.name: target.members for target in swept if target.members}

@@ -11,7 +11,7 @@ from grasp3d.arrays import Floats
 from grasp3d.meanings import SAFE_LABELS
 from grasp3d.model_text import error_texts, friction_text
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import Unit, small_length
+from grasp3d.settings.lengths import Measure, Unit, small_length
 from grasp3d.stability.budgets import margin_budget
 from grasp3d.surface.area_statistics import quantiles
 
@@ -91,6 +91,6 @@ def _uncertainties(model: GraspModel, unit: Unit | None) -> Sequence[str]:
     if model.normal_error:
         parts.append(f"normals by a further {math.degrees(model.normal_error):.4g}°")
     if model.location_error:
-        stated = "" if unit or isinstance(model.location_error, str) else " (unit not stated)"
+        stated = "" if unit or isinstance(model.location_error, Measure) else " (unit not stated)"
         parts.append(f"contact locations by {small_length(model.location_error, unit)}{stated}")
     return parts + error_texts(replace(model, normal_error=0.0, location_error=0.0), unit)

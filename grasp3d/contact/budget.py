@@ -17,6 +17,7 @@ from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.contact.encoders import JointEncoders
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
+from grasp3d.settings.lengths import AnyLength, Measure
 from grasp3d.settings.uncertainty import Interval, Uncertainty, friction_interval
 
 PARTS = {
@@ -217,11 +218,11 @@ def _turns(opening: Floats, *lengths: float) -> tuple[Floats, ...]:
     return tuple(turn * (length / total) for length in lengths)
 
 
-def _number(length: float | str) -> float:
-    if isinstance(length, str):
+def _number(length: AnyLength) -> float:
+    if isinstance(length, Measure):
         raise SettingError(
-            f"location error {length} has a unit: convert the uncertainty with in_unit(unit of the "
-            "opening)"
+            f"location error {length} has a unit: convert the uncertainty with "
+            "settings_in_unit(unit of the opening, uncertainty)"
         )
     return float(length)
 

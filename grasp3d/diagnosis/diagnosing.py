@@ -100,8 +100,7 @@ def diagnose(
     raw, where = given.raw, given.where
     surface = check_and_repair(raw, options, where)
     mesh = refined_mesh(raw, surface, options, name=given.name, where=where)
-    model = model.in_unit(mesh.unit, source=given.name)
-    sampling = sampling.in_unit(mesh.unit, source=given.name)
+    model, sampling = mesh.in_own_unit(model, sampling)
     lengths = model.lengths() | sampling.lengths() | mesh.options.lengths()
     points = (surface.vertices - mesh.center) / mesh.size
     crossing = crossings(points, surface.faces)
@@ -186,7 +185,7 @@ def _length_warnings(
     """Warn about lengths that are probably in another unit; some of them cannot be meant."""
     try:
         if not force:
-            refuse_lengths(mesh, lengths)
+            refuse_lengths(mesh, **lengths)
     except SettingError as error:
         yield MeshWarning(Trust.NO, str(error))
         return

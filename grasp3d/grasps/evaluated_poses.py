@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from typing import Any
 
@@ -27,6 +27,7 @@ from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues, metrics
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.quality.uncertain_epsilon import WrenchErrors, uncertain_epsilon_range
 from grasp3d.settings import GraspModel
+from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.classification import classify
 from grasp3d.stability.label import Label
 from grasp3d.stability.located_angles import ContactLimits, located_contacts
@@ -275,7 +276,7 @@ class EvaluatedPoses(LabelledGrasps):
         return {
             "version": package_version(),
             "source": self.mesh.report.source,
-            **asdict(self.model),
+            **plain_values(self.model),
             "unit": self.mesh.unit,
             "gripper": self.hand.name,
             "object_motion": self.object_motion,

@@ -13,7 +13,7 @@ from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with_fingers
-from grasp3d.settings.lengths import length_in_unit
+from grasp3d.settings.lengths import GivenLength, length_in_unit
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.load_case import LoadCase
@@ -35,7 +35,7 @@ def evaluate_grasps(
     points: ArrayLike,
     model: GraspModel | None = None,
     *,
-    max_distance: float | str | None = None,
+    max_distance: GivenLength | None = None,
     load: Load | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -100,7 +100,7 @@ def evaluate_grasps(
     report = progress or ignore
     mesh, given = load_mesh(mesh), _checked(points)
     mesh, load = loaded_mesh(mesh, load)
-    used = (model or GraspModel()).in_unit(mesh.unit, source=mesh.report.source)
+    (used,) = mesh.in_own_unit(model or GraspModel())
     check_point_contacts(used)
     used = with_fingers(used, given.shape[1])
     limit = length_in_unit("max_distance", max_distance, mesh.unit, source=mesh.report.source)

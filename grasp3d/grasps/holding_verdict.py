@@ -5,7 +5,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from grasp3d.loads import DEFAULT_TASK
+from grasp3d.loads import Load
+from grasp3d.quality.task_texts import TaskText
 from grasp3d.surface.holding import Holding
 
 
@@ -60,15 +61,16 @@ class HoldingVerdict:
             payload = float(np.nanmax(holding.payload, initial=0.0))
         enough = None if holding.available is None else needed <= holding.available
         task, pure = holding.load.task, holding.task.mass is None
-        what = task if isinstance(task, str) else "the given task"
-        given = f"({task})" if isinstance(task, str) else f"against {what}"
+        is_text = isinstance(task, TaskText)
+        what = str(task) if is_text else "the given task"
+        given = f"({task})" if is_text else f"against {what}"
         return cls(
             holds=enough if holding.case.decided else None,
             mass=None if pure else holding.mass,
             available=holding.available,
             needed=needed,
             payload=payload,
-            task="in any orientation" if task == DEFAULT_TASK else given,
+            task="in any orientation" if task == Load().task else given,
             resisted=what if pure else "",
             reason="" if math.isfinite(needed) else _reason(holding),
         )

@@ -108,7 +108,7 @@ def evaluate_poses(
     given = poses.scaled(1.0, mesh.unit) if poses.unit is None else _in_unit(poses, mesh)
     _check_external(given)
     used = hand.touching(GraspModel()) if model is None else model
-    used = with_fingers(used.in_unit(mesh.unit, source=mesh.report.source), 2)
+    (used,) = mesh.in_own_unit(with_fingers(used, 2))
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")

@@ -2,7 +2,7 @@
 
 import json
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from grasp3d.loads import load_settings
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.settings import PoseFormat
 from grasp3d.settings.lengths import one_line
+from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.epsilon import EPSILON_RTOL
 from grasp3d.system.files import atomic_write, check_suffix
@@ -154,8 +155,8 @@ def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
     return {
         "version": package_version(),
         "source": mesh.report.source,
-        **asdict(model),
-        **asdict(mesh.options),
+        **plain_values(model),
+        **plain_values(mesh.options),
         "center_of_mass": one_line(mesh.options.center_of_mass),
         "unit": mesh.unit or "unknown",
         "size": mesh.size,

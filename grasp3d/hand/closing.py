@@ -18,7 +18,7 @@ from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ObjectMotion
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
-from grasp3d.settings.lengths import length_in_unit
+from grasp3d.settings.lengths import GivenLength, Measure, length_in_unit
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, ignore
 
@@ -37,7 +37,7 @@ def close_jaws(
     poses: ArrayLike,
     hand: ParallelGripper,
     *,
-    opening: ArrayLike | str | None = None,
+    opening: ArrayLike | GivenLength | None = None,
     object_motion: ObjectMotion = "fixed",
     friction: float = 0.5,
     moving: Moving = "both",
@@ -145,11 +145,11 @@ def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:
 
 
 def _openings(
-    mesh: ObjectMesh, opening: ArrayLike | str | None, hand: ParallelGripper, count: int
+    mesh: ObjectMesh, opening: ArrayLike | GivenLength | None, hand: ParallelGripper, count: int
 ) -> Floats:
     """Openings at the start [object sizes], shape (k,)."""
     stroke = hand.max_opening / metres_per_unit(mesh)
-    if isinstance(opening, str):
+    if isinstance(opening, str | Measure):
         opening = length_in_unit("opening", opening, mesh.unit)
     try:
         given = np.asarray(stroke if opening is None else opening, dtype=np.float64)

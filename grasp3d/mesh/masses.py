@@ -79,8 +79,8 @@ def loaded_mesh(mesh: ObjectMesh, load: Load | None) -> tuple[ObjectMesh, Load |
     """
     if load is None:
         return mesh, None
-    load = load.in_unit(mesh.unit, source=mesh.report.source)
-    return with_load(mesh, load), load
+    (given,) = mesh.in_own_unit(load)
+    return with_load(mesh, given), given
 
 
 def mass_of(mesh: ObjectMesh, load: Load) -> float | None:

@@ -14,7 +14,7 @@ from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins
 from grasp3d.mesh.repair import RepairStep, Solids
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.lengths import SettingsTs, Unit, settings_in_unit
 
 
 @dataclass(frozen=True)
@@ -91,6 +91,17 @@ class ObjectMesh:
     def unit(self) -> Unit | None:
         """Unit of positions and openings."""
         return self.report.unit
+
+    def in_own_unit(self, *settings: *SettingsTs) -> tuple[*SettingsTs]:
+        """Settings with every length as a number in the mesh's unit.
+
+        Args:
+            settings: Settings, or None, which stays None.
+
+        Raises:
+            SettingError: A length has a unit, but that of the mesh is not known.
+        """
+        return settings_in_unit(self.unit, *settings, source=self.report.source)
 
     @cached_property
     def on_surface(self) -> Bools:

@@ -5,11 +5,18 @@ from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
-from grasp3d.loads import Load
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.units import guess_unit, unit_warning
-from grasp3d.settings.lengths import METRES, Unit, describe_length, length_in_unit
-from grasp3d.settings.uncertainty import parse_fingers
+from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import (
+    METRES,
+    AnyLength,
+    LengthSettings,
+    Measure,
+    Unit,
+    describe_length,
+    length_in_unit,
+)
 
 
 @dataclass(frozen=True)
@@ -69,7 +76,7 @@ def length_warnings(
 
 
 def check_lengths(
-    lengths: Mapping[str, float | str | None], size: float, unit: Unit | None, source: str
+    lengths: Mapping[str, AnyLength | None], size: float, unit: Unit | None, source: str
 ) -> None:
     """Refuse a length that cannot be meant for an object of this size.
 
@@ -92,7 +99,7 @@ def check_lengths(
             continue
         own = f" {unit}" if unit else ""
         given = lengths[name]
-        shown = describe_length(given) if isinstance(given, str) else f"{length:.4g}{own}"
+        shown = describe_length(given) if isinstance(given, Measure) else f"{length:.4g}{own}"
         remedy = _remedy(name, given or length, size, unit, limits)
         raise SettingError(
             f"{name} is {shown}, {_times(length / size)} the size of {source}, "
@@ -102,26 +109,23 @@ def check_lengths(
 
 
 def refuse_lengths(
-    mesh: ObjectMesh,
-    lengths: Mapping[str, float | str | None],
-    load: Load | None = None,
-    *,
-    per_finger: str = "",
+    mesh: ObjectMesh, *settings: LengthSettings | None, **lengths: AnyLength | None
 ) -> None:
     """Refuse lengths that cannot be meant for a mesh. See `check_lengths`.
 
     Args:
         mesh: The object; lengths of its options are checked as well.
-        lengths: As in `check_lengths`.
-        load: With lengths in the mesh's unit; None: none.
-        per_finger: As in `GraspModel`; the location error of each finger is checked.
+        settings: Settings as they were given; of a model those of each finger as well.
+        lengths: Further lengths, as in `check_lengths`.
 
     Raises:
         SettingError: There is such a length.
     """
-    of_load = {} if load is None else load.lengths()
-    given = {**lengths, **mesh.options.lengths(), **of_load}
-    fingers = ({"location_error": one.location_error} for one in parse_fingers(per_finger))
+    given, fingers = mesh.options.lengths() | lengths, []
+    for one in filter(None, settings):
+        given |= one.lengths()
+        if isinstance(one, GraspModel):
+            fingers += [own.lengths() for own in one.per_finger]
     for each in (given, *fingers):
         check_lengths(each, mesh.size, mesh.unit, mesh.report.source)
 
@@ -135,10 +139,11 @@ def _given(lengths: Mapping[str, float | None]) -> Iterator[tuple[str, float, Pl
 
 
 def _remedy(
-    name: str, given: float | str, size: float, unit: Unit | None, limits: PlausibleRange
+    name: str, given: AnyLength, size: float, unit: Unit | None, limits: PlausibleRange
 ) -> str:
     """What to write instead: the length in another unit, or the unit of the mesh."""
-    number, own = given.split(" ") if isinstance(given, str) else (f"{given:g}", "")
+    own = isinstance(given, Measure)
+    number = f"{given.number:.15g}" if isinstance(given, Measure) else f"{given:g}"
     usual, option = limits.usual * size, f"--{name.replace('_', '-')}"
     of_mesh = guess_unit(size).unit
     if of_mesh is not None and (unit is None or unit_warning(size, unit)):

@@ -20,7 +20,7 @@ from grasp3d.mesh.units import impossible_size, unit_warning
 from grasp3d.mesh.work_bounds import bounds_of, cell_counts
 from grasp3d.reading import RawMesh, check_finite
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.lengths import Unit, settings_in_unit
 from grasp3d.system.names import printable
 from grasp3d.system.steps import begin_step
 
@@ -157,7 +157,7 @@ def refined_mesh(
     """
     begin_step("refining the mesh")
     unit = options.unit or raw.unit
-    options = options.in_unit(unit, source=name)
+    (options,) = settings_in_unit(unit, options, source=name)
     center, size = surface_extent(surface.vertices, surface.faces)
     points = (surface.vertices - center) / size
     normals = corner_normals(points, surface.faces, options.crease_angle)

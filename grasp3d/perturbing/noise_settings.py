@@ -39,6 +39,7 @@ class NoiseSettings(LengthSettings):
     seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for name, length in self.lengths().items():
             least_is_zero = name == "correlation"
             for number in comparable(length) or ():

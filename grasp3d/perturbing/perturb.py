@@ -104,9 +104,8 @@ def perturb_movable(
         SettingError: As in `perturb_surface`.
         MeshError: No noise is given and none can be measured.
     """
-    report, mesh, settings = progress or ignore, surface.mesh, noise or NoiseSettings()
-    settings = settings.in_unit(mesh.unit, source=mesh.report.source)
-    chosen = (model or GraspModel()).in_unit(mesh.unit, source=mesh.report.source)
+    report, mesh = progress or ignore, surface.mesh
+    settings, chosen = mesh.in_own_unit(noise or NoiseSettings(), model or GraspModel())
     _check_model(chosen)
     begin_step("estimating the noise")
     sigma = _sigma(surface, settings)

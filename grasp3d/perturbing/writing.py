@@ -1,11 +1,11 @@
 """Files of noisy copies' labels: PLY, CSV and Parquet."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from grasp3d.conversions import chosen_settings
 from grasp3d.perturbing.perturbation import Perturbation
+from grasp3d.settings.parsing import plain_values
 from grasp3d.system.files import check_suffix
 from grasp3d.system.versions import package_version
 from grasp3d.tables import SUFFIXES as TABLES
@@ -53,7 +53,7 @@ def write_perturbation(path: str | Path, found: Perturbation) -> None:
 
 def settings_of(found: Perturbation) -> dict[str, Any]:
     """Settings of the copies and the errors to enter; angles in radians."""
-    labels, noise, advice = found.labels, asdict(found.settings), found.advice
+    labels, noise, advice = found.labels, plain_values(found.settings), found.advice
     return {
         "version": package_version(),
         **chosen_settings(labels.mesh, labels.model, labels.sampling, labels.mode),

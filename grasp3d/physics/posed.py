@@ -1,6 +1,6 @@
 """Simulating given poses of a gripper: which of them hold the object?"""
 
-from dataclasses import asdict, replace
+from dataclasses import replace
 
 import numpy as np
 
@@ -18,6 +18,8 @@ from grasp3d.physics.pulling import Attempt, Fate
 from grasp3d.physics.simulate import simulated_object
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.settings import GraspModel
+from grasp3d.settings.lengths import settings_in_unit
+from grasp3d.settings.parsing import plain_values
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.system.steps import begin_step
 
@@ -85,7 +87,8 @@ def simulate_poses(
     mujoco_module()
     surface = in_stated_scale(load_mesh(mesh), poses)
     scale, processes = metres_per_unit(surface), cluster or ClusterSettings()
-    settings = replace((simulation or SimulationSettings()).in_unit("m"), pulled="center_of_mass")
+    (settings,) = settings_in_unit("m", simulation or SimulationSettings())
+    settings = replace(settings, pulled="center_of_mass")
     found = evaluate_poses(surface, poses, model, hand=hand, threads=1)
     begin_step("dividing the object into convex parts")
     parts = divided(surface, settings, processes)
@@ -103,7 +106,9 @@ def simulate_poses(
     }
     evaluated = found.to_poses()
     known = {
-        f"simulation_{name}": value for name, value in asdict(settings).items() if name != "pulled"
+        f"simulation_{name}": value
+        for name, value in plain_values(settings).items()
+        if name != "pulled"
     }
     return replace(
         evaluated,

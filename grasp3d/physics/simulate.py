@@ -22,7 +22,7 @@ from grasp3d.physics.scene import SimulatedObject
 from grasp3d.physics.simulation import Simulation
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, with_fingers
-from grasp3d.settings.lengths import METRES
+from grasp3d.settings.lengths import METRES, settings_in_unit
 from grasp3d.stability.label import Label
 from grasp3d.system.counts import counted
 from grasp3d.system.progress import Progress, ignore
@@ -105,9 +105,9 @@ def simulate_grasps(
             "its coordinates (--unit, in Python unit=...)"
         )
     scale = METRES[surface.unit]
-    chosen = _model(model, hand).in_unit(surface.unit, source=source)
     settings = simulation or SimulationSettings()
-    within = _within(sampling or Sampling(), surface, hand)
+    chosen, given = surface.in_own_unit(_model(model, hand), sampling or Sampling())
+    within = _within(given, surface, hand)
     radius = _tip_radius(settings, surface, hand)
     processes = cluster or ClusterSettings()
     begin_step("dividing the object into convex parts")
@@ -121,7 +121,7 @@ def simulate_grasps(
     stage = Stage(
         simulated_object(surface, parts, scale),
         Tips(radius * scale, chosen.friction, chosen.torsion_radius * scale),
-        settings.in_unit("m"),
+        *settings_in_unit("m", settings),
     )
     attempts = _attempts(drawn, poses, openings, surface, settings, scale)
     outcomes, errors = simulate_attempts(attempts, stage, processes, progress or ignore)
@@ -149,15 +149,14 @@ def _model(model: GraspModel | None, hand: ParallelGripper | None) -> GraspModel
 
 
 def _within(sampling: Sampling, mesh: ObjectMesh, hand: ParallelGripper | None) -> Sampling:
-    """Limits of the opening in the unit of the mesh, within those of the gripper."""
-    given = sampling.in_unit(mesh.unit, source=mesh.report.source)
-    if given.grip != "squeeze":
+    """Limits of the opening, within those of the gripper."""
+    if sampling.grip != "squeeze":
         raise SettingError("simulated tips close from outside; grip must be squeeze")
     if hand is None:
-        return given
+        return sampling
     from grasp3d.hand.scene import Scene
 
-    return Scene(hand).within_stroke(mesh, given)
+    return Scene(hand).within_stroke(mesh, sampling)
 
 
 def _tip_radius(
@@ -165,7 +164,7 @@ def _tip_radius(
 ) -> float:
     """Radius of the tips, in the mesh's unit."""
     if hand is None:
-        radius = float(settings.in_unit(mesh.unit, source=mesh.report.source).tip_radius)
+        radius = float(mesh.in_own_unit(settings)[0].tip_radius)
         if radius >= mesh.size:
             raise SettingError(
                 f"tip_radius must be below the size of the object, {mesh.size:.4g} {mesh.unit}; "

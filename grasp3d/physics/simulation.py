@@ -2,7 +2,7 @@
 
 import math
 from collections.abc import Mapping
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any
 
@@ -20,6 +20,7 @@ from grasp3d.physics.table_columns import contact_columns, label_columns, outcom
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
+from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
 
 if TYPE_CHECKING:
@@ -149,4 +150,4 @@ class Simulation:
         """
         from grasp3d.tables.columns import data_frame, table_of_columns
 
-        return data_frame(table_of_columns(self.columns(), settings=asdict(self.settings)))
+        return data_frame(table_of_columns(self.columns(), settings=plain_values(self.settings)))

@@ -6,7 +6,7 @@ from typing import Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, SEED_LIMIT, Radians, check_choice, whole_number
-from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
+from grasp3d.settings.lengths import Length, LengthSettings, Measure, comparable, describe_length
 from grasp3d.settings.quantities import MASSES, Quantity
 
 Pulled = Literal["line", "center_of_mass"]
@@ -51,13 +51,13 @@ class SimulationSettings(LengthSettings):
     """
 
     count: int = 60
-    tip_radius: Length[float] = Length("3mm")  # type: ignore[arg-type]
+    tip_radius: Length[float] = Length(Measure(3.0, "mm"))  # type: ignore[arg-type]
     object_mass: Quantity[float] = Quantity(0.1, MASSES)
     grip_ratio: float = 50.0
     pulled: Pulled = "line"
     pull_time: float = 2.0
-    max_slip: Length[float] = Length("1mm")  # type: ignore[arg-type]
-    max_shift: Length[float] = Length("50mm")  # type: ignore[arg-type]
+    max_slip: Length[float] = Length(Measure(1.0, "mm"))  # type: ignore[arg-type]
+    max_shift: Length[float] = Length(Measure(50.0, "mm"))  # type: ignore[arg-type]
     max_turn: Radians = 15.0 * DEGREE
     part_threshold: float = 0.02
     part_angle: Radians = 3.0 * DEGREE
@@ -65,6 +65,7 @@ class SimulationSettings(LengthSettings):
     seed: int = 0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if whole_number("count", self.count, 3) > MAX_GRASPS:
             raise SettingError(f"count must be at most {MAX_GRASPS:,}; got {self.count:,}")
         check_choice("pulled", self.pulled, Pulled)

@@ -1,11 +1,11 @@
 """Files of simulated grasps."""
 
-from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
 from grasp3d.conversions import chosen_settings
 from grasp3d.physics.simulation import Simulation
+from grasp3d.settings.parsing import plain_values
 from grasp3d.system.versions import package_version
 from grasp3d.tables import write_columns
 
@@ -42,7 +42,7 @@ def write_simulation(path: str | Path, found: Simulation) -> None:
 
 def settings_of(found: Simulation) -> dict[str, Any]:
     """The settings that a table stores; angles in radians."""
-    simulation = asdict(found.settings)
+    simulation = plain_values(found.settings)
     return {
         "version": package_version(),
         **chosen_settings(found.mesh, found.model, None, "scan"),

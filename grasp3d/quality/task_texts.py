@@ -7,14 +7,15 @@ a task is made, so that the command line checks a text quickly.
 import math
 import re
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import reduce
 from operator import add
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrench_files import MAX_WRENCHES, Row, read_wrenches
+from grasp3d.settings.parsing import Field, TextValue
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
@@ -58,66 +59,108 @@ class _Part:
         return known and not any(map(any, self.rows))
 
 
-def check_task_text(text: str) -> str:
-    """Check the text of a task; files are not opened.
-
-    Args:
-        text: The text.
-
-    Returns:
-        The text without spaces around it.
-
-    Raises:
-        SettingError: It is no task.
+@dataclass(frozen=True, repr=False)
+class TaskText(TextValue):
+    """The text of a task, checked; its files are opened when they are needed.
 
     Example:
-        >>> from grasp3d.quality.task_texts import check_task_text
-        >>> check_task_text(" weight + wrench 0,0,-5,0,0,0 ")
+        >>> from grasp3d.quality.task_texts import TaskText
+        >>> TaskText.of(" weight + wrench 0,0,-5,0,0,0 ")
         'weight + wrench 0,0,-5,0,0,0'
-        >>> check_task_text("wrench 0,0,-5")
+        >>> [path.name for path in TaskText.of("weight + pushes.csv + ellipsoid noise.csv").files]
+        ['pushes.csv', 'noise.csv']
+        >>> TaskText.of("wrench 0,0,-5")
         Traceback (most recent call last):
             ...
         grasp3d.errors.SettingError: task 'wrench 0,0,-5': give force [N] and torque [N m] as 6 \
 finite numbers; got '0,0,-5'
     """
-    _parts(text)
-    return text.strip()
+
+    text: str
+    parts: tuple[_Part, ...] = field(compare=False)
+
+    @classmethod
+    def of(cls, text: str) -> "TaskText":
+        """Parse a text, see `parse_task`.
+
+        Raises:
+            SettingError: It is no task.
+        """
+        parts = tuple(_parse(part.strip()) for part in _JOINED.split(text.strip()))
+        return cls(text.strip(), parts).checked()
+
+    def __str__(self) -> str:
+        return self.text
+
+    def __repr__(self) -> str:
+        """The text that settings take for it."""
+        return repr(self.text)
+
+    def checked(self) -> "TaskText":
+        """The same; raises SettingError if it is empty, or has too many wrenches."""
+        rows = (part.rows for part in self.parts if part.kind in {"wrench", "ellipsoid"})
+        count = sum(map(len, rows))
+        if count > MAX_WRENCHES:
+            raise SettingError(f"a task may have at most {MAX_WRENCHES} wrenches; got {count}")
+        if all(part.empty for part in self.parts):
+            text = printable(self.text)
+            raise SettingError(f"task {text!r}: a task needs a force or a torque")
+        return self
+
+    @property
+    def files(self) -> tuple[Path, ...]:
+        """The files that it names; they are not opened."""
+        return tuple(Path(part.file) for part in self.parts if part.file)
+
+    def with_files_read(self) -> "TaskText":
+        r"""The same task, with the wrenches of its files in the text.
+
+        Raises:
+            SettingError: A file is missing or damaged.
+
+        Example:
+            >>> from pathlib import Path
+            >>> from grasp3d.quality.task_texts import TaskText
+            >>> _ = Path("pushes.csv").write_text("fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0\n0,5,0,0,0,0.1\n")
+            >>> TaskText.of("weight + pushes.csv").with_files_read()
+            'weight + wrench 5,0,0,0,0,0; 0,5,0,0,0,0.1'
+        """
+        if not self.files:
+            return self
+        parts = tuple(_with_rows(part) if part.file else part for part in self.parts)
+        TaskText(self.text, parts).checked()
+        return TaskText(" + ".join(part.text for part in parts), parts)
+
+    def task(
+        self,
+        *,
+        mass: float = 1.0,
+        center_radius: float = 0.0,
+        metres_per_unit: float | None = None,
+        source: str = "the mesh",
+    ) -> "Task":
+        """The task that it describes; see `parse_task`."""
+
+        def build(part: _Part) -> "Task":
+            return _task(part, mass, center_radius, metres_per_unit, source)
+
+        return reduce(add, map(build, self.with_files_read().parts))
 
 
-def inline_files(text: str) -> str:
-    r"""The text of a task, with the wrenches of its files in it.
+class TaskField(Field["TaskText | Task", "str | TaskText | Task"]):
+    """A field of settings that holds a task, as a text (see `parse_task`) or a `Task`."""
 
-    Args:
-        text: The text.
+    def parse(self, _name: str, value: Any) -> "TaskText | Task":
+        """See `Field.parse`."""
+        if isinstance(value, TaskText):
+            return value
+        if isinstance(value, str):
+            return TaskText.of(value)
+        from grasp3d.quality.tasks import Task
 
-    Raises:
-        SettingError: It is no task, or a file is missing or damaged.
-
-    Example:
-        >>> from pathlib import Path
-        >>> from grasp3d.quality.task_texts import inline_files
-        >>> _ = Path("pushes.csv").write_text("fx,fy,fz,tx,ty,tz\n5,0,0,0,0,0\n0,5,0,0,0,0.1\n")
-        >>> inline_files("weight + pushes.csv")
-        'weight + wrench 5,0,0,0,0,0; 0,5,0,0,0,0.1'
-    """
-    return " + ".join(part.text for part in _parts(text, files=True))
-
-
-def task_files(text: str) -> tuple[Path, ...]:
-    """The files that the text of a task names; they are not opened.
-
-    Args:
-        text: The text.
-
-    Raises:
-        SettingError: It is no task.
-
-    Example:
-        >>> from grasp3d.quality.task_texts import task_files
-        >>> [path.name for path in task_files("weight + pushes.csv + ellipsoid noise.csv")]
-        ['pushes.csv', 'noise.csv']
-    """
-    return tuple(Path(part.file) for part in _parts(text) if part.file)
+        if not isinstance(value, Task):
+            raise SettingError(f"task must be a text, such as 'weight', or a Task; got {value!r}")
+        return value
 
 
 def parse_task(
@@ -154,16 +197,9 @@ def parse_task(
         >>> print(f"{task.support([0, 0, 0, 0, 0, 1]):.0f} N mm")
         100 N mm
     """
-
-    def build(part: _Part) -> "Task":
-        return _task(part, mass, center_radius, metres_per_unit, source)
-
-    return reduce(add, map(build, _parts(text, files=True)))
-
-
-def scaled_task(task: "Task", mass: float | None) -> "Task":
-    """A task for another mass [kg]; None: its own."""
-    return task if mass is None else task.scaled_to(mass)
+    return TaskText.of(text).task(
+        mass=mass, center_radius=center_radius, metres_per_unit=metres_per_unit, source=source
+    )
 
 
 def _task(part: _Part, mass: float, radius: float, metres: float | None, source: str) -> "Task":
@@ -188,19 +224,6 @@ def _torque(torque: Row, metres: float | None, source: str) -> Row:
             )
         return torque
     return tuple(float(f"{one / metres:.15g}") for one in torque)
-
-
-def _parts(text: str, *, files: bool = False) -> list[_Part]:
-    """Parse a text, if wanted with the rows of its files."""
-    parts = [_parse(part.strip()) for part in _JOINED.split(text.strip())]
-    if files:
-        parts = [_with_rows(part) if part.file else part for part in parts]
-    count = sum(len(part.rows) for part in parts if part.kind in {"wrench", "ellipsoid"})
-    if count > MAX_WRENCHES:
-        raise SettingError(f"a task may have at most {MAX_WRENCHES} wrenches; got {count}")
-    if all(part.empty for part in parts):
-        raise SettingError(f"task {printable(text.strip())!r}: a task needs a force or a torque")
-    return parts
 
 
 def _with_rows(part: _Part) -> _Part:

@@ -9,27 +9,29 @@ import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from numbers import Integral
-from typing import Annotated, Any, Literal, NamedTuple, Self, get_args
+from typing import Annotated, Any, Literal, NamedTuple, get_args
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import (
+    AnyLength,
     Length,
     LengthSettings,
+    Measure,
     Position,
     Unit,
     comparable,
     describe_length,
 )
 from grasp3d.settings.uncertainty import (
+    Friction,
+    Interval,
     PerFinger,
     Uncertainty,
     check_location_error,
     check_normal_error,
     check_resolution,
     check_tilt,
-    fingers_in_unit,
     friction_interval,
-    parse_fingers,
 )
 
 ANGLE = "angle"
@@ -61,28 +63,8 @@ ANGLE_ROUNDING = 1e-9
 """Angle by which a cone may exceed the cone that was searched and still count as covered [rad]."""
 
 
-class Friction:
-    """A field of settings that holds a coefficient of friction.
-
-    It takes a number, or an interval (smallest, largest), in a text '0.4..0.6', and holds its
-    middle; half its width becomes the `friction_error` of the settings.
-    """
-
-    def __init__(self, default: float) -> None:
-        self._default = default
-
-    def __get__(self, instance: object | None, _owner: type) -> float:
-        return self._default if instance is None else vars(instance)["friction"]
-
-    def __set__(self, instance: object, value: float | tuple[float, float] | str) -> None:
-        smallest, largest = friction_interval(value)
-        is_interval = smallest < largest
-        # To 15 digits, so that 0.4..0.6 is 0.5 and 0.1 and not 0.1 and a rounding error.
-        middle, half = (
-            float(f"{0.5 * one:.15g}") for one in (smallest + largest, largest - smallest)
-        )
-        vars(instance)["friction"] = middle if is_interval else smallest
-        vars(instance)["half_interval"] = half if is_interval else None
+_NOTHING = Uncertainty()
+"""What nothing further is known of."""
 
 
 class FingerLimits(NamedTuple):
@@ -166,6 +148,8 @@ class GraspModel(LengthSettings):
     contact: ContactModel = "point"
 
     def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set_friction(friction_interval(self.friction))
         self._check_uncertainty()
         if not (isinstance(self.fingers, int) and 1 <= self.fingers <= MAX_FINGERS):
             raise SettingError(
@@ -207,16 +191,25 @@ class GraspModel(LengthSettings):
                     f"leave {name} out"
                 )
 
-    def _check_uncertainty(self) -> None:
-        half = vars(self).pop("half_interval")
-        if half is not None:
+    def _set_friction(self, interval: Interval) -> None:
+        """Part an interval of friction into its middle and `friction_error`."""
+        smallest, largest = interval
+        middle = smallest
+        if smallest < largest:
+            # To 15 digits, so that 0.4..0.6 is 0.5 and 0.1 and not 0.1 and a rounding error.
+            middle, half = (
+                float(f"{0.5 * one:.15g}") for one in (smallest + largest, largest - smallest)
+            )
             if self.friction_error not in {0.0, half}:
-                low, high = self.friction - half, self.friction + half
                 raise SettingError(
-                    f"friction is an interval, {low:.6g} to {high:.6g}, and friction_error is "
-                    f"{self.friction_error:g}: give one of them (or friction_error=0)"
+                    f"friction is an interval, {middle - half:.6g} to {middle + half:.6g}, and "
+                    f"friction_error is {self.friction_error:g}: give one of them (or "
+                    "friction_error=0)"
                 )
             object.__setattr__(self, "friction_error", half)
+        object.__setattr__(self, "friction", middle)
+
+    def _check_uncertainty(self) -> None:
         if not 0.0 <= self.friction_error < self.friction:
             raise SettingError(
                 f"friction error must be at least 0 and below the friction, {self.friction:g}; "
@@ -225,19 +218,13 @@ class GraspModel(LengthSettings):
         check_resolution(self.sensor_resolution)
         check_normal_error(self.normal_error)
         check_location_error(self.location_error)
-        for own in self._own_uncertainties or (Uncertainty(),):
+        for own in self.per_finger or (_NOTHING,):
             check_tilt(self._tilt_of(own))
         if self.method == "extremes" and (self.location_error != 0.0 or self.per_finger):
             raise SettingError(
                 "method extremes tests normals only; location_error and per_finger need the method "
                 "exact"
             )
-
-    def in_unit(self, unit: Unit | None, *, source: str = "the mesh") -> Self:
-        """See `LengthSettings`; the lengths of each finger as well."""
-        model = super().in_unit(unit, source=source)
-        fingers = fingers_in_unit(model.per_finger, unit, source=source)
-        return model if fingers == model.per_finger else replace(model, per_finger=fingers)
 
     def with_uncertainty(self, *uncertainty: Uncertainty) -> "GraspModel":
         """The same model with the uncertainty of a sensor, of encoders or of a user.
@@ -266,28 +253,24 @@ class GraspModel(LengthSettings):
         """What is known about the contact of each finger, the one at the vertex first.
 
         Raises:
-            SettingError: A length has a unit (see `in_unit`), or `per_finger` is for another number
-                of fingers.
+            SettingError: A length has a unit (see `settings_in_unit`), or `per_finger` is for
+                another number of fingers.
         """
         check_per_finger(self)
-        given = self._own_uncertainties or (Uncertainty(),) * self.fingers
-        return tuple(map(self._limits_of, given))
-
-    @property
-    def _own_uncertainties(self) -> tuple[Uncertainty, ...]:
-        return parse_fingers(self.per_finger)
+        if not self.per_finger:
+            return (self._limits_of(_NOTHING),) * self.fingers
+        return tuple(map(self._limits_of, self.per_finger))
 
     def _limits_of(self, own: Uncertainty) -> FingerLimits:
-        lengths = (self.location_error, own.location_error)
-        if any(isinstance(one, str) for one in lengths):
+        of_all, further = self.location_error, own.location_error
+        if isinstance(of_all, Measure) or isinstance(further, Measure):
             raise SettingError(
-                "location errors have a unit: convert them with in_unit(unit of the mesh)"
+                "location errors have a unit: convert them with settings_in_unit(unit of the mesh, "
+                "model)"
             )
+        least, largest = self._friction_of(own)
         return FingerLimits(
-            math.atan(self._friction_of(own)[0]),
-            math.atan(self._friction_of(own)[1]),
-            self._tilt_of(own),
-            sum(lengths),
+            math.atan(least), math.atan(largest), self._tilt_of(own), of_all + further
         )
 
     def _friction_of(self, own: Uncertainty) -> tuple[float, float]:
@@ -307,7 +290,7 @@ class GraspModel(LengthSettings):
         """Smallest and largest friction, each one for all fingers or one for each."""
         if not self.per_finger:
             return self.friction_interval
-        pairs = [self._friction_of(own) for own in self._own_uncertainties]
+        pairs = [self._friction_of(own) for own in self.per_finger]
         return tuple(low for low, _ in pairs), tuple(high for _, high in pairs)
 
     @property
@@ -315,7 +298,7 @@ class GraspModel(LengthSettings):
         """Nominal friction, one for all fingers or one for each: the middle of its interval."""
         if not self.per_finger:
             return self.friction
-        pairs = (self._friction_of(own) for own in self._own_uncertainties)
+        pairs = (self._friction_of(own) for own in self.per_finger)
         return tuple(0.5 * (low + high) for low, high in pairs)
 
     @property
@@ -323,7 +306,7 @@ class GraspModel(LengthSettings):
         """`tilt`, one for all fingers or one for each, with the values of `per_finger`."""
         if not self.per_finger:
             return self.tilt
-        return tuple(map(self._tilt_of, self._own_uncertainties))
+        return tuple(map(self._tilt_of, self.per_finger))
 
     @property
     def friction_angle(self) -> float:
@@ -348,8 +331,7 @@ class GraspModel(LengthSettings):
         """
         if self.per_finger:
             return min(
-                math.atan(self._friction_of(own)[0]) - self._tilt_of(own)
-                for own in self._own_uncertainties
+                math.atan(self._friction_of(own)[0]) - self._tilt_of(own) for own in self.per_finger
             )
         return math.atan(self.friction - self.friction_error) - self.tilt
 
@@ -361,8 +343,7 @@ class GraspModel(LengthSettings):
         """
         if self.per_finger:
             return max(
-                math.atan(self._friction_of(own)[1]) + self._tilt_of(own)
-                for own in self._own_uncertainties
+                math.atan(self._friction_of(own)[1]) + self._tilt_of(own) for own in self.per_finger
             )
         return math.atan(self.friction + self.friction_error) + self.tilt
 
@@ -400,9 +381,7 @@ class GraspModel(LengthSettings):
         Method extremes samples it, and the maximum, at the combinations that it tests. Where
         contact locations are uncertain it is a lower bound.
         """
-        if self.location_error != 0.0 or any(
-            one.location_error != 0.0 for one in self._own_uncertainties
-        ):
+        if self.location_error != 0.0 or any(one.location_error != 0.0 for one in self.per_finger):
             return "bound"
         if self.soft or self.method == "extremes":
             return "sampled_tilts"
@@ -482,6 +461,7 @@ class Sampling(LengthSettings):
     tolerance: Radians = 1e-3
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if not MIN_RAYS <= self.rays <= MAX_RAYS:
             raise SettingError(f"rays must be from {MIN_RAYS} to {MAX_RAYS}; got {self.rays}")
         check_choice("grip", self.grip, Grip)
@@ -549,10 +529,11 @@ class MeshOptions(LengthSettings):
     crease_angle: Radians = 30.0 * DEGREE
     repair: Repair = "safe"
     patch_radius: Length[float] = Length(0.0)
-    center_of_mass: Position = Position()
+    center_of_mass: Position = Position(None)
     max_memory: float = 2.0
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         if self.unit is not None:
             check_choice("unit", self.unit, Unit)
         edge = comparable(self.max_edge)
@@ -589,7 +570,7 @@ class MeshOptions(LengthSettings):
         return replace(options or cls(), **fields_)
 
 
-def _check_length(name: str, length: float) -> None:
+def _check_length(name: str, length: AnyLength) -> None:
     """Refuse a length that is negative or not finite; in any unit."""
     if not all(0.0 <= one < math.inf for one in comparable(length) or ()):
         raise SettingError(
@@ -676,7 +657,7 @@ def check_per_finger(model: GraspModel) -> None:
     Raises:
         SettingError: `per_finger` is for another number of fingers.
     """
-    count = len(parse_fingers(model.per_finger))
+    count = len(model.per_finger)
     if count not in {0, model.fingers}:
         raise SettingError(
             f"per_finger (--per-finger) is for {count} finger{'s' if count > 1 else ''}, but a "

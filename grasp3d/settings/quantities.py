@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Generic, TypeVar
 
 from grasp3d.errors import SettingError
+from grasp3d.settings.parsing import Field
 
 POUND = 0.45359237
 """International avoirdupois pound [kg]."""
@@ -27,7 +28,7 @@ QuantityT = TypeVar("QuantityT", bound="float | tuple[float, ...] | None")
 _TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-z][a-z/^0-9]*)?", re.IGNORECASE)
 
 
-class Quantity(Generic[QuantityT]):
+class Quantity(Field[QuantityT, QuantityT | str], Generic[QuantityT]):
     """A field of settings that holds a positive number with a physical unit, or none.
 
     It takes a number in the SI unit, or a text with a unit, such as '500 g' or '40N', and holds the
@@ -38,31 +39,22 @@ class Quantity(Generic[QuantityT]):
     def __init__(
         self, default: QuantityT, units: Mapping[str, float], *, several: bool = False
     ) -> None:
-        self._default = default
+        super().__init__(default)
         self._units = units
         self._several = several
-        self._name = ""
 
-    def __set_name__(self, _owner: type, name: str) -> None:
-        self._name = name
-
-    def __get__(self, instance: object | None, _owner: type) -> QuantityT:
-        return self._default if instance is None else vars(instance)[self._name]
-
-    def __set__(self, instance: object, value: QuantityT | str) -> None:
-        vars(instance)[self._name] = self._parsed(value)
-
-    def _parsed(self, value: Any) -> Any:
+    def parse(self, name: str, value: Any) -> Any:
+        """See `Field.parse`."""
         if value is None:
             return None
         if self._several and isinstance(value, str) and "," in value:
             value = value.split(",")
         if self._several and isinstance(value, tuple | list):
-            numbers = tuple(parse_quantity(self._name, one, self._units) for one in value)
+            numbers = tuple(parse_quantity(name, one, self._units) for one in value)
             if not numbers:
-                raise _no_quantity(self._name, value, self._units)
+                raise _no_quantity(name, value, self._units)
             return numbers if len(numbers) > 1 else numbers[0]
-        return parse_quantity(self._name, value, self._units)
+        return parse_quantity(name, value, self._units)
 
 
 def parse_quantity(name: str, value: object, units: Mapping[str, float]) -> float:

@@ -9,17 +9,19 @@ import math
 import re
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, fields
+from typing import Any
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import (
+    AnyLength,
     Length,
     LengthSettings,
-    Unit,
+    Measure,
     comparable,
     describe_length,
-    length_in_unit,
-    parse_length,
+    measure,
 )
+from grasp3d.settings.parsing import Field, TextValue
 
 Interval = tuple[float, float]
 """Smallest and largest value."""
@@ -65,6 +67,7 @@ class Uncertainty(LengthSettings):
     friction: Interval | None = None
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         check_resolution(self.sensor_resolution)
         check_normal_error(self.normal_error)
         check_location_error(self.location_error)
@@ -154,6 +157,18 @@ def friction_interval(value: object) -> Interval:
     return ends[0], ends[1]
 
 
+class Friction(Field[float, float | tuple[float, float] | str]):
+    """A field of settings that holds a coefficient of friction.
+
+    It takes a number, or an interval (smallest, largest), in a text '0.4..0.6', and holds its
+    middle; half its width becomes the `friction_error` of the settings.
+    """
+
+    def parse(self, _name: str, value: Any) -> Any:
+        """The interval of friction, which `GraspModel` parts into its middle and its error."""
+        return value if isinstance(value, float) else friction_interval(value)
+
+
 def parse_uncertainty(text: str) -> Uncertainty:
     """Parse the uncertainty of a finger as text.
 
@@ -187,48 +202,59 @@ def parse_uncertainty(text: str) -> Uncertainty:
 def describe_uncertainty(value: Uncertainty) -> str:
     """The uncertainty of a finger as text, as `parse_uncertainty` reads it; '' for none."""
     parts = [
-        f"{name}={math.degrees(getattr(value, name)):.15g}"
+        f"{name}={degrees:.15g}"
         for name in _ANGLES
-        if getattr(value, name) != 0.0
+        if (degrees := math.degrees(getattr(value, name))) != 0.0
     ]
-    if value.location_error != 0.0:
-        length = value.location_error
-        parts.append(f"location_error={length if isinstance(length, str) else repr(float(length))}")
+    if (length := value.location_error) != 0.0:
+        parts.append(f"location_error={length if isinstance(length, Measure) else float(length)}")
     if value.friction is not None:
         parts.append(f"friction={_BETWEEN.join(map(repr, value.friction))}")
     return ", ".join(parts)
 
 
-class PerFinger:
-    """A field of settings that holds the uncertainty of each finger as one text, '' for none.
+class Fingers(tuple[Uncertainty, ...], TextValue):
+    """The uncertainty of each finger; none at all where nothing further is known of any."""
+
+    __slots__ = ()
+
+    def __str__(self) -> str:
+        return "; ".join(map(describe_uncertainty, self))
+
+
+class PerFinger(Field[tuple[Uncertainty, ...], str | Sequence[Uncertainty]]):
+    """A field of settings that holds the uncertainty of each finger; it is empty without any.
 
     It takes a text, see `parse_uncertainty`, with the fingers separated by semicolons, or a
     sequence of `Uncertainty`.
     """
 
-    def __get__(self, instance: object | None, _owner: type) -> str:
-        return "" if instance is None else vars(instance)["per_finger"]
+    def __init__(self) -> None:
+        super().__init__(Fingers())
 
-    def __set__(self, instance: object, value: str | Sequence[Uncertainty]) -> None:
-        vars(instance)["per_finger"] = describe_fingers(parse_fingers(value))
+    def parse(self, _name: str, value: Any) -> Fingers:
+        """See `Field.parse`."""
+        return value if isinstance(value, Fingers) else parse_fingers(value)
 
 
-def parse_fingers(value: str | Sequence[Uncertainty]) -> tuple[Uncertainty, ...]:
+def parse_fingers(value: str | Sequence[Uncertainty]) -> Fingers:
     """The uncertainty of each finger, from a text or from values; see `PerFinger`.
+
+    Angles are rounded to the 15 digits of the text, which then is of the same values.
 
     Raises:
         SettingError: It is neither.
     """
     if isinstance(value, str):
-        return tuple(_parsed_fingers(value.split(";"))) if value.strip() else ()
-    given = list(value) if isinstance(value, Sequence) else []
-    fingers = tuple(one for one in given if isinstance(one, Uncertainty))
-    if not fingers or len(fingers) < len(given):
+        fingers = Fingers(_parsed_fingers(value.split(";")))
+        return fingers if any(one != Uncertainty() for one in fingers) else Fingers()
+    given: Any = value
+    if not (isinstance(given, Sequence) and all(isinstance(one, Uncertainty) for one in given)):
         raise SettingError(
             "per_finger must be a text such as 'location_error=1mm; normal_error=5' (degrees), or "
             f"one Uncertainty for each finger; got {value!r}"
         )
-    return fingers
+    return parse_fingers(str(Fingers(given)))
 
 
 def _parsed_fingers(texts: Sequence[str]) -> Iterator[Uncertainty]:
@@ -239,21 +265,6 @@ def _parsed_fingers(texts: Sequence[str]) -> Iterator[Uncertainty]:
             raise SettingError(f"finger {number}: {error}") from error
 
 
-def describe_fingers(values: Sequence[Uncertainty]) -> str:
-    """The uncertainty of each finger as one text; '' for none."""
-    texts = [describe_uncertainty(value) for value in values]
-    return "; ".join(texts) if any(texts) else ""
-
-
-def fingers_in_unit(text: str, unit: Unit | None, *, source: str = "the mesh") -> str:
-    """The text of `PerFinger` with every length as a number in a unit.
-
-    Raises:
-        SettingError: A length has a unit, but that of the mesh is not known.
-    """
-    return describe_fingers([one.in_unit(unit, source=source) for one in parse_fingers(text)])
-
-
 def _angle(name: str, text: str) -> float:
     found = re.fullmatch(r"(\S+?)\s*(?:deg|degrees|°)?", text)
     try:
@@ -262,18 +273,16 @@ def _angle(name: str, text: str) -> float:
         raise SettingError(f"{name} must be an angle in degrees; got {text!r}") from error
 
 
-def _sum_of_lengths(one: float | str, two: float | str) -> float | str:
+def _sum_of_lengths(one: AnyLength, two: AnyLength) -> AnyLength:
     """Sum of two lengths, in the unit of the one that has one."""
     for unit_of, other in ((one, two), (two, one)):
-        if isinstance(unit_of, str):
+        if isinstance(unit_of, Measure):
             if other == 0.0:
                 return unit_of
-            number, unit = unit_of.split(" ")
-            if isinstance(other, str):
-                total = float(number) + float(length_in_unit("location_error", other, unit))  # type: ignore[arg-type]
-                return str(parse_length("location_error", f"{total:.15g} {unit}"))
+            if isinstance(other, Measure):
+                return measure(unit_of.number + other.in_unit(unit_of.unit), unit_of.unit)
             raise SettingError(
                 f"location errors of {describe_length(one)} and {describe_length(two)} do not add "
                 "up: give both with a unit, or none"
             )
-    return float(one) + float(two)
+    return one + two  # type: ignore[operator]

@@ -19,6 +19,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel
+from grasp3d.settings.lengths import Measure
 from grasp3d.settings.uncertainty import check_location_error
 from grasp3d.stability.round_shapes import critical_angle_below, location_ratio, worst_angle
 from grasp3d.stability.thresholds import unstable_from
@@ -63,7 +64,7 @@ def check_fraction(fraction: float) -> None:
 
 def check_number(location_error: float) -> None:
     """Raise SettingError unless a location error is a finite number of at least 0, no text."""
-    if isinstance(location_error, str):
+    if isinstance(location_error, str | Measure):
         raise SettingError(
             "the location error on a shape without a unit must be a number in the unit of its "
             f"radius; got {location_error!r}"

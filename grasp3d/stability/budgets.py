@@ -7,7 +7,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats
 from grasp3d.contact.budget import MarginBudget
 from grasp3d.settings import GraspModel
-from grasp3d.settings.uncertainty import Uncertainty, parse_fingers
+from grasp3d.settings.uncertainty import Uncertainty
 
 
 def margin_budget(
@@ -55,7 +55,7 @@ def margin_budget(
 
 def _worst_finger(model: GraspModel) -> Uncertainty:
     """Own uncertainty of the finger that leaves the least friction angle."""
-    fingers = parse_fingers(model.per_finger) or (Uncertainty(),)
+    fingers = model.per_finger or (Uncertainty(),)
     return min(
         fingers,
         key=lambda own: (

@@ -109,30 +109,29 @@ def label_surface(
         >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
         70 N hold 3.3 kg
     """
-    mesh, model, sampling = load_mesh(mesh), model or GraspModel(), sampling or Sampling()
-    model = model.in_unit(mesh.unit, source=mesh.report.source)
-    sampling = sampling.in_unit(mesh.unit, source=mesh.report.source)
-    check_search_settings(model, sampling)
+    mesh = load_mesh(mesh)
+    used, limits = mesh.in_own_unit(model or GraspModel(), sampling or Sampling())
+    check_search_settings(used, limits)
     scene = scene or Scene.given(hand, table, approach)
     if scene is not None:
         metres_per_unit(mesh)
-        scene.check_model(model)
+        scene.check_model(used)
     mesh, load = loaded_mesh(mesh, load)
     if load is not None:  # refuse it before the search
-        LoadCase.of(load, mesh, model, None if scene is None else scene.hand)
+        LoadCase.of(load, mesh, used, None if scene is None else scene.hand)
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
     report = progress or ignore
-    enumerated = model.method == "extremes"
+    enumerated = used.method == "extremes"
     if enumerated:
-        check_combinations_of(model)
-    limit, fingers = mesh.options.max_memory, model.fingers
+        check_combinations_of(used)
+    limit, fingers = mesh.options.max_memory, used.fingers
     check_cost(len(mesh.vertices), limit, mesh.report.source, "use a coarser mesh", fingers)
     begin_step("searching for grasps")
-    find = label_pairs if model.fingers == 2 else label_multifinger
+    find = label_pairs if used.fingers == 2 else label_multifinger
     searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
-    labels = find(mesh, model, sampling, scene, threads, searching)
+    labels = find(mesh, used, limits, scene, threads, searching)
     if load is not None:
         labels = replace(labels, load=load)
     if enumerated:

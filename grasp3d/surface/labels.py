@@ -22,7 +22,8 @@ from grasp3d.model_text import model_line
 from grasp3d.quality.measures.measuring import MetricValues
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, check_choice, search_cone
-from grasp3d.settings.uncertainty import Uncertainty, friction_interval, parse_fingers
+from grasp3d.settings.lengths import GivenLength
+from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.sampled_normals import WorstAndBest
@@ -150,8 +151,7 @@ class SurfaceLabels(LabelledGrasps):
         if self.sampling is not None:
             lengths |= self.sampling.lengths()
         if self.load is not None:
-            load = self.load.in_unit(self.mesh.unit, source=self.mesh.report.source)
-            lengths |= load.lengths()
+            lengths |= self.load.lengths()
         return (
             *self.mesh.report.warnings,
             *length_warnings(lengths, self.mesh.size, self.mesh.unit),
@@ -227,7 +227,7 @@ class SurfaceLabels(LabelledGrasps):
         sensor_resolution: float | None = None,
         friction_error: float | None = None,
         normal_error: float | None = None,
-        location_error: float | str | None = None,
+        location_error: GivenLength | None = None,
         per_finger: str | Sequence[Uncertainty] | None = None,
     ) -> "SurfaceLabels":
         """Label the same grasps for another friction, resolution or error, without a new search.
@@ -269,8 +269,7 @@ class SurfaceLabels(LabelledGrasps):
         changed: dict[str, Any] = {name: one for name, one in given.items() if one is not None}
         if friction is not None and len(set(friction_interval(friction))) > 1:
             changed.setdefault("friction_error", 0.0)  # the interval states it
-        model = replace(self.model, **changed)
-        model = model.in_unit(self.mesh.unit, source=self.mesh.report.source)
+        (model,) = self.mesh.in_own_unit(replace(self.model, **changed))
         needed = search_cone(model, Sampling())
         if needed > max(self.search.cone, search_cone(self.model, Sampling())) + ANGLE_ROUNDING:
             raise SearchCoverageError(
@@ -300,7 +299,7 @@ class SurfaceLabels(LabelledGrasps):
         }
 
     def angle_distribution(
-        self, *, weights: Weights = "area", location_error: float | str | None = None
+        self, *, weights: Weights = "area", location_error: GivenLength | None = None
     ) -> SampledAngles:
         """Distribution of critical angles: fractions S, M and U at any friction and resolution.
 
@@ -328,7 +327,7 @@ class SurfaceLabels(LabelledGrasps):
             >>> {name: round(fraction, 2) for name, fraction in found.items()}
             {'S': 0.68, 'M': 0.32, 'U': 0.0}
         """
-        if any(own.friction is not None for own in parse_fingers(self.model.per_finger)):
+        if any(own.friction is not None for own in self.model.per_finger):
             raise SettingError(
                 "fingers with a friction of their own have no distribution over friction: state "
                 "the friction of all fingers (--friction) instead of that in per_finger"

@@ -65,7 +65,7 @@ class LoadCase:
         """The load on an object.
 
         Args:
-            load: Mass or density, task, and force at hand.
+            load: Mass or density, task, and force at hand, with lengths in the mesh's unit.
             mesh: The object; for several densities that of `mesh.masses.with_load`.
             model: The fingers; without a torsion radius they have that of the gripper's pads, or
                 where its contacts are not points that of their own patches.
@@ -79,18 +79,17 @@ class LoadCase:
         with_load(mesh, load)  # refuses an object whose centre of mass is not known
         mass = mass_of(mesh, load)
         task = load.task_for(mass, mesh.unit, source=source)
-        if mass is None and not isinstance(load.task, str):
+        if mass is None and isinstance(load.task, Task):
             mass = task.mass
         force = load.grip_force
         if force is None and hand is not None:
             force = hand.max_force
-        torsion, pads = model.in_unit(mesh.unit, source=source).torsion_radius, None
+        torsion, pads = model.torsion_radius, None
         own = torsion == 0.0 and model.contact != "point"
         if torsion == 0.0 and not own and hand is not None and mesh.unit is not None:
             pads = hand.torsion_radius(1.0) / METRES[mesh.unit]
             torsion = pads * float(np.min(model.frictions))
-        radius = load.in_unit(mesh.unit, source=source).center_of_mass_radius
-        return cls(load, mass, task, force, torsion, radius, pads, own)
+        return cls(load, mass, task, force, torsion, load.center_of_mass_radius, pads, own)
 
     @property
     def decided(self) -> bool:

@@ -65,18 +65,17 @@ def scan_surface(
         [-0.015]
     """
     mesh, points = load_mesh(mesh), _fixed_points(fixed)
-    model = (model or GraspModel()).in_unit(mesh.unit, source=mesh.report.source)
-    model = with_fingers(model, len(points) + 1)
-    check_point_contacts(model)
-    if model.method == "extremes":
-        check_combinations_of(model)
+    (chosen,) = mesh.in_own_unit(with_fingers(model or GraspModel(), len(points) + 1))
+    check_point_contacts(chosen)
+    if chosen.method == "extremes":
+        check_combinations_of(chosen)
     count, report = len(mesh.vertices), progress or ignore
     nearest = [nearest_surface_point(mesh, (point - mesh.center) / mesh.size) for point in points]
     positions = np.stack([position for position, _, _ in nearest])  # normalised frame
     faces = np.array([[face for _, face, _ in nearest]])
     weights = np.stack([weights for _, _, weights in nearest])[None]
     fixed_contacts = SurfaceContacts(mesh, SurfacePoints(faces, weights))  # one grasp
-    searched = BEFORE_ENUMERATION if model.method == "extremes" and len(points) > 1 else 0.0
+    searched = BEFORE_ENUMERATION if chosen.method == "extremes" and len(points) > 1 else 0.0
     if len(points) == 1:
         angles, grip = _scan_pairs(fixed_contacts, positions[0])
     else:
@@ -100,7 +99,7 @@ def scan_surface(
     )
     search = SearchReport(cone=math.pi)
     labels = SurfaceLabels(
-        grasps, model, sampling=None, mode="scan", search=search, threads=threads
+        grasps, chosen, sampling=None, mode="scan", search=search, threads=threads
     )
     labels.compute_labels(within(report, searched, 1.0))
     return labels

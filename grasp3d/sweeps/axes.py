@@ -10,7 +10,16 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import Unit, describe_length, length_in_unit, parse_length
+from grasp3d.settings.lengths import (
+    AnyLength,
+    GivenLength,
+    Measure,
+    Unit,
+    describe_length,
+    length_in_unit,
+    measure,
+    parse_length,
+)
 from grasp3d.settings.uncertainty import check_normal_error, check_resolution
 
 AxisName = Literal[
@@ -121,13 +130,13 @@ class AxisValues:
         others = [self.values[name] for name in NAMES if name not in {ROW, COLUMN}]
         return self.rows_and_columns == (ROW, COLUMN) and not any(map(np.any, others))
 
-    def location_errors(self) -> list[float | str]:
-        """Location errors as lengths: numbers, or texts with the unit."""
+    def location_errors(self) -> list[AnyLength]:
+        """Location errors as lengths: numbers, or with the unit."""
         numbers: list[float] = self.values["location_error"].tolist()
-        return [as_length(number, self.unit) for number in numbers]
+        return [measure(number, self.unit) for number in numbers]
 
 
-def axis_values(**given: ArrayLike | Sequence[float | str] | float | str) -> AxisValues:
+def axis_values(**given: ArrayLike | Sequence[GivenLength] | GivenLength) -> AxisValues:
     """Check the values of every axis and put them in order, each once.
 
     Args:
@@ -166,7 +175,7 @@ def axis_values(**given: ArrayLike | Sequence[float | str] | float | str) -> Axi
 
 
 def in_one_unit(
-    lengths: ArrayLike | Sequence[float | str] | float | str,
+    lengths: ArrayLike | Sequence[GivenLength] | GivenLength,
 ) -> tuple[list[float], Unit | None]:
     """Lengths as numbers in the unit of the first one that has a unit, and that unit.
 
@@ -176,22 +185,18 @@ def in_one_unit(
     Raises:
         SettingError: One is no length, or some have a unit and others none.
     """
-    given: Any = [lengths] if isinstance(lengths, str) else np.asarray(lengths, object).ravel()
+    given: Any = (
+        [lengths] if isinstance(lengths, str | Measure) else np.asarray(lengths, object).ravel()
+    )
     parsed = [parse_length("location_error", one) for one in given]
-    unit: Any = next((one.split(" ")[1] for one in parsed if isinstance(one, str)), None)
-    bare = [one for one in parsed if not isinstance(one, str) and one != 0.0]
+    unit: Any = next((one.unit for one in parsed if isinstance(one, Measure)), None)
+    bare = [one for one in parsed if not isinstance(one, Measure) and one != 0.0]
     if unit is not None and bare:
         raise SettingError(
             f"location errors must all have a unit, or none; got {describe_length(bare[0])} beside "
             f"others in {unit}"
         )
     return [length_in_unit("location_error", one, unit) for one in parsed], unit
-
-
-def as_length(number: float, unit: Unit | None) -> float | str:
-    """A length of a sweep: a number, or a text with the sweep's unit."""
-    length: float | str = parse_length("location_error", f"{number:.15g} {unit or ''}")
-    return length
 
 
 def describe_value(name: AxisName, value: float, unit: Unit | None = None) -> str:

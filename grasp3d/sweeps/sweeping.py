@@ -8,7 +8,7 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.settings import check_choice
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.lengths import AnyLength, GivenLength, Unit
 from grasp3d.stability.angle_distributions import AngleDistribution
 from grasp3d.stability.label import Mode
 from grasp3d.sweeps.axes import NAMES, AxisName, AxisValues, axis_values
@@ -29,7 +29,7 @@ def sweep(
     sensor_resolution: ArrayLike,
     friction_error: ArrayLike | None = None,
     normal_error: ArrayLike | None = None,
-    location_error: ArrayLike | str | Sequence[float | str] | None = None,
+    location_error: ArrayLike | GivenLength | Sequence[GivenLength] | None = None,
     name: str = "",
     mode: Mode = "label",
 ) -> Sweep:
@@ -126,9 +126,7 @@ def _error_of(source: Any, name: AxisName, given: Any) -> Any:
     return getattr(getattr(source, "model", source), name, 0.0) if given is None else given
 
 
-def _angles_at(
-    source: AngleDistribution | LocatedGrasps, location: float | str
-) -> AngleDistribution:
+def _angles_at(source: AngleDistribution | LocatedGrasps, location: AnyLength) -> AngleDistribution:
     """Critical angles at a location error."""
     known = _error_of(source, "location_error", None)
     if isinstance(source, AngleDistribution) and location == known:

@@ -9,6 +9,7 @@ import trimesh
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import settings_key
 from grasp3d.loads import Load
+from grasp3d.quality.task_texts import TaskText
 from grasp3d.stored_settings import stored_settings
 from grasp3d.viewer.subjects.labelled_file import settings_of_file
 from tests.helpers import shapes
@@ -177,7 +178,7 @@ def test_the_wrenches_of_files_are_part_of_a_batch(folder: Path) -> None:
     file = str(folder / "own.csv")
     for number in (1, 2):
         Path(file).write_text(f"{number},0,0,0,0,0\n")
-        assert Load(task=file).with_files_read().task == f"wrench {number},0,0,0,0,0"
+        assert Load(task=file).with_files_read().task == TaskText.of(f"wrench {number},0,0,0,0,0")
     Path(file).unlink()
 
 

@@ -4,7 +4,6 @@ import json
 import math
 import re
 from collections.abc import Callable
-from dataclasses import asdict
 from pathlib import Path
 
 import numpy as np
@@ -19,6 +18,8 @@ from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers
 from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh
 from grasp3d.planar import Circle
+from grasp3d.settings.lengths import Measure
+from grasp3d.settings.parsing import plain_values
 from grasp3d.sweeps import sweep
 from tests.cli.test_label import export
 from tests.helpers import shapes
@@ -43,15 +44,15 @@ def parsed(*words: str) -> GraspModel:
 
 
 def test_the_options_are_the_settings() -> None:
-    assert asdict(parsed(*ERRORS)) == asdict(MODEL)
-    assert asdict(parsed()) == asdict(GraspModel())
+    assert plain_values(parsed(*ERRORS)) == plain_values(MODEL)
+    assert plain_values(parsed()) == plain_values(GraspModel())
     assert parsed("--friction", "0.7", "--friction-error", "0.1").friction_interval == (
         pytest.approx(0.6),
         pytest.approx(0.8),
     )
     fingers = "location_error=1mm; friction=0.3..0.4"
     assert parsed("--per-finger", fingers).per_finger == GraspModel(per_finger=fingers).per_finger
-    assert parsed("--per-finger", "none").per_finger == ""
+    assert parsed("--per-finger", "none").per_finger == ()
 
 
 @pytest.mark.parametrize(
@@ -98,9 +99,11 @@ def test_bad_options_are_errors_of_usage(
 
 
 def test_ranges_of_lengths_and_numbers() -> None:
-    assert parse_lengths("it", ("0:2:1mm", "0.5mm")) == (0.0, "1 mm", "2 mm", "0.5 mm")
+    one, two = Measure(1.0, "mm"), Measure(2.0, "mm")
+    assert parse_lengths("it", ("0:2:1mm", "0.5mm")) == (0.0, one, two, Measure(0.5, "mm"))
     assert parse_lengths("it", ("0:0.002:0.001",)) == (0.0, 0.001, 0.002)
-    assert parse_lengths("it", ("1 MM", "1mm", "1cm:2cm:1cm")) == ("1 mm", "1 cm", "2 cm")
+    longer = Measure(1.0, "cm"), Measure(2.0, "cm")
+    assert parse_lengths("it", ("1 MM", "1mm", "1cm:2cm:1cm")) == (one, *longer)
     assert parse_numbers("it", ("0.1", "0:0.2:0.1")) == pytest.approx((0.0, 0.1, 0.2))
     assert parse_angles("it", ("180",)) == (math.pi,)
     for word in ("a", "1mm:2", "2:1:1mm", "1mm:2cm:1mm", "1:2:0mm", "mm"):
@@ -300,7 +303,7 @@ def test_a_sweep_states_the_unit_of_its_values(tmp_path: Path) -> None:
 def test_a_sweep_searches_at_each_location_error() -> None:
     """At each of them every vertex has the best grasp of all searches."""
     mesh = box_mesh((1.0, 2.0, 3.0), max_edge=1.0)
-    seen: list[float | str] = []
+    seen: list[float] = []
 
     def label(model: GraspModel, progress: Callable[[float], None]) -> SurfaceLabels:
         seen.append(model.location_error)

@@ -8,7 +8,7 @@ from grasp3d import Sampling, label_surface, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.loads import Load
 from grasp3d.mesh.plausible_lengths import check_lengths, length_warnings, refuse_lengths
-from grasp3d.settings.lengths import length_in_unit
+from grasp3d.settings.lengths import length_in_unit, parse_length
 from tests.helpers import shapes
 
 REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {
@@ -23,21 +23,46 @@ REFUSED: dict[str, tuple[dict[str, float | str], float, Any, str]] = {
         "m",
         "if it is in mm, give --center-of-mass-radius 5mm",
     ),
-    "unit of the mesh": ({"location_error": "2 mm"}, 0.144, "mm", "in m, not in mm, give --unit m"),
+    "unit of the mesh": (
+        {"location_error": "2 mm"},
+        0.144,
+        "mm",
+        "in m, not in mm, give --unit m",
+    ),
     "both": ({"location_error": 2.0}, 0.144, "mm", "give --unit m and --location-error 2mm"),
-    "small mesh": ({"max_opening": "80 mm"}, 144.0, "m", "in mm, not in m, give --unit mm"),
-    "given in m": ({"location_error": "2 m"}, 0.144, "m", "in mm, give --location-error 2mm"),
-    "given": ({"location_error": "500 mm"}, 0.144, "m", "check its number and its unit, and that"),
+    "small mesh": (
+        {"max_opening": "80 mm"},
+        144.0,
+        "m",
+        "in mm, not in m, give --unit mm",
+    ),
+    "given in m": (
+        {"location_error": "2 m"},
+        0.144,
+        "m",
+        "in mm, give --location-error 2mm",
+    ),
+    "given": (
+        {"location_error": "500 mm"},
+        0.144,
+        "m",
+        "check its number and its unit, and that",
+    ),
     "no guess": ({"max_opening": 1e9}, 0.144, "m", "give it with its unit, such as 80mm"),
     "no guess, tip": ({"torsion_radius": 1e9}, 0.144, "m", "with its unit, such as 5mm, or"),
 }
+
+
+def parsed(lengths: dict[str, float | str]) -> dict[str, Any]:
+    """Lengths as settings hold them."""
+    return {name: parse_length(name, one) for name, one in lengths.items()}
 
 
 @pytest.mark.parametrize("name", REFUSED)
 def test_a_length_that_cannot_be_meant_is_refused_with_the_likely_unit(name: str) -> None:
     lengths, size, unit, remedy = REFUSED[name]
     with pytest.raises(SettingError) as caught:
-        check_lengths(lengths, size, unit, "mug.glb")
+        check_lengths(parsed(lengths), size, unit, "mug.glb")
     message = str(caught.value)
     assert remedy in message
     assert "of mug.glb, " in message or "the size of mug.glb" in message
@@ -59,11 +84,11 @@ def test_lengths_that_somebody_may_mean_are_accepted(lengths: dict[str, float | 
 
 def test_the_radius_of_the_centre_of_mass_is_checked_with_the_mesh() -> None:
     mesh = load_mesh(shapes.box((40.0, 30.0, 20.0)), unit="mm", max_edge=50.0)
-    refuse_lengths(mesh, {}, Load(center_of_mass_radius=5.0))
+    refuse_lengths(mesh, Load(center_of_mass_radius=5.0))
     with pytest.raises(SettingError, match="center_of_mass_radius is 500 mm, "):
-        refuse_lengths(mesh, {}, Load(center_of_mass_radius=500.0))
+        refuse_lengths(mesh, Load(center_of_mass_radius=500.0))
     labels = label_surface(mesh, sampling=Sampling(rays=8), threads=1)
-    for radius, count in (("5mm", 0), ("50cm", 1)):
+    for radius, count in ((5.0, 0), (500.0, 1)):
         load = Load(center_of_mass_radius=radius)
         warnings = replace(labels, load=load).warnings
         assert sum("center_of_mass_radius is 500 mm" in one for one in warnings) == count
@@ -77,7 +102,7 @@ def test_a_length_that_is_refused_has_a_warning_as_well() -> None:
 
 def test_the_message_has_the_length_as_it_was_given() -> None:
     with pytest.raises(SettingError, match=r"^location_error is 500 mm, 3.47 times the size of a"):
-        check_lengths({"location_error": "500 mm"}, 0.144, "m", "a.stl")
-    check_lengths({"location_error": "100 mm"}, 0.144, "m", "a.stl")
+        check_lengths(parsed({"location_error": "500 mm"}), 0.144, "m", "a.stl")
+    check_lengths(parsed({"location_error": "100 mm"}), 0.144, "m", "a.stl")
     with pytest.raises(SettingError, match="is 1 mm, but the unit of"):
-        check_lengths({"location_error": "1 mm"}, 0.144, None, "a.stl")
+        check_lengths(parsed({"location_error": "1 mm"}), 0.144, None, "a.stl")

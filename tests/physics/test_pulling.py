@@ -14,8 +14,9 @@ from grasp3d.physics import ConvexParts, Fate, Outcome, SimulationSettings
 from grasp3d.physics.hand import Tips
 from grasp3d.physics.pulling import PULLS, Attempt, simulate_attempt
 from grasp3d.physics.scene import SimulatedObject, grasp_model
+from grasp3d.settings.lengths import settings_in_unit
 
-SETTINGS = SimulationSettings(pull_time=0.3).in_unit("m")
+(SETTINGS,) = settings_in_unit("m", SimulationSettings(pull_time=0.3))
 SIZES = np.array([0.04, 0.06, 0.1])
 TIPS = Tips(0.003)
 

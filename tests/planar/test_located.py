@@ -516,7 +516,7 @@ def test_each_finger_is_held_against_its_own_cone() -> None:
 @pytest.mark.parametrize(
     ("model", "message"),
     [
-        (GraspModel(location_error="2mm"), "convert them with in_unit"),
+        (GraspModel(location_error="2mm"), "convert them with settings_in_unit"),
         (GraspModel(fingers=3, location_error=0.1), "planar grasps have two fingers"),
     ],
 )

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
 from grasp3d.quality import Acceleration, Ellipsoid, Task, Weight, Wrenches, parse_task
-from grasp3d.quality.task_texts import check_task_text, inline_files, task_files
+from grasp3d.quality.task_texts import TaskText
 from grasp3d.quality.wrench_files import COLUMNS, LARGEST_FILE, MAX_WRENCHES, read_wrenches
 
 DOWN = (0.0, 0.0, -1.0)
@@ -42,7 +42,7 @@ ROWS = st.lists(st.tuples(*[NUMBERS] * 6), min_size=1, max_size=5).filter(
     ],
 )
 def test_texts_are_tasks(text: str, task: Task) -> None:
-    assert check_task_text(text) == text.strip()
+    assert str(TaskText.of(text)) == text.strip()
     assert parse_task(text, mass=0.5, center_radius=0.01, metres_per_unit=0.001) == task
 
 
@@ -95,14 +95,14 @@ def test_too_many_wrenches_are_refused(tmp_path: Path) -> None:
     row = "1,0,0,0,0,0"
     text = "wrench " + ";".join([row] * (MAX_WRENCHES + 1))
     with pytest.raises(SettingError, match="at most 200 wrenches; got 201"):
-        check_task_text(text)
+        TaskText.of(text)
     path = tmp_path / "many.csv"
     path.write_text("\n".join([row] * (MAX_WRENCHES + 1)))
     with pytest.raises(SettingError, match=r"many\.csv: must hold from 1 to 200 wrenches"):
         read_wrenches(path)
     half = tmp_path / "half.csv"
     half.write_text("\n".join([row] * (MAX_WRENCHES // 2 + 1)))
-    assert check_task_text(f"{half} + {half}")
+    assert TaskText.of(f"{half} + {half}").files == (half, half)
     with pytest.raises(SettingError, match="at most 200 wrenches; got 202"):
         parse_task(f"{half} + {half}")
     path.write_text("#" * (LARGEST_FILE + 1))
@@ -132,10 +132,11 @@ def test_files_and_texts_are_the_same(
     path = tmp_path_factory.mktemp("tasks") / "pushes.csv"
     path.write_text("\n".join(",".join(map(repr, row)) for row in rows))
     for text in (str(path), f"ellipsoid {path}", f"weight + {path}"):
-        inline = inline_files(text)
-        assert "csv" not in inline
-        assert inline_files(inline) == inline
-        assert parse_task(inline, metres_per_unit=1.0) == parse_task(text, metres_per_unit=1.0)
+        inline = TaskText.of(text).with_files_read()
+        assert "csv" not in str(inline)
+        assert inline.with_files_read() == inline == TaskText.of(str(inline))
+        assert inline.parts == TaskText.of(str(inline)).parts
+        assert inline.task(metres_per_unit=1.0) == parse_task(text, metres_per_unit=1.0)
 
 
 @pytest.mark.parametrize("start", ["", "fx,fy,fz,tx,ty,tz\n", "# pushes\n\nFX, FY,fz,tx,ty,tz\n"])
@@ -177,15 +178,15 @@ def test_damaged_files_are_refused(tmp_path: Path, content: bytes, words: str) -
 
 def test_the_files_of_a_task_are_named_without_opening_them() -> None:
     text = "a.csv + weight + ellipsoid b/c.CSV + wrench 1,0,0,0,0,0"
-    assert task_files(text) == (Path("a.csv"), Path("b/c.CSV"))
-    assert task_files("weight") == ()
+    assert TaskText.of(text).files == (Path("a.csv"), Path("b/c.CSV"))
+    assert TaskText.of("weight").files == ()
 
 
 def test_a_file_of_zeros_is_no_task_of_its_own(tmp_path: Path) -> None:
     path = tmp_path / "zeros.csv"
     path.write_text("0,0,0,0,0,0\n-0,0,0,0,0,0\n")
     with pytest.raises(SettingError, match=r"zeros\.csv': a task needs a force or a torque"):
-        inline_files(str(path))
+        TaskText.of(str(path)).with_files_read()
     assert parse_task(f"weight + {path}").mass == 1.0
 
 

@@ -3,7 +3,7 @@
 import json
 import math
 import pickle
-from dataclasses import asdict, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -13,7 +13,8 @@ from grasp3d import GraspModel, MeshOptions, Sampling, evaluate_grasps, label_su
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import settings_text
 from grasp3d.errors import SettingError
-from grasp3d.settings.lengths import METRES, parse_length
+from grasp3d.settings.lengths import METRES, Measure, parse_length, settings_in_unit
+from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
 from tests.helpers import shapes
 
@@ -21,8 +22,10 @@ from tests.helpers import shapes
 @pytest.mark.parametrize(
     ("text", "stored"),
     [
-        ("80mm", "80 mm"), (" 80 mm ", "80 mm"), ("0.08 m", "0.08 m"), ("3IN", "3 in"),
-        ("8.50cm", "8.5 cm"), (".5cm", "0.5 cm"), ("1e-3m", "0.001 m"), ("+5mm", "5 mm"),
+        ("80mm", Measure(80, "mm")), (" 80 mm ", Measure(80, "mm")), ("3IN", Measure(3, "in")),
+        ("0.08 m", Measure(0.08, "m")), ("8.50cm", Measure(8.5, "cm")), ("+5mm", Measure(5, "mm")),
+        (".5cm", Measure(0.5, "cm")), ("1e-3m", Measure(0.001, "m")),
+        (Measure(5, "m"), Measure(5, "m")),
         ("0mm", 0.0), ("0.06", 0.06), ("inf", math.inf), (0.06, 0.06), (80, 80), (None, None),
     ],
 )  # fmt: skip
@@ -61,10 +64,11 @@ def test_only_lengths_with_that_default_can_be_none() -> None:
 )
 def test_lengths_become_numbers_in_the_unit_of_the_mesh(unit: Any, number: float) -> None:
     given = Sampling(max_opening="80mm", min_opening=0.01)
-    found = given.in_unit(unit)
+    (found,) = settings_in_unit(unit, given)
     assert found == Sampling(max_opening=found.max_opening, min_opening=0.01)
     assert found.max_opening == pytest.approx(number, rel=1e-14)
-    assert found.in_unit("in") is found
+    assert settings_in_unit("in", found, None) == (found, None)
+    assert settings_in_unit("in", found)[0] is found
     if unit != "in":
         assert found.max_opening == number  # not a rounding error beside it
 
@@ -81,21 +85,22 @@ def test_every_length_of_the_settings_takes_a_unit() -> None:
         ),
         (MeshOptions(max_edge="5mm", patch_radius="5mm"), {"max_edge", "patch_radius"}),
     ):
-        assert settings.lengths() == dict.fromkeys(names, "5 mm")
-        assert set(settings.in_unit("cm").lengths().values()) == {0.5}
+        assert settings.lengths() == dict.fromkeys(names, Measure(5.0, "mm"))
+        (converted,) = settings_in_unit("cm", settings)
+        assert set(converted.lengths().values()) == {0.5}
         assert pickle.loads(pickle.dumps(settings)) == settings  # noqa: S301
         assert eval(repr(settings)) == settings  # noqa: S307
         with pytest.raises(SettingError, match=r"is 5 mm, but the unit of scan\.stl is not known"):
-            settings.in_unit(None, source="scan.stl")
+            settings_in_unit(None, settings, source="scan.stl")
 
 
 def test_limits_are_compared_when_their_unit_is_known() -> None:
     with pytest.raises(SettingError, match=r"got 9 mm and 0\.3 cm"):
         Sampling(min_opening="9mm", max_opening="0.3cm")
     mixed = Sampling(min_opening=5.0, max_opening="8mm")
-    assert mixed.in_unit("mm").max_opening == 8.0
+    assert settings_in_unit("mm", mixed)[0].max_opening == 8.0
     with pytest.raises(SettingError, match=r"got 5 and 0\.8"):
-        mixed.in_unit("cm")
+        settings_in_unit("cm", mixed)
     for bad in ({"torsion_radius": "-1mm"}, {"torsion_radius": "inf"}):
         with pytest.raises(SettingError, match="torsion radius must be a finite length"):
             GraspModel(**bad)
@@ -111,7 +116,8 @@ def test_settings_without_units_have_the_same_identity_as_before() -> None:
     plain = json.loads(settings_text(BatchSettings(sampling=Sampling(max_opening=0.08))))
     assert plain["sampling"]["max_opening"] == 0.08
     assert plain["mesh"]["patch_radius"] == 0
-    assert asdict(Sampling()) == {name: getattr(Sampling(), name) for name in asdict(Sampling())}
+    values = plain_values(Sampling())
+    assert values == {name: getattr(Sampling(), name) for name in values}
     other = json.loads(settings_text(BatchSettings(sampling=Sampling(max_opening="80 mm"))))
     assert other["sampling"].pop("max_opening") == "80 mm"
     plain["sampling"].pop("max_opening")

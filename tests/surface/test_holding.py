@@ -23,6 +23,7 @@ from grasp3d import (
 from grasp3d.errors import SettingError
 from grasp3d.loads import Load
 from grasp3d.quality.grip_forces import Resistance
+from grasp3d.quality.task_texts import TaskText
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Weight, Wrenches
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.stability.label import Label
@@ -161,7 +162,7 @@ def test_a_gripper_brings_force_and_torsion() -> None:
 
 
 def test_a_label_needs_a_force_and_a_mass_that_matters() -> None:
-    pushes = "wrench 0,0,-5,0,0,0", Wrenches([0, 0, -5, 0, 0, 0])
+    pushes = TaskText.of("wrench 0,0,-5,0,0,0"), Wrenches([0, 0, -5, 0, 0, 0])
     for load, columns in (
         (Load(mass=MASS), 3),
         (Load(grip_force=40.0), 4),

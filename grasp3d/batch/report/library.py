@@ -12,7 +12,7 @@ from grasp3d.batch.report.settings_text import describe_settings, summarise_sett
 from grasp3d.batch.row import AreaFractions, Row
 from grasp3d.meanings import SAFE_LABELS
 from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import METRES, to_metres
+from grasp3d.settings.lengths import METRES, AnyLength, Measure
 
 VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
 """Path of the objects' scripts below the output folder, and their suffix."""
@@ -176,9 +176,9 @@ def _errors_of(one: AreaFractions, unit: str | None) -> _Errors:
 
 def _curve_of(model: GraspModel, found: Sequence[dict[str, Any]]) -> int:
     """Number of the curve that is nearest to a model; a length without a unit is the largest."""
-    length = model.location_error
+    length: AnyLength = model.location_error
     location = (
-        1000.0 * to_metres(length) if isinstance(length, str) else (math.inf if length else 0.0)
+        1000.0 * length.metres if isinstance(length, Measure) else (math.inf if length else 0.0)
     )
     wanted = (model.friction, model.friction_error, model.normal_error, location)
     return min(

@@ -8,8 +8,9 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
 from grasp3d.model_text import error_texts
+from grasp3d.quality.task_texts import TaskText
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
-from grasp3d.settings.lengths import describe_length
+from grasp3d.settings.lengths import Measure, describe_length
 
 
 def describe_settings(settings: BatchSettings) -> list[tuple[str, str]]:
@@ -110,7 +111,7 @@ def _load(load: Load | None) -> Iterator[tuple[str, str]]:
     if load.density is not None:
         several = load.density if isinstance(load.density, tuple) else (load.density,)
         parts.append(f"{', '.join(f'{one:.4g}' for one in several)} kg/m³")
-    parts.append(load.task if isinstance(load.task, str) else "a given task")
+    parts.append(str(load.task) if isinstance(load.task, TaskText) else "a given task")
     if load.grip_force is not None:
         parts.append(f"{load.grip_force:.4g} N per finger")
     if load.center_of_mass_radius:
@@ -122,7 +123,7 @@ def _range(least: float, most: float) -> str:
     """Limits of a length as text."""
     named = [("at least", least)] if least else []
     named += [("at most", most)] if most != math.inf else []
-    numbers = not any(isinstance(length, str) for _, length in named)
+    numbers = not any(isinstance(length, Measure) for _, length in named)
     last = len(named) - 1
     limits = [
         f"{name} {describe_length(length) if numbers and at < last else _length(length)}"
@@ -134,7 +135,7 @@ def _range(least: float, most: float) -> str:
 def _length(length: float) -> str:
     """A length as it was given: with its unit, or in that of each mesh."""
     text = describe_length(length)
-    return text if isinstance(length, str) else f"{text} (in each mesh's unit)"
+    return text if isinstance(length, Measure) else f"{text} (in each mesh's unit)"
 
 
 def _mesh(options: MeshOptions) -> Iterator[tuple[str, str]]:

@@ -20,7 +20,7 @@ from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.plausible_lengths import check_lengths, refuse_lengths
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
-from grasp3d.settings.lengths import Unit
+from grasp3d.settings.lengths import Measure, Unit, settings_in_unit
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
@@ -169,7 +169,7 @@ def open_collection(
         read = partial(_open_labelled, target, options, lengths, (reach, *settings))
         return _single(target.name, read, *settings)
     settings = model or GraspModel(), sampling or Sampling()
-    if any(isinstance(length, str) for one in settings for length in one.lengths().values()):
+    if any(isinstance(length, Measure) for one in settings for length in one.lengths().values()):
         unit = options.unit or read_source(target, max_memory=options.max_memory).raw.unit
         settings = _in_unit(settings, unit, target.name)
     _check(*settings, scan=False)
@@ -279,7 +279,7 @@ def _open_mesh(
     reach, model, sampling = search
     mesh, load = loaded_mesh(prepare_file(path, options), load)
     if not force:
-        refuse_lengths(mesh, model.lengths() | sampling.lengths(), load)
+        refuse_lengths(mesh, model, sampling, load)
     progress(READ)
     scene = Scene.of(reach, mesh)
     return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0), scene, load)
@@ -326,8 +326,7 @@ def _in_unit(
     settings: tuple[GraspModel, Sampling], unit: Unit | None, source: str
 ) -> tuple[GraspModel, Sampling]:
     """Settings with lengths as numbers in a unit, as the viewer has them."""
-    model, sampling = settings
-    return model.in_unit(unit, source=source), sampling.in_unit(unit, source=source)
+    return settings_in_unit(unit, *settings, source=source)
 
 
 def _given_lengths(

@@ -1,7 +1,7 @@
 """Computations of the viewer: new searches, scans, epsilon."""
 
 import math
-from dataclasses import asdict, replace
+from dataclasses import replace
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -53,10 +53,10 @@ def mesh_of(subject: Subject) -> ObjectMesh:
 
 def _prepared_mesh(subject: Subject) -> ObjectMesh:
     options = replace(subject.options, max_edge=math.inf)
-    mesh = load_mesh((subject.vertices, subject.faces), **asdict(options))
+    mesh = load_mesh((subject.vertices, subject.faces), options)
     if len(mesh.vertices) != len(subject.vertices):
         options = replace(options, repair="none")
-        mesh = load_mesh((subject.vertices, subject.faces), **asdict(options))
+        mesh = load_mesh((subject.vertices, subject.faces), options)
     if len(mesh.vertices) != len(subject.vertices):
         raise MeshError(f"{subject.name}: its mesh cannot be prepared; label the mesh again")
     report = replace(mesh.report, source=subject.name, unit=subject.unit)

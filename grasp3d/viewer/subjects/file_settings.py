@@ -3,9 +3,8 @@
 import json
 import math
 from collections.abc import Mapping
-from dataclasses import dataclass, fields
-from types import NoneType
-from typing import Any, TypeVar, get_args, get_origin, get_type_hints
+from dataclasses import dataclass
+from typing import Any, get_args
 
 import numpy as np
 
@@ -17,15 +16,14 @@ from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.loads import Load, load_from
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
-from grasp3d.settings.lengths import Length, Position, Unit
+from grasp3d.settings.lengths import Unit
+from grasp3d.settings.parsing import SettingsT, settings_of_texts
 from grasp3d.stability.label import Mode
 from grasp3d.viewer.subjects.forces import LoadNumbers
 
 COMMENT = "comment grasp3d "
 NEEDED = ("mode", "friction", "sensor_resolution", "fingers", "method", "search_angle", "unit")
 """Comments that every labelled PLY has."""
-
-SettingsT = TypeVar("SettingsT")
 
 
 @dataclass(frozen=True)
@@ -161,21 +159,7 @@ def _numbers(values: Mapping[str, str], name: str, count: int) -> Floats | None:
 
 def _parsed(kind: type[SettingsT], values: Mapping[str, str]) -> SettingsT:
     """Settings of one kind; missing ones have their defaults."""
-    hints = get_type_hints(kind)
-    names = [field.name for field in fields(kind) if field.name in values]  # type: ignore[arg-type]
     try:
-        return kind(**{name: _value(values[name], hints[name]) for name in names})
+        return settings_of_texts(kind, values)
     except (TypeError, GraspError) as error:
         raise ValueError(str(error)) from error
-
-
-def _value(text: str, hint: Any) -> Any:
-    """Convert a text to the type of a hint; raises ValueError if that fails."""
-    if hint is Position:
-        return None if text == "None" else text
-    if get_origin(hint) is Length:
-        (hint,) = get_args(hint)
-    kinds = get_args(hint) or (hint,)
-    if text == "None" and NoneType in kinds:
-        return None
-    return int(text) if int in kinds else float(text) if float in kinds else text

@@ -6,7 +6,6 @@ import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.settings import GraspModel
-from grasp3d.settings.uncertainty import parse_fingers
 from grasp3d.stability.located_angles import ContactLimits
 from grasp3d.surface.labels import SurfaceLabels
 
@@ -52,4 +51,4 @@ def dependence(model: GraspModel) -> object:
 
 def fits(model: GraspModel) -> bool:
     """Whether the values of single fingers are for the model's number of fingers."""
-    return not model.per_finger or len(parse_fingers(model.per_finger)) == model.fingers
+    return not model.per_finger or len(model.per_finger) == model.fingers

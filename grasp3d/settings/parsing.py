@@ -1,0 +1,137 @@
+"""Fields of settings: texts become values when the settings are made, and values texts in files."""
+
+from abc import ABC, abstractmethod
+from collections.abc import Mapping
+from dataclasses import fields, is_dataclass
+from types import NoneType
+from typing import (
+    TYPE_CHECKING,
+    Any,
+    ClassVar,
+    Generic,
+    TypeVar,
+    get_args,
+    get_type_hints,
+)
+
+ValueT = TypeVar("ValueT")
+GivenT = TypeVar("GivenT")
+SettingsT = TypeVar("SettingsT")
+
+
+class TextValue(ABC):
+    """A value that stands in files and reports as the text from which it is made again."""
+
+    @abstractmethod
+    def __str__(self) -> str:
+        """The text."""
+
+
+class Field(ABC, Generic[ValueT, GivenT]):
+    """A field of settings that takes more types than it holds, such as a text.
+
+    It holds nothing itself: settings keep their values as any dataclass does, and parse what they
+    are given when they are made. Type checkers read both types from it.
+    """
+
+    def __init__(self, default: ValueT) -> None:
+        self._default = default
+
+    def __get__(self, _instance: object | None, _owner: type) -> ValueT:
+        return self._default
+
+    if TYPE_CHECKING:
+
+        def __set__(self, _instance: object, value: GivenT) -> None: ...
+
+    @abstractmethod
+    def parse(self, name: str, value: Any) -> ValueT:
+        """The value for what was given, which may be such a value already.
+
+        Args:
+            name: Name of the setting, for the error.
+            value: What was given.
+
+        Raises:
+            SettingError: It is none.
+        """
+
+
+class Settings:
+    """Settings, frozen dataclasses, whose fields of type `Field` parse what they are given."""
+
+    parsed_fields: ClassVar[Mapping[str, Field[Any, Any]]] = {}
+    """Those fields by name."""
+
+    def __init_subclass__(cls) -> None:
+        own = {name: one for name, one in cls.__dict__.items() if isinstance(one, Field)}
+        cls.parsed_fields = {**cls.parsed_fields, **own}
+
+    def __post_init__(self) -> None:
+        for name, field in self.parsed_fields.items():
+            given = getattr(self, name)
+            value = field.parse(name, given)
+            if value is not given:
+                object.__setattr__(self, name, value)
+
+
+def plain_values(settings: Any) -> dict[str, Any]:
+    """The values of settings by the name of the field, as files have them.
+
+    Args:
+        settings: A dataclass.
+
+    Returns:
+        Lengths with a unit, uncertainties of fingers and tasks as texts; settings within settings
+        as such a dictionary. `settings_of_texts` reads them.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.parsing import plain_values
+        >>> values = plain_values(grasp3d.GraspModel(torsion_radius="5mm", friction=(0.4, 0.6)))
+        >>> values["torsion_radius"], values["friction"], values["friction_error"]
+        ('5 mm', 0.5, 0.1)
+    """
+    return {one.name: _plain(getattr(settings, one.name)) for one in fields(settings)}
+
+
+def settings_of_texts(kind: type[SettingsT], texts: Mapping[str, str]) -> SettingsT:
+    """Settings from their values in a file, as texts; fields that it lacks have their defaults.
+
+    Args:
+        kind: The class of the settings.
+        texts: `str` of values as `plain_values` returns them; other names are ignored.
+
+    Raises:
+        ValueError: A text is no number where there must be one.
+        SettingError: A value is outside its range.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.settings.parsing import settings_of_texts
+        >>> found = settings_of_texts(grasp3d.GraspModel, {"fingers": "3", "edges": "None"})
+        >>> found == grasp3d.GraspModel(fingers=3)
+        True
+    """
+    hints, parsed = get_type_hints(kind), getattr(kind, "parsed_fields", {})
+    names = [one.name for one in fields(kind) if one.name in texts]  # type: ignore[arg-type]
+    values = {
+        name: _value(texts[name], str | None if name in parsed else hints[name]) for name in names
+    }
+    return kind(**values)
+
+
+def _plain(value: Any) -> Any:
+    if isinstance(value, TextValue):
+        return str(value)
+    if isinstance(value, tuple | list):
+        return type(value)(_plain(one) for one in value)
+    return plain_values(value) if is_dataclass(value) else value
+
+
+def _value(text: str, hint: Any) -> Any:
+    """What settings take for a text, by the type of the field."""
+    kinds = get_args(hint) or (hint,)
+    if text == "None" and NoneType in kinds:
+        return None
+    return int(text) if int in kinds else float(text) if float in kinds else text

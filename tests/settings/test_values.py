@@ -1,0 +1,128 @@
+"""Laws of texts and values: what settings make of a text is what its text makes again."""
+
+import pickle
+from dataclasses import replace
+from typing import Any
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from grasp3d import GraspModel, MeshOptions
+from grasp3d.errors import SettingError
+from grasp3d.loads import Load
+from grasp3d.quality.task_texts import TaskText
+from grasp3d.settings.lengths import METRES, Measure, measure, parse_length, settings_in_unit
+from grasp3d.settings.parsing import plain_values, settings_of_texts
+from grasp3d.settings.uncertainty import Fingers, Uncertainty, friction_interval, parse_fingers
+
+UNITS = st.sampled_from(list(METRES))
+LENGTHS = st.builds(measure, st.floats(1e-6, 1e6), UNITS)
+ANGLES = st.floats(0.0, 1.0)
+FRICTIONS = st.tuples(st.floats(0.01, 2.0), st.floats(0.01, 2.0)).map(sorted).map(tuple)
+UNCERTAINTIES = st.builds(
+    Uncertainty,
+    sensor_resolution=ANGLES,
+    normal_error=st.floats(0.0, 0.5),
+    location_error=st.one_of(st.floats(0.0, 10.0), LENGTHS),
+    friction=st.one_of(st.none(), FRICTIONS),
+)
+
+
+@given(length=LENGTHS)
+def test_a_length_is_its_text(length: Measure) -> None:
+    assert parse_length("it", str(length)) == length
+    assert str(parse_length("it", str(length))) == str(length)
+    assert parse_length("it", length) is length
+
+
+@given(length=LENGTHS, through=UNITS, to=UNITS)
+def test_conversions_of_units_compose(length: Measure, through: Any, to: Any) -> None:
+    there = measure(length.in_unit(through), through)
+    assert isinstance(there, Measure)
+    assert there.in_unit(to) == pytest.approx(length.in_unit(to), rel=1e-13)
+    assert there.metres == pytest.approx(length.metres, rel=1e-13)
+    assert length.in_unit(length.unit) == length.number
+
+
+@given(radius=LENGTHS, error=LENGTHS, own=UNCERTAINTIES, unit=UNITS)
+def test_settings_in_a_unit_are_those_of_numbers(
+    radius: Measure, error: Measure, own: Uncertainty, unit: Any
+) -> None:
+    model = GraspModel(torsion_radius=radius, location_error=error, per_finger=[own, own])
+    (found,) = settings_in_unit(unit, model)
+    numbers = {"torsion_radius": radius.in_unit(unit), "location_error": error.in_unit(unit)}
+    fingers = settings_in_unit(unit, *model.per_finger)
+    assert found == replace(model, per_finger=fingers, **numbers)
+    assert settings_in_unit("in", found, None) == (found, None)
+    assert settings_in_unit(None, found)[0] is found
+    assert not any(isinstance(one.location_error, Measure) for one in found.per_finger)
+
+
+def test_a_position_is_converted_as_well() -> None:
+    options = MeshOptions(center_of_mass="10mm,0,-2.5mm", max_edge="1cm")
+    (found,) = settings_in_unit("m", options)
+    assert (found.center_of_mass, found.max_edge) == ((0.01, 0.0, -0.0025), 0.01)
+    with pytest.raises(SettingError, match="center_of_mass is 10 mm, but the unit of a mesh"):
+        settings_in_unit(None, replace(options, max_edge=None), source="a mesh")
+
+
+@given(ends=FRICTIONS)
+def test_an_interval_is_its_text_and_its_middle(ends: tuple[float, float]) -> None:
+    model = GraspModel(friction=ends)
+    assert model == GraspModel(friction="..".join(map(repr, ends)))
+    assert model == replace(model) == GraspModel(friction=ends, friction_error=model.friction_error)
+    assert model == GraspModel(friction=model.friction, friction_error=model.friction_error)
+    assert model.friction_interval == pytest.approx(ends, rel=1e-12, abs=1e-12)
+    assert friction_interval(ends) == ends
+
+
+@given(fingers=st.lists(UNCERTAINTIES, max_size=5))
+def test_uncertainties_of_fingers_are_their_text(fingers: list[Uncertainty]) -> None:
+    found = parse_fingers(fingers)
+    assert parse_fingers(str(found)) == found
+    assert str(parse_fingers(str(found))) == str(found)
+    for one, other in zip(found, fingers, strict=bool(found)):
+        assert one.friction == other.friction
+        assert one.location_error == other.location_error
+        assert one.normal_error == pytest.approx(other.normal_error, rel=1e-13)
+    model = GraspModel(fingers=5, per_finger=found)
+    assert model.per_finger is found
+    assert replace(model, friction=0.6).per_finger is found
+
+
+def test_fingers_of_which_nothing_is_known_are_none() -> None:
+    assert GraspModel(per_finger=" ; ").per_finger == () == Fingers()
+    assert GraspModel(per_finger=(Uncertainty(), Uncertainty())).per_finger == ()
+    assert len(GraspModel(per_finger="; normal_error=2").per_finger) == 2
+    nothing: Any = 3
+    with pytest.raises(SettingError, match="per_finger must be a text such as"):
+        GraspModel(per_finger=nothing)
+
+
+@given(
+    radius=st.one_of(st.floats(0.0, 10.0), LENGTHS),
+    ends=FRICTIONS,
+    own=UNCERTAINTIES,
+    edges=st.one_of(st.none(), st.integers(3, 360)),
+)
+def test_settings_are_read_from_their_texts(
+    radius: Any, ends: Any, own: Uncertainty, edges: int | None
+) -> None:
+    model = GraspModel(torsion_radius=radius, friction=ends, per_finger=[own, own], edges=edges)
+    texts = {name: str(value) for name, value in plain_values(model).items()}
+    assert settings_of_texts(GraspModel, texts) == model
+    assert pickle.loads(pickle.dumps(model)) == model  # noqa: S301
+
+
+def test_values_of_files_are_plain() -> None:
+    load = Load(task="weight + wrench 1,0,0,0,0,0", center_of_mass_radius="2mm", mass="500 g")
+    values = plain_values(load)
+    assert values["task"] == "weight + wrench 1,0,0,0,0,0"
+    assert (values["center_of_mass_radius"], values["mass"]) == ("2 mm", 0.5)
+    assert load.task == TaskText.of(values["task"])
+    options = plain_values(MeshOptions(center_of_mass="10mm,0,1"))
+    assert options["center_of_mass"] == ("10 mm", 0.0, 1.0)
+    assert plain_values(GraspModel(per_finger="; normal_error=2"))["per_finger"] == (
+        "; normal_error=2"
+    )
