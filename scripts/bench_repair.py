@@ -179,10 +179,10 @@ def _prepared(shape: Shape, times: dict[str, float]) -> str:
     try:
         given = read_source(shape)
         started = time.process_time()
-        repaired = preparing.check_and_repair(given.raw, options, "mesh")
+        repaired = preparing.repair_given(given, options)
         times["checks"] = time.process_time() - started - sum(times.values())
         started = time.process_time()
-        mesh = preparing.refined_mesh(given.raw, repaired, options, name="mesh", where="mesh")
+        mesh = preparing.refined_mesh(given, repaired, options)
         times["normals and refinement"] = time.process_time() - started
     except MeshError as error:
         return str(error)

@@ -118,14 +118,14 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
 def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force: bool) -> Row:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
     from grasp3d.hand.scene import Scene
-    from grasp3d.mesh import prepare_file
+    from grasp3d.mesh import load_mesh
     from grasp3d.mesh.masses import loaded_mesh
     from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface
 
     clock = _lap_times()
     next(clock)
-    mesh, load = loaded_mesh(prepare_file(path, settings.mesh, threads=job.threads), settings.load)
+    mesh, load = loaded_mesh(load_mesh(path, settings.mesh, threads=job.threads), settings.load)
     model, sampling = mesh.in_own_unit(settings.model, settings.search)
     if not force:
         refuse_lengths(mesh, settings.model, settings.search, load)

@@ -247,14 +247,14 @@ def sweep_mesh(
     """
     # Imported here: the process that plans needs neither ray tracing nor the compiler.
     from grasp3d.hand.scene import Scene
-    from grasp3d.mesh import prepare_file
+    from grasp3d.mesh import load_mesh
     from grasp3d.mesh.plausible_lengths import refuse_lengths
     from grasp3d.surface.labelling import label_surface
 
     begun = time.perf_counter()
     try:
         with local_copy(mesh.source) as path:
-            surface = prepare_file(path, settings.mesh, threads=threads)
+            surface = load_mesh(path, settings.mesh, threads=threads)
         if not force:
             largest = settings.axes.location_errors()[-1]
             refuse_lengths(surface, settings.sampling, location_error=largest)

@@ -132,7 +132,7 @@ class Evaluate:
         from grasp3d.grasps.evaluation import evaluate_grasps
         from grasp3d.grasps.reading import read_contacts
         from grasp3d.grasps.writing import write_grasps
-        from grasp3d.mesh import prepare_file
+        from grasp3d.mesh import load_mesh
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
 
@@ -141,7 +141,7 @@ class Evaluate:
             raise OutputError(f"{output}: is the file of contacts; name another file with -o")
         model = with_fingers(self.model, points.shape[1])
         check_replaceable(output, overwrite=self.overwrite, source=self.file)
-        mesh, load = loaded_mesh(prepare_file(self.file, self.mesh), self.load.chosen)
+        mesh, load = loaded_mesh(load_mesh(self.file, self.mesh), self.load.chosen)
         if not self.force:
             refuse_lengths(mesh, model, load, max_distance=self.max_distance)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
@@ -162,12 +162,12 @@ class Evaluate:
         from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
         from grasp3d.grasps.pose_files import read_poses, write_poses
         from grasp3d.hand.scene import Scene
-        from grasp3d.mesh import prepare_file
+        from grasp3d.mesh import load_mesh
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
 
         poses = read_poses(self.contacts, hand=self.reach.hand)
-        mesh = in_stated_scale(prepare_file(self.file, self.mesh), poses)
+        mesh = in_stated_scale(load_mesh(self.file, self.mesh), poses)
         mesh, load = loaded_mesh(mesh, self.load.chosen)
         model = self.reach.touching(self.model)
         if not self.force:

@@ -154,12 +154,12 @@ class Label:
         from grasp3d.cli import report
         from grasp3d.cli.existing_files import check_same_settings
         from grasp3d.hand.scene import Scene
-        from grasp3d.mesh import prepare_file
+        from grasp3d.mesh import load_mesh
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
         from grasp3d.surface.labelling import label_surface
 
-        mesh, load = loaded_mesh(prepare_file(self.file, self.mesh), self.load.chosen)
+        mesh, load = loaded_mesh(load_mesh(self.file, self.mesh), self.load.chosen)
         model, sampling = mesh.in_own_unit(self.reach.touching(self.model), self.sampling)
         scene = Scene.of(self.reach, mesh)
         if not self.force:

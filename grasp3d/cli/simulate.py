@@ -107,7 +107,7 @@ class Simulate:
         from grasp3d.cli import report, simulate_report
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.grasps.pose_files import read_poses, write_poses
-        from grasp3d.mesh import prepare_file
+        from grasp3d.mesh import load_mesh
         from grasp3d.physics.posed import simulate_poses
 
         assert self.grasps is not None
@@ -122,7 +122,7 @@ class Simulate:
         text = f"simulating {self.grasps.name}"
         with report.progress(text, quiet=self.quiet) as progress:
             found = simulate_poses(
-                prepare_file(self.file, self.mesh),
+                load_mesh(self.file, self.mesh),
                 poses,
                 self.hand.touching(self.model),
                 hand=self.hand,
@@ -138,13 +138,13 @@ class Simulate:
     def _found(self) -> "Simulation":
         """Read the mesh, draw grasps and simulate them."""
         from grasp3d.cli import report
-        from grasp3d.mesh import prepare_file
+        from grasp3d.mesh import load_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
         from grasp3d.physics.engine import mujoco_module
         from grasp3d.physics.simulate import simulate_grasps
 
         mujoco_module()  # before the mesh is read
-        mesh = prepare_file(self.file, self.mesh)
+        mesh = load_mesh(self.file, self.mesh)
         sampling = self._sampling
         if not self.force:
             refuse_lengths(mesh, self.model, sampling, self.simulation)

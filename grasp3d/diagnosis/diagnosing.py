@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, first_at_position, used_indices
+from grasp3d.arrays import first_at_position
 from grasp3d.costs import labelling_cost
 from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis, MeshWarning, SurfaceMeasures, Trust
 from grasp3d.diagnosis.mesh_warnings import (
@@ -21,20 +21,15 @@ from grasp3d.diagnosis.mesh_warnings import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.mesh.manifolds import manifold_status
-from grasp3d.mesh.measures import (
-    edge_counts,
-    face_areas,
-    is_closed,
-    signed_volumes,
-)
-from grasp3d.mesh.mesh_sources import MeshSource, read_source
+from grasp3d.mesh.measures import edge_counts, is_closed
+from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings, refuse_lengths
-from grasp3d.mesh.preparing import check_and_repair, refined_mesh
-from grasp3d.mesh.repair import RepairedSurface
+from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
 from grasp3d.mesh.repair.cleaning import is_face
 from grasp3d.mesh.self_intersections import crossings
+from grasp3d.mesh.triangles import Triangles
 from grasp3d.mesh.units import guess_unit, impossible_size
 from grasp3d.reading import RawMesh
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
@@ -96,33 +91,30 @@ def diagnose(
 
     With `force` lengths that cannot be meant for an object of this size are accepted.
     """
-    given = read_source(source, max_memory=options.max_memory)
-    raw, where = given.raw, given.where
-    surface = check_and_repair(raw, options, where)
-    mesh = refined_mesh(raw, surface, options, name=given.name, where=where)
+    found = prepare(source, options)
+    given, repaired, mesh = found.given, found.repaired, found.mesh
     model, sampling = mesh.in_own_unit(model, sampling)
     lengths = model.lengths() | sampling.lengths() | mesh.options.lengths()
-    points = (surface.vertices - mesh.center) / mesh.size
-    crossing = crossings(points, surface.faces)
-    areas = face_areas(points, surface.faces)
-    fraction = float(areas[crossing.faces].sum() / areas.sum())
-    noise = normal_noise(points, surface.faces)
-    bodies, cavities = count_parts(points, surface.faces)
+    surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
+    crossing = crossings(surface.vertices, surface.faces)
+    fraction = float(surface.areas[crossing.faces].sum() / surface.areas.sum())
+    noise = normal_noise(surface)
+    bodies, cavities = count_parts(surface)
     warnings = (
         *_report_warnings(mesh),
         *interior_warnings(mesh),
-        *_hole_warnings(raw, surface, options, where),
+        *_hole_warnings(found, options),
         *self_intersection_warnings(int(crossing.faces.sum()), fraction),
         *body_warnings(bodies),
-        *stray_warnings(points, surface.faces),
-        *noise_warnings(points, surface.faces, mesh, noise),
+        *stray_warnings(surface),
+        *noise_warnings(surface, mesh, noise),
         *_length_warnings(mesh, lengths, force=force),
     )
-    corners = surface.vertices[surface.faces].reshape(-1, 3)
+    corners = repaired.vertices[repaired.faces].reshape(-1, 3)
     extents = np.ptp(corners, axis=0).tolist()
     return MeshDiagnosis(
         mesh=given.name,
-        format=raw.format,
+        format=given.raw.format,
         file_bytes=given.file_bytes,
         unit=mesh.unit,
         guess=guess_unit(max(extents)),
@@ -130,10 +122,10 @@ def diagnose(
         extents=(extents[0], extents[1], extents[2]),
         bodies=bodies,
         cavities=cavities,
-        before=_measure_file(raw, mesh),
-        after=_measure(points, surface.faces, mesh),
-        repairs=surface.steps,
-        manifold=manifold_status(points, surface.faces),
+        before=_measure_file(given.raw, mesh),
+        after=_measure(surface, mesh),
+        repairs=repaired.steps,
+        manifold=manifold_status(surface.vertices, surface.faces),
         crossing_faces=int(crossing.faces.sum()),
         self_intersecting_fraction=fraction,
         noise=noise,
@@ -146,22 +138,23 @@ def diagnose(
 def _measure_file(raw: RawMesh, mesh: ObjectMesh) -> SurfaceMeasures:
     """Measure the surface as stored in the file, with vertices at equal positions merged."""
     points = (raw.vertices - mesh.center) / mesh.size
-    return _measure(points, first_at_position(raw.vertices)[raw.faces], mesh)
+    return _measure(Triangles(points, first_at_position(raw.vertices)[raw.faces]), mesh)
 
 
-def _measure(points: Floats, faces: Ints, mesh: ObjectMesh) -> SurfaceMeasures:
-    """Measure a surface; `points` are in the mesh's normalised frame, shape (V, 3)."""
-    count, faces = len(faces), faces[is_face(faces)]
-    areas, pieces = face_areas(points, faces), signed_volumes(points, faces)
-    closed, volume = is_closed(faces), float(pieces.sum())
-    corners = points[faces]
+def _measure(surface: Triangles, mesh: ObjectMesh) -> SurfaceMeasures:
+    """Measure a surface in the mesh's normalised frame."""
+    count, faces = len(surface.faces), surface.faces[is_face(surface.faces)]
+    proper = Triangles(surface.vertices, faces)
+    corners, areas = surface.vertices[faces], proper.areas
+    closed, volume = is_closed(faces), float(proper.volumes.sum())
     center = (areas[:, None] * corners.mean(axis=1)).sum(axis=0) / areas.sum()
     if closed and volume:
-        center = (pieces[:, None] * corners.sum(axis=1)).sum(axis=0) / (4.0 * volume)
+        weighted = proper.volumes[:, None] * corners.sum(axis=1)
+        center = weighted.sum(axis=0) / (4.0 * volume)
     boundary, nonmanifold = edge_counts(faces)
     x, y, z = mesh.from_normalized(center).tolist()
     return SurfaceMeasures(
-        vertices=len(used_indices(faces)),
+        vertices=len(proper.used),
         faces=count,
         closed=closed,
         boundary_edges=boundary,
@@ -193,11 +186,11 @@ def _length_warnings(
         yield MeshWarning(Trust.CARE, message)
 
 
-def _hole_warnings(
-    raw: RawMesh, surface: RepairedSurface, options: MeshOptions, where: str
-) -> Iterator[MeshWarning]:
+def _hole_warnings(found: PreparedMesh, options: MeshOptions) -> Iterator[MeshWarning]:
     """Warn about holes, open or closed by repair."""
-    filled = any(step.name == "closed" for step in surface.steps)
+    repaired = found.repaired
+    filled = any(step.name == "closed" for step in repaired.steps)
     if filled:
-        surface = check_and_repair(raw, replace(options, repair="safe"), where)
-    yield from hole_warnings(*missing_fraction(surface.vertices, surface.faces), filled=filled)
+        repaired = repair_given(found.given, replace(options, repair="safe"))
+    surface = Triangles(repaired.vertices, repaired.faces)
+    yield from hole_warnings(*missing_fraction(surface), filled=filled)

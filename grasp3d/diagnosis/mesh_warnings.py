@@ -5,12 +5,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, used_indices
 from grasp3d.diagnosis.mesh_diagnosis import MeshWarning, Trust
 from grasp3d.mesh.measures import face_areas, is_closed, part_volumes, parts_of
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.patches import patch_areas, surface_net
 from grasp3d.mesh.repair.holes import close_holes, fan_area, holes_of
+from grasp3d.mesh.triangles import Triangles
 from grasp3d.mesh.work_bounds import WorkBoundError
 
 MISSING = 0.05
@@ -50,17 +50,16 @@ def interior_warnings(mesh: ObjectMesh) -> Iterator[MeshWarning]:
         )
 
 
-def missing_fraction(points: Floats, faces: Ints) -> tuple[int, float]:
+def missing_fraction(surface: Triangles) -> tuple[int, float]:
     """Return the number of holes, and their area fraction of the closed surface."""
-    holes = holes_of(faces)
-    lids = 0.0
+    points, holes = surface.vertices, holes_of(surface.faces)
     try:
         closing = close_holes(points, holes)
     except WorkBoundError:
         lids = sum(fan_area(points, hole) for hole in holes)
     else:
         lids = sum(float(face_areas(points, lid).sum()) for lid in closing)
-    return len(holes), lids / (lids + float(face_areas(points, faces).sum()))
+    return len(holes), lids / (lids + float(surface.areas.sum()))
 
 
 def hole_warnings(count: int, missing: float, *, filled: bool) -> Iterator[MeshWarning]:
@@ -101,9 +100,10 @@ def self_intersection_warnings(count: int, fraction: float) -> Iterator[MeshWarn
         )
 
 
-def count_parts(points: Floats, faces: Ints) -> tuple[int, int]:
+def count_parts(surface: Triangles) -> tuple[int, int]:
     """Return (bodies, cavities); cavities are parts of a closed surface oriented inward."""
-    volumes = part_volumes(points, faces, parts_of(faces))
+    faces = surface.faces
+    volumes = part_volumes(surface.vertices, faces, parts_of(faces))
     solid = is_closed(faces) and (volumes > 0.0).any()
     cavities = int((volumes < 0.0).sum()) if solid else 0
     return len(volumes) - cavities, cavities
@@ -119,15 +119,15 @@ def body_warnings(bodies: int) -> Iterator[MeshWarning]:
         )
 
 
-def stray_warnings(points: Floats, faces: Ints) -> Iterator[MeshWarning]:
+def stray_warnings(surface: Triangles) -> Iterator[MeshWarning]:
     """Warn about small distant parts, which make the object larger."""
-    part, areas = parts_of(faces), face_areas(points, faces)
+    part, areas = parts_of(surface.faces), surface.areas
     stray = np.bincount(part, areas)[part] <= STRAY * areas.sum()
     if not stray.any() or stray.all():
         return
     whole, rest = (
-        float(np.linalg.norm(np.ptp(points[chosen].reshape(-1, 3), axis=0)))
-        for chosen in (faces, faces[~stray])
+        float(np.linalg.norm(np.ptp(surface.vertices[chosen].reshape(-1, 3), axis=0)))
+        for chosen in (surface.faces, surface.faces[~stray])
     )
     if whole > LARGER * rest:
         percent = 100.0 * areas[stray].sum() / areas.sum()
@@ -138,18 +138,16 @@ def stray_warnings(points: Floats, faces: Ints) -> Iterator[MeshWarning]:
         )
 
 
-def noise_warnings(
-    points: Floats, faces: Ints, mesh: ObjectMesh, noise: float
-) -> Iterator[MeshWarning]:
+def noise_warnings(surface: Triangles, mesh: ObjectMesh, noise: float) -> Iterator[MeshWarning]:
     """Warn about inaccurate normals of a rough surface, and suggest a patch radius."""
     given = mesh.options.patch_radius / mesh.size
-    radius = _smoothing_radius(points, faces, noise)
+    radius = _smoothing_radius(surface, noise)
     if noise <= ROUGH or given >= radius:
         return
     message = (
         f"the surface is rough: its normals have errors of about {math.degrees(noise):.2g} degrees"
     )
-    if radius > LARGEST_PATCH or not _has_direction(points, faces, radius):
+    if radius > LARGEST_PATCH or not _has_direction(surface, radius):
         remedy = "smooth or remesh it; it is too rough or too coarse for a patch radius"
     else:
         digits = 1 - math.floor(math.log10(radius * mesh.size))
@@ -160,16 +158,15 @@ def noise_warnings(
     yield MeshWarning(Trust.CARE, f"{message}; {remedy}")
 
 
-def _smoothing_radius(points: Floats, faces: Ints, noise: float) -> float:
+def _smoothing_radius(surface: Triangles, noise: float) -> float:
     """Return the patch radius at which the mean of independent errors is small enough."""
     vertices = (noise / SMOOTH) ** 2
-    area = float(face_areas(points, faces).sum()) / len(used_indices(faces))
+    area = float(surface.areas.sum()) / len(surface.used)
     return math.sqrt(vertices * area / math.pi)
 
 
-def _has_direction(points: Floats, faces: Ints, radius: float) -> bool:
+def _has_direction(surface: Triangles, radius: float) -> bool:
     """Return whether patches of a radius are flat enough to have a normal."""
-    used = used_indices(faces)
-    sources = used[:: max(1, len(used) // PROBES)]
-    vectors, areas = patch_areas(surface_net(points, faces), sources, radius)
+    sources = surface.used[:: max(1, len(surface.used) // PROBES)]
+    vectors, areas = patch_areas(surface_net(surface), sources, radius)
     return bool(np.median(np.linalg.norm(vectors, axis=1) / areas) > FLATNESS)

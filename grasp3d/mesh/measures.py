@@ -1,4 +1,4 @@
-"""Areas, volumes, components, edges and rounding of plain vertex and face arrays."""
+"""Areas, angles, volumes, components, edges and rounding of plain vertex and face arrays."""
 
 from typing import NamedTuple
 
@@ -6,7 +6,7 @@ import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.arrays import Bools, Floats, Ints, unit_rows, used_indices
 
 
 class Edges(NamedTuple):
@@ -26,6 +26,21 @@ def face_areas(vertices: Floats, faces: Ints) -> Floats:
     """Areas of the faces, shape (F,)."""
     a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
     return np.asarray(0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1))
+
+
+def inward_normals(vertices: Floats, faces: Ints) -> Floats:
+    """Inward unit normals of the faces, shape (F, 3)."""
+    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
+    return unit_rows(np.cross(c - a, b - a))
+
+
+def corner_angles(vertices: Floats, faces: Ints) -> Floats:
+    """Angle of each face at each of its corners [rad], shape (F, 3)."""
+    corners = vertices[faces]
+    after = np.roll(corners, -1, axis=1) - corners
+    before = np.roll(corners, 1, axis=1) - corners
+    sine = np.linalg.norm(np.cross(after, before), axis=2)
+    return np.asarray(np.arctan2(sine, np.einsum("fij,fij->fi", after, before)))
 
 
 def signed_volumes(vertices: Floats, faces: Ints) -> Floats:
@@ -49,6 +64,21 @@ def part_volumes(vertices: Floats, faces: Ints, part: Ints) -> Floats:
     a, b, c = np.moveaxis(vertices[faces] - vertices[faces[first, 0]][part][:, None], 1, 0)
     pieces = np.einsum("ij,ij->i", a, np.cross(b, c)) / 6.0
     return np.asarray(np.bincount(part, pieces), dtype=np.float64)
+
+
+def surface_extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
+    """Centre and diameter of a surface; both follow rotations and translations of the object.
+
+    Args:
+        vertices: Positions (V, 3).
+        faces: Faces (F, 3), at least one with an area.
+    """
+    middle = vertices[faces].mean(axis=(0, 1))
+    centred = vertices - middle
+    area = face_areas(centred, faces)
+    offset = (centred[faces].mean(axis=1) * area[:, None]).sum(axis=0) / area.sum()
+    radius = np.linalg.norm(vertices[used_indices(faces)] - middle - offset, axis=1).max()
+    return middle + offset, float(2.0 * radius)
 
 
 def mass_center(vertices: Floats, faces: Ints) -> tuple[float, Floats]:
@@ -78,6 +108,44 @@ def edges_of(faces: Ints) -> Edges:
     balance = np.bincount(of_corner.ravel(), direction.ravel(), minlength=len(keys))
     ends = np.stack([keys // size, keys % size], axis=1)
     return Edges(ends, count.astype(np.int64), balance.astype(np.int64), of_corner)
+
+
+def paired_edges(faces: Ints) -> tuple[Ints, Ints]:
+    """Pair the half-edges that lie on one undirected edge with exactly two faces.
+
+    Half-edge 3 f + i of face f lies opposite its corner i.
+
+    Returns:
+        The first and the second half-edge of each pair, (E,) each.
+    """
+    order, first, size = _by_edge(faces)
+    pairs = first[size == 2]
+    return order[pairs], order[pairs + 1]
+
+
+def crowded_edges(faces: Ints) -> Ints:
+    """Half-edges that lie on an undirected edge with more than two faces."""
+    order, _, size = _by_edge(faces)
+    return order[np.repeat(size, size) > 2]
+
+
+def _by_edge(faces: Ints) -> tuple[Ints, Ints, Ints]:
+    """Half-edges ordered by their edge; the first of each edge, and its number of half-edges.
+
+    Those of one edge are in ascending order.
+    """
+    start, end = faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()
+    keys = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
+    order = np.argsort(keys)  # several times as fast as a stable order
+    ordered = keys[order]
+    first = np.flatnonzero(np.diff(ordered, prepend=-1))
+    size = np.diff(np.append(first, len(ordered)))
+    pairs = first[size == 2]
+    order[pairs], order[pairs + 1] = np.sort([order[pairs], order[pairs + 1]], axis=0)
+    crowded = np.repeat(size > 2, size)
+    rows = order[crowded]
+    order[crowded] = rows[np.lexsort((rows, keys[rows]))]
+    return order, first, size
 
 
 def edge_counts(faces: Ints) -> tuple[int, int]:

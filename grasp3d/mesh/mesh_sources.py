@@ -5,18 +5,17 @@ The other libraries are not imported: their objects are recognised by the names 
 
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol, TypeAlias
 
 import numpy as np
 
 from grasp3d.errors import MeshError
+from grasp3d.mesh.given_mesh import GivenMesh
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.reading import RawMesh, flattened, read_mesh, stated_unit
 from grasp3d.reading.gltf_transforms import flattens
 from grasp3d.settings import MeshOptions
-from grasp3d.system.names import printable
 from grasp3d.system.steps import begin_step
 
 if TYPE_CHECKING:
@@ -70,20 +69,6 @@ _HINTS = {
 """What to do with other objects of a library, for error messages."""
 
 
-@dataclass(frozen=True, eq=False)
-class GivenMesh:
-    """The surface of a mesh source."""
-
-    raw: RawMesh
-    """The surface as it was given."""
-    name: str
-    """Its name in reports: that of the file, the type, or 'arrays'."""
-    where: str
-    """Its name in errors."""
-    file_bytes: int | None = None
-    """Size of the file; None: it is not from a file."""
-
-
 def read_source(source: MeshSource, *, max_memory: float = MeshOptions.max_memory) -> GivenMesh:
     """Read a mesh from any source.
 
@@ -97,14 +82,13 @@ def read_source(source: MeshSource, *, max_memory: float = MeshOptions.max_memor
     if isinstance(source, str | os.PathLike):
         begin_step("reading the mesh")
         path = Path(os.fsdecode(source))
-        raw = read_mesh(path, max_memory=max_memory)
-        return GivenMesh(raw, path.name, printable(str(path)), path.stat().st_size)
+        return GivenMesh(read_mesh(path, max_memory=max_memory), path.name, path)
     if isinstance(source, ObjectMesh):
         report = source.report
         raw = RawMesh(source.vertices, source.faces, report.format, source.unit)
-        return GivenMesh(raw, report.source, printable(report.source))
+        return GivenMesh(raw, report.source)
     if isinstance(source, tuple | list):
-        return GivenMesh(_of_arrays(source), "arrays", "arrays")
+        return GivenMesh(_of_arrays(source), "arrays")
     return _of_object(source)
 
 
@@ -164,7 +148,7 @@ def _of_object(source: Any) -> GivenMesh:
         raise MeshError(
             f"{name}: holds no triangles; a mesh needs faces, points and lines are not enough"
         )
-    return GivenMesh(raw, name, name)
+    return GivenMesh(raw, name)
 
 
 def _of_trimesh(source: Any) -> RawMesh:

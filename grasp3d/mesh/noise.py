@@ -5,8 +5,8 @@ import math
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, unit_rows
-from grasp3d.mesh.measures import face_areas
 from grasp3d.mesh.normals import CornerNormals, corner_normals
+from grasp3d.mesh.triangles import Triangles
 
 CREASES = (
     (math.radians(30.0), math.radians(1.5)),
@@ -25,7 +25,7 @@ FLAT = 1e-3
 below which they are collinear."""
 
 
-def normal_noise(points: Floats, faces: Ints) -> float:
+def normal_noise(surface: Triangles) -> float:
     """Estimate the error of the vertices' normals due to noise.
 
     Each normal is compared with the linear extrapolation of its neighbours' normals to its own
@@ -35,46 +35,44 @@ def normal_noise(points: Floats, faces: Ints) -> float:
     a round shape count as noise.
 
     Args:
-        points: Positions (V, 3).
-        faces: Faces (F, 3), all with an area.
+        surface: Faces that all have an area.
 
     Returns:
         Median error over the area [rad]; 0 where no normal has neighbours on all sides.
     """
-    return normal_noise_and_crease(points, faces)[0]
+    return normal_noise_and_crease(surface)[0]
 
 
-def normal_noise_and_crease(points: Floats, faces: Ints) -> tuple[float, float]:
+def normal_noise_and_crease(surface: Triangles) -> tuple[float, float]:
     """The estimate of `normal_noise`, and the crease angle at which it was made [rad].
 
     Args:
-        points: Positions (V, 3).
-        faces: Faces (F, 3), all with an area.
+        surface: Faces that all have an area.
     """
     noise, crease = 0.0, CREASES[0][0]
     for crease, largest in CREASES:
-        noise = noise_below_creases(points, faces, crease)
+        noise = noise_below_creases(surface, crease)
         if noise <= largest:
             break
     return noise, crease
 
 
-def noise_below_creases(points: Floats, faces: Ints, crease: float) -> float:
+def noise_below_creases(surface: Triangles, crease: float) -> float:
     """The estimate of `normal_noise` where edges that bend by more than an angle are left out.
 
     Args:
-        points: Positions (V, 3).
-        faces: Faces (F, 3), all with an area.
+        surface: Faces that all have an area.
         crease: Largest bend of an edge that counts as smooth [rad].
     """
-    return SCALE * _median_deviation(points, faces, corner_normals(points, faces, crease))
+    return SCALE * _median_deviation(surface, corner_normals(surface, crease))
 
 
-def _median_deviation(points: Floats, faces: Ints, normals: CornerNormals) -> float:
+def _median_deviation(surface: Triangles, normals: CornerNormals) -> float:
     """Median angle between normals and their neighbours' extrapolation, if that had no error."""
     count, own = len(normals.normals), normals.normals
     one, two = _neighbours(normals.corners, count)
-    weights = _weights(points[normals.vertices[two]] - points[normals.vertices[one]], own, one)
+    points = surface.vertices[normals.vertices]
+    weights = _weights(points[two] - points[one], own, one)
     expected = np.stack([np.bincount(one, weights * own[two, k], count) for k in range(3)], axis=1)
     spread = np.bincount(one, weights**2, count)
     usable = spread > 0.0
@@ -82,7 +80,7 @@ def _median_deviation(points: Floats, faces: Ints, normals: CornerNormals) -> fl
         return 0.0
     sine = np.linalg.norm(np.cross(own, expected), axis=1)
     angles = np.arctan2(sine, (own * expected).sum(axis=1)) / np.sqrt(1.0 + spread)
-    areas = np.bincount(normals.corners.ravel(), np.repeat(face_areas(points, faces), 3), count)
+    areas = np.bincount(normals.corners.ravel(), np.repeat(surface.areas, 3), count)
     return _median(angles[usable], (areas / (1.0 + spread))[usable])
 
 

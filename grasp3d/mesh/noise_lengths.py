@@ -4,11 +4,11 @@ import math
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import MeshError
 from grasp3d.mesh.noise import noise_below_creases, normal_noise_and_crease
 from grasp3d.mesh.noise_fields import noise_stream, random_field
 from grasp3d.mesh.noisy_copies import MovableSurface
+from grasp3d.mesh.triangles import Triangles
 
 FIRST = 0.05
 """Standard deviation from which the estimate starts, in mean edges."""
@@ -62,7 +62,7 @@ def noise_length(surface: MovableSurface, correlation: float = 0.0, *, seed: int
     """
     points = (surface.points - surface.mesh.center) / surface.mesh.size
     faces = np.searchsorted(np.unique(surface.repaired.faces), surface.repaired.faces)
-    own, crease = normal_noise_and_crease(points, faces)
+    own, crease = normal_noise_and_crease(Triangles(points, faces))
     if own < SMOOTH:
         raise MeshError(
             f"{surface.mesh.report.source}: the surface has no noise that can be measured; state "
@@ -73,15 +73,15 @@ def noise_length(surface: MovableSurface, correlation: float = 0.0, *, seed: int
     errors = field[:, None] * surface.normals
     sigma = FIRST * surface.mean_edge / surface.mesh.size
     for _ in range(STEPS):
-        factor = _factor(points + sigma * errors, faces, own, crease)
+        factor = _factor(Triangles(points + sigma * errors, faces), own, crease)
         sigma *= factor
         if abs(factor - 1.0) < CLOSE:
             break
     return sigma * surface.mesh.size
 
 
-def _factor(rough: Floats, faces: Ints, own: float, crease: float) -> float:
+def _factor(rough: Triangles, own: float, crease: float) -> float:
     """How many times the noise was too small that made a surface of some noise this rough."""
-    total = noise_below_creases(rough, faces, crease)
+    total = noise_below_creases(rough, crease)
     added = math.sqrt(max(total**2 - own**2, 0.0))
     return min(max(own / added if added else LARGEST, 1.0 / LARGEST), LARGEST)

@@ -6,13 +6,14 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints, locked, short_repr, unit_rows
-from grasp3d.mesh.mesh_sources import MeshSource, read_source
-from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
+from grasp3d.mesh.mesh_sources import MeshSource
+from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.patches import fingertip_normals
-from grasp3d.mesh.preparing import DEFAULT_EDGE, check_and_repair, refined_mesh
-from grasp3d.mesh.refinement import RefinedSurface, refined_corners
+from grasp3d.mesh.preparing import prepare
+from grasp3d.mesh.refinement import longest_edge, refined_corners
 from grasp3d.mesh.repair import RepairedSurface
+from grasp3d.mesh.triangles import Triangles
 from grasp3d.settings import MeshOptions
 
 
@@ -89,19 +90,16 @@ class MovableSurface:
         vertices = repaired.vertices.copy()
         vertices[self._own] += shifts
         vertices = vertices[repaired.canonical]
-        normalized = (vertices - mesh.center) / mesh.size
-        normals = self._divided(corner_normals(normalized, faces, mesh.options.crease_angle))
-        refined = RefinedSurface(self._all(normalized), mesh.faces, normals)
-        surface = replace(repaired, vertices=vertices)
-        normals, _ = fingertip_normals(surface, refined, mesh.size, mesh.options, threads=threads)
-        moved = mesh.from_normalized(refined.vertices)
+        normalized = Triangles((vertices - mesh.center) / mesh.size, faces)
+        normals = self._divided(corner_normals(normalized, mesh.options.crease_angle))
+        refined = Triangles(self._all(normalized.vertices), mesh.faces)
+        normals, _ = fingertip_normals(
+            Triangles(vertices, faces), refined, normals, mesh.options, mesh.size, threads=threads
+        )
         return replace(
             mesh,
-            vertices=locked(moved),
-            corner_normals=CornerNormals(
-                locked(normals.corners), locked(normals.normals), locked(normals.vertices)
-            ),
-            normal_sets=normal_sets(len(moved), normals),
+            vertices=locked(mesh.from_normalized(refined.vertices)),
+            corner_normals=normals.locked(),
         )
 
     def _all(self, vertices: Floats) -> Floats:
@@ -153,12 +151,8 @@ def movable_surface(
     """
     own = source.options if isinstance(source, ObjectMesh) else None
     chosen = options or own or MeshOptions()
-    given = read_source(source, max_memory=chosen.max_memory)
-    repaired = check_and_repair(given.raw, chosen, given.where)
-    mesh = refined_mesh(
-        given.raw, repaired, chosen, name=given.name, where=given.where, threads=threads
-    )
-    points = (repaired.vertices - mesh.center) / mesh.size
-    longest = mesh.options.max_edge
-    edge = DEFAULT_EDGE if longest is None else longest / mesh.size
-    return MovableSurface(mesh, repaired, *refined_corners(points, repaired.faces, edge))
+    found = prepare(source, chosen, threads=threads)
+    mesh, repaired = found.mesh, found.repaired
+    surface = Triangles((repaired.vertices - mesh.center) / mesh.size, repaired.faces)
+    edge = longest_edge(mesh.options, mesh.size)
+    return MovableSurface(mesh, repaired, *refined_corners(surface, edge))

@@ -9,6 +9,8 @@ from scipy.sparse.csgraph import connected_components
 from grasp3d._kernels.normal_sets import order_normal_sets
 from grasp3d._kernels.surface_contacts import ANY_NORMAL
 from grasp3d.arrays import Bools, Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.mesh.measures import crowded_edges, paired_edges
+from grasp3d.mesh.triangles import Triangles
 
 HALF = 0.5
 """Length of a mean of unit normals below which it has no meaningful direction."""
@@ -30,6 +32,10 @@ class CornerNormals:
 
     __repr__ = short_repr
 
+    def locked(self) -> "CornerNormals":
+        """A copy that cannot be changed."""
+        return CornerNormals(*map(locked, (self.corners, self.normals, self.vertices)))
+
 
 @dataclass(frozen=True, eq=False)
 class NormalSets:
@@ -49,13 +55,7 @@ class NormalSets:
     __repr__ = short_repr
 
 
-def inward_normals(vertices: Floats, faces: Ints) -> Floats:
-    """Inward unit normals of the faces, shape (F, 3)."""
-    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    return unit_rows(np.cross(c - a, b - a))
-
-
-def corner_normals(vertices: Floats, faces: Ints, crease_angle: float) -> CornerNormals:
+def corner_normals(surface: Triangles, crease_angle: float) -> CornerNormals:
     """Average the face normals around each vertex, but never across a crease.
 
     Faces around a vertex are one patch when they are connected by edges that bend by at most
@@ -63,14 +63,15 @@ def corner_normals(vertices: Floats, faces: Ints, crease_angle: float) -> Corner
     The average is weighted by the angle at the vertex, which does not depend on the tessellation.
 
     Args:
-        vertices: Positions (V, 3).
-        faces: Faces (F, 3), counter-clockwise from outside, all with an area.
+        surface: Faces that all have an area.
         crease_angle: Largest bend of a smooth edge [rad].
     """
-    flat = inward_normals(vertices, faces)
-    patch = _patches(faces, _smooth_edges(faces, flat, crease_angle))
+    faces, flat = surface.faces, surface.normals
+    one, two = surface.pairs
+    smooth = surface.bends <= crease_angle + 1e-9
+    patch = _patches(faces, one[smooth], two[smooth])
     face_of_corner = np.repeat(np.arange(len(faces)), 3)
-    weights = corner_angles(vertices, faces).ravel()
+    weights = surface.angles.ravel()
     sums = [np.bincount(patch, weights * flat[face_of_corner, k]) for k in range(3)]
     mean = unit_rows(np.stack(sums, axis=1).astype(np.float64))
     cosine = np.einsum("ij,ij->i", mean[patch], flat[face_of_corner])
@@ -91,62 +92,6 @@ def corner_normals(vertices: Floats, faces: Ints, crease_angle: float) -> Corner
     )
 
 
-def corner_angles(vertices: Floats, faces: Ints) -> Floats:
-    """Angle of each face at each of its corners [rad], shape (F, 3)."""
-    corners = vertices[faces]
-    after = np.roll(corners, -1, axis=1) - corners
-    before = np.roll(corners, 1, axis=1) - corners
-    sine = np.linalg.norm(np.cross(after, before), axis=2)
-    return np.asarray(np.arctan2(sine, np.einsum("fij,fij->fi", after, before)))
-
-
-def paired_edges(faces: Ints) -> tuple[Ints, Ints]:
-    """Pair the half-edges that lie on one undirected edge with exactly two faces.
-
-    Half-edge 3 f + i of face f lies opposite its corner i.
-
-    Returns:
-        The first and the second half-edge of each pair, (E,) each.
-    """
-    order, first, size = _by_edge(faces)
-    pairs = first[size == 2]
-    return order[pairs], order[pairs + 1]
-
-
-def crowded_edges(faces: Ints) -> Ints:
-    """Half-edges that lie on an undirected edge with more than two faces."""
-    order, _, size = _by_edge(faces)
-    return order[np.repeat(size, size) > 2]
-
-
-def _by_edge(faces: Ints) -> tuple[Ints, Ints, Ints]:
-    """Half-edges ordered by their edge; the first of each edge, and its number of half-edges.
-
-    Those of one edge are in ascending order.
-    """
-    start, end = faces[:, [1, 2, 0]].ravel(), faces[:, [2, 0, 1]].ravel()
-    keys = np.minimum(start, end) * (int(faces.max(initial=0)) + 1) + np.maximum(start, end)
-    order = np.argsort(keys)  # several times as fast as a stable order
-    ordered = keys[order]
-    first = np.flatnonzero(np.diff(ordered, prepend=-1))
-    size = np.diff(np.append(first, len(ordered)))
-    pairs = first[size == 2]
-    order[pairs], order[pairs + 1] = np.sort([order[pairs], order[pairs + 1]], axis=0)
-    crowded = np.repeat(size > 2, size)
-    rows = order[crowded]
-    order[crowded] = rows[np.lexsort((rows, keys[rows]))]
-    return order, first, size
-
-
-def _smooth_edges(faces: Ints, flat: Floats, crease_angle: float) -> tuple[Ints, Ints]:
-    """Pairs of half-edges whose faces meet at no more than the crease angle."""
-    one, two = paired_edges(faces)
-    a, b = flat[one // 3], flat[two // 3]
-    bend = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
-    smooth = bend <= crease_angle + 1e-9
-    return one[smooth], two[smooth]
-
-
 def _matched_corners(faces: Ints, one: Ints, two: Ints) -> tuple[Ints, Ints]:
     """Corner numbers (3 f + i) that lie at one vertex across each pair of half-edges."""
     left = np.stack([3 * (one // 3) + (one + k) % 3 for k in (1, 2)])  # next, next but one
@@ -157,9 +102,9 @@ def _matched_corners(faces: Ints, one: Ints, two: Ints) -> tuple[Ints, Ints]:
     return left, right
 
 
-def _patches(faces: Ints, smooth: tuple[Ints, Ints]) -> Ints:
-    """Number the smooth patches of corners around the vertices, shape (3 F,)."""
-    left, right = _matched_corners(faces, *smooth)
+def _patches(faces: Ints, one: Ints, two: Ints) -> Ints:
+    """Number the patches of corners that pairs of half-edges connect at vertices, shape (3 F,)."""
+    left, right = _matched_corners(faces, one, two)
     size = 3 * len(faces)
     links = coo_array(
         (np.ones(left.size, dtype=np.int8), (left.ravel(), right.ravel())), shape=(size, size)

@@ -15,16 +15,9 @@ from grasp3d._kernels.patches import (
 )
 from grasp3d.arrays import Bools, Floats, Ints, unit_rows
 from grasp3d.errors import SettingError
-from grasp3d.mesh.measures import face_areas
-from grasp3d.mesh.normals import (
-    CornerNormals,
-    corner_angles,
-    crowded_edges,
-    inward_normals,
-    paired_edges,
-)
-from grasp3d.mesh.refinement import RefinedSurface
-from grasp3d.mesh.repair import RepairedSurface
+from grasp3d.mesh.measures import crowded_edges
+from grasp3d.mesh.normals import CornerNormals
+from grasp3d.mesh.triangles import Triangles
 from grasp3d.settings import MeshOptions
 from grasp3d.system.processors import available_processors
 
@@ -52,10 +45,11 @@ STRAIGHT = math.radians(0.1)
 
 
 def fingertip_normals(
-    given: RepairedSurface,
-    refined: RefinedSurface,
-    size: float,
+    given: Triangles,
+    refined: Triangles,
+    normals: CornerNormals,
     options: MeshOptions,
+    size: float,
     *,
     threads: int | None = None,
 ) -> tuple[CornerNormals, tuple[str, ...]]:
@@ -64,8 +58,9 @@ def fingertip_normals(
     Args:
         given: The surface before refinement, in the mesh's unit.
         refined: The surface in the normalised frame.
+        normals: Its own normals.
+        options: With the patch's radius; 0: the surface's own normals.
         size: The object's size in the mesh's unit.
-        options: With the patch's radius; 0: the refined surface's own normals.
         threads: As in `patch_normals`.
 
     Returns:
@@ -76,19 +71,18 @@ def fingertip_normals(
     """
     radius = options.patch_radius
     if radius == 0.0:
-        return refined.normals, ()
+        return normals, ()
     most = LARGEST_PATCH * size
     if radius > most:
         raise SettingError(
             f"patch_radius is {radius:.4g}, but the object's size is {size:.4g}, and a fingertip's "
             f"patch must not reach around it; give at most {most:.4g}"
         )
-    net = surface_net(refined.vertices, refined.faces)
+    net = surface_net(refined)
     _check_work(net, radius, size)
-    normals = patch_normals(net, refined.normals, radius / size, threads=threads)
-    edge = size * float(net.sides.mean())
-    width = facet_width(given.vertices, given.faces, options.crease_angle)
-    return normals, _warnings(radius, width, edge)
+    averaged = patch_normals(net, normals, radius / size, threads=threads)
+    width = facet_width(given, options.crease_angle)
+    return averaged, _warnings(radius, width, size * float(net.sides.mean()))
 
 
 def patch_normals(
@@ -157,47 +151,37 @@ def patch_areas(
     return vectors, areas
 
 
-def surface_net(vertices: Floats, faces: Ints) -> GeodesicMesh:
-    """Compute what distances along a surface are measured with.
-
-    Args:
-        vertices: Positions (V, 3).
-        faces: Faces (F, 3), counter-clockwise from outside.
-    """
+def surface_net(surface: Triangles) -> GeodesicMesh:
+    """Compute what distances along a surface are measured with."""
+    faces = surface.faces
     order = np.argsort(faces.ravel(), kind="stable")
-    counts = np.bincount(faces.ravel(), minlength=len(vertices))
-    angles = corner_angles(vertices, faces)
+    counts = np.bincount(faces.ravel(), minlength=len(surface.vertices))
     return GeodesicMesh(
         faces=faces,
-        sides=_sides(vertices, faces),
-        cosines=np.cos(angles),
-        sines=np.sin(angles),
-        areas=face_areas(vertices, faces),
-        normals=inward_normals(vertices, faces),
+        sides=surface.sides,
+        cosines=np.cos(surface.angles),
+        sines=np.sin(surface.angles),
+        areas=surface.areas,
+        normals=surface.normals,
         first=np.concatenate([[0], np.cumsum(counts)]).astype(np.int64),
         around=order.astype(np.int64),
     )
 
 
-def facet_width(vertices: Floats, faces: Ints, crease_angle: float) -> float:
+def facet_width(surface: Triangles, crease_angle: float) -> float:
     """Mean width of the facets that a round surface consists of, across their bent edges.
 
     The height of a face over each of its edges that bend without being creases, weighted by the
     edge's length. 0 if there is none: the surface is flat between creases.
 
     Args:
-        vertices: Positions (V, 3).
-        faces: Faces (F, 3) before refinement.
+        surface: The surface before refinement.
         crease_angle: Largest bend of a smooth edge [rad].
     """
-    one, two = paired_edges(faces)
-    flat = inward_normals(vertices, faces)
-    a, b = flat[one // 3], flat[two // 3]
-    bend = np.arctan2(np.linalg.norm(np.cross(a, b), axis=1), np.einsum("ij,ij->i", a, b))
-    round_ = (bend > STRAIGHT) & (bend <= crease_angle)
-    lengths = _sides(vertices, faces).ravel()[one[round_]].sum()
-    areas = face_areas(vertices, faces)
-    doubled = areas[one[round_] // 3].sum() + areas[two[round_] // 3].sum()  # mean of both sides
+    round_ = (surface.bends > STRAIGHT) & (surface.bends <= crease_angle)
+    one, two = (half[round_] for half in surface.pairs)
+    lengths = surface.sides.ravel()[one].sum()
+    doubled = surface.areas[one // 3].sum() + surface.areas[two // 3].sum()  # mean of both sides
     return float(doubled / lengths) if lengths > 0.0 else 0.0
 
 
@@ -234,13 +218,6 @@ def _warnings(radius: float, width: float, edge: float) -> tuple[str, ...]:
             "radius"
         )
     return tuple(warnings)
-
-
-def _sides(vertices: Floats, faces: Ints) -> Floats:
-    """Length of the side opposite each corner, shape (F, 3)."""
-    corners = vertices[faces]
-    across = np.roll(corners, -2, axis=1) - np.roll(corners, -1, axis=1)
-    return np.ascontiguousarray(np.linalg.norm(across, axis=2))
 
 
 def _vertex_count(net: GeodesicMesh) -> int:

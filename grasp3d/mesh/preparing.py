@@ -1,42 +1,28 @@
-"""Preparation of an ObjectMesh from any source: repair, mass properties, refinement."""
+"""Preparation of an ObjectMesh from any source: read, check, repair, refine."""
 
 import math
-from pathlib import Path
-from typing import Any, get_args
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, locked, used_indices
-from grasp3d.costs import check_cost
-from grasp3d.errors import MeshError, SettingError
-from grasp3d.mesh.measures import face_areas, rounding_of, signed_volumes
-from grasp3d.mesh.mesh_sources import GivenMesh, MeshSource, read_source
-from grasp3d.mesh.normals import CornerNormals, corner_normals, normal_sets
-from grasp3d.mesh.object_mesh import MeshReport, ObjectMesh
+from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.errors import SettingError
+from grasp3d.mesh.given_mesh import GivenMesh
+from grasp3d.mesh.measures import rounding_of, surface_extent
+from grasp3d.mesh.mesh_report import MeshReport, size_warnings, surface_warnings
+from grasp3d.mesh.mesh_sources import MeshSource, read_source
+from grasp3d.mesh.normals import corner_normals
+from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.patches import fingertip_normals
-from grasp3d.mesh.refinement import refine, refined_faces
+from grasp3d.mesh.refinement import check_refinement, longest_edge, refine
 from grasp3d.mesh.repair import MOST_ROUNDING, RepairedSurface, Solids, repair_surface
-from grasp3d.mesh.units import impossible_size, unit_warning
-from grasp3d.mesh.work_bounds import bounds_of, cell_counts
-from grasp3d.reading import RawMesh, check_finite
+from grasp3d.mesh.triangles import Triangles
+from grasp3d.mesh.work_bounds import bounds_of
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import Unit, settings_in_unit
-from grasp3d.system.names import printable
+from grasp3d.settings.lengths import settings_in_unit
 from grasp3d.system.steps import begin_step
-
-DEFAULT_EDGE = 1.0 / 32.0
-"""Longest edge as a fraction of the object's size."""
-
-LARGEST = 1e60
-"""Largest coordinate, and reciprocal of the smallest size, whose powers stay finite."""
-
-APART = 1e-5
-"""Distance above which vertices are not joined, as a fraction of the size."""
-
-TINY = float(np.finfo(np.float64).tiny)
-
-MANY = 1e15
-"""Upper bound of estimated face counts, so that they fit an integer."""
 
 OUTSIDE = 1e-6
 """Distance from the bounding box, as a fraction of the size, from which a point is outside it."""
@@ -48,7 +34,26 @@ FLAT_VOLUME = 1e-9
 """Volume, as a fraction of the size cubed, below which a closed surface encloses none."""
 
 
-def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: Any) -> ObjectMesh:
+@dataclass(frozen=True, eq=False)
+class PreparedMesh:
+    """A mesh, and the surfaces that it was made of."""
+
+    given: GivenMesh
+    """As it was read."""
+    repaired: RepairedSurface
+    """Repaired, before long edges are divided; in the mesh's frame and unit."""
+    mesh: ObjectMesh
+
+    __repr__ = short_repr
+
+
+def load_mesh(
+    source: MeshSource,
+    options: MeshOptions | None = None,
+    *,
+    threads: int | None = None,
+    **fields: Any,
+) -> ObjectMesh:
     """Read a mesh, and prepare its surface for contacts.
 
     The source's own vertices keep their order and come first. Nothing is scaled or moved.
@@ -60,6 +65,7 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
             returned as it is; with other options than its own, its surface is prepared again,
             without removing vertices that were added to divide edges.
         options: How the mesh is read and prepared; None: the defaults.
+        threads: Threads to use; None: one per processor.
         fields: Fields of `MeshOptions` that differ from `options`: unit, max_edge, crease_angle,
             repair, patch_radius, center_of_mass, max_memory.
 
@@ -87,67 +93,62 @@ def load_mesh(source: MeshSource, options: MeshOptions | None = None, **fields: 
         >>> coarse.report.source, coarse.unit, len(coarse.vertices)
         ('trimesh.Trimesh', None, 50)
     """
-    if isinstance(source, ObjectMesh):
-        chosen = MeshOptions.of(options or source.options, fields)
-        return source if chosen == source.options else _prepared(read_source(source), chosen)
-    chosen = MeshOptions.of(options, fields)
-    return _prepared(read_source(source, max_memory=chosen.max_memory), chosen)
+    own = source.options if isinstance(source, ObjectMesh) else None
+    chosen = MeshOptions.of(options or own, fields)
+    if isinstance(source, ObjectMesh) and chosen == own:
+        return source
+    return prepare(source, chosen, threads=threads).mesh
 
 
-def prepare_file(path: Path, options: MeshOptions, *, threads: int | None = None) -> ObjectMesh:
-    """Like `load_mesh` for a file, with the options in one object.
+def prepare(
+    source: MeshSource, options: MeshOptions, *, threads: int | None = None
+) -> PreparedMesh:
+    """Prepare a mesh, as `load_mesh` does, and keep the surfaces that it was made of.
 
     Args:
-        path: The file.
-        options: How it is read and prepared.
+        source: As in `load_mesh`; an `ObjectMesh` is prepared again.
+        options: How the mesh is read and prepared.
         threads: Threads to use; None: one per processor.
+
+    Raises:
+        MeshError: For the same reasons as in `load_mesh`.
+        SettingError: A length has a unit, but that of the mesh is not known; or the centre of mass
+            is far away.
     """
-    return _prepared(read_source(path, max_memory=options.max_memory), options, threads)
+    given = read_source(source, max_memory=options.max_memory)
+    repaired = repair_given(given, options)
+    return PreparedMesh(given, repaired, refined_mesh(given, repaired, options, threads=threads))
 
 
-def _prepared(given: GivenMesh, options: MeshOptions, threads: int | None = None) -> ObjectMesh:
-    surface = check_and_repair(given.raw, options, given.where)
-    return refined_mesh(
-        given.raw, surface, options, name=given.name, where=given.where, threads=threads
-    )
-
-
-def check_and_repair(raw: RawMesh, options: MeshOptions, where: str) -> RepairedSurface:
-    """Check and repair a surface read from a file.
+def repair_given(given: GivenMesh, options: MeshOptions) -> RepairedSurface:
+    """Check and repair a surface.
 
     Args:
-        raw: Positions and faces.
+        given: The surface.
         options: How much is repaired, and how large it may be.
-        where: Its name in errors.
 
     Raises:
         MeshError: It is not a surface, or too large.
     """
     begin_step("repairing the surface")
-    _check_numbers(raw, where)
-    _check_magnitude(raw, where)
-    check_cost(_fewest_vertices(raw), options.max_memory, where, "simplify the mesh")
-    with bounds_of(where):
-        return repair_surface(raw.vertices, raw.faces, options.repair, where)
+    given.check(options.max_memory)
+    with bounds_of(given.where):
+        return repair_surface(given.raw.vertices, given.raw.faces, options.repair, given.where)
 
 
 def refined_mesh(
-    raw: RawMesh,
-    surface: RepairedSurface,
+    given: GivenMesh,
+    repaired: RepairedSurface,
     options: MeshOptions,
     *,
-    name: str,
-    where: str,
     threads: int | None = None,
 ) -> ObjectMesh:
-    """Make the mesh of a repaired surface: mass properties, contact normals, refinement.
+    """Make the mesh of a repaired surface: contact normals, refinement, mass properties.
 
     Args:
-        raw: The surface as it was read.
-        surface: The repaired surface.
+        given: The surface as it was read.
+        repaired: The repaired surface.
         options: Longest edge, crease angle, patch radius, unit and memory limit.
-        name: Its name in the report.
-        where: Its name in errors.
         threads: Threads to use; None: one per processor.
 
     Raises:
@@ -156,150 +157,99 @@ def refined_mesh(
             is far away.
     """
     begin_step("refining the mesh")
-    unit = options.unit or raw.unit
-    (options,) = settings_in_unit(unit, options, source=name)
-    center, size = surface_extent(surface.vertices, surface.faces)
-    points = (surface.vertices - center) / size
-    normals = corner_normals(points, surface.faces, options.crease_angle)
-    edge = DEFAULT_EDGE if options.max_edge is None else options.max_edge / size
-    added = int(min(refined_faces(points, surface.faces, edge), MANY)) - len(surface.faces)
-    expected = max(len(used_indices(surface.faces)), len(surface.faces) // 2) + added // 2
-    check_cost(expected, options.max_memory, where, "give a longer max_edge (--max-edge)")
-    rounding = min(rounding_of(raw.vertices) / size, MOST_ROUNDING)
-    with bounds_of(where):
-        refined = refine(points, surface.faces, normals, edge, rounding)
-    normals, patch_warnings = fingertip_normals(surface, refined, size, options, threads=threads)
-    new = refined.vertices[len(points) :] * size + center
-    vertices = np.concatenate([surface.vertices, new])
-    center_mass, volume = _mass(points, surface)
-    given = options.center_of_mass is not None
-    if given:
+    unit = options.unit or given.raw.unit
+    (options,) = settings_in_unit(unit, options, source=given.name)
+    center, size = surface_extent(repaired.vertices, repaired.faces)
+    surface = Triangles((repaired.vertices - center) / size, repaired.faces)
+    normals = corner_normals(surface, options.crease_angle)
+    edge = longest_edge(options, size)
+    check_refinement(surface, edge, options.max_memory, given.where)
+    rounding = min(rounding_of(given.raw.vertices) / size, MOST_ROUNDING)
+    with bounds_of(given.where):
+        refined, normals = refine(surface, normals, edge, rounding)
+    normals, patch_warnings = fingertip_normals(
+        Triangles(repaired.vertices, repaired.faces), refined, normals, options, size,
+        threads=threads,
+    )  # fmt: skip
+    center_mass, volume = _mass(surface, closed=repaired.closed)
+    warnings = [
+        *surface_warnings(repaired, volume, given=options.center_of_mass is not None),
+        *size_warnings(given.raw, size, unit),
+    ]
+    if options.center_of_mass is not None:
         center_mass = (np.array(options.center_of_mass) - center) / size
-        _check_center(center_mass, where)
-    report = MeshReport(
-        source=name,
-        format=raw.format,
-        unit=unit,
-        file_vertices=len(raw.vertices),
-        file_faces=len(raw.faces),
-        vertices=len(vertices),
-        faces=len(refined.faces),
-        bodies=surface.bodies,
-        closed=surface.closed,
-        center_mass_from="given" if given else "surface" if math.isnan(volume) else "volume",
-        repairs=surface.steps,
-        warnings=(
-            *_warnings(surface, volume, size, unit, raw, given=given),
-            *(_center_warnings(points[surface.faces].reshape(-1, 3), center_mass) if given else ()),
-            *surface.warnings,
-            *patch_warnings,
-        ),
-    )
-    own = np.arange(len(points), len(vertices))
+        warnings += _center_warnings(surface, center_mass, given.where)
+    added = np.arange(len(repaired.vertices), len(refined.vertices))
     return ObjectMesh(
-        vertices=locked(vertices),
-        faces=locked(refined.faces),
-        canonical=locked(np.concatenate([surface.canonical, own])),
-        file_vertices=len(raw.vertices),
-        corner_normals=CornerNormals(
-            locked(normals.corners),
-            locked(normals.normals),
-            locked(normals.vertices),
+        vertices=locked(
+            np.concatenate([repaired.vertices, refined.vertices[added] * size + center])
         ),
-        normal_sets=normal_sets(len(vertices), normals),
+        faces=locked(refined.faces),
+        canonical=locked(np.concatenate([repaired.canonical, added])),
+        file_vertices=len(given.raw.vertices),
+        corner_normals=normals.locked(),
         center=locked(center),
         size=size,
         center_mass=locked(center_mass * size + center),
         volume=volume * size**3,
         options=options,
-        report=report,
-        solids=_normalized(surface.solids, center, size),
+        report=MeshReport(
+            source=given.name,
+            format=given.raw.format,
+            unit=unit,
+            file_vertices=len(given.raw.vertices),
+            file_faces=len(given.raw.faces),
+            vertices=len(refined.vertices),
+            faces=len(refined.faces),
+            bodies=repaired.bodies,
+            closed=repaired.closed,
+            center_mass_from=_center_mass_from(options, volume),
+            repairs=repaired.steps,
+            warnings=(*warnings, *repaired.warnings, *patch_warnings),
+        ),
+        solids=_normalized(repaired.solids, center, size),
     )
 
 
-def _check_numbers(raw: RawMesh, where: str) -> None:
-    check_finite(raw.vertices, where)
-    if len(raw.faces) == 0:
-        raise MeshError(f"{where}: holds no faces")
-    outside = (raw.faces < 0) | (raw.faces >= len(raw.vertices))
-    if outside.any():
-        face = int(np.flatnonzero(outside.any(axis=1))[0])
-        raise MeshError(
-            f"{where}: face {face} uses vertex {raw.faces[face][outside[face]][0]}, "
-            f"but there are {len(raw.vertices)} vertices"
-        )
+def _center_mass_from(options: MeshOptions, volume: float) -> str:
+    if options.center_of_mass is not None:
+        return "given"
+    return "surface" if math.isnan(volume) else "volume"
 
 
-def _check_magnitude(raw: RawMesh, where: str) -> None:
-    corners = raw.vertices[raw.faces]
-    largest = float(np.abs(corners).max())
-    with np.errstate(over="ignore"):  # values that overflow are refused below
-        spread = float(np.ptp(corners.reshape(-1, 3), axis=0).max())
-    if largest > LARGEST or 0.0 < spread < 1.0 / LARGEST:
-        raise MeshError(
-            f"{where}: coordinates up to {largest:.3g} and a size of {spread:.3g} are beyond what "
-            f"can be computed with ({1.0 / LARGEST:.0e} to {LARGEST:.0e}); scale the mesh"
-        )
-
-
-def surface_extent(vertices: Floats, faces: Ints) -> tuple[Floats, float]:
-    """Centre and diameter of a surface; both follow rotations and translations of the object.
-
-    Args:
-        vertices: Positions (V, 3).
-        faces: Faces (F, 3), at least one with an area.
-    """
-    middle = vertices[faces].mean(axis=(0, 1))
-    centred = vertices - middle
-    area = face_areas(centred, faces)
-    offset = (centred[faces].mean(axis=1) * area[:, None]).sum(axis=0) / area.sum()
-    radius = np.linalg.norm(vertices[used_indices(faces)] - middle - offset, axis=1).max()
-    return middle + offset, float(2.0 * radius)
-
-
-def _fewest_vertices(raw: RawMesh) -> int:
-    """Estimate the least number of vertices after repair: those within rounding count once."""
-    fewest = len(raw.faces) // 2
-    corners = used_indices(raw.faces)
-    if len(corners) <= 2 * fewest:
-        return fewest
-    points = raw.vertices[corners]
-    points = (points - points.min(axis=0)) / max(float(np.ptp(points, axis=0).max()), TINY)
-    return max(fewest, len(cell_counts(points, APART)))
-
-
-def _mass(points: Floats, surface: RepairedSurface) -> tuple[Floats, float]:
+def _mass(surface: Triangles, *, closed: bool) -> tuple[Floats, float]:
     """Centre of mass and volume in the normalised frame; the surface's centre and nan if open."""
-    if surface.closed:
-        pieces = signed_volumes(points, surface.faces)
-        volume = float(pieces.sum())
+    if closed:
+        volume = float(surface.volumes.sum())
         if volume > FLAT_VOLUME:
-            corners = points[surface.faces].sum(axis=1) / 4.0
-            return (pieces[:, None] * corners).sum(axis=0) / volume, volume
+            corners = surface.vertices[surface.faces].sum(axis=1) / 4.0
+            return (surface.volumes[:, None] * corners).sum(axis=0) / volume, volume
     return np.zeros(3), math.nan
 
 
-def _check_center(center_mass: Floats, where: str) -> None:
-    """Refuse a centre of mass, in the normalised frame, that cannot be meant."""
+def _center_warnings(surface: Triangles, center_mass: Floats, where: str) -> Iterator[str]:
+    """Check a centre of mass that is given, in the normalised frame.
+
+    Yields:
+        A warning if it is outside the surface's bounding box.
+
+    Raises:
+        SettingError: It is so far away that it cannot be meant.
+    """
     away = float(np.linalg.norm(center_mass))
     if not away <= FAR:
         raise SettingError(
             f"center_of_mass is {away:.3g} times the object's size away from {where}: give it in "
             "the mesh's frame, with its unit if that is another one (10mm,0,-2mm)"
         )
-
-
-def _center_warnings(points: Floats, center_mass: Floats) -> tuple[str, ...]:
-    """A warning if the centre of mass is outside the box around the surface's points (n, 3)."""
+    points = surface.vertices[surface.used]
     low, high = points.min(axis=0), points.max(axis=0)
     beyond = float(np.maximum(low - center_mass, center_mass - high).max())
-    if beyond <= OUTSIDE:
-        return ()
-    warning = (
-        f"the centre of mass is outside the object's bounding box by {beyond:.3g} of its size: is "
-        "it in the mesh's unit and frame?"
-    )
-    return (warning,)
+    if beyond > OUTSIDE:
+        yield (
+            f"the centre of mass is outside the object's bounding box by {beyond:.3g} of its size: "
+            "is it in the mesh's unit and frame?"
+        )
 
 
 def _normalized(solids: Solids | None, center: Floats, size: float) -> Solids | None:
@@ -307,35 +257,3 @@ def _normalized(solids: Solids | None, center: Floats, size: float) -> Solids | 
     if solids is None:
         return None
     return Solids(locked(solids.volumes / size**3), locked((solids.centers - center) / size))
-
-
-def _warnings(
-    surface: RepairedSurface,
-    volume: float,
-    size: float,
-    unit: Unit | None,
-    raw: RawMesh,
-    *,
-    given: bool,
-) -> tuple[str, ...]:
-    """What may make the labels wrong; `given`: whether the centre of mass is."""
-    warnings = []
-    if not surface.closed:
-        warnings.append(
-            "the surface is open: inside and outside are taken from the winding of its faces"
-            f"{'' if given else ', and the centre of mass from the surface'}"
-        )
-    if surface.closed and math.isnan(volume):
-        center = "" if given else "; the centre of mass is the surface's"
-        warnings.append(f"the surface is closed but encloses no volume{center}")
-    if raw.unit not in {None, unit}:
-        warnings.append(f"the mesh states the unit {raw.unit}, but {unit} was requested")
-    if raw.unknown_unit and unit is None:
-        warnings.append(
-            f"the mesh states the unit {printable(raw.unknown_unit)!r}, which is none of "
-            f"{', '.join(get_args(Unit))}: its unit is taken as not stated (--unit)"
-        )
-    implausible = impossible_size(size, unit) or (unit and unit_warning(size, unit))
-    if implausible:
-        warnings.append(implausible)
-    return tuple(warnings)

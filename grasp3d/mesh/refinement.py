@@ -1,44 +1,52 @@
 """Division of long edges, so that labels can vary within a large flat face."""
 
-from dataclasses import dataclass
-
 import numpy as np
 import trimesh
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Floats, Ints, first_at_position, unit_rows
-from grasp3d.mesh.measures import face_areas
-from grasp3d.mesh.normals import CornerNormals, paired_edges
+from grasp3d.costs import check_cost
+from grasp3d.mesh.normals import CornerNormals
+from grasp3d.mesh.triangles import Triangles
 from grasp3d.mesh.work_bounds import close_pairs
+from grasp3d.settings import MeshOptions
 
 MAX_ROUNDS = 40
 
+DEFAULT_EDGE = 1.0 / 32.0
+"""Longest edge as a fraction of the object's size."""
 
-@dataclass(frozen=True, eq=False)
-class RefinedSurface:
-    """The same surface with no edge longer than requested; given vertices first."""
+MANY = 1e15
+"""Upper bound of estimated face counts, so that they fit an integer."""
 
-    vertices: Floats
-    """Shape (V', 3); the first V are the given vertices, unchanged."""
-    faces: Ints
-    """Shape (F', 3)."""
-    normals: CornerNormals
-    """Interpolated along with the positions, so that a coarse round surface stays round."""
+
+def longest_edge(options: MeshOptions, size: float) -> float:
+    """Longest edge after refinement, as a fraction of the object's size.
+
+    Args:
+        options: How the mesh is prepared, with lengths in its unit.
+        size: The object's size, in the mesh's unit.
+    """
+    return DEFAULT_EDGE if options.max_edge is None else options.max_edge / size
 
 
 def refine(
-    vertices: Floats, faces: Ints, normals: CornerNormals, max_edge: float, rounding: float
-) -> RefinedSurface:
+    surface: Triangles, normals: CornerNormals, max_edge: float, rounding: float
+) -> tuple[Triangles, CornerNormals]:
     """Bisect every edge longer than `max_edge`, until none is left.
 
     Args:
-        vertices: Positions (V, 3).
-        faces: Faces (F, 3).
-        normals: Normals at the corners of the faces.
-        max_edge: Longest edge allowed, in the unit of `vertices`.
+        surface: The surface.
+        normals: Normals at the corners of its faces.
+        max_edge: Longest edge allowed, in the unit of the vertices.
         rounding: Largest error of a coordinate, in the same unit.
+
+    Returns:
+        The same surface, with the given vertices first and unchanged; normals at the corners of its
+        faces, interpolated like the positions, so that a coarse round surface stays round.
     """
+    vertices, (one, _) = surface.vertices, surface.pairs
     # Positions and normals are columns of one array, one row per patch at a vertex: the columns
     # after the first three are interpolated but do not count for an edge's length.
     rows = np.hstack([vertices[normals.vertices], normals.normals])
@@ -47,26 +55,24 @@ def refine(
     )
     count = len(normals.vertices)
     first = first_at_position(rows[:, :3])  # the two sides of a crease make the same midpoints
-    if len(paired_edges(faces)[0]) * 2 < faces.size:
+    if len(one) * 2 < surface.faces.size:
         tolerance = 8.0 * max(rounding, np.finfo(np.float64).eps)
         first = _first_nearby(rows[:, :3], first, count, tolerance)
     own = (first == np.arange(len(rows))) & (np.arange(len(rows)) >= count)
     number = np.concatenate([normals.vertices, len(vertices) + np.cumsum(own)[count:] - 1])
     vertex_of_row = number[first]
-    return RefinedSurface(
-        vertices=np.concatenate([vertices, rows[own, :3]]),
-        faces=vertex_of_row[corners],
-        normals=CornerNormals(corners, unit_rows(rows[:, 3:]), vertex_of_row),
+    return (
+        Triangles(np.concatenate([vertices, rows[own, :3]]), vertex_of_row[corners]),
+        CornerNormals(corners, unit_rows(rows[:, 3:]), vertex_of_row),
     )
 
 
-def refined_corners(vertices: Floats, faces: Ints, max_edge: float) -> tuple[Ints, Floats]:
+def refined_corners(surface: Triangles, max_edge: float) -> tuple[Ints, Floats]:
     """Where the faces that `refine` makes lie on the given ones.
 
     Args:
-        vertices: Positions (V, 3).
-        faces: Faces (F, 3).
-        max_edge: Longest edge allowed, in the unit of `vertices`.
+        surface: The surface.
+        max_edge: Longest edge allowed, in the unit of the vertices.
 
     Returns:
         The given face of each face (F',), in the order of `refine`; barycentric coordinates of its
@@ -74,7 +80,8 @@ def refined_corners(vertices: Floats, faces: Ints, max_edge: float) -> tuple[Int
     """
     # Each face has corners of its own, with their coordinates as columns beside the position; how a
     # face is divided depends on the lengths of its edges only.
-    rows = np.hstack([vertices[faces].reshape(-1, 3), np.tile(np.eye(3), (len(faces), 1))])
+    corners = surface.vertices[surface.faces].reshape(-1, 3)
+    rows = np.hstack([corners, np.tile(np.eye(3), (len(surface.faces), 1))])
     rows, corners, parents = trimesh.remesh.subdivide_to_size(
         rows,
         np.arange(len(rows)).reshape(-1, 3),
@@ -105,9 +112,20 @@ def _first_nearby(points: Floats, same: Ints, given: int, tolerance: float) -> I
     return np.asarray(result, dtype=np.int64)
 
 
-def refined_faces(vertices: Floats, faces: Ints, max_edge: float) -> float:
-    """Estimate the number of faces after refinement of positions (V, 3), faces (F, 3)."""
-    a, b, c = vertices[faces[:, 0]], vertices[faces[:, 1]], vertices[faces[:, 2]]
-    area = face_areas(vertices, faces).sum()
-    longest = np.max([np.linalg.norm(x - y, axis=1) for x, y in ((a, b), (b, c), (c, a))], axis=0)
-    return float(2.0 * area / max_edge**2 + (2.0 * longest / max_edge).sum() + len(faces))
+def check_refinement(surface: Triangles, max_edge: float, max_memory: float, where: str) -> None:
+    """Refuse a surface of which refinement would make too large a mesh.
+
+    Args:
+        surface: The surface.
+        max_edge: Longest edge allowed, in the unit of the vertices.
+        max_memory: Largest memory for labelling [GB].
+        where: Name of the mesh in errors.
+
+    Raises:
+        MeshError: The mesh would be too large.
+    """
+    count, longest = len(surface.faces), surface.sides.max(axis=1)
+    faces = 2.0 * surface.areas.sum() / max_edge**2 + (2.0 * longest / max_edge).sum() + count
+    added = int(min(faces, MANY)) - count
+    expected = max(len(surface.used), count // 2) + added // 2
+    check_cost(expected, max_memory, where, "give a longer max_edge (--max-edge)")

@@ -11,6 +11,7 @@ from grasp3d import load_mesh
 from grasp3d.mesh.noise import normal_noise
 from grasp3d.mesh.normals import corner_normals
 from grasp3d.mesh.repair import repair_surface
+from grasp3d.mesh.triangles import Triangles
 from grasp3d.reading import read_mesh
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface
@@ -78,11 +79,11 @@ ROUND = {
 @pytest.mark.parametrize("name", ROUND)
 def test_added_noise_is_measured(name: str, sigma: float) -> None:
     points, faces = noisy(ROUND[name], sigma), ROUND[name][1]
-    found = corner_normals(points, faces, math.pi)
+    found = corner_normals(Triangles(points, faces), math.pi)
     cosine = -(found.normals * true_normals(name, ROUND[name][0])[found.vertices]).sum(axis=1)
     weights = np.bincount(found.corners.ravel()).astype(np.float64)
     truth = weighted_median(np.arccos(np.clip(cosine, -1.0, 1.0)), weights)
-    assert 0.75 * truth < normal_noise(points, faces) < 1.15 * truth
+    assert 0.75 * truth < normal_noise(Triangles(points, faces)) < 1.15 * truth
 
 
 FLAT = {
@@ -103,9 +104,9 @@ FLAT = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", FLAT)
 def test_sharp_solids_have_no_noise_coarse_or_refined(name: str) -> None:
-    assert normal_noise(*FLAT[name]) < HALF_DEGREE
+    assert normal_noise(Triangles(*FLAT[name])) < HALF_DEGREE
     mesh = load_mesh(FLAT[name])
-    assert normal_noise(mesh.vertices, mesh.faces) < HALF_DEGREE
+    assert normal_noise(Triangles(mesh.vertices, mesh.faces)) < HALF_DEGREE
 
 
 @pytest.mark.parametrize(
@@ -113,15 +114,15 @@ def test_sharp_solids_have_no_noise_coarse_or_refined(name: str) -> None:
     [shapes.sphere(3), shapes.sphere(4), shapes.torus(), shapes.lopsided(), cylinder_side(4.0)],
 )
 def test_smooth_shapes_have_hardly_any_noise(shape: Surface) -> None:
-    assert normal_noise(*shape) < HALF_DEGREE
+    assert normal_noise(Triangles(*shape)) < HALF_DEGREE
 
 
 def test_errors_of_normals_of_a_coarse_mesh_count_as_noise() -> None:
     points, faces = uneven_sphere(500)
-    found = corner_normals(points, faces, math.pi)
+    found = corner_normals(Triangles(points, faces), math.pi)
     cosine = -(found.normals * points[found.vertices]).sum(axis=1)
     truth = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
-    assert 0.7 * truth < normal_noise(points, faces) < 1.4 * truth
+    assert 0.7 * truth < normal_noise(Triangles(points, faces)) < 1.4 * truth
 
 
 def test_creases_do_not_hide_noise_nor_add_to_it() -> None:
@@ -129,15 +130,17 @@ def test_creases_do_not_hide_noise_nor_add_to_it() -> None:
     inner = box.normal_sets.counts == 1
     for sigma in (0.02, 0.1, 0.3):
         points = noisy((box.vertices, box.faces), sigma)
-        found = corner_normals(points, box.faces, math.pi)
+        found = corner_normals(Triangles(points, box.faces), math.pi)
         cosine = (found.normals * box.normals[found.vertices]).sum(axis=1)[inner[found.vertices]]
         truth = float(np.median(np.arccos(np.clip(cosine, -1.0, 1.0))))
-        assert normal_noise(points, box.faces) == pytest.approx(truth, rel=0.15)
+        assert normal_noise(Triangles(points, box.faces)) == pytest.approx(truth, rel=0.15)
 
 
 def test_very_strong_noise_is_reported_as_large() -> None:
     for sigma in (2.0, 10.0):
-        assert normal_noise(noisy(ROUND["sphere"], sigma), ROUND["sphere"][1]) > math.radians(60.0)
+        assert normal_noise(
+            Triangles(noisy(ROUND["sphere"], sigma), ROUND["sphere"][1])
+        ) > math.radians(60.0)
 
 
 @settings(max_examples=20, deadline=None)
@@ -148,8 +151,9 @@ def test_noise_is_independent_of_size_rotation_and_order(seed: int, exponent: in
     order = rng.permutation(len(points))
     moved = np.empty_like(points)
     moved[order] = points @ shapes.rotation(seed).T * 10.0**exponent
-    again = normal_noise(moved, np.roll(order[faces], 1, axis=1)[rng.permutation(len(faces))])
-    assert again == pytest.approx(normal_noise(points, faces), rel=1e-6)
+    mixed = np.roll(order[faces], 1, axis=1)[rng.permutation(len(faces))]
+    again = normal_noise(Triangles(moved, mixed))
+    assert again == pytest.approx(normal_noise(Triangles(points, faces)), rel=1e-6)
 
 
 @pytest.mark.slow
@@ -158,4 +162,4 @@ def test_shipped_meshes_are_clean() -> None:
         if path.suffix not in {".md", ".png"}:
             raw = read_mesh(path)
             surface = repair_surface(raw.vertices, raw.faces, "safe", path.name)
-            assert normal_noise(surface.vertices, surface.faces) < math.radians(1.5)
+            assert normal_noise(Triangles(surface.vertices, surface.faces)) < math.radians(1.5)

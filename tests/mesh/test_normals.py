@@ -5,7 +5,7 @@ from collections import defaultdict
 import numpy as np
 import pytest
 
-from grasp3d.mesh.normals import crowded_edges, paired_edges
+from grasp3d.mesh.measures import crowded_edges, paired_edges
 
 
 def half_edges(faces: np.ndarray) -> dict[frozenset[int], list[int]]:

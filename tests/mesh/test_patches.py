@@ -16,6 +16,7 @@ from grasp3d.errors import SettingError
 from grasp3d.mesh import patches
 from grasp3d.mesh.normals import CornerNormals, corner_normals, crease_twins
 from grasp3d.mesh.patches import facet_width, patch_areas, patch_normals, surface_net
+from grasp3d.mesh.triangles import Triangles
 from tests.helpers import geodesics, shapes
 from tests.helpers.shapes import Surface
 
@@ -28,7 +29,7 @@ def distances(surface: Surface, source: int, radius: float) -> np.ndarray:
     """Distances of all vertices along the surface, inf where not computed."""
     vertices, faces = surface
     front = make_front(len(vertices), len(faces))
-    measure_distances(source, radius, surface_net(vertices, faces), front)
+    measure_distances(source, radius, surface_net(Triangles(vertices, faces)), front)
     found = front.distances.copy()
     reset_front(front)
     assert np.isinf(front.distances).all()
@@ -40,16 +41,16 @@ def distances(surface: Surface, source: int, radius: float) -> np.ndarray:
 def vectors(surface: Surface, radius: float, *sources: int) -> tuple[np.ndarray, np.ndarray]:
     vertices, faces = surface
     chosen = np.array(sources or range(len(vertices)), dtype=np.int64)
-    return patch_areas(surface_net(vertices, faces), chosen, radius, threads=1)
+    return patch_areas(surface_net(Triangles(vertices, faces)), chosen, radius, threads=1)
 
 
 def own_normals(surface: Surface, crease_angle: float = math.radians(30.0)) -> CornerNormals:
-    return corner_normals(*surface, crease_angle)
+    return corner_normals(Triangles(*surface), crease_angle)
 
 
 def normals(surface: Surface, radius: float) -> np.ndarray:
     """The patch's normal at each vertex; every vertex must have one."""
-    found = patch_normals(surface_net(*surface), own_normals(surface), radius)
+    found = patch_normals(surface_net(Triangles(*surface)), own_normals(surface), radius)
     assert (found.vertices == np.arange(len(surface[0]))).all()
     return found.normals
 
@@ -242,7 +243,7 @@ def test_a_finer_mesh_of_the_same_surface_has_the_same_patches() -> None:
 def test_threads_change_nothing() -> None:
     surface = noisy(shapes.sphere(3), 0.02)
     one, three = (
-        patch_normals(surface_net(*surface), own_normals(surface), 0.3, threads=threads)
+        patch_normals(surface_net(Triangles(*surface)), own_normals(surface), 0.3, threads=threads)
         for threads in (1, 3)
     )
     assert np.array_equal(one.normals, three.normals)
@@ -351,7 +352,7 @@ def test_a_patch_includes_all_faces_at_an_edge_whose_vertices_keep_their_normals
     _, areas = vectors(surface, 0.25, line)
     assert areas[0] == pytest.approx(1.5 * math.pi * 0.25**2, rel=1e-6)
     own = own_normals(surface)
-    found = patch_normals(surface_net(vertices, faces), own, 0.25)
+    found = patch_normals(surface_net(Triangles(vertices, faces)), own, 0.25)
     on_line = np.unique(faces[vertices[faces][..., 0] == 0.0])
     for vertex in on_line:
         before, after = own.vertices == vertex, found.vertices == vertex
@@ -401,7 +402,9 @@ def test_patches_that_would_take_hours_are_refused(monkeypatch: pytest.MonkeyPat
 def test_a_patch_smaller_than_a_facet_gives_a_warning() -> None:
     prism = trimesh.creation.cylinder(0.5, 0.6, sections=16)
     width = 2.0 * 0.5 * math.sin(math.pi / 16.0)
-    assert facet_width(prism.vertices, prism.faces, 0.5) == pytest.approx(width, rel=1e-6)
+    assert facet_width(Triangles(prism.vertices, prism.faces), 0.5) == pytest.approx(
+        width, rel=1e-6
+    )
     small, enough = (
         load_mesh((prism.vertices, prism.faces), max_edge=0.1, patch_radius=radius)
         for radius in (0.9 * width, 1.1 * width)
@@ -412,7 +415,7 @@ def test_a_patch_smaller_than_a_facet_gives_a_warning() -> None:
 
 def test_a_patch_smaller_than_the_edges_gives_a_warning_and_a_box_has_no_facets() -> None:
     vertices, faces = shapes.box()
-    assert facet_width(vertices, faces, math.radians(30.0)) == 0.0
+    assert facet_width(Triangles(vertices, faces), math.radians(30.0)) == 0.0
     (warning,) = load_mesh((vertices, faces), max_edge=0.2, patch_radius=0.05).report.warnings
     assert "less than the mean edge of the refined mesh" in warning
     assert load_mesh((vertices, faces), max_edge=0.1, patch_radius=0.1).report.warnings == ()

@@ -6,8 +6,9 @@ import trimesh
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import MeshError
-from grasp3d.mesh.measures import has_area, is_closed, rounding_of, signed_volumes
-from grasp3d.mesh.normals import corner_normals, crease_twins, paired_edges
+from grasp3d.mesh.measures import has_area, is_closed, paired_edges, rounding_of, signed_volumes
+from grasp3d.mesh.normals import corner_normals, crease_twins
+from grasp3d.mesh.triangles import Triangles
 from tests.helpers import oracles, shapes
 from tests.helpers.shapes import Surface
 
@@ -338,7 +339,7 @@ def test_normals_are_averaged_by_angle_for_any_tessellation() -> None:
     slope = [0.0, -math.cos(0.3), -math.sin(0.3)]
     vertices = np.array([[0.0, 0.0, 0.0], *fan, slope])
     faces = np.array([[0, i, i + 1] for i in range(1, 11)] + [[0, 11, 12], [0, 12, 1]])
-    normals = corner_normals(vertices, faces, math.radians(30.0))
+    normals = corner_normals(Triangles(vertices, faces), math.radians(30.0))
     at_centre = normals.normals[normals.vertices == 0]
     assert len(at_centre) == 1
     assert oracles.angle(at_centre[0], np.array([0.0, 0.0, -1.0])) == pytest.approx(0.15, abs=0.01)

@@ -6,8 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, unit_rows
-from grasp3d.mesh.measures import has_area
-from grasp3d.mesh.normals import paired_edges
+from grasp3d.mesh.measures import has_area, paired_edges
 from grasp3d.mesh.repair.cleaning import first_alike, from_least_corner, is_face
 from grasp3d.mesh.work_bounds import NEAR_FACES, POINTS_ON_FACES
 

@@ -7,7 +7,7 @@ import manifold3d
 import numpy as np
 
 from grasp3d.arrays import Floats, Ints
-from grasp3d.mesh.normals import corner_angles, inward_normals
+from grasp3d.mesh.measures import corner_angles, inward_normals
 
 FARTHEST = 4.0
 """Largest displacement of a corner, in units of the offset of its faces."""

@@ -5,8 +5,7 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
 from grasp3d.arrays import Bools, Ints
-from grasp3d.mesh.measures import is_closed
-from grasp3d.mesh.normals import paired_edges
+from grasp3d.mesh.measures import is_closed, paired_edges
 
 
 def disagreeing(faces: Ints) -> tuple[Bools, int]:

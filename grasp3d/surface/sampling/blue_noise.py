@@ -14,8 +14,7 @@ from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
 from grasp3d.arrays import Floats, Ints, used_indices
-from grasp3d.mesh.measures import face_areas
-from grasp3d.mesh.normals import inward_normals
+from grasp3d.mesh.measures import face_areas, inward_normals
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import whole_number

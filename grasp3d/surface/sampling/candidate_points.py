@@ -5,7 +5,7 @@ import numpy as np
 from grasp3d._kernels.multifinger_contacts import NO_CONTACT, CandidatePoints, ContactDomain
 from grasp3d.arrays import Ints, locked
 from grasp3d.mesh import ObjectMesh
-from grasp3d.mesh.normals import paired_edges
+from grasp3d.mesh.measures import paired_edges
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.blue_noise import spread_points, spread_vertices

@@ -15,7 +15,7 @@ from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.loads import Load
-from grasp3d.mesh import ObjectMesh, prepare_file
+from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.plausible_lengths import check_lengths, refuse_lengths
@@ -277,7 +277,7 @@ def _open_mesh(
     progress: Progress,
 ) -> Subject:
     reach, model, sampling = search
-    mesh, load = loaded_mesh(prepare_file(path, options), load)
+    mesh, load = loaded_mesh(load_mesh(path, options), load)
     if not force:
         refuse_lengths(mesh, model, sampling, load)
     progress(READ)

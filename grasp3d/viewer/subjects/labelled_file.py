@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.errors import MeshError
-from grasp3d.mesh.preparing import LARGEST
+from grasp3d.mesh.given_mesh import LARGEST
 from grasp3d.reading.declared_sizes import LONGEST_HEADER, check_declared_size
 from grasp3d.reading.ply import PlyHeader, read_ply_header
 from grasp3d.reading.sources import Source, check_finite, find_source

@@ -14,10 +14,10 @@ from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
-from grasp3d.mesh.measures import face_areas, is_closed
+from grasp3d.mesh.measures import face_areas, is_closed, surface_extent
 from grasp3d.mesh.normals import CornerNormals, corner_normals
-from grasp3d.mesh.preparing import surface_extent
 from grasp3d.mesh.ray_tracing import FaceRays
+from grasp3d.mesh.triangles import Triangles
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, search_cone
 from grasp3d.settings.lengths import Unit
 from grasp3d.stability.label import Mode
@@ -352,7 +352,9 @@ def _method_notes(model: GraspModel, other: float) -> tuple[str, ...]:
 
 def _shading(found: LabelledFile) -> CornerNormals:
     """Normals at the corners of the faces; on smooth parts those of the file."""
-    computed = corner_normals(found.vertices, found.faces, found.settings.options.crease_angle)
+    computed = corner_normals(
+        Triangles(found.vertices, found.faces), found.settings.options.crease_angle
+    )
     corners = np.bincount(computed.vertices, minlength=len(found.vertices))[computed.vertices]
     stored = found.normals[computed.vertices]
     smooth = (corners == 1) & (stored != 0.0).any(axis=1)
