@@ -49,7 +49,7 @@ UPWARD = {
     ("grasp3d.surface.labels", "grasp3d.conversions"),
     ("grasp3d.surface.labels", "grasp3d.viewer.show"),
     ("grasp3d.isolation.calls", "grasp3d.isolation.child"),
-    ("grasp3d.reading.isolation", "grasp3d.reading.child"),
+    ("grasp3d.reading.mesh_files", "grasp3d.reading.child"),
 }
 """`labels.show()`, `labels.to_table()` and the like find the viewer and other libraries when they
 are called, as pandas does with plotting; a child process is started by the name of its module."""

@@ -18,7 +18,7 @@ from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.costs import labelling_cost
 from grasp3d.errors import GraspError, MeshUnreadError, OutputError
 from grasp3d.isolation import NeedsMemory, allowed_memory
-from grasp3d.reading.side_files import side_names
+from grasp3d.reading.gltf import side_names
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label

@@ -1,7 +1,14 @@
-"""Limits of a call in a child process, and access to the memory limit inside the child."""
+"""Limits of a call in a child process, and the memory that the call or the machine has."""
 
+import contextlib
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
+
+_CONTROL_GROUPS = Path("/sys/fs/cgroup")
+
+_LIMITS = ("memory.max", "memory.high", "memory/memory.limit_in_bytes")
+"""Files with the limits of a control group: of version 2, and of version 1."""
 
 
 def never() -> bool:
@@ -51,3 +58,14 @@ def set_allowed_memory(memory: float | None) -> None:
     """
     global _allowed  # noqa: PLW0603
     _allowed = memory
+
+
+def machine_memory() -> float:
+    """Return the memory of the machine, or the limit of a container, if that is lower [GB]."""
+    import psutil
+
+    limits = [float(psutil.virtual_memory().total)]
+    for name in _LIMITS:
+        with contextlib.suppress(OSError, ValueError):  # none, or the word max
+            limits.append(float((_CONTROL_GROUPS / name).read_text(encoding="ascii")))
+    return min(limit for limit in limits if limit > 0.0) / 1e9

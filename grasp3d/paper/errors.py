@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable, Iterator, Sequence
 
 from grasp3d.contact.sensor import Sensor
-from grasp3d.paper.markdown import fraction_cells, percent, table
+from grasp3d.paper.markdown import fraction_cells, percent, resolution_cell, table
 from grasp3d.paper.objects import ScannedObject
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import Circle, square
@@ -72,10 +72,8 @@ def uncertainties(settings: PaperSettings, objects: Sequence[ScannedObject]) -> 
                     friction_error=friction_error,
                     normal_error=normal_error,
                 )
-                alpha = f"{math.degrees(model.sensor_resolution):.4g}°"
-                rows.append(
-                    [name, alpha, text, *fraction_cells(found), percent(accuracy_ceiling(found))]
-                )
+                cells = [*fraction_cells(found), percent(accuracy_ceiling(found))]
+                rows.append([name, resolution_cell(model), text, *cells])
     return (
         f"μ = {settings.friction:g}. The paper names friction, contact location and joint encoders "
         "(Sec. III-A, IV-B) beside the normals of its sensor and gives no figure for them. "

@@ -1,19 +1,31 @@
-"""Figures 4 to 11 of Wan & Howe 2018, and two beside them, one function each."""
+"""Figures 4 to 11 of Wan & Howe 2018, and two beside them, one function each.
 
+The two are fractions over the uncertainties that the paper names but works out no more (Sec. III-A
+and IV-B): friction, contact location and joint encoders. Beside them are fractions of random true
+grasps, an independent check of the closed form: contacts, normals and frictions are drawn within
+their bounds, and each true grasp is decided by the definition alone.
+"""
+
+import math
 from collections.abc import Callable
 
+import numpy as np
+
+from grasp3d.arrays import Bools, Floats
 from grasp3d.contact.sensor import Sensor
-from grasp3d.paper.extensions import over_errors, over_resolution_and_location
+from grasp3d.paper.objects import swept
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.planar import Circle, Outline, scan, square
+from grasp3d.planar import Circle, scan, square
 from grasp3d.plots.combinations import combinations_figure
 from grasp3d.plots.cones import cone_figure
 from grasp3d.plots.curves import curves_figure
+from grasp3d.plots.error_fractions import ErrorPanel, error_fractions_figure
 from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure
+from grasp3d.plots.heat_maps import heat_map_figure
 from grasp3d.plots.style import Drawing
 from grasp3d.plots.tips import tips_figure
 from grasp3d.settings import DEGREE, GraspModel
-from grasp3d.stability.angle_distributions import AngleDistribution, SphereAngles
+from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.sweeps import Sweep, sweep
 
 CONE_MODEL = GraspModel(friction=1.0, sensor_resolution=30.0 * DEGREE)
@@ -21,6 +33,25 @@ CONE_MODEL = GraspModel(friction=1.0, sensor_resolution=30.0 * DEGREE)
 
 TIP = Sensor(receptive_field=4.0, fingertip_radius=10.0)
 """The paper's hemispherical tip, with the receptive field that it needs at friction 0.2 [mm]."""
+
+STEPS = 120
+"""Steps of the swept uncertainties."""
+SAMPLED = 5
+"""Values of each uncertainty at which fractions are sampled."""
+NORMAL_ERROR = 15.0 * DEGREE
+"""Largest further error of normals [rad]."""
+FRICTION_ERROR = 0.5
+"""Largest friction error, as a fraction of the friction."""
+CONTOURS = (0.1, 0.25, 0.4)
+"""Fractions S that are drawn as lines."""
+
+GRASPS = 360
+"""Perceived grasps, evenly around the circle."""
+TRUE = 400
+"""True grasps of each perceived one."""
+EXTREME = 0.7
+"""Fraction of the errors that are as large as possible."""
+SEED = 2018
 
 
 def tips(_: PaperSettings) -> Drawing:
@@ -45,7 +76,7 @@ def circle_curves(settings: PaperSettings) -> Drawing:
 
 def circle_fractions(settings: PaperSettings) -> Drawing:
     """Draw Fig. 8: fractions of the circle over the resolution."""
-    return fractions_figure(swept(Circle(), settings))
+    return fractions_figure(swept(Circle(), "circle", settings))
 
 
 def square_curves(settings: PaperSettings) -> Drawing:
@@ -56,7 +87,7 @@ def square_curves(settings: PaperSettings) -> Drawing:
 
 def square_fractions(settings: PaperSettings) -> Drawing:
     """Draw Fig. 10: fractions of the square over the resolution."""
-    return fractions_figure(swept(square(), settings))
+    return fractions_figure(swept(square(), "square", settings))
 
 
 def ceilings(settings: PaperSettings) -> Drawing:
@@ -65,8 +96,132 @@ def ceilings(settings: PaperSettings) -> Drawing:
     The paper's curve is that of the sphere, by area; those of circle and square, by perimeter, are
     for comparison.
     """
-    sphere = swept(SphereAngles(), settings, name="sphere (the paper's)")
-    return ceiling_figure([sphere, *(swept(outline, settings) for outline in (Circle(), square()))])
+    sphere = swept(SphereAngles(), "sphere (the paper's)", settings)
+    outlines = [swept(outline, outline.name, settings) for outline in (Circle(), square())]
+    return ceiling_figure([sphere, *outlines])
+
+
+def over_errors(settings: PaperSettings) -> Drawing:
+    """Draw fractions of the circle over location, friction and normal errors, in closed form."""
+    model = settings.models[0]
+    panels = [
+        _panel(model, "location_error", largest_location(model), "location error [radii]"),
+        _panel(model, "friction_error", FRICTION_ERROR * model.friction, r"friction error $\pm$"),
+        _panel(model, "normal_error", NORMAL_ERROR, "further error of normals [°]"),
+    ]
+    degrees = math.degrees(model.sensor_resolution)
+    return error_fractions_figure(
+        panels,
+        title=rf"circle, $\mu$ = {model.friction:g}, $\alpha$ = {degrees:.4g}°, "
+        "the other errors 0",
+        label="fraction of the perimeter",
+    )
+
+
+def over_resolution_and_location(settings: PaperSettings) -> Drawing:
+    """Draw S and M of the circle over resolution and location error, as maps."""
+    return heat_map_figure([resolution_and_location(settings)], fractions=CONTOURS)
+
+
+def resolution_and_location(settings: PaperSettings) -> Sweep:
+    """Fractions of the circle over resolution and location error, in radii, up to where S ends."""
+    exact = GraspModel(friction=settings.friction, sensor_resolution=0.0)
+    return sweep(
+        Circle(),
+        friction=settings.friction,
+        sensor_resolution=np.linspace(0.0, 2.0 * exact.friction_angle, STEPS + 1),
+        location_error=np.linspace(0.0, largest_location(exact), STEPS + 1),
+        name="circle of radius 1",
+        mode="scan",
+    )
+
+
+def largest_location(model: GraspModel) -> float:
+    """Location error from which on no grasp of a circle of radius 1 is S; at least 0.05.
+
+    The fingers opposite each other are S while asin(error) < beta - alpha / 2.
+    """
+    return max(0.05, math.sin(max(model.effective_friction_angle, 0.0)))
+
+
+def _panel(model: GraspModel, name: str, largest: float, title: str) -> ErrorPanel:
+    """Fractions over one uncertainty from 0 to the largest, and sampled ones at a few."""
+    values = np.linspace(0.0, largest, STEPS + 1)
+    found = sweep(
+        Circle(),
+        friction=model.friction,
+        sensor_resolution=model.sensor_resolution,
+        name="circle",
+        mode="scan",
+        **{name: values},
+    )
+    return ErrorPanel(found, title, _sampled(model, name, values[:: STEPS // SAMPLED]))
+
+
+def _sampled(model: GraspModel, name: str, values: Floats) -> list[tuple[float, float, float]]:
+    in_degrees = name == "normal_error"
+    sampled = []
+    for value in values.tolist():
+        settings = {
+            "friction": model.friction,
+            "sensor_resolution": model.sensor_resolution,
+            name: value,
+        }
+        shown = math.degrees(value) if in_degrees else value
+        sampled.append((shown, *sampled_fractions(GraspModel(**settings))))
+    return sampled
+
+
+def sampled_fractions(
+    model: GraspModel, *, grasps: int = GRASPS, true: int = TRUE, seed: int = SEED
+) -> tuple[float, float]:
+    """Fractions of perceived grasps of a circle of radius 1 that hold always, and never.
+
+    Args:
+        model: Friction and its error, tilt and location error in radii.
+        grasps: Perceived grasps.
+        true: True grasps of each.
+        seed: Seed of the errors.
+
+    Returns:
+        (S, U). Sampling misses some true grasps that fail or hold, so both are a little too large.
+    """
+    rng = np.random.default_rng(seed)
+    turn = (np.arange(grasps) + 0.5) * (2.0 * math.pi / grasps)
+    angles = np.stack([np.zeros(grasps), turn], axis=1)
+    points = np.stack([np.cos(angles), np.sin(angles)], axis=-1)  # (g, 2, 2)
+    held = _held(points, angles + math.pi, model, true, rng)
+    return float(held.all(axis=1).mean()), 1.0 - float(held.any(axis=1).mean())
+
+
+def _held(
+    points: Floats, normals: Floats, model: GraspModel, true: int, rng: np.random.Generator
+) -> Bools:
+    """Force closure of random true grasps, shape (g, true).
+
+    Args:
+        points: Perceived contacts, shape (g, 2, 2).
+        normals: Polar angles of their normals [rad], shape (g, 2).
+        model: What is known about them.
+        true: True grasps of each perceived one.
+        rng: Random numbers.
+    """
+    shape = (len(points), true, 2)
+    direction = rng.uniform(0.0, 2.0 * math.pi, shape)
+    radius = float(model.location_error) * np.abs(_errors(shape, rng))
+    shift = radius[..., None] * np.stack([np.cos(direction), np.sin(direction)], axis=-1)
+    apart = np.diff(points[:, None] + shift, axis=2)[:, :, 0]  # (g, true, 2)
+    line = np.arctan2(apart[..., 1], apart[..., 0])[..., None] + [0.0, math.pi]
+    turn = line - normals[:, None] - model.tilt * _errors(shape, rng)
+    off = np.abs(np.remainder(turn + math.pi, 2.0 * math.pi) - math.pi)
+    cone = np.arctan(model.friction + model.friction_error * _errors(shape, rng))
+    return np.asarray((off < cone).all(axis=-1) | (math.pi - off < cone).all(axis=-1))
+
+
+def _errors(shape: tuple[int, ...], rng: np.random.Generator) -> Floats:
+    """Errors from -1 to 1, most of them at the ends."""
+    ends = rng.choice([-1.0, 1.0], shape)
+    return np.where(rng.random(shape) < EXTREME, ends, rng.uniform(-1.0, 1.0, shape))
 
 
 FIGURES: dict[str, Callable[[PaperSettings], Drawing]] = {
@@ -82,14 +237,3 @@ FIGURES: dict[str, Callable[[PaperSettings], Drawing]] = {
     "extension_map": over_resolution_and_location,
 }
 """Functions that draw the figures, by the name of their files without suffix."""
-
-
-def swept(angles: AngleDistribution, settings: PaperSettings, *, name: str = "") -> Sweep:
-    """Fractions of an outline's perimeter or of a sphere over the resolution, in closed form."""
-    return sweep(
-        angles,
-        friction=settings.friction,
-        sensor_resolution=settings.swept,
-        name=angles.name if isinstance(angles, Outline) else name,
-        mode="scan",
-    )

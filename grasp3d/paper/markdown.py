@@ -1,6 +1,9 @@
 """Tables in Markdown."""
 
+import math
 from collections.abc import Mapping, Sequence
+
+from grasp3d.settings import GraspModel
 
 
 def table(head: Sequence[str], rows: Sequence[Sequence[str]], *, left: int = 1) -> str:
@@ -23,3 +26,8 @@ def percent(fraction: float) -> str:
 def fraction_cells(fractions: Mapping[str, float]) -> list[str]:
     """Write the fractions S, M and U, one cell each."""
     return [percent(fractions[name]) for name in ("S", "M", "U")]
+
+
+def resolution_cell(model: GraspModel) -> str:
+    """Write the resolution of a model in degrees."""
+    return f"{math.degrees(model.sensor_resolution):.4g}°"

@@ -61,7 +61,7 @@ class ScannedObject:
 
     def sweep(self, settings: PaperSettings) -> Sweep:
         """Area fractions over the resolution."""
-        return _swept(self.scans[0].angle_distribution(), self.name, settings)
+        return swept(self.scans[0].angle_distribution(), self.name, settings)
 
 
 def solids(settings: PaperSettings) -> Iterator[ScannedObject]:
@@ -166,7 +166,7 @@ def object_figure(scanned: ScannedObject, settings: PaperSettings, *, pictures: 
         scanned.scans,
         images,
         scanned.sweep(settings),
-        closed_form=None if exact is None else _swept(exact, scanned.name, settings),
+        closed_form=None if exact is None else swept(exact, scanned.name, settings),
     )
 
 
@@ -184,7 +184,14 @@ def _scanned(
     return ScannedObject(name, (scan, *scans), view, closed_form)
 
 
-def _swept(angles: AngleDistribution, name: str, settings: PaperSettings) -> Sweep:
+def swept(angles: AngleDistribution, name: str, settings: PaperSettings) -> Sweep:
+    """Fractions over the resolution, in closed form or of a scan.
+
+    Args:
+        angles: An outline, a sphere, or the critical angles of a scan.
+        name: Its name.
+        settings: Friction and resolutions.
+    """
     return sweep(
         angles,
         friction=settings.friction,

@@ -5,7 +5,7 @@ from pathlib import Path
 
 from grasp3d.arrays import ArrayLike
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.paper.convergence import comparisons, convergence_tables
+from grasp3d.paper.convergence import comparisons, convergence_tables, surface_table
 from grasp3d.paper.figures import FIGURES
 from grasp3d.paper.numbers import numbers_page
 from grasp3d.paper.objects import (
@@ -16,7 +16,6 @@ from grasp3d.paper.objects import (
     solids,
 )
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.paper.surfaces import surface_table
 from grasp3d.plots.formats import save
 from grasp3d.rendering import can_render
 from grasp3d.system.files import atomic_write, check_writable

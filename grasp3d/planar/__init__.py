@@ -5,12 +5,10 @@ come in closed form, also with uncertain friction, contact locations and further
 which the paper names (Sec. III-A and IV-B); curves of epsilon come from planar wrench hulls.
 """
 
-from grasp3d.planar.circles import Circle, circle_fractions
 from grasp3d.planar.contacts import OutlineContacts
-from grasp3d.planar.outlines import Outline, OutlineAngles
-from grasp3d.planar.planar_scan import PlanarScan
+from grasp3d.planar.outlines import Circle, Outline, OutlineAngles, circle_fractions
+from grasp3d.planar.planar_scan import PlanarScan, scan
 from grasp3d.planar.polylines import Polyline, regular_polygon, square, square_fractions
-from grasp3d.planar.scanning import scan
 
 __all__ = [
     "Circle",

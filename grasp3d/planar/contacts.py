@@ -1,4 +1,10 @@
-"""Contacts in the plane, and the critical friction angle of two of them."""
+"""Contacts in the plane, and the angles between the normals of two of them and their line.
+
+Where locations are uncertain, the true contacts lie within discs about the perceived ones, so that
+their line has any direction within asin((d1 + d2) / opening) of the perceived one; the normals stay
+as they are. A grasp is S if the worst of these lines lies inside all possible cones, U if the best
+lies outside some.
+"""
 
 import math
 from dataclasses import dataclass
@@ -7,6 +13,8 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.errors import SettingError
+from grasp3d.settings import GraspModel
 
 TIE = 1e-10
 """Angles closer than this count as equal; a grasp at its critical angle is not force-closed [rad].
@@ -65,22 +73,162 @@ def critical_angles(fixed: OutlineContacts, others: OutlineContacts) -> tuple[Fl
         are the largest and the smallest angle over the normals there. Up to pi/2, which is all that
         labels need, the first is the exact maximum over the normals; above it is an upper bound.
     """
-    apart = others.points - fixed.points
-    toward = np.arctan2(apart[:, 1], apart[:, 0])
-    off_first = turn_between(toward, fixed.middle)
-    off_second = turn_between(toward + math.pi, others.middle)
+    lines = Lines.between(fixed, others)
+    ranges = fixed.half_range[0], others.half_range
+    worst, best = lines.worst(ranges, 0.0), lines.worst((-ranges[0], -ranges[1]), 0.0)
+    return lines.checked(np.minimum(worst, math.pi), np.maximum(best, 0.0))
+
+
+@dataclass(frozen=True)
+class ContactPairLimits:
+    """What is known about two contacts.
+
+    Cones of different half-angles are written as one half-angle and a range of normals that is
+    wider or narrower by the difference.
+    """
+
+    location: float = 0.0
+    """Sum of the two location errors [unit]."""
+    worst: tuple[float, float] = (0.0, 0.0)
+    """For each finger, the angle by which its effective cone is narrower than the narrowest one, at
+    most 0 [rad]."""
+    best: tuple[float, float] = (0.0, 0.0)
+    """For each finger, the angle by which its widest cone exceeds the widest of all, at most 0
+    [rad]."""
+
+    @classmethod
+    def of_model(cls, model: GraspModel) -> "ContactPairLimits":
+        """Limits of the two fingers of a model.
+
+        Raises:
+            SettingError: They are not two, or a length has a unit.
+        """
+        tips = model.fingertips
+        if len(tips) != 2:
+            raise SettingError(f"planar grasps have two fingers; got a model of {len(tips)}")
+        effective = [tip.least_friction_angle - tip.tilt for tip in tips]
+        widest = [tip.largest_friction_angle + tip.tilt for tip in tips]
+        return cls(
+            location=sum(tip.location_error for tip in tips),
+            worst=(min(effective) - effective[0], min(effective) - effective[1]),
+            best=(widest[0] - max(widest), widest[1] - max(widest)),
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Lines:
+    """Lines from one contact to others, and the angles between them and the middle normals.
+
+    All arrays broadcast against each other.
+    """
+
+    toward: Floats
+    """Polar angle of the direction to the other contact [rad]."""
+    opening: Floats
+    """Distance between the contacts [unit]."""
+    first: Floats | float
+    """Polar angle of the middle normal of the first contact [rad]."""
+    second: Floats
+    """The same of the other."""
+
+    @classmethod
+    def between(cls, fixed: OutlineContacts, others: OutlineContacts) -> "Lines":
+        """The lines of one contact with each of several others (k,)."""
+        apart = others.points - fixed.points
+        return cls.of(apart, fixed.middle[0], others.middle)
+
+    @classmethod
+    def of(cls, apart: Floats, first: Floats | float, second: Floats) -> "Lines":
+        """The lines of contacts that are apart by vectors (..., 2), with their middle normals."""
+        x, y = apart[..., 0], apart[..., 1]
+        return cls(np.arctan2(y, x), np.hypot(x, y), first, second)
+
+    def checked(self, worst: Floats, best: Floats) -> tuple[Floats, Floats]:
+        """Angles of grasps; inf where both contacts are at one point."""
+        none = self.opening == 0.0
+        return np.where(none, math.inf, worst), np.where(none, math.inf, best)
+
+    def turn(self, location: float) -> Floats:
+        """Largest angle by which the true lines differ from the perceived ones [rad].
+
+        Args:
+            location: Sum of the two location errors [unit].
+        """
+        inside = self.opening > location
+        sine = np.divide(location, self.opening, out=np.ones_like(self.opening), where=inside)
+        return np.asarray(np.arcsin(sine) if location > 0.0 else np.zeros_like(self.opening))
+
+    def worst(self, ranges: tuple[Floats, Floats], location: float) -> Floats:
+        """Largest angle over all true lines and normals [rad]; exact up to pi/2, else a bound.
+
+        Args:
+            ranges: Half-ranges of the normals of the two contacts [rad].
+            location: Sum of the two location errors [unit].
+        """
+        off_first, off_second = self.off()
+        external = np.maximum(off_first + ranges[0], off_second + ranges[1])
+        internal = np.maximum(math.pi - off_first + ranges[0], math.pi - off_second + ranges[1])
+        return np.asarray(np.minimum(external, internal) + self.turn(location))
+
+    def best(self, ranges: tuple[Floats, Floats], location: float) -> Floats:
+        """Smallest angle over all true lines and normals [rad].
+
+        Over the directions of the line, the larger of two angles is smallest at an end of the
+        directions, along a normal, or where the two are equal.
+
+        Args:
+            ranges: As in `worst`.
+            location: As in `worst`.
+        """
+        turn = self.turn(location)
+        first, second = self.first - self.toward, self.second + math.pi - self.toward
+        middle, skew = 0.5 * (first + second), 0.5 * (ranges[0] - ranges[1])
+        turned = [first, second, middle + skew, middle - skew]
+        turned += [one + math.pi for one in turned]  # equal on the far side; internal grasps
+        least = np.full(np.broadcast_shapes(*(one.shape for one in turned)), math.inf)
+        for one in (-turn, turn, *turned):
+            line = np.clip(_wrapped(one), -turn, turn)
+            for sign in (0.0, math.pi):
+                larger = np.maximum(
+                    turn_between(line + sign, first) - ranges[0],
+                    turn_between(line + sign, second) - ranges[1],
+                )
+                least = np.minimum(least, larger)
+        return np.asarray(np.maximum(least, 0.0))
+
+    def off(self) -> tuple[Floats, Floats]:
+        """Angles between the perceived line and the middle normals, for an external grasp."""
+        toward = self.toward
+        return turn_between(toward, np.asarray(self.first)), turn_between(
+            toward + math.pi, self.second
+        )
+
+
+def located_angles(
+    fixed: OutlineContacts, others: OutlineContacts, limits: ContactPairLimits
+) -> tuple[Floats, Floats]:
+    """Worst and best angles of one finger with each of several others, over all true locations.
+
+    Args:
+        fixed: One contact.
+        others: The others (k,).
+        limits: What is known about the fixed and the other contacts.
+
+    Returns:
+        (worst, best) [rad], shape (k,), inf where both contacts are at one point: a grasp is S if
+        worst < the smallest effective friction angle, U if best >= the widest one.
+    """
+    lines = Lines.between(fixed, others)
+    halves = fixed.half_range[0], others.half_range
     worst, best = (
-        np.minimum(
-            np.maximum(off_first + range_first, off_second + range_second),
-            np.maximum(math.pi - off_first + range_first, math.pi - off_second + range_second),
-        )
-        for range_first, range_second in (
-            (fixed.half_range, others.half_range),
-            (-fixed.half_range, -others.half_range),
-        )
+        (halves[0] + shift[0], halves[1] + shift[1]) for shift in (limits.worst, limits.best)
     )
-    same_point = (apart == 0.0).all(axis=1)
-    return (
-        np.where(same_point, math.inf, np.minimum(worst, math.pi)),
-        np.where(same_point, math.inf, np.maximum(best, 0.0)),
+    return lines.checked(
+        np.minimum(lines.worst(worst, limits.location), math.pi),
+        lines.best(best, limits.location),
     )
+
+
+def _wrapped(angle: Floats) -> Floats:
+    """The same direction from -pi to pi."""
+    return np.asarray(np.remainder(angle + math.pi, 2.0 * math.pi) - math.pi)

@@ -15,9 +15,8 @@ import math
 
 import numpy as np
 
-from grasp3d.arrays import ArrayLike, Floats
-from grasp3d.planar.contacts import TIE, OutlineContacts, turn_between
-from grasp3d.planar.located import Lines
+from grasp3d.arrays import ArrayLike, Bools, Floats
+from grasp3d.planar.contacts import TIE, Lines, OutlineContacts
 
 CHUNK = 1 << 16
 """Pairs of an angle and an edge in memory at once."""
@@ -51,35 +50,12 @@ def length_below(
     step = max(1, CHUNK // len(along))
     chunks = [flat[start : start + step, None, None] for start in range(0, len(flat), step)]
     parts = [
-        _length_below(chunk, fixed, edges, along, best=best)
-        if location == 0.0
-        else _located_length(chunk, fixed, edges, along, best=best, location=location)
-        for chunk in chunks
+        _length_below(chunk, fixed, edges, along, best=best, location=location) for chunk in chunks
     ]
     return np.concatenate([np.zeros(0), *parts]).reshape(clipped.shape)
 
 
 def _length_below(
-    angle: Floats, fixed: OutlineContacts, edges: OutlineContacts, along: Floats, *, best: bool
-) -> Floats:
-    """See `length_below`; angle (b, 1, 1), result (b,)."""
-    half_range = fixed.half_range[0]
-    reach = angle + half_range if best else angle - half_range
-    lines = [fixed.middle[0] + side * reach for side in (-1.0, 1.0)]
-    lines += [edges.middle[:, None] + side * angle for side in (-1.0, 1.0)]
-    breaks = _breaks(fixed.points[0], lines, edges.points, along)  # (b, k, 6)
-    half = 0.5 * (breaks[..., 1:] + breaks[..., :-1])[..., None]  # (b, k, 5, 1)
-    apart = edges.points[:, None] - fixed.points[0] + half * along[:, None]
-    toward = np.arctan2(apart[..., 1], apart[..., 0])
-    off_first = turn_between(toward, fixed.middle[0])
-    off_second = turn_between(toward + math.pi, edges.middle[:, None])
-    external = np.maximum(off_first - reach, off_second - angle) < -TIE
-    internal = np.maximum(math.pi - off_first - reach, math.pi - off_second - angle) < -TIE
-    lengths = np.hypot(along[:, 0], along[:, 1])[:, None] * np.diff(breaks)
-    return np.asarray(np.where(external | internal, lengths, 0.0).sum(axis=(1, 2)))
-
-
-def _located_length(
     angle: Floats,
     fixed: OutlineContacts,
     edges: OutlineContacts,
@@ -89,38 +65,48 @@ def _located_length(
     location: float,
 ) -> Floats:
     """See `length_below`; angle (b, 1, 1), result (b,)."""
-    ranges = fixed.half_range[0], np.zeros(1)
-    reach = angle + ranges[0] if best else angle - ranges[0]
+    half_range, point = fixed.half_range[0], fixed.points[0]
+    reach = angle + half_range if best else angle - half_range
     directions = [fixed.middle[0] + side * reach for side in (-1.0, 1.0)]
     directions += [edges.middle[:, None] + side * angle for side in (-1.0, 1.0)]
-    # Contacts nearer than the location errors have lines of any direction: turned by 90 degrees.
-    directions += [direction + 0.5 * math.pi for direction in directions]
-    point = fixed.points[0]
-    lines = [
-        _crossings(point, directions, edges.points, along, shift)
-        for shift in (-location, 0.0, location)
-    ]
-    circle = _circle_crossings(point, edges.points, along, location)
-    breaks = _ordered([*lines, np.broadcast_to(circle, (*lines[0].shape[:2], 2))])
-    half = 0.5 * (breaks[..., 1:] + breaks[..., :-1])[..., None]
+    crossings = [_crossings(point, directions, edges.points, along)]
+    if location != 0.0:
+        crossings = _located_crossings(point, directions, edges.points, along, location)
+    breaks = _ordered(crossings)  # (b, k, m)
+    half = 0.5 * (breaks[..., 1:] + breaks[..., :-1])[..., None]  # (b, k, m - 1, 1)
     apart = edges.points[:, None] - point + half * along[:, None]
-    grasps = Lines(
-        np.arctan2(apart[..., 1], apart[..., 0]),
-        np.hypot(apart[..., 0], apart[..., 1]),
-        fixed.middle[0],
-        edges.middle[:, None],
-    )
-    found = grasps.best(ranges, location) if best else grasps.worst(ranges, location)
+    lines = Lines.of(apart, fixed.middle[0], edges.middle[:, None])
+    if location == 0.0:
+        below = _below(lines, reach, angle)
+    else:
+        found = (lines.best if best else lines.worst)((half_range, np.zeros(1)), location)
+        below = found - angle < -TIE
     lengths = np.hypot(along[:, 0], along[:, 1])[:, None] * np.diff(breaks)
-    return np.asarray(np.where(found - angle < -TIE, lengths, 0.0).sum(axis=(1, 2)))
+    return np.asarray(np.where(below, lengths, 0.0).sum(axis=(1, 2)))
 
 
-def _breaks(point: Floats, directions: list[Floats], starts: Floats, along: Floats) -> Floats:
-    """Parameters from 0 to 1 along each edge where lines through a point cross it, in order.
+def _below(lines: Lines, reach: Floats, angle: Floats) -> Bools:
+    """Whether the angles to the first and second normals are below `reach` and `angle`."""
+    off_first, off_second = lines.off()
+    external = np.maximum(off_first - reach, off_second - angle) < -TIE
+    internal = np.maximum(math.pi - off_first - reach, math.pi - off_second - angle) < -TIE
+    return np.asarray(external | internal)
 
-    See `_crossings`; shape (b, k, len(directions) + 2), the ends included.
+
+def _located_crossings(
+    point: Floats, directions: list[Floats], starts: Floats, along: Floats, location: float
+) -> list[Floats]:
+    """Parameters along each edge where borders of uncertain locations cross it, (b, k, ...) each.
+
+    See `_crossings`. Contacts nearer than the location errors have lines of any direction: turned
+    by 90 degrees.
     """
-    return _ordered([_crossings(point, directions, starts, along)])
+    turned = [*directions, *(direction + 0.5 * math.pi for direction in directions)]
+    lines = [
+        _crossings(point, turned, starts, along, shift) for shift in (-location, 0.0, location)
+    ]
+    circle = _circle_crossings(point, starts, along, location)
+    return [*lines, np.broadcast_to(circle, (*lines[0].shape[:2], 2))]
 
 
 def _crossings(

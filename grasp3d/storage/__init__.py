@@ -1,9 +1,15 @@
 """Access to files by path or address, on this machine or an object store such as S3."""
 
 from grasp3d.storage.addresses import local_path
-from grasp3d.storage.copies import local_copy, read_text
+from grasp3d.storage.files import (
+    Entry,
+    find_entry,
+    list_entries,
+    local_copy,
+    name_matcher,
+    read_text,
+)
 from grasp3d.storage.folder import Folder, Lock
-from grasp3d.storage.listing import Entry, find_entry, list_entries, name_matcher
 
 __all__ = [
     "Entry",

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from grasp3d.errors import MeshError, OutputError
 from grasp3d.storage.addresses import convert_errors, file_system_of, local_path
-from grasp3d.storage.listing import list_entries
+from grasp3d.storage.files import list_entries
 from grasp3d.system.files import TEMPORARY_PREFIX, atomic_write
 from grasp3d.system.names import printable
 

@@ -3,8 +3,8 @@ from pathlib import Path
 import psutil
 import pytest
 
-from grasp3d.isolation import machine_memory as module
-from grasp3d.isolation.machine_memory import machine_memory
+from grasp3d.isolation import limits
+from grasp3d.isolation.limits import machine_memory
 
 MACHINE = psutil.virtual_memory().total / 1e9
 
@@ -12,7 +12,7 @@ MACHINE = psutil.virtual_memory().total / 1e9
 @pytest.fixture
 def groups(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """A folder in place of the control groups of Linux."""
-    monkeypatch.setattr(module, "_CONTROL_GROUPS", tmp_path)
+    monkeypatch.setattr(limits, "_CONTROL_GROUPS", tmp_path)
     (tmp_path / "memory").mkdir()
     return tmp_path
 

@@ -18,11 +18,11 @@ from grasp3d.cli import main
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh
-from grasp3d.paper import surfaces
-from grasp3d.paper.extensions import resolution_and_location
-from grasp3d.paper.figures import FIGURES
+from grasp3d.paper import convergence
+from grasp3d.paper.convergence import surface_table
+from grasp3d.paper.figures import FIGURES, resolution_and_location, sampled_fractions
 from grasp3d.paper.markdown import percent
-from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page
+from grasp3d.paper.numbers import DEGREES, SLIPPERY, numbers_page, quoted_numbers
 from grasp3d.paper.objects import (
     best_contact_point,
     object_figure,
@@ -31,9 +31,6 @@ from grasp3d.paper.objects import (
     view_of,
 )
 from grasp3d.paper.paper_settings import PaperSettings
-from grasp3d.paper.quoted import quoted_numbers
-from grasp3d.paper.surfaces import surface_table
-from grasp3d.paper.true_grasps import sampled_fractions
 from grasp3d.planar import circle_fractions
 from grasp3d.plots.surfaces import surface_figure
 from grasp3d.rendering import WINDOW, can_render
@@ -371,7 +368,7 @@ def test_labels_from_hulls_on_solids_differ_only_as_allowed(
 ) -> None:
     page, smaller = ((folder / "numbers.md").read_text() for folder, _ in runs)
     for name, value in SMALLER_SOLIDS.items():
-        monkeypatch.setattr(surfaces, name, value)
+        monkeypatch.setattr(convergence, name, value)
     assert surface_table(PAPER) in smaller  # of another process
     rows = [line.strip("| ").split(" | ") for line in page.splitlines() if line.startswith("|")]
     rows = [row for row in rows if row[1] in {"one finger fixed", "searched"}]
@@ -494,9 +491,9 @@ def test_a_file_with_the_folders_name_is_kept(
 SMALLER = f"""
 import sys
 from grasp3d.cli import main
-from grasp3d.paper import convergence, surfaces
+from grasp3d.paper import convergence
 convergence.SAMPLES = {{4: convergence.SAMPLES[4]}}
-vars(surfaces).update({SMALLER_SOLIDS})
+vars(convergence).update({SMALLER_SOLIDS})
 sys.exit(main())
 """
 """The command with fewer samples and coarser solids for the tables that take long."""

@@ -23,7 +23,7 @@ from grasp3d.planar import (
     square,
     square_fractions,
 )
-from grasp3d.planar.located import ContactPairLimits, located_angles
+from grasp3d.planar.contacts import ContactPairLimits, located_angles
 from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.stability.angle_distributions import SphereAngles
 from grasp3d.stability.round_shapes import critical_angle_below, worst_angle

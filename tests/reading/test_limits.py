@@ -19,7 +19,7 @@ import pytest
 
 import grasp3d
 from grasp3d.errors import MeshError
-from grasp3d.reading import archives, isolation, read_mesh
+from grasp3d.reading import archives, read_mesh
 from tests.helpers import mesh_files
 from tests.helpers.mesh_files import DATA, VERTICES, written
 
@@ -91,7 +91,7 @@ def test_a_file_that_takes_too_long_is_rejected(
 ) -> None:
     path = slow(tmp_path)
     assert is_read(good(tmp_path))
-    monkeypatch.setattr(isolation, "SECONDS", 0.2)
+    monkeypatch.setattr("grasp3d.reading.mesh_files.SECONDS", 0.2)
     with pytest.raises(MeshError, match="reading it took more than"):
         read_mesh(path)
     monkeypatch.undo()
@@ -217,9 +217,9 @@ ENDED = """
 import os, sys, signal, threading, time
 from pathlib import Path
 import psutil
-from grasp3d.reading import isolation, read_mesh
+from grasp3d.reading import mesh_files, read_mesh
 read_mesh(Path(sys.argv[1]))
-isolation.SECONDS = 0.5
+mesh_files.SECONDS = 0.5
 threading.Thread(target=lambda: read_mesh(Path(sys.argv[2])), daemon=True).start()
 time.sleep(0.2)
 print(psutil.Process().children()[0].pid, flush=True)

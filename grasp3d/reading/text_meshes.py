@@ -1,14 +1,18 @@
-"""Reduction of an OBJ file to its positions and faces."""
+"""Reduction of OBJ, OFF and text STL files to what trimesh reads correctly."""
 
 import re
+from itertools import pairwise
 
 from grasp3d.errors import MeshError
+from grasp3d.reading.declared_sizes import OFF_HEADER, off_counts, without_comments
 from grasp3d.reading.sources import Source
 
 MOST_CORNERS = 1000
 """Largest number of corners of a face; round lids have a few hundred."""
 
 LEAST_CORNERS = COORDINATES = 3
+
+_NAME = re.compile(rb"solid[^\n]*")
 
 
 def plain_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
@@ -86,3 +90,61 @@ def _check_line(words: list[bytes], count: int, total: int) -> None:
         for word in words[1:]:
             if int(_absolute(word, count)) > total:
                 raise ValueError(f"there are {total:,} vertices")
+
+
+def plain_off(source: Source, data: bytes) -> bytes:
+    """Return an OFF without comments and with faces of at most four corners.
+
+    trimesh reads comments as data, and reads no larger faces: they become triangle fans.
+
+    Raises:
+        MeshError: A face has fewer corners than it declares.
+    """
+    vertices, faces = off_counts(source)
+    data = without_comments(data)
+    header = OFF_HEADER.match(data)
+    data = data[header.end() if header else 0 :]
+    start, lines = vertices, [line for line in data.splitlines() if line.strip()]
+    kept: list[bytes] = []
+    for number, line in enumerate(lines[start : start + faces]):
+        words = line.split()
+        count = int(words[0]) if words[0].isdigit() else 0
+        if not 3 <= count < min(len(words), MOST_CORNERS + 1):
+            text = line.decode("utf-8", "replace")[:40]
+            raise MeshError(
+                f"{source.where}: face {number} ({text!r}) does not have the corners that it "
+                f"declares, of which 3 to {MOST_CORNERS:,} are allowed; export the mesh again"
+            )
+        if count <= 4:
+            kept.append(line)
+        else:
+            first, *rest = words[1 : count + 1]
+            kept += [b"3 %s %s %s" % (first, a, b) for a, b in pairwise(rest)]
+    head = b"OFF\n%d %d 0" % (vertices, len(kept))
+    return b"\n".join([head, *lines[:start], *kept])
+
+
+def plain_stl(source: Source, data: bytes) -> tuple[bytes, int]:
+    """Return a text STL with all its solids as one solid without a name.
+
+    Names may contain keywords of the format, and trimesh misreads several solids.
+
+    Returns:
+        (the text, its number of facets).
+
+    Raises:
+        MeshError: It is incomplete.
+    """
+    if b"\n" not in data:
+        data = data.replace(b"\r", b"\n")
+    data = data.lower()
+    ends = data.count(b"endsolid")
+    text = _NAME.sub(b"", data).replace(b"normal", b"")  # normals are not read
+    facets, corners = text.count(b"endfacet"), text.count(b"vertex")
+    started = text.count(b"facet") - facets
+    if not facets or not ends or started != facets or corners != 3 * facets:
+        reason = f"{started:,} facets with {corners:,} corners, and {ends:,} ends"
+        if started == corners == 0:
+            reason = "it holds no triangles"
+        raise MeshError(f"{source.where}: cannot be read as STL: {reason}; {source.hint}")
+    return b"solid\n" + text + b"\nendsolid\n", facets
