@@ -21,7 +21,7 @@ from rich.table import Table
 from grasp3d.errors import MeshError
 from grasp3d.mesh import preparing
 from grasp3d.mesh.mesh_sources import read_source
-from grasp3d.mesh.repair import surface
+from grasp3d.mesh.repair import work
 from grasp3d.mesh.repair.work import Work
 from grasp3d.mesh.work_bounds import BOUNDS
 from grasp3d.settings import MeshOptions
@@ -197,7 +197,7 @@ def _measure_steps(times: dict[str, float]) -> None:
 
     for step in STEPS:
         setattr(Timed, step, _timed(getattr(Work, step), step, times))
-    surface.Work = Timed  # type: ignore[misc]
+    work.Work = Timed  # type: ignore[misc]
 
 
 def _timed(

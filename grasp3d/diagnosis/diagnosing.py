@@ -20,7 +20,6 @@ from grasp3d.diagnosis.mesh_warnings import (
     stray_warnings,
 )
 from grasp3d.errors import SettingError
-from grasp3d.mesh.manifolds import manifold_status
 from grasp3d.mesh.measures import edge_counts, is_closed
 from grasp3d.mesh.mesh_sources import MeshSource
 from grasp3d.mesh.noise import normal_noise
@@ -28,6 +27,7 @@ from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings, refuse_lengths
 from grasp3d.mesh.preparing import PreparedMesh, prepare, repair_given
 from grasp3d.mesh.repair.cleaning import is_face
+from grasp3d.mesh.repair.solids import manifold_status
 from grasp3d.mesh.self_intersections import crossings
 from grasp3d.mesh.triangles import Triangles
 from grasp3d.mesh.units import guess_unit, impossible_size

@@ -9,8 +9,8 @@ from scipy.spatial import ConvexHull, QhullError, cKDTree
 from grasp3d.arrays import Bools, Floats, Ints, unit_rows
 from grasp3d.mesh.measures import edges_of, face_areas, mass_center, part_volumes, parts_of
 from grasp3d.mesh.repair.cleaning import sheets_of
-from grasp3d.mesh.repair.nesting import boxes_of, nested
 from grasp3d.mesh.repair.records import Solids
+from grasp3d.mesh.repair.solids import boxes_of, nested
 from grasp3d.mesh.work_bounds import BODY_COPIES, pairs_in_cells
 
 CLEAR_VOTE = 0.5

@@ -1,4 +1,4 @@
-"""The steps of repair, one method each, and the record of their changes."""
+"""The steps of repair, one method each, their sequence at each level, and what they changed."""
 
 import numpy as np
 
@@ -13,14 +13,14 @@ from grasp3d.mesh.measures import (
     rounding_of,
 )
 from grasp3d.mesh.repair.bodies import TOUCH, Bodies
-from grasp3d.mesh.repair.cleaning import is_face, is_first, without_mirrored
+from grasp3d.mesh.repair.cleaning import disagreeing, is_face, is_first, without_mirrored
 from grasp3d.mesh.repair.holes import SMALL, close_holes, holes_of
 from grasp3d.mesh.repair.records import RepairedSurface, RepairStep, Solids
 from grasp3d.mesh.repair.union import unite
 from grasp3d.mesh.repair.walls import without_inner_walls
 from grasp3d.mesh.repair.welding import first_of_body, first_of_linked, weld_nearby
-from grasp3d.mesh.repair.winding import disagreeing
 from grasp3d.mesh.work_bounds import WorkBoundError
+from grasp3d.settings import Repair
 from grasp3d.system.counts import counted, noun
 
 MOST_ROUNDING = 1e-6
@@ -230,3 +230,49 @@ class Work:
             warnings=tuple(self.warnings),
             solids=self.solids,
         )
+
+
+def repair_surface(vertices: Floats, faces: Ints, level: Repair, where: str) -> RepairedSurface:
+    """Repair a surface as far as a level allows.
+
+    Args:
+        vertices: Positions (V, 3), finite.
+        faces: Vertices of each face (F, 3).
+        level: How much may be changed.
+        where: Name of the mesh in errors.
+
+    Raises:
+        MeshError: No face remains.
+        WorkBoundError: A step would take too long.
+    """
+    work = Work(vertices, faces, where, apart=level != "none")
+    if level == "none":
+        work.leave_out_flat()
+        work.note_solids()
+        done = {str(step) for step in work.steps}
+        try:
+            safe = repair_surface(vertices, faces, "safe", where)
+        except WorkBoundError as error:
+            work.warnings = [f"not repaired, as requested; repair 'safe' would be refused: {error}"]
+            return work.result()
+        work.warnings = [
+            f"not repaired, as requested; repair 'safe' would do this: {step}"
+            for step in safe.steps
+            if str(step) not in done
+        ]
+        return work.result()
+    work.weld()
+    work.leave_out_repeated()
+    work.wind()
+    work.leave_out_needles()
+    work.fill(only_small=True)
+    if level == "full":
+        work.fill(only_small=False)
+    work.leave_out_copies()
+    work.turn_outward()
+    if level == "full":
+        work.fill_cavities()
+    work.note_solids()
+    work.unite()
+    work.leave_out_flat()
+    return work.result()
