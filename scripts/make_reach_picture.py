@@ -19,12 +19,12 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.shapes import Triangles, gripper_triangles
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
 from grasp3d.rendering import View
 from grasp3d.stability.label import MEANING
+from grasp3d.surface.grasp_table import GraspTable
 
 OBJECT = Path(__file__).parents[1] / "meshes" / "mug.glb"
 GRIPPER = ParallelGripper.preset("robotiq_2f85")
@@ -38,12 +38,12 @@ SPANS = (0.15, 0.33)
 """Heights of the pictures without and with the gripper [m]."""
 
 
-def held(grasps: SurfaceGrasps, *, narrow: bool) -> int:
+def held(grasps: GraspTable, *, narrow: bool) -> int:
     """The first grasp that is narrow, or wide."""
     return next(k for k, w in enumerate(grasps.opening) if (w < HANDLE) == narrow)
 
 
-def drawn(grasps: SurfaceGrasps, number: int) -> Triangles:
+def drawn(grasps: GraspTable, number: int) -> Triangles:
     """The gripper at a grasp."""
     reach = grasps.reach
     assert reach is not None
@@ -81,7 +81,7 @@ def figure(view: View) -> Drawing:
     return drawing
 
 
-def margin(grasps: SurfaceGrasps, number: int) -> str:
+def margin(grasps: GraspTable, number: int) -> str:
     """The approach margin of a grasp."""
     assert grasps.reach is not None
     return f"±{math.degrees(grasps.reach.approach_margin[number]):.0f}°"

@@ -19,10 +19,10 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from grasp3d import GraspModel, Sampling, Table, best_grasps, label_surface, load_mesh
 from grasp3d.errors import GraspError
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.verdict import verdict_of
 from grasp3d.hand.gripper_files import load_gripper
 from grasp3d.stability.label import Label
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from tests.helpers.moving_gripper import MovingGripper
 
@@ -80,7 +80,7 @@ def _labels(path: Path, options: argparse.Namespace) -> SurfaceLabels:
     )
 
 
-def _collisions(grasps: SurfaceGrasps) -> list[str]:
+def _collisions(grasps: GraspTable) -> list[str]:
     """What the gripper meets on its way to each grasp; empty: nothing."""
     scene, reach = grasps.scene, grasps.reach
     assert scene is not None
@@ -89,7 +89,7 @@ def _collisions(grasps: SurfaceGrasps) -> list[str]:
     return [moving.collision(reach, row) for row in range(grasps.size)]
 
 
-def _print_grasps(grasps: SurfaceGrasps, met: list[str]) -> None:
+def _print_grasps(grasps: GraspTable, met: list[str]) -> None:
     reach = grasps.reach
     assert reach is not None
     for row in range(grasps.size):
@@ -103,7 +103,7 @@ def _print_grasps(grasps: SurfaceGrasps, met: list[str]) -> None:
         )
 
 
-def _draw(labels: SurfaceLabels, grasps: SurfaceGrasps, path: Path) -> None:
+def _draw(labels: SurfaceLabels, grasps: GraspTable, path: Path) -> None:
     from grasp3d.plots.formats import save_as
     from grasp3d.plots.grasps import draw_grasps, grasp_figure
 

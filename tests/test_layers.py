@@ -40,12 +40,13 @@ LAYERS = [
 Within a package no modules import each other in a circle."""
 
 UPWARD = {
-    ("grasp3d.grasps.surface_grasps", "grasp3d.grasps.writing"),
-    ("grasp3d.grasps.surface_grasps", "grasp3d.viewer.show"),
     ("grasp3d.hand.parallel_gripper", "grasp3d.hand.gripper_files"),
     ("grasp3d.hand.parallel_gripper", "grasp3d.hand.presets"),
     ("grasp3d.mesh.object_mesh", "grasp3d.conversions"),
     ("grasp3d.mesh.object_mesh", "grasp3d.viewer.show"),
+    ("grasp3d.surface.grasp_table", "grasp3d.grasps.closed_grasps"),
+    ("grasp3d.surface.grasp_table", "grasp3d.grasps.writing"),
+    ("grasp3d.surface.grasp_table", "grasp3d.viewer.show"),
     ("grasp3d.surface.labels", "grasp3d.conversions"),
     ("grasp3d.surface.labels", "grasp3d.viewer.show"),
     ("grasp3d.isolation.calls", "grasp3d.isolation.child"),

@@ -208,7 +208,7 @@ def _surface_values(labels: "SurfaceLabels") -> dict[str, Any]:
 
 
 def _angle_values(labels: "SurfaceLabels") -> dict[str, Any]:
-    model, angles = labels.model, _angles_for(labels, labels.model)
+    model, angles = labels.model, _angles_of(labels)
     left = replace(model, sensor_resolution=0.0).effective_friction_angle  # for a sensor
     return {
         **_quantiles("critical_angle", QUARTILES, labels.angle_quantiles(QUARTILES)),
@@ -284,12 +284,13 @@ def _grid_fractions(labels: "SurfaceLabels", settings: BatchSettings) -> Iterato
     # Where fingers have a friction of their own, they differ more or less with that of the others.
     for _, group in groupby(models, lambda one: (one.friction_interval, one.location_error)):
         members = list(group)
-        angles = _angles_for(labels, members[0])
+        labels = labels.using(model=members[0])  # which keeps located angles that stay the same
+        angles = _angles_of(labels)
         for model in members:
             yield _fractions_of(model, angles)
 
 
-def _angles_for(labels: "SurfaceLabels", model: GraspModel) -> AngleDistribution:
+def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
     """Distribution of located angles, to be compared with the thresholds of a model.
 
     They depend on the model's location error and on how its fingers differ.
@@ -298,7 +299,7 @@ def _angles_for(labels: "SurfaceLabels", model: GraspModel) -> AngleDistribution
 
     weights = vertex_weights(labels.mesh, "area")
     used = weights > 0.0
-    worst, best = labels.grasps.located_angles(model, threads=labels.threads)
+    worst, best = labels.located_angles
     return SampledAngles(worst[used], best[used], weights[used], limit=labels.search.cone)
 
 

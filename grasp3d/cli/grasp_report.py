@@ -18,10 +18,10 @@ from grasp3d.cli.uncertainty_report import (
 )
 from grasp3d.grasps.closed_grasps import UNKNOWN, ClosedGrasps
 from grasp3d.grasps.evaluation import DISTANCE_ROUNDING
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.meanings import epsilon_min_text
 from grasp3d.model_text import friction_text
 from grasp3d.stability.label import COLORS, MEANING, Label
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.counts import counted
 
 MAX_ROWS = 10
@@ -43,7 +43,7 @@ _CLOSED = (
 )
 
 
-def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
+def print_evaluated(grasps: GraspTable, output: Path) -> None:
     """Print the number of grasps of each label, and a table of the first grasps.
 
     Args:
@@ -78,7 +78,7 @@ def print_evaluated(grasps: SurfaceGrasps, output: Path) -> None:
 
 
 def print_best(
-    grasps: SurfaceGrasps, requested: int, output: Path, *, drawn: bool, written: bool = True
+    grasps: GraspTable, requested: int, output: Path, *, drawn: bool, written: bool = True
 ) -> None:
     """Print the best distinct grasps of a surface, best first.
 
@@ -111,7 +111,7 @@ def print_best(
         _print_written(console, output, *([output.with_suffix(".png")] if drawn else []))
 
 
-def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
+def _print_heading(console: Console, grasps: GraspTable) -> None:
     mesh, model = grasps.mesh, grasps.model
     console.print(
         f"[bold]{escaped(mesh.report.source)}[/]: "
@@ -122,7 +122,7 @@ def _print_heading(console: Console, grasps: SurfaceGrasps) -> None:
     )
 
 
-def _legend(grasps: SurfaceGrasps) -> str:
+def _legend(grasps: GraspTable) -> str:
     approach = "" if grasps.reach is None else _APPROACH
     approach += "" if grasps.closed is None else _CLOSED
     forces = "" if grasps.holding is None else LEGEND
@@ -135,19 +135,19 @@ def _print_written(console: Console, *outputs: Path) -> None:
     console.print("written: " + escaped(", ".join(map(str, outputs))), soft_wrap=True)
 
 
-def _distance_text(grasps: SurfaceGrasps) -> str:
+def _distance_text(grasps: GraspTable) -> str:
     """Return the median and the largest distance of the contacts from the surface."""
     unit = grasps.mesh.unit or "(unit not stated)"
     median, most = (_distance(grasps, value) for value in np.quantile(grasps.distance, [0.5, 1.0]))
     return f"distance of the contacts from the surface: median {median}, at most {most} {unit}"
 
 
-def _distance(grasps: SurfaceGrasps, distance: float) -> str:
+def _distance(grasps: GraspTable, distance: float) -> str:
     """Format a distance from the surface; rounding errors are 0."""
     return "0" if distance < DISTANCE_ROUNDING * grasps.mesh.size else f"{distance:.3g}"
 
 
-def _table(grasps: SurfaceGrasps, count: int, *, distances: bool = False) -> Table:
+def _table(grasps: GraspTable, count: int, *, distances: bool = False) -> Table:
     """Return a table of the first grasps, optionally with their distances from the surface."""
     several = grasps.contacts.count > 2
     table = Table(box=None, pad_edge=False)

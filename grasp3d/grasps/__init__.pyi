@@ -7,7 +7,6 @@ from .kinds import grasp_kinds as grasp_kinds
 from .pose_evaluation import evaluate_poses as evaluate_poses
 from .poses import GraspPoses as GraspPoses
 from .reading import read_contacts as read_contacts
-from .surface_grasps import SurfaceGrasps as SurfaceGrasps
 from .surface_poses import poses_of as poses_of
 from .verdict import Verdict as Verdict
 from .verdict import verdict_of as verdict_of

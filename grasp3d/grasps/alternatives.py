@@ -7,12 +7,12 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints, locked
 from grasp3d.errors import SettingError
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.reach import reach_grasps
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.located_angles import located_angles_of
 from grasp3d.surface.sampling.pair_limits import Ranking, largest_cost, pair_limits
@@ -24,7 +24,7 @@ TESTS_PER_GRASP = 16
 search ends."""
 
 
-def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> SurfaceGrasps:
+def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> GraspTable:
     """Distinct grasps through a vertex that the gripper reaches, best first.
 
     Opposing contacts differ by half a finger's width at least. The first grasp is that of the
@@ -104,9 +104,7 @@ def _different(positions: Floats, exists: Bools, spacing: float) -> Ints:
     return np.array(kept, dtype=np.int64)
 
 
-def _grasps(
-    labels: SurfaceLabels, vertex: int, points: SurfacePoints, signs: Ints
-) -> SurfaceGrasps:
+def _grasps(labels: SurfaceLabels, vertex: int, points: SurfacePoints, signs: Ints) -> GraspTable:
     """The grasps of a vertex and opposing contacts (k,) that are reached, best first."""
     scene, mesh, count = labels.scene, labels.mesh, len(signs)
     assert scene is not None
@@ -126,12 +124,11 @@ def _grasps(
     located, _ = located_angles_of(contacts, (worst, best), labels.model, threads=1)
     order = np.argsort(located, kind="stable")
     order = order[reach.reached[order]]
-    return SurfaceGrasps(
-        contacts.take(order),
-        labels.model,
-        locked(np.zeros((len(order), 2))),
-        locked(worst[order]),
-        locked(best[order]),
+    return GraspTable(
+        contacts=contacts.take(order),
+        model=labels.model,
+        critical_angle=locked(worst[order]),
+        critical_angle_best=locked(best[order]),
         scene=scene,
         reach=reach.take(order),
         load=labels.load,

@@ -1,8 +1,9 @@
 """Grasps of ideal points as the jaws of a gripper make them, closed at their poses."""
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -11,12 +12,10 @@ from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.evaluated_poses import CLOSED_LABEL, CLOSED_MARGIN, EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.reach import Reach
-from grasp3d.hand.scene import Scene
-from grasp3d.loads import Load
-from grasp3d.mesh import ObjectMesh
-from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.spread_grasps import NO_ROW, spread
+from grasp3d.system.progress import Progress
 
 UNKNOWN = -1
 """Code of a label that is not known."""
@@ -42,33 +41,25 @@ class ClosedGrasps:
         [0.05, 0.05]
     """
 
-    size: int
-    """Number of grasps, b."""
-    rows: Ints
-    """Those of which it is known, shape (k,)."""
     evaluated: EvaluatedPoses | None
-    """What the jaws touch there, the labels and everything else, k rows; None: k is 0."""
+    """What the jaws touch, the labels and everything else, k rows; None: k is 0."""
+    row: Ints
+    """Row of each grasp there, -1: it is not known, shape (b,)."""
 
     __repr__ = short_repr
 
     @cached_property
     def label(self) -> Ints:
         """`Label` codes at the contacts of the closed jaws, shape (b,); -1: not known."""
-        codes = np.full(self.size, UNKNOWN, dtype=np.int64)
-        if self.evaluated is not None:
-            codes[self.rows] = self.evaluated.label
-        return locked(codes)
+        return self._spread("label", UNKNOWN)
 
     @cached_property
     def margin(self) -> Floats:
         """Margin there [rad], shape (b,); nan: not known, or the jaws do not close on the object.
 
-        As in `LabelledGrasps.margin`.
+        As in `GraspTable.margin`.
         """
-        margins = np.full(self.size, math.nan)
-        if self.evaluated is not None:
-            margins[self.rows] = self.evaluated.margin
-        return locked(margins)
+        return self._spread("margin", math.nan)
 
     def take(self, rows: Ints) -> "ClosedGrasps":
         """The chosen grasps, in that order.
@@ -76,13 +67,18 @@ class ClosedGrasps:
         Args:
             rows: Their indices, shape (c,).
         """
-        position = np.full(self.size, UNKNOWN, dtype=np.int64)
-        position[self.rows] = np.arange(len(self.rows))
-        known = np.flatnonzero(position[rows] != UNKNOWN)
-        found = None
-        if self.evaluated is not None and len(known):
-            found = self.evaluated.take(position[rows[known]])
-        return replace(self, size=len(rows), rows=locked(known), evaluated=found)
+        row = self.row[rows]
+        known = row != NO_ROW
+        if self.evaluated is None or not known.any():
+            return ClosedGrasps(None, locked(np.full(len(row), NO_ROW)))
+        numbers = np.where(known, np.cumsum(known) - 1, NO_ROW)
+        return ClosedGrasps(self.evaluated.take(row[known]), locked(numbers))
+
+    def _spread(self, name: str, missing: float) -> npt.NDArray[Any]:
+        """Results of the poses at the grasps, shape (b,)."""
+        if self.evaluated is None:
+            return np.full(len(self.row), missing)
+        return spread(getattr(self.evaluated, name).astype(type(missing)), self.row, missing)
 
     def columns(self) -> dict[str, npt.NDArray[np.generic]]:
         """Label, empty where it is not known, and margin, as columns of a file, shape (b,)."""
@@ -110,34 +106,28 @@ class ClosedGrasps:
         )
 
 
-def close_on_grasps(
-    mesh: ObjectMesh,
-    reach: Reach,
-    scene: Scene,
-    model: GraspModel,
-    *,
-    load: Load | None = None,
-    threads: int | None = None,
-) -> ClosedGrasps:
+def close_on(grasps: GraspTable, *, progress: Progress | None = None) -> ClosedGrasps:
     """Close the jaws on a free object at the poses of grasps, and evaluate what they touch.
 
     Args:
-        mesh: The object.
-        reach: How the gripper reaches the grasps; those without a pose are not known.
-        scene: The gripper, the table and the allowed approach.
-        model: Friction and sensor resolution, for two fingers.
-        load: What each grasp must hold; None: nothing.
-        threads: Threads to use; None: one per processor. The result does not depend on it.
+        grasps: Grasps of two fingers with a gripper; those without a pose are not known.
+        progress: Called with the fraction of the work done, from 0 to 1.
     """
+    mesh, reach = grasps.mesh, grasps.reach
+    assert reach is not None
     external = reach.pregrasp_opening >= reach.opening
-    rows = locked(np.flatnonzero(external & np.isfinite(reach.poses).all(axis=(1, 2))))
+    known = external & np.isfinite(reach.poses).all(axis=(1, 2))
+    rows, row = np.flatnonzero(known), locked(np.where(known, np.cumsum(known) - 1, NO_ROW))
     if not len(rows):
-        return ClosedGrasps(len(reach.state), rows, None)
+        return ClosedGrasps(None, row)
     poses = GraspPoses(
         poses=reach.poses[rows],
         opening=reach.opening[rows],
         pregrasp_opening=reach.pregrasp_opening[rows],
         unit=mesh.unit,
     )
-    found = evaluate_poses(mesh, poses, model, load=load, threads=threads, scene=scene)
-    return ClosedGrasps(len(reach.state), rows, found)
+    found = evaluate_poses(
+        mesh, poses, grasps.model, load=grasps.load, threads=grasps.threads, progress=progress,
+        scene=grasps.scene,
+    )  # fmt: skip
+    return ClosedGrasps(found, row)

@@ -6,16 +6,14 @@ from functools import reduce
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, locked
+from grasp3d.arrays import Floats, Ints
 from grasp3d.errors import SettingError
-from grasp3d.grasps.closed_grasps import UNKNOWN, ClosedGrasps, close_on_grasps
+from grasp3d.grasps.closed_grasps import UNKNOWN
 from grasp3d.grasps.kinds import grasp_kinds
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import ObjectMesh
 from grasp3d.stability.label import Label
-from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import grasps_at
 
 DISTINCT = 1.0 / 8.0
 """Distance of corresponding contacts, in object sizes, from which grasps are distinct."""
@@ -34,9 +32,7 @@ MAX_PERMUTED = 5
 """Most contacts of grasps whose contacts are matched in every order."""
 
 
-def best_grasps(
-    labels: SurfaceLabels, count: int, *, distance: float | None = None
-) -> SurfaceGrasps:
+def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = None) -> GraspTable:
     """The best distinct grasps of a labelled surface, best first.
 
     The grasps are those of the vertices. Better is the smaller critical friction angle in whole
@@ -80,42 +76,14 @@ def best_grasps(
     limit = distance_of_distinct(labels.mesh) if distance is None else distance
     if not (limit >= 0.0 and math.isfinite(limit)):
         raise SettingError(f"distance must be a finite length of at least 0; got {limit:g}")
-    vertices = ranked_vertices(labels)
-    points = grasps_at(labels.mesh, labels.partner_points, vertices, 0).points
+    rows = ranked_rows(labels.grasps)
+    points = labels.grasps.contacts.take(rows).points
     if labels.reach is None:
-        return grasps_of_vertices(labels, vertices[distinct_rows(points, count, limit)])
-    candidates = vertices[distinct_rows(points, len(points), limit)]
-    closed = _closed(labels, candidates)
-    order = _by_kinds(labels, candidates, closed)[:count]
-    return grasps_of_vertices(
-        labels, candidates[order], None if closed is None else closed.take(order)
-    )
-
-
-def grasps_of_vertices(
-    labels: SurfaceLabels, vertices: Ints, closed: ClosedGrasps | None = None
-) -> SurfaceGrasps:
-    """The grasps of chosen vertices, which have one, shape (b,).
-
-    Args:
-        labels: The labelled surface.
-        vertices: Numbers of the vertices.
-        closed: What the jaws touch when they close there; None: not computed yet.
-    """
-    found = grasps_at(labels.mesh, labels.partner_points, vertices, 0)
-    angles = critical_angles(found, threads=labels.threads)
-    on_surface = locked(np.zeros((found.size, found.count)))
-    grasps = SurfaceGrasps(
-        found,
-        labels.model,
-        on_surface,
-        *angles,
-        scene=labels.scene,
-        reach=None if labels.reach is None else labels.reach.take(vertices),
-        load=labels.load,
-        threads=labels.threads,
-    )
-    return grasps if closed is None else grasps.with_closed(closed)
+        return labels.grasps.take(rows[distinct_rows(points, count, limit)]).whole()
+    rows = rows[distinct_rows(points, len(points), limit)]
+    candidates = labels.grasps.take(rows)
+    kinds = _large_kinds(labels)[labels.vertices[rows]]
+    return candidates.take(_in_turns(candidates, kinds)[:count]).whole()
 
 
 def distance_of_distinct(mesh: ObjectMesh) -> float:
@@ -123,72 +91,50 @@ def distance_of_distinct(mesh: ObjectMesh) -> float:
     return DISTINCT * mesh.size
 
 
-def ranked_vertices(labels: SurfaceLabels) -> Ints:
-    """Vertices with a grasp, one for each position, best grasp first; computes epsilon.
+def ranked_rows(grasps: GraspTable) -> Ints:
+    """Rows of the grasps of a surface, best first; computes epsilon.
 
     With a load whose mass and force are known also the grip forces.
     """
-    vertices = labels.grasps.vertices
-    angles, _ = labels.located_angles
-    vertices = vertices[np.isfinite(angles[vertices])]
-    quality = -np.nan_to_num(labels.epsilon[vertices])
-    step = np.floor(angles[vertices] / ANGLE_STEP)
-    margin = np.zeros(len(vertices))
-    if labels.reach is not None:
-        margin = np.floor(np.nan_to_num(labels.reach.approach_margin[vertices]) / MARGIN_STEP)
-    order = np.lexsort((vertices, quality, -margin, step, -_held(labels)[vertices]))
-    return np.asarray(vertices[order])
+    angles, _ = grasps.located_angles
+    step = np.floor(angles / ANGLE_STEP)
+    margin = np.zeros(grasps.size)
+    if grasps.reach is not None:
+        margin = np.floor(np.nan_to_num(grasps.reach.approach_margin) / MARGIN_STEP)
+    quality = np.nan_to_num(grasps.epsilon)
+    order = np.lexsort((np.arange(grasps.size), -quality, -margin, step, -_held(grasps)))
+    return np.asarray(order[np.isfinite(angles[order])])
 
 
-def _closed(labels: SurfaceLabels, vertices: Ints) -> ClosedGrasps | None:
-    """What the jaws touch at the grasps of vertices; None: more than two fingers have no poses."""
-    reach, scene = labels.reach, labels.scene
-    if reach is None or scene is None or labels.model.fingers > 2:
-        return None
-    return close_on_grasps(
-        labels.mesh,
-        reach.take(vertices),
-        scene,
-        labels.model,
-        load=labels.load,
-        threads=labels.threads,
-    )
+def _held(grasps: GraspTable) -> Ints:
+    """Codes of the labels with force (b,); 0 where the load is not known."""
+    codes = None if grasps.holding is None else grasps.holding.label
+    return np.zeros(grasps.size, np.int64) if codes is None else codes.astype(np.int64)
 
 
-def _by_kinds(labels: SurfaceLabels, vertices: Ints, closed: ClosedGrasps | None) -> Ints:
+def _in_turns(grasps: GraspTable, kinds: Ints) -> Ints:
     """Order of grasps, given best first, with the kinds taking turns among those alike in labels.
 
-    The label with force comes first, then that after closing, then that of the vertex.
+    The label with force comes first, then that after closing, where a grasp that is not closed is M
+    at most, then that of the vertex.
     """
-    kinds = _large_kinds(labels, vertices)
-    codes = labels.label[vertices].astype(np.int64)
-    codes += len(Label) * (_after_closing(codes, closed) + len(Label) * _held(labels)[vertices])
-    turn = np.zeros(len(vertices), dtype=np.int64)
-    for row in range(len(vertices)):
+    own, after = grasps.label.astype(np.int64), np.zeros(grasps.size, np.int64)
+    if grasps.closed is not None:
+        unknown = grasps.closed.label == UNKNOWN
+        after = np.where(unknown, np.minimum(own, Label.M), grasps.closed.label)
+    codes = own + len(Label) * (after + len(Label) * _held(grasps))
+    turn = np.zeros(grasps.size, dtype=np.int64)
+    for row in range(grasps.size):
         turn[row] = np.sum((kinds[:row] == kinds[row]) & (codes[:row] == codes[row]))
-    return np.lexsort((np.arange(len(vertices)), turn, -codes))
+    return np.lexsort((np.arange(grasps.size), turn, -codes))
 
 
-def _after_closing(codes: Ints, closed: ClosedGrasps | None) -> Ints:
-    """Labels after closing of grasps with label codes (b,): those not known are M at most."""
-    if closed is None:
-        return np.zeros_like(codes)
-    return np.where(closed.label == UNKNOWN, np.minimum(codes, Label.M), closed.label)
-
-
-def _held(labels: SurfaceLabels) -> Ints:
-    """Codes of the labels with force (V,); 0 where the load is not known."""
-    codes = None if labels.holding is None else labels.holding.label
-    return np.zeros(len(labels.reason), np.int64) if codes is None else codes.astype(np.int64)
-
-
-def _large_kinds(labels: SurfaceLabels, vertices: Ints) -> Ints:
-    """Kinds of vertices' grasps, shape (b,); those of very little area count as one."""
-    every = grasp_kinds(labels)
-    with_kind = every >= 0
-    areas = np.bincount(every[with_kind], labels.mesh.vertex_areas[with_kind])
-    kinds = every[vertices]
-    return np.where(areas[kinds] > SMALL_KIND * labels.mesh.vertex_areas.sum(), kinds, -1)
+def _large_kinds(labels: SurfaceLabels) -> Ints:
+    """Kinds of the vertices' grasps, shape (V,); those of very little area count as one, -1."""
+    kinds, areas = grasp_kinds(labels), labels.mesh.vertex_areas
+    sizes = np.bincount(kinds[kinds >= 0], areas[kinds >= 0])
+    small = np.append(sizes <= SMALL_KIND * areas.sum(), True)  # the last: no grasp
+    return np.where(small[kinds], -1, kinds)
 
 
 def distinct_rows(points: Floats, count: int, limit: float) -> Ints:

@@ -7,7 +7,6 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
@@ -16,6 +15,7 @@ from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with
 from grasp3d.settings.lengths import GivenLength, length_in_unit
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, ignore, within
@@ -39,7 +39,7 @@ def evaluate_grasps(
     load: Load | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> SurfaceGrasps:
+) -> GraspTable:
     """Compute the label, critical friction angle and epsilon of given grasps.
 
     Each contact is moved to the nearest surface point, and has the normals there. The order of the
@@ -117,7 +117,10 @@ def evaluate_grasps(
     contacts, distances = _on_surface(mesh, given, limit, threads, projecting)
     end = ANGLES_COMPUTED if used.method == "extremes" else 1.0
     angles = critical_angles(contacts, threads=threads, progress=within(report, PROJECTED, end))
-    grasps = SurfaceGrasps(contacts, used, distances, *angles, load=load, threads=threads)
+    grasps = GraspTable(
+        contacts=contacts, model=used, critical_angle=angles[0], critical_angle_best=angles[1],
+        moved=distances, load=load, threads=threads,
+    )  # fmt: skip
     grasps.compute_labels(within(report, end, 1.0))
     report(1.0)
     return grasps

@@ -34,7 +34,7 @@ def grasp_kinds(labels: SurfaceLabels) -> Ints:
     mesh, faces = labels.mesh, labels.mesh.faces
     edges = np.concatenate([faces[:, [0, 1]], faces[:, [1, 2]], faces[:, [2, 0]]])
     has_grasp = np.zeros(len(mesh.vertices), dtype=bool)
-    has_grasp[labels.grasps.vertices] = True
+    has_grasp[labels.vertices] = True
     edges = edges[has_grasp[edges].all(axis=1)]
     edges = edges[_alike(labels, edges)]
     count = len(mesh.vertices)

@@ -20,8 +20,12 @@ from grasp3d.hand.table import Table
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
+from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel, with_fingers
+from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.jaw_contacts import JawContacts
 from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.spread_grasps import NO_ROW
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, ignore, within
 
@@ -127,11 +131,19 @@ def evaluate_poses(
     )
     held = jaws.closed if object_motion == "fixed" else np.zeros(given.count, dtype=np.bool_)
     colliding = _collides(mesh, given.poses, jaws, held, scene, threads)
+    contacts = JawContacts.of(mesh, jaws)
+    angles = np.zeros(0)
+    if contacts.size:
+        angles = critical_friction_angle(contacts.contacts(used))
+    grasps = GraspTable(
+        contacts=contacts, model=used, critical_angle=locked(angles),
+        critical_angle_best=locked(angles),
+        scene=scene, load=load, threads=threads,
+    )  # fmt: skip
     found = EvaluatedPoses(
-        mesh=mesh,
+        grasps=grasps,
+        row=locked(np.where(jaws.closed, np.cumsum(jaws.closed) - 1, NO_ROW)),
         poses=given,
-        hand=hand,
-        model=used,
         jaws=jaws,
         object_motion=object_motion,
         collides=locked(colliding),
@@ -141,8 +153,6 @@ def evaluate_poses(
             & _within_stroke(mesh, jaws, hand)
             & _within_approach(given.poses, scene)
         ),
-        load=load,
-        threads=threads,
     )
     found.compute_labels(within(report, JAWS_CLOSED, 1.0))
     report(1.0)

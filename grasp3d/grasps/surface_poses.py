@@ -6,11 +6,11 @@ import numpy.typing as npt
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.stability.label import Label
+from grasp3d.surface.grasp_table import GraspTable
 
 
-def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
+def poses_of(grasps: GraspTable) -> GraspPoses:
     """Poses of a gripper for grasps that it reaches, with all that is known of each.
 
     Args:
@@ -60,12 +60,12 @@ def poses_of(grasps: SurfaceGrasps) -> GraspPoses:
     )
 
 
-def _scores(grasps: SurfaceGrasps) -> Floats:
+def _scores(grasps: GraspTable) -> Floats:
     """Scores from 0 to 1, larger is better (k,)."""
     return np.clip(1.0 - grasps.critical_angle / grasps.model.friction_angle, 0.0, 1.0)
 
 
-def _columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[np.generic]]:
+def _columns(grasps: GraspTable) -> dict[str, npt.NDArray[np.generic]]:
     """What is known of each grasp besides its pose, shape (k, ...)."""
     reach, epsilon = grasps.reach, grasps.epsilon_range
     assert reach is not None

@@ -6,12 +6,12 @@ from typing import Literal
 
 import numpy as np
 
-from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, ranked_vertices
+from grasp3d.grasps.distinct import distance_of_distinct, distinct_rows, ranked_rows
 from grasp3d.grasps.holding_verdict import HoldingVerdict
 from grasp3d.hand.reach import Reachability
 from grasp3d.stability.label import Label
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason, grasps_at
+from grasp3d.surface.vertex_grasps import Reason
 
 Word = Literal["holdable", "with a finer sensor", "out of reach", "no"]
 
@@ -101,18 +101,18 @@ def verdict_of(labels: SurfaceLabels) -> Verdict:
 
 
 def _verdict(labels: SurfaceLabels) -> Verdict:
-    vertices = ranked_vertices(labels)
-    vertices = vertices[labels.max_resolution[vertices] > FINEST]
-    if not len(vertices):
+    grasps, rows = labels.grasps, ranked_rows(labels.grasps)
+    rows = rows[grasps.max_resolution[rows] > FINEST]
+    if not len(rows):
         if _is_out_of_reach(labels):
             return Verdict("out of reach", 0, math.nan, math.nan, 0.0, _reason(labels))
         return Verdict("no", 0, math.nan, math.nan, 0.0, _why_none(labels))
-    best = vertices[0]
-    resolution = float(labels.max_resolution[best])
-    stable = vertices[labels.label[vertices] == Label.S]
+    best = rows[0]
+    resolution = float(grasps.max_resolution[best])
+    stable = rows[grasps.label[rows] == Label.S]
     word: Word = "holdable" if len(stable) else "with a finer sensor"
-    points = grasps_at(labels.mesh, labels.partner_points, stable, 0).points
-    margin = math.nan if labels.reach is None else float(labels.reach.approach_margin[best])
+    points = grasps.contacts.take(stable).points
+    margin = math.nan if grasps.reach is None else float(grasps.reach.approach_margin[best])
     return Verdict(
         word,
         len(distinct_rows(points, MOST_COUNTED, distance_of_distinct(labels.mesh))),

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.grasps.pose_files import write_poses
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.surface_poses import poses_of
 from grasp3d.hand.scene import scene_settings
 from grasp3d.loads import load_settings
@@ -20,6 +19,7 @@ from grasp3d.settings.lengths import one_line
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.epsilon import EPSILON_RTOL
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.versions import package_version
 
@@ -28,7 +28,7 @@ SUFFIXES = (".csv", ".parquet", ".json")
 
 def write_grasps(
     path: str | Path,
-    grasps: SurfaceGrasps,
+    grasps: GraspTable,
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     metrics: MetricValues | None = None,
@@ -89,12 +89,12 @@ def write_grasps(
     write_columns(path, _columns(grasps, metrics), settings=_settings(grasps))
 
 
-def _has_poses(grasps: SurfaceGrasps) -> bool:
+def _has_poses(grasps: GraspTable) -> bool:
     """Whether the grasps have poses: those of two fingers with a gripper."""
     return grasps.reach is not None and grasps.contacts.count == 2 and grasps.size > 0
 
 
-def grasps_to_table(grasps: SurfaceGrasps) -> Any:
+def grasps_to_table(grasps: GraspTable) -> Any:
     """Arrow table with a row for each grasp, as in the file that `write_grasps` writes."""
     from grasp3d.tables import table_of_columns
 
@@ -102,7 +102,7 @@ def grasps_to_table(grasps: SurfaceGrasps) -> Any:
 
 
 def _columns(
-    grasps: SurfaceGrasps, metrics: MetricValues | None = None
+    grasps: GraspTable, metrics: MetricValues | None = None
 ) -> dict[str, npt.NDArray[Any]]:
     """Columns of a table, shape (b,)."""
     columns = _grasp_columns(grasps, metrics)
@@ -112,7 +112,7 @@ def _columns(
     return columns
 
 
-def _contact_columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
+def _contact_columns(grasps: GraspTable) -> dict[str, npt.NDArray[Any]]:
     """Columns of each contact in a table, shape (b, n)."""
     points, outward = grasps.contacts.points, 0.0 - grasps.contacts.normals
     return {
@@ -123,9 +123,7 @@ def _contact_columns(grasps: SurfaceGrasps) -> dict[str, npt.NDArray[Any]]:
     }
 
 
-def _grasp_columns(
-    grasps: SurfaceGrasps, metrics: MetricValues | None
-) -> dict[str, npt.NDArray[Any]]:
+def _grasp_columns(grasps: GraspTable, metrics: MetricValues | None) -> dict[str, npt.NDArray[Any]]:
     """Columns of each grasp as a whole, shape (b,)."""
     names = np.array([label.name for label in sorted(Label)])
     epsilon = grasps.epsilon_range
@@ -148,7 +146,7 @@ def _grasp_columns(
     }
 
 
-def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
+def _settings(grasps: GraspTable) -> dict[str, Any]:
     """Settings of the evaluation; angles in radians."""
     mesh, model = grasps.mesh, grasps.model
     meaning = MEANING["scan"]
@@ -171,7 +169,7 @@ def _settings(grasps: SurfaceGrasps) -> dict[str, Any]:
     }
 
 
-def _surroundings(grasps: SurfaceGrasps) -> dict[str, Any]:
+def _surroundings(grasps: GraspTable) -> dict[str, Any]:
     """The table and the allowed approach of a gripper; it is stated itself beside the poses."""
     if grasps.scene is None:
         return {}
@@ -179,7 +177,7 @@ def _surroundings(grasps: SurfaceGrasps) -> dict[str, Any]:
     return {name: value for name, value in settings.items() if name != "gripper"}
 
 
-def _load(grasps: SurfaceGrasps) -> dict[str, Any]:
+def _load(grasps: GraspTable) -> dict[str, Any]:
     """What is known of the load."""
     if grasps.holding is None:
         return {}
@@ -187,7 +185,7 @@ def _load(grasps: SurfaceGrasps) -> dict[str, Any]:
     return {name: value for name, value in settings.items() if value is not None}
 
 
-def _write_json(path: Path, grasps: SurfaceGrasps, metrics: MetricValues | None) -> None:
+def _write_json(path: Path, grasps: GraspTable, metrics: MetricValues | None) -> None:
     """Write the settings, then one line for each grasp."""
     columns = {name: values.tolist() for name, values in _grasp_columns(grasps, metrics).items()}
     contacts = grasps.contacts

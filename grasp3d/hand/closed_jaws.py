@@ -109,7 +109,7 @@ class ClosedJaws:
         """
         return locked(self.positions.mean(axis=1))
 
-    def take(self, which: Ints | Bools) -> "ClosedJaws":
+    def take(self, which: slice | Ints | Bools) -> "ClosedJaws":
         """The chosen poses."""
         return ClosedJaws(**{name: locked(values[which]) for name, values in vars(self).items()})
 

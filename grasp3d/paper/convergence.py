@@ -229,7 +229,7 @@ def surface_table(settings: PaperSettings) -> str:
 def _compared(exact: SurfaceLabels, edges: int | None) -> list[str]:
     """The cells of one row."""
     model = replace(exact.model, method="extremes", edges=edges)
-    hulls = replace(exact, model=model)
+    hulls = exact.using(model=model)
     areas = exact.mesh.vertex_areas
     differ = float(areas[exact.label != hulls.label].sum() / areas.sum())
     wrong = (exact.label != hulls.label) & ~_left_open(exact, hulls)

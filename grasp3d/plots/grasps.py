@@ -9,7 +9,6 @@ from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.closed_grasps import UNKNOWN
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.shapes import Triangles, gripper_triangles
 from grasp3d.model_text import model_line
 from grasp3d.plots.painting import paint_labels
@@ -19,6 +18,7 @@ from grasp3d.rendering import Finger, View, extent_of, span_of
 from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.progress import Progress, ignore
 
@@ -40,7 +40,7 @@ MOST_PICTURES = 40
 
 
 def draw_grasps(
-    labels: SurfaceLabels, grasps: SurfaceGrasps, *, progress: Progress | None = None
+    labels: SurfaceLabels, grasps: GraspTable, *, progress: Progress | None = None
 ) -> list[Bytes]:
     """Render the labelled surface with the fingers of each grasp, at most `MOST_PICTURES` of them.
 
@@ -77,7 +77,7 @@ def draw_grasps(
     return pictures
 
 
-def _views(grasps: SurfaceGrasps, shown: SurfaceContacts, extent: float) -> list[View]:
+def _views(grasps: GraspTable, shown: SurfaceContacts, extent: float) -> list[View]:
     """The view of each grasp that is shown, (b, n)."""
     reach, scene, unit = grasps.reach, grasps.scene, grasps.mesh.unit
     if reach is None or scene is None or unit is None or np.isnan(reach.poses).any():
@@ -103,9 +103,7 @@ class _Scene:
         return span_of(both, self.view, PIXELS)
 
 
-def _scene(
-    grasps: SurfaceGrasps, number: int, view: View, points: Floats, normals: Floats
-) -> _Scene:
+def _scene(grasps: GraspTable, number: int, view: View, points: Floats, normals: Floats) -> _Scene:
     """What is drawn of one grasp: the gripper if it reaches it, else its contacts (n, 3)."""
     reach, scene, unit = grasps.reach, grasps.scene, grasps.mesh.unit
     if reach is None or scene is None or unit is None or np.isnan(reach.poses[number]).any():
@@ -117,7 +115,7 @@ def _scene(
 
 
 @styled
-def grasp_figure(labels: SurfaceLabels, grasps: SurfaceGrasps, pictures: list[Bytes]) -> Figure:
+def grasp_figure(labels: SurfaceLabels, grasps: GraspTable, pictures: list[Bytes]) -> Figure:
     """Lay out the pictures of grasps, numbered from the best.
 
     Args:
@@ -154,7 +152,7 @@ def _short(name: str) -> str:
     return shown.replace("$", r"\$")
 
 
-def _show(axes: Axes, grasps: SurfaceGrasps, number: int, picture: Bytes) -> None:
+def _show(axes: Axes, grasps: GraspTable, number: int, picture: Bytes) -> None:
     axes.imshow(picture)
     axes.set(xticks=[], yticks=[])
     axes.grid(visible=False)
@@ -168,7 +166,7 @@ def _show(axes: Axes, grasps: SurfaceGrasps, number: int, picture: Bytes) -> Non
     axes.set_xlabel(_approach(grasps, number))
 
 
-def _approach(grasps: SurfaceGrasps, number: int) -> str:
+def _approach(grasps: GraspTable, number: int) -> str:
     """The approach margin if a gripper reaches the grasp, and the label after closing if known."""
     margin = math.nan if grasps.reach is None else float(grasps.reach.approach_margin[number])
     if not math.isfinite(margin):

@@ -71,10 +71,8 @@ def surface_figure(
 
 def fixed_fingers(scan: SurfaceLabels) -> list[Finger]:
     """The fixed fingers of a scan, for pictures."""
-    return [
-        Finger(point, normal)
-        for point, normal in zip(scan.partners[0], scan.partner_normals[0], strict=True)
-    ]
+    points, normals = scan.grasps.positions[0, 1:], scan.grasps.contacts.normals[0, 1:]
+    return [Finger(point, normal) for point, normal in zip(points, normals, strict=True)]
 
 
 def _show(axes: Axes, scan: SurfaceLabels, picture: Bytes) -> None:

@@ -46,6 +46,12 @@ class EpsilonRange:
 
     __repr__ = short_repr
 
+    def take(self, rows: Ints) -> "EpsilonRange":
+        """The chosen rows."""
+        return EpsilonRange(
+            locked(self.nominal[rows]), locked(self.minimum[rows]), locked(self.maximum[rows])
+        )
+
 
 def epsilon_range(
     contacts: Contacts,

@@ -133,35 +133,21 @@ class PairLines:
             single=np.asarray((counts == 1).reshape(-1, 2).all(axis=1)),
         )
 
-    @classmethod
-    def none(cls, count: int) -> "PairLines":
-        """Lines of so many missing grasps."""
-        openings, angles = np.zeros(count), np.zeros((2, count, 2))
-        return cls(
-            openings=openings,
-            openings_best=openings,
-            angles=angles,
-            angles_best=angles,
-            lines=np.zeros((count, 3)),
-            normals=np.zeros((count, 2, 3)),
-            single=np.zeros(count, dtype=np.bool_),
-        )
+    def with_best_at(self, rows: Ints, best: "PairLines") -> "PairLines":
+        """These lines, of grasps with the worst normals, where others have the best normals.
 
-    def with_best(self, best: "PairLines") -> "PairLines":
-        """These lines, of grasps with the worst normals, beside those with the best normals."""
-        return replace(best, openings=self.openings, angles=self.angles)
+        Args:
+            rows: Grasps for which others are best over the best normals, shape (c,).
+            best: The lines of these, shape (c,).
+        """
+        changed = {name: getattr(self, name).copy() for name in _OF_BEST}
+        changed["angles_best"][:, rows] = best.angles_best
+        for name in _OF_BEST[1:]:
+            changed[name][rows] = getattr(best, name)
+        return replace(self, **changed)
 
-    def at(self, rows: Ints) -> "PairLines":
-        """The lines of chosen grasps."""
-        return PairLines(
-            openings=self.openings[rows],
-            openings_best=self.openings_best[rows],
-            angles=self.angles.take(rows, axis=1),
-            angles_best=self.angles_best.take(rows, axis=1),
-            lines=self.lines[rows],
-            normals=self.normals[rows],
-            single=self.single[rows],
-        )
+
+_OF_BEST = ("angles_best", "openings_best", "lines", "normals", "single")
 
 
 def located_pairs(

@@ -1,4 +1,5 @@
 from .contacts import SurfaceContacts as SurfaceContacts
+from .grasp_table import GraspTable as GraspTable
 from .holding import Holding as Holding
 from .labelling import label_surface as label_surface
 from .labels import SearchReport as SearchReport

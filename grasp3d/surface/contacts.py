@@ -8,11 +8,25 @@ import numpy as np
 
 from grasp3d._kernels.normal_sets import HEMISPHERE
 from grasp3d._kernels.surface_contacts import write_normals_of_all
-from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr, unit_rows
+from grasp3d.arrays import (
+    RIGHT_ANGLE,
+    ArrayLike,
+    Bools,
+    Floats,
+    Ints,
+    angles_between,
+    locked,
+    short_repr,
+    unit_rows,
+)  # fmt: skip
 from grasp3d.contact.contacts import Contacts
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, check_point_contacts
+from grasp3d.stability.located_angles import PairLines
+
+WIDEST = RIGHT_ANGLE - 1e-9
+"""Largest tilt that is evaluated [rad]: no force is the same for all normals of half a ball."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,6 +91,35 @@ class SurfaceContacts:
         """Whether the set of each contact spans every direction, shape (b, n)."""
         return locked((self._sets.counts == 0).reshape(self.size, self.count))
 
+    @cached_property
+    def with_normals(self) -> Ints:
+        """Indices of the grasps where no contact's normals cancel out."""
+        return locked(np.flatnonzero((self.normals != 0.0).any(axis=2).all(axis=1)))
+
+    @cached_property
+    def lines(self) -> PairLines:
+        """Lines between the contacts of grasps of two, shape (b, 2)."""
+        counts = np.where(self.any_normal.ravel(), 0, np.diff(self.set_start))
+        return PairLines.of_sets(
+            self.points, self.set_start[:-1], counts, self.set_normals, self.normals
+        )
+
+    def tilts(self, model: GraspModel) -> ArrayLike:
+        """Largest angle between the nominal normal of each contact and any that may be true (b, n).
+
+        On creases the true normal is within the sensor's resolution of any normal of the set.
+
+        Args:
+            model: The resolution.
+        """
+        counts = np.diff(self.set_start)
+        middles = np.repeat(self.normals.reshape(-1, 3), counts, axis=0)
+        angles = angles_between(middles, self.set_normals)
+        spread = np.maximum.reduceat(angles, self.set_start[:-1]) if len(angles) else angles
+        spread = np.where(self.on_crease, spread.reshape(self.size, self.count), 0.0)
+        spread = np.where(self.any_normal, WIDEST, spread)
+        return np.asarray(np.minimum(spread + np.asarray(model.tilt_of_fingers), WIDEST))
+
     def contacts(self, model: GraspModel) -> Contacts:
         """The contacts at their `normals`, relative to the mesh's centre of mass.
 
@@ -99,7 +142,7 @@ class SurfaceContacts:
         return SurfaceContacts(self.mesh, surface_points)
 
     @cached_property
-    def _sets(self) -> "_NormalSets":
+    def _sets(self) -> "NormalSets":
         return _normal_sets_at(self.mesh, self.surface_points)
 
 
@@ -122,7 +165,7 @@ def vertex_surface_points(mesh: ObjectMesh, vertices: ArrayLike) -> SurfacePoint
     return SurfacePoints(face[canonical], np.eye(3)[corner[canonical]])
 
 
-class _NormalSets(NamedTuple):
+class NormalSets(NamedTuple):
     """Sets of normals at a flat batch of surface points (m,)."""
 
     start: Ints
@@ -135,7 +178,7 @@ class _NormalSets(NamedTuple):
     """Unit normal in the middle of each set, 0 where its normals cancel out (m, 3)."""
 
 
-def _normal_sets_at(mesh: ObjectMesh, surface_points: SurfacePoints) -> _NormalSets:
+def _normal_sets_at(mesh: ObjectMesh, surface_points: SurfacePoints) -> NormalSets:
     """Sets of normals at surface points: stored at vertices, computed on faces and edges."""
     # Copies: the kernel would be compiled again for arrays that cannot be written.
     faces = np.array(surface_points.faces).ravel()
@@ -158,4 +201,4 @@ def _normal_sets_at(mesh: ObjectMesh, surface_points: SurfacePoints) -> _NormalS
     middles[arcs] = unit_rows(sums)
     counts[arcs[np.linalg.norm(sums, axis=1) < 2.0 * HEMISPHERE]] = 0
     middles[at_vertex] = mesh.normals[vertices[at_vertex]]
-    return _NormalSets(start, normals, counts, middles)
+    return NormalSets(start, normals, counts, middles)

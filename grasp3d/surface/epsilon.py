@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 
-from grasp3d.arrays import Ints, locked
+from grasp3d.arrays import locked
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import epsilon_with
 from grasp3d.quality.tilting import EpsilonRange
@@ -12,6 +12,7 @@ from grasp3d.quality.uncertain_epsilon import WrenchErrors, uncertain_epsilon_ra
 from grasp3d.settings import GraspModel
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.extreme_normals import hull_epsilons
+from grasp3d.surface.jaw_contacts import JawContacts
 from grasp3d.system.progress import Progress
 
 EPSILON_RTOL = 1e-2
@@ -47,7 +48,7 @@ def surface_epsilons(
         SettingError: A grasp has too many combinations of extreme normals.
     """
     values = np.full((3, grasps.size), math.nan)
-    chosen = grasps_with_normals(grasps)
+    chosen = grasps.with_normals
     if not len(chosen):
         return EpsilonRange(*map(locked, values))
     chosen_grasps = grasps.take(chosen)
@@ -55,7 +56,7 @@ def surface_epsilons(
     options = EpsilonOptions.of_model(
         model, torque_scale=grasps.mesh.torque_scale, rtol=EPSILON_RTOL, threads=threads
     )
-    if model.method == "extremes":
+    if model.method == "extremes" and not isinstance(grasps, JawContacts):
         values[0, chosen] = epsilon_with(contacts, options).lower
         values[1:, chosen] = hull_epsilons(chosen_grasps, model, options, progress=progress)
     else:
@@ -65,8 +66,3 @@ def surface_epsilons(
         )  # fmt: skip
         values[:, chosen] = found.nominal, found.minimum, found.maximum
     return EpsilonRange(*map(locked, values))
-
-
-def grasps_with_normals(grasps: SurfaceContacts) -> Ints:
-    """Indices of the grasps where no contact's normals cancel out."""
-    return np.flatnonzero((grasps.normals != 0.0).any(axis=2).all(axis=1))

@@ -9,6 +9,7 @@ from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.settings import GraspModel
+from grasp3d.stability.classification import classify
 from grasp3d.stability.enumeration import closure_at, extremes
 from grasp3d.stability.extreme_normals import (
     Tested,
@@ -18,10 +19,14 @@ from grasp3d.stability.extreme_normals import (
 )
 from grasp3d.stability.label import Label
 from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.jaw_contacts import JawContacts
 from grasp3d.system.progress import Progress
 
 BEFORE_ENUMERATION = 0.3
 """Fraction of the work with method extremes that the search for grasps is expected to take."""
+
+LABEL_RTOL = 1e-2
+"""Accuracy of epsilon where labels of closed jaws are computed."""
 
 CHUNK = 4096
 """Grasps enumerated at once."""
@@ -61,6 +66,8 @@ def hull_labels(
     Raises:
         SettingError: A grasp has too many combinations.
     """
+    if isinstance(grasps, JawContacts):
+        return _labels_of_jaws(grasps, model, threads)
     labels = np.full(grasps.size, Label.M, dtype=np.uint8)
     options = EpsilonOptions(edges=model.edges, threads=threads)
     done = 0
@@ -74,6 +81,21 @@ def hull_labels(
         if progress is not None:
             progress(done / len(labels))
     return labels
+
+
+def _labels_of_jaws(grasps: JawContacts, model: GraspModel, threads: int | None) -> Bytes:
+    """Label codes of patches that closed jaws touch, which have one normal each, shape (b,)."""
+    if not grasps.size:
+        return np.zeros(0, dtype=np.uint8)
+    found = classify(
+        grasps.contacts(model),
+        2.0 * model.tilt,
+        method=model.method,
+        friction_interval=model.friction_interval if model.friction_error else None,
+        extreme_normals=model.extreme_normals,
+        options=EpsilonOptions.of_model(model, torque_scale=1.0, rtol=LABEL_RTOL, threads=threads),
+    )
+    return np.asarray(found.label)
 
 
 def hull_epsilons(

@@ -9,13 +9,10 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.quality.measures.measuring import MetricValues, metrics
 from grasp3d.settings import GraspModel
 from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.epsilon import grasps_with_normals
-from grasp3d.surface.vertex_grasps import VertexGrasps, grasps_at
 
 EDGES = 8
 """Edges of polygonal friction cones where the model has circular ones."""
 
-NO_GRASP = "there is no grasp"
 NO_NORMALS = "the normals at a contact cancel out"
 
 LONGEST = 0.01
@@ -44,7 +41,7 @@ def surface_metrics(
     Raises:
         SettingError: An unknown name.
     """
-    chosen = grasps_with_normals(grasps)
+    chosen = grasps.with_normals
     if not len(chosen):
         return MetricValues.undefined(names, grasps.size, NO_NORMALS)
     found = metrics(
@@ -56,20 +53,6 @@ def surface_metrics(
         threads=threads,
     )
     return found.placed(chosen, grasps.size, NO_NORMALS)
-
-
-def vertex_metrics(
-    grasps: VertexGrasps,
-    model: GraspModel,
-    names: str | Sequence[str] = "all",
-    *,
-    threads: int | None = None,
-) -> MetricValues:
-    """Quality measures of every vertex's best grasp, shape (V,) each; see `surface_metrics`."""
-    vertices, canonical = grasps.vertices, grasps.mesh.canonical
-    contacts = grasps_at(grasps.mesh, grasps.partner_points, vertices, 0)
-    found = surface_metrics(contacts, model, names, threads=threads)
-    return found.placed(vertices, len(canonical), NO_GRASP).take(canonical)
 
 
 def longest_axis(mesh: ObjectMesh) -> Floats:

@@ -1,5 +1,6 @@
 """Grip forces and payloads of grasps under a load."""
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
@@ -144,6 +145,20 @@ class Holding:
             arrays[name] = np.full(size, empty, dtype=values.dtype)
             arrays[name][rows] = values
         return self._with(arrays)
+
+    def spread(self, spread: Callable[[npt.NDArray[Any], float], npt.NDArray[Any]]) -> "Holding":
+        """The rows at the places that have them.
+
+        Args:
+            spread: Makes an array over the places from one over the rows, and a value for places
+                without a row.
+        """
+        return self._with(
+            {
+                name: spread(values, np.nan if values.dtype.kind == "f" else 0)
+                for name, values in self._arrays().items()
+            }
+        )
 
     def columns(self, *, texts: bool = False) -> dict[str, npt.NDArray[Any]]:
         """Columns of tables, shape (b,), of `COLUMNS`: payload and label only where known.

@@ -1,61 +1,30 @@
-"""Base class of labelled vertices and given grasps: labels and epsilon."""
+"""Base class of tables of grasps, and of places that have them: margins and epsilon."""
 
-from collections.abc import Callable
+from functools import cached_property
+from typing import TYPE_CHECKING
 
-from grasp3d.arrays import Bytes, Floats, locked
-from grasp3d.quality.tilting import EpsilonRange
-from grasp3d.settings import GraspModel
-from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.arrays import Floats, locked
 from grasp3d.stability.thresholds import margins, max_resolution
-from grasp3d.surface.deferred import Deferred
-from grasp3d.surface.holding import Holding
-from grasp3d.system.progress import Progress
+
+if TYPE_CHECKING:
+    from grasp3d.quality.tilting import EpsilonRange
+    from grasp3d.settings import GraspModel
+    from grasp3d.stability.sampled_normals import WorstAndBest
 
 
 class LabelledGrasps:
-    """Grasps on a surface, one for each row of the arrays, with labels and epsilon."""
+    """Grasps, one for each row of the arrays, with what follows from their angles and epsilon."""
 
-    model: GraspModel
-    deferred_located: Deferred[WorstAndBest]
-    deferred_label: Deferred[Bytes]
-    deferred_epsilon: Deferred[EpsilonRange]
-    deferred_holding: Deferred[Holding] | None
+    if TYPE_CHECKING:  # fields and attributes of the classes that have this base
 
-    def _defer(
-        self,
-        located: Deferred[WorstAndBest],
-        label: Callable[[Progress], Bytes],
-        epsilon: Callable[[Progress], EpsilonRange],
-        holding: Callable[[Progress], Holding] | None = None,
-    ) -> None:
-        """Set what is computed later, for the `__post_init__` of frozen dataclasses.
+        @property
+        def model(self) -> GraspModel: ...  # noqa: D102
+        @property
+        def located_angles(self) -> WorstAndBest: ...  # noqa: D102
+        @property
+        def epsilon_range(self) -> EpsilonRange: ...  # noqa: D102
 
-        Functions that refer to the dataclass itself would keep it alive with its copies.
-        """
-        object.__setattr__(self, "deferred_located", located)
-        object.__setattr__(self, "deferred_label", Deferred(label))
-        object.__setattr__(self, "deferred_epsilon", Deferred(epsilon))
-        later = None if holding is None else Deferred(holding)
-        object.__setattr__(self, "deferred_holding", later)
-
-    @property
-    def label(self) -> Bytes:
-        """`Label` codes by `model.method`: 0 U, 1 M, 2 S."""
-        return self.deferred_label.value
-
-    @property
-    def located_angles(self) -> WorstAndBest:
-        """Critical angles (worst, best) with all that is not known about the contacts [rad].
-
-        Uncertain contact locations turn the line between two contacts, and fingers of `per_finger`
-        differ; see `stability.located_angles`. Without both they are `critical_angle` and
-        `critical_angle_best`. The label is S iff the worst is below
-        `model.effective_friction_angle`, U iff the best is at least `model.unstable_from`. Two
-        contacts: exact, at creases safe; more: safe.
-        """
-        return self.deferred_located.value
-
-    @property
+    @cached_property
     def margin(self) -> Floats:
         """Margin of the grasps [rad]: beta - alpha/2 - beta*, less all other uncertainties.
 
@@ -64,7 +33,7 @@ class LabelledGrasps:
         """
         return locked(margins(self.located_angles[0], self.model))
 
-    @property
+    @cached_property
     def max_resolution(self) -> Floats:
         """Coarsest sensor resolution below which the grasp is S [rad]; 0: none is fine enough.
 
@@ -72,12 +41,7 @@ class LabelledGrasps:
         """
         return locked(max_resolution(self.located_angles[0], self.model))
 
-    @property
-    def epsilon_range(self) -> EpsilonRange:
-        """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read."""
-        return self.deferred_epsilon.value
-
-    @property
+    @cached_property
     def epsilon(self) -> Floats:
         """Epsilon of the grasps (Ferrari & Canny 1992).
 
@@ -88,7 +52,7 @@ class LabelledGrasps:
         """
         return self.epsilon_range.nominal
 
-    @property
+    @cached_property
     def epsilon_min(self) -> Floats:
         """Smallest epsilon over the tilts within the sensor's resolution.
 
@@ -99,7 +63,7 @@ class LabelledGrasps:
         """
         return self.epsilon_range.minimum
 
-    @property
+    @cached_property
     def epsilon_max(self) -> Floats:
         """Upper bound on epsilon over all tilts.
 
@@ -108,41 +72,3 @@ class LabelledGrasps:
         is better over the best normals.
         """
         return self.epsilon_range.maximum
-
-    @property
-    def holding(self) -> Holding | None:
-        """Grip force and payload of the grasps under the load; None: there is no load.
-
-        Computed when first read.
-        """
-        return None if self.deferred_holding is None else self.deferred_holding.value
-
-    def compute_labels(self, progress: Progress) -> None:
-        """Compute `label` now, which takes time with method extremes only.
-
-        Args:
-            progress: Called with the fraction of the work done, from 0 to 1.
-
-        Raises:
-            SettingError: A grasp has too many combinations of extreme normals.
-        """
-        if self.model.method == "extremes" and self.deferred_label.computed is None:
-            self.deferred_label.compute(progress)
-            progress(1.0)
-
-    def compute_epsilon(self, progress: Progress) -> None:
-        """Compute `epsilon_range` now.
-
-        Args:
-            progress: Called with the fraction of the work done, from 0 to 1.
-        """
-        self.deferred_epsilon.compute(progress)
-
-    def compute_holding(self, progress: Progress) -> None:
-        """Compute `holding` now, if there is a load.
-
-        Args:
-            progress: Called with the fraction of the work done, from 0 to 1.
-        """
-        if self.deferred_holding is not None:
-            self.deferred_holding.compute(progress)

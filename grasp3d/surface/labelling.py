@@ -1,7 +1,5 @@
 """Labelling of a surface: the best grasp through every vertex, and its reliability."""
 
-from dataclasses import replace
-
 from grasp3d.costs import check_cost
 from grasp3d.errors import SettingError
 from grasp3d.hand.approach import Approach
@@ -133,7 +131,7 @@ def label_surface(
     searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
     labels = find(mesh, used, limits, scene, threads, searching)
     if load is not None:
-        labels = replace(labels, load=load)
+        labels = labels.using(load=load)
     if enumerated:
         begin_step("labelling at the extreme normals")
     labels.compute_labels(within(report, BEFORE_ENUMERATION, 1.0))

@@ -2,15 +2,15 @@
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from functools import partial
+from dataclasses import dataclass, replace
+from functools import cached_property
 from importlib import import_module
 from typing import Any, Literal
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import ArrayLike, Bytes, Floats, locked
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
@@ -19,8 +19,6 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.model_text import model_line
-from grasp3d.quality.measures.measuring import MetricValues
-from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, check_choice, search_cone
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval
@@ -28,15 +26,10 @@ from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.sampled_normals import WorstAndBest
 from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
-from grasp3d.surface.deferred import Deferred
-from grasp3d.surface.grasp_forces import vertex_holding
-from grasp3d.surface.grasp_metrics import vertex_metrics
-from grasp3d.surface.holding import Holding
+from grasp3d.surface.grasp_table import BestNormalGrasps, GraspTable
 from grasp3d.surface.label_table import LEVELS, label_table
-from grasp3d.surface.labelled_grasps import LabelledGrasps
-from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.vertex_grasps import VertexGrasps
-from grasp3d.surface.vertex_hulls import vertex_angles, vertex_epsilons, vertex_labels
+from grasp3d.surface.spread_grasps import NO_ROW, SpreadGrasps
+from grasp3d.surface.vertex_grasps import Reason, grasps_at, grasps_differ
 
 Quantity = Literal["nominal", "minimum", "maximum"]
 
@@ -61,7 +54,7 @@ class SearchReport:
 
 
 @dataclass(frozen=True, eq=False)
-class SurfaceLabels(LabelledGrasps):
+class SurfaceLabels(SpreadGrasps):
     """The best grasp found at every vertex of a surface, and its reliability.
 
     Arrays have one row per vertex of `mesh`; positions are in its unit and frame. An S is a proof:
@@ -82,43 +75,91 @@ class SurfaceLabels(LabelledGrasps):
         ((42, 24), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
     """
 
-    grasps: VertexGrasps
-    """The best grasp of every vertex, as plain arrays."""
-    model: GraspModel
+    grasps: GraspTable
+    """The best grasps over the worst normals, a row for each position that has one; with those that
+    are better over the best normals."""
+    row: Ints
+    """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
+    reason: Bytes
+    """`Reason` codes, shape (V,)."""
     sampling: Sampling | None
     """How grasps were searched for; None in a scan, where they are given."""
     mode: Mode
     search: SearchReport
-    scene: Scene | None = None
-    """The gripper that must reach each grasp, and what it must not touch; None: ideal points."""
-    load: Load | None = None
-    """What each grasp must hold; None: `holding` is not computed."""
-    threads: int | None = None
-    """Threads for what is computed when it is first read; None: one per processor. The results do
-    not depend on it."""
-    deferred_located: Deferred[WorstAndBest] = field(init=False, repr=False)
-    """`located_angles`, which take closure tests for three fingers and more."""
-    deferred_label: Deferred[Bytes] = field(init=False, repr=False)
-    """`label`, which takes an enumeration with method extremes."""
-    deferred_epsilon: Deferred[EpsilonRange] = field(init=False, repr=False)
-    """`epsilon_range`, which takes a wrench hull and more for each vertex."""
-    deferred_holding: Deferred[Holding] | None = field(init=False, repr=False)
-    """`holding`, which takes several wrench hulls for each vertex; None: there is no load."""
+    reach: Reach | None = None
+    """How the gripper reaches the grasp of each vertex, a row for each; None: no gripper.
 
-    def __post_init__(self) -> None:
-        case, used = self.load_case, (self.grasps, self.model)
-        located = Deferred(partial(vertex_angles, *used, self.threads))
-        radius = 0.0 if case is None else case.center_radius
-        self._defer(
-            located,
-            partial(vertex_labels, *used, located, self.threads),
-            partial(vertex_epsilons, *used, radius, self.threads),
-            None if case is None else partial(vertex_holding, *used, case, self.threads),
+    `reach.poses` (V, 4, 4) in the mesh's frame and unit, nan where there is no grasp;
+    `reach.approach_margin` (V,) [rad]; and more.
+    """
+
+    @classmethod
+    def of_vertices(
+        cls,
+        mesh: ObjectMesh,
+        model: GraspModel,
+        *,
+        angles: WorstAndBest,
+        partners: Floats,
+        partner_points: SurfacePoints,
+        grip: ArrayLike,
+        reason: ArrayLike,
+        reach: Reach | None = None,
+        sampling: Sampling | None,
+        mode: Mode,
+        search: SearchReport,
+        scene: Scene | None = None,
+        load: Load | None = None,
+        threads: int | None = None,
+    ) -> "SurfaceLabels":
+        """Labels of the grasps of a surface's vertices, those of one position being the same.
+
+        Args:
+            mesh: The surface.
+            model: Friction and sensor resolution.
+            angles: Critical angles (worst, best) [rad], shape (V,) each.
+            partners: As the attribute.
+            partner_points: As the attribute.
+            grip: As the attribute; one number for all vertices or shape (V,).
+            reason: `Reason` codes of the vertices on the surface, shape (V,).
+            reach: As the field.
+            sampling: As the field.
+            mode: As the field.
+            search: As the field.
+            scene: The gripper that must reach each grasp, and the table; None: ideal points.
+            load: What each grasp must hold; None: nothing.
+            threads: As in `GraspTable`.
+        """
+        count = len(mesh.vertices)
+        reason = locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8)
+        vertices = np.unique(mesh.canonical[reason == Reason.FOUND])
+        row = np.full(count, NO_ROW, dtype=np.int64)
+        row[vertices] = np.arange(len(vertices))
+        differing = np.flatnonzero(grasps_differ(partner_points, vertices))
+        others = grasps_at(mesh, partner_points, vertices[differing], 1)
+        table = GraspTable(
+            contacts=grasps_at(mesh, partner_points, vertices, 0),
+            model=model,
+            critical_angle=locked(angles[0][vertices]),
+            critical_angle_best=locked(angles[1][vertices]),
+            best_normals=BestNormalGrasps(locked(differing), others) if len(differing) else None,
+            points=locked(
+                np.concatenate([mesh.vertices[vertices, None], partners[vertices]], axis=1)
+            ),
+            grip=locked(np.broadcast_to(grip, count)[vertices], np.int8),
+            scene=scene,
+            reach=None if reach is None else reach.take(vertices),
+            load=load,
+            threads=threads,
         )
+        return cls(
+            table, locked(row[mesh.canonical]), reason, sampling=sampling, mode=mode, search=search,
+            reach=reach,
+        )  # fmt: skip
 
     def __repr__(self) -> str:
         model = self.model
-        known = model.method == "exact" or self.deferred_label.computed is not None
+        known = model.method == "exact" or self.computed("label") is not None
         found = self.fractions() if known else {}
         fractions = (f"{name} {fraction:.1%}" for name, fraction in found.items())
         return (
@@ -126,19 +167,6 @@ class SurfaceLabels(LabelledGrasps):
             f"{model.fingers} fingers, {model_line(model, self.mesh.unit)}; "
             f"{', '.join(fractions) or 'not labelled yet'}>"
         )
-
-    @property
-    def mesh(self) -> ObjectMesh:
-        """The surface."""
-        return self.grasps.mesh
-
-    @property
-    def load_case(self) -> LoadCase | None:
-        """The load on this object, with its mass, task and force at hand; None: no load."""
-        if self.load is None:
-            return None
-        hand = None if self.scene is None else self.scene.hand
-        return LoadCase.of(self.load, self.mesh, self.model, hand)
 
     @property
     def warnings(self) -> tuple[str, ...]:
@@ -157,68 +185,79 @@ class SurfaceLabels(LabelledGrasps):
             *length_warnings(lengths, self.mesh.size, self.mesh.unit),
         )
 
-    @property
-    def critical_angle(self) -> Floats:
-        """Critical friction angle over the worst normals of the contacts [rad], shape (V,).
+    @cached_property
+    def vertices(self) -> Ints:
+        """The first vertex of each position that has a grasp: those of the table's rows."""
+        own = self.mesh.canonical == np.arange(len(self.row))
+        return locked(np.flatnonzero(own & (self.row != NO_ROW)))
 
-        inf where there is no grasp.
-        """
-        return self.grasps.critical_angle
-
-    @property
-    def critical_angle_best(self) -> Floats:
-        """The same over the best normals, shape (V,).
-
-        Different at creases, and where locations are uncertain: there it is that of the best
-        aligned grasp, which may have less margin than that of `critical_angle`.
-        """
-        return self.grasps.critical_angle_best
-
-    @property
+    @cached_property
     def partners(self) -> Floats:
         """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp."""
-        return self.grasps.partners
+        return self._spread(self.grasps.positions[:, 1:], math.nan)
 
-    @property
+    @cached_property
     def partner_normals(self) -> Floats:
         """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3)."""
-        return self.grasps.partner_normals
+        return self._spread(self.grasps.contacts.normals[:, 1:], math.nan)
 
-    @property
+    @cached_property
     def partner_points(self) -> SurfacePoints:
-        """Opposing contacts as surface points, shape (V, 2, n - 1).
+        """Opposing contacts as surface points, shape (V, 2, n - 1); face -1: no grasp.
 
         Of the best grasp over the worst normals, which are `partners`, and of the best grasp over
         the best normals.
         """
-        return self.grasps.partner_points
+        points, other = self.grasps.contacts.surface_points, self.grasps.best_normals
+        faces = np.repeat(points.faces[:, None, 1:], 2, axis=1)
+        weights = np.repeat(points.weights[:, None, 1:], 2, axis=1)
+        if other is not None:
+            faces[other.rows, 1] = other.contacts.surface_points.faces[:, 1:]
+            weights[other.rows, 1] = other.contacts.surface_points.weights[:, 1:]
+        return SurfacePoints(self._spread(faces, -1), self._spread(weights, 0.0))
 
-    @property
+    @cached_property
     def opening(self) -> Floats:
-        """Largest distance between any two contacts, shape (V,)."""
-        return self.grasps.opening
+        """Largest distance between any two contacts, shape (V,); nan: no grasp."""
+        return self._spread(self.grasps.opening, math.nan)
 
-    @property
+    @cached_property
     def grip(self) -> npt.NDArray[np.int8]:
         """Two fingers: +1 for an external grasp, -1 for an internal one, shape (V,).
 
         0 where there is no grasp, and for three fingers and more.
         """
-        return self.grasps.grip
+        grip = self.grasps.grip
+        return self._spread(np.zeros(self.grasps.size, np.int8) if grip is None else grip, 0)
 
-    @property
-    def reason(self) -> Bytes:
-        """`Reason` codes, shape (V,)."""
-        return self.grasps.reason
+    @cached_property
+    def reachable(self) -> Bools | None:
+        """Whether the gripper reaches the grasp of each vertex, shape (V,); None: no gripper."""
+        return None if self.reach is None else locked(self.reach.reached)
 
-    @property
-    def reach(self) -> Reach | None:
-        """How the gripper reaches the grasp of each vertex, a row for each; None: no gripper.
+    @cached_property
+    def approach(self) -> Floats | None:
+        """Direction from which the gripper comes, the z axis of its pose, shape (V, 3).
 
-        `reach.poses` (V, 4, 4) in the mesh's frame and unit, nan where there is no grasp;
-        `reach.approach_margin` (V,) [rad]; and more.
+        nan where it reaches no grasp; None: no gripper.
         """
-        return self.grasps.reach
+        return None if self.reach is None else locked(self.reach.poses[:, :3, 2])
+
+    @cached_property
+    def approach_margin(self) -> Floats | None:
+        """Angle by which the approach may turn either way about the closing axis [rad], shape (V,).
+
+        nan where the gripper reaches no grasp; None: no gripper.
+        """
+        return None if self.reach is None else self.reach.approach_margin
+
+    def using(self, **changed: Any) -> "SurfaceLabels":
+        """The same grasps with another model, load or gripper, without checks or a new search.
+
+        Args:
+            changed: Fields of `GraspTable` by name.
+        """
+        return replace(self, grasps=self.grasps.using(**changed))
 
     def relabel(
         self,
@@ -277,7 +316,7 @@ class SurfaceLabels(LabelledGrasps):
                 f"searched only up to {math.degrees(self.search.cone):.4g}; label the surface "
                 f"again with Sampling(search_angle={needed:.4g})"
             )
-        return replace(self, model=model)
+        return self.using(model=model)
 
     def fractions(self, *, weights: Weights = "area") -> dict[str, float]:
         """Fractions S, M and U of the surface.
@@ -379,28 +418,6 @@ class SurfaceLabels(LabelledGrasps):
         values = np.nan_to_num(getattr(self.epsilon_range, of))
         return quantiles(values, levels, self._weights(weights))
 
-    def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
-        """Quality measures of each vertex's best grasp, shape (V,) each; computed when called.
-
-        Torques are divided by `mesh.torque_scale`, circular cones replaced by pyramids of 8 edges.
-        nan where there is no grasp, and where a measure is undefined, with the reason.
-
-        Args:
-            names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
-
-        Raises:
-            SettingError: An unknown name.
-
-        Example:
-            >>> import trimesh
-            >>> import grasp3d
-            >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1), max_edge=9.0)
-            >>> found = grasp3d.label_surface(ball).metrics("grasp_isotropy,centroid_distance")
-            >>> found["grasp_isotropy"].shape, float(found["grasp_isotropy"].min().round(3))
-            ((42,), 1.0)
-        """
-        return vertex_metrics(self.grasps, self.model, names, threads=self.threads)
-
     def to_table(self) -> Any:
         """Return a `pyarrow.Table` with a row for each vertex: the columns of `write_fields`.
 
@@ -468,8 +485,8 @@ class SurfaceLabels(LabelledGrasps):
 
     def _repr_html_(self) -> str:
         """Table of fractions and angles for notebooks; epsilon only if it has been computed."""
-        labelled = self.model.method == "exact" or self.deferred_label.computed is not None
-        has_epsilon = self.deferred_epsilon.computed is not None
+        labelled = self.model.method == "exact" or self.computed("label") is not None
+        has_epsilon = self.computed("epsilon_range") is not None
         return label_table(
             source=self.mesh.report.source,
             model=self.model,

@@ -25,18 +25,6 @@ AMBIGUOUS = (math.pi / 2.0, 0.0)
 examined, and neither S nor U."""
 
 
-def lines_of_pairs(grasps: SurfaceContacts) -> PairLines:
-    """Lines of grasps with two contacts on a surface.
-
-    Args:
-        grasps: Shape (b, 2).
-    """
-    counts = np.where(grasps.any_normal.ravel(), 0, np.diff(grasps.set_start))
-    return PairLines.of_sets(
-        grasps.points, grasps.set_start[:-1], counts, grasps.set_normals, grasps.normals
-    )
-
-
 def located_angles_of(
     grasps: SurfaceContacts,
     angles: WorstAndBest,
@@ -61,8 +49,7 @@ def located_angles_of(
         return angles
     limits = ContactLimits.of(model.fingertips)
     if grasps.count == 2:
-        lines = lines or lines_of_pairs(grasps)
-        worst, best = located_pairs(*angles, lines, limits)
+        worst, best = located_pairs(*angles, lines or grasps.lines, limits)
         return locked(worst), locked(best)
     found = np.full((2, grasps.size), math.inf)
     chosen = np.flatnonzero(np.isfinite(angles[0]))

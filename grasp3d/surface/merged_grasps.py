@@ -4,17 +4,17 @@ from dataclasses import fields, replace
 
 import numpy as np
 
-from grasp3d.arrays import Bools, Bytes, Floats, locked
+from grasp3d.arrays import Bools, Bytes, locked
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import GraspModel
-from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.vertex_grasps import Reason
 
 TIE = 1e-9
 """Difference of located angles up to which a grasp is kept [rad]."""
 
 
-def with_more_margin(known: VertexGrasps, other: VertexGrasps, model: GraspModel) -> VertexGrasps:
+def with_more_margin(known: SurfaceLabels, other: SurfaceLabels) -> SurfaceLabels:
     """Known grasps, or those of a search by margin where they have more of it.
 
     Over the best normals those with the smallest critical angle stay: where one of them is M, no
@@ -22,10 +22,9 @@ def with_more_margin(known: VertexGrasps, other: VertexGrasps, model: GraspModel
 
     Args:
         known: Grasps with the smallest critical angles.
-        other: Grasps with the largest margins that were found.
-        model: What is known about the contacts, with lengths in the mesh's unit.
+        other: Grasps with the largest margins that were found, for the same model.
     """
-    worst = other.located_angles(model)[0] < known.located_angles(model)[0] - TIE
+    worst = other.located_angles[0] < known.located_angles[0] - TIE
     best = other.critical_angle_best < known.critical_angle_best
     missing = known.reason != Reason.FOUND
     return merged(
@@ -35,35 +34,40 @@ def with_more_margin(known: VertexGrasps, other: VertexGrasps, model: GraspModel
 
 
 def merged(
-    one: VertexGrasps, other: VertexGrasps, *, worst: Bools, best: Bools, reason: Bytes
-) -> VertexGrasps:
-    """One set of grasps, with those of another where masks are set.
+    one: SurfaceLabels, other: SurfaceLabels, *, worst: Bools, best: Bools, reason: Bytes
+) -> SurfaceLabels:
+    """Labels with the grasps of another search where masks are set.
 
     Args:
-        one: The grasps.
-        other: Grasps on the same mesh.
+        one: The grasps; those of a file have no surface points yet.
+        other: Grasps on the same mesh, whose model, settings and search the result has.
         worst: Vertices whose grasp over the worst normals is the other one (V,).
         best: Vertices whose grasp over the best normals is the other one (V,).
         reason: `Reason` codes of the result (V,).
     """
     taken = np.stack([worst, best], axis=1)  # (V, 2): both grasps of a vertex
     points, others = one.partner_points, other.partner_points
-    return VertexGrasps.of(
-        one.mesh,
+    return SurfaceLabels.of_vertices(
+        other.mesh,
+        other.model,
         angles=(
             np.where(worst, other.critical_angle, one.critical_angle),
             np.where(best, other.critical_angle_best, one.critical_angle_best),
         ),
-        partners=_chosen(worst, other.partners, one.partners),
-        partner_normals=_chosen(worst, other.partner_normals, one.partner_normals),
+        partners=np.where(worst[:, None, None], other.partners, one.partners),
         partner_points=SurfacePoints(
             np.where(taken[..., None], others.faces, points.faces),
             np.where(taken[..., None, None], others.weights, points.weights),
         ),
         grip=np.where(worst, other.grip, one.grip),
         reason=reason,
-        opening=np.where(worst, other.opening, one.opening),
         reach=_chosen_reach(worst, other.reach, one.reach),
+        sampling=other.sampling,
+        mode=other.mode,
+        search=other.search,
+        scene=other.scene,
+        load=other.load,
+        threads=other.threads,
     )
 
 
@@ -80,8 +84,3 @@ def _chosen_reach(which: Bools, other: Reach | None, one: Reach | None) -> Reach
             np.where(which.reshape(-1, *[1] * (first.ndim - 1)), first, second)
         )
     return replace(other, **rows)
-
-
-def _chosen(which: Bools, other: Floats, one: Floats) -> Floats:
-    """Rows (V, n - 1, 3) of the other grasps where `which`, else of the first ones."""
-    return np.where(which[:, None, None], other, one)

@@ -15,7 +15,7 @@ from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import SAME_POINT, critical_angles
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SearchReport, SurfaceLabels
-from grasp3d.surface.vertex_grasps import Reason, VertexGrasps, grasps_at
+from grasp3d.surface.vertex_grasps import Reason, grasps_at
 from grasp3d.system.progress import Progress, ignore, within
 
 
@@ -84,22 +84,20 @@ def scan_surface(
         grip = np.zeros(count, dtype=np.int8)
     # No finger fits where another one is, whatever their normals.
     angles[1, np.isinf(angles[0])] = math.inf
-    canonical = mesh.canonical
-    partners = np.tile(mesh.from_normalized(positions), (count, 1, 1))
-    grasps = VertexGrasps.of(
+    labels = SurfaceLabels.of_vertices(
         mesh,
-        angles=(angles[0, canonical], angles[1, canonical]),
-        partners=partners,
-        partner_normals=np.tile(fixed_contacts.normals, (count, 1, 1)),
+        chosen,
+        angles=(angles[0], angles[1]),
+        partners=np.tile(mesh.from_normalized(positions), (count, 1, 1)),
         partner_points=SurfacePoints(
             np.tile(faces, (count, 2, 1)), np.tile(weights, (count, 2, 1, 1))
         ),
-        grip=grip[canonical],
-        reason=np.where(np.isinf(angles[0, canonical]), Reason.SAME_POINT, Reason.FOUND),
-    )
-    search = SearchReport(cone=math.pi)
-    labels = SurfaceLabels(
-        grasps, chosen, sampling=None, mode="scan", search=search, threads=threads
+        grip=grip,
+        reason=np.where(np.isinf(angles[0, mesh.canonical]), Reason.SAME_POINT, Reason.FOUND),
+        sampling=None,
+        mode="scan",
+        search=SearchReport(cone=math.pi),
+        threads=threads,
     )
     labels.compute_labels(within(report, searched, 1.0))
     return labels

@@ -2,6 +2,7 @@
 
 import math
 from functools import partial
+from typing import Any
 
 import numpy as np
 
@@ -11,14 +12,13 @@ from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import GraspModel, Sampling, search_cone
-from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.labels import SearchReport, SurfaceLabels
 from grasp3d.surface.merged_grasps import with_more_margin
 from grasp3d.surface.sampling.antipodal import AntipodalGrasps, best_pairs
 from grasp3d.surface.sampling.multifinger import search
 from grasp3d.surface.sampling.pair_limits import ALIKE, Ranking
-from grasp3d.surface.vertex_grasps import Reason, VertexGrasps, grasps_at, grasps_differ
+from grasp3d.surface.vertex_grasps import Reason, grasps_at, grasps_differ
 from grasp3d.system.progress import Progress, within
 
 BEFORE_MARGINS = 0.35
@@ -50,53 +50,54 @@ def label_pairs(
     cone, ranking = search_cone(model, sampling), Ranking.of(model)
     limited = sampling if scene is None else scene.within_stroke(mesh, sampling)
     find = partial(best_pairs, mesh, limited, cone, threads=threads, scene=scene)
+    labels_of = partial(
+        SurfaceLabels.of_vertices, mesh, model, sampling=sampling, mode="label", scene=scene,
+        threads=threads,
+    )  # fmt: skip
     alike = ranking == ALIKE
     first = within(progress, 0.0, 1.0 if alike else BEFORE_MARGINS)
-    searches = [find(progress=first)]
-    grasps = _grasps_of_pairs(mesh, searches[0])
-    if not alike:  # with larger openings or other normals, grasps may have more margin
-        rest = within(progress, BEFORE_MARGINS, 1.0)
-        searches.append(find(ranking=ranking, progress=rest))
-        grasps = with_more_margin(
-            grasps, _grasps_of_pairs(mesh, searches[1], are_costs=True), model
-        )
-    report = SearchReport(
+    found = find(progress=first)
+    labels = labels_of(**_pairs(mesh, found), search=_search_report(cone, [found]))
+    if alike:
+        return labels
+    # With larger openings or other normals, grasps may have more margin.
+    other = find(ranking=ranking, progress=within(progress, BEFORE_MARGINS, 1.0))
+    with_margin = labels_of(
+        **_pairs(mesh, other, are_costs=True), search=_search_report(cone, [found, other])
+    )
+    return with_more_margin(labels, with_margin)
+
+
+def _search_report(cone: float, searches: list[AntipodalGrasps]) -> SearchReport:
+    return SearchReport(
         cone,
         rays=sum(one.rays for one in searches),
         evaluated=sum(one.evaluated for one in searches),
         rounds=sum(one.rounds for one in searches),
         still_falling=searches[-1].still_falling,
     )
-    return SurfaceLabels(
-        grasps, model, sampling=sampling, mode="label", search=report, scene=scene,
-        threads=threads,
-    )  # fmt: skip
 
 
-def _grasps_of_pairs(
-    mesh: ObjectMesh, found: AntipodalGrasps, *, are_costs: bool = False
-) -> VertexGrasps:
-    """The grasps that a search has found; it may have found costs in place of critical angles."""
+def _pairs(mesh: ObjectMesh, found: AntipodalGrasps, *, are_costs: bool = False) -> dict[str, Any]:
+    """What `SurfaceLabels.of_vertices` takes of the grasps that a search has found.
+
+    It may have found costs in place of critical angles.
+    """
     points = SurfacePoints(
         found.partner_points.faces[..., None], found.partner_points.weights[..., None, :]
     )
-    having = np.flatnonzero((found.reason == Reason.FOUND) & mesh.on_surface)
-    normals = np.full((len(mesh.vertices), 1, 3), math.nan)
-    partners = SurfacePoints(points.faces[having, 0], points.weights[having, 0])
-    normals[having] = SurfaceContacts(mesh, partners).normals
     angles = found.worst, found.best
     if are_costs:
+        having = (found.reason == Reason.FOUND) & mesh.on_surface
         angles, points = _angles_of_pairs(mesh, points, np.unique(mesh.canonical[having]))
-    return VertexGrasps.of(
-        mesh,
-        angles=angles,
-        partners=found.partner[:, None],
-        partner_normals=normals,
-        partner_points=points,
-        grip=found.grip,
-        reason=found.reason,
-        reach=found.reach,
-    )
+    return {
+        "angles": angles,
+        "partners": found.partner[:, None],
+        "partner_points": points,
+        "grip": found.grip,
+        "reason": found.reason,
+        "reach": found.reach,
+    }
 
 
 def _angles_of_pairs(
@@ -157,27 +158,27 @@ def label_multifinger(
     differing = vertices[grasps_differ(points, vertices)]
     _, best = critical_angles(grasps_at(mesh, points, differing, 1), threads=threads)
     angles[1, differing] = np.minimum(angles[1, differing], best)
-    partners, normals = np.full((2, count, model.fingers - 1, 3), math.nan)
-    partners[vertices], normals[vertices] = grasps.points[:, 1:], grasps.normals[:, 1:]
+    partners = np.full((count, model.fingers - 1, 3), math.nan)
+    partners[vertices] = grasps.points[:, 1:]
     progress(1.0)
-    canonical = mesh.canonical
-    vertex_grasps = VertexGrasps.of(
+    report = SearchReport(
+        cone, evaluated=found.evaluated, rounds=found.rounds, still_falling=found.still_falling
+    )
+    return SurfaceLabels.of_vertices(
         mesh,
-        angles=(angles[0, canonical], angles[1, canonical]),
-        partners=partners[canonical],
-        partner_normals=normals[canonical],
+        model,
+        angles=(angles[0], angles[1]),
+        partners=partners,
         partner_points=points,
         grip=0,
         reason=reasons,
         reach=reach,
-    )
-    report = SearchReport(
-        cone, evaluated=found.evaluated, rounds=found.rounds, still_falling=found.still_falling
-    )
-    return SurfaceLabels(
-        vertex_grasps, model, sampling=sampling, mode="label", search=report, scene=scene,
+        sampling=sampling,
+        mode="label",
+        search=report,
+        scene=scene,
         threads=threads,
-    )  # fmt: skip
+    )
 
 
 def _reach_of_tips(

@@ -15,9 +15,9 @@ from importlib import import_module
 from PIL import Image
 
 from grasp3d.errors import SettingError
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import MeshSource, load_mesh
 from grasp3d.settings import GraspModel, Sampling
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.progress import ignore
 from grasp3d.viewer.session.collection import (
@@ -60,7 +60,7 @@ class NotebookView:
 
 
 def show(
-    shown: SurfaceLabels | SurfaceGrasps | MeshSource,
+    shown: SurfaceLabels | GraspTable | MeshSource,
     settings: ViewSettings | None = None,
     *,
     model: GraspModel | None = None,
@@ -108,11 +108,11 @@ def show(
 
 
 def _collection(
-    shown: SurfaceLabels | SurfaceGrasps | MeshSource,
+    shown: SurfaceLabels | GraspTable | MeshSource,
     model: GraspModel | None,
     sampling: Sampling | None,
 ) -> Collection:
-    if not isinstance(shown, SurfaceLabels | SurfaceGrasps):
+    if not isinstance(shown, SurfaceLabels | GraspTable):
         return collection_of_mesh(load_mesh(shown), model, sampling)
     if not (model is None and sampling is None):
         raise SettingError("labels and grasps have a model already; give one for a mesh only")

@@ -21,6 +21,7 @@ from grasp3d.batch.row import AreaFractions, Outcome, Row
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh
 from grasp3d.settings import DEGREE
 from grasp3d.stability.label import COLORS
+from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers.reports import LocalFolder, put_object, ray_at, row_of, with_critical_angles
 from tests.helpers.shapes import LIBRARY
 
@@ -580,8 +581,8 @@ def test_a_note_distinguishes_sampled_labels_from_exact_ones(
     page: Any, report: Report, tmp_path: Path
 ) -> None:
     labels, output = report.labels["box"], LocalFolder(tmp_path)
-    sampled = replace(labels, model=replace(MODEL, method="extremes"))
-    object.__setattr__(sampled, "deferred_epsilon", labels.deferred_epsilon)  # it takes long
+    sampled = labels.using(model=replace(MODEL, method="extremes"))
+    GraspTable.epsilon_range.know(sampled.grasps, labels.grasps.epsilon_range)  # it takes long
     output.write("report/objects/box.js", object_script(sampled, "box", ()))
     write_report(output, report.rows[1:2], BatchSettings(sampled.model))
     opened(page, Report(tmp_path).address("object.html#box"))

@@ -33,13 +33,13 @@ from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_vtp
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.writing import write_grasps
 from grasp3d.loads import Load
 from grasp3d.mesh.repair import RepairStep
 from grasp3d.perturbing import NoiseSettings, perturb_surface, write_perturbation
 from grasp3d.physics import SimulationSettings, simulate_grasps, write_simulation
 from grasp3d.plots.validation_page import FILES
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.sweeps import write_sweeps
 from grasp3d.validating import write_validation
@@ -85,7 +85,7 @@ def labels() -> SurfaceLabels:
 
 
 @cache
-def grasps() -> SurfaceGrasps:
+def grasps() -> GraspTable:
     points = [[[0.5, 0.1, 0.2], [-0.5, 0.1, 0.1]]]
     return evaluate_grasps(labels().mesh, points, GraspModel())
 
@@ -115,7 +115,7 @@ def labels_with(added: str) -> SurfaceLabels:
         return labels()
     if added == "errors":
         return labels().relabel(location_error=0.01)
-    return replace(with_gripper(), load=Load(mass=0.5)) if added == "load" else with_gripper()
+    return with_gripper().using(load=Load(mass=0.5)) if added == "load" else with_gripper()
 
 
 def names_with(title: str, added: str) -> Names:

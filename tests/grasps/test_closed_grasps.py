@@ -22,17 +22,16 @@ from grasp3d import (
 )
 from grasp3d.grasps import (
     EvaluatedPoses,
-    SurfaceGrasps,
     alternatives_at,
     closed_grasps,
     evaluate_poses,
     grasp_kinds,
     poses_of,
 )
-from grasp3d.grasps.closed_grasps import UNKNOWN, close_on_grasps
-from grasp3d.grasps.distinct import grasps_of_vertices
+from grasp3d.grasps.closed_grasps import UNKNOWN
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.stability.thresholds import label_angles
+from grasp3d.surface import GraspTable
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM, TIPS
 
@@ -71,8 +70,8 @@ def tube(grip: str) -> SurfaceLabels:
 @cache
 def loaded() -> SurfaceLabels:
     """The wedge with a load that some grasps hold surely, and others not at all."""
-    return replace(
-        wedge(), model=replace(MODEL, torsion_radius=3.0), load=Load(mass=0.6, grip_force=30.0)
+    return wedge().using(
+        model=replace(MODEL, torsion_radius=3.0), load=Load(mass=0.6, grip_force=30.0)
     )
 
 
@@ -84,20 +83,20 @@ LABELS = {
 }
 
 
-def vertices_of(labels: SurfaceLabels, grasps: SurfaceGrasps) -> np.ndarray:
+def vertices_of(labels: SurfaceLabels, grasps: GraspTable) -> np.ndarray:
     """Vertices whose grasps these are, shape (b,)."""
     gaps = np.linalg.norm(labels.mesh.vertices[:, None] - grasps.contacts.points[:, 0], axis=2)
     return labels.mesh.canonical[gaps.argmin(axis=0)]
 
 
-def keys_of(labels: SurfaceLabels, grasps: SurfaceGrasps) -> np.ndarray:
+def keys_of(labels: SurfaceLabels, grasps: GraspTable) -> np.ndarray:
     """Labels with force of the vertices, after closing, and of the vertices, shape (b, 3)."""
     vertices = vertices_of(labels, grasps)
     held = np.zeros_like(labels.label) if labels.holding is None else labels.holding.label
     return np.stack([held[vertices], after(grasps), labels.label[vertices]], axis=1).astype(int)
 
 
-def after(grasps: SurfaceGrasps) -> np.ndarray:
+def after(grasps: GraspTable) -> np.ndarray:
     assert grasps.closed is not None
     return grasps.closed.label
 
@@ -203,8 +202,8 @@ def test_the_jaws_close_once(closings: list[int]) -> None:
 
 def test_of_chosen_vertices_the_jaws_close_when_that_is_read(closings: list[int]) -> None:
     labels = wedge()
-    vertices = labels.grasps.vertices[:2]
-    chosen = grasps_of_vertices(labels, vertices)
+    vertices = labels.vertices[:2]
+    chosen = labels.grasps.take(labels.row[vertices]).whole()
     others = alternatives_at(labels, int(vertices[0]), 2)
     assert closings == []
     assert len(after(chosen)) == 2
@@ -223,7 +222,7 @@ def test_another_model_closes_the_jaws_again() -> None:
 
 
 def test_threads_change_nothing() -> None:
-    one, two = (best_grasps(replace(wedge(), threads=threads), 30) for threads in (1, 2))
+    one, two = (best_grasps(wedge().using(threads=threads), 30) for threads in (1, 2))
     np.testing.assert_array_equal(one.contacts.points, two.contacts.points)
     np.testing.assert_array_equal(one.closed.margin, two.closed.margin)
 
@@ -284,7 +283,7 @@ def test_no_grasps_close_on_nothing() -> None:
     plate = load_mesh(shapes.box((120.0, 100.0, 90.0)), unit="mm", max_edge=120.0)
     labels = label_surface(plate, MODEL, hand=HAND, threads=1)
     best = best_grasps(labels, 3)
-    assert (best.size, best.closed.size, best.closed.evaluated) == (0, 0, None)
+    assert (best.size, len(best.closed.row), best.closed.evaluated) == (0, 0, None)
     assert best.closed.note(best.label) == ""
 
 
@@ -307,8 +306,8 @@ def test_a_note_says_that_no_label_is_confirmed() -> None:
 
 def test_grasps_without_a_pose_are_not_known() -> None:
     labels = wedge()
-    reach = labels.reach.take(labels.grasps.vertices[:3])
+    reach = labels.reach.take(labels.vertices[:3])
     missing = replace(reach, poses=np.where(np.arange(3)[:, None, None] == 1, np.nan, reach.poses))
-    found = close_on_grasps(labels.mesh, missing, labels.scene, labels.model, threads=1)
-    assert found.rows.tolist() == [0, 2]
+    found = replace(labels.grasps.take(np.arange(3)), reach=missing, threads=1).closed
+    assert found.row.tolist() == [0, -1, 1]
     assert found.label[1] == UNKNOWN

@@ -9,7 +9,7 @@ import pytest
 import trimesh
 
 import grasp3d
-from grasp3d import GraspModel, Label, Load, ParallelGripper
+from grasp3d import Contacts, GraspModel, Label, Load, ParallelGripper
 from grasp3d.contact.patch_shapes import evenly_pressed_radius
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
@@ -33,6 +33,11 @@ WEDGE = grasp3d.load_mesh(
 )
 
 
+def contacts_of(found: EvaluatedPoses) -> Contacts:
+    """The contacts where the jaws close."""
+    return found.grasps.contacts.contacts(found.model)
+
+
 def at_heights(*heights: float) -> GraspPoses:
     poses = np.stack([FROM_ABOVE] * len(heights))
     poses[:, 2, 3] = heights
@@ -51,18 +56,18 @@ def evaluated(
 
 
 def test_a_point_has_the_given_torsion_radius_alone() -> None:
-    found = evaluated(BOX, at_heights(0.0), torsion_radius="2mm").contacts
+    found = contacts_of(evaluated(BOX, at_heights(0.0), torsion_radius="2mm"))
     assert found is not None
     assert found.patch is None
     assert found.torsion_radius.tolist() == [[0.002, 0.002]]
-    plain = evaluated(BOX, at_heights(0.0)).contacts
+    plain = contacts_of(evaluated(BOX, at_heights(0.0)))
     assert plain is not None
     assert not plain.torsion_radius.any()
 
 
 def test_soft_contacts_resist_torsion_by_what_they_touch() -> None:
     found = evaluated(BOX, at_heights(0.0, 0.013), contact="soft", friction=0.4)
-    contacts, jaws = found.contacts, found.jaws
+    contacts, jaws = contacts_of(found), found.jaws
     assert contacts is not None
     assert contacts.patch is None
     assert contacts.torsion_radius == pytest.approx(
@@ -71,14 +76,14 @@ def test_soft_contacts_resist_torsion_by_what_they_touch() -> None:
     # A pad of 17.4 x 17.6 mm: on average its points are 0.3826 x 17.5 mm from its middle.
     assert contacts.torsion_radius[0] == pytest.approx(0.4 * 0.3826 * 0.0175, rel=0.03)
     assert (contacts.torsion_radius[1] < 0.8 * contacts.torsion_radius[0]).all()
-    given = evaluated(BOX, at_heights(0.0), contact="soft", torsion_radius="1mm").contacts
+    given = contacts_of(evaluated(BOX, at_heights(0.0), contact="soft", torsion_radius="1mm"))
     assert given is not None
     assert given.torsion_radius.tolist() == [[0.001, 0.001]]
 
 
 def test_patches_extend_along_the_grippers_axes() -> None:
     found = evaluated(BOX, at_heights(0.0, 0.013), contact="patch")
-    contacts, extents = found.contacts, found.jaws.extents
+    contacts, extents = contacts_of(found), found.jaws.extents
     assert contacts is not None
     axes = FROM_ABOVE[:3, 1:3].T
     assert contacts.patch == pytest.approx(0.5 * extents[..., None] * axes, abs=1e-12)
@@ -86,7 +91,7 @@ def test_patches_extend_along_the_grippers_axes() -> None:
 
 def test_patches_on_inclined_faces_lie_in_their_planes() -> None:
     found = evaluated(WEDGE, at_heights(0.0), pads(compliance=0.002), contact="patch", friction=0.9)
-    contacts = found.contacts
+    contacts = contacts_of(found)
     assert contacts is not None
     assert contacts.patch is not None
     inclined = np.abs(contacts.normals[0, :, 2])
@@ -133,7 +138,7 @@ def test_a_small_patch_needs_more_force_for_a_weight_beside_it() -> None:
 
 def test_the_load_takes_the_torsion_of_the_contacts_at_each_friction() -> None:
     found = evaluated(BOX, at_heights(0.0), contact="patch", friction="0.4..0.6")
-    case, contacts = found.load_case, found.contacts
+    case, contacts = found.load_case, contacts_of(found)
     assert case is not None
     assert contacts is not None
     assert case.own_torsion

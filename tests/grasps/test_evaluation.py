@@ -10,12 +10,12 @@ from grasp3d import GraspModel, Sampling, best_grasps, classify, label_surface, 
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluation import OFF_SURFACE, evaluate_grasps
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality import metric_names, metrics
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.surface.grasp_metrics import longest_axis
+from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers import shapes
 
 Floats = NDArray[np.float64]
@@ -51,7 +51,7 @@ def random_contacts(mesh: ObjectMesh, grasps: int, fingers: int, seed: int) -> F
     return np.asarray((weights[..., None, :] @ corners)[..., 0, :])
 
 
-def assert_equal(one: SurfaceGrasps, other: SurfaceGrasps, rows: object = slice(None)) -> None:
+def assert_equal(one: GraspTable, other: GraspTable, rows: object = slice(None)) -> None:
     for name in FIELDS:
         assert np.array_equal(getattr(one, name)[rows], getattr(other, name), equal_nan=True), name
 

@@ -15,8 +15,8 @@ from grasp3d import GraspModel, load_mesh
 from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.reading import read_contacts
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.grasps.writing import SUFFIXES, write_grasps
+from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers import shapes
 
 NAMES = ["x1", "y1", "z1", "x2", "y2", "z2", "x3", "y3", "z3"]
@@ -33,7 +33,7 @@ CONTACT_COLUMNS = ["x", "y", "z", "nx", "ny", "nz", "distance", "on_crease"]
 
 
 @cache
-def grasps() -> SurfaceGrasps:
+def grasps() -> GraspTable:
     """Grasps on faces and on a crease, and one with all its contacts at one point."""
     mesh = load_mesh(shapes.box(), unit="cm", max_edge=0.5)
     found = evaluate_grasps(mesh, GRASPS, GraspModel(0.9, edges=8), max_distance=0.1)
@@ -105,7 +105,9 @@ def test_json_is_valid_and_contains_the_settings(tmp_path: Path) -> None:
 def test_files_without_grasps(tmp_path: Path) -> None:
     none = grasps().contacts.take(np.empty(0, dtype=np.int64))
     empty = np.empty(0)
-    nothing = SurfaceGrasps(none, grasps().model, np.empty((0, 3)), empty, empty)
+    nothing = GraspTable(
+        contacts=none, model=grasps().model, critical_angle=empty, critical_angle_best=empty
+    )
     for suffix in SUFFIXES:
         write_grasps(tmp_path / f"out{suffix}", nothing)
         with pytest.raises(ContactError, match="no grasps in it"):

@@ -63,7 +63,7 @@ def test_each_sentence() -> None:
 
 @pytest.mark.slow
 def test_it_follows_the_word_of_the_verdict() -> None:
-    verdict = verdict_of(replace(labels(), load=Load(mass=0.5, grip_force=40)))
+    verdict = verdict_of(labels().using(load=Load(mass=0.5, grip_force=40)))
     assert str(verdict) == f"{verdict.text}; holds 0.5 kg at 40 N in any orientation"
     assert verdict_of(labels()).holding is None
     assert str(verdict_of(labels())) == verdict.text
@@ -71,7 +71,7 @@ def test_it_follows_the_word_of_the_verdict() -> None:
 
 def with_forces(largest: float, nominal: float, **changed: object) -> Holding:
     """Holding of one grasp."""
-    found = replace(labels(), load=Load(mass=0.5, grip_force=40)).holding
+    found = labels().using(load=Load(mass=0.5, grip_force=40)).holding
     assert found is not None
     one = found.take(slice(0, 1))
     values = {"grip_force_largest": np.array([largest]), "grip_force": np.array([nominal])}
@@ -115,7 +115,7 @@ def test_reasons_why_nothing_is_held() -> None:
     empty = with_forces(math.nan, math.nan, grip_force_least=nothing, payload=nothing)
     assert "there is no grasp" in str(HoldingVerdict.of(empty))
     hard = replace(labels().model, torsion_radius=0.0)
-    aside = replace(labels(), load=Load(mass=0.5)).holding
+    aside = labels().using(load=Load(mass=0.5)).holding
     assert aside is not None
     mesh = load_mesh(shapes.box((0.08, 0.05, 0.03)), unit="m", max_edge=0.1,
                      center_of_mass="3mm,1mm,2mm")  # fmt: skip
@@ -126,7 +126,7 @@ def test_reasons_why_nothing_is_held() -> None:
 @pytest.mark.slow
 def test_grasps_that_hold_the_load_come_first() -> None:
     load = Load(mass=0.5, grip_force=12.0)
-    found = best_grasps(replace(labels(), load=load), 10)
+    found = best_grasps(labels().using(load=load), 10)
     assert found.holding is not None
     codes = found.holding.label
     assert codes is not None

@@ -1,7 +1,6 @@
 """Labels with a gripper whose poses are made by hand, for what displays them."""
 
 import math
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -9,15 +8,15 @@ import numpy as np
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.arrays import Floats, Ints, locked, unit_rows
 from grasp3d.batch.row import BestGrasp
-from grasp3d.grasps.distinct import grasps_of_vertices
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers import shapes
+from tests.helpers.vertex_labels import with_arrays
 
 JAWS = ParallelGripper(
     name="jaws",
@@ -39,7 +38,7 @@ def with_reach(labels: SurfaceLabels, hand: ParallelGripper = JAWS) -> SurfaceLa
 
     Grasps whose closing axis is nearly vertical count as not reached.
     """
-    mesh, grasps = labels.mesh, labels.grasps
+    mesh = labels.mesh
     table = Table.below(mesh)
     points = np.stack([mesh.vertices, labels.partners[:, 0]], axis=1)
     x = unit_rows(np.nan_to_num(points[:, 1] - points[:, 0]))
@@ -69,18 +68,13 @@ def with_reach(labels: SurfaceLabels, hand: ParallelGripper = JAWS) -> SurfaceLa
     angles = [
         np.where(lost, math.inf, one) for one in (labels.critical_angle, labels.critical_angle_best)
     ]
-    changed = replace(
-        grasps,
-        critical_angle=locked(angles[0]),
-        critical_angle_best=locked(angles[1]),
-        partners=locked(np.where(lost[:, None, None], math.nan, grasps.partners)),
-        partner_normals=locked(np.where(lost[:, None, None], math.nan, grasps.partner_normals)),
-        opening=locked(np.where(lost, math.nan, grasps.opening)),
-        reason=locked(np.where(lost, Reason.NOT_REACHED, grasps.reason), np.uint8),
+    return with_arrays(
+        labels,
+        angles=(angles[0], angles[1]),
+        reason=np.where(lost, Reason.NOT_REACHED, labels.reason),
         reach=reach,
+        scene=Scene.of(ReachSettings(hand, table="as-is"), mesh),
     )
-    scene = Scene.of(ReachSettings(hand, table="as-is"), mesh)
-    return replace(labels, grasps=changed, scene=scene)
 
 
 @cache
@@ -101,11 +95,11 @@ def not_reached(labels: SurfaceLabels) -> Ints:
     return np.flatnonzero(labels.reason == Reason.NOT_REACHED)
 
 
-def neighbours_grasps(labels: SurfaceLabels, vertex: int, count: int) -> SurfaceGrasps:
+def neighbours_grasps(labels: SurfaceLabels, vertex: int, count: int) -> GraspTable:
     """In place of a search for alternatives: the grasps of the nearest vertices, its own first."""
     near = reached(labels)
     gaps = np.linalg.norm(labels.mesh.vertices[near] - labels.mesh.vertices[vertex], axis=1)
-    return grasps_of_vertices(labels, near[np.argsort(gaps, kind="stable")[:count]])
+    return labels.grasps.take(labels.row[near[np.argsort(gaps, kind="stable")[:count]]]).whole()
 
 
 def best_grasps_of(labels: SurfaceLabels, count: int) -> tuple[BestGrasp, ...]:

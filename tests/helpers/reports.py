@@ -9,6 +9,8 @@ from grasp3d.arrays import Floats
 from grasp3d.batch.report import object_script, thumbnail
 from grasp3d.batch.row import AreaFractions, BestGrasp, Row
 from grasp3d.settings import DEGREE, GraspModel
+from grasp3d.surface.grasp_table import GraspTable
+from tests.helpers.vertex_labels import with_arrays
 
 FRICTIONS = (0.3, 0.5)
 RESOLUTIONS = tuple(10.0 * step * DEGREE for step in range(8))
@@ -28,9 +30,8 @@ class LocalFolder:
 
 def with_critical_angles(labels: SurfaceLabels, angles: Floats) -> SurfaceLabels:
     """The same surface with other critical angles, shape (V,), and the same epsilon."""
-    grasps = replace(labels.grasps, critical_angle=angles, critical_angle_best=angles)
-    changed = replace(labels, grasps=grasps)
-    object.__setattr__(changed, "deferred_epsilon", labels.deferred_epsilon)
+    changed = with_arrays(labels, angles=(angles, angles))
+    GraspTable.epsilon_range.know(changed.grasps, labels.grasps.epsilon_range)
     return changed
 
 

@@ -19,6 +19,7 @@ from grasp3d.mesh.object_mesh import MeshReport
 from grasp3d.viewer.session.collection import Collection, collection_of
 from grasp3d.viewer.session.session import Session
 from tests.helpers import shapes
+from tests.helpers.vertex_labels import with_arrays
 
 TIMEOUT = 120.0
 
@@ -54,8 +55,7 @@ def scan(fingers: int = 2) -> SurfaceLabels:
 
 def with_report(labels: SurfaceLabels, report: MeshReport) -> SurfaceLabels:
     """The same labels with another report of their mesh."""
-    grasps = replace(labels.grasps, mesh=replace(labels.mesh, report=report))
-    return replace(labels, grasps=grasps)
+    return with_arrays(labels, mesh=replace(labels.mesh, report=report))
 
 
 def ready_session(collection: Collection | SurfaceLabels) -> Session:

@@ -1,5 +1,4 @@
 import math
-from dataclasses import replace
 from typing import Any
 
 import pytest
@@ -90,7 +89,7 @@ def test_the_radius_of_the_centre_of_mass_is_checked_with_the_mesh() -> None:
     labels = label_surface(mesh, sampling=Sampling(rays=8), threads=1)
     for radius, count in ((5.0, 0), (500.0, 1)):
         load = Load(center_of_mass_radius=radius)
-        warnings = replace(labels, load=load).warnings
+        warnings = labels.using(load=load).warnings
         assert sum("center_of_mass_radius is 500 mm" in one for one in warnings) == count
 
 

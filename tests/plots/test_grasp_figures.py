@@ -12,15 +12,16 @@ from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mes
 from grasp3d.arrays import locked
 from grasp3d.grasps.distinct import best_grasps
 from grasp3d.grasps.evaluation import evaluate_grasps
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.mesh import ObjectMesh
 from grasp3d.plots.grasps import MOST_PICTURES, PIXELS, draw_grasps, grasp_figure
 from grasp3d.plots.painting import PALETTE, paint_labels
 from grasp3d.plots.views import views_of
 from grasp3d.rendering import ARROW, Finger, View, can_render, extent_of, span_of
 from grasp3d.rendering import picture as rendered
+from grasp3d.surface.grasp_table import GraspTable
 from tests.helpers import shapes
 from tests.helpers.figures import check_texts, drawn_texts
+from tests.helpers.vertex_labels import with_arrays
 from tests.test_rendering import needs_opengl
 
 BLANK = np.full((8, 8, 3), 255, dtype=np.uint8)
@@ -33,7 +34,7 @@ def labels() -> SurfaceLabels:
 
 
 @cache
-def grasps() -> SurfaceGrasps:
+def grasps() -> GraspTable:
     return best_grasps(labels(), MOST_PICTURES + 1)
 
 
@@ -58,8 +59,7 @@ def test_text_fits_and_vertex_graspsare_numbered(count: int) -> None:
 def test_a_long_name_and_large_numbers_fit() -> None:
     mesh = labels().mesh
     report = replace(mesh.report, source=f"{'W' * 200} and $1 or $2.ply")
-    vertex_grasps = replace(labels().grasps, mesh=replace(mesh, report=report))
-    named = replace(labels(), grasps=vertex_grasps)
+    named = with_arrays(labels(), mesh=replace(mesh, report=report))
     largest = locked(np.full(grasps().size, math.pi / 2.0))
     bad = replace(grasps(), critical_angle=largest, critical_angle_best=largest)
     for count in (1, 9):

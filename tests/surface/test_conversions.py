@@ -24,8 +24,8 @@ from grasp3d import (
 from grasp3d.batch.row import AreaFractions, Row
 from grasp3d.batch.summary import Summary
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.grasps import SurfaceGrasps
 from grasp3d.stability import COLORS, Label
+from grasp3d.surface import GraspTable
 from grasp3d.sweeps import write_sweeps
 from grasp3d.system.progress import ignore
 from grasp3d.tables import columns
@@ -41,7 +41,7 @@ def labels() -> SurfaceLabels:
 
 
 @pytest.fixture(scope="module")
-def grasps(labels: SurfaceLabels) -> SurfaceGrasps:
+def grasps(labels: SurfaceLabels) -> GraspTable:
     return best_grasps(labels, 3)
 
 
@@ -118,7 +118,7 @@ def test_a_mesh_becomes_a_trimesh_and_polydata(labels: SurfaceLabels) -> None:
         np.testing.assert_array_equal(load_mesh(other, max_edge=9.0).faces, mesh.faces)
 
 
-def test_the_table_of_grasps_is_that_of_the_file(grasps: SurfaceGrasps, tmp_path: Path) -> None:
+def test_the_table_of_grasps_is_that_of_the_file(grasps: GraspTable, tmp_path: Path) -> None:
     write_grasps(tmp_path / "grasps.parquet", grasps)
     assert grasps.to_table().equals(pq.read_table(tmp_path / "grasps.parquet"), check_metadata=True)
     frame = grasps.to_dataframe()
@@ -144,7 +144,7 @@ def test_the_rows_of_a_batch_become_a_table() -> None:
 
 
 def test_without_pandas_a_sentence_names_the_extra(
-    labels: SurfaceLabels, grasps: SurfaceGrasps, monkeypatch: pytest.MonkeyPatch
+    labels: SurfaceLabels, grasps: GraspTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setattr(columns, "find_spec", lambda _: None)
     found = sweep(labels.angle_distribution(), friction=0.5, sensor_resolution=0.1)
@@ -153,7 +153,7 @@ def test_without_pandas_a_sentence_names_the_extra(
             one.to_dataframe()
 
 
-def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: SurfaceGrasps) -> None:
+def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: GraspTable) -> None:
     collection = collection_of_grasps(grasps)
     assert [item.name for item in collection.items] == [f"arrays, grasp {n}" for n in (1, 2, 3)]
     subject = collection.items[1].open(ignore)
@@ -164,7 +164,7 @@ def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: SurfaceGr
     np.testing.assert_array_equal(shown.points, grasps.contacts.points[1])
     np.testing.assert_array_equal(shown.normals, grasps.contacts.normals[1])
     with pytest.raises(SettingError, match="no grasps to view"):
-        collection_of_grasps(SurfaceGrasps(grasps.contacts.take(slice(0)), *[grasps.model] * 4))
+        collection_of_grasps(grasps.take(np.arange(0)))
 
 
 def test_a_mesh_is_labelled_when_it_is_shown(labels: SurfaceLabels) -> None:
@@ -173,7 +173,7 @@ def test_a_mesh_is_labelled_when_it_is_shown(labels: SurfaceLabels) -> None:
 
 
 def test_show_takes_labels_grasps_and_meshes(
-    labels: SurfaceLabels, grasps: SurfaceGrasps, monkeypatch: pytest.MonkeyPatch
+    labels: SurfaceLabels, grasps: GraspTable, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     opened: list[Any] = []
     window = SimpleNamespace(show_window=opened.append)

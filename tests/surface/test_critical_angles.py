@@ -66,9 +66,10 @@ def test_two_contacts_agree_with_a_scan() -> None:
     for fixed in (np.array([0.1, 0.2, 1.0]), np.array([0.5, 0.7, 0.33]), mesh.vertices[0]):
         scan = scan_surface(mesh, fixed=fixed)
         first = vertex_surface_points(mesh, vertices[:, None])
+        other = scan.grasps.contacts.take(np.zeros(len(vertices), dtype=np.int64)).surface_points
         pairs = SurfacePoints(
-            np.concatenate([first.faces, scan.partner_points.faces[vertices, 0]], axis=1),
-            np.concatenate([first.weights, scan.partner_points.weights[vertices, 0]], axis=1),
+            np.concatenate([first.faces, other.faces[:, 1:]], axis=1),
+            np.concatenate([first.weights, other.weights[:, 1:]], axis=1),
         )
         worst, best = critical_angles(SurfaceContacts(mesh, pairs))
         assert worst == pytest.approx(scan.critical_angle[vertices], abs=1e-9)

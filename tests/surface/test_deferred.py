@@ -1,10 +1,13 @@
 """Values computed once, and results that are made from their own fields."""
 
+import gc
 import pickle
 import threading
+import weakref
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 from grasp3d import SurfaceLabels, label_surface, load_mesh
 from grasp3d.grasps import best_grasps
@@ -17,36 +20,86 @@ def labels() -> SurfaceLabels:
     return label_surface(load_mesh(shapes.sphere(1), max_edge=9.0))
 
 
-def test_threads_compute_a_value_once() -> None:
-    calls: list[int] = []
-    together = threading.Barrier(4)
+class Slow:
+    """An attribute that takes a while."""
 
-    def function(_: Progress) -> int:
-        calls.append(1)
+    def __init__(self) -> None:
+        self.calls = 0
+
+    @Deferred
+    def value(self, progress: Progress) -> int:
+        """Seven."""
+        self.calls += 1
+        progress(0.5)
         threading.Event().wait(0.1)
         return 7
 
-    deferred, found = Deferred(function), []
+    @Deferred
+    def failing(self, _: Progress) -> int:
+        self.calls += 1
+        raise ValueError("not yet") if self.calls < 2 else KeyError
+
+
+def test_threads_compute_a_value_once() -> None:
+    slow, together = Slow(), threading.Barrier(4)
+    found: list[int] = []
 
     def read() -> None:
         together.wait()
-        found.append(deferred.value)
+        found.append(slow.value)
 
-    assert deferred.computed is None
+    assert Slow.value.computed(slow) is None
     threads = [threading.Thread(target=read) for _ in range(4)]
     for thread in threads:
         thread.start()
     for thread in threads:
         thread.join()
-    assert (found, len(calls), deferred.computed) == ([7] * 4, 1, 7)
+    assert (found, slow.calls, Slow.value.computed(slow)) == ([7] * 4, 1, 7)
+    assert Slow.value.__doc__ == "Seven."
+
+
+def test_a_value_is_computed_with_progress_and_pickled() -> None:
+    slow, fractions = Slow(), list[float]()
+    assert Slow.value.compute(slow, fractions.append) == 7
+    assert Slow.value.compute(slow, fractions.append) == 7
+    assert fractions == [0.5]
+    copy = pickle.loads(pickle.dumps(slow))  # noqa: S301
+    assert (copy.value, copy.calls) == (7, 1)
+
+
+def test_a_known_value_is_not_computed() -> None:
+    slow = Slow()
+    Slow.value.know(slow, 3)
+    assert (slow.value, slow.calls) == (3, 0)
+
+
+def test_a_value_that_failed_is_computed_again() -> None:
+    slow = Slow()
+    with pytest.raises(ValueError, match="not yet"):
+        _ = slow.failing
+    with pytest.raises(KeyError):
+        _ = slow.failing
+    assert slow.calls == 2
+
+
+def test_values_keep_nothing_alive() -> None:
+    slow = Slow()
+    assert slow.value == 7
+    reference = weakref.ref(slow)
+    gc.disable()
+    try:
+        del slow
+        assert reference() is None
+    finally:
+        gc.enable()
 
 
 def test_results_of_another_model_are_those_of_that_model() -> None:
     found = labels()
     model = replace(found.model, friction=0.05)
     assert np.isfinite(found.epsilon).all()
-    changed = replace(found, model=model)
-    assert changed.deferred_epsilon.computed is None
+    changed = found.using(model=model)
+    assert changed.computed("epsilon_range") is None
     np.testing.assert_array_equal(changed.label, found.relabel(friction=0.05).label)
     assert not np.array_equal(changed.epsilon, found.epsilon)
     grasps = best_grasps(found, 3)
@@ -58,7 +111,7 @@ def test_results_are_pickled_with_what_was_computed() -> None:
     found = labels()
     assert len(found.epsilon) == len(found.label)
     copy = pickle.loads(pickle.dumps(found))  # noqa: S301
-    assert copy.deferred_epsilon.computed is not None
+    assert copy.computed("epsilon_range") is not None
     np.testing.assert_array_equal(copy.epsilon, found.epsilon)
     assert repr(copy) == repr(found)
 

@@ -63,7 +63,7 @@ def labelled(name: str, edges: int | None = None, count: int = 8) -> SurfaceLabe
 
 def with_exact_labels(labels: SurfaceLabels) -> SurfaceLabels:
     """The same grasps with exact labels."""
-    return replace(labels, model=replace(labels.model, method="exact"))
+    return labels.using(model=replace(labels.model, method="exact"))
 
 
 def label_counts(labels: SurfaceLabels) -> np.ndarray:
@@ -301,7 +301,7 @@ def test_relabelling_enumerates_when_the_label_is_read() -> None:
     labels = labelled("blob", 8)
     finer = labels.relabel(friction=0.45, sensor_resolution=degrees(10.0))
     assert finer.model.method == "extremes"
-    assert finer.deferred_label.computed is None
+    assert finer.computed("label") is None
     model = GraspModel(friction=0.45, sensor_resolution=degrees(10.0), method="extremes", edges=8)
     wide = Sampling(search_angle=labels.search.cone)
     again = label_surface(surface("blob"), model, sampling=wide)
@@ -330,7 +330,7 @@ def test_progress_ends_at_1_with_and_without_grasps(opening: float) -> None:
     labels = label_surface(
         surface("box"), model, sampling=Sampling(max_opening=opening), progress=fractions.append
     )
-    assert labels.deferred_label.computed is not None
+    assert labels.computed("label") is not None
     assert fractions == sorted(fractions)
     assert 0.0 <= fractions[0] < 0.3
     assert fractions[-1] == 1.0

@@ -27,7 +27,7 @@ from grasp3d.quality.task_texts import TaskText
 from grasp3d.quality.tasks import STANDARD_GRAVITY, Weight, Wrenches
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.stability.label import Label
-from grasp3d.surface.grasp_forces import surface_holding, tilts_of
+from grasp3d.surface.grasp_forces import surface_holding
 from grasp3d.surface.held_area import force_quantiles, held_fractions, payload_quantiles
 from grasp3d.surface.holding import FORCE_RTOL, HARD_FINGERS, Holding
 from grasp3d.surface.load_case import LoadCase
@@ -203,7 +203,7 @@ def test_on_creases_every_normal_of_the_set_counts() -> None:
     model = replace(SOFT, sensor_resolution=0.1)
     points = [[[0.0, 0.025, 0.015], [0.0, -0.025, 0.015]], sides(0.0)]
     grasps = evaluate_grasps(block(), points, model, load=DOWN)
-    tilts = tilts_of(grasps.contacts, model)
+    tilts = grasps.contacts.tilts(model)
     assert tilts == pytest.approx(np.array([[math.pi / 4.0 + 0.05] * 2, [0.05] * 2]))
     assert grasps.holding is not None
     assert grasps.holding.label is not None

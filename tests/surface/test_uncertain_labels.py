@@ -186,7 +186,7 @@ def test_the_margin_of_a_box() -> None:
 
 def test_max_resolution_is_where_the_label_changes(labels: SurfaceLabels) -> None:
     model = replace(labels.model, friction_error=0.1, normal_error=0.05, location_error=0.03)
-    found = replace(labels, model=model)
+    found = labels.using(model=model)
     limit = found.max_resolution
     chosen = np.flatnonzero(limit > 0.1)[:: max(1, (limit > 0.1).sum() // 5)]
     for vertex in chosen:
@@ -330,8 +330,8 @@ def test_three_fingers_are_safe() -> None:
 
 
 def test_the_centre_of_mass_changes_the_bounds_of_epsilon(labels: SurfaceLabels) -> None:
-    known = replace(labels, load=Load(mass=1.0))
-    unsure = replace(labels, load=Load(mass=1.0, center_of_mass_radius=0.1 * labels.mesh.size))
+    known = labels.using(load=Load(mass=1.0))
+    unsure = labels.using(load=Load(mass=1.0, center_of_mass_radius=0.1 * labels.mesh.size))
     chosen = np.flatnonzero(known.epsilon_min > 0.0)
     assert (unsure.epsilon_min[chosen] < known.epsilon_min[chosen]).all()
     assert (unsure.epsilon_max[chosen] > known.epsilon_max[chosen]).all()

@@ -624,7 +624,7 @@ def test_the_labels_in_a_notebook_are_a_table() -> None:
     assert "&lt;i&gt;open&lt;/i&gt;" in table
     assert "<b>" not in table
     assert "ε" not in table
-    assert fresh.deferred_epsilon.computed is None
+    assert fresh.computed("epsilon_range") is None
     for letter, fraction in labels.fractions().items():
         assert f"{letter} {fraction:.1%}" in table
     assert "μ 0.75, α 22.6°, 2 fingers" in table
@@ -632,9 +632,9 @@ def test_the_labels_in_a_notebook_are_a_table() -> None:
     assert f"{median:.1f}°" in table or math.isinf(median)
     fresh.compute_epsilon(ignore)
     assert f"{fresh.epsilon_quantiles([0.9])[0]:.3g}" in fresh._repr_html_()
-    hulls = replace(labels, model=replace(labels.model, method="extremes"))
+    hulls = labels.using(model=replace(labels.model, method="extremes"))
     assert "%</td>" not in hulls._repr_html_()
-    assert hulls.deferred_label.computed is None
+    assert hulls.computed("label") is None
     assert "scan" in viewing.scan()._repr_html_()
 
 

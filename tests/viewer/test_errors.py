@@ -71,7 +71,7 @@ def test_errors_are_chosen_when_they_are_wanted(session: Session) -> None:
 
 
 def with_model(model: GraspModel) -> Collection:
-    return collection_of(replace(slab(), model=model))
+    return collection_of(slab().using(model=model))
 
 
 @pytest.mark.parametrize(
@@ -243,11 +243,11 @@ def test_fixed_fingers_have_errors_too(session: Session) -> None:
 
 
 def test_values_of_single_fingers_are_named() -> None:
-    session = ready_session(replace(slab(), model=GraspModel(per_finger=EACH)))
+    session = ready_session(slab().using(model=GraspModel(per_finger=EACH)))
     text = panel_text(session)
     assert any(note.startswith("added for each finger: normal_error=3") for note in text.notes)
     assert text.rules[0].startswith("located β*")
-    labels = replace(slab(), model=GraspModel(per_finger=EACH))
+    labels = slab().using(model=GraspModel(per_finger=EACH))
     for letter, fraction in labels.fractions().items():
         assert fractions(session)[letter] == pytest.approx(fraction, abs=1e-12)
     with pytest.raises(SettingError, match="is for 2 fingers, but a grasp has 3"):
@@ -264,7 +264,7 @@ def test_safe_labels_are_said_to_be_safe_once() -> None:
     for labels, count in ((located, 1), (each, 1), (three, 0), (slab(), 0)):
         text = panel_text(ready_session(labels))
         assert text.notes.count(note) == count
-    session = ready_session(replace(slab(), model=GraspModel(location_error=1e-4)))
+    session = ready_session(slab().using(model=GraspModel(location_error=1e-4)))
     assert note not in panel_text(session).notes
 
 
@@ -331,7 +331,7 @@ def test_explanations_name_the_errors() -> None:
 def test_a_labelled_file_has_the_errors_and_labels_of_its_model(
     tmp_path: Path, model: GraspModel
 ) -> None:
-    labels = replace(slab(), model=model)
+    labels = slab().using(model=model)
     write_ply(tmp_path / "slab.ply", labels)
     subject = read_subject(tmp_path / "slab.ply")
     assert subject.model == model

@@ -47,7 +47,7 @@ def held() -> SurfaceLabels:
     """A box of 0.5 kg with soft fingers; near its edges no force suffices."""
     box = trimesh.creation.box([8.0, 5.0, 3.0])
     labels = label_surface(load_mesh(box, max_edge=2.0, unit="cm"), SOFT)
-    return replace(labels, load=LOAD)
+    return labels.using(load=LOAD)
 
 
 @pytest.fixture
@@ -92,7 +92,7 @@ def test_the_panel_says_why_no_force_suffices(session: Session) -> None:
 
 
 def test_two_hard_fingers_have_their_own_reason() -> None:
-    labels = replace(held(), model=GraspModel(), load=Load(mass=0.5))
+    labels = held().using(model=GraspModel(), load=Load(mass=0.5))
     session = ready_session(labels)
     assert labels.holding is not None
     unresisted = labels.holding.resistance == Resistance.NO_SUCH_WRENCH
@@ -149,7 +149,7 @@ def test_without_a_load_nothing_is_added() -> None:
 
 
 def test_payload_needs_a_force_at_hand() -> None:
-    session = ready_session(replace(held(), load=Load(mass=0.5)))
+    session = ready_session(held().using(load=Load(mass=0.5)))
     with pytest.raises(SettingError, match="force at hand is not known"):
         session.change(paint="payload")
     session.change(paint="grip_force")
@@ -271,7 +271,7 @@ PULL = "wrench 0,0,-5,0,0,0"
 
 def pulled(task: Any = PULL, force: float | None = 20.0) -> SurfaceLabels:
     """Labels for a task of a given wrench, which does not depend on the mass."""
-    return replace(held(), load=Load(task=task, grip_force=force))
+    return held().using(load=Load(task=task, grip_force=force))
 
 
 @pytest.mark.slow
@@ -317,7 +317,7 @@ def test_a_file_without_the_payload_of_its_mass_is_refused(tmp_path: Path) -> No
 def test_a_task_made_in_python_is_shown_as_in_the_file(tmp_path: Path) -> None:
     path = tmp_path / "task.ply"
     task = Weight(0.5, direction=(0, 0, -1))
-    write_ply(path, replace(held(), load=Load(task=task, grip_force=20.0)))
+    write_ply(path, held().using(load=Load(task=task, grip_force=20.0)))
     session = Session(open_collection(path), ViewSettings(paint="payload"))
     wait_until_idle(session)
     session.change(friction=0.4)

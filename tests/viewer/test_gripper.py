@@ -114,7 +114,7 @@ def test_without_a_gripper_nothing_is_added() -> None:
 def test_a_table_is_needed_to_hide_it() -> None:
     labels = held_box()
     assert labels.scene is not None
-    session = ready_session(replace(labels, scene=replace(labels.scene, table=None)))
+    session = ready_session(labels.using(scene=replace(labels.scene, table=None)))
     handle_key(session, "t")
     assert "there is no table" in session.message
     assert panel_text(session).facts.endswith("gripper jaws")
@@ -264,7 +264,7 @@ def test_a_wider_search_keeps_the_poses_of_known_grasps() -> None:
     reach = known.reach
     assert reach is not None
     other = {one.name: getattr(reach, one.name)[::-1] for one in fields(Reach)}
-    wide = replace(known, grasps=replace(known.grasps, reach=Reach(**other)))
+    wide = replace(known, reach=Reach(**other))
     found = wider_search.with_known_grasps(wide, known).reach
     assert found is not None
     for one in fields(Reach):
@@ -481,7 +481,7 @@ def test_the_table_is_level_in_the_picture() -> None:
     labels = held_box()
     assert labels.scene is not None
     table = replace(labels.scene.table, normal=np.array([1.0, 0.0, 0.0]))
-    tilted = replace(labels, scene=replace(labels.scene, table=table))
+    tilted = labels.using(scene=replace(labels.scene, table=table))
     session = ready_session(tilted)
     plotter = new_plotter(ViewSettings(width=400, height=320), off_screen=True)
     try:

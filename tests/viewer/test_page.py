@@ -280,7 +280,7 @@ def test_errors_of_friction_and_normals(seen: Visitor, labels: SurfaceLabels) ->
     ):
         seen.page.locator(f"#{name}-number").fill(value)
         seen.page.locator(f"#{name}-number").press("Enter")
-        seen.shows(fractions(replace(labels, model=model), 0.3))
+        seen.shows(fractions(labels.using(model=model), 0.3))
     seen.page.select_option("#paint", "margin")
     seen.until(lambda: "margin: S above 0°" in seen.page.locator("#ramp").inner_text())
     seen.click_middle()

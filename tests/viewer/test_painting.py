@@ -260,6 +260,6 @@ def test_pale_colours_are_still_distinct() -> None:
 
 def test_a_subject_with_labels_of_extreme_normals_has_a_note() -> None:
     labels: SurfaceLabels = viewing.box()
-    hulls = replace(labels, model=replace(labels.model, method="extremes"))
+    hulls = labels.using(model=replace(labels.model, method="extremes"))
     assert not any("wrench hulls" in note for note in subject_of(labels).notes)
     assert any("wrench hulls" in note for note in subject_of(hulls).notes)

@@ -523,7 +523,7 @@ def test_labels_of_a_scan_can_be_viewed() -> None:
 
 def test_epsilon_is_computed_when_it_is_shown() -> None:
     labels = viewing.box()
-    session = ready_session(replace(labels, model=labels.model))
+    session = ready_session(labels.using(model=labels.model))
     session.change(paint="epsilon_min")
     assert session.working == ("computing ε", 0.0)
     wait_until_idle(session)
@@ -826,7 +826,7 @@ def test_the_object_can_be_changed_during_a_job() -> None:
 )
 def test_the_rule_has_the_limits_of_s_and_u(model: GraspModel, rule: str) -> None:
     labels = viewing.box() if model.fingers == 2 else viewing.three_fingers()
-    session = Session(collection_of(replace(labels, model=model)))
+    session = Session(collection_of(labels.using(model=model)))
     assert panel_text(session).rules == (rule,)
     session.close()
 

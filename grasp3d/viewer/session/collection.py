@@ -11,7 +11,6 @@ import numpy as np
 
 from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.loads import Load
@@ -21,6 +20,7 @@ from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.plausible_lengths import check_lengths, refuse_lengths
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.settings.lengths import Measure, Unit, settings_in_unit
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
@@ -94,7 +94,7 @@ def collection_of_mesh(
     return _single(mesh.report.source, partial(_label_mesh, mesh, model, sampling), model, sampling)
 
 
-def collection_of_grasps(grasps: SurfaceGrasps) -> Collection:
+def collection_of_grasps(grasps: GraspTable) -> Collection:
     """Collection of grasps on one surface, an item for each.
 
     The surface has the labels that the first finger would have at every vertex, with the others
@@ -299,7 +299,7 @@ def _label_mesh(
     return warm_up(subject_of(labels))
 
 
-def _scan_grasp(grasps: SurfaceGrasps, row: int, progress: Progress) -> Subject:
+def _scan_grasp(grasps: GraspTable, row: int, progress: Progress) -> Subject:
     """The surface with all fingers of a grasp fixed but the first."""
     contacts = grasps.contacts.take(slice(row, row + 1))
     labels = scan_surface(

@@ -14,7 +14,7 @@ from grasp3d.settings import GraspModel, Sampling, search_cone
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SearchReport, SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
-from grasp3d.surface.vertex_grasps import Reason, VertexGrasps
+from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.explanations import PAIR
@@ -136,20 +136,15 @@ def prepare_labels(subject: Subject, progress: Progress) -> Subject:
     found = (subject.reason == Reason.FOUND) & mesh.on_surface
     grasped = np.flatnonzero(found & np.isfinite(subject.partners).all(axis=(1, 2)))
     points = _partner_points(mesh, subject.partners, grasped, within(progress, 0.5, 1.0))
-    grasps = VertexGrasps.of(
+    labels = SurfaceLabels.of_vertices(
         mesh,
+        subject.model,
         angles=(subject.critical_angle, subject.critical_angle_best),
         partners=subject.partners,
-        partner_normals=_partner_normals(subject),
         partner_points=points,
         grip=0 if subject.grip is None else subject.grip,
         reason=subject.reason,
-        opening=subject.opening,
         reach=subject.reach,
-    )
-    labels = SurfaceLabels(
-        grasps,
-        subject.model,
         sampling=subject.sampling,
         mode=subject.mode,
         search=SearchReport(cone=subject.cone),
@@ -170,7 +165,7 @@ def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> 
     ready = prepare_labels(subject, within(progress, 0.0, PREPARED))
     assert ready.labels is not None
     model = replace(model, fingers=ready.model.fingers)
-    labels = replace(ready.labels, model=model)
+    labels = ready.labels.using(model=model)
     labels.compute_epsilon(within(progress, PREPARED, 1.0))
     found = labels.epsilon_range
     return replace(ready, epsilons=Epsilons(found.nominal, found.minimum, model, found.maximum))
@@ -187,7 +182,7 @@ def compute_forces(subject: Subject, model: GraspModel, progress: Progress) -> S
     ready = prepare_labels(subject, within(progress, 0.0, PREPARED))
     assert ready.labels is not None
     model = replace(model, fingers=ready.model.fingers)
-    labels = replace(ready.labels, model=model)
+    labels = ready.labels.using(model=model)
     labels.compute_holding(within(progress, PREPARED, 1.0))
     assert labels.holding is not None
     return replace(ready, forces=Forces.of(labels.holding, model))
@@ -230,9 +225,3 @@ def _partner_points(
     faces[grasped] = nearest.faces.reshape(-1, 1, others)
     weights[grasped] = nearest.weights.reshape(-1, 1, others, 3)
     return SurfacePoints(locked(faces), locked(weights))
-
-
-def _partner_normals(subject: Subject) -> Floats:
-    normals = subject.partner_normals
-    assert subject.partners is not None
-    return np.full(subject.partners.shape, math.nan) if normals is None else normals

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.reach import Reachability
 from grasp3d.meanings import EPSILON_MIN
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -15,6 +14,7 @@ from grasp3d.settings import GraspModel
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.epsilon import surface_epsilons
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.session.angle_texts import angle_numbers, budget_text
@@ -112,7 +112,7 @@ def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspectio
 
 
 def _inspect_alternative(
-    subject: Subject, vertex: int, grasps: SurfaceGrasps, row: int, model: GraspModel
+    subject: Subject, vertex: int, grasps: GraspTable, row: int, model: GraspModel
 ) -> Inspection:
     """Inspect one of the other grasps of a vertex."""
     perceived = grasps.critical_angle[row], grasps.critical_angle_best[row]

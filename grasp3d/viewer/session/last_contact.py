@@ -131,9 +131,9 @@ def _grid_points(middles: SurfacePoints, size: float) -> SurfacePoints:
 
 def _grasps(scan: SurfaceLabels, points: SurfacePoints) -> SurfaceContacts:
     """Grasps (c, n) of a last finger at points (c,) and the fixed fingers of a scan."""
-    fixed, count = scan.partner_points, len(points.faces)
-    faces = np.broadcast_to(fixed.faces[0, 0], (count, *fixed.faces.shape[2:]))
-    weights = np.broadcast_to(fixed.weights[0, 0], (count, *fixed.weights.shape[2:]))
+    fixed, count = scan.grasps.contacts.surface_points, len(points.faces)
+    faces = np.broadcast_to(fixed.faces[0, 1:], (count, fixed.faces.shape[1] - 1))
+    weights = np.broadcast_to(fixed.weights[0, 1:], (*faces.shape, 3))
     return SurfaceContacts(
         scan.mesh,
         SurfacePoints(

@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Ints
 from grasp3d.grasps.alternatives import alternatives_at
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.progress import Progress
 from grasp3d.viewer.subjects.gripper_pose import has_pose
@@ -35,11 +35,11 @@ def find_alternatives(subject: Subject, vertex: int, progress: Progress) -> Subj
     assert subject.labels is not None
     progress(0.0)
     found = alternatives_at(subject.labels, vertex, MOST)
-    others = _take(found, _others(subject, vertex, found)[: MOST - 1])
+    others = found.take(_others(subject, vertex, found)[: MOST - 1])
     return replace(subject, alternatives=Alternatives(vertex, others))
 
 
-def alternatives_of(subject: Subject, vertex: int) -> SurfaceGrasps | None:
+def alternatives_of(subject: Subject, vertex: int) -> GraspTable | None:
     """The other grasps of a vertex; None: not searched."""
     known = subject.alternatives
     return known.grasps if known is not None and known.vertex == vertex else None
@@ -66,7 +66,7 @@ def best_reached(subject: Subject) -> int | None:
     return int(vertices[np.lexsort((-margins[vertices], angles))[0]])
 
 
-def _others(subject: Subject, vertex: int, found: SurfaceGrasps) -> Ints:
+def _others(subject: Subject, vertex: int, found: GraspTable) -> Ints:
     """Rows of the grasps that have a pose and are not the vertex's own."""
     assert found.reach is not None
     chosen = has_pose(found.reach)
@@ -74,15 +74,3 @@ def _others(subject: Subject, vertex: int, found: SurfaceGrasps) -> Ints:
         gaps = np.linalg.norm(found.contacts.points[:, 1:] - subject.partners[vertex], axis=2)
         chosen &= ~(gaps <= SAME * subject.size).all(axis=1)
     return np.flatnonzero(chosen)
-
-
-def _take(grasps: SurfaceGrasps, rows: Ints) -> SurfaceGrasps:
-    assert grasps.reach is not None
-    return replace(
-        grasps,
-        contacts=grasps.contacts.take(rows),
-        distance=grasps.distance[rows],
-        critical_angle=grasps.critical_angle[rows],
-        critical_angle_best=grasps.critical_angle_best[rows],
-        reach=grasps.reach.take(rows),
-    )

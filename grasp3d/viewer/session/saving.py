@@ -60,7 +60,7 @@ def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Prog
     ready = _with_labels(subject, within(progress, 0.0, SEARCHED))
     assert ready.labels is not None
     model = replace(model, fingers=ready.model.fingers)
-    relabelled = replace(ready.labels, model=model)
+    relabelled = ready.labels.using(model=model)
     relabelled.compute_labels(within(progress, SEARCHED, SEARCHED))
     middle = COMPUTED if relabelled.load is None else 0.5 * (SEARCHED + COMPUTED)
     relabelled.compute_epsilon(within(progress, SEARCHED, middle))

@@ -56,16 +56,15 @@ def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabel
         wide: Labels of the wider search.
         known: Labels of the narrower search on the same mesh.
     """
-    new, old = wide.grasps, known.grasps
+    new, old = wide, known
     beyond = known.search.cone + ROUNDING
     worst = (old.critical_angle > beyond) & (new.critical_angle < old.critical_angle)
     best = (old.critical_angle_best > beyond) | worst
     best &= new.critical_angle_best < old.critical_angle_best
     missing = old.reason != Reason.FOUND
-    grasps = merged(
+    return merged(
         old, new, worst=worst, best=best, reason=np.where(missing, new.reason, old.reason)
     )
-    return replace(wide, grasps=grasps)
 
 
 def _known_labels(subject: Subject, sampling: Sampling, progress: Progress) -> SurfaceLabels:

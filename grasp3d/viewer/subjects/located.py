@@ -33,7 +33,7 @@ class Located:
             SettingError: The model is for another number of fingers.
         """
         assert labels is not None
-        worst, best = labels.grasps.located_angles(model)
+        worst, best = labels.using(model=model).located_angles
         # A file has no second grasp, of the best normals at a crease, whose line could be turned:
         # what the worst finger adds to its angle is a bound.
         added = ContactLimits.of(model.fingertips).outer.max()

@@ -10,7 +10,6 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints, first_at_position, locked, short_repr
-from grasp3d.grasps.surface_grasps import SurfaceGrasps
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
@@ -24,6 +23,7 @@ from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
@@ -80,7 +80,7 @@ class Alternatives:
     """Other grasps through one vertex that the gripper reaches, besides the vertex's own."""
 
     vertex: int
-    grasps: SurfaceGrasps
+    grasps: GraspTable
     """Best first."""
 
     __repr__ = short_repr
@@ -234,11 +234,10 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         name: Name of the object; None: that of its file.
     """
     mesh, reach = labels.mesh, labels.reach
-    known, epsilons = labels.deferred_epsilon.computed, None
+    known, epsilons = labels.computed("epsilon_range"), None
     if known is not None:
         epsilons = Epsilons(known.nominal, known.minimum, labels.model, known.maximum)
-    case, holding = labels.load_case, labels.deferred_holding
-    held = None if holding is None else holding.computed
+    case, held = labels.load_case, labels.computed("holding")
     return Subject(
         name=mesh.report.source if name is None else name,
         vertices=mesh.vertices,

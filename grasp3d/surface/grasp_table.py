@@ -1,0 +1,396 @@
+"""Tables of grasps: one grasp in each row, with its label, epsilon and forces."""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
+from grasp3d.hand.reach import Reach
+from grasp3d.hand.scene import Scene
+from grasp3d.loads import Load
+from grasp3d.mesh import ObjectMesh
+from grasp3d.quality.closure import force_closure
+from grasp3d.quality.measures.measuring import MetricValues
+from grasp3d.quality.tilting import EpsilonRange
+from grasp3d.settings import GraspModel
+from grasp3d.stability.label import Label
+from grasp3d.stability.located_angles import ContactLimits
+from grasp3d.stability.sampled_normals import WorstAndBest
+from grasp3d.stability.thresholds import label_angles
+from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.deferred import Deferred
+from grasp3d.surface.epsilon import surface_epsilons
+from grasp3d.surface.extreme_normals import hull_labels
+from grasp3d.surface.grasp_forces import surface_holding
+from grasp3d.surface.grasp_metrics import surface_metrics
+from grasp3d.surface.holding import Holding
+from grasp3d.surface.labelled_grasps import LabelledGrasps
+from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.located_angles import located_angles_of
+from grasp3d.system.progress import Progress, ignore
+
+if TYPE_CHECKING:
+    from grasp3d.grasps.closed_grasps import ClosedGrasps
+
+
+@dataclass(frozen=True, eq=False)
+class BestNormalGrasps:
+    """Grasps that are best over the best normals, where others are over the worst: at creases."""
+
+    rows: Ints
+    """Rows of the table in ascending order, shape (c,)."""
+    contacts: SurfaceContacts
+    """Their contacts, shape (c, n)."""
+
+    __repr__ = short_repr
+
+    def of_rows(self, rows: Ints) -> "BestNormalGrasps | None":
+        """Those of chosen rows of the table, shape (d,); None: none."""
+        chosen = np.flatnonzero(np.isin(rows, self.rows))
+        if not len(chosen):
+            return None
+        numbers = np.searchsorted(self.rows, rows[chosen])
+        return BestNormalGrasps(locked(chosen), self.contacts.take(numbers))
+
+
+@dataclass(frozen=True, eq=False, kw_only=True)
+class GraspTable(LabelledGrasps):
+    """Grasps on an object, one in each of b rows: contacts, label, epsilon, forces.
+
+    What takes long is computed when it is first read. The grasps are given, or were found by a
+    search; S means surely stable, U surely unstable.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
+        >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
+        >>> grasps = grasp3d.best_grasps(labels, 2)
+        >>> grasps.to_dataframe()[["grasp", "label", "rank", "opening"]].round(3)
+           grasp label  rank  opening
+        0      1     S     5     0.08
+        1      2     S     5     0.08
+    """
+
+    contacts: SurfaceContacts
+    """Contacts, on the surface or where closed jaws touch, shape (b, n)."""
+    model: GraspModel
+    """Friction and sensor resolution; `fingers` is the number of contacts."""
+    critical_angle: Floats
+    """Critical friction angle over the worst normals of the contacts [rad], shape (b,).
+
+    inf where all contacts are at one point.
+    """
+    critical_angle_best: Floats
+    """The same over the best normals, shape (b,); different only for contacts on creases, and where
+    another grasp is best over the best normals."""
+    best_normals: BestNormalGrasps | None = None
+    """Grasps that are best over the best normals where they differ from `contacts`; None: none."""
+    points: Floats | None = None
+    """Positions of the contacts as a search has found them, in the mesh's frame and unit, shape
+    (b, n, 3); None: `contacts.points`, from which they differ by rounding."""
+    grip: npt.NDArray[np.int8] | None = None
+    """Two fingers: +1 for an external grasp, -1 for an internal one, shape (b,); None: unknown, or
+    three fingers and more."""
+    moved: Floats | None = None
+    """`distance`, shape (b, n); None: the contacts were found on the surface."""
+    scene: Scene | None = None
+    """The gripper of the grasps, and what it must not touch; None: ideal points."""
+    reach: Reach | None = None
+    """How the gripper reaches each grasp, with its pose; None: no gripper."""
+    load: Load | None = None
+    """What each grasp must hold; None: `holding` is not computed."""
+    threads: int | None = None
+    """Threads for what is computed when it is first read; None: one per processor. The results do
+    not depend on it."""
+
+    __repr__ = short_repr
+
+    def __len__(self) -> int:
+        return self.size
+
+    @property
+    def size(self) -> int:
+        """Number of grasps."""
+        return len(self.critical_angle)
+
+    @property
+    def mesh(self) -> ObjectMesh:
+        """The object."""
+        return self.contacts.mesh
+
+    @cached_property
+    def load_case(self) -> LoadCase | None:
+        """The load on this object, with its mass, task and force at hand; None: no load."""
+        if self.load is None:
+            return None
+        hand = None if self.scene is None else self.scene.hand
+        return LoadCase.of(self.load, self.mesh, self.model, hand)
+
+    @Deferred
+    def located_angles(self, _progress: Progress) -> WorstAndBest:
+        """Critical angles (worst, best) with all that is not known about the contacts [rad].
+
+        Uncertain contact locations turn the line between two contacts, and fingers of `per_finger`
+        differ; see `stability.located_angles`. Without both they are `critical_angle` and
+        `critical_angle_best`. The label is S iff the worst is below
+        `model.effective_friction_angle`, U iff the best is at least `model.unstable_from`. Two
+        contacts: exact, at creases safe; more: safe.
+        """
+        angles, other = (self.critical_angle, self.critical_angle_best), self.best_normals
+        if not self.size:
+            return angles
+        lines = None
+        if self.contacts.count == 2 and other is not None:
+            lines = self.contacts.lines.with_best_at(other.rows, other.contacts.lines)
+        return located_angles_of(
+            self.contacts, angles, self.model, lines=lines, threads=self.threads
+        )
+
+    @Deferred
+    def label(self, progress: Progress) -> Bytes:
+        """`Label` codes by `model.method`: 0 U, 1 M, 2 S.
+
+        With method extremes a grasp gets the better label of that over the worst and that over the
+        best normals, where they differ.
+        """
+        if self.model.method == "exact":
+            worst, best = self.located_angles
+            return locked(label_angles(worst, best, self.model))
+        codes = np.full(self.size, Label.U, dtype=np.uint8)
+        rows = np.flatnonzero(np.isfinite(self.critical_angle))
+        parts = [(rows, self.contacts.take(rows), progress)]
+        if self.best_normals is not None:  # a few, at creases
+            parts.append((self.best_normals.rows, self.best_normals.contacts, ignore))
+        for chosen, contacts, report in parts:
+            found = hull_labels(contacts, self.model, threads=self.threads, progress=report)
+            codes[chosen] = np.maximum(codes[chosen], found)
+        return locked(codes)
+
+    @Deferred
+    def epsilon_range(self, progress: Progress) -> EpsilonRange:
+        """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read.
+
+        Of the grasps over the worst normals.
+        """
+        radius = 0.0 if self.load_case is None else self.load_case.center_radius
+        return surface_epsilons(
+            self.contacts, self.model, center_radius=radius, threads=self.threads, progress=progress
+        )
+
+    @Deferred
+    def holding(self, progress: Progress) -> Holding | None:
+        """Grip force and payload of the grasps under the load; None: there is no load.
+
+        Of the grasps over the worst normals; where another one is better over the best normals,
+        the least force is the smaller one of the two, as for labels. Computed when first read.
+        """
+        case, model, other = self.load_case, self.model, self.best_normals
+        if case is None:
+            return None
+        found = surface_holding(self.contacts, model, case, threads=self.threads, progress=progress)
+        if other is None:
+            return found
+        better = surface_holding(other.contacts, model, case, threads=self.threads)
+        least = better.placed(other.rows, self.size).grip_force_least
+        return replace(found, grip_force_least=locked(np.fmin(found.grip_force_least, least)))
+
+    @Deferred
+    def closed(self, progress: Progress) -> "ClosedGrasps | None":
+        """What the jaws touch when they close at the poses, with labels and margins.
+
+        Computed when first read; None: no gripper, or three fingers and more.
+        """
+        if self.reach is None or self.scene is None or self.contacts.count > 2:
+            return None
+        found: ClosedGrasps = import_module("grasp3d.grasps.closed_grasps").close_on(
+            self, progress=progress
+        )
+        return found
+
+    @cached_property
+    def rank(self) -> Ints:
+        """Dimension of the span of the wrenches, in which epsilon is computed, shape (b,).
+
+        6; 5 for hard fingers on one line, such as any two; 0 where normals cancel out. Epsilons of
+        different rank are not comparable.
+        """
+        ranks = np.zeros(self.size, dtype=np.int64)
+        chosen = self.contacts.with_normals
+        if len(chosen):
+            contacts = self.contacts.take(chosen).contacts(self.model)
+            ranks[chosen] = force_closure(contacts, threads=self.threads).rank
+        return locked(ranks)
+
+    @property
+    def distance(self) -> Floats:
+        """Distance of each contact from the surface before it was moved there, shape (b, n)."""
+        return np.zeros((self.size, self.contacts.count)) if self.moved is None else self.moved
+
+    @property
+    def positions(self) -> Floats:
+        """Positions of the contacts, in the mesh's frame and unit, shape (b, n, 3)."""
+        return self.contacts.points if self.points is None else self.points
+
+    @cached_property
+    def opening(self) -> Floats:
+        """Largest distance between any two contacts, shape (b,)."""
+        return locked(_distances(self.positions).max(axis=1, initial=0.0))
+
+    @cached_property
+    def separation(self) -> Floats:
+        """Smallest distance between any two contacts, shape (b,)."""
+        return locked(_distances(self.positions).min(axis=1, initial=math.inf))
+
+    def metrics(self, names: str | Sequence[str] = "all") -> MetricValues:
+        """Quality measures of each grasp, shape (b,) each; computed when called.
+
+        Torques are divided by `mesh.torque_scale`, circular cones replaced by pyramids of 8 edges.
+        nan where a measure is undefined, with the reason.
+
+        Args:
+            names: As in `quality.metrics`: 'all', or names in a list or separated by commas.
+
+        Raises:
+            SettingError: An unknown name.
+        """
+        return surface_metrics(self.contacts, self.model, names, threads=self.threads)
+
+    def take(self, rows: Ints) -> "GraspTable":
+        """The chosen grasps, in that order, with what has been computed of them.
+
+        Args:
+            rows: Their rows, shape (c,).
+        """
+        arrays: dict[str, Any] = {
+            name: locked(values[rows])
+            for name in ("critical_angle", "critical_angle_best", "points", "grip", "moved")
+            if (values := getattr(self, name)) is not None
+        }
+        other = None if self.best_normals is None else self.best_normals.of_rows(rows)
+        reach = None if self.reach is None else self.reach.take(rows)
+        found = replace(
+            self, contacts=self.contacts.take(rows), best_normals=other, reach=reach, **arrays
+        )
+        for name in _COMPUTED.intersection(vars(self)):
+            vars(found)[name] = _rows_of(vars(self)[name], rows)
+        return found
+
+    def whole(self) -> "GraspTable":
+        """The grasps as given by their contacts: with the angles of these, over all normals."""
+        worst, best = critical_angles(self.contacts, threads=self.threads)
+        found = replace(
+            self, critical_angle=worst, critical_angle_best=best, best_normals=None, points=None
+        )
+        if "closed" in vars(self):
+            GraspTable.closed.know(found, self.closed)
+        return found
+
+    def using(self, **changed: Any) -> "GraspTable":
+        """The same grasps with another model, load, gripper or number of threads.
+
+        Args:
+            changed: Fields by name. Located angles that stay the same are kept: other frictions and
+                resolutions have the same, which take many closure tests for three fingers.
+        """
+        found = replace(self, **changed)
+        known = GraspTable.located_angles.computed(self)
+        if known is not None and _limits(found.model) == _limits(self.model):
+            GraspTable.located_angles.know(found, known)
+        return found
+
+    def computed(self, name: str) -> Any:
+        """What has been computed already: `label`, `epsilon_range`, ...; None: it has not been.
+
+        Args:
+            name: An attribute that is computed when it is first read.
+        """
+        return vars(self).get(name)
+
+    def compute_labels(self, progress: Progress) -> None:
+        """Compute `label` now, which takes time with method extremes only.
+
+        Args:
+            progress: Called with the fraction of the work done, from 0 to 1.
+
+        Raises:
+            SettingError: A grasp has too many combinations of extreme normals.
+        """
+        if self.model.method == "extremes" and self.computed("label") is None:
+            GraspTable.label.compute(self, progress)
+            progress(1.0)
+
+    def compute_epsilon(self, progress: Progress) -> None:
+        """Compute `epsilon_range` now.
+
+        Args:
+            progress: Called with the fraction of the work done, from 0 to 1.
+        """
+        GraspTable.epsilon_range.compute(self, progress)
+
+    def compute_holding(self, progress: Progress) -> None:
+        """Compute `holding` now, if there is a load.
+
+        Args:
+            progress: Called with the fraction of the work done, from 0 to 1.
+        """
+        GraspTable.holding.compute(self, progress)
+
+    def to_table(self) -> Any:
+        """Return a `pyarrow.Table` with a row for each grasp: the columns of `write_grasps`."""
+        return import_module("grasp3d.grasps.writing").grasps_to_table(self)
+
+    def to_dataframe(self) -> Any:
+        """Return `to_table` as a `pandas.DataFrame`.
+
+        Raises:
+            OutputError: pandas is not installed; the extra `grasp3d[pandas]` installs it.
+        """
+        from grasp3d.tables import data_frame
+
+        return data_frame(self.to_table())
+
+    def show(self, **options: Any) -> Any:
+        """Show each grasp on the surface: in a notebook below the cell, elsewhere in a window.
+
+        The colours are the labels that the first finger would have elsewhere, with the others as
+        they are. The viewer's buttons for the next and the previous object lead to other grasps.
+
+        Args:
+            options: As in `grasp3d.viewer.show.show`: settings, height, proxy.
+
+        Raises:
+            OutputError: Nothing can be shown in this environment.
+        """
+        return import_module("grasp3d.viewer.show").show(self, **options)
+
+
+def _distances(points: Floats) -> Floats:
+    """Distances of all pairs of contacts of each grasp (b, n, 3), shape (b, n (n - 1) / 2)."""
+    first, second = np.triu_indices(points.shape[1], 1)
+    return np.asarray(np.linalg.norm(points[:, second] - points[:, first], axis=2))
+
+
+def _limits(model: GraspModel) -> bytes:
+    """What located angles of given grasps depend on; empty: on nothing."""
+    return b"" if model.is_uniform else ContactLimits.of(model.fingertips).key
+
+
+_COMPUTED = frozenset({"located_angles", "label", "epsilon_range", "holding", "closed"})
+"""What is computed when it is first read, a row for each grasp."""
+
+
+def _rows_of(values: Any, rows: Ints) -> Any:
+    """The chosen rows of what was computed: an array, a tuple, or a class that takes rows."""
+    if values is None:
+        return None
+    if isinstance(values, tuple):
+        return tuple(_rows_of(one, rows) for one in values)
+    return locked(values[rows]) if isinstance(values, np.ndarray) else values.take(rows)

@@ -1,0 +1,32 @@
+"""Labels of a surface with other arrays over the vertices."""
+
+from typing import Any
+
+from grasp3d import SurfaceLabels
+
+
+def with_arrays(labels: SurfaceLabels, **changed: Any) -> SurfaceLabels:
+    """The same labels with other arrays over the vertices, or another mesh.
+
+    Args:
+        labels: The labels.
+        changed: Arguments of `SurfaceLabels.of_vertices` by name.
+    """
+    arguments: dict[str, Any] = {
+        "mesh": labels.mesh,
+        "model": labels.model,
+        "angles": (labels.critical_angle, labels.critical_angle_best),
+        "partners": labels.partners,
+        "partner_points": labels.partner_points,
+        "grip": labels.grip,
+        "reason": labels.reason,
+        "reach": labels.reach,
+        "sampling": labels.sampling,
+        "mode": labels.mode,
+        "search": labels.search,
+        "scene": labels.scene,
+        "load": labels.load,
+        "threads": labels.threads,
+    }
+    arguments |= changed
+    return SurfaceLabels.of_vertices(arguments.pop("mesh"), arguments.pop("model"), **arguments)
