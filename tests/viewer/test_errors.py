@@ -259,8 +259,8 @@ def test_safe_labels_are_said_to_be_safe_once() -> None:
     """Three fingers and a location error, or fingers that differ; two fingers have exact labels."""
     note = "labels are safe: every S and U is correct, an M may be one of them"
     three = viewing.three_fingers()
-    located = replace(three, model=replace(three.model, location_error=1e-4))
-    each = replace(three, model=replace(three.model, per_finger="normal_error=3; ; "))
+    located = three.using(model=replace(three.model, location_error=1e-4))
+    each = three.using(model=replace(three.model, per_finger="normal_error=3; ; "))
     for labels, count in ((located, 1), (each, 1), (three, 0), (slab(), 0)):
         text = panel_text(ready_session(labels))
         assert text.notes.count(note) == count
