@@ -17,7 +17,7 @@ from grasp3d.cli.evaluate import Evaluate
 from grasp3d.cli.examples import print_examples
 from grasp3d.cli.hand import Hand
 from grasp3d.cli.label import Label
-from grasp3d.cli.options import Flag
+from grasp3d.cli.options import REGISTRY, Flag
 from grasp3d.cli.paper import Paper
 from grasp3d.cli.perturb import Perturb
 from grasp3d.cli.simulate import Simulate
@@ -114,6 +114,7 @@ def _run(arguments: list[str]) -> int:
             prog="grasp3d",
             description="Evaluate grasps on object meshes for fingertips with tactile sensors.",
             args=arguments,
+            registry=REGISTRY,
             config=(
                 tyro.conf.OmitArgPrefixes,
                 tyro.conf.OmitSubcommandPrefixes,

@@ -13,18 +13,11 @@ import tyro
 
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings, FractionGrid
 from grasp3d.cli.options import (
-    ClusterOptions,
     Flag,
     Force,
     Inputs,
-    LoadOptions,
-    ModelOptions,
     OutputFile,
     Quiet,
-    ReachOptions,
-    SamplingOptions,
-    SurfaceOptions,
-    command,
 )
 from grasp3d.cli.ranges import parse_angles, parse_frictions, parse_lengths, parse_numbers
 from grasp3d.errors import SettingError
@@ -33,7 +26,6 @@ from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 
 
-@command
 @dataclass(frozen=True)
 class Batch:
     """Label every mesh of a library, and write a summary and a report.
@@ -47,7 +39,7 @@ class Batch:
     output: Annotated[str, tyro.conf.arg(aliases=["-o"], metavar="FOLDER")]
     """Folder for the results: labels/, fields/, summary/ and report/; also on an object store."""
 
-    cluster: ClusterOptions = field(default_factory=ClusterSettings)
+    cluster: ClusterSettings = field(default_factory=ClusterSettings)
     """Which processes label the meshes."""
 
     overwrite: Flag = False
@@ -94,20 +86,20 @@ class Batch:
     log: OutputFile = None
     """File to which a line for each mesh is appended."""
 
-    model: ModelOptions = field(default_factory=GraspModel)
+    model: GraspModel = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers."""
 
-    sampling: SamplingOptions = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
 
-    reach: ReachOptions = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
 
-    load: LoadOptions = field(default_factory=Load)
+    load: Load = field(default_factory=Load)
     """What each grasp must hold, and the force at hand."""
 
-    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
     quiet: Quiet = False

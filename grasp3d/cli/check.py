@@ -8,17 +8,12 @@ import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
-    ClusterOptions,
     Flag,
     Force,
     Inputs,
-    ModelOptions,
     OutputFile,
     Overwrite,
     Quiet,
-    SamplingOptions,
-    SurfaceOptions,
-    command,
 )
 from grasp3d.errors import SettingError
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
@@ -29,7 +24,6 @@ if TYPE_CHECKING:
     from grasp3d.batch.inputs import MeshFile
 
 
-@command
 @dataclass(frozen=True)
 class Check:
     """Diagnose meshes: unit, holes, orientation, bodies, self-intersections, noise.
@@ -49,17 +43,17 @@ class Check:
     strict: Flag = False
     """Exit code 1 also for meshes whose labels can be trusted with care only."""
 
-    model: ModelOptions = field(default_factory=GraspModel)
+    model: GraspModel = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers."""
 
-    sampling: SamplingOptions = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
 
-    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
-    cluster: ClusterOptions = field(default_factory=ClusterSettings)
+    cluster: ClusterSettings = field(default_factory=ClusterSettings)
     """Which processes check the meshes, if there are several."""
 
     force: Force = False

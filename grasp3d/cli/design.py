@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from grasp3d.cli.design_options import FrictionList, GraspOptions, JointOptions
-from grasp3d.cli.options import Flag, Force, LengthOption, OutputFile, SensorResolution, command
+from grasp3d.cli.options import Flag, Force, LengthOption, OutputFile, SensorResolution
 from grasp3d.contact.overlap import overlapping_field
 from grasp3d.contact.sensor import Sensor, radius_of
 from grasp3d.errors import SettingError
@@ -31,7 +31,6 @@ BUDGET_FRICTION = (0.5, 0.5)
 _CURVATURE = tyro.conf.arg(metavar="FLOAT", help_behavior_hint="")
 
 
-@command
 @dataclass(frozen=True)
 class Design:
     """Compute the sensor for a friction, the friction for a sensor, or the budget of a finger.

@@ -6,7 +6,7 @@ from typing import Annotated, Any
 
 import tyro
 
-from grasp3d.cli.options import Flag, LengthOption, SensorResolution, command
+from grasp3d.cli.options import Flag, LengthOption, SensorResolution
 from grasp3d.contact.encoders import JointEncoders
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import Unit, length_in_unit
@@ -45,7 +45,6 @@ def friction_text(friction: Interval) -> str:
     return _BETWEEN.join(f"{end:.4g}" for end in dict.fromkeys(friction))
 
 
-@command
 @dataclass(frozen=True)
 class JointOptions:
     """The joints of each finger, and their encoders."""
@@ -96,7 +95,6 @@ class JointOptions:
         )
 
 
-@command
 @dataclass(frozen=True)
 class GraspOptions:
     """What else is uncertain, and the grasps that the design is for."""

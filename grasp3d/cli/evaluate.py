@@ -10,14 +10,9 @@ from grasp3d.cli.options import (
     Force,
     InputFile,
     LengthOption,
-    LoadOptions,
-    ModelOptions,
     OutputFile,
     Overwrite,
     Quiet,
-    ReachOptions,
-    SurfaceOptions,
-    command,
 )
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.hand.reach_settings import ObjectMotion, ReachSettings
@@ -29,7 +24,6 @@ if TYPE_CHECKING:
     from grasp3d.quality.measures.measuring import MetricValues
 
 
-@command
 @dataclass(frozen=True)
 class Evaluate:
     """Evaluate given grasps: label, critical friction angle and epsilon of each.
@@ -63,16 +57,16 @@ class Evaluate:
     """Poses: whether the object gives way to the closing jaws, and settles between them, or does
     not move."""
 
-    model: ModelOptions = field(default_factory=GraspModel)
+    model: GraspModel = field(default_factory=GraspModel)
     """Friction and sensor resolution; the number of fingers is that of a grasp's contacts."""
 
-    reach: ReachOptions = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper of the poses, and what the object stands on."""
 
-    load: LoadOptions = field(default_factory=Load)
+    load: Load = field(default_factory=Load)
     """What each grasp must hold, and the force at hand."""
 
-    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
     force: Force = False

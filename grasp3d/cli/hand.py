@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import tyro
 
-from grasp3d.cli.options import LengthOption, OutputFile, Overwrite, Quiet, command
+from grasp3d.cli.options import LengthOption, OutputFile, Overwrite, Quiet
 from grasp3d.errors import SettingError
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ _LINKS = tyro.conf.arg(metavar="LINK LINK", help_behavior_hint="")
 _LINK = tyro.conf.arg(metavar="LINK", help_behavior_hint="")
 
 
-@command
 @dataclass(frozen=True)
 class Hand:
     """Print the lengths, frame, force and touch of a gripper; draw it, write it as JSON.

@@ -9,15 +9,9 @@ import tyro
 from grasp3d.cli.options import (
     Force,
     InputFile,
-    LoadOptions,
-    ModelOptions,
     OutputFile,
     Overwrite,
     Quiet,
-    ReachOptions,
-    SamplingOptions,
-    SurfaceOptions,
-    command,
 )
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout, time_limit
 from grasp3d.errors import SettingError
@@ -31,7 +25,6 @@ if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
 
 
-@command
 @dataclass(frozen=True)
 class Label:
     """Label one mesh: print area fractions of S, M and U, write the labelled mesh."""
@@ -56,20 +49,20 @@ class Label:
     """With a gripper: format of that file, for those that are JSON too (default: that of the
     file's suffix)."""
 
-    model: ModelOptions = field(default_factory=GraspModel)
+    model: GraspModel = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers."""
 
-    sampling: SamplingOptions = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
 
-    reach: ReachOptions = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
 
-    load: LoadOptions = field(default_factory=Load)
+    load: Load = field(default_factory=Load)
     """What each grasp must hold, and the force at hand."""
 
-    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
     timeout: Timeout = DEFAULT_TIMEOUT

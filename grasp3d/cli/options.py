@@ -1,40 +1,35 @@
-"""Command-line options of the settings: the same dataclasses, with angles in degrees."""
+"""Options of the commands: their fields and those of settings, as tyro is to parse them.
 
-import ast
-import dataclasses
-import inspect
+The options of a command are the fields of its dataclass, and those of the settings in it, with the
+docstrings as help. Angles are degrees there, and lengths, quantities and tasks texts.
+"""
+
 import math
-import textwrap
 from collections.abc import Callable
+from dataclasses import MISSING, Field, fields, is_dataclass
+from functools import partial
 from pathlib import Path
-from types import GenericAlias, NoneType
-from typing import (
-    TYPE_CHECKING,
-    Annotated,
-    Any,
-    TypeVar,
-    get_args,
-    get_origin,
-    get_type_hints,
-)
+from types import GenericAlias, NoneType, UnionType
+from typing import Annotated, Any, Union, get_args, get_origin, get_type_hints
 
 import docstring_parser
 import tyro
+from tyro.constructors import (
+    PrimitiveConstructorSpec,
+    StructConstructorSpec,
+    StructFieldSpec,
+    StructTypeInfo,
+)
 
-from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.loads import Load
-from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.quality.task_texts import TaskField, TaskText
-from grasp3d.settings import ANGLE, GraspModel, MeshOptions, Sampling
+from grasp3d.settings import GraspModel, Radians
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
-from grasp3d.settings.parsing import Field
+from grasp3d.settings.parsing import Field as ParsedField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.uncertainty import Friction as FrictionField
 from grasp3d.settings.uncertainty import PerFinger, Uncertainty, parse_fingers
-from grasp3d.viewer.view_settings import ViewSettings
 
 _NONE = "none"
 _METAVARS = {
@@ -45,7 +40,63 @@ _METAVARS = {
 }  # fmt: skip
 """Placeholders of the values of some settings; others have one by their type."""
 
-CommandT = TypeVar("CommandT")
+Parser = PrimitiveConstructorSpec[Any]
+"""How words of the command line become a value."""
+
+REGISTRY = tyro.constructors.ConstructorRegistry()
+"""Rules for `tyro.cli`."""
+
+
+@REGISTRY.struct_rule
+def options_of(info: StructTypeInfo) -> StructConstructorSpec | None:
+    """Return the options of a command, or of settings.
+
+    Args:
+        info: A dataclass, or a partial one: then the fields that it gives have no options.
+    """
+    given: Any = info.type
+    kind, known = (given.func, given.keywords) if isinstance(given, partial) else (given, {})
+    if not is_dataclass(kind):
+        return None
+    hints, helps = get_type_hints(kind, include_extras=True), _help_texts(kind)
+    options = tuple(
+        StructFieldSpec(
+            name=one.name,
+            type=_option(one, hints[one.name], helps.get(one.name)),
+            default=_default(one),
+        )
+        for one in fields(kind)
+        if one.name not in known
+    )
+    return StructConstructorSpec(instantiate=given, fields=options)
+
+
+def _option(field: "Field[Any]", hint: Any, text: str | None) -> Any:
+    """Return the type of an option: with its help, its placeholder, and the parser of its value."""
+    parsed = _parsed(hint, option_name(field.name))
+    shown = tyro.conf.arg(
+        metavar=_METAVARS.get(field.name),
+        # tyro would write `None`.
+        help_behavior_hint=f"(default: {_NONE})" if field.default is None else None,
+        aliases=["--gripper"] if _HAND in get_args(parsed) else None,
+    )
+    base, *own = get_args(parsed) if get_origin(parsed) is Annotated else (parsed,)
+    base = next((one for one in own if isinstance(one, partial)), base)
+    helped = () if text is None else (tyro.conf.arg(help=text),)
+    return Annotated[(base, shown, *own, *helped)]
+
+
+def _default(field: "Field[Any]") -> Any:
+    """Return the default of an option; settings have those of their fields."""
+    return tyro.MISSING_NONPROP if field.default is MISSING else field.default
+
+
+def _help_texts(kind: Any) -> dict[str, str]:
+    """Return the texts on the fields in the docstrings of a class, by name, in one line each."""
+    return {
+        item.args[-1]: " ".join((item.description or "").split())
+        for item in docstring_parser.parse_from_object(kind).params
+    }
 
 
 def option_name(field: str) -> str:
@@ -53,90 +104,96 @@ def option_name(field: str) -> str:
     return f"--{field.replace('_', '-')}"
 
 
-def _degrees(angle: float | None) -> list[str]:
-    return [_NONE if angle is None else f"{math.degrees(angle):.6g}"]
+def _parsed(hint: Any, option: str) -> Any:
+    """Return a type with the parsers of the values that tyro would not parse as needed."""
+    parser = _parser(hint, option)
+    if parser is not None:
+        return Annotated[Any if _is_parsed(hint) else hint, parser]
+    if get_origin(hint) is Annotated:
+        return Annotated[(_parsed(hint.__origin__, option), *hint.__metadata__)]
+    if get_origin(hint) is tuple:
+        return GenericAlias(tuple, tuple(_parsed(one, option) for one in get_args(hint)))
+    return hint
 
 
-def _angle(
-    option: str, *, optional: bool = True
-) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
-    """Return the parser of an angle in degrees, or of `none` if that is allowed.
+def _is_parsed(hint: Any) -> bool:
+    """Return whether a type is that of a field that parses texts itself."""
+    kind = get_origin(hint) or hint
+    return isinstance(kind, type) and issubclass(kind, ParsedField)
 
-    Its errors, like those of lengths and of fingers, are of the settings: one sentence, where tyro
-    would print a box.
+
+def _parser(hint: Any, option: str) -> Parser | None:
+    """Return the parser of a type of field; None: tyro's own.
+
+    Errors of angles, lengths and fingers are of the settings: one sentence, which names the option,
+    where tyro would print a box.
+    """
+    kinds = get_args(hint) if get_origin(hint) in {Union, UnionType} else (hint,)
+    optional = NoneType in kinds
+    if Radians in kinds:
+        return _angle(option, optional=optional)
+    if Measure in kinds:
+        return _length(option, optional=optional)
+    if ParallelGripper in kinds:
+        return _HAND
+    if get_origin(hint) is Length:
+        return _length(option, optional=NoneType in get_args(get_args(hint)[0]))
+    if optional and len(kinds) == 2 and kinds[0] in {int, float}:
+        return _one_word(f"{kinds[0].__name__.upper()}|{_NONE}", kinds[0])
+    return _PARSERS.get(get_origin(hint) or hint)
+
+
+def _angle(option: str, *, optional: bool) -> Parser:
+    """Return the parser of an angle in degrees, or of `none` if that is allowed."""
+
+    def parse(word: str) -> float:
+        try:
+            return math.radians(float(word))
+        except ValueError as error:
+            raise SettingError(f"{option} must be a number of degrees; got {word!r}") from error
+
+    def degrees(angle: float) -> str:
+        return f"{math.degrees(angle):.6g}"
+
+    return _one_word("DEGREES", parse, degrees, optional=optional)
+
+
+def _length(option: str, *, optional: bool) -> Parser:
+    """Return the parser of a length, or of `none` if that is allowed."""
+
+    def word(length: AnyLength) -> str:
+        return (f"{length:.15g}" if isinstance(length, Measure) else f"{length:g}").replace(" ", "")
+
+    metavar = f"LENGTH|{_NONE}" if optional else "LENGTH"
+    return _one_word(metavar, partial(parse_length, option), word, optional=optional)
+
+
+def _one_word(
+    metavar: str,
+    parse: Callable[[str], Any] = str,
+    text: Callable[[Any], str] = str,
+    *,
+    optional: bool = True,
+) -> Parser:
+    """Return the parser of one word, or of `none` if that is allowed.
+
+    Args:
+        metavar: Placeholder of the value.
+        parse: The value for a word.
+        text: The word for a value, to show a default.
+        optional: Whether `none` is None.
     """
 
-    def parse(words: list[str]) -> float | None:
-        if optional and words[0].lower() == _NONE:
-            return None
-        try:
-            return math.radians(float(words[0]))
-        except ValueError as error:
-            raise SettingError(f"{option} must be a number of degrees; got {words[0]!r}") from error
+    def is_none(word: str) -> bool:
+        return optional and word.lower() == _NONE
 
-    return tyro.constructors.PrimitiveConstructorSpec(
-        nargs=1,
-        metavar="DEGREES",
-        instance_from_str=parse,
-        is_instance=lambda value: value is None or isinstance(value, float),
-        str_from_instance=_degrees,
-    )
-
-
-def _length(
-    option: str, *, optional: bool = True
-) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
-    """Return the parser of a length, or of `none` if that is allowed."""
-    none = f"|{_NONE}" if optional else ""
-
-    def parse(words: list[str]) -> AnyLength | None:
-        if optional and words[0].lower() == _NONE:
-            return None
-        return parse_length(option, words[0])  # type: ignore[no-any-return]
-
-    return tyro.constructors.PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=f"LENGTH{none}",
-        instance_from_str=parse,
-        is_instance=lambda value: value is None or isinstance(value, float | Measure),
-        str_from_instance=lambda value: [_length_word(value)],
-    )
-
-
-def _length_word(value: AnyLength | None) -> str:
-    """Return the word with which a length is given."""
-    if isinstance(value, Measure):
-        return str(value).replace(" ", "")
-    return _NONE if value is None else f"{value:g}"
-
-
-def _text(
-    metavar: str, check: Callable[[str], Any] = str, *, optional: bool = True
-) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
-    """Return the parser of a text that the settings parse themselves, or of `none`."""
-    return tyro.constructors.PrimitiveConstructorSpec(
+    return PrimitiveConstructorSpec(
         nargs=1,
         metavar=metavar,
-        instance_from_str=lambda words: (
-            None if optional and words[0].lower() == _NONE else check(words[0])
-        ),
+        instance_from_str=lambda words: None if is_none(words[0]) else parse(words[0]),
         is_instance=lambda _value: True,
-        str_from_instance=lambda value: [_NONE if value is None else str(value)],
+        str_from_instance=lambda value: [_NONE if value is None else text(value)],
     )
-
-
-_DEGREES, _ANY_LENGTH = _angle("an angle"), _length("a length")
-_NAMED = {id(_DEGREES): _angle, id(_ANY_LENGTH): _length}
-"""Parsers whose errors get the name of the option in `command`."""
-
-_TEXT_FIELDS = Field
-"""Kinds of fields that take texts."""
-
-_POSITION = _text(f"X,Y,Z|{_NONE}")
-"""Parser of a point."""
-
-_QUANTITY = _text(f"NUMBER|{_NONE}")
-"""Parser of a mass, density or force."""
 
 
 def _task(text: str) -> TaskText:
@@ -146,173 +203,41 @@ def _task(text: str) -> TaskText:
     return task
 
 
-_TASK = _text("TASK", _task, optional=False)
-"""Parser of a task."""
-
-
-_FRICTION = _text("NUMBER|LOW..HIGH", optional=False)
-"""Parser of a coefficient of friction, or of the interval in which it lies: the settings check it.
-"""
-
-
 def _fingers(text: str) -> tuple[Uncertainty, ...]:
     """Return the uncertainty of each finger.
 
     Raises:
         SettingError: It is none.
     """
-    given = "" if text.lower() == _NONE else text
     try:
-        return parse_fingers(given)
+        return parse_fingers("" if text.lower() == _NONE else text)
     except SettingError as error:
         raise SettingError(f"--per-finger: {error}") from error
 
 
-_PER_FINGER = tyro.constructors.PrimitiveConstructorSpec[Any](
-    nargs=1,
-    metavar=f"NAME=VALUE,...;...|{_NONE}",
-    instance_from_str=lambda words: _fingers(words[0]),
-    is_instance=lambda _value: True,
-    str_from_instance=lambda value: [str(value) or _NONE],
-)
-"""Parser of the uncertainty of each finger."""
-
-
-def optional_number(
-    number: type[int] | type[float],
-) -> tyro.constructors.PrimitiveConstructorSpec[Any]:
-    """Return the parser of a number or `none`."""
-    return tyro.constructors.PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=f"{number.__name__.upper()}|{_NONE}",
-        instance_from_str=lambda words: None if words[0].lower() == _NONE else number(words[0]),
-        is_instance=lambda value: value is None or isinstance(value, number),
-        str_from_instance=lambda value: [_NONE if value is None else str(value)],
-    )
-
-
-def _gripper_of(words: list[str]) -> ParallelGripper | None:
+def _hand(word: str) -> ParallelGripper:
     """Return the gripper of a preset or a file; raises ValueError."""
     from grasp3d.hand.gripper_files import load_gripper
 
     try:
-        return None if words[0].lower() == _NONE else load_gripper(words[0])
+        return load_gripper(word)
     except GraspError as error:
         raise ValueError(str(error)) from error
 
 
-_GRIPPER: tyro.constructors.PrimitiveConstructorSpec[Any] = (
-    tyro.constructors.PrimitiveConstructorSpec(
-        nargs=1,
-        metavar=f"NAME|FILE|{_NONE}",
-        instance_from_str=_gripper_of,
-        is_instance=lambda value: value is None or isinstance(value, ParallelGripper),
-        str_from_instance=lambda value: [_NONE if value is None else value.name],
-    )
-)
+_HAND = _one_word(f"NAME|FILE|{_NONE}", _hand, lambda hand: str(hand.name))
 """Parser of a gripper: the name of a preset, or a file."""
 
-
-_ALIASES = {"hand": ["--gripper"]}
-"""Other names of options, by the name of the field."""
-
-
-def _help_texts(settings: type) -> dict[str, str]:
-    """Return the texts on the fields in the docstring of a settings class, by name."""
-    return {
-        item.args[-1]: " ".join((item.description or "").split())
-        for item in docstring_parser.parse(settings.__doc__ or "").params
-    }
-
-
-def _options_of(settings: type, *, hidden: tuple[str, ...] = ()) -> Any:
-    """Return the command-line options of a settings class, with angles in degrees.
-
-    Args:
-        settings: A frozen dataclass whose angles are annotated as `Radians`.
-        hidden: Fields that a command does not take: they have no options, only their defaults.
-    """
-    hints, helps = get_type_hints(settings, include_extras=True), _help_texts(settings)
-    fields = [
-        (
-            field.name,
-            Annotated[
-                (
-                    _value_type(hints[field.name]),
-                    tyro.conf.arg(
-                        help=helps.get(field.name),
-                        metavar=_METAVARS.get(field.name),
-                        help_behavior_hint=_default_text(field.default),
-                        aliases=_ALIASES.get(field.name),
-                    ),
-                    *_parser(hints[field.name], option_name(field.name)),
-                    *([tyro.conf.Suppress] if field.name in hidden else []),
-                )
-            ],
-            dataclasses.field(default=field.default),
-        )
-        for field in dataclasses.fields(settings)
-    ]
-    options = dataclasses.make_dataclass(
-        settings.__name__,
-        fields,
-        bases=(settings,),
-        frozen=True,
-        namespace={
-            "__doc__": settings.__doc__,
-            # Other processes cannot import the generated class: they unpickle the settings class.
-            "__reduce__": lambda self: (
-                settings,
-                tuple(getattr(self, field.name) for field in dataclasses.fields(self)),
-            ),
-        },
-    )
-    for name, _, _ in fields:  # the defaults would hide what parses texts
-        if isinstance(inspect.getattr_static(settings, name), _TEXT_FIELDS):
-            delattr(options, name)
-    return Annotated[settings, tyro.conf.arg(constructor=options)]
-
-
-def _value_type(hint: Any) -> Any:
-    """Return the type of a field's values: of those that parse texts any."""
-    kind = get_origin(hint) or hint
-    return Any if isinstance(kind, type) and issubclass(kind, Field) else hint
-
-
-def _default_text(default: object) -> str | None:
-    """Return the text on a default that tyro would write as `None`; None: tyro's own text."""
-    return f"(default: {_NONE})" if default is None else None
-
-
-def _parser(hint: Any, option: str) -> tuple[Any, ...]:
-    """Return the parser of a type of field, or nothing if tyro parses it as needed."""
-    if _is_angle(hint):
-        return (_angle(option, optional=NoneType in get_args(hint)),)
-    if hint == ParallelGripper | None:
-        return (_GRIPPER,)
-    if get_origin(hint) is Length:
-        return (_length(option, optional=NoneType in get_args(get_args(hint)[0])),)
-    for kind, parser in _PARSERS.items():
-        if kind in {hint, get_origin(hint)}:
-            return (parser,)
-    return tuple(optional_number(number) for number in (int, float) if hint == number | None)
-
-
-_PARSERS = {
-    FrictionField: _FRICTION,
-    PerFinger: _PER_FINGER,
-    Position: _POSITION,
-    Quantity: _QUANTITY,
-    TaskField: _TASK,
+_PARSERS: dict[Any, Parser] = {
+    FrictionField: _one_word("NUMBER|LOW..HIGH", optional=False),
+    PerFinger: _one_word(
+        f"NAME=VALUE,...;...|{_NONE}", _fingers, lambda own: str(own) or _NONE, optional=False
+    ),
+    Position: _one_word(f"X,Y,Z|{_NONE}"),
+    Quantity: _one_word(f"NUMBER|{_NONE}"),
+    TaskField: _one_word("TASK", _task, optional=False),
 }
-"""Parsers by the kind of field."""
-
-
-def _is_angle(hint: Any) -> bool:
-    """Return whether a type, or a member of its union, is an angle."""
-    if get_origin(hint) is Annotated:
-        return ANGLE in get_args(hint)[1:]
-    return any(_is_angle(part) for part in get_args(hint))
+"""Parsers by the kind of field of settings; the texts are parsed by the settings themselves."""
 
 
 def _model_option(
@@ -326,7 +251,7 @@ def _model_option(
         metavar: Placeholder of the value; None: from its type.
         default: Description of the default; None: its value.
     """
-    text = f"{_help_texts(GraspModel).get(field, '')} {note}".strip()
+    text = f"{_help_texts(GraspModel)[field]} {note}".strip()
     return tyro.conf.arg(help=text, metavar=metavar, help_behavior_hint=default)
 
 
@@ -346,11 +271,11 @@ FrictionRanges = Annotated[
 ]
 """Coefficients of friction as words for `parse_frictions`."""
 
-SensorResolution = Annotated[float | None, _model_option("sensor_resolution", default=""), _DEGREES]
+SensorResolution = Annotated[Radians | None, _model_option("sensor_resolution", default="")]
 """A sensor resolution [rad], given in degrees; None: not given."""
 
 SensorResolutions = Annotated[
-    tuple[Annotated[float, _DEGREES], ...],
+    tuple[Radians, ...],
     _model_option("sensor_resolution", "One or two values, in degrees."),
 ]
 """One or two sensor resolutions [rad], given in degrees."""
@@ -389,13 +314,12 @@ FrictionErrorRanges = Annotated[
 Fingers = Annotated[int, _model_option("fingers")]
 """A number of fingers."""
 
-LengthOption = Annotated[AnyLength | None, _ANY_LENGTH, tyro.conf.arg(help_behavior_hint="")]
+LengthOption = Annotated[AnyLength | None, tyro.conf.arg(help_behavior_hint="")]
 """A length: a number, a text with a unit, or none."""
 
 HandOption = Annotated[
     ParallelGripper | None,
-    _GRIPPER,
-    tyro.conf.arg(help_behavior_hint="", aliases=_ALIASES["hand"]),
+    tyro.conf.arg(help_behavior_hint=""),
 ]
 """A gripper: the name of a preset, or a file; None: not given."""
 
@@ -441,68 +365,22 @@ Inputs = Annotated[
 """Meshes, as `batch.inputs.find_meshes` takes them."""
 
 
-def command(kind: type[CommandT]) -> type[CommandT]:
-    """Give a command's options their docstrings as help, without the line breaks of the source.
-
-    Args:
-        kind: A dataclass whose fields are options, with docstrings.
-    """
-    (tree,) = ast.parse(textwrap.dedent(inspect.getsource(kind))).body
-    assert isinstance(tree, ast.ClassDef)
-    for field, text in zip(tree.body, tree.body[1:], strict=False):
-        if not (isinstance(field, ast.AnnAssign) and isinstance(field.target, ast.Name)):
-            continue
-        if isinstance(text, ast.Expr) and isinstance(text.value, ast.Constant):
-            helped = tyro.conf.arg(help=" ".join(str(text.value.value).split()))
-            hints, name = kind.__annotations__, field.target.id
-            hints[name] = Annotated[_with_option(hints[name], option_name(name)), helped]
-    return kind
+def _without(*names: str) -> "partial[GraspModel]":
+    """Return how a command makes a model of whose fields it does not take some."""
+    return partial(GraspModel, **{name: getattr(GraspModel, name) for name in names})
 
 
-def _with_option(hint: Any, option: str) -> Any:
-    """Return a type whose parsers of angles and lengths name the option in their errors."""
-    if get_origin(hint) is tuple:
-        return GenericAlias(tuple, tuple(_with_option(one, option) for one in get_args(hint)))
-    if get_origin(hint) is not Annotated:
-        return hint
-    parsers = (_NAMED.get(id(one)) for one in hint.__metadata__)
-    named = [
-        one if parser is None else parser(option)
-        for one, parser in zip(hint.__metadata__, parsers, strict=True)
-    ]
-    return Annotated[_with_option(hint.__origin__, option), *named]
+NoisyModel = Annotated[
+    GraspModel, _without("location_error", "per_finger", "method", "extreme_normals")
+]
+"""The model of labels of noisy copies."""
 
+SimulatedModel = Annotated[
+    GraspModel, _without("fingers", "method", "extreme_normals", "edges", "actuation")
+]
+"""The model of simulated grasps."""
 
-NOT_OF_NOISE = ("location_error", "per_finger", "method", "extreme_normals")
-"""Fields of `GraspModel` that labels of noisy copies do not take."""
-
-NOT_OF_PHYSICS = ("fingers", "method", "extreme_normals", "edges", "actuation")
-"""Fields of `GraspModel` that simulated grasps do not take."""
-
-NOT_OF_OUTCOMES = ("fingers", "per_finger", "method", "extreme_normals")
-"""Fields of `GraspModel` that labels held against outcomes do not take."""
-
-if TYPE_CHECKING:
-    ModelOptions = GraspModel
-    ValidatedModelOptions = GraspModel
-    NoisyModelOptions = GraspModel
-    SamplingOptions = Sampling
-    SurfaceOptions = MeshOptions
-    ReachOptions = ReachSettings
-    LoadOptions = Load
-    SimulatedModelOptions = GraspModel
-    SimulationOptions = SimulationSettings
-    ClusterOptions = ClusterSettings
-    ViewOptions = ViewSettings
-else:
-    ModelOptions = _options_of(GraspModel)
-    NoisyModelOptions = _options_of(GraspModel, hidden=NOT_OF_NOISE)
-    ValidatedModelOptions = _options_of(GraspModel, hidden=NOT_OF_OUTCOMES)
-    SamplingOptions = _options_of(Sampling)
-    SurfaceOptions = _options_of(MeshOptions)
-    ReachOptions = _options_of(ReachSettings)
-    LoadOptions = _options_of(Load)
-    SimulatedModelOptions = _options_of(GraspModel, hidden=NOT_OF_PHYSICS)
-    SimulationOptions = _options_of(SimulationSettings)
-    ClusterOptions = _options_of(ClusterSettings)
-    ViewOptions = _options_of(ViewSettings)
+ValidatedModel = Annotated[
+    GraspModel, _without("fingers", "per_finger", "method", "extreme_normals")
+]
+"""The model of labels that are held against outcomes."""

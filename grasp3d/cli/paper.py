@@ -6,11 +6,10 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import Friction, Quiet, SensorResolutions, command
+from grasp3d.cli.options import Friction, Quiet, SensorResolutions
 from grasp3d.settings import DEGREE
 
 
-@command
 @dataclass(frozen=True)
 class Paper:
     """Recompute Wan & Howe 2018: figures 4 to 11, their 3-D counterparts, numbers.

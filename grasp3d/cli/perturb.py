@@ -10,13 +10,10 @@ from grasp3d.cli.options import (
     Force,
     InputFile,
     LengthOption,
-    NoisyModelOptions,
+    NoisyModel,
     OutputFile,
     Overwrite,
     Quiet,
-    SamplingOptions,
-    SurfaceOptions,
-    command,
 )
 from grasp3d.perturbing.noise_settings import NoiseSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
@@ -26,7 +23,6 @@ if TYPE_CHECKING:
     from grasp3d.perturbing.perturbation import Perturbation
 
 
-@command
 @dataclass(frozen=True)
 class Perturb:
     """Label noisy copies of a scan, and print the errors to enter for it.
@@ -64,15 +60,15 @@ class Perturb:
     noise_seed: int = NoiseSettings.seed
     """Seed of the noise; the same seed gives the same copies."""
 
-    model: NoisyModelOptions = field(default_factory=GraspModel)
+    model: NoisyModel = field(default_factory=GraspModel)
     """Friction, sensor resolution and fingers. Errors of contact locations, and those of single
     fingers, are none of the scan's: add them afterwards to the errors that are printed."""
 
-    sampling: SamplingOptions = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
 
-    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
     force: Force = False

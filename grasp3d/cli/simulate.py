@@ -9,7 +9,6 @@ import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
-    ClusterOptions,
     Force,
     HandOption,
     InputFile,
@@ -17,10 +16,7 @@ from grasp3d.cli.options import (
     OutputFile,
     Overwrite,
     Quiet,
-    SimulatedModelOptions,
-    SimulationOptions,
-    SurfaceOptions,
-    command,
+    SimulatedModel,
 )
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.physics.simulation_settings import SimulationSettings
@@ -31,7 +27,6 @@ if TYPE_CHECKING:
     from grasp3d.physics.simulation import Simulation
 
 
-@command
 @dataclass(frozen=True)
 class Simulate:
     """Simulate labelled grasps in MuJoCo: do S hold, and U fail?
@@ -63,18 +58,18 @@ class Simulate:
     max_opening: LengthOption = None
     """Largest distance between the contacts, a length (default: none)."""
 
-    simulation: SimulationOptions = field(default_factory=SimulationSettings)
+    simulation: SimulationSettings = field(default_factory=SimulationSettings)
     """Grasps, tips, forces and limits of the simulation. A LENGTH is a number in the mesh's unit,
     or has a unit: 3mm."""
 
-    model: SimulatedModelOptions = field(default_factory=GraspModel)
+    model: SimulatedModel = field(default_factory=GraspModel)
     """Friction and what is uncertain, from which labels follow, and within which the true contacts
     are drawn."""
 
-    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
-    cluster: ClusterOptions = field(default_factory=ClusterSettings)
+    cluster: ClusterSettings = field(default_factory=ClusterSettings)
     """Which processes simulate, with their limits; each simulates a few grasps at a time."""
 
     force: Force = False

@@ -9,7 +9,6 @@ import tyro
 
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.cli.options import (
-    ClusterOptions,
     Fingers,
     Flag,
     Force,
@@ -21,11 +20,7 @@ from grasp3d.cli.options import (
     OutputFile,
     Overwrite,
     Quiet,
-    ReachOptions,
-    SamplingOptions,
     SensorResolutionRanges,
-    SurfaceOptions,
-    command,
 )
 from grasp3d.cli.ranges import (
     parse_angles,
@@ -54,7 +49,6 @@ MAX_ROWS = 4
 """Rows of a sweep with axes other than friction and resolution that are drawn one by one."""
 
 
-@command
 @dataclass(frozen=True)
 class Sweep:
     """Compute area fractions of S, M and U over friction and sensor resolution.
@@ -101,17 +95,17 @@ class Sweep:
 
     fingers: Fingers = 2
 
-    sampling: SamplingOptions = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
 
-    reach: ReachOptions = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
 
-    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
-    cluster: ClusterOptions = field(default_factory=ClusterSettings)
+    cluster: ClusterSettings = field(default_factory=ClusterSettings)
     """Which processes label the meshes, if there are several."""
 
     force: Force = False

@@ -13,7 +13,6 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import optional_number
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.system.names import printable
 from grasp3d.system.steps import StepTimes, recorded_steps
@@ -25,7 +24,6 @@ BAD_INPUT = 2
 
 Timeout = Annotated[
     float | None,
-    optional_number(float),
     tyro.conf.arg(
         metavar="SECONDS|none",
         help="Time limit for reading, repairing and labelling the mesh; none: no limit.",

@@ -7,13 +7,9 @@ from typing import TYPE_CHECKING, Annotated
 import tyro
 
 from grasp3d.cli.options import (
-    LoadOptions,
     Overwrite,
     Quiet,
-    ReachOptions,
-    SurfaceOptions,
-    ValidatedModelOptions,
-    command,
+    ValidatedModel,
 )
 from grasp3d.cli.ranges import parse_angles, parse_frictions
 from grasp3d.errors import OutputError
@@ -26,7 +22,6 @@ if TYPE_CHECKING:
     from grasp3d.validating.validation import Validation
 
 
-@command
 @dataclass(frozen=True)
 class Validate:
     """Compare labels and scores of grasps with what became of them.
@@ -89,17 +84,17 @@ class Validate:
     worst: int = ValidationSettings.worst
     """Largest number of disagreements of each kind that are listed, 0 to 50."""
 
-    model: ValidatedModelOptions = field(default_factory=GraspModel)
+    model: ValidatedModel = field(default_factory=GraspModel)
     """Friction and sensor resolution of label, margin, epsilon and grip force."""
 
-    reach: ReachOptions = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper of the poses, unless their files state a known one (ACRONYM: the Franka hand),
     and what the objects stand on."""
 
-    load: LoadOptions = field(default_factory=Load)
+    load: Load = field(default_factory=Load)
     """What each grasp must hold; without a mass or density that of the file, if it states one."""
 
-    surface: SurfaceOptions = field(default_factory=MeshOptions)
+    surface: MeshOptions = field(default_factory=MeshOptions)
     """How meshes are read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
 
     object_motion: ObjectMotion = "free"

@@ -9,16 +9,9 @@ import tyro
 from grasp3d.cli.options import (
     Flag,
     Force,
-    LoadOptions,
-    ModelOptions,
     OutputFile,
     Overwrite,
     Quiet,
-    ReachOptions,
-    SamplingOptions,
-    SurfaceOptions,
-    ViewOptions,
-    command,
 )
 from grasp3d.cli.time_limit import (
     DEFAULT_TIMEOUT,
@@ -37,7 +30,6 @@ if TYPE_CHECKING:
     from grasp3d.viewer.session.collection import Collection
 
 
-@command
 @dataclass(frozen=True)
 class View:
     """View an object: rotate it, change friction and resolution, click for reasons."""
@@ -61,22 +53,22 @@ class View:
     turntable: OutputFile = None
     """Write a film of one full turn (.gif or .mp4) instead; needs no display."""
 
-    view: ViewOptions = field(default_factory=ViewSettings)
+    view: ViewSettings = field(default_factory=ViewSettings)
     """Initial view of the object."""
 
-    model: ModelOptions = field(default_factory=GraspModel)
+    model: GraspModel = field(default_factory=GraspModel)
     """Grasp model; options with their default are taken from a labelled file."""
 
-    sampling: SamplingOptions = field(default_factory=Sampling)
+    sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched; likewise from a labelled file."""
 
-    reach: ReachOptions = field(default_factory=ReachSettings)
+    reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
 
-    load: LoadOptions = field(default_factory=Load)
+    load: Load = field(default_factory=Load)
     """What each grasp must hold, and the force at hand."""
 
-    mesh: SurfaceOptions = field(default_factory=MeshOptions)
+    mesh: MeshOptions = field(default_factory=MeshOptions)
     """How a mesh is read and prepared; likewise from a labelled file."""
 
     timeout: Timeout = DEFAULT_TIMEOUT

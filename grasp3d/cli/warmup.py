@@ -7,10 +7,9 @@ from typing import Annotated
 
 import tyro
 
-from grasp3d.cli.options import Flag, Quiet, command
+from grasp3d.cli.options import Flag, Quiet
 
 
-@command
 @dataclass(frozen=True)
 class Warmup:
     """Compile the kernels ahead, so that no later command or Python program waits for it.

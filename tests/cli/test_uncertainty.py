@@ -13,7 +13,7 @@ import tyro
 
 from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.batch.sweep_grasps import MAX_SEARCHES, search_at_each
-from grasp3d.cli.options import ModelOptions
+from grasp3d.cli.options import REGISTRY
 from grasp3d.cli.ranges import parse_angles, parse_lengths, parse_numbers
 from grasp3d.errors import SettingError
 from grasp3d.mesh.primitives import box_mesh
@@ -39,8 +39,7 @@ MODEL = GraspModel(
 
 
 def parsed(*words: str) -> GraspModel:
-    model: GraspModel = tyro.cli(ModelOptions, args=list(words))
-    return model
+    return tyro.cli(GraspModel, args=list(words), registry=REGISTRY)
 
 
 def test_the_options_are_the_settings() -> None:
