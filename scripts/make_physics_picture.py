@@ -12,7 +12,7 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from grasp3d import GraspModel, Label
-from grasp3d.physics.success import rates_by
+from grasp3d.physics.simulation import rates_by
 from grasp3d.plots.formats import save_as
 from grasp3d.plots.style import LABEL_COLORS, LINES, Drawing, new_figure, styled
 from grasp3d.tables import read_columns

@@ -21,7 +21,7 @@ from grasp3d.arrays import angles_between
 from grasp3d.mesh.noise_fields import random_field
 from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
 from grasp3d.perturbing import NoiseSettings, Perturbation, perturb_surface
-from grasp3d.perturbing.copies import angles_on
+from grasp3d.perturbing.perturb import angles_on
 from grasp3d.surface.area_statistics import quantiles, vertex_weights
 
 LIBRARY = Path(__file__).parents[1] / "meshes"

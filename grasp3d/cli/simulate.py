@@ -82,7 +82,7 @@ class Simulate:
         """Run the command, and return the exit code."""
         from grasp3d.cli import simulate_report
         from grasp3d.cli.existing_files import check_replaceable
-        from grasp3d.physics.writing import write_simulation
+        from grasp3d.physics.simulation import write_simulation
         from grasp3d.system.files import check_suffix
         from grasp3d.tables import SUFFIXES
 
@@ -103,7 +103,7 @@ class Simulate:
         from grasp3d.cli.existing_files import check_replaceable
         from grasp3d.grasps.pose_files import read_poses, write_poses
         from grasp3d.mesh import load_mesh
-        from grasp3d.physics.posed import simulate_poses
+        from grasp3d.physics.simulate import simulate_poses
 
         assert self.grasps is not None
         if self.hand is None:

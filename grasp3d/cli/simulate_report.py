@@ -13,8 +13,7 @@ from grasp3d.cli.report import escaped, length_with_unit
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.model_text import model_line
 from grasp3d.physics.pulling import Fate
-from grasp3d.physics.simulation import Simulation
-from grasp3d.physics.success import SuccessRate, success_rate
+from grasp3d.physics.simulation import Simulation, SuccessRate, success_rate
 from grasp3d.settings.lengths import small_length
 from grasp3d.stability.label import COLORS, MEANING, Label
 from grasp3d.system.counts import counted

@@ -16,11 +16,14 @@ from grasp3d.contact.sensor import Sensor
 from grasp3d.paper.objects import swept
 from grasp3d.paper.paper_settings import PaperSettings
 from grasp3d.planar import Circle, scan, square
-from grasp3d.plots.combinations import combinations_figure
-from grasp3d.plots.cones import cone_figure
+from grasp3d.plots.cones import combinations_figure, cone_figure
 from grasp3d.plots.curves import curves_figure
-from grasp3d.plots.error_fractions import ErrorPanel, error_fractions_figure
-from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure
+from grasp3d.plots.fraction_figures import (
+    ErrorPanel,
+    ceiling_figure,
+    error_fractions_figure,
+    fractions_figure,
+)
 from grasp3d.plots.heat_maps import heat_map_figure
 from grasp3d.plots.style import Drawing
 from grasp3d.plots.tips import tips_figure

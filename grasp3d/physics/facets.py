@@ -6,6 +6,7 @@ with the critical friction angle to fractions of a degree.
 """
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -13,9 +14,8 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, unit_rows
 from grasp3d.errors import SettingError
-from grasp3d.physics.engine import mujoco_module, without_log
-from grasp3d.physics.hand import Tips
-from grasp3d.physics.plates import plates_model
+from grasp3d.physics.engine import contact_fields, mujoco_module, new_spec, without_log
+from grasp3d.physics.scene import TIP_BIT, Tips, add_tips
 
 SLIPPED = 5e-5
 """Shift of a contact across the line between the two from which a grasp has slipped [m]. Grasps
@@ -24,6 +24,15 @@ pass it within a second."""
 
 RAMP = 0.1
 """Time in which the force grows to its full value [s]."""
+
+PLATE = (0.05, 0.05, 0.004)
+"""Half sizes of the plates [m]: no tip slides off them before it is seen to slip."""
+
+PLATES = "plates"
+"""Name of the body."""
+
+DEFAULT_CONTACT = {"solref": (0.02, 1.0), "solimp": (0.9, 0.95, 0.001, 0.5, 2.0)}
+"""MuJoCo's defaults."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -115,12 +124,11 @@ def slip_friction(
     Raises:
         SettingError: As in `facet_slip`.
     """
-    low, high = 0.0, 0.5 * math.pi - 0.02
-    while high - low > 2.0 * math.radians(within):
-        middle = 0.5 * (low + high)
-        holds = facet_slip(normals, math.tan(middle), press) < SLIPPED
-        low, high = (low, middle) if holds else (middle, high)
-    return 0.5 * (low + high)
+
+    def holds(angle: float) -> bool:
+        return facet_slip(normals, math.tan(angle), press) < SLIPPED
+
+    return _first_angle(holds, within)
 
 
 def slip_tilt(
@@ -146,13 +154,21 @@ def slip_tilt(
     axes = np.array([[1.0, 0.0, 0.0], [-1.0, 0.0, 0.0]])
     angles = np.arccos(np.clip((inward * axes).sum(axis=1), -1.0, 1.0))
     across = unit_rows(inward - (inward * axes).sum(axis=1, keepdims=True) * axes)
+
+    def slips(angle: float) -> bool:
+        tilt = (angle * angles / angles.max())[:, None]
+        tilted = np.cos(tilt) * axes + np.sin(tilt) * across
+        return not facet_slip(tilted, friction, press) < SLIPPED
+
+    return _first_angle(slips, within)
+
+
+def _first_angle(reaches: Callable[[float], bool], within: float) -> float:
+    """First angle at which a condition holds [rad], by bisection to within some degrees."""
     low, high = 0.0, 0.5 * math.pi - 0.02
     while high - low > 2.0 * math.radians(within):
         middle = 0.5 * (low + high)
-        tilt = (middle * angles / angles.max())[:, None]
-        tilted = np.cos(tilt) * axes + np.sin(tilt) * across
-        holds = facet_slip(tilted, friction, press) < SLIPPED
-        low, high = (middle, high) if holds else (low, middle)
+        low, high = (low, middle) if reaches(middle) else (middle, high)
     return 0.5 * (low + high)
 
 
@@ -176,3 +192,58 @@ def _shift(data: Any, opening: float) -> float:
     end = 0.5 * opening * turned.reshape(3, 3)[:, 0]
     moved = data.qpos[:3] + np.array([[-1.0], [1.0]]) * end
     return float(np.hypot(moved[:, 1], moved[:, 2]).max())
+
+
+def plates_model(
+    normals: Floats,
+    opening: float,
+    tips: Tips,
+    *,
+    mass: float,
+    force: float,
+    center: Floats | None = None,
+    dry_friction: bool = True,
+) -> Any:
+    """MuJoCo's model of a free body of two plates, on which two tips press along x.
+
+    Args:
+        normals: Inward normals of the plates, shape (2, 3); contact 1 is at -x of contact 2.
+        opening: Distance of the contacts, which are on the x axis beside the origin [m].
+        tips: The tips.
+        mass: Mass of the body, and of each tip [kg].
+        force: Force at which the tips are damped [N].
+        center: Centre of mass of the body [m], shape (3,); None: the origin.
+        dry_friction: Whether contacts behave as dry friction; otherwise MuJoCo's defaults.
+    """
+    mujoco = mujoco_module()
+    spec = new_spec(dry_friction=dry_friction)
+    touch = contact_fields(tips.friction, tips.torsion_radius)
+    points = 0.5 * opening * np.array([[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]])
+    body = spec.worldbody.add_body(name=PLATES)
+    body.add_freejoint()
+    body.explicitinertial = True
+    body.ipos = np.zeros(3) if center is None else center
+    body.mass, body.inertia = mass, [mass * opening**2] * 3
+    for number in range(2):
+        body.add_geom(
+            type=mujoco.mjtGeom.mjGEOM_BOX,
+            size=PLATE,
+            pos=points[number] + PLATE[2] * normals[number],
+            quat=_from_z(normals[number]),
+            contype=TIP_BIT << number,
+            conaffinity=0,
+            **touch,
+        )
+    add_tips(spec, points - tips.radius * normals, tips, mass=mass, force=force)
+    if not dry_friction:
+        for geom in spec.geoms:
+            geom.solref, geom.solimp = DEFAULT_CONTACT["solref"], DEFAULT_CONTACT["solimp"]
+    return spec.compile()
+
+
+def _from_z(normal: Floats) -> Floats:
+    """Quaternion (w, x, y, z) of a rotation that takes z to a unit vector."""
+    mujoco = mujoco_module()
+    found = np.zeros(4)
+    mujoco.mju_quatZ2Vec(found, normal)
+    return found

@@ -10,8 +10,8 @@ from grasp3d.arrays import ArrayLike, Floats, unit_rows
 from grasp3d.contact.contacts import Contacts
 from grasp3d.errors import ContactError
 from grasp3d.physics.engine import mujoco_module, without_log
-from grasp3d.physics.hand import Tips
-from grasp3d.physics.plates import PLATES, plates_model
+from grasp3d.physics.facets import PLATES, plates_model
+from grasp3d.physics.scene import Tips
 
 PRESSED, LOADED, WATCHED = 0.2, 0.4, 1.0
 """Times until the tips press fully, until the full load acts, and until the end [s]."""

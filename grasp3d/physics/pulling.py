@@ -24,8 +24,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, short_repr
 from grasp3d.physics.engine import mujoco_module, without_log
-from grasp3d.physics.hand import JOINTS, Tips
-from grasp3d.physics.scene import OBJECT, put_object
+from grasp3d.physics.scene import JOINTS, OBJECT, Tips, put_object
 from grasp3d.physics.simulation_settings import SimulationSettings
 
 RAMP, WAITING = 0.2, 0.3

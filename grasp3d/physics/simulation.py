@@ -1,33 +1,142 @@
-"""Result of simulated grasps."""
+"""Result of simulated grasps: outcomes, rates of success, and the table of all grasps."""
 
 import math
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import pairwise
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bools, Floats, short_repr
+from grasp3d.arrays import ArrayLike, Bools, Floats, short_repr
 from grasp3d.contact.contacts import Contacts
+from grasp3d.conversions import chosen_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.drawing import DrawnGrasps
 from grasp3d.physics.pulling import Fate, Outcome
 from grasp3d.physics.simulation_settings import SimulationSettings
-from grasp3d.physics.success import SuccessRate, rates_by, success_rate
-from grasp3d.physics.table_columns import contact_columns, label_columns, outcome_columns
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import METRES
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label
+from grasp3d.system.versions import package_version
+from grasp3d.validating.intervals import wilson
 
 if TYPE_CHECKING:
     import pandas as pd
 
 MARGINS = (-math.inf, -30.0, -20.0, -10.0, 0.0, 10.0, 20.0, math.inf)
 """Borders of the bins of the margin [degrees]."""
+
+Columns = dict[str, npt.NDArray[Any]]
+
+
+def _label_columns(grasps: DrawnGrasps) -> Columns:
+    """Labels, margins, critical friction angles [rad] and true friction."""
+    return {
+        "label": np.array([Label(code).name for code in grasps.label]),
+        "critical_angle": grasps.critical_angle,
+        "margin": grasps.margin,
+        "friction1": grasps.friction[:, 0],
+        "friction2": grasps.friction[:, 1],
+    }
+
+
+def _outcome_columns(outcomes: Sequence[Outcome], metres: float) -> Columns:
+    """How far objects moved; angles in radians.
+
+    Args:
+        outcomes: What became of each grasp.
+        metres: Metres of the unit of lengths.
+    """
+
+    def values(name: str) -> npt.NDArray[Any]:
+        return np.array([getattr(one, name) for one in outcomes], dtype=np.float64)
+
+    lengths = {name: values(name) / metres for name in ("slip", "shift", "squeeze_shift")}
+    angles = {name: values(name) for name in ("turn", "spin", "squeeze_turn")}
+    pulls = np.array([one.pulls_held for one in outcomes], dtype=np.int64)
+    return {**lengths, **angles, "pulls_held": pulls}
+
+
+def _contact_columns(grasps: DrawnGrasps) -> Columns:
+    """True and perceived contacts, with inward normals."""
+    columns: Columns = {}
+    for prefix, points, normals in (
+        ("", grasps.points, grasps.normals),
+        ("perceived_", grasps.perceived_points, grasps.perceived_normals),
+    ):
+        for finger in range(2):
+            for head, vectors in (("", points), ("n", normals)):
+                for number, axis in enumerate("xyz"):
+                    columns[f"{prefix}{head}{axis}{finger + 1}"] = vectors[:, finger, number]
+    return columns
+
+
+@dataclass(frozen=True)
+class SuccessRate:
+    """How many of some grasps succeeded.
+
+    Example:
+        >>> from grasp3d.physics import SuccessRate
+        >>> rate = SuccessRate("S", 20, 19)
+        >>> print(f"{rate.rate:.2f}, from {rate.low:.2f} to {rate.high:.2f}")
+        0.95, from 0.76 to 0.99
+    """
+
+    name: str
+    """Which grasps."""
+    count: int
+    successes: int
+
+    @property
+    def rate(self) -> float:
+        """Fraction that succeeded; nan: there are none."""
+        return self.successes / self.count if self.count else float("nan")
+
+    @property
+    def low(self) -> float:
+        """Lower end of Wilson's interval (JASA 1927) at 95 %."""
+        return wilson(self.successes, self.count)[0]
+
+    @property
+    def high(self) -> float:
+        """Upper end of that interval."""
+        return wilson(self.successes, self.count)[1]
+
+
+def success_rate(name: str, success: Bools) -> SuccessRate:
+    """Rate of some grasps.
+
+    Args:
+        name: Which grasps.
+        success: Whether each succeeded, shape (k,).
+    """
+    return SuccessRate(name, len(success), int(np.count_nonzero(success)))
+
+
+def rates_by(values: Floats, success: Bools, edges: ArrayLike) -> Iterator[SuccessRate]:
+    """Rates in bins of a number, such as the margin in degrees.
+
+    Args:
+        values: The number of each grasp, shape (k,).
+        success: Whether each succeeded, shape (k,).
+        edges: Borders of the bins, in increasing order; the outer ones may be infinite.
+    """
+    borders = np.asarray(edges, dtype=np.float64)
+    for low, high in pairwise(borders.tolist()):
+        chosen = (values >= low) & (values < high)
+        yield success_rate(_name(low, high), success[chosen])
+
+
+def _name(low: float, high: float) -> str:
+    if math.isinf(low):
+        return f"below {high:g}"
+    return f"from {low:g}" if math.isinf(high) else f"{low:g} to {high:g}"
 
 
 @dataclass(frozen=True, eq=False)
@@ -134,11 +243,11 @@ class Simulation:
             "success": self.success,
             "held": self.held,
             "fate": np.array([str(one) for one in self.fates]),
-            **label_columns(self.grasps),
+            **_label_columns(self.grasps),
             "true_critical_angle": self.true_critical_angle,
-            **outcome_columns(self.outcomes, METRES[self.mesh.unit]),
+            **_outcome_columns(self.outcomes, METRES[self.mesh.unit]),
             "opening": self.openings,
-            **contact_columns(self.grasps),
+            **_contact_columns(self.grasps),
             **parts,
         }
 
@@ -151,3 +260,47 @@ class Simulation:
         from grasp3d.tables.columns import data_frame, table_of_columns
 
         return data_frame(table_of_columns(self.columns(), settings=plain_values(self.settings)))
+
+
+def write_simulation(path: str | Path, found: Simulation) -> None:
+    """Write a row for each simulated grasp: outcome, label, margin and contacts.
+
+    The columns are those of `Simulation.columns`.
+
+    Args:
+        path: File to make or replace: .csv or .parquet, which stores the settings too.
+        found: The simulated grasps.
+
+    Raises:
+        OutputError: The suffix is unknown, or the file cannot be written.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import trimesh
+        >>> import grasp3d
+        >>> from grasp3d.batch import ClusterSettings
+        >>> from grasp3d.physics import SimulationSettings, write_simulation
+        >>> box = grasp3d.load_mesh(trimesh.creation.box([0.04, 0.06, 0.1]), unit="m")
+        >>> settings = SimulationSettings(count=3, pull_time=0.1)
+        >>> found = grasp3d.simulate_grasps(
+        ...     box, simulation=settings, cluster=ClusterSettings(workers=0)
+        ... )
+        >>> write_simulation("simulated.csv", found)
+        >>> len(Path("simulated.csv").read_text().splitlines())
+        4
+    """
+    from grasp3d.tables import write_columns
+
+    write_columns(Path(path), dict(found.columns()), settings=settings_of(found))
+
+
+def settings_of(found: Simulation) -> dict[str, Any]:
+    """The settings that a table stores; angles in radians."""
+    simulation = plain_values(found.settings)
+    return {
+        "version": package_version(),
+        **chosen_settings(found.mesh, found.model, None, "scan"),
+        **{name: value for name, value in simulation.items() if name != "seed"},
+        "simulation_seed": found.settings.seed,
+        "parts": found.parts,
+    }

@@ -58,9 +58,9 @@ def paint_labels(
     parts = _parts(labels)
     rows = np.concatenate(list(parts.values())).reshape(-1, COLUMNS)
     colors = [np.tile(PALETTE[label], (3 * len(part), 1)) for label, part in parts.items()]
-    corners = _Corners(rows[:, POSITION], unit_rows(rows[:, NORMAL]), np.concatenate(colors))
+    corners = Corners(rows[:, POSITION], unit_rows(rows[:, NORMAL]), np.concatenate(colors))
     if beside is not None:
-        corners = corners.joined(_corners_of(beside))
+        corners = corners.joined(corners_of(beside))
 
     def rendered(count: int) -> Bytes:
         """The first corners; all of them determine what the picture shows."""
@@ -72,13 +72,23 @@ def paint_labels(
     alone = rendered(len(rows))
     if beside is None:
         return alone
-    both = rendered(len(corners.points))
-    mixed = OPACITY * both.astype(np.float64) + (1.0 - OPACITY) * alone
+    return translucent(rendered(len(corners.points)), alone, OPACITY)
+
+
+def translucent(both: Bytes, alone: Bytes, opacity: float) -> Bytes:
+    """Mix two pictures (h, w, 3): of a surface with something beside it, and of the surface alone.
+
+    Args:
+        both: Picture of both.
+        alone: Picture of the surface.
+        opacity: Opacity of what is beside it, from 0 to 1.
+    """
+    mixed = opacity * both.astype(np.float64) + (1.0 - opacity) * alone
     return np.asarray(np.rint(mixed), dtype=np.uint8)
 
 
 @dataclass(frozen=True, eq=False)
-class _Corners:
+class Corners:
     """Corners of triangles, three after each other."""
 
     points: Floats
@@ -88,18 +98,18 @@ class _Corners:
     colors: Bytes
     """Red, green, blue, (n, 3)."""
 
-    def joined(self, other: "_Corners") -> "_Corners":
+    def joined(self, other: "Corners") -> "Corners":
         """These corners, and then others."""
         pairs = zip(vars(self).values(), vars(other).values(), strict=True)
-        return _Corners(*(np.concatenate(pair) for pair in pairs))
+        return Corners(*(np.concatenate(pair) for pair in pairs))
 
 
-def _corners_of(gripper: Triangles) -> _Corners:
+def corners_of(gripper: Triangles) -> Corners:
     """Corners of a gripper, each face with its own normal."""
     corners = gripper.vertices[gripper.faces]  # (F, 3, 3)
     normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     table = np.array([PART_COLORS[part] for part in Part], dtype=np.uint8)
-    return _Corners(
+    return Corners(
         corners.reshape(-1, 3),
         np.repeat(unit_rows(normals), 3, axis=0),
         np.repeat(table[gripper.parts], 3, axis=0),

@@ -11,11 +11,19 @@ from grasp3d.arrays import Bytes
 from grasp3d.model_text import error_texts
 from grasp3d.perturbing.perturbation import Perturbation
 from grasp3d.plots.painting import paint_labels
-from grasp3d.plots.style import LABEL_COLORS, PAGE, as_text, label_patches, new_figure, styled
+from grasp3d.plots.style import (
+    LABEL_COLORS,
+    PAGE,
+    as_text,
+    fractions_text,
+    label_patches,
+    new_figure,
+    show_picture,
+    styled,
+)
 from grasp3d.rendering import View, picture
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.surface.labelling import label_surface
-from grasp3d.surface.labels import SurfaceLabels
 
 HEIGHT = 3.1
 """Height of the figure [inch]."""
@@ -37,7 +45,11 @@ def perturbation_figure(found: Perturbation, *, view: View | None = None) -> Fig
     """
     labels = found.labels
     panels = [
-        ("as scanned", paint_labels(labels, view=view, size=PIXELS), _fractions(labels)),
+        (
+            "as scanned",
+            paint_labels(labels, view=view, size=PIXELS),
+            fractions_text(labels.fractions()),
+        ),
         (
             f"fraction of {found.settings.copies} noisy copies that are S",
             _paint_fractions(found, view),
@@ -50,16 +62,13 @@ def perturbation_figure(found: Perturbation, *, view: View | None = None) -> Fig
         )
         errors = ",\n".join(error_texts(found.model, labels.mesh.unit))
         picture_ = paint_labels(advised, view=view, size=PIXELS)
-        panels.append((f"with {errors or 'no further error'}", picture_, _fractions(advised)))
+        panels.append(
+            (f"with {errors or 'no further error'}", picture_, fractions_text(advised.fractions()))
+        )
     figure = new_figure(PAGE, HEIGHT)
     grid = figure.subplots(1, len(panels), squeeze=False)[0]
     for axes, (title, image, below) in zip(grid, panels, strict=True):
-        axes.imshow(image)
-        axes.set(xticks=[], yticks=[])
-        axes.grid(visible=False)
-        axes.spines[:].set_visible(False)
-        axes.set_title(title)
-        axes.set_xlabel(below)
+        show_picture(axes, image, title, below)
     figure.suptitle(as_text(labels.mesh.report.source), fontsize="medium")
     scale: dict[str, Any] = {"orientation": "horizontal", "shrink": 0.7, "aspect": 30, "pad": 0.02}
     figure.colorbar(ScalarMappable(cmap=FRACTIONS), ax=grid[1], **scale)
@@ -72,7 +81,3 @@ def _paint_fractions(found: Perturbation, view: View | None) -> Bytes:
     colors = np.asarray(255.0 * FRACTIONS(found.stable)[:, :3], dtype=np.uint8)
     mesh = found.mesh
     return picture(mesh.vertices, mesh.faces, colors, normals=-mesh.normals, view=view, size=PIXELS)
-
-
-def _fractions(labels: SurfaceLabels) -> str:
-    return "   ".join(f"{name} {100.0 * part:.1f} %" for name, part in labels.fractions().items())

@@ -3,7 +3,7 @@
 Neither pyplot nor matplotlib's global settings are changed.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import wraps
 from typing import Any, ParamSpec, TypeAlias, TypeVar
 
@@ -13,6 +13,7 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.patches import Patch
 
+from grasp3d.arrays import Bytes
 from grasp3d.stability.label import COLORS, MEANING, Label
 
 Parameters = ParamSpec("Parameters")
@@ -110,6 +111,21 @@ def bare(axes: Axes) -> None:
     """Hide the axes' lines, ticks and labels, and scale both directions equally."""
     axes.set_axis_off()
     axes.set_aspect("equal")
+
+
+def show_picture(axes: Axes, picture: Bytes, title: str, below: str) -> None:
+    """Show a picture (h, w, 3) without axes, with a title above and a line of text below."""
+    axes.imshow(picture)
+    axes.set(xticks=[], yticks=[])
+    axes.grid(visible=False)
+    axes.spines[:].set_visible(False)
+    axes.set_title(title)
+    axes.set_xlabel(below)
+
+
+def fractions_text(fractions: Mapping[str, float]) -> str:
+    """Fractions of S, M and U as a line of text."""
+    return "   ".join(f"{name} {100.0 * value:.1f} %" for name, value in fractions.items())
 
 
 def as_text(name: str) -> str:

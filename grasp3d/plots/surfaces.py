@@ -5,13 +5,19 @@ from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
 from grasp3d.arrays import Bytes
 from grasp3d.plots.fraction_figures import CLOSED_FORM, draw_fractions
-from grasp3d.plots.style import PAGE, label_patches, new_figure, styled
+from grasp3d.plots.style import (
+    PAGE,
+    fractions_text,
+    label_patches,
+    new_figure,
+    show_picture,
+    styled,
+)
 from grasp3d.rendering import Finger
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.sweeps import Sweep
@@ -48,7 +54,8 @@ def surface_figure(
     figure = new_figure(PAGE if shown else PAGE / 2.0, HEIGHT)
     grid = figure.subplots(1, shown + 1, width_ratios=[PICTURE] * shown + [CURVES], squeeze=False)
     for axes, scan, picture in zip(grid[0, :shown], scans, pictures, strict=bool(shown)):
-        _show(axes, scan, picture)
+        title = rf"$\alpha$ = {math.degrees(scan.model.sensor_resolution):.4g}°"
+        show_picture(axes, picture, title, fractions_text(scan.fractions()))
     curves = grid[0, -1]
     draw_fractions(curves, sweep, label="area fraction", closed_form=closed_form)
     if shown:
@@ -73,13 +80,3 @@ def fixed_fingers(scan: SurfaceLabels) -> list[Finger]:
     """The fixed fingers of a scan, for pictures."""
     points, normals = scan.grasps.positions[0, 1:], scan.grasps.contacts.normals[0, 1:]
     return [Finger(point, normal) for point, normal in zip(points, normals, strict=True)]
-
-
-def _show(axes: Axes, scan: SurfaceLabels, picture: Bytes) -> None:
-    axes.imshow(picture)
-    axes.set(xticks=[], yticks=[])
-    axes.grid(visible=False)
-    axes.spines[:].set_visible(False)
-    axes.set_title(rf"$\alpha$ = {math.degrees(scan.model.sensor_resolution):.4g}°")
-    fractions = scan.fractions().items()
-    axes.set_xlabel("   ".join(f"{name} {100.0 * value:.1f} %" for name, value in fractions))

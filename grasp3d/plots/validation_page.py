@@ -5,7 +5,6 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from grasp3d.arrays import Bytes
-from grasp3d.plots.disagreements import draw_disagreement
 from grasp3d.plots.html_parts import (
     bullets,
     figure_tag,
@@ -16,7 +15,12 @@ from grasp3d.plots.html_parts import (
     table,
     text,
 )
-from grasp3d.plots.validations import calibration_figure, label_figure, roc_figure
+from grasp3d.plots.validations import (
+    calibration_figure,
+    draw_disagreement,
+    label_figure,
+    roc_figure,
+)
 from grasp3d.rendering import can_render
 from grasp3d.stability.label import MEANING as LABELS
 from grasp3d.stability.label import Label

@@ -1,4 +1,7 @@
-"""Figures of labels and scores held against outcomes: ROC curves, success by label and margin."""
+"""Figures of labels and scores held against outcomes: ROC curves, success by label and margin.
+
+Beside them pictures of single grasps: the object, the gripper at its pose, and the contacts.
+"""
 
 import math
 from typing import Any
@@ -7,10 +10,15 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import Bytes, Floats, Ints
+from grasp3d.hand.shapes import gripper_triangles
+from grasp3d.plots.painting import Corners, corners_of, translucent
 from grasp3d.plots.style import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
+from grasp3d.rendering import Finger, View, picture
+from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.validating.calibration import Calibration
+from grasp3d.validating.disagreements import Disagreement
 from grasp3d.validating.label_success import LabelSuccess
 from grasp3d.validating.ranking import RankedOutcomes
 from grasp3d.validating.validation import ScoreQuality, Validation
@@ -25,6 +33,17 @@ MOST_POINTS = 400
 """Most points of a curve."""
 
 LINE = "#222222"
+
+PIXELS = (420, 360)
+
+OBJECT = (214, 190, 150)
+"""Colour of the object: that of no label and of no part of a gripper."""
+
+OPACITY = 0.6
+"""Opacity of the gripper: what it holds remains visible."""
+
+TOWARD_PALM = 0.2
+"""How much the camera is turned from the side of the gripper toward its palm."""
 
 
 @styled
@@ -148,3 +167,51 @@ def _draw_label(axes: Axes, cells: list[LabelSuccess], label: Label, shift: floa
     axes.errorbar(np.array(filled) + shift, fractions, np.abs(ends - fractions), fmt="o",
                   color=LABEL_COLORS[label], markeredgecolor=LINE, markeredgewidth=0.5,
                   ecolor=LINE, elinewidth=0.7, capsize=1.5, markersize=5.0)  # fmt: skip
+
+
+def draw_disagreement(one: Disagreement) -> Bytes:
+    """Render the object with the translucent gripper, and the contacts where the jaws close.
+
+    Args:
+        one: The grasp.
+
+    Returns:
+        Red, green, blue from 0 to 255, shape (height, width, 3).
+
+    Raises:
+        OutputError: OpenGL is not available.
+    """
+    mesh = one.mesh
+    assert mesh.unit is not None  # evaluated poses have one
+    widest = one.hand.max_opening / METRES[mesh.unit]
+    opening = one.opening if math.isfinite(one.opening) else widest
+    hand = gripper_triangles(one.hand, max(opening, 0.0), pose=one.pose, unit=mesh.unit)
+    body = np.tile(np.array(OBJECT, dtype=np.uint8), (len(mesh.vertices), 1))
+    corners = Corners(mesh.vertices, -mesh.normals, body).joined(corners_of(hand))
+    beside = np.arange(len(mesh.vertices), len(corners.points)).reshape(-1, 3)
+    both = np.concatenate([mesh.faces, beside])
+    view, fingers = _view(one.pose), _fingers(one)
+
+    def rendered(faces: Ints) -> Bytes:
+        """The same points, so that both pictures have the same camera."""
+        return picture(
+            corners.points, faces, corners.colors,
+            normals=corners.normals, view=view, size=PIXELS, fingers=fingers,
+        )  # fmt: skip
+
+    return translucent(rendered(both), rendered(mesh.faces), OPACITY)
+
+
+def _fingers(one: Disagreement) -> list[Finger]:
+    pairs = zip(one.points, one.normals, strict=True)
+    return [Finger(point, normal) for point, normal in pairs if np.isfinite(point).all()]
+
+
+def _view(pose: Floats) -> View:
+    """The view from the side of the gripper, which shows both fingers, and from above."""
+    side = pose[:3, 1] * (1.0 if pose[2, 1] >= 0.0 else -1.0)
+    toward = side - TOWARD_PALM * pose[:3, 2]
+    toward /= np.linalg.norm(toward)
+    return View(
+        azimuth=math.atan2(toward[1], toward[0]), elevation=math.asin(np.clip(toward[2], -1.0, 1.0))
+    )

@@ -9,8 +9,7 @@ from grasp3d import GraspModel, Label, MeshOptions, Sampling, label_surface
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
 from grasp3d.perturbing import NoiseSettings, Perturbation, perturb_surface
-from grasp3d.perturbing.copies import angles_on, noisy_copies, turned_normals
-from grasp3d.perturbing.perturb import perturb_movable
+from grasp3d.perturbing.perturb import angles_on, noisy_copies, perturb_movable, turned_normals
 from tests.helpers import shapes
 
 OPTIONS = MeshOptions(unit="cm", max_edge=9.0)

@@ -11,9 +11,8 @@ import pytest
 import trimesh
 
 from grasp3d.physics import ConvexParts, Fate, Outcome, SimulationSettings
-from grasp3d.physics.hand import Tips
 from grasp3d.physics.pulling import PULLS, Attempt, simulate_attempt
-from grasp3d.physics.scene import SimulatedObject, grasp_model
+from grasp3d.physics.scene import SimulatedObject, Tips, grasp_model
 from grasp3d.settings.lengths import settings_in_unit
 
 (SETTINGS,) = settings_in_unit("m", SimulationSettings(pull_time=0.3))

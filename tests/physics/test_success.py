@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from grasp3d.physics import SuccessRate
-from grasp3d.physics.success import rates_by, success_rate
+from grasp3d.physics.simulation import rates_by, success_rate
 
 
 @pytest.mark.parametrize(("count", "successes"), [(20, 20), (60, 57), (7, 0), (1, 1)])

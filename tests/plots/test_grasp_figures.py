@@ -13,9 +13,8 @@ from grasp3d.arrays import locked
 from grasp3d.grasps.distinct import best_grasps
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.mesh import ObjectMesh
-from grasp3d.plots.grasps import MOST_PICTURES, PIXELS, draw_grasps, grasp_figure
+from grasp3d.plots.grasps import MOST_PICTURES, PIXELS, draw_grasps, grasp_figure, views_of
 from grasp3d.plots.painting import PALETTE, paint_labels
-from grasp3d.plots.views import views_of
 from grasp3d.rendering import ARROW, Finger, View, can_render, extent_of, span_of
 from grasp3d.rendering import picture as rendered
 from grasp3d.surface.grasp_table import GraspTable

@@ -18,8 +18,7 @@ from PIL import Image
 from grasp3d import GraspModel, Label
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.planar import Circle, PlanarScan, Polyline, scan, square
-from grasp3d.plots.combinations import combinations_figure, cones_with_line
-from grasp3d.plots.cones import cone_figure
+from grasp3d.plots.cones import combinations_figure, cone_figure, cones_with_line
 from grasp3d.plots.curves import Over, at_corner, axis_positions, curves_figure, label_runs
 from grasp3d.plots.formats import DPI, save
 from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure

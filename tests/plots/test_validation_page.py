@@ -14,8 +14,8 @@ from grasp3d import GraspModel, ParallelGripper, load_mesh, validate_grasps
 from grasp3d.errors import OutputError
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.plots import validation_page
-from grasp3d.plots.disagreements import draw_disagreement
 from grasp3d.plots.validation_page import FILES, page_of, write_report
+from grasp3d.plots.validations import draw_disagreement
 from grasp3d.validating import Validation, ValidationSettings
 from tests.helpers import shapes
 from tests.helpers.tried_grasps import poses_on
