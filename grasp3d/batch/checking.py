@@ -1,12 +1,36 @@
-"""Checks of input meshes: a diagnosis of each mesh, or the reason why it is refused."""
+"""Checks of input meshes: a diagnosis of each, or why it is refused; written as a table or JSON."""
 
-from dataclasses import dataclass
+import json
+from collections.abc import Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
 
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.diagnosis.mesh_diagnosis import MeshDiagnosis, Trust
 from grasp3d.errors import GraspError
+from grasp3d.settings.parsing import plain_values
 from grasp3d.storage import local_copy
+from grasp3d.system.files import atomic_write
+from grasp3d.system.versions import package_version
+from grasp3d.tables import write_table
+
+SUFFIXES = (".json", ".csv", ".parquet")
+
+_COLUMNS: dict[str, type] = {
+    "mesh": str, "source": str, "refusal": str, "trust": str, "warnings": str, "format": str,
+    "file_bytes": int, "unit": str, "unit_guess": str, "size": float, "bodies": int,
+    "cavities": int,
+    "vertices_before": int, "vertices_after": int, "faces_before": int, "faces_after": int,
+    "closed_before": bool, "closed_after": bool,
+    "boundary_edges_before": int, "boundary_edges_after": int,
+    "crowded_edges_before": int, "crowded_edges_after": int,
+    "area_before": float, "area_after": float, "volume_before": float, "volume_after": float,
+    "center_shift": float, "repairs": str, "manifold": str, "crossing_faces": int,
+    "self_intersecting_fraction": float, "noise": float, "label_vertices": int, "memory": float,
+    "seconds": float,
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -51,3 +75,71 @@ def lost_check(mesh: MeshFile, reason: str) -> CheckedMesh:
         reason: What ended the process.
     """
     return CheckedMesh(mesh.name, mesh.source, refusal=f"{mesh.source}: {reason}")
+
+
+def write_checks(path: Path, meshes: Sequence[CheckedMesh], settings: BatchSettings) -> None:
+    """Write the checks of meshes; lengths in each mesh's unit, angles in radians.
+
+    Args:
+        path: File to make or replace; .json holds all values, .csv and .parquet a row per mesh.
+        meshes: From `check_file`.
+        settings: Settings of the check; kept in JSON and Parquet.
+
+    Raises:
+        OutputError: The suffix is unknown, or the file cannot be written.
+    """
+    if path.suffix.lower() == ".json":
+        text = json_of(meshes, settings)
+        with atomic_write(path) as part:
+            part.write_text(text + "\n", encoding="utf-8")
+        return
+    rows = [{} if mesh.diagnosis is None else _row(mesh.diagnosis) for mesh in meshes]
+    rows = [{**row, **_head(mesh)} for row, mesh in zip(rows, meshes, strict=True)]
+    write_table(path, rows, _COLUMNS, settings=plain_values(settings))
+
+
+def json_of(meshes: Sequence[CheckedMesh], settings: BatchSettings) -> str:
+    """The checks of meshes as JSON text."""
+    entries = [
+        _head(mesh) | ({} if mesh.diagnosis is None else asdict(mesh.diagnosis)) | _head(mesh)
+        for mesh in meshes
+    ]
+    header = {"version": package_version(), **_finite(plain_values(settings))}
+    return json.dumps({"grasp3d": header, "meshes": entries}, indent=1, allow_nan=False)
+
+
+def _head(mesh: CheckedMesh) -> dict[str, str | None]:
+    """Values that every mesh has; the mesh is named by its path below the input folder."""
+    return {
+        "mesh": mesh.name,
+        "source": mesh.source,
+        "trust": str(mesh.trust),
+        "refusal": mesh.refusal or None,
+    }
+
+
+def _finite(value: Any) -> Any:
+    """Replace infinite limits by none, which JSON can hold."""
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    return None if value == float("inf") else value
+
+
+def _row(found: MeshDiagnosis) -> dict[str, Any]:
+    """Flatten a diagnosis into columns."""
+    row = {
+        f"{name}_{when}": value
+        for when, measured in (("before", found.before), ("after", found.after))
+        for name, value in asdict(measured).items()
+        if name != "center_mass"
+    }
+    return {
+        **asdict(found),
+        **row,
+        "memory": found.cost.memory,
+        "seconds": found.cost.seconds,
+        "unit_guess": found.guess.unit,
+        "center_shift": found.center_shift,
+        "warnings": "; ".join(warning.message for warning in found.warnings),
+        "repairs": "; ".join(map(str, found.repairs)),
+    }

@@ -7,8 +7,7 @@ from collections.abc import Iterable
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import METHOD, settings_text
 from grasp3d.batch.journal import FOLDER, NAME, JournalEntry, unpack_entry
-from grasp3d.batch.packed_rows import PackedRows
-from grasp3d.batch.row import Row
+from grasp3d.batch.row import PackedRows, Row
 from grasp3d.storage import Folder
 from grasp3d.tables import pack_records, unpack_records
 

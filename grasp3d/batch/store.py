@@ -13,8 +13,7 @@ from grasp3d.batch.folders import MARKER, MeshFile
 from grasp3d.batch.identity import mesh_key
 from grasp3d.batch.journal import JournalEntry, pack_entry
 from grasp3d.batch.marker import marker_content, read_marker, set_aside
-from grasp3d.batch.packed_rows import PackedRows
-from grasp3d.batch.row import Outcome, Row
+from grasp3d.batch.row import Outcome, PackedRows, Row
 from grasp3d.batch.shards import Shards, read_journal, read_shards
 from grasp3d.batch.summary import Summary
 from grasp3d.errors import OutputError

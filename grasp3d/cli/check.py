@@ -69,7 +69,7 @@ class Check:
     def run(self) -> int:
         """Run the command, and return the exit code."""
         from grasp3d.batch.batch_settings import BatchSettings
-        from grasp3d.batch.check_writing import SUFFIXES, json_of, write_checks
+        from grasp3d.batch.checking import SUFFIXES, json_of, write_checks
         from grasp3d.batch.inputs import find_meshes
         from grasp3d.cli import check_report
         from grasp3d.cli.existing_files import check_replaceable

@@ -26,8 +26,7 @@ from grasp3d import (
     validate_grasps,
 )
 from grasp3d.batch.batch_settings import BatchSettings, ClusterSettings
-from grasp3d.batch.check_writing import write_checks
-from grasp3d.batch.checking import check_file
+from grasp3d.batch.checking import check_file, write_checks
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_vtp

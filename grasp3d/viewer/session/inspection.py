@@ -17,9 +17,8 @@ from grasp3d.surface.epsilon import surface_epsilons
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.viewer.session.angle_texts import angle_numbers, budget_text
 from grasp3d.viewer.session.explanations import PAIR, Case, explain
-from grasp3d.viewer.session.holding_texts import HeldGrasp, held_grasp
+from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_text, held_grasp
 from grasp3d.viewer.session.located_grasps import last_angles, located_grasp
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.session.reached_grasps import alternatives_of

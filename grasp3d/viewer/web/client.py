@@ -11,15 +11,17 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+import pyvista
 from aiohttp import WSMessage, web
 from trame.app import get_server
 from trame.app.core import AVAILABLE_SERVERS
 from trame.ui.vuetify3 import VAppLayout
 from trame.widgets import html, rca
+from trame_rca.rca import VtkRemoteControlledArea
 
 from grasp3d.arrays import Bytes
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.viewer.scene.clicks import ClickDetector
+from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.pictures import file_name, render_copy
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.collection import Collection
@@ -30,7 +32,6 @@ from grasp3d.viewer.view_settings import ViewSettings
 from grasp3d.viewer.web.fields import FIELDS, field_values, set_field
 from grasp3d.viewer.web.messages import MessageError, check_message, guarded, one_line
 from grasp3d.viewer.web.page_state import constant_state, page_state, progress_state
-from grasp3d.viewer.web.remote_view import MAX_PIXELS, RemoteView
 
 LOG = logging.getLogger(__name__)
 
@@ -44,6 +45,10 @@ QUALITY, STILL_QUALITY = 70, 95
 Receive = Callable[[WSMessage], Awaitable[None]]
 """Handles a message; raises MessageError if it is malformed."""
 STATIC = files("grasp3d.viewer.web") / "static"
+
+
+MAX_PIXELS = 4_000_000
+"""Largest number of pixels rendered for a browser, which enlarges the picture if it needs more."""
 
 
 class Client:
@@ -269,3 +274,15 @@ class Client:
 
 def _template(name: str) -> str:
     return (STATIC / name).read_text(encoding="utf-8")
+
+
+class RemoteView(VtkRemoteControlledArea):  # type: ignore[misc]
+    """The render window of a plotter, without VTK's key bindings; the page handles keys."""
+
+    def __init__(self, plotter: pyvista.Plotter) -> None:
+        super().__init__(plotter.render_window)
+
+    def process_interaction_event(self, event: dict[str, Any]) -> None:
+        """Forward mouse events, but no key events."""
+        if not str(event.get("type", "")).startswith("Key"):
+            super().process_interaction_event(event)

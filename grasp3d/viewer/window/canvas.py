@@ -1,9 +1,12 @@
-"""A canvas for text and simple shapes, used for the panel and the help of a window."""
+"""A canvas for text and simple shapes, and its image in a renderer, pixel by pixel."""
 
 from functools import lru_cache
+from typing import Any
 
 import numpy as np
+import pyvista
 from PIL import Image, ImageDraw
+from vtkmodules.vtkRenderingCore import vtkActor2D, vtkImageMapper
 
 from grasp3d.arrays import Bytes
 from grasp3d.viewer.scene.text_layout import SIZE, font_of
@@ -90,3 +93,41 @@ def _rounded(width: int, height: int, radius: int) -> Image.Image:
     corner = (OVERSAMPLING * width - 1, OVERSAMPLING * height - 1)
     ImageDraw.Draw(large).rounded_rectangle(((0, 0), corner), OVERSAMPLING * radius, fill=255)
     return large.reduce(OVERSAMPLING)
+
+
+class ImageActor:
+    """An image in front of everything else in a renderer."""
+
+    def __init__(self, renderer: Any) -> None:
+        """Add a hidden actor.
+
+        Args:
+            renderer: Renderer of VTK or PyVista.
+        """
+        self._mapper = vtkImageMapper()
+        self._mapper.SetColorWindow(255)
+        self._mapper.SetColorLevel(127.5)
+        self._actor = vtkActor2D()
+        self._actor.SetMapper(self._mapper)
+        self._actor.VisibilityOff()
+        renderer.AddViewProp(self._actor)
+
+    def show(self, pixels: Bytes, *, left: int = 0, bottom: int = 0) -> None:
+        """Show an image.
+
+        Args:
+            pixels: RGB colours, shape (height, width, 3).
+            left: Left edge in the renderer's area [pixels].
+            bottom: Bottom edge, from below [pixels].
+        """
+        height, width = pixels.shape[:2]
+        data = pyvista.ImageData(dimensions=(width, height, 1))
+        data.point_data["rgb"] = pixels[::-1].reshape(-1, 3)
+        data.point_data.active_scalars_name = "rgb"
+        self._mapper.SetInputData(data)
+        self._actor.SetPosition(left, bottom)
+        self._actor.VisibilityOn()
+
+    def hide(self) -> None:
+        """Hide the image."""
+        self._actor.VisibilityOff()

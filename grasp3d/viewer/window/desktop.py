@@ -9,7 +9,7 @@ from vtkmodules.vtkInteractionStyle import vtkInteractorStyleTrackballCamera
 
 from grasp3d.errors import GraspError
 from grasp3d.isolation import describe_unexpected
-from grasp3d.viewer.scene.clicks import ClickDetector
+from grasp3d.viewer.scene.picking import ClickDetector
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session.history import History
 from grasp3d.viewer.session.keys import handle_key

@@ -9,8 +9,7 @@ from vtkmodules.vtkRenderingCore import vtkRenderer
 from grasp3d.arrays import Bytes
 from grasp3d.viewer.scene.text_layout import shortened, text_width
 from grasp3d.viewer.session.keys import DRAWING, KEYS, MOUSE
-from grasp3d.viewer.window.canvas import INK, LINE, QUIET, WHITE, Canvas
-from grasp3d.viewer.window.image_actor import ImageActor
+from grasp3d.viewer.window.canvas import INK, LINE, QUIET, WHITE, Canvas, ImageActor
 
 WIDTH = 720.0
 MARGIN, ROW_HEIGHT, HEAD, HEADING = 24.0, 24.0, 46.0, 34.0

@@ -5,8 +5,7 @@ from typing import TYPE_CHECKING
 
 import pyvista
 
-from grasp3d.viewer.window.canvas import ACCENT, BACKGROUND, LINE, THUMB, Canvas
-from grasp3d.viewer.window.image_actor import ImageActor
+from grasp3d.viewer.window.canvas import ACCENT, BACKGROUND, LINE, THUMB, Canvas, ImageActor
 from grasp3d.viewer.window.panel import Content
 from grasp3d.viewer.window.rows import HitArea, Row
 from grasp3d.viewer.window.scrolling import Scroll
