@@ -122,7 +122,16 @@ def same(before: npt.NDArray[np.generic], after: npt.NDArray[np.generic]) -> boo
     )
 
 
-COUNTED = ("files", "equal arrays", "differ", "dropped", "added")
+def widened(before: npt.NDArray[np.generic], after: npt.NDArray[np.generic]) -> bool:
+    """Whether numbers of 32 bits now have 64, which round to the same."""
+    return (
+        before.dtype == np.float32
+        and after.dtype == np.float64
+        and np.array_equal(before, after.astype(np.float32), equal_nan=True)
+    )
+
+
+COUNTED = ("files", "equal arrays", "widened", "differ", "dropped", "added")
 
 
 def compare(before: Path, after: Path) -> int:
@@ -156,8 +165,14 @@ def differences(before: Arrays, after: Arrays) -> dict[str, str]:
     return (
         dict.fromkeys(before.keys() - common, "dropped")
         | dict.fromkeys(after.keys() - common, "added")
-        | {name: "equal arrays" if same(before[name], after[name]) else "differ" for name in common}
+        | {name: _change(before[name], after[name]) for name in common}
     )
+
+
+def _change(before: npt.NDArray[np.generic], after: npt.NDArray[np.generic]) -> str:
+    if same(before, after):
+        return "equal arrays"
+    return "widened" if widened(before, after) else "differ"
 
 
 def main() -> int:

@@ -112,9 +112,9 @@ def check_same_settings(
     Raises:
         OutputError: It holds other labels.
     """
-    from grasp3d.conversions import chosen_settings
+    from grasp3d.export.settings import chosen_settings
+    from grasp3d.export.stored_settings import stored_settings
     from grasp3d.settings import search_cone
-    from grasp3d.stored_settings import stored_settings
 
     stored = None if overwrite or not path.exists() else stored_settings(path)
     if stored is None:
@@ -148,7 +148,7 @@ def check_same_settings(
 
 def is_result(path: Path) -> bool:
     """Whether a file is a result of grasp3d, by its metadata or its columns."""
-    from grasp3d.stored_settings import stored_settings
+    from grasp3d.export.stored_settings import stored_settings
 
     try:
         with path.open("rb") as stream:

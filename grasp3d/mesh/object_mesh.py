@@ -139,11 +139,11 @@ class ObjectMesh:
 
     def to_trimesh(self) -> Any:
         """Return the prepared surface as a `trimesh.Trimesh`, with outward normals and its unit."""
-        return import_module("grasp3d.conversions").mesh_to_trimesh(self)
+        return import_module("grasp3d.export.trimeshes").mesh_to_trimesh(self)
 
     def to_polydata(self) -> Any:
         """Return the prepared surface as a `pyvista.PolyData`, with outward normals as `normal`."""
-        return import_module("grasp3d.conversions").mesh_to_polydata(self)
+        return import_module("grasp3d.export.vtp").mesh_to_polydata(self)
 
     def show(self, **options: Any) -> Any:
         """Label the surface and show it: in a notebook below the cell, elsewhere in a window.

@@ -3,7 +3,7 @@
 from pathlib import Path
 from typing import Any
 
-from grasp3d.conversions import chosen_settings
+from grasp3d.export.settings import chosen_settings
 from grasp3d.perturbing.perturbation import Perturbation
 from grasp3d.settings.parsing import plain_values
 from grasp3d.system.files import check_suffix

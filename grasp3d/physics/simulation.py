@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Bools, Floats, short_repr
 from grasp3d.contact.contacts import Contacts
-from grasp3d.conversions import chosen_settings
+from grasp3d.export.settings import chosen_settings
 from grasp3d.mesh import ObjectMesh
 from grasp3d.physics.drawing import DrawnGrasps
 from grasp3d.physics.pulling import Fate, Outcome

@@ -72,7 +72,7 @@ class SurfaceLabels(SpreadGrasps):
         >>> [grasp3d.Label(code).name for code in labels.label[:3]]
         ['S', 'S', 'S']
         >>> labels.to_dataframe().shape, labels.to_trimesh(), labels.to_polydata().n_points
-        ((42, 24), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
+        ((42, 33), <trimesh.Trimesh(vertices.shape=(42, 3), faces.shape=(80, 3))>, 42)
     """
 
     grasps: GraspTable
@@ -433,7 +433,7 @@ class SurfaceLabels(SpreadGrasps):
             >>> table["label"].unique().to_pylist()
             ['S']
         """
-        return import_module("grasp3d.conversions").labels_to_table(self)
+        return import_module("grasp3d.export.parquet").labels_to_table(self)
 
     def to_dataframe(self) -> Any:
         """Return `to_table` as a `pandas.DataFrame`; labels and reasons are categories.
@@ -459,14 +459,14 @@ class SurfaceLabels(SpreadGrasps):
         Every array is in its `vertex_attributes`: those of the file that `write_npz` writes, with
         `partner_2`, `partner_2_normal` and so on for the other fingers. Computes epsilon.
         """
-        return import_module("grasp3d.conversions").labels_to_trimesh(self)
+        return import_module("grasp3d.export.trimeshes").labels_to_trimesh(self)
 
     def to_polydata(self) -> Any:
         """Return a `pyvista.PolyData` with the arrays of the file that `write_vtp` writes.
 
         nan where there is no grasp. Computes epsilon.
         """
-        return import_module("grasp3d.conversions").labels_to_polydata(self)
+        return import_module("grasp3d.export.vtp").labels_to_polydata(self)
 
     def show(self, **options: Any) -> Any:
         """Show the surface: in a notebook as a page below the cell, elsewhere in a window.

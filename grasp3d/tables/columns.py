@@ -105,19 +105,26 @@ def table_of_arrays(
     return pa.table(arrays, metadata={"grasp3d": json.dumps(settings)})
 
 
-def write_arrow(path: Path, table: pa.Table) -> None:
+def write_arrow(path: Path, table: pa.Table, metadata: Mapping[str, bytes]) -> None:
     """Write a table to compressed Parquet.
 
     Args:
         path: File to create or replace.
         table: The table; its columns of texts with codes are stored as such.
+        metadata: Further metadata of the file, ASCII.
 
     Raises:
         OutputError: The file cannot be written.
     """
     texts = [field.name for field in table.schema if pa.types.is_dictionary(field.type)]
-    with atomic_write(path) as temporary:  # numbers seldom repeat
-        pq.write_table(table, temporary, compression="zstd", use_dictionary=texts)
+    with (
+        atomic_write(path) as temporary,  # numbers seldom repeat
+        pq.ParquetWriter(
+            temporary, table.schema, compression="zstd", use_dictionary=texts
+        ) as writer,
+    ):
+        writer.write_table(table)
+        writer.add_key_value_metadata(metadata)
 
 
 def data_frame(table: pa.Table) -> "pd.DataFrame":

@@ -8,6 +8,7 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
+import pyarrow as pa
 import pyarrow.csv as pc
 import pyarrow.parquet as pq
 import pytest
@@ -30,6 +31,9 @@ from grasp3d.batch.checking import check_file, write_checks
 from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.row import AreaFractions, BestGrasp, Outcome, Row
 from grasp3d.export import write_fields, write_glb, write_npz, write_ply, write_vtp
+from grasp3d.export.fields import Field
+from grasp3d.export.grasp_fields import CONTACTS
+from grasp3d.export.vertex_fields import SURFACE, VERTICES
 from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.writing import write_grasps
@@ -42,6 +46,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.sweeps import write_sweeps
 from grasp3d.validating import write_validation
+from tests.docs.field_tables import PAGES, PLY_TYPES, rendered
 from tests.helpers import shapes
 
 PAGE = Path(__file__).parents[2] / "docs" / "formats.md"
@@ -117,23 +122,43 @@ def labels_with(added: str) -> SurfaceLabels:
     return with_gripper().using(load=Load(mass=0.5)) if added == "load" else with_gripper()
 
 
-def names_with(title: str, added: str) -> Names:
-    """Names in the first table of a section, and in those of what is added."""
-    first, *others = tables(title)
-    order = ["gripper", "load"] if title == "Settings" else ["errors", "gripper", "load"]
-    chosen = ["gripper", "load"] if added == "load" else [added]
-    return first.union(
-        *(table for name, table in zip(order, others, strict=True) if name in chosen)
-    )
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: str(page.stem))
+def test_tables_of_fields_are_those_of_the_declaration(page: Path) -> None:
+    """They are written by `python -m tests.docs.field_tables`."""
+    text = page.read_text(encoding="utf-8")
+    assert text == rendered(text)
+
+
+def chosen_with(added: str) -> Names:
+    """What fields and settings there are with what is added."""
+    return {"always", "gripper", "load"} if added == "load" else {"always", added}
+
+
+def fields_with(added: str) -> list[Field]:
+    """The declared fields of vertices with what is added."""
+    return [field for field in VERTICES if field.when in chosen_with(added)]
+
+
+def settings_with(added: str, *, complete: bool = True) -> Names:
+    """Names in the tables of settings."""
+    order = ("always", "complete", "gripper", "load")
+    chosen = chosen_with(added) | ({"complete"} if complete else set())
+    listed = zip(order, tables("Settings"), strict=True)
+    return set().union(*(table for name, table in listed if name in chosen))
 
 
 def test_labelled_ply(tmp_path: Path, added: str) -> None:
     write_ply(tmp_path / "out.ply", labels_with(added))
     header = (tmp_path / "out.ply").read_bytes().partition(b"end_header")[0].decode()
-    properties = set(re.findall(r"^property .* (\w+)$", header, re.MULTILINE))
-    assert properties == names_with("Labelled PLY", added)
+    properties = re.findall(r"^property (\w+) (\w+)$", header, re.MULTILINE)
+    assert {(name, kind) for kind, name in properties} == {
+        (name, PLY_TYPES[field.ply])
+        for field in fields_with(added)
+        if field.ply
+        for name in field.column_names(2)
+    }
     settings = set(re.findall(r"^comment grasp3d (\w+)", header, re.MULTILINE))
-    assert settings == names_with("Settings", added)
+    assert settings == settings_with(added, complete=False)
 
 
 def test_npz(tmp_path: Path, added: str) -> None:
@@ -141,16 +166,23 @@ def test_npz(tmp_path: Path, added: str) -> None:
     with np.load(tmp_path / "out.npz") as arrays:
         written = {name for name in arrays.files if not name.startswith("setting_")}
         settings = {name.removeprefix("setting_") for name in set(arrays.files) - written}
-    assert written | {"setting_NAME"} == names_with("NPZ", added)
-    assert settings == names_with("Settings", added)
+        of_vertices = [field for field in fields_with(added) if field.array]
+        for field in of_vertices:
+            assert arrays[field.name].dtype == field.kind
+            assert arrays[field.name].shape[1:] == field.shape_for(2)
+    assert written == {field.name for field in (*of_vertices, *SURFACE)}
+    assert settings == settings_with(added)
 
 
 def test_vtp(tmp_path: Path, added: str) -> None:
     write_vtp(tmp_path / "out.vtp", labels_with(added))
     data = pyvista.read(tmp_path / "out.vtp")
-    assert {*data.point_data, "setting_NAME"} == names_with("VTP", added)
-    settings = {f"setting_{name}" for name in names_with("Settings", added)}
-    assert set(data.field_data) == settings
+    of_points = [field for field in fields_with(added) if field.array][1:]
+    assert set(data.point_data) == {name for one in of_points for name in one.point_names(2)}
+    settings = {f"setting_{name}" for name in settings_with(added)}
+    written = {name for name in data.field_data if not name.startswith("infinite_")}
+    assert written == settings | {"corner_normals"}
+    assert set(data.cell_data) == {"corners"}
 
 
 def test_glb(tmp_path: Path, added: str) -> None:
@@ -158,14 +190,25 @@ def test_glb(tmp_path: Path, added: str) -> None:
     content = (tmp_path / "out.glb").read_bytes()
     length = int.from_bytes(content[12:16], "little")  # of the first chunk, which is JSON
     settings = json.loads(content[20 : 20 + length])["asset"]["extras"]["grasp3d"]
-    assert set(settings) == names_with("Settings", added)
+    assert set(settings) == settings_with(added, complete=False)
 
 
 def test_table_of_vertices(tmp_path: Path, added: str) -> None:
     path = tmp_path / "out.parquet"
     write_fields(path, labels_with(added))
-    assert set(pq.read_schema(path).names) == names_with("Table of vertices", added)
-    assert metadata(path) == names_with("Settings", added)
+    expected = [
+        (name, "text" if field.texts else field.kind)
+        for field in fields_with(added)
+        if field.table
+        for name in field.column_names(2)
+    ]
+    table = pq.read_table(path)
+    kinds = [
+        "text" if pa.types.is_dictionary(column.type) else column.to_numpy().dtype
+        for column in table.columns
+    ]
+    assert list(zip(table.column_names, kinds, strict=True)) == expected
+    assert metadata(path) == settings_with(added)
 
 
 def test_reasons() -> None:
@@ -185,10 +228,11 @@ def test_grasps(tmp_path: Path, suffix: str, also: str) -> None:
     path = tmp_path / f"out{suffix}"
     written_grasps = replace(grasps(), load=LOAD if also == "load" else None)
     write_grasps(path, written_grasps, metrics=grasps().metrics() if also == "metrics" else None)
-    whole, _, of_load, of_metrics, of_contact, in_json, settings = tables("Grasps")
+    whole, _, of_load, of_metrics, of_contact, settings = tables("Grasps")
+    in_json = {field.name for field in CONTACTS}
     whole |= {"load": of_load, "metrics": of_metrics}.get(also, set())
     if also == "load":  # whose density is not given
-        settings |= tables("Settings")[2] - {"density"}
+        settings |= tables("Settings")[3] - {"density"}
     if suffix == ".json":
         written = json.loads(path.read_text())
         assert set(written) == {"grasp3d", "grasps"}

@@ -102,7 +102,8 @@ def test_tables(tmp_path: Path) -> None:
 
 
 def test_further_columns() -> None:
-    of_found, of_evaluated = tables("Further columns")
+    of_found, of_closed, of_evaluated = tables("Further columns")
+    of_found |= of_closed
     vectors = {"contacts", "normals"}
     assert set(found().columns) - vectors == of_found
     columns = set(evaluated().to_poses().columns)

@@ -9,8 +9,8 @@ import pyvista
 from grasp3d import MeshOptions, load_mesh
 from grasp3d.cli.existing_files import is_result
 from grasp3d.errors import OutputError
+from grasp3d.export.stored_settings import stored_settings
 from grasp3d.perturbing import NoiseSettings, Perturbation, perturb_surface, write_perturbation
-from grasp3d.stored_settings import stored_settings
 from grasp3d.tables import read_columns
 from tests.helpers import shapes
 

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.conversions import SETTING
+from grasp3d.export.settings import SETTING
 from grasp3d.tables import read_settings
 
 LONGEST_HEADER = 2**16

@@ -1,0 +1,125 @@
+"""Fields: values of each vertex or of each grasp, declared once for all files and tables."""
+
+import math
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from dataclasses import dataclass
+from operator import attrgetter
+from typing import Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from grasp3d.stability.label import Label
+
+Array = npt.NDArray[Any]
+Arrays = dict[str, Array]
+When = Literal["always", "errors", "gripper", "load"]
+
+RADIANS, LENGTH, AREA, NEWTONS, KILOGRAMS = "rad", "mesh unit", "mesh unit²", "N", "kg"
+XYZ = ("x", "y", "z")
+LETTERS = tuple(label.name for label in sorted(Label))
+
+
+@dataclass(frozen=True, kw_only=True)
+class Field:
+    """What files and tables hold of each vertex, or of each grasp, under one name."""
+
+    name: str
+    """Name of the array, and of the attribute in Python unless `of` is another one."""
+    meaning: str
+    """In the words of the page on file formats."""
+    of: Callable[[Any], Any] | None = None
+    """Takes its values from labels or grasps, None where they have none; None: the attribute."""
+    kind: str = "f8"
+    """NumPy type of the values, as NPZ, VTP and Parquet hold them."""
+    shape: tuple[int | str, ...] = ()
+    """Of the values of one vertex or grasp; 'n': number of fingers, 'n-1': of the other fingers."""
+    unit: str = ""
+    when: When = "always"
+    """What it takes for the field to be there: nothing; a location error or fingers that differ; a
+    gripper; a load."""
+    columns: tuple[str, ...] = ()
+    """Names of its parts where a file or table has numbers alone, with {} for a finger's number;
+    empty: its own."""
+    each: str = ""
+    """Name of the values of one finger, with {} for its number; empty: it is not by finger."""
+    ply: str = ""
+    """Type in a PLY; empty: it has none."""
+    array: bool = True
+    """Whether NPZ, VTP, `to_trimesh` and `to_polydata` have it."""
+    table: bool = True
+    """Whether Parquet and `to_table` have it."""
+    texts: tuple[str, ...] = ()
+    """Texts of the codes 0, 1, ..., which tables have in their place; empty: it has no codes."""
+    outward: bool = False
+    """Whether these are normals, which point into the object in Python, and outward in files."""
+    low: float = -math.inf
+    high: float = math.inf
+    """Bounds of the values that are finite."""
+    infinite: float | None = None
+    """An infinite value that it may have."""
+    unknown: bool = False
+    """Whether it may be nan."""
+
+    def values_of(self, holder: object) -> Array | None:
+        """The values as files hold them, a row for each vertex or grasp; None: there are none."""
+        found = (self.of or attrgetter(self.name))(holder)
+        if found is None:
+            return None
+        values = np.asarray(found)
+        return -values if self.outward else values
+
+    def texts_of(self, values: Array) -> Array:
+        """Texts in place of codes, if it has any."""
+        return np.array(self.texts)[values] if self.texts else values
+
+    def shape_for(self, fingers: int) -> tuple[int, ...]:
+        """Shape of the values of one vertex or grasp."""
+        sizes: dict[int | str, int] = {"n": fingers, "n-1": fingers - 1}
+        return tuple(sizes.get(size, 0) or int(size) for size in self.shape)
+
+    def column_names(self, fingers: int) -> list[str]:
+        """Names of its columns of numbers, those of one finger after those of another."""
+        numbers = range(2, fingers + 1) if self.each else range(1)
+        return [one.format(finger) for finger in numbers for one in self.columns or (self.name,)]
+
+    def point_names(self, fingers: int) -> list[str]:
+        """Names of its arrays of at most vectors, as VTK has them."""
+        each = [self.each.format(finger) for finger in range(2, fingers + 1)]
+        return each if self.each else [self.name]
+
+    def as_columns(self, values: Array) -> Arrays:
+        """Split values into columns of numbers, by name."""
+        flat = values.reshape(len(values), math.prod(values.shape[1:]))
+        return dict(zip(self.column_names(self._fingers(values)), flat.T, strict=True))
+
+    def as_points(self, values: Array) -> Arrays:
+        """Split values by finger, by name."""
+        parts = values.swapaxes(0, 1) if self.each else [values]
+        return dict(zip(self.point_names(self._fingers(values)), parts, strict=True))
+
+    def from_columns(self, columns: Mapping[str, Array], fingers: int) -> Array:
+        """Put columns of numbers together again; raises KeyError."""
+        found = np.stack([columns[name] for name in self.column_names(fingers)], axis=1)
+        return found.reshape(len(found), *self.shape_for(fingers))
+
+    def from_points(self, points: Mapping[str, Array], fingers: int) -> Array:
+        """Put the arrays of the fingers together again; raises KeyError."""
+        parts = [points[name] for name in self.point_names(fingers)]
+        return np.stack(parts, axis=1) if self.each else parts[0]
+
+    def _fingers(self, values: Array) -> int:
+        return values.shape[1] + 1 if self.each else 0
+
+
+def columns_of(fields: Iterable[Field], holder: object) -> Arrays:
+    """Columns of a table, shape (rows,), with texts in place of codes."""
+    return {field.name: field.texts_of(values) for field, values in present(fields, holder)}
+
+
+def present(fields: Iterable[Field], holder: object) -> Iterator[tuple[Field, Array]]:
+    """The fields that labels or grasps have, with their values as files hold them."""
+    for field in fields:
+        values = field.values_of(holder)
+        if values is not None:
+            yield field, values

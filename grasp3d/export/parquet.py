@@ -1,0 +1,71 @@
+"""Parquet tables of vertices."""
+
+import base64
+import io
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from grasp3d.export.fields import present
+from grasp3d.export.settings import complete_settings
+from grasp3d.export.vertex_fields import SURFACE, VERTICES
+from grasp3d.mesh import ObjectMesh
+from grasp3d.surface.labels import SurfaceLabels
+
+SURFACE_KEY = "grasp3d_surface"
+"""Key of the file's metadata with the arrays that are not of vertices: an NPZ in base64."""
+
+
+def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
+    """Write a Parquet table with a row for each vertex, for pandas, Polars and DuckDB.
+
+    Columns: x y z (in the mesh's unit), outward nx ny nz, `area` around the vertex, `label` (text:
+    S, M, U), `critical_angle`, `critical_angle_best`, `max_resolution` and `margin` (radians; inf,
+    0 and -inf where there is no grasp), `epsilon`, `epsilon_min`, `epsilon_max` and `opening` (nan
+    where there is none), `grip`, `reason` (text, as in `Reason`), of each other finger
+    `partner_2_x` ... and outward `partner_2_nx` ... (nan where there is none), and more, see the
+    page on file formats. nan and inf are kept and nothing is null. The settings are in the schema's
+    metadata under `grasp3d` as JSON, the faces in the file's metadata.
+
+    Args:
+        path: File to make or replace.
+        labels: The labels.
+
+    Raises:
+        OutputError: The file cannot be written.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> labels = grasp3d.label_surface(ball)
+        >>> grasp3d.write_fields("ball.parquet", labels)
+        >>> import pyarrow.parquet
+        >>> table = pyarrow.parquet.read_table("ball.parquet", columns=["label", "opening"])
+        >>> table.num_rows, table["label"].unique().to_pylist()
+        (162, ['S'])
+    """
+    from grasp3d.tables import write_arrow
+
+    metadata = {SURFACE_KEY: _packed_surface(labels.mesh)}
+    write_arrow(Path(path), labels_to_table(labels), metadata)
+
+
+def labels_to_table(labels: SurfaceLabels) -> Any:
+    """Arrow table with a row for each vertex, as in the file that `write_fields` writes."""
+    from grasp3d.tables import table_of_arrays
+
+    found = [(field, values) for field, values in present(VERTICES, labels) if field.table]
+    columns = {
+        name: column for field, values in found for name, column in field.as_columns(values).items()
+    }
+    texts = {field.name: field.texts for field, _ in found if field.texts}
+    return table_of_arrays(columns, texts, settings=complete_settings(labels))
+
+
+def _packed_surface(mesh: ObjectMesh) -> bytes:
+    """The arrays of a surface that are not of its vertices."""
+    stream, arrays = io.BytesIO(), {field.name: values for field, values in present(SURFACE, mesh)}
+    np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]  # one of its options is a bool
+    return base64.b64encode(stream.getvalue())

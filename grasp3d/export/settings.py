@@ -1,0 +1,87 @@
+"""The settings that labelled files hold: what the labels were computed with."""
+
+import json
+from dataclasses import asdict
+from typing import Any
+
+from grasp3d.hand.scene import Scene, scene_settings
+from grasp3d.loads import load_settings
+from grasp3d.mesh import ObjectMesh
+from grasp3d.settings import GraspModel, Sampling
+from grasp3d.settings.lengths import one_line
+from grasp3d.settings.parsing import plain_values
+from grasp3d.stability.label import Label, Mode
+from grasp3d.surface.epsilon import EPSILON_RTOL
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.system.versions import package_version
+
+SETTING = "setting_"
+"""Start of the names of settings beside arrays, some of which have the name of a setting."""
+
+Values = dict[str, str | float | int | None]
+
+
+def settings_of(labels: SurfaceLabels) -> Values:
+    """Settings and versions that the labels were computed with; angles in radians."""
+    mesh, search = labels.mesh, labels.search
+    u_means = "no_grasp_found" if labels.mode == "label" else "surely_unstable"
+    return {
+        "version": package_version(),
+        **chosen_settings(mesh, labels.model, labels.sampling, labels.mode, labels.scene),
+        **({} if labels.load is None else load_settings(labels.load)),
+        "search_angle": search.cone,
+        "rays_traced": search.rays,
+        "candidates_evaluated": search.evaluated,
+        "file_vertices": mesh.file_vertices,
+        "torque_scale": mesh.torque_scale,
+        "epsilon_rank": labels.model.epsilon_rank,
+        "epsilon_rtol": EPSILON_RTOL,
+        "epsilon_min": labels.model.tilts,
+        "epsilon_max": "sampled_tilts" if labels.model.method == "extremes" else "upper_bound",
+        **({} if labels.holding is None else labels.holding.settings()),
+        "label_codes": f"{Label.U:d}=U({u_means}) {Label.M:d}=M(cannot_tell) {Label.S:d}=S(stable)",
+    }
+
+
+def complete_settings(labels: SurfaceLabels) -> Values:
+    """The same with what a prepared mesh has beside its arrays, and the extent of the search."""
+    mesh = labels.mesh
+    solids = mesh.solids
+    surface: dict[str, Any] = {
+        "center": mesh.center.tolist(),
+        "size": mesh.size,
+        "center_mass": mesh.center_mass.tolist(),
+        "volume": mesh.volume,
+        "solid_volumes": None if solids is None else solids.volumes.tolist(),
+        "solid_centers": None if solids is None else solids.centers.tolist(),
+        "report": asdict(mesh.report),
+    }
+    return {
+        **settings_of(labels),
+        "surface": json.dumps(surface),
+        "search": json.dumps(asdict(labels.search)),
+    }
+
+
+def chosen_settings(
+    mesh: ObjectMesh,
+    model: GraspModel,
+    sampling: Sampling | None,
+    mode: Mode,
+    scene: Scene | None = None,
+) -> Values:
+    """Those of the settings that the user chooses, known before the mesh is labelled.
+
+    Those of a load are `load_settings`.
+    """
+    return {
+        # In a header it must be one line of ASCII characters.
+        "source": mesh.report.source.encode("unicode_escape", "surrogateescape").decode("ascii"),
+        "mode": mode,
+        **plain_values(model),
+        **({} if sampling is None else plain_values(sampling)),
+        **plain_values(mesh.options),
+        "center_of_mass": one_line(mesh.options.center_of_mass),
+        "unit": mesh.unit or "unknown",
+        **scene_settings(scene),
+    }

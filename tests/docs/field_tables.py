@@ -1,0 +1,125 @@
+"""The tables of fields on the pages on file formats, made from their declaration.
+
+    python -m tests.docs.field_tables
+
+writes them anew, between the comments `<!-- fields: NAME -->` and `<!-- end of fields -->`.
+"""
+
+import re
+from collections.abc import Iterable, Sequence
+from pathlib import Path
+
+from grasp3d.export.fields import Field, When
+from grasp3d.export.grasp_fields import CONTACTS, FOUND_POSES, GIVEN_POSES, GRASPS
+from grasp3d.export.vertex_fields import SURFACE, VERTICES
+
+DOCS = Path(__file__).parents[2] / "docs"
+PAGES = (DOCS / "formats.md", DOCS / "pose_formats.md")
+
+TYPES = {
+    "f8": "float64", "f4": "float", "u1": "uint8", "i1": "int8", "i8": "int64", "u8": "uint64",
+    "?": "bool",
+}  # fmt: skip
+PLY_TYPES = {"f8": "double", "f4": "float", "u1": "uchar"}
+_BLOCK = re.compile(r"(<!-- fields: (.+?) -->\n).*?(<!-- end of fields -->)", re.DOTALL)
+
+
+def rendered(page: str) -> str:
+    """The text of a page with its tables of fields made from the declaration."""
+    return _BLOCK.sub(lambda found: f"{found[1]}\n{TABLES[found[2]]}\n{found[3]}", page)
+
+
+def vertex_table(when: When) -> str:
+    """What labelled files have of each vertex."""
+    head = ["field", "type, shape", "unit", "", "NPZ", "VTP", "Parquet", "PLY"]
+    return _table(head, [_vertex_row(field) for field in VERTICES if field.when == when])
+
+
+def _vertex_row(field: Field) -> list[str]:
+    points, columns = (
+        _named(field, names) for names in (field.point_names(2), field.column_names(2))
+    )
+    return [
+        _names([field.name]),
+        f"{TYPES[field.kind]} {_shape(('V', *field.shape))}",
+        field.unit,
+        field.meaning,
+        "yes" if field.array else "",
+        points if field.array else "",
+        columns + ", text" * bool(field.texts) if field.table else "",
+        f"{columns}, {PLY_TYPES[field.ply]}" if field.ply else "",
+    ]
+
+
+def _named(field: Field, names: list[str]) -> str:
+    """Names of a field in a format."""
+    return "yes" if names == [field.name] else _names(names)
+
+
+def surface_table() -> str:
+    """The arrays that are not of vertices."""
+    rows = [
+        [_names([one.name]), f"{TYPES[one.kind]} {_shape(one.shape)}", one.meaning]
+        for one in SURFACE
+    ]
+    return _table(["array", "type, shape", ""], rows)
+
+
+def column_table(fields: Iterable[Field], when: When, head: str) -> str:
+    """Columns of tables of grasps or poses."""
+    chosen = [field for field in fields if field.when == when]
+    rows = [[_names([one.name]), _type(one), one.unit, one.meaning] for one in chosen]
+    return _table([head, "type", "unit", ""], rows)
+
+
+def contact_table() -> str:
+    """Columns of the first contact of grasps, and their keys in JSON."""
+    rows = [
+        [
+            _names([f"{name}1" for name in one.columns or (one.name,)]),
+            _names([one.name]),
+            _type(one),
+            one.unit,
+            one.meaning,
+        ]
+        for one in CONTACTS
+    ]
+    return _table(["column", "JSON", "type", "unit", ""], rows)
+
+
+def _table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
+    lines = [head, ["---"] * len(head), *rows]
+    return "".join(f"| {' | '.join(line)} |\n" for line in lines)
+
+
+def _names(names: Iterable[str]) -> str:
+    return " ".join(f"`{name}`" for name in names)
+
+
+def _shape(sizes: Iterable[int | str]) -> str:
+    texts = [str(size).replace("-", " − ") for size in sizes]
+    return f"({', '.join(texts)}{',' * (len(texts) == 1)})"
+
+
+def _type(field: Field) -> str:
+    return "text" if field.texts else {"f": "number", "i": "int", "?": "bool"}[field.kind[0]]
+
+
+TABLES = {
+    **{f"vertices, {when}": vertex_table(when) for when in ("always", "errors", "gripper", "load")},
+    "surface": surface_table(),
+    "grasps": column_table(GRASPS, "always", "column, in JSON key of each grasp"),
+    "grasps, gripper": column_table(GRASPS, "gripper", "column"),
+    "forces": column_table(GRASPS, "load", "column, in JSON key of each grasp"),
+    "contacts": contact_table(),
+    "found poses": column_table(
+        [one for one in FOUND_POSES if one.when != "load"], "always", "column"
+    ),
+    "found poses, gripper": column_table(FOUND_POSES, "gripper", "column"),
+    "given poses": column_table(GIVEN_POSES, "always", "column"),
+}
+
+
+if __name__ == "__main__":
+    for path in PAGES:
+        path.write_text(rendered(path.read_text(encoding="utf-8")), encoding="utf-8")
