@@ -32,9 +32,9 @@ from .quality.grip_forces import grip_force as grip_force
 from .settings import GraspModel as GraspModel
 from .settings import MeshOptions as MeshOptions
 from .settings import Sampling as Sampling
+from .stability.classification import Stability as Stability
 from .stability.classification import classify as classify
 from .stability.label import Label as Label
-from .stability.stability import Stability as Stability
 from .surface.labelling import label_surface as label_surface
 from .surface.labels import SurfaceLabels as SurfaceLabels
 from .surface.scanning import scan_surface as scan_surface

@@ -10,15 +10,13 @@ import tyro
 
 from grasp3d.cli.design_options import FrictionList, GraspOptions, JointOptions
 from grasp3d.cli.options import Flag, Force, LengthOption, OutputFile, SensorResolution
-from grasp3d.contact.overlap import overlapping_field
-from grasp3d.contact.sensor import Sensor, radius_of
+from grasp3d.contact.sensor import Sensor, overlapping_field, radius_of
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import AnyLength, Unit, length_in_unit, measure
 from grasp3d.settings.uncertainty import Uncertainty
 
 if TYPE_CHECKING:
-    from grasp3d.contact.grasp_samples import GraspSamples
-    from grasp3d.contact.requirements import FingerDesign
+    from grasp3d.contact.requirements import FingerDesign, GraspSamples
     from grasp3d.contact.tips import CylinderTip, EllipsoidTip
 
 DEFAULT_FRICTIONS = tuple(step / 10.0 for step in range(1, 11))
@@ -251,7 +249,7 @@ class Design:
 
     def _grasps(self, designs: "tuple[FingerDesign, ...]") -> "tuple[GraspSamples, str]":
         """The grasps that the design is for, and what they are of."""
-        from grasp3d.contact.grasp_samples import GraspSamples
+        from grasp3d.contact.requirements import GraspSamples
 
         if self.grasps.object is not None:
             from grasp3d.cli.design_object import grasps_of

@@ -15,8 +15,8 @@ from grasp3d.system.counts import counted
 from grasp3d.validating import sentences
 from grasp3d.validating.disagreements import MEANING, Disagreement
 from grasp3d.validating.intervals import wilson
-from grasp3d.validating.label_success import LabelSuccess
 from grasp3d.validating.sentences import degrees, percent
+from grasp3d.validating.success import LabelSuccess
 from grasp3d.validating.validation import Validation
 
 MOST_WARNINGS = 10

@@ -1,12 +1,12 @@
 from .budget import MarginBudget as MarginBudget
 from .contacts import Contacts as Contacts
+from .contacts import disc as disc
 from .encoders import JointEncoders as JointEncoders
 from .friction_cones import effective_friction as effective_friction
-from .grasp_samples import GraspSamples as GraspSamples
-from .overlap import overlapping_field as overlapping_field
-from .patch_shapes import disc as disc
 from .requirements import FingerDesign as FingerDesign
+from .requirements import GraspSamples as GraspSamples
 from .sensor import Sensor as Sensor
+from .sensor import overlapping_field as overlapping_field
 from .sensor import resolution_limit as resolution_limit
 from .tips import CylinderTip as CylinderTip
 from .tips import EllipsoidTip as EllipsoidTip

@@ -12,8 +12,12 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import OutlineContacts
-from grasp3d.stability.angle_distributions import AngleDistribution, check_fraction, check_number
-from grasp3d.stability.round_shapes import critical_angle_below
+from grasp3d.stability.angle_distributions import (
+    AngleDistribution,
+    check_fraction,
+    check_number,
+    critical_angle_below,
+)
 
 SMALLEST, LARGEST = 1e-100, 1e100
 """Limits of lengths: squares of smaller and larger ones underflow and overflow."""

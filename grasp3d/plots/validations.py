@@ -17,10 +17,9 @@ from grasp3d.plots.style import LABEL_COLORS, LINES, PAGE, label_patches, new_fi
 from grasp3d.rendering import Finger, View, picture
 from grasp3d.settings.lengths import METRES
 from grasp3d.stability.label import MEANING, Label
-from grasp3d.validating.calibration import Calibration
 from grasp3d.validating.disagreements import Disagreement
-from grasp3d.validating.label_success import LabelSuccess
 from grasp3d.validating.ranking import RankedOutcomes
+from grasp3d.validating.success import Calibration, LabelSuccess
 from grasp3d.validating.validation import ScoreQuality, Validation
 
 SHOWN = ("margin", "epsilon", "grip_force", "normal_product", "contact_area")

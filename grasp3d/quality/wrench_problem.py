@@ -26,8 +26,7 @@ from grasp3d._kernels.wrench_problem import (
 )
 from grasp3d._kernels.wrench_span import RANK_TOLERANCE
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints
-from grasp3d.contact.coincidence import clearly_placed
-from grasp3d.contact.contacts import Contacts, per_contact
+from grasp3d.contact.contacts import Contacts, clearly_placed, per_contact
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
 from grasp3d.quality.epsilon_options import EpsilonOptions, Goal

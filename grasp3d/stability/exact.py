@@ -14,8 +14,7 @@ from grasp3d.quality.closure import force_closure
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.settings import Method
-from grasp3d.stability.enumeration import closure_at
-from grasp3d.stability.extreme_normals import Tested, check_combinations, extreme_normals
+from grasp3d.stability.enumeration import Tested, check_combinations, closure_at, extreme_normals
 from grasp3d.stability.located_angles import (
     ContactLimits,
     PairLines,

@@ -12,8 +12,7 @@ import numpy as np
 
 from grasp3d._kernels.normal_angles import largest_angle, smallest_angle
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, locked
-from grasp3d.contact.coincidence import clearly_placed
-from grasp3d.contact.contacts import Contacts, centred
+from grasp3d.contact.contacts import Contacts, centred, clearly_placed
 from grasp3d.errors import SettingError
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.stability.normal_sets import STEP

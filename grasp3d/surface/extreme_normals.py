@@ -10,11 +10,12 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.settings import GraspModel
 from grasp3d.stability.classification import classify
-from grasp3d.stability.enumeration import closure_at, extremes
-from grasp3d.stability.extreme_normals import (
+from grasp3d.stability.enumeration import (
     Tested,
     check_combinations,
+    closure_at,
     extreme_normals,
+    extremes,
     rings_needed,
 )
 from grasp3d.stability.label import Label

@@ -6,8 +6,7 @@ from functools import cached_property
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked
-from grasp3d.contact.contacts import Contacts
-from grasp3d.contact.patch_shapes import evenly_pressed_radius, in_tangent_plane
+from grasp3d.contact.contacts import Contacts, evenly_pressed_radius, in_tangent_plane
 from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints

@@ -1,10 +1,10 @@
-from .calibration import Calibration as Calibration
-from .calibration import MarginBin as MarginBin
-from .calibration import MarginThreshold as MarginThreshold
 from .disagreements import Disagreement as Disagreement
-from .label_success import LabelSuccess as LabelSuccess
 from .scores import SCORES as SCORES
 from .scores import Score as Score
+from .success import Calibration as Calibration
+from .success import LabelSuccess as LabelSuccess
+from .success import MarginBin as MarginBin
+from .success import MarginThreshold as MarginThreshold
 from .validate import validate_grasps as validate_grasps
 from .validation import ScoredGrasps as ScoredGrasps
 from .validation import ScoreQuality as ScoreQuality

@@ -4,8 +4,8 @@ import math
 
 from grasp3d.model_text import model_line
 from grasp3d.system.counts import counted, noun
-from grasp3d.validating.calibration import Calibration, MarginThreshold
 from grasp3d.validating.intervals import wilson
+from grasp3d.validating.success import Calibration, MarginThreshold
 from grasp3d.validating.validation import ValidatedFile, Validation
 
 MIN_BINS = 2

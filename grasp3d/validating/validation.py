@@ -12,10 +12,9 @@ from grasp3d.hand.closed_jaws import Closing
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.system.names import as_unicode
-from grasp3d.validating.calibration import Calibration
 from grasp3d.validating.disagreements import Disagreement
-from grasp3d.validating.label_success import LabelSuccess
 from grasp3d.validating.scores import Score
+from grasp3d.validating.success import Calibration, LabelSuccess
 from grasp3d.validating.validation_settings import ValidationSettings
 
 

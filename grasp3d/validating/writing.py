@@ -6,7 +6,7 @@ from typing import Any
 from grasp3d.errors import OutputError
 from grasp3d.stability.label import Label
 from grasp3d.tables import write_columns, write_table
-from grasp3d.validating.label_success import LabelSuccess
+from grasp3d.validating.success import LabelSuccess
 from grasp3d.validating.validation import Validation
 
 GRASPS, SCORES, LABELS, CALIBRATION = "grasps.csv", "scores.csv", "labels.csv", "calibration.csv"

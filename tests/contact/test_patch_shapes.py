@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 
 from grasp3d import Contacts
 from grasp3d.contact import disc
+from grasp3d.contact.contacts import evenly_pressed_radius
 from grasp3d.contact.friction_cones import cone_edges
-from grasp3d.contact.patch_shapes import evenly_pressed_radius
 from grasp3d.errors import ContactError
 
 POINTS = [[-1.0, 0.0, 0.0], [1.0, 0.0, 0.0]]

@@ -9,7 +9,7 @@ import trimesh
 
 from grasp3d import GraspModel, Sampling, check_mesh
 from grasp3d.diagnosis import MeshDiagnosis, Trust, length_warnings
-from grasp3d.diagnosis.mesh_warnings import self_intersection_warnings
+from grasp3d.diagnosis.diagnosing import self_intersection_warnings
 from grasp3d.errors import MeshError
 from tests.helpers import shapes
 from tests.helpers.shapes import Surface

@@ -10,7 +10,7 @@ import trimesh
 
 import grasp3d
 from grasp3d import Contacts, GraspModel, Label, Load, ParallelGripper
-from grasp3d.contact.patch_shapes import evenly_pressed_radius
+from grasp3d.contact.contacts import evenly_pressed_radius
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses

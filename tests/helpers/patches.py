@@ -8,8 +8,8 @@ from numpy.typing import NDArray
 from scipy import sparse
 
 from grasp3d import Contacts
+from grasp3d.contact.contacts import in_tangent_plane
 from grasp3d.contact.friction_cones import cone_edges
-from grasp3d.contact.patch_shapes import in_tangent_plane
 
 Floats = NDArray[np.float64]
 

@@ -25,8 +25,7 @@ from grasp3d.planar import (
 )
 from grasp3d.planar.contacts import ContactPairLimits, located_angles
 from grasp3d.settings.uncertainty import Uncertainty
-from grasp3d.stability.angle_distributions import SphereAngles
-from grasp3d.stability.round_shapes import critical_angle_below, worst_angle
+from grasp3d.stability.angle_distributions import SphereAngles, critical_angle_below, worst_angle
 from tests.helpers import shapes
 from tests.planar.test_planar import HOOK, random_outline
 

@@ -8,7 +8,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from grasp3d import Contacts, classify, epsilon, force_closure
-from grasp3d.contact.coincidence import clearly_placed
+from grasp3d.contact.contacts import clearly_placed
 from grasp3d.quality import Status, critical_friction_angle
 from tests.helpers.degenerate import (
     KINDS,

@@ -365,7 +365,7 @@ def test_epsilon_is_computed_only_when_read(monkeypatch: pytest.MonkeyPatch) -> 
         raise AssertionError
 
     for name in ("epsilon_with", "epsilon_range", "extremes", "critical_friction_angle"):
-        monkeypatch.setattr(f"grasp3d.stability.stability.{name}", refuse)
+        monkeypatch.setattr(f"grasp3d.stability.classification.{name}", refuse)
     for result in found.values():
         assert isinstance(result, Stability)
         assert result.label.shape == (5,)

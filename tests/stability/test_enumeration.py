@@ -12,8 +12,7 @@ from grasp3d import Contacts, epsilon, force_closure
 from grasp3d.paper.convergence import random_grasps
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.stability import enumeration
-from grasp3d.stability.enumeration import closure_at, extremes
-from grasp3d.stability.extreme_normals import Tested, extreme_normals
+from grasp3d.stability.enumeration import Tested, closure_at, extreme_normals, extremes
 from tests.helpers import grasps, oracles
 from tests.helpers.grasps import with_options
 from tests.helpers.tilts import all_combinations

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from grasp3d import Contacts
 from grasp3d.errors import SettingError
-from grasp3d.stability.extreme_normals import (
+from grasp3d.stability.enumeration import (
     MAX_COMBINATIONS,
     check_combinations,
     extreme_normals,

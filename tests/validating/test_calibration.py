@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from grasp3d.validating.calibration import calibrate
+from grasp3d.validating.success import calibrate
 
 SEED, COUNT = st.integers(0, 2**32), st.integers(1, 30)
 

@@ -2,7 +2,7 @@ import math
 
 from grasp3d import GraspModel, ParallelGripper
 from grasp3d.hand.closed_jaws import Closing
-from grasp3d.validating.hints import NONE, failed_hints, held_hints, is_small
+from grasp3d.validating.disagreements import NONE, failed_hints, held_hints, is_small
 
 FRANKA = ParallelGripper.preset("franka")
 GOOD = {

@@ -12,8 +12,8 @@ from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.validating import SCORES, LabelSuccess
-from grasp3d.validating.label_success import label_success, labels_at
 from grasp3d.validating.scores import scores_of
+from grasp3d.validating.success import label_success, labels_at
 from tests.helpers import shapes
 from tests.helpers.tried_grasps import poses_on
 

@@ -17,7 +17,7 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.tables import read_columns
 from grasp3d.validating import Validation, ValidationSettings, sentences, write_validation
-from grasp3d.validating.comparison import _resamples
+from grasp3d.validating.validate import _resamples
 from tests.helpers import shapes
 from tests.helpers.tried_grasps import chances, expected_roc_auc, poses_on
 
