@@ -45,6 +45,11 @@ class SurfaceContacts:
     __repr__ = short_repr
 
     @property
+    def known(self) -> bool:
+        """Whether all contacts are known: those of a file may not be."""
+        return True
+
+    @property
     def size(self) -> int:
         """Number of grasps."""
         return int(self.surface_points.faces.shape[0])

@@ -3,7 +3,7 @@
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, partial
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +31,7 @@ from grasp3d.surface.extreme_normals import hull_labels
 from grasp3d.surface.grasp_forces import surface_holding
 from grasp3d.surface.grasp_metrics import surface_metrics
 from grasp3d.surface.holding import Holding
-from grasp3d.surface.labelled_grasps import LabelledGrasps
+from grasp3d.surface.labelled_grasps import LabelledGrasps, if_known
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.located_angles import located_angles_of
 from grasp3d.system.progress import Progress, ignore
@@ -178,12 +178,14 @@ class GraspTable(LabelledGrasps):
     def epsilon_range(self, progress: Progress) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read.
 
-        Of the grasps over the worst normals.
+        Of the grasps over the worst normals. None where a file does not contain their contacts.
         """
         radius = 0.0 if self.load_case is None else self.load_case.center_radius
-        return surface_epsilons(
-            self.contacts, self.model, center_radius=radius, threads=self.threads, progress=progress
-        )
+        find = partial(
+            surface_epsilons, model=self.model, center_radius=radius, threads=self.threads,
+            progress=progress,
+        )  # fmt: skip
+        return if_known(self.known_contacts, find)
 
     @Deferred
     def holding(self, progress: Progress) -> Holding | None:
@@ -193,7 +195,7 @@ class GraspTable(LabelledGrasps):
         the least force is the smaller one of the two, as for labels. Computed when first read.
         """
         case, model, other = self.load_case, self.model, self.best_normals
-        if case is None:
+        if case is None or self.known_contacts is None:
             return None
         found = surface_holding(self.contacts, model, case, threads=self.threads, progress=progress)
         if other is None:
@@ -233,6 +235,11 @@ class GraspTable(LabelledGrasps):
     def distance(self) -> Floats:
         """Distance of each contact from the surface before it was moved there, shape (b, n)."""
         return np.zeros((self.size, self.contacts.count)) if self.moved is None else self.moved
+
+    @property
+    def known_contacts(self) -> SurfaceContacts | None:
+        """The contacts; None: a file does not contain them."""
+        return self.contacts if self.contacts.known else None
 
     @property
     def positions(self) -> Floats:
@@ -279,8 +286,8 @@ class GraspTable(LabelledGrasps):
         found = replace(
             self, contacts=self.contacts.take(rows), best_normals=other, reach=reach, **arrays
         )
-        for name in _COMPUTED.intersection(vars(self)):
-            vars(found)[name] = _rows_of(vars(self)[name], rows)
+        for name in COMPUTED.intersection(vars(self)):
+            vars(found)[name] = rows_of(vars(self)[name], rows)
         return found
 
     def whole(self) -> "GraspTable":
@@ -383,14 +390,14 @@ def _limits(model: GraspModel) -> bytes:
     return b"" if model.is_uniform else ContactLimits.of(model.fingertips).key
 
 
-_COMPUTED = frozenset({"located_angles", "label", "epsilon_range", "holding", "closed"})
+COMPUTED = frozenset({"located_angles", "label", "epsilon_range", "holding", "closed"})
 """What is computed when it is first read, a row for each grasp."""
 
 
-def _rows_of(values: Any, rows: Ints) -> Any:
+def rows_of(values: Any, rows: Ints) -> Any:
     """The chosen rows of what was computed: an array, a tuple, or a class that takes rows."""
     if values is None:
         return None
     if isinstance(values, tuple):
-        return tuple(_rows_of(one, rows) for one in values)
+        return tuple(rows_of(one, rows) for one in values)
     return locked(values[rows]) if isinstance(values, np.ndarray) else values.take(rows)

@@ -1,7 +1,9 @@
 """Base class of tables of grasps, and of places that have them: margins and epsilon."""
 
+from collections.abc import Callable
 from functools import cached_property
-from typing import TYPE_CHECKING
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, TypeVar
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.stability.thresholds import margins, max_resolution
@@ -12,8 +14,29 @@ if TYPE_CHECKING:
     from grasp3d.stability.sampled_normals import WorstAndBest
 
 
+T = TypeVar("T")
+V = TypeVar("V")
+
+
+def if_known(values: T | None, function: Callable[[T], V]) -> V:
+    """What follows from values; None where these are None, as a file does not contain them.
+
+    The types say nothing of that: labels that were computed have all values.
+
+    Args:
+        values: The values.
+        function: What follows from them.
+    """
+    unknown: Any = None
+    found: V = unknown if values is None else function(values)
+    return found
+
+
 class LabelledGrasps:
-    """Grasps, one for each row of the arrays, with what follows from their angles and epsilon."""
+    """Grasps, one for each row of the arrays, with what follows from their angles and epsilon.
+
+    What a file does not contain is None.
+    """
 
     if TYPE_CHECKING:  # fields and attributes of the classes that have this base
 
@@ -50,7 +73,7 @@ class LabelledGrasps:
         below, within 1 %. 0 where the grasp is not force-closed, nan where there is no grasp or the
         normals at a contact cancel out.
         """
-        return self.epsilon_range.nominal
+        return if_known(self.epsilon_range, attrgetter("nominal"))
 
     @cached_property
     def epsilon_min(self) -> Floats:
@@ -61,7 +84,7 @@ class LabelledGrasps:
         contact locations are uncertain; see
         `quality.epsilon_range`.
         """
-        return self.epsilon_range.minimum
+        return if_known(self.epsilon_range, attrgetter("minimum"))
 
     @cached_property
     def epsilon_max(self) -> Floats:
@@ -71,4 +94,4 @@ class LabelledGrasps:
         attained. It is 0 at a few creases labelled M, whose label comes from another grasp, which
         is better over the best normals.
         """
-        return self.epsilon_range.maximum
+        return if_known(self.epsilon_range, attrgetter("maximum"))

@@ -1,7 +1,7 @@
 """Result of labelling a surface: the best grasp at every vertex, its label and epsilon."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from importlib import import_module
@@ -26,8 +26,11 @@ from grasp3d.stability.angle_distributions import SampledAngles
 from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.sampled_normals import WorstAndBest
 from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
-from grasp3d.surface.grasp_table import BestNormalGrasps, GraspTable
+from grasp3d.surface.contacts import SurfaceContacts
+from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable, rows_of
 from grasp3d.surface.label_table import LEVELS, label_table
+from grasp3d.surface.labelled_grasps import if_known
+from grasp3d.surface.read_contacts import ReadContacts
 from grasp3d.surface.spread_grasps import NO_ROW, SpreadGrasps
 from grasp3d.surface.vertex_grasps import Reason, grasps_at, grasps_differ
 
@@ -100,9 +103,9 @@ class SurfaceLabels(SpreadGrasps):
         model: GraspModel,
         *,
         angles: WorstAndBest,
-        partners: Floats,
-        partner_points: SurfacePoints,
-        grip: ArrayLike,
+        partners: Floats | None,
+        partner_points: SurfacePoints | None,
+        grip: ArrayLike | None,
         reason: ArrayLike,
         reach: Reach | None = None,
         sampling: Sampling | None,
@@ -118,9 +121,9 @@ class SurfaceLabels(SpreadGrasps):
             mesh: The surface.
             model: Friction and sensor resolution.
             angles: Critical angles (worst, best) [rad], shape (V,) each.
-            partners: As the attribute.
-            partner_points: As the attribute.
-            grip: As the attribute; one number for all vertices or shape (V,).
+            partners: As the attribute; None: unknown, in a file.
+            partner_points: As the attribute; None: those nearest to the partners.
+            grip: As the attribute; one number for all vertices or shape (V,); None: unknown.
             reason: `Reason` codes of the vertices on the surface, shape (V,).
             reach: As the field.
             sampling: As the field.
@@ -135,18 +138,22 @@ class SurfaceLabels(SpreadGrasps):
         vertices = np.unique(mesh.canonical[reason == Reason.FOUND])
         row = np.full(count, NO_ROW, dtype=np.int64)
         row[vertices] = np.arange(len(vertices))
-        differing = np.flatnonzero(grasps_differ(partner_points, vertices))
-        others = grasps_at(mesh, partner_points, vertices[differing], 1)
+        own = None if partners is None else locked(partners[vertices])
+        contacts: SurfaceContacts = ReadContacts(mesh, vertices, own, model.fingers)
+        best_normals = None
+        if partner_points is not None:
+            contacts = grasps_at(mesh, partner_points, vertices, 0)
+            best_normals = _best_normals(mesh, partner_points, vertices)
         table = GraspTable(
-            contacts=grasps_at(mesh, partner_points, vertices, 0),
+            contacts=contacts,
             model=model,
             critical_angle=locked(angles[0][vertices]),
             critical_angle_best=locked(angles[1][vertices]),
-            best_normals=BestNormalGrasps(locked(differing), others) if len(differing) else None,
-            points=locked(
-                np.concatenate([mesh.vertices[vertices, None], partners[vertices]], axis=1)
-            ),
-            grip=locked(np.broadcast_to(grip, count)[vertices], np.int8),
+            best_normals=best_normals,
+            points=None
+            if own is None
+            else locked(np.concatenate([mesh.vertices[vertices, None], own], axis=1)),
+            grip=None if grip is None else locked(np.broadcast_to(grip, count)[vertices], np.int8),
             scene=scene,
             reach=None if reach is None else reach.take(vertices),
             load=load,
@@ -185,6 +192,55 @@ class SurfaceLabels(SpreadGrasps):
             *length_warnings(lengths, self.mesh.size, self.mesh.unit),
         )
 
+    @classmethod
+    def of_values(
+        cls,
+        mesh: ObjectMesh,
+        model: GraspModel,
+        *,
+        sampling: Sampling | None,
+        mode: Mode,
+        search: SearchReport,
+        scene: Scene | None = None,
+        load: Load | None = None,
+        values: Mapping[str, Any],
+    ) -> "SurfaceLabels":
+        """Labels whose values are known, from a file, instead of computed.
+
+        What the file does not contain is None where it needs the opposing contacts and these are
+        not known; else it is computed when it is read. Surface points that are not given are found
+        when they are needed.
+
+        Args:
+            mesh: The surface.
+            model: The model of the labels.
+            sampling: As the field.
+            mode: As the field.
+            search: As the field.
+            scene: The gripper that must reach each grasp, and the table; None: ideal points.
+            load: What each grasp must hold; None: nothing.
+            values: Attributes by name, with a row for each vertex: `critical_angle` and
+                `critical_angle_best` [rad] at least, and others such as `label`, `located_angles`,
+                `epsilon_range`, `holding`, `partners`, `partner_points`, `reason` or `reach`.
+        """
+        worst, best = values["critical_angle"], values["critical_angle_best"]
+        none = Reason.SAME_POINT if mode == "scan" else Reason.NO_PARTNER
+        reason = values.get("reason")
+        if reason is None:
+            reason = np.where(np.isinf(best), none, Reason.FOUND)
+        labels = cls.of_vertices(
+            mesh, model, angles=(worst, best), partners=values.get("partners"),
+            partner_points=values.get("partner_points"), grip=values.get("grip"), reason=reason,
+            reach=values.get("reach"), sampling=sampling, mode=mode, search=search, scene=scene,
+            load=load,
+        )  # fmt: skip
+        known = {name: one for name, one in values.items() if one is not None}
+        vars(labels).update(known)
+        vars(labels.grasps).update(
+            {name: rows_of(known[name], labels.vertices) for name in COMPUTED.intersection(known)}
+        )
+        return labels
+
     @cached_property
     def vertices(self) -> Ints:
         """The first vertex of each position that has a grasp: those of the table's rows."""
@@ -194,12 +250,15 @@ class SurfaceLabels(SpreadGrasps):
     @cached_property
     def partners(self) -> Floats:
         """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp."""
-        return self._spread(self.grasps.positions[:, 1:], math.nan)
+        own = self.grasps
+        return if_known(own.known_contacts, lambda _: self._spread(own.positions[:, 1:], math.nan))
 
     @cached_property
     def partner_normals(self) -> Floats:
         """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3)."""
-        return self._spread(self.grasps.contacts.normals[:, 1:], math.nan)
+        return if_known(
+            self.grasps.known_contacts, lambda one: self._spread(one.normals[:, 1:], math.nan)
+        )
 
     @cached_property
     def partner_points(self) -> SurfacePoints:
@@ -208,7 +267,10 @@ class SurfaceLabels(SpreadGrasps):
         Of the best grasp over the worst normals, which are `partners`, and of the best grasp over
         the best normals.
         """
-        points, other = self.grasps.contacts.surface_points, self.grasps.best_normals
+        return if_known(self.grasps.known_contacts, self._spread_points)
+
+    def _spread_points(self, contacts: SurfaceContacts) -> SurfacePoints:
+        points, other = contacts.surface_points, self.grasps.best_normals
         faces = np.repeat(points.faces[:, None, 1:], 2, axis=1)
         weights = np.repeat(points.weights[:, None, 1:], 2, axis=1)
         if other is not None:
@@ -219,7 +281,8 @@ class SurfaceLabels(SpreadGrasps):
     @cached_property
     def opening(self) -> Floats:
         """Largest distance between any two contacts, shape (V,); nan: no grasp."""
-        return self._spread(self.grasps.opening, math.nan)
+        own = self.grasps
+        return if_known(own.known_contacts, lambda _: self._spread(own.opening, math.nan))
 
     @cached_property
     def grip(self) -> npt.NDArray[np.int8]:
@@ -227,8 +290,7 @@ class SurfaceLabels(SpreadGrasps):
 
         0 where there is no grasp, and for three fingers and more.
         """
-        grip = self.grasps.grip
-        return self._spread(np.zeros(self.grasps.size, np.int8) if grip is None else grip, 0)
+        return if_known(self.grasps.grip, lambda grip: self._spread(grip, 0))
 
     @cached_property
     def reachable(self) -> Bools | None:
@@ -257,7 +319,9 @@ class SurfaceLabels(SpreadGrasps):
         Args:
             changed: Fields of `GraspTable` by name.
         """
-        return replace(self, grasps=self.grasps.using(**changed))
+        found = replace(self, grasps=self.grasps.using(**changed))
+        vars(found).update({name: vars(self)[name] for name in _OF_SEARCH.intersection(vars(self))})
+        return found
 
     def relabel(
         self,
@@ -500,3 +564,20 @@ class SurfaceLabels(SpreadGrasps):
 
     def _weights(self, weights: Weights) -> Floats:
         return vertex_weights(self.mesh, weights)
+
+
+_OF_SEARCH = frozenset({
+    "critical_angle", "critical_angle_best", "vertices", "partners", "partner_normals",
+    "partner_points", "opening", "grip", "reachable", "approach", "approach_margin",
+})  # fmt: skip
+"""Attributes that depend on the grasps alone."""
+
+
+def _best_normals(
+    mesh: ObjectMesh, partner_points: SurfacePoints, vertices: Ints
+) -> BestNormalGrasps | None:
+    """The grasps of vertices over the best normals, where they differ; None: nowhere."""
+    rows = np.flatnonzero(grasps_differ(partner_points, vertices))
+    if not len(rows):
+        return None
+    return BestNormalGrasps(locked(rows), grasps_at(mesh, partner_points, vertices[rows], 1))

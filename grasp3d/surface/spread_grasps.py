@@ -19,7 +19,7 @@ from grasp3d.stability.label import Label
 from grasp3d.stability.sampled_normals import WorstAndBest
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.holding import Holding
-from grasp3d.surface.labelled_grasps import LabelledGrasps
+from grasp3d.surface.labelled_grasps import LabelledGrasps, if_known
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.progress import Progress
 
@@ -129,7 +129,9 @@ class SpreadGrasps(LabelledGrasps):
     @cached_property
     def epsilon_range(self) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`, shape (k,); computed when first read."""
-        found = self.grasps.epsilon_range
+        return if_known(self.grasps.epsilon_range, self._spread_epsilon)
+
+    def _spread_epsilon(self, found: EpsilonRange) -> EpsilonRange:
         return EpsilonRange(
             self._spread(found.nominal, math.nan),
             self._spread(found.minimum, math.nan),

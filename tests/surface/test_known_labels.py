@@ -1,0 +1,147 @@
+"""Labels whose values are known, as those of files, and values of rows spread over vertices."""
+
+import pickle
+from collections.abc import Mapping
+from dataclasses import fields
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from hypothesis.extra.numpy import arrays
+
+from grasp3d import GraspModel, Load, Sampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d.errors import SettingError
+from grasp3d.surface import Holding
+from grasp3d.surface.spread_grasps import NO_ROW, spread
+from tests.helpers import shapes
+from tests.helpers.grippers import SLIM
+
+ARRAYS = (
+    "critical_angle", "critical_angle_best", "label", "max_resolution", "margin", "epsilon",
+    "epsilon_min", "epsilon_max", "opening", "grip", "reason", "partners", "partner_normals",
+)  # fmt: skip
+
+
+@cache
+def wedge(**model: Any) -> SurfaceLabels:
+    """A wedge with creases, a vertex twice and one on no face."""
+    corners, faces = shapes.box((40.0, 30.0, 20.0))
+    corners = corners * [[1.0, 1.0 + 0.2 * (corner[2] > 0), 1.0] for corner in corners]
+    vertices = np.vstack([corners, corners[:2], [[90.0, 0.0, 0.0]]])
+    mesh = load_mesh((vertices, faces), unit="mm", max_edge=12.0)
+    load = Load(mass=0.1, grip_force=20.0)
+    return label_surface(
+        mesh, GraspModel(torsion_radius="2mm", sensor_resolution=0.3, **model), hand=SLIM, load=load
+    )
+
+
+@cache
+def tripod() -> SurfaceLabels:
+    mesh = load_mesh(shapes.box((1.0, 1.4, 2.0)), max_edge=0.7)
+    return label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=16))
+
+
+LABELS = {
+    "exact": wedge,
+    "extremes": lambda: wedge(method="extremes"),
+    "location error": lambda: wedge(location_error="1mm"),
+    "three fingers": tripod,
+}
+
+
+def known(labels: SurfaceLabels, values: Mapping[str, Any]) -> SurfaceLabels:
+    return SurfaceLabels.of_values(
+        labels.mesh, labels.model, sampling=labels.sampling, mode=labels.mode, search=labels.search,
+        scene=labels.scene, load=labels.load, values=values,
+    )  # fmt: skip
+
+
+def values_of(labels: SurfaceLabels) -> dict[str, Any]:
+    names = (*ARRAYS, "located_angles", "epsilon_range", "holding", "reach", "partner_points")
+    return {name: getattr(labels, name) for name in names}
+
+
+def assert_equal(one: SurfaceLabels, other: SurfaceLabels) -> None:
+    for name in ARRAYS:
+        np.testing.assert_array_equal(getattr(one, name), getattr(other, name), err_msg=name)
+    assert (one.holding is None) == (other.holding is None)
+    if one.holding is not None and other.holding is not None:
+        for field in fields(Holding):
+            values = getattr(one.holding, field.name), getattr(other.holding, field.name)
+            if isinstance(values[0], np.ndarray):
+                np.testing.assert_array_equal(*values, err_msg=field.name)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LABELS)
+def test_the_rows_are_the_values_of_their_vertices(name: str) -> None:
+    labels = LABELS[name]()
+    grasps, vertices = labels.grasps, labels.vertices
+    assert len(vertices) == grasps.size
+    assert (labels.row[vertices] == np.arange(grasps.size)).all()
+    for attribute in ("label", "critical_angle", "margin", "epsilon", "opening", "max_resolution"):
+        rows, places = getattr(grasps, attribute), getattr(labels, attribute)
+        np.testing.assert_array_equal(places[vertices], rows, err_msg=attribute)
+        np.testing.assert_array_equal(places, places[labels.mesh.canonical], err_msg=attribute)
+    missing = labels.row == NO_ROW
+    assert np.isinf(labels.critical_angle[missing]).all()
+    assert (labels.label[missing] == 0).all()
+    assert np.isnan(labels.epsilon[missing]).all()
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", LABELS)
+def test_labels_of_known_values_are_the_same(name: str) -> None:
+    labels = LABELS[name]()
+    found = known(labels, values_of(labels))
+    assert_equal(labels, found)
+    np.testing.assert_array_equal(found.partner_points.faces, labels.partner_points.faces)
+    assert_equal(labels.relabel(friction=0.4), found.relabel(friction=0.4))
+    assert repr(found) == repr(labels)
+
+
+@pytest.mark.parametrize("name", ["exact", "three fingers"])
+def test_surface_points_that_are_not_given_are_found(name: str) -> None:
+    labels = LABELS[name]()
+    values = values_of(labels)
+    del values["partner_points"]
+    changed = known(labels, values).relabel(sensor_resolution=0.1)
+    expected = labels.relabel(sensor_resolution=0.1)
+    assert changed.epsilon == pytest.approx(expected.epsilon, rel=1e-2, nan_ok=True)
+    np.testing.assert_array_equal(changed.label, expected.label)
+    np.testing.assert_array_equal(changed.partners, labels.partners)
+
+
+def test_what_is_not_given_is_none() -> None:
+    labels = wedge()
+    angles = {name: getattr(labels, name) for name in ("critical_angle", "critical_angle_best")}
+    found = known(labels, angles | {"epsilon_range": labels.epsilon_range})
+    np.testing.assert_array_equal(found.epsilon, labels.epsilon)
+    np.testing.assert_array_equal(found.label, labels.label)
+    for name in ("partners", "partner_normals", "partner_points", "opening", "grip", "holding"):
+        assert getattr(found, name) is None, name
+    changed = found.relabel(friction=0.3)
+    np.testing.assert_array_equal(changed.label, labels.relabel(friction=0.3).label)
+    assert changed.epsilon is None
+    with pytest.raises(SettingError, match="does not contain the opposing contacts"):
+        _ = found.relabel(location_error="1mm").label
+
+
+def test_known_labels_are_pickled() -> None:
+    labels = wedge()
+    copy = pickle.loads(pickle.dumps(known(labels, values_of(labels))))  # noqa: S301
+    assert_equal(labels, copy)
+
+
+@given(
+    values=arrays(np.float64, st.integers(1, 6)),
+    places=st.lists(st.integers(-1, 5), max_size=20),
+)
+def test_spread_values_are_those_of_the_rows(values: np.ndarray, places: list[int]) -> None:
+    row = np.array([min(place, len(values) - 1) for place in places], dtype=np.int64)
+    found = spread(values, row, np.inf)
+    np.testing.assert_array_equal(found, [values[one] if one >= 0 else np.inf for one in row])
+    assert not found.flags.writeable
