@@ -12,7 +12,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 from scipy.special import ellipe
 
-from grasp3d.arrays import ArrayLike, Bools, Floats, Ints, locked, short_repr
+from grasp3d.arrays import RIGHT_ANGLE, ArrayLike, Bools, Floats, Ints, locked, short_repr
 from grasp3d.contact.friction_cones import tangents
 from grasp3d.errors import ContactError, SettingError
 
@@ -292,6 +292,22 @@ def per_contact(name: str, values: ArrayLike, contacts: Contacts) -> Floats:
             f"{name} must be one number or have shape {contacts.friction.shape}; "
             f"got {numbers.shape}"
         ) from error
+
+
+def tilts_of(tilt: ArrayLike, contacts: Contacts) -> Floats:
+    """Largest tilts of the contacts' normals for a flat batch, shape (b, n).
+
+    Args:
+        tilt: From 0 to below pi/2 [rad]: one value, or shape (..., n).
+        contacts: The contacts.
+
+    Raises:
+        SettingError: A value is outside its range, or a shape that does not match.
+    """
+    tilts = per_contact("tilt", tilt, contacts).reshape(-1, contacts.count)
+    if not ((tilts >= 0.0) & (tilts < RIGHT_ANGLE)).all():
+        raise SettingError(f"tilt must be from 0 to below pi/2; got {tilts}")
+    return tilts
 
 
 def centred(points: Floats) -> tuple[Floats, Floats, Floats]:

@@ -1,6 +1,6 @@
-from .certificates import Certificate as Certificate
-from .certificates import Status as Status
+from .closure import Certificate as Certificate
 from .closure import ForceClosure as ForceClosure
+from .closure import Status as Status
 from .closure import force_closure as force_closure
 from .critical_angle import critical_friction_angle as critical_friction_angle
 from .epsilon_options import EpsilonOptions as EpsilonOptions

@@ -1,16 +1,115 @@
-"""Force closure of grasps, with certificates."""
+"""Force closure of grasps, with certificates, which epsilon has as well."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from enum import IntEnum
+from functools import cached_property, partial
+from typing import Any
 
 import numpy as np
 
-from grasp3d._kernels.wrench_problem import SIGN
-from grasp3d.arrays import ArrayLike, Bools, Bytes, Ints, shaped, short_repr
+from grasp3d._kernels import growing_hull
+from grasp3d._kernels.wrench_problem import SIGN, Results
+from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
 from grasp3d.contact.contacts import Contacts, centred
-from grasp3d.quality.certificates import Certificate, certificate_of, forces_of_components
-from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.contact.friction_cones import tangents
+from grasp3d.quality.epsilon_options import EpsilonOptions, Goal
 from grasp3d.quality.wrench_problem import WrenchProblem
+
+
+class Status(IntEnum):
+    """How a computation ended."""
+
+    CONVERGED = growing_hull.CONVERGED
+    """Within the requested tolerance."""
+    UNDECIDED = growing_hull.UNDECIDED
+    """Force closure is not decided: the interval contains 0 and is as narrow as rounding errors, or
+    tilts exceed friction (see `cone_offset`)."""
+    STALLED = growing_hull.STALLED
+    """Rounding errors stopped the search; the interval is valid."""
+    EXHAUSTED = growing_hull.EXHAUSTED
+    """The hull needed too much memory; the interval reached so far is valid."""
+
+
+@dataclass(frozen=True, eq=False)
+class Certificate:
+    """Proof of a result, which linear algebra can verify."""
+
+    direction: Floats
+    """Unit direction, shape (..., 6). If the grasp is not force-closed, the direction separates it
+    from the origin: no wrench of any contact has a positive component along it. If it is, the
+    disturbance that is hardest to resist acts against it: the support function of the grasp wrench
+    space is `upper` there. In a `ForceClosure` it is meaningful only where not force-closed."""
+    _balance: Callable[[], Floats]
+    """Computes `equilibrium`."""
+
+    __repr__ = short_repr
+
+    @cached_property
+    def equilibrium(self) -> Floats:
+        """Forces in equilibrium, computed when they are first read.
+
+        If the grasp is force-closed, nonzero forces in equilibrium, each inside its friction cone,
+        shape (..., n, 4): force along x, y, z, and torsional moment about the normal [mesh unit];
+        of contacts with patches, shape (..., n, 6): force, and moment about the contact, along x,
+        y, z. For given wrenches their weights, shape (..., n). nan where not force-closed, where
+        `cone_offset` makes cones of 90 degrees or more, and where closure is so narrow that only
+        the hull proves it. Copies and pickles hold the forces.
+        """
+        return self._balance()
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return Certificate, (self.direction, partial(np.asarray, self.equilibrium))
+
+
+def certificate_of(
+    problem: WrenchProblem,
+    results: Results,
+    goal: Goal,
+    *,
+    batch: tuple[int, ...],
+    forces_of: Callable[[Floats], Floats],
+    threads: int | None,
+) -> Certificate:
+    """Certificates of a batch: directions, and balanced forces.
+
+    Args:
+        problem: The wrench spaces.
+        results: Their results, of which directions and closure are kept.
+        goal: That of the results.
+        batch: Shape of the batch.
+        forces_of: Converts components along the contacts' axes.
+        threads: As in `WrenchProblem.solve`.
+    """
+    closed = results.closed
+
+    def balance() -> Floats:
+        forces: Floats = shaped(forces_of(problem.balanced_forces(closed, goal, threads)), batch)
+        return forces
+
+    return Certificate(shaped(results.direction, batch), balance)
+
+
+def forces_of_components(contacts: Contacts, components: Floats) -> Floats:
+    """Forces along x, y, z and moments from components along the contacts' axes.
+
+    Args:
+        contacts: The contacts.
+        components: Shape (b, n, 4), or with patches (b, n, 6).
+
+    Returns:
+        Forces and torsional moments, shape (b, n, 4); with patches forces and moments about the
+        contacts along x, y, z, shape (b, n, 6).
+    """
+    normals = contacts.normals.reshape(*components.shape[:2], 3)
+    axes = np.stack([normals, *tangents(normals)], axis=-2)  # (b, n, 3, 3)
+    forces = (components[..., None, :3] @ axes)[..., 0, :]
+    twist = components[..., 3] * contacts.torsion_radius.reshape(components.shape[:2])
+    moments = twist[..., None]
+    if contacts.rolling_arms is not None:
+        arms = contacts.rolling_arms.reshape(*normals.shape[:2], 2, 3)
+        moments = moments * normals + (components[..., None, 4:] @ arms)[..., 0, :]
+    return np.concatenate([forces, moments], axis=-1)
 
 
 @dataclass(frozen=True, eq=False)

@@ -15,7 +15,7 @@ from grasp3d._kernels.wrench_problem import SIGN
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, angles_between
 from grasp3d.contact.contacts import Contacts, centred
 from grasp3d.errors import SettingError
-from grasp3d.quality.certificates import Status
+from grasp3d.quality.closure import Status
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.patch_lines import least_friction_angles
 from grasp3d.quality.wrench_problem import WrenchProblem

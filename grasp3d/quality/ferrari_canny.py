@@ -1,6 +1,7 @@
 """Epsilon, the grasp quality of Ferrari & Canny, with certified bounds."""
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 
@@ -10,8 +11,8 @@ from grasp3d._kernels.wrench_problem import Results
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts
 from grasp3d.errors import ContactError
-from grasp3d.quality.certificates import Certificate, Status, certificate_of, forces_of_components
-from grasp3d.quality.epsilon_options import EpsilonOptions
+from grasp3d.quality.closure import Certificate, Status, certificate_of, forces_of_components
+from grasp3d.quality.epsilon_options import EpsilonOptions, Goal
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Bounded
 from grasp3d.settings import Actuation
@@ -140,13 +141,11 @@ def epsilon_with(
     problem = WrenchProblem.of_contacts(
         contacts, options, cone_offset=cone_offset, phase=phase, bounded=bounded
     )
-    goal, threads = options.goal, options.threads
-    results = problem.solve(goal, with_forces=False, threads=threads)
-    certificate = certificate_of(
-        problem, results, goal,
-        batch=contacts.batch, forces_of=partial(forces_of_components, contacts), threads=threads,
+    return _solved(
+        problem, options.goal,
+        batch=contacts.batch, forces_of=partial(forces_of_components, contacts),
+        polygonal=options.polygonal, threads=options.threads,
     )  # fmt: skip
-    return _as_epsilon(results, contacts.batch, certificate, polygonal=options.polygonal)
 
 
 def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = None) -> Epsilon:
@@ -186,13 +185,10 @@ def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = None) -> E
     batch = rows.shape[:-2]
     flat = np.zeros((math.prod(batch), rows.shape[-2], 6))
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])
-    problem, goal = WrenchProblem.of_rows(flat), (0.0, 0.0, math.inf, 0.0)
-    results = problem.solve(goal, with_forces=False, threads=threads)
-    certificate = certificate_of(
-        problem, results, goal,
-        batch=batch, forces_of=lambda weights: weights[..., 0], threads=threads,
+    return _solved(
+        WrenchProblem.of_rows(flat), (0.0, 0.0, math.inf, 0.0),
+        batch=batch, forces_of=lambda weights: weights[..., 0], polygonal=True, threads=threads,
     )  # fmt: skip
-    return _as_epsilon(results, batch, certificate, polygonal=True)
 
 
 def smallest_epsilon(
@@ -242,17 +238,26 @@ def smallest_epsilon(
     )
 
 
-def _as_epsilon(
-    results: Results, batch: tuple[int, ...], certificate: Certificate, *, polygonal: bool
+def _solved(
+    problem: WrenchProblem,
+    goal: Goal,
+    *,
+    batch: tuple[int, ...],
+    forces_of: Callable[[Floats], Floats],
+    polygonal: bool,
+    threads: int | None,
 ) -> Epsilon:
-    """Results of a flat batch as an `Epsilon` of the batch's shape."""
+    """Epsilon of a flat batch, in the batch's shape; see `certificate_of`."""
+    results = problem.solve(goal, with_forces=False, threads=threads)
     return Epsilon(
         lower=shaped(certified(results, polygonal=polygonal), batch),
         upper=shaped(results.upper, batch),
         rank=shaped(results.rank, batch),
         closed=shaped(results.closed, batch),
         status=shaped(results.status, batch),
-        certificate=certificate,
+        certificate=certificate_of(
+            problem, results, goal, batch=batch, forces_of=forces_of, threads=threads
+        ),
     )
 
 

@@ -1,10 +1,18 @@
-"""Grip forces of batches of grasps, evaluated by the compiled kernels in chunks and threads."""
+"""Grip forces of batches of grasps, evaluated by the compiled kernels in chunks and threads.
+
+That contacts cannot apply a wrench, however hard they press, is proven by projecting it onto a
+polyhedral cone that contains all that they can apply; where something remains, it is a direction
+along which no contact can push.
+"""
 
 import math
 from dataclasses import dataclass, replace
-from typing import Any, Literal
+from functools import cache
+from typing import Literal
 
 import numpy as np
+from scipy.optimize import nnls
+from scipy.spatial import ConvexHull
 
 from grasp3d._kernels import grip_force as kernels
 from grasp3d._kernels.grip_force import ForceResults
@@ -15,12 +23,12 @@ from grasp3d._kernels.tasks import POINTS, SIZE, TERM
 from grasp3d._kernels.wrench_problem import Workspace
 from grasp3d.arrays import ArrayLike, Floats, Ints
 from grasp3d.contact.contacts import Contacts
+from grasp3d.contact.friction_cones import edge_angles, tangents
 from grasp3d.errors import SettingError
-from grasp3d.quality.certificates import forces_of_components
+from grasp3d.quality.closure import forces_of_components
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.tasks import Task, Terms
-from grasp3d.quality.unreachable_wrenches import separating_direction
-from grasp3d.quality.wrench_problem import WrenchProblem
+from grasp3d.quality.wrench_problem import WrenchProblem, part_of
 from grasp3d.settings import check_choice
 
 ForceBound = Literal["normal", "norm", "total"]
@@ -31,6 +39,21 @@ LimitSurface = Literal["none", "ellipse", "linear"]
 """What soft fingers were taken to resist: nothing, for hard fingers; the elliptic limit surface of
 Howe & Cutkosky (IJRR 1996), for circular cones; or, for polygonal cones, the convex hull of the
 cone's edges and of the pure normal force with its torsional moment, as epsilon takes it."""
+
+EDGES = 64
+"""Edges of the circumscribed polygon of a friction cone."""
+
+PATCH_CORNERS = 16
+"""Corners of the circumscribed polygon of a patch."""
+
+SPHERE_POINTS = 400
+"""Vertices of the circumscribed polyhedron of the elliptic limit surface."""
+
+ROUNDING = 1e-11
+"""Rounding errors of unit wrenches along the direction."""
+
+APART = 1e-9
+"""Remainder, relative to the wrench, that is not a rounding error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -117,7 +140,7 @@ class ForceProblem:
                 self._form, problem.wrenches_of(chunk), problem.tangential[chunk],
                 problem.cones[chunk], problem.rim, np.ascontiguousarray(wrenches[chunk]),
                 self.sizes[chunk], rtol, workspace, np.zeros((SCRATCH_ROWS, 8)),
-                _part(results, chunk),
+                part_of(results, chunk),
             )  # fmt: skip
 
         problem.in_chunks(evaluate, 1, threads)
@@ -145,7 +168,7 @@ class ForceProblem:
         results = _make_results(problem.size, problem.count, problem.axes)
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
-            axes, part = problem.wrenches_of(chunk), _part(results, chunk)
+            axes, part = problem.wrenches_of(chunk), part_of(results, chunk)
             scratch = kernels.make_scratch(len(terms.rows), problem.count, problem.axes)
             problem.with_polytope(
                 len(axes),
@@ -206,11 +229,6 @@ def _size(terms: Terms, masses: Floats) -> float:
     return float(max(forces, np.abs(terms.points).max(initial=0.0)))
 
 
-def _part(results: ForceResults, chunk: slice | Ints) -> ForceResults:
-    views: list[Any] = [values[chunk] for values in results]
-    return ForceResults(*views)
-
-
 def _make_results(size: int, count: int, axes: int) -> ForceResults:
     return ForceResults(
         lower=np.zeros(size),
@@ -221,3 +239,72 @@ def _make_results(size: int, count: int, axes: int) -> ForceResults:
         direction=np.zeros((size, 6)),
         forces=np.full((size, count, axes), math.nan),
     )
+
+
+def separating_direction(
+    points: Floats,
+    normals: Floats,
+    friction: Floats,
+    torsion: Floats,
+    wrench: Floats,
+    rolling: Floats | None = None,
+) -> Floats | None:
+    """A direction that proves that no contact forces apply a wrench; None: none was found.
+
+    Args:
+        points: Contact points of one grasp, of a size of about 1 (n, 3).
+        normals: Inward unit normals (n, 3).
+        friction: Coefficients (n,).
+        torsion: Torsion radii in the unit of the points (n,).
+        wrench: Shape (6,).
+        rolling: As `Contacts.rolling_arms` in the unit of the points (n, 2, 3); None: points.
+
+    Returns:
+        Direction (6,) along which the wrench has a positive component and no contact pushes.
+    """
+    sections = _circumscribed_ball() if (torsion > 0.0).any() else _circumscribed_circle()
+    forces = normals[:, None] + friction[:, None, None] * (
+        sections[:, 0, None] * tangents(normals)[0][:, None]
+        + sections[:, 1, None] * tangents(normals)[1][:, None]
+    )  # (n, m, 3)
+    moments = np.cross(points[:, None], forces)
+    moments += (torsion[:, None] * sections[:, 2])[..., None] * normals[:, None]
+    if rolling is not None:
+        moments = moments[:, :, None] + (_circumscribed_patch() @ rolling)[:, None]  # (n, m, k, 3)
+        forces = np.broadcast_to(forces[:, :, None], moments.shape)
+    generators = np.concatenate([forces, moments], axis=-1).reshape(-1, 6)
+    size = np.linalg.norm(wrench)
+    weights, left = nnls(generators.T, wrench / size)
+    if left <= APART:
+        return None
+    direction = wrench / size - weights @ generators
+    lengths = np.linalg.norm(generators, axis=-1)
+    separates = ((generators @ direction) <= ROUNDING * lengths).all()
+    return np.asarray(direction) if separates else None
+
+
+@cache
+def _circumscribed_circle() -> Floats:
+    """Vertices of a polygon around the unit circle, (m, 3), the last coordinate 0."""
+    angles = edge_angles(EDGES)
+    corners = np.stack([np.cos(angles), np.sin(angles), np.zeros(EDGES)], axis=-1)
+    return np.asarray(corners / math.cos(math.pi / EDGES))
+
+
+@cache
+def _circumscribed_patch() -> Floats:
+    """Vertices of a polygon around the unit circle, (k, 2)."""
+    angles = edge_angles(PATCH_CORNERS)
+    corners = np.stack([np.cos(angles), np.sin(angles)], axis=-1)
+    return np.asarray(corners / math.cos(math.pi / PATCH_CORNERS))
+
+
+@cache
+def _circumscribed_ball() -> Floats:
+    """Vertices of a polyhedron around the unit ball, evenly on a spiral, (m, 3)."""
+    k = np.arange(SPHERE_POINTS) + 0.5
+    height, turn = 1.0 - 2.0 * k / SPHERE_POINTS, math.pi * (1.0 + math.sqrt(5.0)) * k
+    ring = np.sqrt(1.0 - height**2)
+    points = np.stack([ring * np.cos(turn), ring * np.sin(turn), height], axis=-1)
+    inside = -ConvexHull(points).equations[:, -1].max()
+    return np.asarray(points / inside)

@@ -23,10 +23,9 @@ from typing import Literal
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints, locked, short_repr
-from grasp3d.contact.contacts import Contacts, per_contact
-from grasp3d.errors import SettingError
-from grasp3d.quality.force_options import ForceOptions
+from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.quality.force_problem import ForceBound
+from grasp3d.quality.grip_forces import ForceOptions
 from grasp3d.quality.sampled_tilts import largest_sampled, least_sampled
 from grasp3d.quality.tasks import Task
 from grasp3d.system.progress import Progress, ignore
@@ -102,9 +101,7 @@ def force_range(
         >>> print(f"{forces.nominal:.1f} N, at most {forces.largest:.1f} N ({forces.how})")
         5.2 N, at most 5.8 N (bound)
     """
-    tilts = per_contact("tilt", tilt, contacts).reshape(-1, contacts.count)
-    if not ((tilts >= 0.0) & (tilts < math.pi / 2.0)).all():
-        raise SettingError(f"tilt must be from 0 to below pi/2; got {tilts}")
+    tilts = tilts_of(tilt, contacts)
     soft = bool((contacts.torsion_radius > 0.0).any())
     options = ForceOptions(task, bound, masses, rtol, threads).flat(contacts)
     flat, report = contacts.reshape((-1,)), progress or ignore

@@ -9,18 +9,80 @@ the task: epsilon of Ferrari & Canny (ICRA 1992) with another ruler. It is found
 hull, with facets ranked by h / h_T; for one wrench by the simplex method along its ray.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from enum import IntEnum
+from typing import Any
 
 import numpy as np
 
 from grasp3d._kernels import grip_force as kernels
+from grasp3d._kernels.grip_force import ForceResults
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, shaped, short_repr
 from grasp3d.contact.contacts import LARGEST, Contacts
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.quality.force_problem import ForceBound, ForceProblem, LimitSurface
-from grasp3d.quality.hardest_wrenches import WrenchForces, hardest
+from grasp3d.quality.opposed_fingers import are_opposed, opposed_forces
 from grasp3d.quality.tasks import Task
+
+
+@dataclass(frozen=True, eq=False)
+class WrenchForces:
+    """Grip forces of a flat batch, the wrenches that need them, and contact forces that do."""
+
+    results: ForceResults
+    wrenches: Floats
+    """Shape (b, 6)."""
+    forces: Floats
+    """As of `ForceCertificate`, shape (b, n, 4)."""
+
+
+def hardest(
+    problem: ForceProblem, wrenches: Floats, rtol: float, threads: int | None
+) -> WrenchForces:
+    """Grip force of the hardest of k wrenches for each grasp.
+
+    Args:
+        problem: The grasps.
+        wrenches: Shape (b, k, 6).
+        rtol: As in `grip_force`.
+        threads: As in `grip_force`.
+    """
+    size, count = wrenches.shape[:2]
+    found = [against(problem, wrenches[:, k], rtol, threads) for k in range(count)]
+    chosen = np.stack([one.results.upper for one in found]).argmax(axis=0)
+    grasps = np.arange(size)
+
+    def of_chosen(values: Sequence[Any]) -> Any:
+        return np.stack(values)[chosen, grasps]
+
+    results = ForceResults(*map(of_chosen, zip(*(one.results for one in found), strict=True)))
+    lower = np.stack([one.results.lower for one in found])
+    best = lower.argmax(axis=0)
+    results.lower[:] = lower.max(axis=0)
+    results.direction[:] = np.stack([one.results.direction for one in found])[best, grasps]
+    return WrenchForces(results, wrenches[grasps, chosen], of_chosen([one.forces for one in found]))
+
+
+def against(
+    problem: ForceProblem, wrenches: Floats, rtol: float, threads: int | None
+) -> WrenchForces:
+    """Grip force against one wrench for each grasp, shape (b, 6); opposed fingers: closed form."""
+    results = problem.of_wrenches(wrenches, rtol, threads)
+    forces = problem.in_contact_frame(results.forces)
+    if problem.plain:
+        contacts = problem.contacts.reshape((-1,))
+        opposed = np.flatnonzero(are_opposed(contacts))
+        if opposed.size:
+            chosen = contacts.take(opposed)
+            exact = opposed_forces(chosen, wrenches[opposed])
+            finite = np.isfinite(exact.normal).all(axis=-1)
+            directions, proven = exact.proofs(chosen, problem.bound)
+            results.direction[opposed[proven]] = directions[proven]
+            opposed, values = opposed[finite], exact.bounded(problem.bound)[finite]
+            results.lower[opposed] = results.upper[opposed] = values
+            forces[opposed] = exact.in_contact_frame(chosen.normals)[finite]
+    return WrenchForces(results, wrenches, forces)
 
 
 class Resistance(IntEnum):
@@ -133,61 +195,7 @@ def grip_force(
         6.94 N
     """
     problem = ForceProblem.of_contacts(contacts, bound=bound, edges=edges, cone_offset=cone_offset)
-    return _solve(problem, contacts, task, masses, bound, rtol, threads)
-
-
-def force_with_lengths(
-    contacts: Contacts,
-    task: Task | ArrayLike,
-    *,
-    bound: ForceBound,
-    masses: ArrayLike | None,
-    cone_offset: ArrayLike,
-    rtol: float,
-    threads: int | None,
-) -> GripForce:
-    """`grip_force` with the forces' lengths, or for 'total' their sum, bounded."""
-    problem = ForceProblem.of_contacts(contacts, bound=bound, lengths=True, cone_offset=cone_offset)
-    return _solve(problem, contacts, task, masses, bound, rtol, threads)
-
-
-def _solve(
-    problem: ForceProblem,
-    contacts: Contacts,
-    task: Task | ArrayLike,
-    masses: ArrayLike | None,
-    bound: ForceBound,
-    rtol: float,
-    threads: int | None,
-) -> GripForce:
-    options = rtol, threads
-    if isinstance(task, Task):
-        own = None if masses is None else masses_of(masses, contacts)
-        corners = task.corners_for(own, problem.problem.size)
-        if corners is None:
-            results = problem.of_task(task, *options, own)
-            wrenches = task.farthest_for(own, -results.direction)
-            forces = problem.of_wrenches(wrenches, *options).forces
-            found = WrenchForces(results, wrenches, problem.in_contact_frame(forces))
-        else:
-            found = hardest(problem, corners, *options)
-    else:
-        found = hardest(problem, wrenches_of(task, contacts)[:, None], *options)
-    results = found.results
-    batch = contacts.batch
-    return GripForce(
-        lower=shaped(results.lower, batch),
-        upper=shaped(results.upper, batch),
-        rank=shaped(results.rank, batch),
-        resistance=shaped(results.reason, batch),
-        bound=bound,
-        limit_surface=problem.limit_surface,
-        certificate=ForceCertificate(
-            direction=shaped(results.direction, batch),
-            wrench=shaped(found.wrenches, batch),
-            forces=shaped(found.forces, batch),
-        ),
-    )
+    return ForceOptions(task, bound, masses, rtol, threads).solve(problem)
 
 
 def wrenches_of(given: ArrayLike, contacts: Contacts) -> Floats:
@@ -222,3 +230,67 @@ def masses_of(given: ArrayLike, contacts: Contacts) -> Floats:
         raise SettingError(
             f"masses must be one, or have shape {contacts.batch}; got {masses.shape}"
         ) from error
+
+
+@dataclass(frozen=True, eq=False)
+class ForceOptions:
+    """What `grip_force` takes besides the contacts, for a batch or some of it."""
+
+    task: Task | ArrayLike
+    bound: ForceBound
+    masses: ArrayLike | None
+    rtol: float
+    threads: int | None
+
+    def flat(self, contacts: Contacts) -> "ForceOptions":
+        """With one wrench and one mass for each grasp of a flat batch."""
+        task = self.task if isinstance(self.task, Task) else wrenches_of(self.task, contacts)
+        masses = None if self.masses is None else masses_of(self.masses, contacts)
+        return replace(self, task=task, masses=masses)
+
+    def take(self, rows: slice | Ints) -> "ForceOptions":
+        """Those of chosen grasps."""
+        task = self.task if isinstance(self.task, Task) else np.asarray(self.task)[rows]
+        masses = None if self.masses is None else np.asarray(self.masses)[rows]
+        return replace(self, task=task, masses=masses)
+
+    def force(self, contacts: Contacts) -> GripForce:
+        """Grip force of the contacts."""
+        return self.solve(ForceProblem.of_contacts(contacts, bound=self.bound))
+
+    def force_of_lengths(self, contacts: Contacts, offset: Floats) -> GripForce:
+        """Grip force with the forces' lengths, or their sum, bounded, at cones of other angles."""
+        return self.solve(
+            ForceProblem.of_contacts(contacts, bound=self.bound, lengths=True, cone_offset=offset)
+        )
+
+    def solve(self, problem: ForceProblem) -> GripForce:
+        """Grip force of contacts whose wrench spaces are known."""
+        found = self._wrench_forces(problem)
+        results, batch = found.results, problem.contacts.batch
+        return GripForce(
+            lower=shaped(results.lower, batch),
+            upper=shaped(results.upper, batch),
+            rank=shaped(results.rank, batch),
+            resistance=shaped(results.reason, batch),
+            bound=self.bound,
+            limit_surface=problem.limit_surface,
+            certificate=ForceCertificate(
+                direction=shaped(results.direction, batch),
+                wrench=shaped(found.wrenches, batch),
+                forces=shaped(found.forces, batch),
+            ),
+        )
+
+    def _wrench_forces(self, problem: ForceProblem) -> WrenchForces:
+        task, contacts, accuracy = self.task, problem.contacts, (self.rtol, self.threads)
+        if not isinstance(task, Task):
+            return hardest(problem, wrenches_of(task, contacts)[:, None], *accuracy)
+        masses = None if self.masses is None else masses_of(self.masses, contacts)
+        corners = task.corners_for(masses, problem.problem.size)
+        if corners is not None:
+            return hardest(problem, corners, *accuracy)
+        results = problem.of_task(task, *accuracy, masses)
+        wrenches = task.farthest_for(masses, -results.direction)
+        forces = problem.of_wrenches(wrenches, *accuracy).forces
+        return WrenchForces(results, wrenches, problem.in_contact_frame(forces))

@@ -5,11 +5,11 @@ import math
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
-from grasp3d.contact.contacts import Contacts, per_contact
+from grasp3d.contact.contacts import Contacts, tilts_of
 from grasp3d.errors import SettingError
-from grasp3d.quality.force_options import ForceOptions
 from grasp3d.quality.force_problem import ForceBound
 from grasp3d.quality.force_ranges import WorstCase, force_range
+from grasp3d.quality.grip_forces import ForceOptions
 from grasp3d.quality.tasks import Task
 
 STEPS = 60
@@ -68,7 +68,7 @@ def payload(
         with np.errstate(divide="ignore"):  # no force is needed where nothing accelerates
             return locked(force / largest)[()]
     flat = contacts.reshape((-1,))
-    tilts = per_contact("tilt", tilt, contacts).reshape(-1, contacts.count)
+    tilts = tilts_of(tilt, contacts)
     found = _search(WorstCase.of(flat, tilts, options), force, rtol)
     return locked(found.reshape(contacts.batch))[()]
 

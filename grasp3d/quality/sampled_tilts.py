@@ -10,7 +10,7 @@ against the whole task. What is found is a force that some tilt needs: others ma
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -18,9 +18,8 @@ from grasp3d.arrays import Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import tilted_normals, turned
 from grasp3d.quality.closure import force_closure
-from grasp3d.quality.force_options import ForceOptions
 from grasp3d.quality.force_problem import ForceProblem
-from grasp3d.quality.grip_forces import GripForce
+from grasp3d.quality.grip_forces import ForceOptions, GripForce
 from grasp3d.quality.tasks import Task
 
 ROUNDS = 5
@@ -161,9 +160,8 @@ def _opened(contacts: Contacts, tilt: Floats, options: ForceOptions) -> tuple[Fl
     chosen = contacts.take(opened)
     directions = closure.certificate.direction[opened]
     normals[opened] = _weakest(chosen, tilt[opened], directions)
-    force[opened] = (
-        options.take(opened).coarse(COARSE).force(chosen.with_normals(normals[opened])).lower
-    )
+    coarse = replace(options.take(opened), rtol=COARSE)
+    force[opened] = coarse.force(chosen.with_normals(normals[opened])).lower
     return normals, force
 
 

@@ -5,7 +5,7 @@ import threading
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, TypeVar
 
 import numpy as np
 from scipy.optimize import nnls
@@ -53,6 +53,8 @@ TINIEST = 1e-300
 
 MOST_TAKEN = 1 << 16
 """Grasps whose wrenches are written at once where forces in equilibrium are computed."""
+
+ArraysT = TypeVar("ArraysT", bound=tuple[Any, ...])
 
 _local = threading.local()
 
@@ -281,10 +283,9 @@ class WrenchProblem:
         left = np.zeros(self.size, dtype=np.bool_)
 
         def evaluate(chunk: slice, _: Workspace) -> None:
-            views: list[Any] = [values[chunk] for values in results]
             pair_epsilons(
                 self._form, self.wrenches_of(chunk), self.tangential[chunk], self.cones[chunk],
-                goal[0], make_pair_scratch(), Results(*views), left[chunk],
+                goal[0], make_pair_scratch(), part_of(results, chunk), left[chunk],
             )  # fmt: skip
 
         self.in_chunks(evaluate, 1, threads)
@@ -302,9 +303,7 @@ class WrenchProblem:
         """Write the results of the growing hulls; see `solve`."""
 
         def evaluate(chunk: slice, workspace: Workspace) -> None:
-            views: list[Any] = [values[chunk] for values in results]
-            written = Results(*views)
-            wrenches = self.wrenches_of(chunk)
+            written, wrenches = part_of(results, chunk), self.wrenches_of(chunk)
             settings = (
                 self._form, wrenches, self.tangential[chunk], self.cones[chunk], self.rim,
                 self.rank_tolerance, goal, group, with_forces,
@@ -442,6 +441,11 @@ def _in_patches(components: Floats, angles: Floats) -> Floats:
     repeated = np.broadcast_to(components[:, None], (*rolling.shape[:-1], 4))
     both = np.concatenate([repeated, rolling], axis=-1)
     return both.reshape(len(components), -1, 6)
+
+
+def part_of(results: ArraysT, chunk: slice | Ints) -> ArraysT:
+    """Results of some of the grasps, as views where the chunk is a slice."""
+    return type(results)(*(values[chunk] for values in results))
 
 
 def _make_results(size: int, count: int, axes: int) -> Results:

@@ -28,7 +28,7 @@ from grasp3d.arrays import (
 from grasp3d.contact.contacts import Contacts, centred, per_contact
 from grasp3d.contact.friction_cones import on_arcs, tilted_normals
 from grasp3d.errors import SettingError
-from grasp3d.quality.certificates import Status
+from grasp3d.quality.closure import Status
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import certified
 from grasp3d.quality.wrench_problem import WrenchProblem

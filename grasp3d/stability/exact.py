@@ -9,8 +9,7 @@ from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints, angles_between, uni
 from grasp3d.contact.contacts import Contacts
 from grasp3d.contact.friction_cones import turned
 from grasp3d.errors import ContactError
-from grasp3d.quality.certificates import Status
-from grasp3d.quality.closure import force_closure
+from grasp3d.quality.closure import Status, force_closure
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.settings import Method

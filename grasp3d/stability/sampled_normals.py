@@ -9,7 +9,7 @@ from grasp3d._kernels.coplanar_contacts import critical_of_sets, make_fans, make
 from grasp3d._kernels.wrench_problem import SIGN
 from grasp3d.arrays import RIGHT_ANGLE, Bools, Floats, Ints
 from grasp3d.contact.contacts import Contacts
-from grasp3d.quality.certificates import Status
+from grasp3d.quality.closure import Status
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.wrench_problem import WrenchProblem

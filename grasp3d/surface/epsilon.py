@@ -7,8 +7,7 @@ import numpy as np
 from grasp3d.arrays import locked
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import epsilon_with
-from grasp3d.quality.tilting import EpsilonRange
-from grasp3d.quality.uncertain_epsilon import WrenchErrors, uncertain_epsilon_range
+from grasp3d.quality.tilting import EpsilonRange, WrenchErrors, uncertain_epsilon_range
 from grasp3d.settings import GraspModel
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.extreme_normals import hull_epsilons

@@ -13,9 +13,9 @@ from grasp3d.contact.contacts import Contacts
 from grasp3d.loads import Load
 from grasp3d.quality.force_ranges import Certainty, ForceRange, force_range
 from grasp3d.quality.grip_forces import Resistance
-from grasp3d.quality.over_friction import FrictionCases, over_friction
 from grasp3d.quality.payloads import payload
 from grasp3d.quality.tasks import Task
+from grasp3d.quality.tilting import FrictionCases, over_friction
 from grasp3d.stability.label import Label
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.progress import Progress, ignore

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
 from grasp3d.quality import Acceleration, Ellipsoid, Task, Weight, Wrenches, parse_task
-from grasp3d.quality.task_texts import TaskText
-from grasp3d.quality.wrench_files import COLUMNS, LARGEST_FILE, MAX_WRENCHES, read_wrenches
+from grasp3d.quality.task_texts import COLUMNS, LARGEST_FILE, MAX_WRENCHES, TaskText, read_wrenches
 
 DOWN = (0.0, 0.0, -1.0)
 NUMBERS = st.floats(-1e6, 1e6)

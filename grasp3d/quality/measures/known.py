@@ -5,12 +5,6 @@ import math
 from collections.abc import Mapping, Sequence
 
 from grasp3d.errors import SettingError
-from grasp3d.quality.measures.internal_forces import friction_margin, internal_force_margin
-from grasp3d.quality.measures.matrix_measures import (
-    grasp_isotropy,
-    grasp_matrix_volume,
-    smallest_singular_value,
-)
 from grasp3d.quality.measures.metric import Metric
 from grasp3d.quality.measures.polygon_measures import (
     centroid_distance,
@@ -18,8 +12,16 @@ from grasp3d.quality.measures.polygon_measures import (
     polygon_area,
     polygon_shape,
 )
-from grasp3d.quality.measures.wrench_measures import min_weight, wrench_space_volume
-from grasp3d.quality.measures.wrench_resistance import wrench_resistance
+from grasp3d.quality.measures.wrench_measures import (
+    friction_margin,
+    grasp_isotropy,
+    grasp_matrix_volume,
+    internal_force_margin,
+    min_weight,
+    smallest_singular_value,
+    wrench_resistance,
+    wrench_space_volume,
+)
 
 ALL = "all"
 """Stands for the names of all measures, of those of a wrench only where one is given."""
@@ -36,8 +38,6 @@ _ALL_METRICS = (
         r"\sigma_{min}(G)",
         "Li & Sastry 1988",
         "larger",
-        0.0,
-        math.inf,
         _COLUMN,
         measure=smallest_singular_value,
     ),
@@ -48,8 +48,6 @@ _ALL_METRICS = (
         r"\sqrt{\det(G G^T)} = \prod_k \sigma_k",
         "Li & Sastry 1988",
         "larger",
-        0.0,
-        math.inf,
         _COLUMN,
         measure=grasp_matrix_volume,
     ),
@@ -60,9 +58,8 @@ _ALL_METRICS = (
         r"\sigma_{min}(G) / \sigma_{max}(G)",
         "Kim et al. 2001",
         "larger",
-        0.0,
-        1.0,
         _COLUMN,
+        most=1.0,
         measure=grasp_isotropy,
     ),
     Metric(
@@ -72,8 +69,6 @@ _ALL_METRICS = (
         r"\operatorname{vol}(\operatorname{conv}\{w_j\})",
         "Miller & Allen 1999",
         "larger",
-        0.0,
-        math.inf,
         _PRIMITIVES,
         measure=wrench_space_volume,
     ),
@@ -85,9 +80,9 @@ _ALL_METRICS = (
         r"\max_c \min_j c_j, \sum_j c_j w_j = 0, \sum_j c_j = 1",
         "Li et al. 2023",
         "larger",
-        -math.inf,
-        1.0,
         _PRIMITIVES,
+        least=-math.inf,
+        most=1.0,
         measure=min_weight,
     ),
     Metric(
@@ -98,9 +93,9 @@ _ALL_METRICS = (
         r"\max_f \min_{i,k} d_k(f_i), \sum_i G_i f_i = 0, \sum_i n_i \cdot f_i = 1",
         "Kerr & Roth 1986",
         "larger",
-        -math.inf,
-        0.5,
         "a soft finger may use torsion, which takes |moment|/e from its normal force",
+        least=-math.inf,
+        most=0.5,
         measure=internal_force_margin,
     ),
     Metric(
@@ -111,10 +106,10 @@ _ALL_METRICS = (
         r"\beta - \beta^*",
         "Wan & Howe 2018",
         "larger",
-        -math.pi,
-        math.pi,
         _NO_TORSION,
-        "rad",
+        least=-math.pi,
+        most=math.pi,
+        unit="rad",
         measure=friction_margin,
     ),
     Metric(
@@ -124,10 +119,8 @@ _ALL_METRICS = (
         r"\lVert \frac{1}{n} \sum_i p_i \rVert",
         "Ding et al. 2001",
         "smaller",
-        0.0,
-        math.inf,
         _NO_TORSION,
-        "length",
+        unit="length",
         measure=centroid_distance,
     ),
     Metric(
@@ -137,11 +130,9 @@ _ALL_METRICS = (
         r"\operatorname{area}(p_1 \dots p_n)",
         "Mirtich & Canny 1994",
         "larger",
-        0.0,
-        math.inf,
         _NO_TORSION,
-        "length²",
-        3,
+        unit="length²",
+        fingers=3,
         measure=polygon_area,
     ),
     Metric(
@@ -151,11 +142,9 @@ _ALL_METRICS = (
         r"\frac{1}{\theta_{max}} \sum_i \lvert \theta_i - \bar\theta \rvert",
         "Kim et al. 2001",
         "smaller",
-        0.0,
-        1.0,
         _NO_TORSION,
-        "",
-        3,
+        most=1.0,
+        fingers=3,
         measure=polygon_shape,
     ),
     Metric(
@@ -167,10 +156,9 @@ _ALL_METRICS = (
         r"\min(\delta, \frac{\pi}{2} - \delta)",
         "Balasubramanian et al. 2012",
         "smaller",
-        0.0,
-        math.pi / 4.0,
         _NO_TORSION,
-        "rad",
+        most=math.pi / 4.0,
+        unit="rad",
         measure=orthogonality,
     ),
     Metric(
@@ -181,10 +169,8 @@ _ALL_METRICS = (
         r"\min\{t : -w \in t \, W\}",
         "Mahler et al. 2019",
         "smaller",
-        0.0,
-        math.inf,
         "soft fingers have the elliptic limit surface",
-        "N",
+        unit="N",
         of_wrench=True,
         measure=wrench_resistance,
     ),

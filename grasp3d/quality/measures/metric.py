@@ -1,5 +1,6 @@
 """What a quality measure is, and the values of one for a batch of grasps."""
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from typing import Any, Literal
@@ -20,6 +21,9 @@ Texts = npt.NDArray[Any]
 
 NO_EQUILIBRIUM = "no forces of the fingers are in equilibrium"
 """Why measures of internal forces are undefined."""
+
+AT_ONE_POINT = "all contacts are at one point"
+"""Why measures of forces and of directions are undefined."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +68,12 @@ class Metric:
     """Authors and year; the documentation lists the papers."""
     better: Better
     """Which values are better."""
-    least: float
-    """Lower end of its range."""
-    most: float
-    """Upper end of its range."""
     torsion: str
     """What it does with the torsional moment of soft fingers."""
+    least: float = 0.0
+    """Lower end of its range."""
+    most: float = math.inf
+    """Upper end of its range."""
     unit: Unit = ""
     """Lengths are in the unit of the contacts."""
     fingers: int = 2

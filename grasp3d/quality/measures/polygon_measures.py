@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, angles_between
 from grasp3d.quality.measures.geometry import GraspGeometry
-from grasp3d.quality.measures.metric import Measured
+from grasp3d.quality.measures.metric import AT_ONE_POINT, Measured
 
 FLAT = 1e-9
 """Width relative to the length from which contacts are not on one line."""
@@ -20,7 +20,6 @@ ROUND = 1e-6
 
 NO_PLANE = "the contacts are nearest to no single plane"
 NO_AXIS = "no longest principal axis of the object is given"
-AT_ONE_POINT = "all contacts are at one point"
 
 
 class _Plane(NamedTuple):

@@ -1,16 +1,103 @@
-"""Measures of the primitive wrenches: volume of their hull, min-weight metric."""
+"""Measures of wrenches and forces.
+
+Of the grasp matrix: its singular values in the span of the grasp. Of the primitive wrenches: volume
+of their hull, min-weight metric. Of internal forces: how far they can stay from the borders of the
+friction cones. Of a given wrench: the force per finger that it needs. Linear programs are solved
+many together.
+"""
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from scipy.optimize import linprog
+from scipy.sparse import block_diag
 from scipy.spatial import ConvexHull, QhullError
 
-from grasp3d.arrays import Floats
+from grasp3d.arrays import Bools, Floats, Ints
+from grasp3d.contact.friction_cones import edge_angles
+from grasp3d.quality.critical_angle import critical_friction_angle
+from grasp3d.quality.grip_forces import Resistance, grip_force
 from grasp3d.quality.measures.geometry import GraspGeometry
-from grasp3d.quality.measures.linear_programs import Program, solve
-from grasp3d.quality.measures.matrix_measures import LEAST_RANK
-from grasp3d.quality.measures.metric import Measured
+from grasp3d.quality.measures.metric import AT_ONE_POINT, NO_EQUILIBRIUM, Measured
 
 BESIDE_ORIGIN = 1e-9
 """Part of the vector of ones outside the wrenches' column space from which weights exist."""
+
+TOGETHER = 32
+"""Programs solved as one: a call of the solver costs more than a small program."""
+
+TOLERANCE = 1e-10
+"""Largest violation of a constraint; rows and unknowns are of size 1."""
+
+LEAST_RANK = 5
+"""Rank of hard fingers on a line; below it contacts coincide, or have no friction."""
+
+RTOL = 1e-6
+"""Fraction of the force that may lie between its bounds; the larger one is given."""
+
+
+@dataclass(frozen=True, eq=False)
+class Program:
+    """Maximise the first unknown x[0], with `equal @ x = given` and `below @ x <= 0`."""
+
+    equal: Floats
+    """Shape (e, v)."""
+    given: Floats
+    """Shape (e,)."""
+    below: Floats
+    """Shape (k, v); k may be 0."""
+    least: Floats
+    """Lower bounds of the unknowns, shape (v,)."""
+    most: Floats
+    """Upper bounds, shape (v,)."""
+
+
+def solve(programs: Sequence[Program]) -> Floats:
+    """The largest first unknown of each program, shape (p,); nan where there is no solution."""
+    found = np.full(len(programs), np.nan)
+    for start in range(0, len(programs), TOGETHER):
+        chunk = programs[start : start + TOGETHER]
+        found[start : start + len(chunk)] = _solve_together(chunk)
+    return found
+
+
+def _solve_together(programs: Sequence[Program]) -> Floats:
+    """Solve programs as one with blocks; divide them in halves if that has no solution."""
+    widths = np.array([len(program.least) for program in programs])
+    first = np.concatenate([[0], np.cumsum(widths)[:-1]])
+    cost = np.zeros(widths.sum())
+    cost[first] = -1.0
+    below = _blocks([program.below for program in programs])
+    bounds: Any = np.concatenate(
+        [np.stack([program.least, program.most], axis=1) for program in programs]
+    )
+    result = linprog(
+        cost,
+        A_eq=_blocks([program.equal for program in programs]),
+        b_eq=np.concatenate([program.given for program in programs]),
+        A_ub=below if below.shape[0] else None,
+        b_ub=np.zeros(below.shape[0]) if below.shape[0] else None,
+        bounds=bounds,
+        method="highs",
+        options={
+            "primal_feasibility_tolerance": TOLERANCE,
+            "dual_feasibility_tolerance": TOLERANCE,
+        },
+    )
+    if result.status == 0 and result.x is not None:
+        return np.asarray(result.x[first], dtype=np.float64)
+    if len(programs) == 1:
+        return np.array([np.nan])
+    half = len(programs) // 2
+    return np.concatenate([_solve_together(programs[:half]), _solve_together(programs[half:])])
+
+
+def _blocks(matrices: Sequence[Floats]) -> Any:
+    """Sparse matrix with the given ones along its diagonal."""
+    return block_diag(matrices, format="csr")
 
 
 def wrench_space_volume(grasps: GraspGeometry) -> Measured:
@@ -19,14 +106,8 @@ def wrench_space_volume(grasps: GraspGeometry) -> Measured:
     values = np.full(grasps.size, np.nan)
     for row in np.flatnonzero(span_rank >= LEAST_RANK):
         values[row] = _hull_volume(grasps.primitives[row], int(span_rank[row]))
-    return Measured.of(
-        values,
-        *(
-            (span_rank == rank, f"the wrenches span {rank} dimensions, less than {LEAST_RANK}")
-            for rank in range(LEAST_RANK)
-        ),
-        (np.isnan(values), "the hull of the wrenches is too flat"),
-    )
+    thin = _below_rank(span_rank, "the wrenches span {} dimensions")
+    return Measured.of(values, *thin, (np.isnan(values), "the hull of the wrenches is too flat"))
 
 
 def _hull_volume(rows: Floats, rank: int) -> float:
@@ -52,7 +133,7 @@ def min_weight(grasps: GraspGeometry) -> Measured:
     values[open_rows] = solve([_weights_of(coordinates[k][used[k]]) for k in open_rows])
     return Measured.of(
         values,
-        (grasps.at_one_point, "all contacts are at one point"),
+        (grasps.at_one_point, AT_ONE_POINT),
         (beside, "no weights of sum 1 balance the primitive wrenches"),
         (np.isnan(values), "the linear program was not solved"),
     )
@@ -70,4 +151,133 @@ def _weights_of(rows: Floats) -> Program:
         below=np.zeros((0, 1 + len(rows))),
         least=np.concatenate([[-np.inf], np.zeros(len(rows))]),
         most=np.full(1 + len(rows), np.inf),
+    )
+
+
+def smallest_singular_value(grasps: GraspGeometry) -> Measured:
+    """Smallest singular value in the span of the grasp."""
+    return _of_rank(grasps, _smallest(grasps))
+
+
+def grasp_matrix_volume(grasps: GraspGeometry) -> Measured:
+    """Product of the singular values in the span of the grasp."""
+    values = grasps.singular_values
+    product = np.where(values > 0.0, values, 1.0).prod(axis=1)
+    return _of_rank(grasps, product)
+
+
+def grasp_isotropy(grasps: GraspGeometry) -> Measured:
+    """Smallest divided by largest singular value in the span of the grasp."""
+    return _of_rank(grasps, _smallest(grasps) / grasps.singular_values[:, 0])
+
+
+def _smallest(grasps: GraspGeometry) -> Floats:
+    values = grasps.singular_values
+    return np.asarray(np.where(values > 0.0, values, np.inf).min(axis=1))
+
+
+def _of_rank(grasps: GraspGeometry, values: Floats) -> Measured:
+    return Measured.of(values, *_below_rank(grasps.rank, "the grasp matrix has rank {}"))
+
+
+def _below_rank(ranks: Ints, text: str) -> list[tuple[Bools, str]]:
+    """Masks of the ranks below the least one, with the reason why there is no measure."""
+    return [
+        (ranks == rank, f"{text.format(rank)}, less than {LEAST_RANK}")
+        for rank in range(LEAST_RANK)
+    ]
+
+
+def internal_force_margin(grasps: GraspGeometry) -> Measured:
+    """Largest distance of internal forces from the borders of the cones (Kerr & Roth 1986)."""
+    rows = np.flatnonzero(~grasps.at_one_point)
+    values = np.full(grasps.size, np.nan)
+    values[rows] = solve([_forces_of(grasps, int(row)) for row in rows])
+    return Measured.of(
+        values,
+        (grasps.at_one_point, AT_ONE_POINT),
+        (np.isnan(values), NO_EQUILIBRIUM),
+    )
+
+
+def _forces_of(grasps: GraspGeometry, row: int) -> Program:
+    """The program of one grasp.
+
+    Its unknowns are the margin, each contact's force along normal and tangents and torsional moment
+    divided by its radius, and for each contact a number of at least the size of that moment.
+    """
+    count = grasps.count
+    balance = grasps.axis_span.rows[row].T * math.sqrt(count)  # (6, 4 n)
+    balance = balance[np.any(balance != 0.0, axis=1)]
+    equal = np.zeros((len(balance) + 1, 1 + 5 * count))
+    equal[:-1, 1 : 1 + 4 * count] = balance
+    equal[-1, 1 : 1 + 4 * count : 4] = 1.0  # all normal forces together are 1
+    unlimited = np.where(grasps.used_axes[row], np.inf, 0.0)  # (n, 4)
+    most = np.concatenate([[np.inf], unlimited.ravel(), unlimited[:, 3]])
+    least = -most
+    least[1 : 1 + 4 * count : 4] = 0.0  # fingers press
+    return Program(
+        equal=equal,
+        given=np.concatenate([np.zeros(len(balance)), [1.0]]),
+        below=np.vstack([_cone_faces(grasps, row), _moment_limits(count)]),
+        least=least,
+        most=most,
+    )
+
+
+def _cone_faces(grasps: GraspGeometry, row: int) -> Floats:
+    """Margin less the distance to each face of each cone, shape (m n, 1 + 5 n)."""
+    count, edges = grasps.count, grasps.edges
+    middles = edge_angles(edges, math.pi / edges)  # the faces are between the edges
+    apothem = math.cos(math.pi / edges)
+    faces = np.zeros((count, edges, 1 + 5 * count))
+    faces[..., 0] = 1.0
+    for contact in range(count):
+        slope = math.atan(float(grasps.contacts.friction[row, contact]) * apothem)
+        force = 1 + 4 * contact
+        faces[contact, :, force] = -math.sin(slope)
+        faces[contact, :, force + 1] = math.cos(slope) * np.cos(middles)
+        faces[contact, :, force + 2] = math.cos(slope) * np.sin(middles)
+        # Torsion takes its part of the normal force.
+        faces[contact, :, 1 + 4 * count + contact] = math.sin(slope)
+    return faces.reshape(count * edges, -1)
+
+
+def _moment_limits(count: int) -> Floats:
+    """The last unknowns are at least the moments, either way round, shape (2 n, 1 + 5 n)."""
+    limits = np.zeros((2, count, 1 + 5 * count))
+    contact = np.arange(count)
+    limits[:, contact, 1 + 4 * count + contact] = -1.0
+    limits[0, contact, 4 + 4 * contact] = 1.0
+    limits[1, contact, 4 + 4 * contact] = -1.0
+    return limits.reshape(2 * count, -1)
+
+
+def friction_margin(grasps: GraspGeometry) -> Measured:
+    """Friction angle less the critical friction angle."""
+    contacts = grasps.contacts
+    angles = critical_friction_angle(contacts, tolerance=grasps.tolerance, threads=grasps.threads)
+    own = contacts.friction_angle
+    finite = np.where(np.isfinite(angles), angles, 0.0)
+    return Measured.of(
+        own[:, 0] - finite,
+        (grasps.at_one_point, AT_ONE_POINT),
+        ((own != own[:, :1]).any(axis=1), "the fingers' friction differs"),
+        (~np.isfinite(angles), NO_EQUILIBRIUM),
+    )
+
+
+def wrench_resistance(grasps: GraspGeometry) -> Measured:
+    """Smallest normal force of every finger that resists the given wrench (Mahler et al. 2019)."""
+    if grasps.wrench is None:
+        missing = np.ones(grasps.size, dtype=bool)
+        return Measured.of(np.full(grasps.size, np.nan), (missing, "no wrench is given"))
+    found = grip_force(grasps.contacts, grasps.wrench, rtol=RTOL, threads=grasps.threads)
+    return Measured.of(
+        found.value,
+        (
+            found.resistance == Resistance.NO_SUCH_WRENCH,
+            "the fingers can apply no wrench of that kind, however hard they press",
+        ),
+        (~np.isfinite(found.value), "the fingers cannot push that way, however hard they press"),
     )
