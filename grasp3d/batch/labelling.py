@@ -117,28 +117,24 @@ def _unlabelled_row(job: Job, settings: BatchSettings) -> Row:
 
 def _labelled(path: Path, job: Job, settings: BatchSettings, row: Row, *, force: bool) -> Row:
     # Imported here: planning and reading rows need neither ray tracing nor the compiler.
-    from grasp3d.hand.scene import Scene
-    from grasp3d.mesh import load_mesh
-    from grasp3d.mesh.masses import loaded_mesh
     from grasp3d.mesh.plausible_lengths import refuse_lengths
-    from grasp3d.surface.labelling import label_surface
+    from grasp3d.surface.labelling import Labelling
 
     clock = _lap_times()
     next(clock)
-    mesh, load = loaded_mesh(load_mesh(path, settings.mesh, threads=job.threads), settings.load)
-    model, sampling = mesh.in_own_unit(settings.model, settings.search)
+    task = Labelling.read(
+        path, settings.model, settings.search, settings.reach, settings.load, settings.mesh,
+        force=force, threads=job.threads,
+    )  # fmt: skip
     if not force:
-        refuse_lengths(mesh, settings.model, settings.search, load)
         for location in settings.errors_of("location_error"):
-            refuse_lengths(mesh, location_error=location)
+            refuse_lengths(task.mesh, location_error=location)
     reading = next(clock)
-    cost, allowed = labelling_cost(len(mesh.vertices), model, sampling), allowed_memory()
+    cost = labelling_cost(len(task.mesh.vertices), task.model, task.sampling)
+    allowed = allowed_memory()
     if allowed is not None and cost.memory > allowed:
         raise NeedsMemory(cost.memory)
-    scene = Scene.of(settings.reach, mesh)
-    labels = label_surface(
-        mesh, model, sampling=sampling, load=load, threads=job.threads, scene=scene
-    )
+    labels = task.labels(threads=job.threads)
     labels.compute_epsilon(ignore)
     labels.compute_holding(ignore)
     labelling = next(clock)

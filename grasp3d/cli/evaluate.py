@@ -142,8 +142,7 @@ class Evaluate:
             grasps = evaluate_grasps(
                 mesh, points, model, max_distance=self.max_distance, load=load, progress=progress
             )
-        with report.progress("measuring epsilon", quiet=self.quiet) as progress:
-            grasps.compute_epsilon(progress)
+        report.measure(grasps.compute_epsilon, "measuring epsilon", quiet=self.quiet)
         metrics = None if self.metrics is None else grasps.metrics(self.metrics)
         write_grasps(output, grasps, metrics=metrics)
         if not self.quiet:
@@ -177,8 +176,7 @@ class Evaluate:
                 progress=progress,
                 scene=scene,
             )
-        with report.progress("measuring epsilon", quiet=self.quiet) as progress:
-            found.compute_epsilon(progress)
+        report.measure(found.compute_epsilon, "measuring epsilon", quiet=self.quiet)
         metrics = None if self.metrics is None else found.metrics(self.metrics)
         write_poses(output, found.to_poses(metrics))
         if not self.quiet:

@@ -16,8 +16,7 @@ from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.files import check_writable
 
 if TYPE_CHECKING:
-    from grasp3d.hand.scene import Scene
-    from grasp3d.mesh import ObjectMesh
+    from grasp3d.surface.labelling import Labelling
 
 MARK, MARKED = b"grasp3d", 2**16
 """The name that other results contain, and how many bytes from their start or end it is."""
@@ -86,27 +85,14 @@ def check_not_task(path: Path, load: Load) -> None:
             raise OutputError(f"{path}: is the file of the task; name another file")
 
 
-def check_same_settings(
-    path: Path,
-    mesh: "ObjectMesh",
-    model: GraspModel,
-    sampling: Sampling,
-    scene: "Scene | None" = None,
-    load: Load | None = None,
-    *,
-    overwrite: bool,
-) -> None:
+def check_same_settings(path: Path, task: "Labelling", *, overwrite: bool) -> None:
     """Check that labels which a file holds were made of such a mesh with the same settings.
 
     Meshes are compared by name, number of vertices and size (the scale of torques), not by shape.
 
     Args:
         path: File to create or replace.
-        mesh: The mesh to be labelled.
-        model: With lengths in the mesh's unit.
-        sampling: With lengths in the mesh's unit.
-        scene: The gripper beside the mesh; None: none.
-        load: What the grasps must hold; None: nothing.
+        task: The mesh to be labelled, and the settings.
         overwrite: Whether other labels may be replaced.
 
     Raises:
@@ -119,9 +105,10 @@ def check_same_settings(
     stored = None if overwrite or not path.exists() else stored_settings(path)
     if stored is None:
         return
-    chosen = chosen_settings(mesh, model, sampling, "label", scene)
-    chosen |= load_settings(load)
-    chosen["search_angle"] = search_cone(model, sampling)
+    mesh = task.mesh
+    chosen = chosen_settings(mesh, task.model, task.sampling, "label", task.scene)
+    chosen |= load_settings(task.load)
+    chosen["search_angle"] = search_cone(task.model, task.sampling)
     of_mesh = {"file_vertices": mesh.file_vertices, "torque_scale": mesh.torque_scale}
     differing = [
         name

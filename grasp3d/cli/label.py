@@ -19,7 +19,6 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
 from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, Sampling, check_per_finger
 from grasp3d.system.names import printable, safe_stem
-from grasp3d.system.steps import begin_step
 
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
@@ -146,35 +145,19 @@ class Label:
         """Read and label the mesh; `outputs` must not have been made with other settings."""
         from grasp3d.cli import report
         from grasp3d.cli.existing_files import check_same_settings
-        from grasp3d.hand.scene import Scene
-        from grasp3d.mesh import load_mesh
-        from grasp3d.mesh.masses import loaded_mesh
-        from grasp3d.mesh.plausible_lengths import refuse_lengths
-        from grasp3d.surface.labelling import label_surface
+        from grasp3d.surface.labelling import Labelling
 
-        mesh, load = loaded_mesh(load_mesh(self.file, self.mesh), self.load.chosen)
-        model, sampling = mesh.in_own_unit(self.reach.touching(self.model), self.sampling)
-        scene = Scene.of(self.reach, mesh)
-        if not self.force:
-            refuse_lengths(mesh, self.model, self.sampling, load)
+        model, load = self.reach.touching(self.model), self.load.chosen
+        task = Labelling.read(
+            self.file, model, self.sampling, self.reach, load, self.mesh, force=self.force
+        )
         for path in outputs:
-            check_same_settings(path, mesh, model, sampling, scene, load, overwrite=self.overwrite)
+            check_same_settings(path, task, overwrite=self.overwrite)
         with report.progress(f"labelling {self.file.name}", quiet=self.quiet) as progress:
-            labels = label_surface(
-                mesh,
-                model,
-                sampling=sampling,
-                load=load,
-                progress=progress,
-                scene=scene,
-            )
-        begin_step("measuring epsilon")
-        with report.progress("measuring epsilon", quiet=self.quiet) as progress:
-            labels.compute_epsilon(progress)
+            labels = task.labels(progress=progress)
+        report.measure(labels.compute_epsilon, "measuring epsilon", quiet=self.quiet)
         if load is not None:
-            begin_step("measuring grip forces")
-            with report.progress("measuring grip forces", quiet=self.quiet) as progress:
-                labels.compute_holding(progress)
+            report.measure(labels.compute_holding, "measuring grip forces", quiet=self.quiet)
         return labels
 
     def _write_best(self, labels: "SurfaceLabels", output: Path, count: int) -> None:

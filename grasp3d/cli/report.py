@@ -28,6 +28,7 @@ from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.counts import counted
 from grasp3d.system.names import printable
 from grasp3d.system.progress import Progress as ProgressFunction
+from grasp3d.system.steps import begin_step
 
 _REASONS = {
     Reason.NO_PARTNER: "no opposing contacts within the search cone give force closure",
@@ -61,6 +62,13 @@ def progress(text: str, *, quiet: bool) -> Iterator[ProgressFunction]:
     with _bar(TextColumn("{task.percentage:>3.0f} %"), quiet=quiet) as bar:
         task = bar.add_task(escaped(text), total=1.0)
         yield lambda fraction: bar.update(task, completed=fraction)
+
+
+def measure(compute: Callable[[ProgressFunction], None], text: str, *, quiet: bool) -> None:
+    """Compute something with a progress bar, as a step that a time limit names."""
+    begin_step(text)
+    with progress(text, quiet=quiet) as report:
+        compute(report)
 
 
 @contextmanager

@@ -1,16 +1,20 @@
 """Labelling of a surface: the best grasp through every vertex, and its reliability."""
 
+from dataclasses import dataclass
+
 from grasp3d.costs import check_cost
 from grasp3d.errors import SettingError
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.loads import Load
-from grasp3d.mesh import MeshSource, load_mesh
+from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
-from grasp3d.settings import GraspModel, Sampling, check_search_settings
+from grasp3d.mesh.plausible_lengths import refuse_lengths
+from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
@@ -18,6 +22,114 @@ from grasp3d.surface.search import label_multifinger, label_pairs
 from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.system.steps import begin_step
+
+
+@dataclass(frozen=True, eq=False)
+class Labelling:
+    """An object to be labelled, and settings that fit it and one another."""
+
+    mesh: ObjectMesh
+    model: GraspModel
+    """With lengths in the mesh's unit, as those of the others."""
+    sampling: Sampling
+    scene: Scene | None
+    """The gripper that must reach each grasp; None: ideal points."""
+    load: Load | None
+    """What each grasp must hold; None: nothing."""
+
+    @classmethod
+    def of(
+        cls,
+        mesh: ObjectMesh,
+        model: GraspModel,
+        sampling: Sampling,
+        scene: Scene | None = None,
+        load: Load | None = None,
+    ) -> "Labelling":
+        """Settings as they are given, checked.
+
+        Args:
+            mesh: The object; a load of several densities changes its centre of mass.
+            model: As in `label_surface`.
+            sampling: As in `label_surface`.
+            scene: As in `label_surface`.
+            load: As in `label_surface`.
+
+        Raises:
+            SettingError: As in `label_surface`.
+            MeshError: Labels for so many fingers would need too much memory.
+        """
+        model, sampling = mesh.in_own_unit(model, sampling)
+        check_search_settings(model, sampling)
+        if scene is not None:
+            metres_per_unit(mesh)
+            scene.check_model(model)
+        mesh, load = loaded_mesh(mesh, load)
+        if load is not None:
+            LoadCase.of(load, mesh, model, None if scene is None else scene.hand)
+        if model.method == "extremes":
+            check_combinations_of(model)
+        most, count = mesh.options.max_memory, len(mesh.vertices)
+        check_cost(count, most, mesh.report.source, "use a coarser mesh", model.fingers)
+        return cls(mesh, model, sampling, scene, load)
+
+    @classmethod
+    def read(
+        cls,
+        source: MeshSource,
+        model: GraspModel,
+        sampling: Sampling,
+        reach: ReachSettings,
+        load: Load | None,
+        options: MeshOptions,
+        *,
+        force: bool = False,
+        threads: int | None = None,
+    ) -> "Labelling":
+        """Read a mesh, and check the settings for it, as a user gives them.
+
+        Args:
+            source: The mesh, as in `load_mesh`.
+            model: As in `label_surface`.
+            sampling: As in `label_surface`.
+            reach: The gripper that must reach each grasp, and what the object stands on.
+            load: As in `label_surface`.
+            options: How the mesh is read and prepared.
+            force: Accept lengths that cannot be meant for an object of this size.
+            threads: Threads to use; None: one per processor.
+
+        Raises:
+            SettingError: As in `label_surface`, or a length cannot be meant.
+            MeshError: The mesh cannot be read, or is too large.
+        """
+        mesh, load = loaded_mesh(load_mesh(source, options, threads=threads), load)
+        if not force:
+            refuse_lengths(mesh, model, sampling, load)
+        return cls.of(mesh, model, sampling, Scene.of(reach, mesh), load)
+
+    def labels(
+        self, *, threads: int | None = None, progress: Progress | None = None
+    ) -> SurfaceLabels:
+        """Search for the best grasp through every vertex, and label it; see `label_surface`.
+
+        Args:
+            threads: Threads to use; None: one per processor.
+            progress: Called with the fraction of the work done, from 0 to 1.
+        """
+        threads = available_processors() if threads is None else threads
+        if threads < 1:
+            raise SettingError(f"threads must be at least 1; got {threads}")
+        report, enumerated = progress or ignore, self.model.method == "extremes"
+        begin_step("searching for grasps")
+        find = label_pairs if self.model.fingers == 2 else label_multifinger
+        searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
+        labels = find(self.mesh, self.model, self.sampling, self.scene, threads, searching)
+        if self.load is not None:
+            labels = labels.using(load=self.load)
+        if enumerated:
+            begin_step("labelling at the extreme normals")
+        labels.compute_labels(within(report, BEFORE_ENUMERATION, 1.0))
+        return labels
 
 
 def label_surface(
@@ -107,32 +219,11 @@ def label_surface(
         >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
         70 N hold 3.3 kg
     """
-    mesh = load_mesh(mesh)
-    used, limits = mesh.in_own_unit(model or GraspModel(), sampling or Sampling())
-    check_search_settings(used, limits)
-    scene = scene or Scene.given(hand, table, approach)
-    if scene is not None:
-        metres_per_unit(mesh)
-        scene.check_model(used)
-    mesh, load = loaded_mesh(mesh, load)
-    if load is not None:  # refuse it before the search
-        LoadCase.of(load, mesh, used, None if scene is None else scene.hand)
-    threads = available_processors() if threads is None else threads
-    if threads < 1:
-        raise SettingError(f"threads must be at least 1; got {threads}")
-    report = progress or ignore
-    enumerated = used.method == "extremes"
-    if enumerated:
-        check_combinations_of(used)
-    limit, fingers = mesh.options.max_memory, used.fingers
-    check_cost(len(mesh.vertices), limit, mesh.report.source, "use a coarser mesh", fingers)
-    begin_step("searching for grasps")
-    find = label_pairs if used.fingers == 2 else label_multifinger
-    searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
-    labels = find(mesh, used, limits, scene, threads, searching)
-    if load is not None:
-        labels = labels.using(load=load)
-    if enumerated:
-        begin_step("labelling at the extreme normals")
-    labels.compute_labels(within(report, BEFORE_ENUMERATION, 1.0))
-    return labels
+    task = Labelling.of(
+        load_mesh(mesh),
+        model or GraspModel(),
+        sampling or Sampling(),
+        scene or Scene.given(hand, table, approach),
+        load,
+    )
+    return task.labels(threads=threads, progress=progress)

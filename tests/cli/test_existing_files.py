@@ -10,7 +10,9 @@ from grasp3d import GraspModel, Sampling, label_surface, load_mesh, write_npz
 from grasp3d.cli.existing_files import check_same_settings, is_result
 from grasp3d.errors import OutputError
 from grasp3d.export.stored_settings import stored_settings
+from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.primitives import box_mesh
+from grasp3d.surface.labelling import Labelling
 from tests.cli.test_label import export
 from tests.helpers import shapes
 from tests.helpers.commands import run_here as grasp3d
@@ -47,6 +49,10 @@ def test_labels_made_with_other_settings_are_not_replaced(folder: Path, suffix: 
     assert output.read_bytes() != first
 
 
+def task(mesh: ObjectMesh, sampling: Sampling) -> Labelling:
+    return Labelling(mesh, GraspModel(), sampling, scene=None, load=None)
+
+
 def test_labels_of_another_mesh_of_the_same_name_are_not_replaced(tmp_path: Path) -> None:
     path = tmp_path / "out.npz"
     boxes = (1.0, 1.0, 1.0), (2.0, 2.0, 2.0)
@@ -55,13 +61,13 @@ def test_labels_of_another_mesh_of_the_same_name_are_not_replaced(tmp_path: Path
     sampling = Sampling(rays=8, max_opening=80)
     write_npz(path, label_surface(small, sampling=sampling))
     same = replace(sampling, max_opening=80.0)
-    check_same_settings(path, small, GraspModel(), same, overwrite=False)
-    check_same_settings(path, large, GraspModel(), same, overwrite=True)
+    check_same_settings(path, task(small, same), overwrite=False)
+    check_same_settings(path, task(large, same), overwrite=True)
     for other in (large, ball):
         with pytest.raises(OutputError, match=r"\(of another mesh called arrays\); name another"):
-            check_same_settings(path, other, GraspModel(), same, overwrite=False)
+            check_same_settings(path, task(other, same), overwrite=False)
     with pytest.raises(OutputError, match=r"\(seed 0, not 1\)"):
-        check_same_settings(path, small, GraspModel(), replace(same, seed=1), overwrite=False)
+        check_same_settings(path, task(small, replace(same, seed=1)), overwrite=False)
 
 
 @pytest.mark.parametrize(

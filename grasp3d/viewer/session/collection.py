@@ -14,14 +14,13 @@ from grasp3d.errors import MeshError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.loads import Load
-from grasp3d.mesh import ObjectMesh, load_mesh
-from grasp3d.mesh.masses import loaded_mesh
+from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.mesh_sources import read_source
-from grasp3d.mesh.plausible_lengths import check_lengths, refuse_lengths
+from grasp3d.mesh.plausible_lengths import check_lengths
 from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.settings.lengths import Measure, Unit, settings_in_unit
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.labelling import label_surface
+from grasp3d.surface.labelling import Labelling, label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.system.names import as_unicode, printable
@@ -277,26 +276,15 @@ def _open_mesh(
     progress: Progress,
 ) -> Subject:
     reach, model, sampling = search
-    mesh, load = loaded_mesh(load_mesh(path, options), load)
-    if not force:
-        refuse_lengths(mesh, model, sampling, load)
+    task = Labelling.read(path, model, sampling, reach, load, options, force=force)
     progress(READ)
-    scene = Scene.of(reach, mesh)
-    return _label_mesh(mesh, model, sampling, within(progress, READ, 1.0), scene, load)
+    return warm_up(subject_of(task.labels(progress=within(progress, READ, 1.0))))
 
 
 def _label_mesh(
-    mesh: ObjectMesh,
-    model: GraspModel,
-    sampling: Sampling,
-    progress: Progress,
-    scene: Scene | None = None,
-    load: Load | None = None,
+    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, progress: Progress
 ) -> Subject:
-    labels = label_surface(
-        mesh, model, sampling=sampling, scene=scene, load=load, progress=progress
-    )
-    return warm_up(subject_of(labels))
+    return warm_up(subject_of(label_surface(mesh, model, sampling=sampling, progress=progress)))
 
 
 def _scan_grasp(grasps: GraspTable, row: int, progress: Progress) -> Subject:
