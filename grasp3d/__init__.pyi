@@ -16,6 +16,7 @@ from .grasps.evaluation import evaluate_grasps as evaluate_grasps
 from .grasps.reading import read_contacts as read_contacts
 from .grasps.writing import write_grasps as write_grasps
 from .hand.approach import Approach as Approach
+from .hand.hand_files import read_hand as read_hand
 from .hand.parallel_gripper import ParallelGripper as ParallelGripper
 from .hand.table import Table as Table
 from .loads import Load as Load

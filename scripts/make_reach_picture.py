@@ -19,7 +19,8 @@ from grasp3d import (
     label_surface,
     load_mesh,
 )
-from grasp3d.hand.shapes import Triangles, gripper_triangles
+from grasp3d.hand.shapes import hand_triangles
+from grasp3d.hand.triangles import Triangles
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
 from grasp3d.rendering import View
@@ -48,7 +49,7 @@ def drawn(grasps: GraspTable, number: int) -> Triangles:
     reach = grasps.reach
     assert reach is not None
     opening = float(reach.opening[number])
-    return gripper_triangles(GRIPPER, opening, pose=reach.poses[number], unit="m")
+    return hand_triangles(GRIPPER, opening, pose=reach.poses[number], unit="m")
 
 
 @styled

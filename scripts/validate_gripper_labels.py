@@ -20,7 +20,7 @@ sys.path.insert(0, str(Path(__file__).parents[1]))
 from grasp3d import GraspModel, Sampling, Table, best_grasps, label_surface, load_mesh
 from grasp3d.errors import GraspError
 from grasp3d.grasps.verdict import verdict_of
-from grasp3d.hand.gripper_files import load_gripper
+from grasp3d.hand.hand_files import read_hand
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
@@ -74,7 +74,7 @@ def _labels(path: Path, options: argparse.Namespace) -> SurfaceLabels:
         mesh,
         GraspModel(friction=options.friction, sensor_resolution=math.radians(options.resolution)),
         sampling=Sampling(),
-        hand=replace(load_gripper(options.hand), compliance=options.compliance),
+        hand=replace(read_hand(options.hand), compliance=options.compliance),
         table=Table.below(mesh),
         approach=Approach(within=math.radians(options.within)),
     )

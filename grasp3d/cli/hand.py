@@ -85,27 +85,24 @@ class Hand:
                 check_replaceable(path, overwrite=self.overwrite)
 
     def _described(self) -> "ParallelGripper":
-        from grasp3d.hand.gripper_files import is_file_name, load_gripper, read_gripper
+        from grasp3d.hand.hand_files import read_hand
+        from grasp3d.hand.parallel_gripper import ParallelGripper
         from grasp3d.settings.lengths import length_in_unit
 
         tcp = length_in_unit("tcp", self.tcp, "m")
-        if self.fingers is None and self.palm is None and tcp is None:
-            return load_gripper(self.hand)
-        if not is_file_name(self.hand):
-            raise SettingError(
-                f"--fingers, --palm and --tcp are for URDF and MuJoCo files; {self.hand!r} is "
-                "no file"
-            )
-        return read_gripper(self.hand, fingers=self.fingers, palm=self.palm, tcp=tcp)
+        found = read_hand(self.hand, fingers=self.fingers, palm=self.palm, tcp=tcp)
+        if not isinstance(found, ParallelGripper):
+            raise SettingError(f"{found.name!r} is no parallel gripper; only those are described")
+        return found
 
     def _write(self, gripper: "ParallelGripper") -> list[Path]:
         """Write the files that are asked for, and return their paths."""
-        from grasp3d.hand.gripper_files import write_gripper
+        from grasp3d.hand.hand_files import write_hand
         from grasp3d.plots.formats import save_as
         from grasp3d.plots.grippers import gripper_figure
 
         if self.output is not None:
-            write_gripper(self.output, gripper)
+            write_hand(self.output, gripper)
         if self.picture is not None:
             save_as(gripper_figure(gripper), self.picture)
         return [path for path in (self.output, self.picture) if path is not None]

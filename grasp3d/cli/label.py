@@ -21,6 +21,7 @@ from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, Sampling, chec
 from grasp3d.system.names import printable, safe_stem
 
 if TYPE_CHECKING:
+    from grasp3d.hand.hand import Hand
     from grasp3d.surface.labels import SurfaceLabels
 
 
@@ -83,7 +84,7 @@ class Label:
                 "graspgen files state which grasps held, which is not known of grasps that "
                 "are found; choose another grasps_format"
             )
-        if self.grasps_format and (self.reach.hand is None or self.model.fingers > 2):
+        if self.grasps_format and self._posed() is None:
             raise SettingError(
                 "grasps_format is for poses of a gripper of two fingers; give one with --hand"
             )
@@ -114,6 +115,11 @@ class Label:
             self._write_best(labels, grasp_file, self.best)
         return 0
 
+    def _posed(self) -> "Hand | None":
+        """The hand, if it has poses for grasps of so many fingers."""
+        hand = self.reach.hand
+        return hand if hand is not None and self.model.fingers in hand.fingers else None
+
     def _default_grasp_file(self, output: Path, name: str) -> Path:
         """The file of the best grasps beside the labelled file."""
         from grasp3d.grasps.pose_files.files import suffixes_of
@@ -128,14 +134,14 @@ class Label:
         from grasp3d.grasps.writing import SUFFIXES
         from grasp3d.system.files import check_suffix
 
-        hand = self.reach.hand if self.model.fingers == 2 else None
+        hand = self._posed()
         chosen = self.grasps_format or (format_of(path) if hand else None)
         if not self.best:
             return
         if self.grasps_format:
             check_suffix(path, suffixes_of(self.grasps_format), self.grasps_format)
         check_suffix(path, POSES if hand else SUFFIXES, "table")
-        if chosen in JOINT_FORMATS and hand is not None and not hand.joint_names:
+        if chosen in JOINT_FORMATS and hand is not None and not getattr(hand, "joint_names", ()):
             raise SettingError(
                 f"{chosen} files state values of joints, but gripper {hand.name!r} has no "
                 "joint_names; choose another format"

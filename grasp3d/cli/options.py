@@ -22,7 +22,7 @@ from tyro.constructors import (
 )
 
 from grasp3d.errors import GraspError, SettingError
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.quality.task_texts import TaskField, TaskText
 from grasp3d.settings import GraspModel, Radians
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
@@ -134,7 +134,7 @@ def _parser(hint: Any, option: str) -> Parser | None:
         return _angle(option, optional=optional)
     if Measure in kinds:
         return _length(option, optional=optional)
-    if ParallelGripper in kinds:
+    if Hand in kinds:
         return _HAND
     if get_origin(hint) is Length:
         return _length(option, optional=NoneType in get_args(get_args(hint)[0]))
@@ -215,12 +215,12 @@ def _fingers(text: str) -> tuple[Uncertainty, ...]:
         raise SettingError(f"--per-finger: {error}") from error
 
 
-def _hand(word: str) -> ParallelGripper:
+def _hand(word: str) -> Hand:
     """Return the gripper of a preset or a file; raises ValueError."""
-    from grasp3d.hand.gripper_files import load_gripper
+    from grasp3d.hand.hand_files import read_hand
 
     try:
-        return load_gripper(word)
+        return read_hand(word)
     except GraspError as error:
         raise ValueError(str(error)) from error
 
@@ -318,7 +318,7 @@ LengthOption = Annotated[AnyLength | None, tyro.conf.arg(help_behavior_hint="")]
 """A length: a number, a text with a unit, or none."""
 
 HandOption = Annotated[
-    ParallelGripper | None,
+    Hand | None,
     tyro.conf.arg(help_behavior_hint=""),
 ]
 """A gripper: the name of a preset, or a file; None: not given."""

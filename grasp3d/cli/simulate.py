@@ -19,6 +19,7 @@ from grasp3d.cli.options import (
     SimulatedModel,
 )
 from grasp3d.errors import OutputError, SettingError
+from grasp3d.hand.hand import touching
 from grasp3d.physics.simulation_settings import SimulationSettings
 from grasp3d.settings import GraspModel, MeshOptions, Sampling
 from grasp3d.system.names import safe_stem
@@ -119,7 +120,7 @@ class Simulate:
             found = simulate_poses(
                 load_mesh(self.file, self.mesh),
                 poses,
-                self.hand.touching(self.model),
+                touching(self.hand, self.model),
                 hand=self.hand,
                 simulation=self.simulation,
                 cluster=self.cluster,
@@ -147,7 +148,7 @@ class Simulate:
         with report.progress(text, quiet=self.quiet) as progress:
             return simulate_grasps(
                 mesh,
-                self.model if self.hand is None else self.hand.touching(self.model),
+                self.model if self.hand is None else touching(self.hand, self.model),
                 simulation=self.simulation,
                 sampling=sampling,
                 hand=self.hand,

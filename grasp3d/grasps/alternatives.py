@@ -7,7 +7,6 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Floats, Ints, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.reach import reach_grasps
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
@@ -54,7 +53,7 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> GraspTabl
         (2, True)
     """
     scene, mesh = labels.scene, labels.mesh
-    if scene is None or labels.model.fingers > 2:
+    if scene is None or scene.jaws is None or labels.model.fingers > 2:
         raise SettingError("alternatives are grasps of two fingers with a gripper; give a gripper")
     if not 0 <= vertex < len(mesh.vertices):
         raise SettingError(f"vertex must be from 0 to {len(mesh.vertices) - 1}; got {vertex}")
@@ -116,10 +115,7 @@ def _grasps(labels: SurfaceLabels, vertex: int, points: SurfacePoints, signs: In
             np.stack([own.weights, points.weights], axis=1),
         ),
     )
-    reach = reach_grasps(
-        mesh, contacts.points, contacts.normals, scene.hand, grip=signs,
-        table=scene.table, approach=scene.approach, threads=1,
-    )  # fmt: skip
+    reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs, threads=1)
     worst, best = critical_angles(contacts, threads=1)
     located, _ = located_angles_of(contacts, (worst, best), labels.model, threads=1)
     order = np.argsort(located, kind="stable")

@@ -12,9 +12,9 @@ from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.pose_readings import FITTING, starting_inside, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach_settings import ObjectMotion
+from grasp3d.hand.hand import Hand
 from grasp3d.loads import load_settings
 from grasp3d.quality.measures.known import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
@@ -65,7 +65,7 @@ class EvaluatedPoses(SpreadGrasps):
     __repr__ = short_repr
 
     @property
-    def hand(self) -> ParallelGripper:
+    def hand(self) -> Hand:
         """The gripper."""
         assert self.scene is not None
         return self.scene.hand

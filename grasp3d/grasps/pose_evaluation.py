@@ -9,12 +9,9 @@ from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.approach import Approach
-from grasp3d.hand.closed_jaws import ClosedJaws
-from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.collisions import collides
+from grasp3d.hand.choices import ObjectMotion
+from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach_settings import ObjectMotion
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.loads import Load
@@ -33,7 +30,7 @@ JAWS_CLOSED = 0.7
 """Fraction of the work after which the jaws are closed."""
 
 ROUNDING = 1e-9
-"""Fraction of the stroke, and angle [rad], by which a limit may be exceeded through rounding."""
+"""Angle by which a limit may be exceeded through rounding [rad]."""
 
 
 def evaluate_poses(
@@ -41,7 +38,7 @@ def evaluate_poses(
     poses: GraspPoses,
     model: GraspModel | None = None,
     *,
-    hand: ParallelGripper | None = None,
+    hand: Hand | None = None,
     table: Table | None = None,
     approach: Approach | None = None,
     scene: Scene | None = None,
@@ -111,8 +108,8 @@ def evaluate_poses(
     mesh, load = loaded_mesh(mesh, load)
     given = poses.scaled(1.0, mesh.unit) if poses.unit is None else _in_unit(poses, mesh)
     _check_external(given)
-    used = hand.touching(GraspModel()) if model is None else model
-    (used,) = mesh.in_own_unit(with_fingers(used, 2))
+    used = touching(hand, GraspModel()) if model is None else model
+    (used,) = mesh.in_own_unit(with_fingers(used, hand.fingers[-1]))
     threads = available_processors() if threads is None else threads
     if threads < 1:
         raise SettingError(f"threads must be at least 1; got {threads}")
@@ -120,17 +117,16 @@ def evaluate_poses(
         LoadCase.of(load, mesh, used, hand)  # refuse it before the work
     report = progress or ignore
     closing = within(report, 0.0, JAWS_CLOSED)
-    jaws = close_jaws(
+    jaws = hand.close(
         mesh,
         given.poses,
-        hand,
         object_motion=object_motion,
         friction=float(np.min(used.frictions)),
         threads=threads,
         progress=closing,
     )
     held = jaws.closed if object_motion == "fixed" else np.zeros(given.count, dtype=np.bool_)
-    colliding = _collides(mesh, given.poses, jaws, held, scene, threads)
+    colliding = hand.blocked(mesh, given.poses, jaws, held=held, table=scene.table, threads=threads)
     contacts = JawContacts.of(mesh, jaws)
     angles = np.zeros(0)
     if contacts.size:
@@ -150,7 +146,7 @@ def evaluate_poses(
         reachable=locked(
             jaws.closed
             & ~colliding
-            & _within_stroke(mesh, jaws, hand)
+            & hand.opens_to(mesh, jaws)
             & _within_approach(given.poses, scene)
         ),
     )
@@ -194,36 +190,6 @@ def _check_external(poses: GraspPoses) -> None:
 def _in_unit(poses: GraspPoses, mesh: ObjectMesh) -> GraspPoses:
     assert mesh.unit is not None
     return poses.in_unit(mesh.unit)
-
-
-def _collides(
-    mesh: ObjectMesh,
-    poses: Floats,
-    jaws: ClosedJaws,
-    held: Bools,
-    scene: Scene,
-    threads: int,
-) -> Bools:
-    """Whether the gripper collides, (k,): around an object that is held there, else wide open.
-
-    Where the jaws do not close symmetrically about the TCP, hand or object has given way.
-    """
-    hand = scene.hand
-    wide = hand.limits[1] / metres_per_unit(mesh)
-    opening = np.where(held, np.maximum(jaws.opening, 0.0), wide)
-    centred = poses.copy()
-    offset = np.where(held, jaws.offset, 0.0)
-    centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
-    return collides(mesh, centred, opening, hand, table=scene.table, threads=threads)
-
-
-def _within_stroke(mesh: ObjectMesh, jaws: ClosedJaws, hand: ParallelGripper) -> Bools:
-    """Whether the gripper can open to each opening, with clearance on both sides, (k,)."""
-    least, most = (limit / metres_per_unit(mesh) for limit in hand.limits)
-    slack = ROUNDING * most
-    # The object yields to the pads, which end up nearer to each other than at the first touch.
-    soft = 2.0 * hand.compliance / metres_per_unit(mesh)
-    return np.asarray((jaws.opening >= least - slack) & (jaws.opening - soft <= most + slack))
 
 
 def _within_approach(poses: Floats, scene: Scene) -> Bools:

@@ -8,10 +8,9 @@ import numpy as np
 
 from grasp3d.arrays import Bools, Bytes, Floats
 from grasp3d.hand.closed_jaws import Closing
-from grasp3d.hand.closing import close_jaws
-from grasp3d.hand.collisions import collides
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.robot_frame import RobotFrame
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings.lengths import METRES, Unit
 
@@ -50,7 +49,7 @@ class _Reading:
 def suspected_reading(
     mesh: ObjectMesh,
     poses: Floats,
-    hand: ParallelGripper,
+    hand: Hand,
     unit: Unit | None = None,
     *,
     threads: int | None = None,
@@ -126,22 +125,22 @@ def starting_inside(state: Bytes) -> str | None:
     )
 
 
-def _fits(mesh: ObjectMesh, poses: Floats, hand: ParallelGripper, threads: int | None) -> Bools:
+def _fits(mesh: ObjectMesh, poses: Floats, hand: Hand, threads: int | None) -> Bools:
     """Whether the open gripper approaches each pose freely, and its jaws close there, (k,)."""
-    wide = hand.limits[1] / metres_per_unit(mesh)
-    fits = ~collides(mesh, poses, wide, hand, threads=threads)
-    if fits.any():
-        fits[fits] = close_jaws(mesh, poses[fits], hand, threads=threads).closed
-    return np.asarray(fits)
+    closed = hand.close(mesh, poses, threads=threads)
+    open_wide = np.zeros(len(poses), dtype=np.bool_)
+    blocked = hand.blocked(mesh, poses, closed, held=open_wide, threads=threads)
+    return np.asarray(closed.closed & ~blocked)
 
 
-def _readings(mesh: ObjectMesh, hand: ParallelGripper, unit: Unit | None) -> Iterator[_Reading]:
+def _readings(mesh: ObjectMesh, hand: Hand, unit: Unit | None) -> Iterator[_Reading]:
     """All other readings, the most common mistakes first."""
     bases = _bases(hand, metres_per_unit(mesh))
     for how, change in (*_ROTATIONS, *_units(unit)):
         for frame in (np.eye(4), *bases):  # files state the pose of the TCP, or of the hand's base
             yield _Reading(how, _in_frame(change, frame))
-    distance = f"{1000.0 * hand.base_to_tcp:.4g} mm"
+    behind = hand.base_to_tcp if isinstance(hand, RobotFrame) else 0.0
+    distance = f"{1000.0 * behind:.4g} mm"
     for base in bases:
         yield _Reading(
             f"if they are those of the hand's base, {distance} behind the TCP: they may have been "
@@ -157,11 +156,13 @@ def _readings(mesh: ObjectMesh, hand: ParallelGripper, unit: Unit | None) -> Ite
         yield _Reading(how, _after(np.array(axes)))
 
 
-def _bases(hand: ParallelGripper, metres: float) -> list[Floats]:
+def _bases(hand: Hand, metres: float) -> list[Floats]:
     """Frames of the hand's base to the TCP's [mesh unit]: with its own axes, with those of the TCP.
 
     Data sets have the axes of the TCP, robots those of the hand's description.
     """
+    if not isinstance(hand, RobotFrame):
+        return []
     own = hand.base_pose
     own[:3, 3] /= metres
     turned = np.eye(4)

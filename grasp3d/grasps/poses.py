@@ -10,7 +10,7 @@ import numpy.typing as npt
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import ContactError
 from grasp3d.grasps.pose_checks import checked_poses
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import METRES, Unit
 
 LENGTH_COLUMNS = frozenset({"contacts", "depth", "centroid_distance"})
@@ -36,7 +36,7 @@ class GraspPoses:
 
     A pose is the 4x4 matrix that takes coordinates of the gripper's frame to the object's frame.
     The gripper's frame has its origin at the tool centre point (TCP), z is the approach direction
-    and x the closing axis, from finger 1 to finger 2; see `ParallelGripper`.
+    and x the closing axis, from finger 1 to finger 2; see `Hand`.
 
     Example:
         >>> import numpy as np
@@ -61,7 +61,7 @@ class GraspPoses:
     """A name of each grasp; empty: grasp_1, grasp_2 and so on."""
     unit: Unit | None = None
     """Unit of all lengths; None: not known."""
-    hand: ParallelGripper | str | None = None
+    hand: Hand | str | None = None
     """The gripper, or its name; None: not known."""
     columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     """What else is known of each grasp, shape (k, ...): `label` (text), `critical_angle`,

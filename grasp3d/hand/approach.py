@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.reach_settings import check_approach
+from grasp3d.hand.choices import check_approach
 
 
 @dataclass(frozen=True, eq=False)

@@ -11,11 +11,11 @@ from grasp3d._kernels.face_tree import face_tree
 from grasp3d._kernels.jaws import ROUNDING, Jaw
 from grasp3d.arrays import ArrayLike, Bools, Floats
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import ClosedJaws, closed_jaws
 from grasp3d.hand.jaw_shape import jaw_of
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach_settings import ObjectMotion
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
 from grasp3d.settings.lengths import GivenLength, Measure, length_in_unit
@@ -35,7 +35,7 @@ CHUNK = 256
 def close_jaws(
     mesh: ObjectMesh,
     poses: ArrayLike,
-    hand: ParallelGripper,
+    hand: Jaws,
     *,
     opening: ArrayLike | GivenLength | None = None,
     object_motion: ObjectMotion = "fixed",
@@ -145,7 +145,7 @@ def _normalized(mesh: ObjectMesh, poses: ArrayLike) -> Floats:
 
 
 def _openings(
-    mesh: ObjectMesh, opening: ArrayLike | GivenLength | None, hand: ParallelGripper, count: int
+    mesh: ObjectMesh, opening: ArrayLike | GivenLength | None, hand: Jaws, count: int
 ) -> Floats:
     """Openings at the start [object sizes], shape (k,)."""
     stroke = hand.max_opening / metres_per_unit(mesh)

@@ -8,8 +8,10 @@ from grasp3d._kernels.pose_collisions import collide_poses
 from grasp3d.arrays import ArrayLike, Bools, Floats
 from grasp3d.errors import ContactError
 from grasp3d.hand.approach import Approach
+from grasp3d.hand.closed_jaws import ClosedJaws
+from grasp3d.hand.jaws import Jaws
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.normalized_scene import NormalizedScene, checked_grip, in_chunks
-from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 
@@ -21,7 +23,7 @@ def collides(
     mesh: ObjectMesh,
     poses: ArrayLike,
     opening: ArrayLike,
-    hand: ParallelGripper,
+    hand: Jaws,
     *,
     grip: ArrayLike = 1,
     table: Table | None = None,
@@ -77,6 +79,41 @@ def collides(
 
     in_chunks(work, len(matrices), 1, threads)
     return verdict
+
+
+def collides_closing(
+    mesh: ObjectMesh,
+    poses: Floats,
+    closed: ClosedJaws,
+    hand: Jaws,
+    *,
+    held: Bools,
+    table: Table | None = None,
+    threads: int | None = None,
+) -> Bools:
+    """Test whether a gripper collides on its way to poses at which its jaws then close.
+
+    Where the jaws do not close symmetrically about the TCP, hand or object has given way.
+
+    Args:
+        mesh: The object; its unit must be known.
+        poses: From the gripper's frame to the mesh's, in the mesh's unit, shape (k, 4, 4).
+        closed: Where the jaws close there.
+        hand: The gripper, in metres.
+        held: Whether it is tested around the object that it holds there, or else wide open, shape
+            (k,).
+        table: What the object stands on; None: nothing.
+        threads: Threads to use; None: one per processor.
+
+    Returns:
+        Whether the gripper collides, shape (k,).
+    """
+    wide = hand.limits[1] / metres_per_unit(mesh)
+    opening = np.where(held, np.maximum(closed.opening, 0.0), wide)
+    centred = poses.copy()
+    offset = np.where(held, closed.offset, 0.0)
+    centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
+    return collides(mesh, centred, opening, hand, table=table, threads=threads)
 
 
 def _checked_poses(

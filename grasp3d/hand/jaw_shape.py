@@ -5,7 +5,7 @@ import numpy as np
 from grasp3d._kernels.jaws import ROUNDING, Jaw
 from grasp3d.arrays import Floats
 from grasp3d.hand.finger_faces import Corners
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.jaws import Jaws
 
 FOOTPRINT = 1.0 / 3.0
 """Depth, relative to a pad's smaller side, to which the surface opposite it makes the normal.
@@ -18,7 +18,7 @@ NO_EDGE = (0.0, 0.0, 1.0)
 """Fills the rows of faces with fewer sides."""
 
 
-def jaw_of(gripper: ParallelGripper, scale: float) -> Jaw:
+def jaw_of(gripper: Jaws, scale: float) -> Jaw:
     """Shape of the jaws of a gripper.
 
     Args:
@@ -44,7 +44,7 @@ def jaw_of(gripper: ParallelGripper, scale: float) -> Jaw:
     )
 
 
-def inner_faces(gripper: ParallelGripper) -> tuple[Corners, ...]:
+def inner_faces(gripper: Jaws) -> tuple[Corners, ...]:
     """The faces with which finger 1 touches: those stated, or the pad's rectangle [m].
 
     Of a round tip it is the square around it, seen along x.

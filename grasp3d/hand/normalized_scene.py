@@ -12,8 +12,8 @@ from grasp3d._kernels.gripper_shape import ApproachLimits, GripperShape, make_wo
 from grasp3d.arrays import ArrayLike
 from grasp3d.errors import ContactError
 from grasp3d.hand.approach import Approach
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
 from grasp3d.system.processors import available_processors
@@ -30,9 +30,7 @@ class NormalizedScene(NamedTuple):
     tree: BoxTree
 
     @classmethod
-    def of(
-        cls, mesh: ObjectMesh, hand: ParallelGripper, table: Table | None, approach: Approach
-    ) -> Self:
+    def of(cls, mesh: ObjectMesh, hand: Jaws, table: Table | None, approach: Approach) -> Self:
         """Arrange a gripper, an object and a table.
 
         Args:

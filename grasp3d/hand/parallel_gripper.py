@@ -1,33 +1,34 @@
 """Grippers of two fingers that move along one axis."""
 
-import math
-from dataclasses import dataclass, replace
-from pathlib import Path
-from typing import TYPE_CHECKING
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
 
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
-from grasp3d.hand.finger_faces import Corners, problem_of_face
-from grasp3d.settings import GraspModel, Radians
+from grasp3d.hand.jaws import Jaws
+from grasp3d.hand.robot_frame import RobotFrame
+from grasp3d.hand.touch import Touch
 
 if TYPE_CHECKING:
-    from grasp3d.arrays import Floats
+    from grasp3d.arrays import ArrayLike, Bools, Floats
+    from grasp3d.hand.approach import Approach
+    from grasp3d.hand.choices import ObjectMotion
+    from grasp3d.hand.closed_jaws import ClosedJaws
+    from grasp3d.hand.reach import Reach
+    from grasp3d.hand.table import Table
+    from grasp3d.hand.triangles import Triangles
+    from grasp3d.mesh import ObjectMesh
+    from grasp3d.system.progress import Progress
 
-LARGEST = 10.0
-"""Largest length of a gripper [m]: more is a length in millimetres."""
+FORMAT, VERSION = "grasp3d gripper", 1
+"""What the keys `format` and `version` of a file contain."""
 
-AXES: dict[str, tuple[float, float, float]] = {
-    "x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0), "z": (0.0, 0.0, 1.0),
-    "-x": (-1.0, 0.0, 0.0), "-y": (0.0, -1.0, 0.0), "-z": (0.0, 0.0, -1.0),
-}  # fmt: skip
-"""Unit vectors of the axes of a hand's own frame, by name."""
-
-UNIFORM_PRESSURE = 2.0 / 3.0
-"""Torsional moment of an evenly pressed disc, per friction, normal force and radius."""
+ROUNDING = 1e-9
+"""Fraction of the stroke by which a limit may be exceeded through rounding."""
 
 
 @dataclass(frozen=True, kw_only=True)
-class ParallelGripper:
+class ParallelGripper(RobotFrame, Touch, Jaws):
     """A gripper of two fingers that move along one axis; lengths in metres.
 
     Its frame has the origin at the tool centre point (TCP), midway between the centres of the pads,
@@ -83,133 +84,12 @@ class ParallelGripper:
         70.0
     """
 
-    name: str
-    max_opening: float
-    min_opening: float = 0.0
-    finger_thickness: float
-    finger_width: float
-    finger_length: float
-    pad_width: float = 0.0
-    pad_height: float = 0.0
-    tip_radius: float = 0.0
-    inner_faces: tuple[Corners, ...] = ()
-    tip_thickness: float | None = None
-    palm_thickness: float
-    palm_width: float
-    palm_length: float
-    compliance: float = 0.001
-    clearance: float = 0.002
-    max_force: float | None = None
-    sensor_resolution: Radians | None = None
-    receptive_field: float | None = None
-    base_to_tcp: float = 0.0
-    base_axes: tuple[str, str] = ("x", "z")
-    joint_names: tuple[str, ...] = ()
-    joint_scale: tuple[float, ...] = ()
-    joint_closed: tuple[float, ...] = ()
     source: str = ""
 
     def __post_init__(self) -> None:
-        for name in (
-            "max_opening", "finger_thickness", "finger_width", "finger_length", "palm_thickness",
-            "palm_width", "palm_length",
-        ):  # fmt: skip
-            self._check(name, positive=True)
-        for name in (
-            "min_opening", "pad_width", "pad_height", "tip_radius", "compliance", "clearance",
-            "base_to_tcp",
-        ):  # fmt: skip
-            self._check(name, positive=False)
-        self._check_sizes()
-        self._check_touch()
-        one, two = self.base_axes if len(self.base_axes) == 2 else ("", "")
-        if not {one, two} <= AXES.keys() or one[-1] == two[-1]:
-            raise SettingError(
-                f"gripper {self.name!r}: base_axes must be two axes at right angles of "
-                f"{', '.join(AXES)}; got {list(self.base_axes)}"
-            )
-        joints = len(self.joint_names)
-        if not len(self.joint_scale) == len(self.joint_closed) == joints:
-            raise SettingError(
-                f"gripper {self.name!r}: joint_scale and joint_closed must have a number for each "
-                f"of the {joints} joint_names"
-            )
-
-    def _check(self, name: str, *, positive: bool) -> None:
-        value = getattr(self, name)
-        if not (isinstance(value, int | float) and math.isfinite(value) and value >= 0.0):
-            raise SettingError(
-                f"gripper {self.name!r}: {name} must be a length in metres of at least 0; "
-                f"got {value!r}"
-            )
-        if positive and value == 0.0:
-            raise SettingError(f"gripper {self.name!r}: {name} must be above 0")
-        if value > LARGEST:
-            raise SettingError(
-                f"gripper {self.name!r}: {name} must be in metres, at most {LARGEST:g}; "
-                f"got {value:g}: is it in millimetres?"
-            )
-
-    def _check_sizes(self) -> None:
-        """Refuse sizes that contradict each other."""
-        for small, large in (
-            ("min_opening", "max_opening"), ("pad_width", "finger_width"),
-            ("pad_height", "finger_length"), ("max_opening", "palm_thickness"),
-        ):  # fmt: skip
-            if getattr(self, small) > getattr(self, large):
-                raise SettingError(
-                    f"gripper {self.name!r}: {small} ({getattr(self, small):g}) must be at most "
-                    f"{large} ({getattr(self, large):g})"
-                )
-        if not self.min_opening + 2.0 * self.clearance < self.max_opening:
-            raise SettingError(
-                f"gripper {self.name!r}: the stroke of {self.max_opening - self.min_opening:g} m "
-                f"must be larger than the clearance on both sides, 2 x {self.clearance:g} m"
-            )
-        if self.tip_thickness is not None and not 0 < self.tip_thickness <= self.finger_thickness:
-            raise SettingError(
-                f"gripper {self.name!r}: tip_thickness must be above 0 and at most "
-                f"finger_thickness ({self.finger_thickness:g} m); got {self.tip_thickness:g}"
-            )
-        self._check_inner_faces()
-        flat = self.tip_radius == 0.0
-        if flat != (self.pad_width > 0.0 and self.pad_height > 0.0):
-            raise SettingError(
-                f"gripper {self.name!r}: it needs either flat pads (pad_width and pad_height) or "
-                "round tips (tip_radius)"
-            )
-        if not flat and self.finger_thickness > 2.0 * self.tip_radius:
-            raise SettingError(
-                f"gripper {self.name!r}: finger_thickness ({self.finger_thickness:g}) must be at "
-                f"most the diameter of the round tips, {2.0 * self.tip_radius:g}"
-            )
-
-    def _check_inner_faces(self) -> None:
-        """Refuse faces that are not those of a finger with flat pads."""
-        if self.inner_faces and self.tip_radius:
-            raise SettingError(
-                f"gripper {self.name!r}: inner_faces are those of flat pads; round tips have none"
-            )
-        for number, face in enumerate(self.inner_faces, start=1):
-            problem = problem_of_face(face)
-            if problem:
-                raise SettingError(f"gripper {self.name!r}: face {number} of inner_faces {problem}")
-
-    def _check_touch(self) -> None:
-        if self.max_force is not None and not 0.0 < self.max_force < math.inf:
-            raise SettingError(
-                f"gripper {self.name!r}: max_force must be a finite force above 0 [N]; "
-                f"got {self.max_force:g}"
-            )
-        if self.receptive_field is not None:
-            if self.sensor_resolution is not None or self.tip_radius == 0.0:
-                raise SettingError(
-                    f"gripper {self.name!r}: a receptive_field needs round tips (tip_radius), and "
-                    "replaces sensor_resolution"
-                )
-            Sensor(self.receptive_field, self.tip_radius)
-        if self.sensor_resolution is not None:
-            GraspModel(sensor_resolution=self.sensor_resolution)
+        super().__post_init__()
+        self.check_touch(self.name, self.tip_radius)
+        self.check_frame(self.name)
 
     @classmethod
     def preset(cls, name: str) -> "ParallelGripper":
@@ -225,61 +105,10 @@ class ParallelGripper:
 
         return preset(name)
 
-    @classmethod
-    def from_file(
-        cls,
-        path: str | Path,
-        *,
-        fingers: tuple[str, str] | None = None,
-        palm: str | None = None,
-        tcp: float | None = None,
-    ) -> "ParallelGripper":
-        """A gripper described in a file; see `grasp3d.hand.gripper_files.read_gripper`.
-
-        Args:
-            path: A file that `write_gripper` wrote (.json), a URDF (.urdf) or a MuJoCo model
-                (.xml, .mjcf).
-            fingers: URDF and MuJoCo: names of the links, or bodies, of the two fingers.
-            palm: URDF and MuJoCo: name of the link whose geometry is the palm; None: the one that
-                carries the fingers, with what is fixed to it.
-            tcp: URDF and MuJoCo: from the origin of the link that carries the fingers to the TCP,
-                along the approach axis [m]; None: the middle of the flat pads.
-
-        Raises:
-            SettingError: It is no such file, or describes no gripper of two sliding fingers.
-        """
-        from grasp3d.hand.gripper_files import read_gripper
-
-        return read_gripper(path, fingers=fingers, palm=palm, tcp=tcp)
-
     @property
-    def base_pose(self) -> "Floats":
-        """Matrix that takes coordinates of the hand's own frame to the gripper's, shape (4, 4).
-
-        Its translation is in metres.
-        """
-        import numpy as np
-
-        closing, approach = (np.array(AXES[name]) for name in self.base_axes)
-        pose = np.eye(4)
-        pose[:3, :3] = np.stack([closing, np.cross(approach, closing), approach])
-        pose[2, 3] = -self.base_to_tcp
-        return pose
-
-    @property
-    def round_tips(self) -> bool:
-        """Whether the fingers have round tips instead of flat pads."""
-        return self.tip_radius > 0.0
-
-    @property
-    def end(self) -> float:
-        """Position of the fingers' ends along z, relative to the TCP [m]."""
-        return 0.0 if self.round_tips else 0.5 * self.pad_height
-
-    @property
-    def limits(self) -> tuple[float, float]:
-        """Smallest and largest opening that a grasp may have, with clearance on both sides [m]."""
-        return self.min_opening, self.max_opening - 2.0 * self.clearance
+    def fingers(self) -> tuple[int, ...]:
+        """Numbers of contacts of the grasps for which it has poses."""
+        return (2,)
 
     @property
     def resolution(self) -> float | None:
@@ -288,19 +117,108 @@ class ParallelGripper:
             return Sensor(self.receptive_field, self.tip_radius).resolution
         return self.sensor_resolution
 
-    def torsion_radius(self, friction: float) -> float:
-        """Torsion radius of a pad that touches with its whole area [m]; 0 for round tips.
+    def check_fingers(self, count: int) -> None:
+        """Refuse grasps of so many fingers if they cannot be tested.
 
-        That of an evenly pressed disc of the pad's area: 2/3 x friction x radius. A real contact
-        is smaller, and holds less.
-
-        Args:
-            friction: Coulomb coefficient, above 0.
+        Raises:
+            SettingError: Three fingers and more with flat pads.
         """
-        radius = math.sqrt(self.pad_width * self.pad_height / math.pi)
-        return UNIFORM_PRESSURE * friction * radius
+        if count > 2 and not self.round_tips:
+            raise SettingError(
+                f"gripper {self.name!r} has two fingers with flat pads; for "
+                f"{count} fingers only round tips (tip_radius) can be tested"
+            )
 
-    def touching(self, model: GraspModel) -> GraspModel:
-        """The model with the gripper's sensor resolution, if it states one."""
-        alpha = self.resolution
-        return model if alpha is None else replace(model, sensor_resolution=alpha)
+    def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":
+        """Palm, fingers and tips in its own frame [m]; see `jaw_triangles`."""
+        from grasp3d.hand.jaw_triangles import jaw_triangles
+
+        del posture
+        return jaw_triangles(self, opening)
+
+    def opening_at(
+        self, points: "Floats", normals: "Floats", internal: "Bools", metres: float
+    ) -> "Floats":
+        """Distances between the pads, or between the nearest points of round tips, shape (b,).
+
+        As in `Hand.opening_at`.
+        """
+        import numpy as np
+
+        radius, thickness = self.tip_radius / metres, self.finger_thickness / metres
+        centres = points + radius * normals
+        gaps = np.linalg.norm(centres[:, 1] - centres[:, 0], axis=1) - 2.0 * radius
+        inside = 0.0 if self.round_tips else 2.0 * thickness
+        return np.asarray(np.maximum(gaps - np.where(internal, inside, 0.0), 0.0))
+
+    def reach(
+        self,
+        mesh: "ObjectMesh",
+        points: "ArrayLike",
+        normals: "ArrayLike",
+        *,
+        grip: "ArrayLike" = 1,
+        table: "Table | None" = None,
+        approach: "Approach | None" = None,
+        threads: int | None = None,
+    ) -> "Reach":
+        """Which grasps it reaches; see `reach_grasps`."""
+        from grasp3d.hand.jaw_reach import reach_grasps
+
+        return reach_grasps(
+            mesh, points, normals, self, grip=grip, table=table, approach=approach, threads=threads
+        )
+
+    def close(
+        self,
+        mesh: "ObjectMesh",
+        poses: "ArrayLike",
+        *,
+        posture: "ArrayLike | None" = None,
+        object_motion: "ObjectMotion" = "fixed",
+        friction: float = 0.5,
+        threads: int | None = None,
+        progress: "Progress | None" = None,
+    ) -> "ClosedJaws":
+        """What its jaws touch when they close; see `close_jaws`."""
+        from grasp3d.hand.closing import close_jaws
+
+        del posture
+        return close_jaws(
+            mesh, poses, self, object_motion=object_motion, friction=friction, threads=threads,
+            progress=progress,
+        )  # fmt: skip
+
+    def blocked(
+        self,
+        mesh: "ObjectMesh",
+        poses: "Floats",
+        closed: "ClosedJaws",
+        *,
+        held: "Bools",
+        table: "Table | None" = None,
+        threads: int | None = None,
+    ) -> "Bools":
+        """Whether it collides on its way to poses; see `collides_closing`."""
+        from grasp3d.hand.collisions import collides_closing
+
+        return collides_closing(mesh, poses, closed, self, held=held, table=table, threads=threads)
+
+    def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":
+        """Whether it can open to each opening, with clearance on both sides, shape (k,)."""
+        import numpy as np
+
+        from grasp3d.hand.metres import metres_per_unit
+
+        metres = metres_per_unit(mesh)
+        least, most = (limit / metres for limit in self.limits)
+        slack = ROUNDING * most
+        # The object yields to the pads, which end up nearer to each other than at the first touch.
+        soft = 2.0 * self.compliance / metres
+        return np.asarray(
+            (closed.opening >= least - slack) & (closed.opening - soft <= most + slack)
+        )
+
+    def description(self) -> dict[str, Any]:
+        """All fields, with the format and unit of its files."""
+        return {"format": FORMAT, "version": VERSION, "unit": "m", **asdict(self)}

@@ -5,15 +5,11 @@ from dataclasses import dataclass, fields
 from typing import Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.choices import Axis, check_approach
+from grasp3d.hand.hand import Hand, touching
 from grasp3d.settings import GraspModel, Radians, check_choice, whole_number
 
-Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 Standing = Literal["none", "as-is", "stable"]
-ObjectMotion = Literal["free", "fixed"]
-"""Whether an object gives way to closing jaws."""
-
-MIN_ANGLES, MAX_ANGLES = 8, 64
 
 
 @dataclass(frozen=True)
@@ -33,7 +29,7 @@ class ReachSettings:
         approach_angles: Approach angles about the closing axis that are tested, 8 to 64.
     """
 
-    hand: ParallelGripper | None = None
+    hand: Hand | None = None
     table: Standing = "none"
     up: Axis = "z"
     resting_pose: int = 1
@@ -57,25 +53,4 @@ class ReachSettings:
         """The model with the gripper's sensor resolution, where it has the default one itself."""
         if self.hand is None or model.sensor_resolution != GraspModel().sensor_resolution:
             return model
-        return self.hand.touching(model)
-
-
-def check_approach(within: float, angles: int) -> None:
-    """Refuse limits of the approach that are outside their range.
-
-    Args:
-        within: Largest angle from the preferred direction [rad].
-        angles: Number of angles that are tested.
-
-    Raises:
-        SettingError: A value is outside its range.
-    """
-    if not 0.0 < within <= math.pi:
-        raise SettingError(
-            "approach_within must be above 0 and at most 180 degrees; "
-            f"got {math.degrees(within):g} degrees"
-        )
-    if not MIN_ANGLES <= whole_number("approach_angles", angles, 0) <= MAX_ANGLES:
-        raise SettingError(
-            f"approach_angles must be from {MIN_ANGLES} to {MAX_ANGLES}; got {angles}"
-        )
+        return touching(self.hand, model)

@@ -1,18 +1,21 @@
 """A hand, a table and approach limits beside one object: what grasps are tested against."""
 
-import json
 import math
 from collections.abc import Iterable
-from dataclasses import asdict, dataclass, field, replace
+from dataclasses import dataclass, field, replace
 
+from grasp3d.arrays import ArrayLike
 from grasp3d.errors import SettingError
 from grasp3d.hand.approach import Approach
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.hand_files import hand_line
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.table import Table, axis_vector
 from grasp3d.mesh import ObjectMesh
-from grasp3d.settings import GraspModel, Sampling
+from grasp3d.settings import Sampling
 
 LEVEL = math.pi / 2.0 + 1e-6
 """Largest angle from straight down at which a gripper beside a table comes [rad]: level, with a
@@ -23,7 +26,7 @@ tolerance for rounding. Farther back, where no box of the gripper is tested, is 
 class Scene:
     """A hand beside one object: what its grasps are tested against."""
 
-    hand: ParallelGripper
+    hand: Hand
     """The hand [m]."""
     table: Table | None = None
     """In the frame and unit of the mesh; None: nothing is in the way but the object."""
@@ -60,7 +63,7 @@ class Scene:
     @classmethod
     def given(
         cls,
-        hand: ParallelGripper | None,
+        hand: Hand | None,
         table: Table | None = None,
         approach: Approach | None = None,
     ) -> "Scene | None":
@@ -78,33 +81,35 @@ class Scene:
             raise SettingError("a table and approach directions apply to grippers only; give one")
         return None
 
-    def check_model(self, model: GraspModel) -> None:
-        """Refuse models of grasps that the hand cannot make.
+    @property
+    def jaws(self) -> Jaws | None:
+        """The hand if it is a parallel gripper, for which kernels search pairs; else None."""
+        return self.hand if isinstance(self.hand, Jaws) else None
 
-        Raises:
-            SettingError: Three fingers and more with flat pads.
-        """
-        if model.fingers > 2 and not self.hand.round_tips:
-            raise SettingError(
-                f"gripper {self.hand.name!r} has two fingers with flat pads; for "
-                f"{model.fingers} fingers only round tips (tip_radius) can be tested"
-            )
+    def reach(
+        self,
+        mesh: ObjectMesh,
+        points: ArrayLike,
+        normals: ArrayLike,
+        *,
+        grip: ArrayLike = 1,
+        threads: int | None = None,
+    ) -> Reach:
+        """Which grasps the hand reaches here; see `Hand.reach`."""
+        return self.hand.reach(
+            mesh, points, normals, grip=grip, table=self.table, approach=self.approach,
+            threads=threads,
+        )  # fmt: skip
 
     def within_stroke(self, mesh: ObjectMesh, sampling: Sampling) -> Sampling:
         """Settings of the search with openings limited to what the hand may reach.
-
-        These are distances of contacts, of which the stroke allows no others; round tips that touch
-        at an angle are nearer to each other, and those of internal grasps have the fingers between
-        them.
 
         Args:
             mesh: The object.
             sampling: Settings with lengths in the unit of the mesh.
         """
         metres = metres_per_unit(mesh)
-        inside = 0.0 if sampling.grip == "squeeze" else 2.0 * self.hand.finger_thickness
-        least, most = self.hand.limits
-        least, most = least / metres, (most + inside + 2.0 * self.hand.tip_radius) / metres
+        least, most = (limit / metres for limit in self.hand.distances(sampling.grip))
         try:
             return replace(
                 sampling,
@@ -125,7 +130,7 @@ def scene_settings(scene: Scene | None) -> dict[str, str | float | int | None]:
     table, approach = scene.table, scene.approach
     direction = approach.direction
     return {
-        "gripper": json.dumps(asdict(scene.hand)),
+        "gripper": hand_line(scene.hand),
         "table": "none" if table is None else _line([*table.normal, table.offset]),
         "approach_direction": "none" if direction is None else _line(direction),
         "approach_within": approach.within,

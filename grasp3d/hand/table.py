@@ -8,7 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.errors import SettingError
-from grasp3d.hand.reach_settings import Axis
+from grasp3d.hand.choices import Axis
 from grasp3d.settings import check_choice
 
 if TYPE_CHECKING:

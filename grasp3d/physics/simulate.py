@@ -11,8 +11,9 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.hand import Hand, touching
+from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.noise_fields import noise_stream
 from grasp3d.physics.drawing import DrawnGrasps, TruePoints, draw_grasps, true_points
@@ -50,7 +51,7 @@ def simulate_grasps(
     *,
     simulation: SimulationSettings | None = None,
     sampling: Sampling | None = None,
-    hand: ParallelGripper | None = None,
+    hand: Hand | None = None,
     options: MeshOptions | None = None,
     cluster: ClusterSettings | None = None,
     progress: Progress | None = None,
@@ -146,15 +147,15 @@ def simulate_grasps(
     )
 
 
-def _model(model: GraspModel | None, hand: ParallelGripper | None) -> GraspModel:
+def _model(model: GraspModel | None, hand: Hand | None) -> GraspModel:
     """The model of two fingers, with the gripper's resolution where none is given."""
-    given = model or (GraspModel() if hand is None else hand.touching(GraspModel()))
+    given = model or (GraspModel() if hand is None else touching(hand, GraspModel()))
     if given.method != "exact":
         raise SettingError("simulated grasps need labels of the method exact")
     return with_fingers(given, 2)
 
 
-def _within(sampling: Sampling, mesh: ObjectMesh, hand: ParallelGripper | None) -> Sampling:
+def _within(sampling: Sampling, mesh: ObjectMesh, hand: Hand | None) -> Sampling:
     """Limits of the opening, within those of the gripper."""
     if sampling.grip != "squeeze":
         raise SettingError("simulated tips close from outside; grip must be squeeze")
@@ -165,9 +166,7 @@ def _within(sampling: Sampling, mesh: ObjectMesh, hand: ParallelGripper | None) 
     return Scene(hand).within_stroke(mesh, sampling)
 
 
-def _tip_radius(
-    settings: SimulationSettings, mesh: ObjectMesh, hand: ParallelGripper | None
-) -> float:
+def _tip_radius(settings: SimulationSettings, mesh: ObjectMesh, hand: Hand | None) -> float:
     """Radius of the tips, in the mesh's unit."""
     if hand is None:
         radius = float(mesh.in_own_unit(settings)[0].tip_radius)
@@ -177,12 +176,13 @@ def _tip_radius(
                 f"got {radius:.4g}"
             )
         return radius
-    if not hand.round_tips:
+    jaws = _needed_jaws(hand)
+    if not jaws.round_tips:
         raise SettingError(
             f"gripper {hand.name!r} has flat pads, which touch more than two points; simulate "
             "round tips of its size without it (--tip-radius, --max-opening)"
         )
-    return hand.tip_radius / metres_per_unit(mesh)
+    return jaws.tip_radius / metres_per_unit(mesh)
 
 
 def _poses(drawn: DrawnGrasps, radius: float, random: np.random.Generator) -> tuple[Floats, Floats]:
@@ -263,7 +263,7 @@ def simulate_poses(
     poses: GraspPoses,
     model: GraspModel | None = None,
     *,
-    hand: ParallelGripper,
+    hand: Hand,
     simulation: SimulationSettings | None = None,
     cluster: ClusterSettings | None = None,
     progress: Progress | None = None,
@@ -349,14 +349,22 @@ def simulate_poses(
     )
 
 
-def _tips(hand: ParallelGripper, model: GraspModel, scale: float) -> Tips:
+def _needed_jaws(hand: Hand) -> Jaws:
+    """A hand as a parallel gripper, of which there are two tips. Raises SettingError."""
+    if not isinstance(hand, Jaws):
+        raise SettingError(f"{hand.name!r} is no parallel gripper; only those are simulated")
+    return hand
+
+
+def _tips(hand: Hand, model: GraspModel, scale: float) -> Tips:
     """The gripper's tips, in metres."""
-    pad = (hand.finger_thickness, hand.pad_width, hand.pad_height)
+    jaws = _needed_jaws(hand)
+    pad = (jaws.finger_thickness, jaws.pad_width, jaws.pad_height)
     return Tips(
-        hand.tip_radius,
+        jaws.tip_radius,
         model.friction,
         model.torsion_radius * scale,
-        (0.0, 0.0, 0.0) if hand.round_tips else pad,
+        (0.0, 0.0, 0.0) if jaws.round_tips else pad,
     )
 
 

@@ -10,7 +10,8 @@ from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes, Floats
 from grasp3d.grasps.closed_grasps import UNKNOWN
-from grasp3d.hand.shapes import Triangles, gripper_triangles
+from grasp3d.hand.shapes import hand_triangles
+from grasp3d.hand.triangles import Triangles
 from grasp3d.mesh.ray_tracing import SurfaceRays
 from grasp3d.model_text import model_line
 from grasp3d.plots.painting import paint_labels
@@ -132,7 +133,7 @@ def _scene(grasps: GraspTable, number: int, view: View, points: Floats, normals:
         fingers = [Finger(*pair) for pair in zip(points, normals, strict=True)]
         return _Scene(view, fingers, None)
     pose, opening = reach.poses[number], float(reach.opening[number])
-    shape = gripper_triangles(scene.hand, opening, pose=pose, unit=unit)
+    shape = hand_triangles(scene.hand, opening, pose=pose, unit=unit)
     return _Scene(view, [], shape)
 
 

@@ -8,21 +8,19 @@ import pyvista
 
 from grasp3d.arrays import ArrayLike
 from grasp3d.hand import shapes
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.shapes import Triangles
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.triangles import COLORS, Part, Triangles
 from grasp3d.settings.lengths import Unit
 
 
-def gripper_shape(
-    gripper: ParallelGripper, pose: ArrayLike, opening: float, unit: Unit
-) -> pyvista.PolyData:
+def gripper_shape(hand: Hand, pose: ArrayLike, opening: float, unit: Unit) -> pyvista.PolyData:
     """A gripper at a pose, in the frame and unit of the mesh.
 
-    Its faces have the arrays `part` (the numbers of `shapes.Part`) and `color` (uint8, to be drawn
+    Its faces have the arrays `part` (the numbers of `Part`) and `color` (uint8, to be drawn
     with `scalars="color", rgb=True`).
 
     Args:
-        gripper: The gripper.
+        hand: The hand.
         pose: Matrix that takes coordinates of the gripper's frame to the mesh's, shape (4, 4), with
             translations in the mesh's unit.
         opening: Distance between the pads, or between the nearest points of round tips [unit].
@@ -36,10 +34,10 @@ def gripper_shape(
         >>> sorted(shape.cell_data)
         ['color', 'part']
     """
-    triangles = shapes.gripper_triangles(gripper, opening, pose=pose, unit=unit)
+    triangles = shapes.hand_triangles(hand, opening, pose=pose, unit=unit)
     surface = surface_of(triangles)
     surface.cell_data["part"] = triangles.parts
-    colors = np.array([shapes.COLORS[part] for part in shapes.Part], dtype=np.uint8)
+    colors = np.array([COLORS[part] for part in Part], dtype=np.uint8)
     surface.cell_data["color"] = colors[triangles.parts]
     return surface
 

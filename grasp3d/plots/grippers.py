@@ -8,8 +8,9 @@ from matplotlib.figure import Figure
 from matplotlib.patches import Circle, Rectangle
 from matplotlib.patheffects import withStroke
 
+from grasp3d.hand.jaw_triangles import PAD_DEPTH
 from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.shapes import COLORS, PAD_DEPTH, Part
+from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.style import PAGE, bare, new_figure, styled
 from grasp3d.system.names import printable
 

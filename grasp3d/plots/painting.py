@@ -8,8 +8,8 @@ import numpy as np
 
 from grasp3d.arrays import Bytes, Floats, unit_rows
 from grasp3d.contact.contacts import Contacts
-from grasp3d.hand.shapes import COLORS as PART_COLORS
-from grasp3d.hand.shapes import Part, Triangles
+from grasp3d.hand.triangles import COLORS as PART_COLORS
+from grasp3d.hand.triangles import Part, Triangles
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.rendering import Finger, View, picture
 from grasp3d.settings import GraspModel

@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from grasp3d.arrays import Bytes, Floats, Ints
-from grasp3d.hand.shapes import gripper_triangles
+from grasp3d.hand.shapes import hand_triangles
 from grasp3d.plots.painting import Corners, corners_of, translucent
 from grasp3d.plots.style import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
 from grasp3d.rendering import Finger, View, picture
@@ -184,7 +184,7 @@ def draw_disagreement(one: Disagreement) -> Bytes:
     assert mesh.unit is not None  # evaluated poses have one
     widest = one.hand.max_opening / METRES[mesh.unit]
     opening = one.opening if math.isfinite(one.opening) else widest
-    hand = gripper_triangles(one.hand, max(opening, 0.0), pose=one.pose, unit=mesh.unit)
+    hand = hand_triangles(one.hand, max(opening, 0.0), pose=one.pose, unit=mesh.unit)
     body = np.tile(np.array(OBJECT, dtype=np.uint8), (len(mesh.vertices), 1))
     corners = Corners(mesh.vertices, -mesh.normals, body).joined(corners_of(hand))
     beside = np.arange(len(mesh.vertices), len(corners.points)).reshape(-1, 3)

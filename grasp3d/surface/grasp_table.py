@@ -208,9 +208,10 @@ class GraspTable(LabelledGrasps):
     def closed(self, progress: Progress) -> "ClosedGrasps | None":
         """What the jaws touch when they close at the poses, with labels and margins.
 
-        Computed when first read; None: no gripper, or three fingers and more.
+        Computed when first read; None: no hand, or one without poses.
         """
-        if self.reach is None or self.scene is None or self.contacts.count > 2:
+        scene = self.scene
+        if self.reach is None or scene is None or self.contacts.count not in scene.hand.fingers:
             return None
         found: ClosedGrasps = import_module("grasp3d.grasps.closed_grasps").close_on(
             self, progress=progress

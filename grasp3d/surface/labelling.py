@@ -5,8 +5,8 @@ from dataclasses import dataclass
 from grasp3d.costs import check_cost
 from grasp3d.errors import SettingError
 from grasp3d.hand.approach import Approach
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
@@ -63,7 +63,7 @@ class Labelling:
         check_search_settings(model, sampling)
         if scene is not None:
             metres_per_unit(mesh)
-            scene.check_model(model)
+            scene.hand.check_fingers(model.fingers)
         mesh, load = loaded_mesh(mesh, load)
         if load is not None:
             LoadCase.of(load, mesh, model, None if scene is None else scene.hand)
@@ -137,7 +137,7 @@ def label_surface(
     model: GraspModel | None = None,
     *,
     sampling: Sampling | None = None,
-    hand: ParallelGripper | None = None,
+    hand: Hand | None = None,
     table: Table | None = None,
     approach: Approach | None = None,
     scene: Scene | None = None,

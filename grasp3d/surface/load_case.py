@@ -6,7 +6,7 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike
 from grasp3d.contact.contacts import Contacts
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.masses import mass_of, with_load
@@ -60,7 +60,7 @@ class LoadCase:
         load: Load,
         mesh: ObjectMesh,
         model: GraspModel,
-        hand: ParallelGripper | None = None,
+        hand: Hand | None = None,
     ) -> "LoadCase":
         """The load on an object.
 

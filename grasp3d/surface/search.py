@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Bytes, Floats, Ints
-from grasp3d.hand.reach import Reach, reach_grasps
+from grasp3d.arrays import ArrayLike, Bytes, Floats, Ints
+from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
@@ -49,7 +49,9 @@ def label_pairs(
     """
     cone, ranking = search_cone(model, sampling), Ranking.of(model)
     limited = sampling if scene is None else scene.within_stroke(mesh, sampling)
-    find = partial(best_pairs, mesh, limited, cone, threads=threads, scene=scene)
+    jaws = None if scene is None or scene.jaws is None else scene
+    find = partial(best_pairs, mesh, limited, cone, threads=threads, scene=jaws)
+    other_hand = scene if jaws is None else None
     labels_of = partial(
         SurfaceLabels.of_vertices, mesh, model, sampling=sampling, mode="label", scene=scene,
         threads=threads,
@@ -57,13 +59,16 @@ def label_pairs(
     alike = ranking == ALIKE
     first = within(progress, 0.0, 1.0 if alike else BEFORE_MARGINS)
     found = find(progress=first)
-    labels = labels_of(**_pairs(mesh, found), search=_search_report(cone, [found]))
+    labels = labels_of(
+        **_pairs(mesh, found, other_hand, threads), search=_search_report(cone, [found])
+    )
     if alike:
         return labels
     # With larger openings or other normals, grasps may have more margin.
     other = find(ranking=ranking, progress=within(progress, BEFORE_MARGINS, 1.0))
     with_margin = labels_of(
-        **_pairs(mesh, other, are_costs=True), search=_search_report(cone, [found, other])
+        **_pairs(mesh, other, other_hand, threads, are_costs=True),
+        search=_search_report(cone, [found, other]),
     )
     return with_more_margin(labels, with_margin)
 
@@ -78,10 +83,18 @@ def _search_report(cone: float, searches: list[AntipodalGrasps]) -> SearchReport
     )
 
 
-def _pairs(mesh: ObjectMesh, found: AntipodalGrasps, *, are_costs: bool = False) -> dict[str, Any]:
+def _pairs(
+    mesh: ObjectMesh,
+    found: AntipodalGrasps,
+    scene: Scene | None,
+    threads: int,
+    *,
+    are_costs: bool = False,
+) -> dict[str, Any]:
     """What `SurfaceLabels.of_vertices` takes of the grasps that a search has found.
 
-    It may have found costs in place of critical angles.
+    It may have found costs in place of critical angles. With a scene, those grasps are left out
+    that its hand does not reach.
     """
     points = SurfacePoints(
         found.partner_points.faces[..., None], found.partner_points.weights[..., None, :]
@@ -90,13 +103,17 @@ def _pairs(mesh: ObjectMesh, found: AntipodalGrasps, *, are_costs: bool = False)
     if are_costs:
         having = (found.reason == Reason.FOUND) & mesh.on_surface
         angles, points = _angles_of_pairs(mesh, points, np.unique(mesh.canonical[having]))
+    reasons, reach = found.reason, found.reach
+    if scene is not None:
+        reasons, reach = _reach_of(mesh, points, reasons, scene, threads, grip=found.grip)
+    lost = reasons != found.reason
     return {
-        "angles": angles,
-        "partners": found.partner[:, None],
+        "angles": tuple(np.where(lost, math.inf, angle) for angle in angles),
+        "partners": np.where(lost[:, None], math.nan, found.partner)[:, None],
         "partner_points": points,
-        "grip": found.grip,
-        "reason": found.reason,
-        "reach": found.reach,
+        "grip": np.where(lost, 0, found.grip),
+        "reason": reasons,
+        "reach": reach,
     }
 
 
@@ -134,7 +151,7 @@ def label_multifinger(
         mesh: The object's surface.
         model: Friction and sensor resolution; labels are computed later.
         sampling: How grasps are searched for.
-        scene: A gripper whose round tips must fit at each contact; None: ideal points.
+        scene: The hand that must reach each grasp; None: ideal points.
         threads: Threads to use.
         progress: Called with the fraction of the work done, from 0 to 1.
 
@@ -150,7 +167,7 @@ def label_multifinger(
     points = _both_grasps(found.partner_points)
     reasons, reach = found.reason, None
     if scene is not None:
-        reasons, reach = _reach_of_tips(mesh, points, reasons, scene, threads)
+        reasons, reach = _reach_of(mesh, points, reasons, scene, threads)
     vertices = np.unique(mesh.canonical[(reasons == Reason.FOUND) & mesh.on_surface])
     grasps = grasps_at(mesh, points, vertices, 0)
     angles = np.full((2, count), math.inf)
@@ -181,16 +198,19 @@ def label_multifinger(
     )
 
 
-def _reach_of_tips(
-    mesh: ObjectMesh, points: SurfacePoints, reasons: Bytes, scene: Scene, threads: int
+def _reach_of(
+    mesh: ObjectMesh,
+    points: SurfacePoints,
+    reasons: Bytes,
+    scene: Scene,
+    threads: int,
+    grip: ArrayLike = 1,
 ) -> tuple[Bytes, Reach]:
-    """The reasons, and how round tips fit at the contacts of each vertex's grasp."""
+    """The reasons, and how the hand reaches each vertex's grasp."""
     tried = np.flatnonzero((reasons == Reason.FOUND) & mesh.on_surface)
     contacts = grasps_at(mesh, points, tried, 0)
-    reach = reach_grasps(
-        mesh, contacts.points, contacts.normals, scene.hand, table=scene.table,
-        threads=threads,
-    )  # fmt: skip
+    signs = np.broadcast_to(grip, len(reasons))[tried]
+    reach = scene.reach(mesh, contacts.points, contacts.normals, grip=signs, threads=threads)
     reasons = reasons.copy()
     reasons[tried[~reach.reached]] = Reason.NOT_REACHED
     return reasons, reach.among(len(mesh.vertices), tried)

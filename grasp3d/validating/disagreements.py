@@ -11,8 +11,8 @@ from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import GraspModel
 
@@ -63,7 +63,7 @@ class Disagreement:
     hints: tuple[str, ...]
     """Likely causes, judged by its numbers."""
     mesh: ObjectMesh
-    hand: ParallelGripper
+    hand: Hand
     pose: Floats
     """The gripper's pose in the mesh's frame, between the contacts where the jaws close, shape
     (4, 4)."""
@@ -155,7 +155,7 @@ def _disagreement(
 
 
 def failed_hints(
-    scores: Mapping[str, float], hand: ParallelGripper, size: float, available: float | None
+    scores: Mapping[str, float], hand: Hand, size: float, available: float | None
 ) -> tuple[str, ...]:
     """Why a grasp with a large margin may have failed.
 
@@ -184,7 +184,7 @@ def failed_hints(
 
 
 def held_hints(
-    scores: Mapping[str, float], hand: ParallelGripper, model: GraspModel, state: Closing
+    scores: Mapping[str, float], hand: Hand, model: GraspModel, state: Closing
 ) -> tuple[str, ...]:
     """Why a grasp with a small margin, or whose jaws do not close, may have held.
 
@@ -207,20 +207,14 @@ def held_hints(
     return tuple(hints) or (NONE,)
 
 
-def is_small(area: float, hand: ParallelGripper) -> bool:
+def is_small(area: float, hand: Hand) -> bool:
     """Whether a contact is small for the gripper.
-
-    For a pad, or for the cap of a round tip that its compliance presses in.
 
     Args:
         area: The smaller touched patch [m^2].
         hand: The gripper.
     """
-    if hand.round_tips:
-        whole = 2.0 * math.pi * hand.tip_radius * hand.compliance
-    else:
-        whole = hand.pad_width * hand.pad_height
-    return area < SMALL_AREA * whole
+    return area < SMALL_AREA * hand.touch_area
 
 
 def _area(area: float) -> str:

@@ -12,11 +12,12 @@ from grasp3d.errors import ContactError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.metres import metres_per_unit
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach_settings import ObjectMotion, ReachSettings
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
@@ -271,6 +272,6 @@ class Evaluation:
         )
 
 
-def _with_gripper(reach: ReachSettings, hand: ParallelGripper) -> ReachSettings:
+def _with_gripper(reach: ReachSettings, hand: Hand) -> ReachSettings:
     values = {name: value for name, value in vars(reach).items() if name != "hand"}
     return ReachSettings(hand=hand, **values)

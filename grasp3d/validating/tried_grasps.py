@@ -11,7 +11,7 @@ from grasp3d.arrays import Ints, short_repr
 from grasp3d.errors import ContactError, MeshError, SettingError
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.presets import ALIASES, PRESETS, preset
 from grasp3d.mesh import MeshSource
 
@@ -124,7 +124,7 @@ class TriedGrasps:
     """Grasps with an outcome."""
     not_tried: int
     """Grasps without one, which are left out."""
-    hand: ParallelGripper
+    hand: Hand
     gripper_from: str
     """Where the gripper is from, in words."""
     mesh: MeshSource
@@ -153,7 +153,7 @@ def check_grasps(
     *,
     mesh: MeshSource | None = None,
     meshes: Path | None = None,
-    hand: ParallelGripper | None = None,
+    hand: Hand | None = None,
 ) -> list[TriedGrasps]:
     """Check grasps before any work: outcomes, gripper and mesh of each.
 
@@ -188,7 +188,7 @@ def _checked(
     given: str | Path | GraspPoses,
     mesh: MeshSource | None,
     folder: MeshFolder,
-    hand: ParallelGripper | None,
+    hand: Hand | None,
     left: int,
 ) -> TriedGrasps:
     path = None if isinstance(given, GraspPoses) else Path(given)
@@ -215,7 +215,7 @@ def _checked(
     )
 
 
-def _read(path: Path, hand: ParallelGripper | None) -> tuple[GraspPoses, ParallelGripper, str]:
+def _read(path: Path, hand: Hand | None) -> tuple[GraspPoses, Hand, str]:
     """Poses of a file, their gripper, and where it is from."""
     poses = read_poses(path, hand=hand)
     acronym = path.suffix.lower() in ACRONYM
@@ -226,13 +226,13 @@ def _read(path: Path, hand: ParallelGripper | None) -> tuple[GraspPoses, Paralle
 
 
 def _gripper(
-    poses: GraspPoses, given: ParallelGripper | None, name: str, *, acronym: bool
-) -> tuple[ParallelGripper, str]:
+    poses: GraspPoses, given: Hand | None, name: str, *, acronym: bool
+) -> tuple[Hand, str]:
     """The gripper that is given, or that the poses state. Raises SettingError."""
     if given is not None:
         return given, "as given"
     stated = poses.hand
-    if isinstance(stated, ParallelGripper):
+    if isinstance(stated, Hand):
         return stated, "as the file states"
     if stated is not None and ALIASES.get(stated, stated) in PRESETS:
         return preset(stated), f"as the file states ({stated})"

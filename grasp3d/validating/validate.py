@@ -8,8 +8,9 @@ import numpy as np
 from grasp3d.arrays import Floats, locked
 from grasp3d.errors import SettingError
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.reach_settings import ObjectMotion, ReachSettings
+from grasp3d.hand.choices import ObjectMotion
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource
 from grasp3d.settings import GraspModel, MeshOptions
@@ -44,7 +45,7 @@ def validate_grasps(
     mesh: MeshSource | None = None,
     meshes: str | Path | None = None,
     options: MeshOptions | None = None,
-    hand: ParallelGripper | None = None,
+    hand: Hand | None = None,
     reach: ReachSettings | None = None,
     object_motion: ObjectMotion = "free",
     load: Load | None = None,
@@ -96,7 +97,7 @@ def validate_grasps(
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (10, 1, 1))
         >>> poses[:, 1, 3] = np.linspace(0.0, 0.04, 10)
         >>> tried = GraspPoses(poses=poses, outcome=[1, 1, 1, 1, 1, 0, 0, 0, 0, 0], unit="m")
-        >>> franka = grasp3d.ParallelGripper.preset("franka")
+        >>> franka = grasp3d.Hand.preset("franka")
         >>> found = grasp3d.validate_grasps(tried, mesh=box, hand=franka)
         >>> found.grasps.size, int(found.grasps.closed.sum())
         (10, 7)

@@ -17,7 +17,8 @@ from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, write_report
 from grasp3d.batch.report.gripper_data import drawn_openings, gripper_data
 from grasp3d.batch.row import Row
-from grasp3d.hand.shapes import Part, gripper_triangles
+from grasp3d.hand.shapes import hand_triangles
+from grasp3d.hand.triangles import Part
 from tests.batch.test_report_page import BROWSER, OPTIONS
 from tests.helpers import viewing
 from tests.helpers.held_grasps import JAWS, best_grasps_of, held_box, with_reach
@@ -39,7 +40,7 @@ def test_the_page_moves_the_fingers_as_python_draws_them(hand: Any, opening: flo
     assert data is not None
     vertices = np.array(data["vertices"]).reshape(-1, 3)
     vertices[:, 0] += opening * np.array(data["shifts"])
-    expected = gripper_triangles(hand, opening)
+    expected = hand_triangles(hand, opening)
     assert np.allclose(vertices, expected.vertices, atol=1e-6)
     assert np.array_equal(np.array(data["faces"]).reshape(-1, 3), expected.faces)
     assert data["parts"] == [Part(part).name.lower() for part in expected.parts]

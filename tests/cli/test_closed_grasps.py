@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 import trimesh
 
-from grasp3d.hand.gripper_files import write_gripper
+from grasp3d.hand.hand_files import write_hand
 from tests.helpers import shapes
 from tests.helpers.commands import run_here
 from tests.helpers.grippers import HAND
@@ -31,7 +31,7 @@ def folder_with_cone(folder: Path, degrees: float) -> Path:
     """A folder with a cone of 80 mm, with this half-angle, and a gripper."""
     surface = shapes.cone(math.radians(degrees), 80.0, 24)
     trimesh.Trimesh(*surface, process=False).export(folder / "cone.stl")
-    write_gripper(folder / "hand.json", HAND)
+    write_hand(folder / "hand.json", HAND)
     return folder
 
 

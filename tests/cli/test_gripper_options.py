@@ -11,7 +11,7 @@ import trimesh
 
 from grasp3d import Sampling, Table, label_surface, load_mesh
 from grasp3d.grasps.pose_files import holds_poses, read_poses
-from grasp3d.hand.gripper_files import write_gripper
+from grasp3d.hand.hand_files import write_hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.rendering import can_render
 from tests.helpers import shapes
@@ -80,7 +80,7 @@ def test_every_format_of_labels_is_written(box: Path, suffix: str) -> None:
 @pytest.mark.slow
 def test_own_grippers_and_resting_poses(box: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("grasp3d.rendering.can_render", lambda: False)  # pictures take seconds
-    write_gripper(box / "mine.json", HAND)
+    write_hand(box / "mine.json", HAND)
     run = run_here(
         "label", "box.stl", *OPTIONS, "--hand", "mine.json", "--table", "stable",
         "--resting-pose", "3", "--approach-within", "40", "--approach-angles", "16", "--best", "2",
@@ -180,7 +180,7 @@ def test_a_picture_has_the_gripper(box: Path) -> None:
 
 def own(folder: Path, **changes: float) -> str:
     """A gripper file with changed lengths."""
-    write_gripper(folder / "own.json", HAND)
+    write_hand(folder / "own.json", HAND)
     content = json.loads((folder / "own.json").read_text())
     fields = content if "max_opening" in content else content["gripper"]
     fields.update(changes)

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from grasp3d.hand.gripper_files import read_gripper
+from grasp3d.hand.hand_files import read_hand
 from grasp3d.hand.presets import PRESETS, preset
 from tests.hand.test_robot_descriptions import mjcf, urdf
 from tests.helpers.commands import run_here as grasp3d
@@ -51,7 +51,7 @@ def test_lengths_frame_force_and_touch_are_printed(tmp_path: Path, name: str) ->
 def test_json_and_picture_are_written_and_read_again(tmp_path: Path) -> None:
     run = grasp3d("hand", "panda", "-o", "g.json", "--picture", "g.png", cwd=tmp_path)
     assert run.stdout.endswith("written: g.json\nwritten: g.png\n")
-    assert read_gripper(tmp_path / "g.json") == preset("franka")
+    assert read_hand(tmp_path / "g.json") == preset("franka")
     assert (tmp_path / "g.png").read_bytes().startswith(b"\x89PNG")
     again = grasp3d("hand", "g.json", "-q", "-o", "g.json", cwd=tmp_path)
     assert (again.returncode, again.stdout) == (2, "")
@@ -87,8 +87,8 @@ def test_robots_are_read_by_their_finger_links(
     words = ("--fingers", "left", "right")
     run = grasp3d("hand", path, *words, "--tcp", "9cm", "-o", "g.json", cwd=tmp_path)
     assert (run.returncode, run.stderr) == (0, "")
-    gripper = read_gripper(tmp_path / "g.json")
-    assert gripper == read_gripper(path, fingers=("left", "right"), tcp=0.09)
+    gripper = read_hand(tmp_path / "g.json")
+    assert gripper == read_hand(path, fingers=("left", "right"), tcp=0.09)
     assert gripper.base_to_tcp == 0.09
     assert gripper.source == f"boxes around left, right and the palm of {path.name}"
     assert "name the links" in refused(path, cwd=tmp_path)

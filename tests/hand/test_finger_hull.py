@@ -26,10 +26,11 @@ from grasp3d.hand.finger_hull import (
     hull_faces,
     points_beyond,
 )
-from grasp3d.hand.gripper_files import read_gripper, write_gripper
+from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.hand_geometry import Hand, SlidingFinger, gripper_of_hand
 from grasp3d.hand.inner_side import agreement, corners_of
-from grasp3d.hand.parallel_gripper import AXES, ParallelGripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.robot_frame import AXES
 from tests.helpers.closing_jaws import Floats, pads, random_poses
 
 EXACT = 1e-9
@@ -356,9 +357,9 @@ def test_fingers_without_volume_and_very_large_ones_touch_with_their_pads() -> N
 
 def test_faces_are_written_and_read(tmp_path: Any) -> None:
     gripper = gripper_of_hand(hand(hull(tapered())), tcp=0.1)
-    write_gripper(tmp_path / "g.json", gripper)
+    write_hand(tmp_path / "g.json", gripper)
     assert gripper.inner_faces
-    assert read_gripper(tmp_path / "g.json") == gripper
+    assert read_hand(tmp_path / "g.json") == gripper
 
 
 def test_polygons_are_cut_without_overlap() -> None:

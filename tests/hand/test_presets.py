@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 from grasp3d.errors import SettingError
-from grasp3d.hand import presets
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.presets import ALIASES, PRESETS, preset
 
@@ -73,4 +72,4 @@ def test_unknown_presets_list_the_known_ones() -> None:
 def test_aliases_are_other_names_of_presets() -> None:
     assert set(ALIASES.values()) <= set(PRESETS)
     assert not set(ALIASES) & set(PRESETS)
-    assert preset("panda") is presets.FRANKA
+    assert preset("panda") is PRESETS["franka"]

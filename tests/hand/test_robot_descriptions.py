@@ -10,10 +10,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.gripper_files import read_gripper
+from grasp3d.hand.hand_files import read_hand
 from grasp3d.hand.hand_geometry import Hand, SlidingFinger, gripper_of_hand
 from grasp3d.hand.mjcf import read_mjcf
-from grasp3d.hand.parallel_gripper import AXES, ParallelGripper
+from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.robot_frame import AXES
 from grasp3d.hand.urdf import read_urdf
 
 FINGERS = ("left", "right")
@@ -113,30 +114,30 @@ def check_hand(gripper: ParallelGripper) -> None:
 
 @pytest.mark.usefixtures("_yourdfpy")
 def test_a_urdf_gives_boxes_stroke_and_frame(tmp_path: Path) -> None:
-    check_hand(read_gripper(urdf(tmp_path), fingers=FINGERS))
+    check_hand(read_hand(urdf(tmp_path), fingers=FINGERS))
 
 
 @pytest.mark.usefixtures("_mujoco")
 @pytest.mark.parametrize(("y", "ref"), [(-0.001, 0.0), (-0.011, 0.01)])
 def test_a_mujoco_model_gives_the_same(tmp_path: Path, y: float, ref: float) -> None:
     """Also where the file shows the finger at a reference value of its joint."""
-    check_hand(read_gripper(mjcf(tmp_path, y, ref), fingers=FINGERS))
+    check_hand(read_hand(mjcf(tmp_path, y, ref), fingers=FINGERS))
 
 
 @pytest.mark.usefixtures("_yourdfpy")
 def test_fingers_in_the_other_order_turn_the_closing_axis(tmp_path: Path) -> None:
-    gripper = read_gripper(urdf(tmp_path), fingers=("right", "left"))
+    gripper = read_hand(urdf(tmp_path), fingers=("right", "left"))
     assert gripper.base_axes == ("y", "z")
     assert gripper.joint_names == ("slide_right", "slide_left")
 
 
 @pytest.mark.usefixtures("_yourdfpy")
 def test_the_palm_and_the_tcp_can_be_named(tmp_path: Path) -> None:
-    gripper = read_gripper(urdf(tmp_path), fingers=FINGERS, palm="hand", tcp=0.09)
+    gripper = read_hand(urdf(tmp_path), fingers=FINGERS, palm="hand", tcp=0.09)
     assert gripper.base_to_tcp == 0.09
     assert gripper.pad_height == pytest.approx(0.02)
     assert gripper.palm_width == pytest.approx(0.1)
-    camera = read_gripper(urdf(tmp_path), fingers=FINGERS, palm="camera")
+    camera = read_hand(urdf(tmp_path), fingers=FINGERS, palm="camera")
     assert camera.palm_length == pytest.approx(0.02)
     assert camera.finger_length == pytest.approx(0.06)
     assert camera.palm_thickness == camera.max_opening  # at least the stroke
@@ -150,7 +151,7 @@ def test_meshes_are_read_from_packages_and_beside_the_file(tmp_path: Path) -> No
     trimesh.creation.box([20.0, 10.0, 40.0]).export(tmp_path / "my_hand/meshes/f.stl")
     for name in ("package://my_hand/meshes/f.stl", "../meshes/f.stl"):
         mesh = f'<mesh filename="{name}" scale="0.001 0.001 0.001"/>'
-        check_hand(read_gripper(urdf(folder, right=mesh), fingers=FINGERS))
+        check_hand(read_hand(urdf(folder, right=mesh), fingers=FINGERS))
 
 
 @pytest.mark.usefixtures("_yourdfpy")
@@ -179,7 +180,7 @@ def test_descriptions_of_no_gripper_are_refused(
 ) -> None:
     path = urdf(tmp_path, **changed)
     with pytest.raises(SettingError) as refused:
-        read_gripper(path, fingers=fingers)
+        read_hand(path, fingers=fingers)
     assert str(refused.value).startswith(str(path))
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -188,7 +189,7 @@ def test_descriptions_of_no_gripper_are_refused(
 @pytest.mark.usefixtures("_yourdfpy")
 def test_a_finger_that_follows_the_other_has_its_limits(tmp_path: Path) -> None:
     path = urdf(tmp_path, limit='<mimic joint="slide_left"/>')
-    check_hand(read_gripper(path, fingers=FINGERS))
+    check_hand(read_hand(path, fingers=FINGERS))
 
 
 @pytest.mark.usefixtures("_yourdfpy")
@@ -199,17 +200,17 @@ def test_empty_geometry_and_damaged_meshes_are_refused(tmp_path: Path) -> None:
     end = text.index("</collision>", start) + len("</collision>")
     path.write_text(text[:start] + text[end:], encoding="utf-8")
     with pytest.raises(SettingError, match="left has no collision geometry"):
-        read_gripper(path, fingers=FINGERS)
+        read_hand(path, fingers=FINGERS)
     (tmp_path / "f.stl").write_bytes(b"solid nothing")
     with pytest.raises(SettingError, match=r"mesh of link right: .*f[.]stl"):
-        read_gripper(urdf(tmp_path, right='<mesh filename="f.stl"/>'), fingers=FINGERS)
+        read_hand(urdf(tmp_path, right='<mesh filename="f.stl"/>'), fingers=FINGERS)
 
 
 @pytest.mark.usefixtures("_yourdfpy")
 @pytest.mark.parametrize("tcp", [0.05, 0.079, 0.1, 0.2])
 def test_a_tcp_beside_the_pads_is_refused(tmp_path: Path, tcp: float) -> None:
     with pytest.raises(SettingError, match="the TCP must be in the outer half of the fingers"):
-        read_gripper(urdf(tmp_path), fingers=FINGERS, tcp=tcp)
+        read_hand(urdf(tmp_path), fingers=FINGERS, tcp=tcp)
 
 
 @pytest.mark.usefixtures("_yourdfpy", "_mujoco")
@@ -224,7 +225,7 @@ def test_entities_and_damaged_xml_are_refused(tmp_path: Path, suffix: str) -> No
     ):
         path.write_text(text, encoding="utf-8")
         with pytest.raises(SettingError, match=words) as refused:
-            read_gripper(path, fingers=FINGERS)
+            read_hand(path, fingers=FINGERS)
         assert "\n" not in str(refused.value)
 
 
@@ -232,16 +233,16 @@ def test_entities_and_damaged_xml_are_refused(tmp_path: Path, suffix: str) -> No
 def test_mujoco_models_without_such_a_hand_are_refused(tmp_path: Path) -> None:
     path = mjcf(tmp_path)
     with pytest.raises(SettingError, match="no link is called 'nope'; known: world, hand, camera"):
-        read_gripper(path, fingers=("left", "nope"))
+        read_hand(path, fingers=("left", "nope"))
     asset = '<asset><mesh name="m" file="gone.stl"/></asset>'
     with pytest.raises(SettingError, match=r"MuJoCo cannot read it .*gone[.]stl"):
-        read_gripper(mjcf(tmp_path, more=asset), fingers=FINGERS)
+        read_hand(mjcf(tmp_path, more=asset), fingers=FINGERS)
     same = (
         '<equality><joint joint1="slide_right" joint2="slide_left" polycoef="0.03 -1 0 0 0"/>'
         "</equality>"
     )
     with pytest.raises(SettingError, match="move them in the same direction"):
-        read_gripper(mjcf(tmp_path, more=same), fingers=FINGERS)
+        read_hand(mjcf(tmp_path, more=same), fingers=FINGERS)
 
 
 @pytest.mark.usefixtures("_mujoco")
@@ -260,7 +261,7 @@ def test_all_shapes_of_mujoco_have_their_size(
 ) -> None:
     palm = 'type="box" size="0.02 0.01 0.01" pos="0.02 0 0"'
     path = with_palm(mjcf(tmp_path), palm, f'{shape} pos="-0.01 0 -0.02"')  # at x = 0
-    gripper = read_gripper(path, fingers=FINGERS, palm="camera")
+    gripper = read_hand(path, fingers=FINGERS, palm="camera")
     assert 1e3 * gripper.palm_width == pytest.approx(sizes[0], rel=0.01)
     assert 1e3 * gripper.palm_length == pytest.approx(sizes[2], rel=0.01)
     points = read_mjcf(path, FINGERS, "camera").palm
@@ -272,7 +273,7 @@ def test_endless_shapes_are_refused(tmp_path: Path) -> None:
     palm = 'type="box" size="0.02 0.01 0.01" pos="0.02 0 0"'
     path = with_palm(mjcf(tmp_path), palm, 'type="plane" size="1 1 1"')
     with pytest.raises(SettingError, match="of camera is of no finite shape"):
-        read_gripper(path, fingers=FINGERS)
+        read_hand(path, fingers=FINGERS)
 
 
 @pytest.mark.usefixtures("_yourdfpy")

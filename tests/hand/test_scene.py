@@ -74,10 +74,10 @@ def test_limits_outside_the_stroke_are_refused() -> None:
 
 
 def test_three_fingers_need_round_tips() -> None:
-    Scene(TIPS).check_model(GraspModel(fingers=3))
-    Scene(HAND).check_model(GraspModel(fingers=2))
+    TIPS.check_fingers(3)
+    HAND.check_fingers(2)
     with pytest.raises(SettingError, match="flat pads"):
-        Scene(HAND).check_model(GraspModel(fingers=3))
+        HAND.check_fingers(3)
 
 
 def test_a_mesh_without_a_unit_is_refused() -> None:

@@ -11,15 +11,9 @@ from hypothesis import strategies as st
 import grasp3d
 from grasp3d.errors import SettingError
 from grasp3d.hand.presets import PRESETS, preset
-from grasp3d.hand.shapes import (
-    Part,
-    Triangles,
-    approach_triangles,
-    gripper_triangles,
-    moved,
-    table_triangles,
-)
+from grasp3d.hand.shapes import approach_triangles, hand_triangles, moved, table_triangles
 from grasp3d.hand.table import Table
+from grasp3d.hand.triangles import Part, Triangles
 
 POSE = trimesh.transformations.rotation_matrix(0.7, [1.0, 2.0, -0.5], [0.1, 0.0, 0.3])
 
@@ -32,7 +26,7 @@ def part(shape: Triangles, which: Part) -> trimesh.Trimesh:
 def test_parts_have_the_lengths_of_the_description(name: str) -> None:
     gripper = preset(name)
     opening = 0.6 * gripper.max_opening
-    shape = gripper_triangles(gripper, opening)
+    shape = hand_triangles(gripper, opening)
     palm, fingers = part(shape, Part.PALM), part(shape, Part.FINGER)
     sizes = gripper.palm_thickness, gripper.palm_width, gripper.palm_length
     assert palm.extents == pytest.approx(sizes)
@@ -54,7 +48,7 @@ def test_parts_have_the_lengths_of_the_description(name: str) -> None:
 
 @pytest.mark.parametrize("name", ["franka", "tactile"])
 def test_parts_are_closed_and_face_outward(name: str) -> None:
-    shape = gripper_triangles(preset(name), 0.03)
+    shape = hand_triangles(preset(name), 0.03)
     for which in set(shape.parts.tolist()):
         mesh = part(shape, Part(which))
         assert mesh.is_watertight
@@ -62,10 +56,10 @@ def test_parts_are_closed_and_face_outward(name: str) -> None:
 
 
 def test_poses_and_units_move_and_scale() -> None:
-    metres = gripper_triangles(preset("franka"), 0.04)
+    metres = hand_triangles(preset("franka"), 0.04)
     pose = POSE.copy()
     pose[:3, 3] *= 1e3
-    moved_there = gripper_triangles(preset("franka"), 40.0, pose=pose, unit="mm")
+    moved_there = hand_triangles(preset("franka"), 40.0, pose=pose, unit="mm")
     assert np.allclose(moved_there.vertices, moved(1e3 * metres.vertices, pose))
     assert (moved_there.faces == metres.faces).all()
 
@@ -73,10 +67,10 @@ def test_poses_and_units_move_and_scale() -> None:
 @pytest.mark.parametrize("pose", [np.eye(3), 2.0 * np.eye(4), np.full((4, 4), math.nan)])
 def test_wrong_poses_and_openings_are_refused(pose: np.ndarray) -> None:
     with pytest.raises(SettingError, match="a pose must be a matrix of 4 x 4"):
-        gripper_triangles(preset("franka"), 0.04, pose=pose)
+        hand_triangles(preset("franka"), 0.04, pose=pose)
     for opening in (-0.1, math.nan, math.inf):
         with pytest.raises(SettingError, match="opening must be a finite length"):
-            gripper_triangles(preset("franka"), opening)
+            hand_triangles(preset("franka"), opening)
 
 
 @given(st.floats(-3.0, 3.0), st.floats(0.01, 3.0))

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 from matplotlib.patches import Circle, Rectangle
 
-from grasp3d.hand import shapes
 from grasp3d.hand.presets import PRESETS, preset
-from grasp3d.hand.shapes import Part, gripper_triangles
+from grasp3d.hand.shapes import hand_triangles
+from grasp3d.hand.triangles import COLORS, Part
 from grasp3d.plots.formats import save_as
 from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape
 from grasp3d.plots.grippers import gripper_figure
@@ -85,12 +85,12 @@ def test_surfaces_have_the_triangles_parts_and_colours(name: str) -> None:
     pose = np.eye(4)
     pose[:3, 3] = [10.0, 20.0, 30.0]
     shape = gripper_shape(preset(name), pose, 40.0, "mm")
-    triangles = gripper_triangles(preset(name), 40.0, pose=pose, unit="mm")
+    triangles = hand_triangles(preset(name), 40.0, pose=pose, unit="mm")
     assert (shape.regular_faces == triangles.faces).all()
     assert np.allclose(shape.points, triangles.vertices)
     assert (shape.cell_data["part"] == triangles.parts).all()
     palm = shape.cell_data["color"][shape.cell_data["part"] == Part.PALM]
-    assert (palm == shapes.COLORS[Part.PALM]).all()
+    assert (palm == COLORS[Part.PALM]).all()
 
 
 def test_no_arcs_are_an_empty_surface() -> None:

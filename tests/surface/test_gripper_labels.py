@@ -19,7 +19,8 @@ from grasp3d import (
 )
 from grasp3d.errors import SettingError
 from grasp3d.hand.approach import Approach
-from grasp3d.hand.reach import Reachability, reach_grasps
+from grasp3d.hand.jaw_reach import reach_grasps
+from grasp3d.hand.reach import Reachability
 from grasp3d.hand.scene import Scene
 from grasp3d.settings import Grip
 from grasp3d.settings.lengths import Unit

@@ -7,8 +7,9 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.batch.row import BestGrasp
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.shapes import Part, Triangles, gripper_triangles, table_triangles
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.shapes import hand_triangles, table_triangles
+from grasp3d.hand.triangles import Part, Triangles
 from grasp3d.settings.lengths import METRES, Unit
 
 if TYPE_CHECKING:
@@ -31,8 +32,8 @@ def gripper_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
     if scene is None or unit is None:
         return None
     hand, table = scene.hand, scene.table
-    closed = gripper_triangles(hand, 0.0, unit=unit)
-    opened = gripper_triangles(hand, 1.0, unit=unit)
+    closed = hand_triangles(hand, 0.0, unit=unit)
+    opened = hand_triangles(hand, 1.0, unit=unit)
     names = [part.name.lower() for part in Part]
     return {
         "name": hand.name,
@@ -52,16 +53,11 @@ def drawn_openings(grasps: Sequence[BestGrasp], labels: "SurfaceLabels") -> list
     return [None if not grasp.pose else _drawn_opening(grasp, scene.hand, unit) for grasp in grasps]
 
 
-def _drawn_opening(grasp: BestGrasp, hand: ParallelGripper, unit: Unit) -> float:
-    """Distance between the inner faces of the fingers, or the nearest points of round tips."""
+def _drawn_opening(grasp: BestGrasp, hand: Hand, unit: Unit) -> float:
+    """Opening at which the hand holds the contacts."""
     points, outward = np.array(grasp.points), np.array(grasp.normals)
-    radius, thickness = hand.tip_radius / METRES[unit], hand.finger_thickness / METRES[unit]
-    centres = points + radius * outward
-    opening = float(np.linalg.norm(centres[1] - centres[0])) - 2.0 * radius
-    internal = float(outward[0] @ (points[1] - points[0])) > 0.0
-    if internal and not hand.round_tips:
-        opening -= 2.0 * thickness
-    return max(opening, 0.0)
+    internal = np.array([float(outward[0] @ (points[1] - points[0])) > 0.0])
+    return float(hand.opening_at(points[None], outward[None], internal, METRES[unit])[0])
 
 
 def _shape(triangles: Triangles) -> dict[str, list[Any]]:

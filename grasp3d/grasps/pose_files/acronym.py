@@ -16,9 +16,10 @@ from grasp3d.grasps.pose_files.frames import (
     in_metres,
     joint_values,
     moved,
+    needed_gripper,
 )
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.isolation import CallFailedError, call
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.system.files import atomic_write
@@ -92,7 +93,7 @@ def write_acronym(path: Path, poses: GraspPoses) -> None:
             file[name] = value
 
 
-def read_acronym(path: Path, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def read_acronym(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses in the order of the file. Raises ContactError, OSError."""
     _h5py()
     check_metres(unit, WHAT)
@@ -107,14 +108,14 @@ def read_acronym(path: Path, hand: ParallelGripper | None, unit: Unit | None) ->
         raise ContactError(f"is damaged: the process that reads it {failure}") from failure
 
 
-def _read_file(path: Path, hand: ParallelGripper | None) -> GraspPoses:
+def _read_file(path: Path, hand: Hand | None) -> GraspPoses:
     """Poses of a file, in a child process. Raises ContactError."""
     h5py = _h5py()
     with _plain_errors(), h5py.File(path, "r") as file:
         return _read(h5py, file, hand)
 
 
-def _read(h5py: Any, file: Any, hand: ParallelGripper | None) -> GraspPoses:
+def _read(h5py: Any, file: Any, hand: Hand | None) -> GraspPoses:
     data = _dataset(h5py, file, TRANSFORMS)
     if data is None:
         raise ContactError(f"the data set {TRANSFORMS} is missing")
@@ -149,9 +150,9 @@ def _read(h5py: Any, file: Any, hand: ParallelGripper | None) -> GraspPoses:
     )
 
 
-def _base_to_tcp(h5py: Any, file: Any, hand: ParallelGripper | None) -> float:
+def _base_to_tcp(h5py: Any, file: Any, hand: Hand | None) -> float:
     if hand is not None:
-        return hand.base_to_tcp
+        return needed_gripper(hand, WHAT).base_to_tcp
     stated = _numbers(h5py, file, "gripper/base_to_tcp", ())
     return BASE_TO_TCP if stated is None else float(stated)
 

@@ -14,14 +14,14 @@ from grasp3d.grasps.pose_files.moveit import is_moveit, parse_moveit, write_move
 from grasp3d.grasps.pose_files.own_json import is_own, parse_json, write_json
 from grasp3d.grasps.pose_files.table import are_poses, read_table, write_table
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.settings import PoseFormat, check_choice
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import check_suffix
 from grasp3d.system.names import printable, unsupported
 
-Read = Callable[[Path, ParallelGripper | None, Unit | None], GraspPoses]
-Parse = Callable[[object, ParallelGripper | None, Unit | None], GraspPoses]
+Read = Callable[[Path, Hand | None, Unit | None], GraspPoses]
+Parse = Callable[[object, Hand | None, Unit | None], GraspPoses]
 
 
 @dataclass(frozen=True)
@@ -107,7 +107,7 @@ def read_poses(
     path: str | Path,
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
-    hand: ParallelGripper | None = None,
+    hand: Hand | None = None,
     unit: Unit | None = None,
 ) -> GraspPoses:
     """Read grasp poses from files of robots, simulators and data sets.
@@ -187,7 +187,7 @@ def format_of(path: Path) -> PoseFormat | None:
 
 
 def _read(
-    path: Path, chosen: PoseFormat | None, hand: ParallelGripper | None, unit: Unit | None
+    path: Path, chosen: PoseFormat | None, hand: Hand | None, unit: Unit | None
 ) -> GraspPoses:
     """Poses of a file. Raises ContactError, ValueError, OSError, OutputError."""
     if chosen is None and path.suffix.lower() == ".json":

@@ -11,6 +11,7 @@ from grasp3d.errors import ContactError, OutputError
 from grasp3d.grasps.pose_checks import checked_quaternions
 from grasp3d.grasps.pose_files.documents import numbers
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.settings.lengths import Unit
 
@@ -44,7 +45,7 @@ def gripper_of(poses: GraspPoses, what: str) -> ParallelGripper:
     return poses.hand
 
 
-def needed_gripper(hand: ParallelGripper | str | None, what: str) -> ParallelGripper:
+def needed_gripper(hand: Hand | str | None, what: str) -> ParallelGripper:
     """The gripper of a file to read. Raises ContactError if there is none."""
     if not isinstance(hand, ParallelGripper):
         raise ContactError(

@@ -24,7 +24,7 @@ from grasp3d.grasps.pose_files.frames import (
     needed_gripper,
 )
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.system.files import atomic_write
 
@@ -65,7 +65,7 @@ def write_graspgen(path: Path, poses: GraspPoses) -> None:
         part.write_text(json_text(document), encoding="utf-8")
 
 
-def parse_graspgen(content: object, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def parse_graspgen(content: object, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
     document = mapping(content, "the file")
     grasps = mapping(required(document, "grasps"), "grasps")

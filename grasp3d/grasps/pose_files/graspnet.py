@@ -15,7 +15,7 @@ from grasp3d.grasps.pose_files.frames import (
     needed_gripper,
 )
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import atomic_write
 
@@ -72,7 +72,7 @@ def _scores(poses: GraspPoses) -> Floats:
     return np.where(np.isnan(poses.scores), np.maximum(implied, NO_OBJECT), poses.scores)
 
 
-def read_graspnet(path: Path, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def read_graspnet(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses in the order of the rows. Raises ContactError, OSError."""
     rows = _rows(path)
     check_metres(unit, WHAT)

@@ -1,14 +1,13 @@
 """What files in the project's own formats state of all their grasps."""
 
 from collections.abc import Mapping
-from dataclasses import asdict
 from typing import Any, get_args
 
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.pose_files.documents import kind, one_number, text_or_none
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.gripper_files import FORMAT, VERSION, fields_of_gripper
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.hand_files import hand_of
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.versions import package_version
 
@@ -36,7 +35,7 @@ def header_of(poses: GraspPoses) -> dict[str, Any]:
         "frame": FRAME,
         "normals": NORMALS,
         "angles": ANGLES,
-        "gripper": _description(hand) if isinstance(hand, ParallelGripper) else hand,
+        "gripper": hand if hand is None or isinstance(hand, str) else hand.description(),
         "object_file": poses.object_file,
         "object_scale": poses.object_scale,
         **{name: value for name, value in poses.settings.items() if name not in STATED},
@@ -44,7 +43,7 @@ def header_of(poses: GraspPoses) -> dict[str, Any]:
 
 
 def fields_of(
-    header: Mapping[str, Any], hand: ParallelGripper | str | None, unit: Unit | None
+    header: Mapping[str, Any], hand: Hand | str | None, unit: Unit | None
 ) -> dict[str, Any]:
     """Fields of `GraspPoses` that a header states.
 
@@ -85,15 +84,10 @@ def stated_unit(stated: object, given: Unit | None) -> Unit | None:
     return unit
 
 
-def _description(hand: ParallelGripper) -> dict[str, Any]:
-    """What `write_gripper` writes."""
-    return {"format": FORMAT, "version": VERSION, "unit": "m", **asdict(hand)}
-
-
-def _gripper(value: object) -> ParallelGripper | str | None:
+def _gripper(value: object) -> Hand | str | None:
     if value is None or isinstance(value, str):
         return value
     try:
-        return ParallelGripper(**fields_of_gripper(value))
+        return hand_of(value)
     except SettingError as error:
         raise ContactError(f"its gripper {error}") from error

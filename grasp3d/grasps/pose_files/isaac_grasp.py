@@ -33,6 +33,7 @@ from grasp3d.grasps.pose_files.frames import (
     unequal_names,
 )
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.settings.lengths import METRES, Unit
 from grasp3d.system.files import atomic_write
@@ -99,7 +100,7 @@ def _joints(hand: ParallelGripper, openings: Floats) -> list[dict[str, float]]:
     ]
 
 
-def read_isaac(path: Path, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def read_isaac(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Grasps in the order of the file. Raises ContactError, OSError."""
     document = mapping(load_yaml(path), "the file")
     if required(document, "format") != WHAT:

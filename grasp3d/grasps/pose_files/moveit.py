@@ -31,6 +31,7 @@ from grasp3d.grasps.pose_files.frames import (
     tcp_poses,
 )
 from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.hand import Hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import atomic_write
@@ -123,7 +124,7 @@ def _translation(direction: Floats, frame: str) -> dict[str, Any]:
     }
 
 
-def parse_moveit(content: object, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def parse_moveit(content: object, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses of the content of a JSON file, a list of messages or one. Raises ContactError."""
     found = grasp_list(content if isinstance(content, list) else [content], "the file")
     messages = [mapping(message, f"grasp {number}") for number, message in enumerate(found, 1)]

@@ -24,7 +24,7 @@ from grasp3d.grasps.pose_files.documents import (
 from grasp3d.grasps.pose_files.header import fields_of, header_of
 from grasp3d.grasps.pose_files.outcomes import NAMES, outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, VECTOR_COLUMNS, GraspPoses
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.files import atomic_write
 
@@ -81,7 +81,7 @@ def _contacts(columns: Mapping[str, npt.NDArray[Any]]) -> list[list[dict[str, An
     ]
 
 
-def parse_json(content: object, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def parse_json(content: object, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses of the content of a JSON file. Raises ContactError."""
     document = mapping(content, "the file")
     found = grasp_list(required(document, "grasps"), "grasps")

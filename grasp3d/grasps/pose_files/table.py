@@ -14,7 +14,7 @@ from grasp3d.grasps.pose_files.frames import from_quaternions, quaternions
 from grasp3d.grasps.pose_files.header import fields_of, header_of
 from grasp3d.grasps.pose_files.outcomes import outcomes_of
 from grasp3d.grasps.poses import OWN_NAMES, GraspPoses
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import Unit
 
 Columns = Mapping[str, npt.NDArray[Any]]
@@ -64,7 +64,7 @@ def are_poses(names: list[str]) -> bool:
     return any(name in names for name in REQUIRED)
 
 
-def read_table(path: Path, hand: ParallelGripper | None, unit: Unit | None) -> GraspPoses:
+def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     """Poses of a CSV or Parquet file. Raises ContactError, ValueError, OSError."""
     from grasp3d.tables import read_columns, read_settings
 

@@ -82,7 +82,8 @@ class ReachSearch:
         mesh, scene = self.mesh, self.scene
         self.surface, self.sets = mesh.contact_surface, mesh.contact_normals
         self.centres = mesh.normal_sets.centres
-        self.beside = NormalizedScene.of(mesh, scene.hand, scene.table, scene.approach)
+        assert scene.jaws is not None
+        self.beside = NormalizedScene.of(mesh, scene.jaws, scene.table, scene.approach)
         self.tree: FaceTree = face_tree(self.surface)
         self.results = no_results(len(mesh.vertices))
         self.spacing = min(SPACING * self.beside.shape.finger_width, LARGEST_SPACING)

@@ -4,9 +4,10 @@ import numpy as np
 import pyvista
 
 from grasp3d.arrays import Floats
-from grasp3d.hand.parallel_gripper import ParallelGripper
-from grasp3d.hand.shapes import ARC_COLOR, TABLE_COLOR, Part, plate_triangles
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.shapes import ARC_COLOR, TABLE_COLOR, plate_triangles
 from grasp3d.hand.table import Table
+from grasp3d.hand.triangles import Part
 from grasp3d.plots.gripper_shapes import approach_arc, gripper_shape, surface_of
 from grasp3d.rendering import AMBIENT
 from grasp3d.settings.lengths import METRES
@@ -47,7 +48,7 @@ class GripperActors:
     def show(
         self,
         subject: Subject,
-        hand: ParallelGripper | None,
+        hand: Hand | None,
         held: GripperPose | None,
         table: Table | None,
     ) -> bool:
@@ -85,9 +86,7 @@ class GripperActors:
             self._table.mapper.dataset = surface_of(plate)
             self.table_points = plate.vertices
 
-    def _show_gripper(
-        self, subject: Subject, hand: ParallelGripper | None, held: GripperPose | None
-    ) -> None:
+    def _show_gripper(self, subject: Subject, hand: Hand | None, held: GripperPose | None) -> None:
         for actor in (self._gripper, self._edges, self._arc):
             actor.visibility = False
         self.points = NO_POINTS

@@ -198,9 +198,7 @@ class Scene:
         """Set the direction that is up, and the size of all that may be shown."""
         scene, self._size, self._up = session.scene, subject.size, None
         if scene is not None and subject.unit is not None:
-            hand = scene.hand
-            length = hand.finger_length + hand.palm_length + hand.palm_thickness
-            self._size += length / METRES[subject.unit]
+            self._size += scene.hand.size / METRES[subject.unit]
             self._up = None if scene.table is None else scene.table.normal
 
     def _show_whole_gripper(self) -> None:

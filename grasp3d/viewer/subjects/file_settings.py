@@ -1,17 +1,16 @@
 """The settings in the header comments of a labelled PLY."""
 
-import json
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
-from typing import Any, get_args
+from typing import get_args
 
 import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import GraspError
 from grasp3d.hand.approach import Approach
-from grasp3d.hand.parallel_gripper import ParallelGripper
+from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.loads import Load, load_from
@@ -126,7 +125,7 @@ def _scene(values: Mapping[str, str]) -> Scene | None:
     if values.get("gripper", "none") == "none":
         return None
     try:
-        hand = ParallelGripper(**_fields(json.loads(values["gripper"])))
+        hand = hand_of_line(values["gripper"])
         table, direction = _numbers(values, "table", 4), _numbers(values, "approach_direction", 3)
         within, angles = float(values["approach_within"]), int(values["approach_angles"])
         return Scene(
@@ -136,15 +135,8 @@ def _scene(values: Mapping[str, str]) -> Scene | None:
         )
     except KeyError as error:
         raise ValueError(f"there is no comment {error.args[0]!r}") from error
-    except (TypeError, RecursionError, GraspError) as error:
+    except GraspError as error:
         raise ValueError(str(error)) from error
-
-
-def _fields(found: object) -> dict[str, Any]:
-    """Fields of a gripper from JSON; lists become tuples."""
-    if not isinstance(found, dict):
-        raise TypeError("its gripper is not a JSON object")
-    return {name: tuple(one) if isinstance(one, list) else one for name, one in found.items()}
 
 
 def _numbers(values: Mapping[str, str], name: str, count: int) -> Floats | None:

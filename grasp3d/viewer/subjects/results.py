@@ -151,6 +151,7 @@ def _reach(
         opening=locked(_gripper_openings(subject, columns, partners, normals)),
         pregrasp_opening=locked(_numbers(columns, "pregrasp_opening")),
         depth=locked(_numbers(columns, "depth")),
+        posture=locked(np.zeros((len(x), 0))),
         free=locked(np.zeros((len(x), 0)), np.bool_),
     )
 
@@ -164,14 +165,11 @@ def _gripper_openings(
         In the mesh's unit, shape (V,).
     """
     assert subject.scene is not None
-    hand = subject.scene.hand
     metres = METRES[subject.unit] if subject.unit else math.nan
-    radius, thickness = hand.tip_radius / metres, hand.finger_thickness / metres
-    ends = partners[:, 0] - radius * normals[:, 0]
-    gaps = np.linalg.norm(ends - (subject.vertices - radius * subject.normals), axis=1)
-    inside = 0.0 if hand.round_tips else 2.0 * thickness
+    points = np.stack([subject.vertices, partners[:, 0]], axis=1)
+    outward = np.stack([subject.normals, -normals[:, 0]], axis=1)
     internal = _numbers(columns, "grip") < 0.0
-    return np.asarray(np.maximum(gaps - 2.0 * radius - np.where(internal, inside, 0.0), 0.0))
+    return subject.scene.hand.opening_at(points, outward, internal, metres)
 
 
 def _column(columns: Mapping[str, npt.NDArray[Any]], name: str) -> npt.NDArray[Any]:

@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.hand.gripper_files import load_gripper, read_gripper, write_gripper
+from grasp3d.hand.hand_files import read_hand, write_hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.presets import PRESETS, preset
 
@@ -51,12 +51,12 @@ def grippers(draw: st.DrawFn) -> ParallelGripper:
 @settings(max_examples=40, suppress_health_check=[HealthCheck.function_scoped_fixture])
 @given(grippers())
 def test_what_is_written_is_read_again(tmp_path: Path, gripper: ParallelGripper) -> None:
-    write_gripper(tmp_path / "g.json", gripper)
-    assert read_gripper(tmp_path / "g.json") == gripper
+    write_hand(tmp_path / "g.json", gripper)
+    assert read_hand(tmp_path / "g.json") == gripper
 
 
 def test_every_field_is_in_the_file(tmp_path: Path) -> None:
-    write_gripper(tmp_path / "g.json", preset("tactile"))
+    write_hand(tmp_path / "g.json", preset("tactile"))
     found = json.loads((tmp_path / "g.json").read_text(encoding="utf-8"))
     names = {field.name for field in fields(ParallelGripper)}
     assert set(found) == names | {"format", "version", "unit"}
@@ -67,7 +67,7 @@ def test_every_field_is_in_the_file(tmp_path: Path) -> None:
 def test_fields_with_defaults_may_be_missing(tmp_path: Path) -> None:
     path = changed(tmp_path, compliance=None, clearance=None, joint_names=None, joint_scale=None,
                    joint_closed=None)  # fmt: skip
-    gripper = read_gripper(path)
+    gripper = read_hand(path)
     expected = replace(
         preset("franka"), compliance=0.001, joint_names=(), joint_scale=(), joint_closed=()
     )
@@ -77,7 +77,7 @@ def test_fields_with_defaults_may_be_missing(tmp_path: Path) -> None:
 def changed(folder: Path, **values: Any) -> Path:
     """A file of the Franka hand with other values; those that are None are left out."""
     path = folder / "g.json"
-    write_gripper(path, preset("franka"))
+    write_hand(path, preset("franka"))
     content = json.loads(path.read_text(encoding="utf-8")) | values
     removed = {name for name, value in values.items() if value is None}
     kept = {name: value for name, value in content.items() if name not in removed}
@@ -115,7 +115,7 @@ def test_wrong_contents_are_refused_in_one_sentence(
 ) -> None:
     path = changed(tmp_path, **values)
     with pytest.raises(SettingError) as refused:
-        read_gripper(path)
+        read_hand(path)
     assert str(refused.value).startswith(str(path))
     assert words in str(refused.value)
     assert "\n" not in str(refused.value)
@@ -126,17 +126,17 @@ def test_files_of_something_else_are_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "g.json"
     path.write_text(text, encoding="utf-8")
     with pytest.raises(SettingError, match=r"g[.]json: is no"):
-        read_gripper(path)
+        read_hand(path)
 
 
 def test_huge_and_undecodable_files_are_refused(tmp_path: Path) -> None:
     path = tmp_path / "g.json"
     path.write_bytes(b" " * (2**20 + 1))
     with pytest.raises(SettingError, match="larger than 1048576 bytes"):
-        read_gripper(path)
+        read_hand(path)
     path.write_bytes(b"\xff\xfe\x00{")
     with pytest.raises(SettingError, match="is no JSON"):
-        read_gripper(path)
+        read_hand(path)
 
 
 def test_missing_files_and_other_formats_are_refused(tmp_path: Path) -> None:
@@ -146,23 +146,23 @@ def test_missing_files_and_other_formats_are_refused(tmp_path: Path) -> None:
         ("hand.stl", "unsupported gripper format .stl: supported are .json .urdf .xml .mjcf"),
     ):
         with pytest.raises(SettingError, match=words):
-            read_gripper(tmp_path / name, fingers=("a", "b"))
+            read_hand(tmp_path / name, fingers=("a", "b"))
     (tmp_path / "folder.json").mkdir()
     with pytest.raises(SettingError, match="is a folder"):
-        read_gripper(tmp_path / "folder.json")
+        read_hand(tmp_path / "folder.json")
     with pytest.raises(OutputError, match=r"supported are [.]json"):
-        write_gripper(tmp_path / "g.yaml", preset("franka"))
+        write_hand(tmp_path / "g.yaml", preset("franka"))
 
 
 def test_links_are_for_robot_descriptions(tmp_path: Path) -> None:
     path = changed(tmp_path)
     with pytest.raises(SettingError, match="for URDF and MuJoCo files only"):
-        read_gripper(path, fingers=("a", "b"))
+        read_hand(path, fingers=("a", "b"))
     (tmp_path / "hand.urdf").write_text("<robot/>", encoding="utf-8")
     with pytest.raises(SettingError, match="name the links of its two fingers"):
-        read_gripper(tmp_path / "hand.urdf")
+        read_hand(tmp_path / "hand.urdf")
     with pytest.raises(SettingError, match="two different finger links"):
-        read_gripper(tmp_path / "hand.urdf", fingers=("a", "a"))
+        read_hand(tmp_path / "hand.urdf", fingers=("a", "a"))
 
 
 def test_a_name_is_a_preset_and_a_path_a_file(
@@ -170,11 +170,11 @@ def test_a_name_is_a_preset_and_a_path_a_file(
 ) -> None:
     monkeypatch.chdir(tmp_path)
     for name, gripper in PRESETS.items():
-        assert load_gripper(name) is gripper
-    write_gripper("mine.json", replace(preset("franka"), name="mine"))
-    assert load_gripper("mine.json").name == "mine"
-    assert load_gripper(tmp_path / "mine.json").name == "mine"
+        assert read_hand(name) is gripper
+    write_hand("mine.json", replace(preset("franka"), name="mine"))
+    assert read_hand("mine.json").name == "mine"
+    assert read_hand(tmp_path / "mine.json").name == "mine"
     with pytest.raises(SettingError, match="no gripper is called 'mine'; known"):
-        load_gripper("mine")
+        read_hand("mine")
     with pytest.raises(SettingError, match="there is no such file"):
-        load_gripper("folder/mine.json")
+        read_hand("folder/mine.json")

@@ -1,0 +1,99 @@
+"""Parallel grippers as JSON."""
+
+import json
+from dataclasses import MISSING, fields
+from difflib import get_close_matches
+from pathlib import Path
+from typing import Any, get_type_hints
+
+from grasp3d.errors import SettingError
+from grasp3d.hand.finger_faces import Corners
+from grasp3d.hand.parallel_gripper import FORMAT, VERSION, ParallelGripper
+from grasp3d.system.names import printable
+
+LARGEST_FILE = 2**20
+"""Largest JSON file [bytes]; one gripper takes a thousand."""
+
+KEYS = ("format", "version", "unit")
+"""Keys that every description has besides the fields of a gripper."""
+
+NOTES = "notes"
+"""Key of what only people read, such as where lengths come from; any JSON."""
+
+_KINDS: dict[Any, str] = {
+    str: "a text",
+    float: "a number",
+    float | None: "a number or null",
+    tuple[str, ...]: "a list of texts",
+    tuple[str, str]: "a list of two texts",
+    tuple[float, ...]: "a list of numbers",
+    tuple[Corners, ...]: "a list of faces, each a list of corners [x, y, z]",
+}
+"""Descriptions of the types of fields."""
+
+
+def gripper_of(found: object) -> ParallelGripper:
+    """A gripper from the content of a JSON file. Raises SettingError."""
+    if not isinstance(found, dict) or found.get("format") != FORMAT:
+        raise SettingError(f'is no gripper: expected an object with "format": "{FORMAT}"')
+    for key, value in (("version", VERSION), ("unit", "m")):
+        if found.get(key) != value or isinstance(found.get(key), bool):
+            got = json.dumps(found.get(key))[:40]
+            raise SettingError(f"{key} must be {json.dumps(value)}; got {got}")
+    known = {field.name: field for field in fields(ParallelGripper)}
+    for key in found.keys() - {*KEYS, NOTES} - known.keys():
+        near = get_close_matches(key, known, 1)
+        guess = f" (did you mean {near[0]}?)" if near else ""
+        raise SettingError(f"no field is called {key[:40]!r}{guess}; known: {', '.join(known)}")
+    missing = [
+        name for name, field in known.items() if field.default is MISSING and name not in found
+    ]
+    if missing:
+        raise SettingError(f"{', '.join(missing)} missing; every gripper needs it")
+    kinds = get_type_hints(ParallelGripper)
+    return ParallelGripper(
+        **{name: _typed(name, found[name], kinds[name]) for name in known if name in found}
+    )
+
+
+def read_json(path: Path) -> object:
+    """The content of a JSON file of a hand. Raises SettingError."""
+    where = printable(str(path))
+    try:
+        if path.stat().st_size > LARGEST_FILE:
+            raise SettingError(f"{where}: is no gripper: larger than {LARGEST_FILE} bytes")
+        return json.loads(path.read_text(encoding="utf-8-sig"), parse_constant=_refuse_constant)
+    except OSError as error:
+        raise SettingError(f"{where}: cannot be read ({error.strerror or error})") from error
+    except (ValueError, RecursionError) as error:
+        raise SettingError(printable(f"{where}: is no JSON: {error}")) from error
+
+
+def _refuse_constant(name: str) -> None:
+    raise ValueError(f"{name} is no finite number")
+
+
+def _typed(name: str, value: object, kind: Any) -> Any:
+    """A value in the type of its field. Raises SettingError."""
+    if _fits(value, kind):
+        return _as_tuples(value)
+    raise SettingError(f"{name} must be {_KINDS[kind]}; got {json.dumps(value)[:40]}")
+
+
+def _as_tuples(value: object) -> Any:
+    """Lists of lists as tuples of tuples."""
+    return tuple(map(_as_tuples, value)) if isinstance(value, list) else value
+
+
+def _fits(value: object, kind: Any) -> bool:
+    if kind is str:
+        return isinstance(value, str)
+    if kind in {float, float | None}:
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return is_number or (value is None and kind is not float)
+    item, *more = kind.__args__
+    return (
+        isinstance(value, list)
+        and all(_fits(one, item) for one in value)
+        and (... in more or len(value) == 1 + len(more))
+    )

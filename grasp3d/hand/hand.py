@@ -1,0 +1,176 @@
+"""What holds an object: a gripper, or a hand with joints."""
+
+from collections.abc import Mapping
+from dataclasses import replace
+from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
+
+from grasp3d.settings import GraspModel, Grip
+
+if TYPE_CHECKING:
+    from grasp3d.arrays import ArrayLike, Bools, Floats
+    from grasp3d.hand.approach import Approach
+    from grasp3d.hand.choices import ObjectMotion
+    from grasp3d.hand.closed_jaws import ClosedJaws
+    from grasp3d.hand.reach import Reach
+    from grasp3d.hand.table import Table
+    from grasp3d.hand.triangles import Triangles
+    from grasp3d.mesh import ObjectMesh
+    from grasp3d.system.progress import Progress
+
+
+@runtime_checkable
+class Hand(Protocol):
+    """Whatever can hold an object; nothing outside its module depends on how many joints it has.
+
+    Its lengths are in metres; those of meshes, poses and results are in the unit of the mesh. Its
+    frame has z as the approach direction, from the palm toward the object. Its state is one
+    opening, and a posture, the values of its further joints, of which there may be none.
+
+    A class with these methods whose `description` has a "format" of its own is read from files
+    once its reader is in `grasp3d.hand.hand_files.READERS`.
+    """
+
+    @property
+    def name(self) -> str:
+        """Name in tables and files."""
+
+    @property
+    def fingers(self) -> tuple[int, ...]:
+        """Numbers of contacts of the grasps for which it has poses; the last one when it closes."""
+
+    @property
+    def limits(self) -> tuple[float, float]:
+        """Smallest and largest opening that a grasp may have [m]."""
+
+    @property
+    def max_opening(self) -> float:
+        """Largest opening at all [m]."""
+
+    @property
+    def finger_length(self) -> float:
+        """From the palm to the end of a finger [m]."""
+
+    @property
+    def size(self) -> float:
+        """About how large the whole hand is [m]."""
+
+    @property
+    def max_force(self) -> float | None:
+        """Greatest force of each finger [N]; None: not stated."""
+
+    @property
+    def resolution(self) -> float | None:
+        """Sensor resolution alpha of the fingertips [rad]; None: not stated."""
+
+    @property
+    def touch_area(self) -> float:
+        """Area with which a fingertip touches at most [m^2]."""
+
+    def torsion_radius(self, friction: float) -> float:
+        """Torsion radius of a fingertip that touches with its whole area [m]."""
+
+    def check_fingers(self, count: int) -> None:
+        """Refuse grasps of so many fingers if the hand cannot make them. Raises SettingError."""
+
+    def distances(self, grip: Grip) -> tuple[float, float]:
+        """Smallest and largest distance of two contacts that may be reached [m]."""
+
+    def shape(self, opening: float, posture: "ArrayLike" = ()) -> "Triangles":
+        """Its solid parts in its own frame at an opening [m] and a posture."""
+
+    def opening_at(
+        self, points: "Floats", normals: "Floats", internal: "Bools", metres: float
+    ) -> "Floats":
+        """Openings at which it holds contacts, in their unit, shape (b,).
+
+        Args:
+            points: Contacts, shape (b, n, 3).
+            normals: Outward unit normals there, shape (b, n, 3).
+            internal: Whether the fingers push outward, shape (b,).
+            metres: Metres per unit of the contacts.
+        """
+
+    def reach(
+        self,
+        mesh: "ObjectMesh",
+        points: "ArrayLike",
+        normals: "ArrayLike",
+        *,
+        grip: "ArrayLike" = 1,
+        table: "Table | None" = None,
+        approach: "Approach | None" = None,
+        threads: int | None = None,
+    ) -> "Reach":
+        """Which grasps it reaches, and in which pose, opening and posture.
+
+        Args:
+            mesh: The object; its unit must be known.
+            points: Contacts, in the mesh's frame and unit, shape (b, n, 3).
+            normals: Inward unit normals there, shape (b, n, 3).
+            grip: +1 external grasps, -1 internal ones, one number or shape (b,).
+            table: What the object stands on; None: nothing.
+            approach: Approach angles and allowed directions; None: any direction.
+            threads: Threads to use; None: one per processor.
+        """
+
+    def close(
+        self,
+        mesh: "ObjectMesh",
+        poses: "ArrayLike",
+        *,
+        posture: "ArrayLike | None" = None,
+        object_motion: "ObjectMotion" = "fixed",
+        friction: float = 0.5,
+        threads: int | None = None,
+        progress: "Progress | None" = None,
+    ) -> "ClosedJaws":
+        """What its fingers touch when they close at poses, wide open at first.
+
+        Args:
+            mesh: The object; its unit must be known.
+            poses: From the hand's frame to the mesh's, shape (k, 4, 4).
+            posture: Further joints, shape (k, p); None: there are none.
+            object_motion: free: the object gives way; fixed: it does not move.
+            friction: Coulomb coefficient between the fingers and a free object.
+            threads: Threads to use; None: one per processor.
+            progress: Called with the fraction of the work done, from 0 to 1.
+        """
+
+    def blocked(
+        self,
+        mesh: "ObjectMesh",
+        poses: "Floats",
+        closed: "ClosedJaws",
+        *,
+        held: "Bools",
+        table: "Table | None" = None,
+        threads: int | None = None,
+    ) -> "Bools":
+        """Whether the hand collides on its way to poses, shape (k,).
+
+        Args:
+            mesh: The object.
+            poses: As in `close`.
+            closed: What `close` returned for them.
+            held: Whether it is tested around the object that it holds there, or else wide open,
+                shape (k,).
+            table: What the object stands on; None: nothing.
+            threads: Threads to use; None: one per processor.
+        """
+
+    def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":
+        """Whether the openings of closed grasps are within the limits, shape (k,)."""
+
+    def description(self) -> Mapping[str, Any]:
+        """What files state of it, as JSON has it, with a "format" by which it is recognised."""
+
+
+def touching(hand: Hand, model: GraspModel) -> GraspModel:
+    """A model with the hand's sensor resolution, if it states one.
+
+    Args:
+        hand: The hand.
+        model: Friction and sensor resolution.
+    """
+    alpha = hand.resolution
+    return model if alpha is None else replace(model, sensor_resolution=alpha)

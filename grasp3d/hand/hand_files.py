@@ -1,0 +1,163 @@
+"""Hands in files: JSON, descriptions of robots, and lines in other files."""
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+from grasp3d.errors import SettingError
+from grasp3d.hand.gripper_json import KEYS, gripper_of, read_json
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.parallel_gripper import FORMAT, VERSION
+from grasp3d.hand.presets import ALIASES, PRESETS, preset
+from grasp3d.system.files import atomic_write, check_suffix
+from grasp3d.system.names import printable, unsupported
+
+READERS: dict[str, Callable[[Any], Hand]] = {FORMAT: gripper_of}
+"""What makes hands of descriptions, by their "format": functions that raise SettingError."""
+
+ROBOTS = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
+"""Suffixes of robot descriptions, and the modules that read them."""
+
+SUFFIXES = (".json", *ROBOTS)
+
+
+def read_hand(
+    source: str | Path,
+    *,
+    fingers: tuple[str, str] | None = None,
+    palm: str | None = None,
+    tcp: float | None = None,
+) -> Hand:
+    """Read a hand: a preset by name, a JSON file, or a URDF or MuJoCo model of a gripper.
+
+    URDF and MuJoCo models need the names of the two finger links. What is read from them, and what
+    is assumed, is in `grasp3d.hand.hand_geometry`.
+
+    Args:
+        source: Name of a preset; or a file that `write_hand` wrote (.json), a URDF (.urdf) or a
+            MuJoCo model (.xml, .mjcf).
+        fingers: URDF and MuJoCo: names of the links, or bodies, of the two fingers.
+        palm: URDF and MuJoCo: name of the link whose geometry is the palm; None: the one that
+            carries the fingers, with what is fixed to it.
+        tcp: URDF and MuJoCo: from the origin of the link that carries the fingers to the TCP, along
+            the approach axis [m]; None: the middle of the flat pads.
+
+    Raises:
+        SettingError: It is no preset and no such file, or describes no gripper of two sliding
+            fingers.
+
+    Example:
+        >>> import grasp3d
+        >>> from grasp3d.hand.hand_files import write_hand
+        >>> write_hand("gripper.json", grasp3d.read_hand("wsg50"))
+        >>> grasp3d.read_hand("gripper.json") == grasp3d.read_hand("wsg50")
+        True
+    """
+    links_given = fingers is not None or palm is not None or tcp is not None
+    path, suffix = Path(source), Path(source).suffix.lower()
+    if str(source) in {*PRESETS, *ALIASES} or not _is_file_name(path):
+        if links_given:
+            raise SettingError(
+                f"fingers, palm and tcp are for URDF and MuJoCo files; {str(source)!r} is no file"
+            )
+        return preset(str(source))
+    if suffix not in SUFFIXES:
+        raise SettingError(unsupported(path, SUFFIXES, "gripper"))
+    if not path.is_file():
+        problem = "is a folder; name a file" if path.is_dir() else "there is no such file"
+        raise SettingError(printable(f"{path}: {problem}"))
+    if suffix == ".json":
+        if links_given:
+            raise SettingError(
+                printable(f"{path}: fingers, palm and tcp are for URDF and MuJoCo files only")
+            )
+        return _from_json(path)
+    if fingers is None:
+        raise SettingError(
+            printable(
+                f"{path}: name the links of its two fingers: grasp3d hand {path} --fingers LINK "
+                "LINK -o NAME.json makes a description of it, for all commands"
+            )
+        )
+    return _from_robot(path, ROBOTS[suffix], fingers, palm, tcp)
+
+
+def write_hand(path: str | Path, hand: Hand) -> None:
+    """Write the description of a hand as JSON: metres, N, radians.
+
+    Args:
+        path: File to make or replace; .json.
+        hand: The hand.
+
+    Raises:
+        OutputError: It has another suffix, or cannot be written.
+    """
+    path = Path(path)
+    check_suffix(path, [".json"], "gripper")
+    text = json.dumps(hand.description(), indent=1, allow_nan=False)
+    with atomic_write(path) as part:
+        part.write_text(f"{text}\n", encoding="utf-8")
+
+
+def hand_of(found: object) -> Hand:
+    """The hand that a description in JSON states.
+
+    Args:
+        found: What `Hand.description` returned, as JSON has it.
+
+    Raises:
+        SettingError: It is none, or of no known format.
+    """
+    stated = found.get("format") if isinstance(found, dict) else None
+    return READERS.get(str(stated), gripper_of)(found)
+
+
+def hand_line(hand: Hand) -> str:
+    """A description in one line, as settings of labels have it: grippers without their format."""
+    found = dict(hand.description())
+    if found["format"] == FORMAT:
+        found = {name: value for name, value in found.items() if name not in KEYS}
+    return json.dumps(found)
+
+
+def hand_of_line(line: str) -> Hand:
+    """The hand of which `hand_line` is that line. Raises SettingError."""
+    try:
+        found = json.loads(line)
+    except (ValueError, RecursionError) as error:
+        raise SettingError(f"its gripper is no JSON: {error}") from error
+    if isinstance(found, dict) and "format" not in found:
+        found = {"format": FORMAT, "version": VERSION, "unit": "m", **found}
+    return hand_of(found)
+
+
+def _is_file_name(path: Path) -> bool:
+    """Whether a hand's name is that of a file: it has the suffix of one, a folder, or exists."""
+    return path.suffix.lower() in SUFFIXES or len(path.parts) > 1 or path.is_file()
+
+
+def _from_json(path: Path) -> Hand:
+    found = read_json(path)
+    try:
+        return hand_of(found)
+    except SettingError as error:
+        raise SettingError(printable(f"{path}: {error}")) from error
+
+
+def _from_robot(
+    path: Path, kind: str, fingers: tuple[str, str], palm: str | None, tcp: float | None
+) -> Hand:
+    from grasp3d.hand.hand_geometry import gripper_of_hand
+
+    if len(fingers) != 2 or fingers[0] == fingers[1]:
+        raise SettingError(printable(f"{path}: a gripper needs two different finger links"))
+    if kind == "urdf":
+        from grasp3d.hand.urdf import read_urdf
+
+        hand = read_urdf(path, fingers, palm)
+    else:
+        from grasp3d.hand.mjcf import read_mjcf
+
+        hand = read_mjcf(path, fingers, palm)
+    return gripper_of_hand(hand, tcp=tcp)
