@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING, Any
 
 from grasp3d.contact.sensor import Sensor
 from grasp3d.errors import SettingError
+from grasp3d.hand.hand import touching
 from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.robot_frame import RobotFrame
 from grasp3d.hand.touch import Touch
@@ -18,6 +19,7 @@ if TYPE_CHECKING:
     from grasp3d.hand.table import Table
     from grasp3d.hand.triangles import Triangles
     from grasp3d.mesh import ObjectMesh
+    from grasp3d.settings import GraspModel
     from grasp3d.system.progress import Progress
 
 FORMAT, VERSION = "grasp3d gripper", 1
@@ -116,6 +118,10 @@ class ParallelGripper(RobotFrame, Touch, Jaws):
         if self.receptive_field is not None:
             return Sensor(self.receptive_field, self.tip_radius).resolution
         return self.sensor_resolution
+
+    def touching(self, model: "GraspModel") -> "GraspModel":
+        """A model with the gripper's sensor resolution, if it states one."""
+        return touching(self, model)
 
     def check_fingers(self, count: int) -> None:
         """Refuse grasps of so many fingers if they cannot be tested.
