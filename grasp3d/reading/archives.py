@@ -11,7 +11,6 @@ from dataclasses import dataclass, field
 from typing import IO
 from xml.parsers import expat
 
-from grasp3d.errors import MeshError
 from grasp3d.reading.declared_sizes import MEMORY_UNPACKED, check_memory
 from grasp3d.reading.sources import Source
 
@@ -66,8 +65,8 @@ def check_archive(source: Source) -> int:
                         check_declarations(source, stream)
     except _DAMAGE as error:
         reason = " ".join(str(error).split())
-        raise MeshError(
-            f"{source.where}: cannot be read as {source.kind.upper()} ({reason}); {source.hint}"
+        raise source.error(
+            f"cannot be read as {source.kind.upper()} ({reason}); {source.hint}"
         ) from error
     return unpacked
 
@@ -76,20 +75,18 @@ def _check_compression(source: Source, entries: list[zipfile.ZipInfo]) -> None:
     """Reject compression methods with unbounded memory; meshes are stored or deflated."""
     for entry in entries:
         if entry.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
-            raise MeshError(
-                f"{source.where}: its compression method is not supported; export the mesh again"
-            )
+            raise source.error("its compression method is not supported; export the mesh again")
 
 
 def _check_size(source: Source, entries: int, unpacked: int) -> None:
     if entries > MOST_ENTRIES:
-        raise MeshError(
-            f"{source.where}: contains {entries:,} files, more than the limit of {MOST_ENTRIES:,}; "
+        raise source.error(
+            f"contains {entries:,} files, more than the limit of {MOST_ENTRIES:,}; "
             "is it an archive of a mesh?"
         )
     if unpacked > SMALL and unpacked > MOST_RATIO * source.size:
-        raise MeshError(
-            f"{source.where}: unpacks from {source.size:,} to {unpacked:,} bytes, more than "
+        raise source.error(
+            f"unpacks from {source.size:,} to {unpacked:,} bytes, more than "
             f"{MOST_RATIO:g} times its size; export the mesh again"
         )
     check_memory(source, unpacked, MEMORY_UNPACKED)
@@ -104,9 +101,8 @@ def check_declarations(source: Source, stream: IO[bytes]) -> None:
     parser = expat.ParserCreate()
 
     def reject(*_: object) -> None:
-        raise MeshError(
-            f"{source.where}: declares a document type or entities, which are not supported; "
-            "export the mesh again"
+        raise source.error(
+            "declares a document type or entities, which are not supported; export the mesh again"
         )
 
     def stop(*_: object) -> None:
@@ -121,9 +117,7 @@ def check_declarations(source: Source, stream: IO[bytes]) -> None:
     except _FirstElementError:
         return
     except (expat.ExpatError, LookupError, ValueError) as error:
-        raise MeshError(
-            f"{source.where}: its XML cannot be read ({error}); {source.hint}"
-        ) from error
+        raise source.error(f"its XML cannot be read ({error}); {source.hint}") from error
 
 
 @dataclass
@@ -142,14 +136,14 @@ def count_parts(source: Source) -> int:
         names = {name.lower(): name for name in reversed(archive.namelist())}
         found = [names[name] for name in names if "3d/3dmodel.model" in name]
         if len(found) != 1:
-            raise MeshError(f"{source.where}: contains {len(found)} models, not one; {source.hint}")
+            raise source.error(f"contains {len(found)} models, not one; {source.hint}")
         parts, built, paths = _structure(archive.read(found[0]))
         _check_paths(source, archive, parts, paths)
     known: dict[str, int] = {}
     count = sum(_copies(source, parts, name, known, ()) for name in built)
     if count > MOST_PARTS:
-        raise MeshError(
-            f"{source.where}: contains {count:,} copies of its parts, more than the limit of "
+        raise source.error(
+            f"contains {count:,} copies of its parts, more than the limit of "
             f"{MOST_PARTS:,}; export fewer"
         )
     return count
@@ -199,8 +193,8 @@ def _check_paths(
             text = b""
         once = names.count(name) == 1 and number not in parts
         if not once or len(re.findall(rb"<(?:\w+:)?mesh[\s>]", text)) != 1 or b"component" in text:
-            raise MeshError(
-                f"{source.where}: its objects are in several files, and {ascii(name)[:60]} does "
+            raise source.error(
+                f"its objects are in several files, and {ascii(name)[:60]} does "
                 "not contain exactly one that is used once; export it as one model, or as STL"
             )
         parts[number] = _Part(meshes=1)
@@ -216,8 +210,8 @@ def _copies(
     """Return the number of meshes of an object and its components."""
     part = parts.get(name)
     if part is None or name in above or bool(part.meshes) == bool(part.components):
-        raise MeshError(
-            f"{source.where}: object {ascii(name)[:20]} is missing, empty, or contains itself; "
+        raise source.error(
+            f"object {ascii(name)[:20]} is missing, empty, or contains itself; "
             "export the mesh again"
         )
     if name not in known:

@@ -2,7 +2,6 @@
 
 import re
 
-from grasp3d.errors import MeshError
 from grasp3d.reading.sources import Source
 
 MEMORY_PER_BYTE = {"stl": 16.0, "ply": 24.0, "obj": 12.0, "off": 24.0, "glb": 12.0, "gltf": 12.0}
@@ -44,8 +43,8 @@ def check_memory(source: Source, size: int, per_byte: float) -> None:
     """
     needed = per_byte * size / 1e9
     if needed > source.max_memory:
-        raise MeshError(
-            f"{source.where}: reading {size:,} bytes of {source.kind.upper()} takes about "
+        raise source.error(
+            f"reading {size:,} bytes of {source.kind.upper()} takes about "
             f"{needed:.3g} GB of memory, and max_memory is {source.max_memory:g} GB; simplify the "
             "mesh, or raise max_memory (--max-memory)"
         )
@@ -65,8 +64,8 @@ def check_count(source: Source, what: str, count: int, min_bytes: int, available
         MeshError: It declares too many, or a negative number.
     """
     if count < 0 or count * min_bytes > available:
-        raise MeshError(
-            f"{source.where}: declares {count:,} {what}, but has {available:,} bytes for them; "
+        raise source.error(
+            f"declares {count:,} {what}, but has {available:,} bytes for them; "
             "is the file complete?"
         )
 
@@ -108,9 +107,8 @@ def _check_stl(source: Source) -> None:
         return
     available = (source.size - STL_HEADER) // STL_FACE
     if faces > available:
-        raise MeshError(
-            f"{source.where}: declares {faces:,} faces, but contains {available:,}; is the file "
-            "complete?"
+        raise source.error(
+            f"declares {faces:,} faces, but contains {available:,}; is the file complete?"
         )
 
 
@@ -127,11 +125,11 @@ def off_counts(source: Source) -> tuple[int, int]:
     if found is None:
         if kind := _OTHER_OFF.match(head):
             name = kind[0].strip().decode("ascii")
-            raise MeshError(
-                f"{source.where}: is of the kind {name!r}; of OFF only text with vertices of three "
+            raise source.error(
+                f"is of the kind {name!r}; of OFF only text with vertices of three "
                 "coordinates is read: export it so, or as STL"
             )
-        raise MeshError(f"{source.where}: cannot be read as OFF: no counts; {source.hint}")
+        raise source.error(f"cannot be read as OFF: no counts; {source.hint}")
     vertices, faces = int(found["vertices"][:18]), int(found["faces"][:18])
     check_count(source, "vertices", vertices, len("0 0 0\n"), source.size)
     check_count(source, "faces", faces, len("3 0 1 2\n"), source.size)

@@ -9,7 +9,6 @@ import struct
 from pathlib import Path
 from urllib.parse import unquote, urlsplit
 
-from grasp3d.errors import MeshError
 from grasp3d.reading.gltf_tree import Tree, stripped_tree
 from grasp3d.reading.sources import Source
 
@@ -68,19 +67,18 @@ def _chunks(source: Source, data: bytes) -> tuple[bytes, bytes]:
     """Return the JSON and the binary data of a GLB."""
     magic, version, length = struct.unpack_from("<4sII", data.ljust(12, b"\0"))
     if magic != b"glTF":
-        raise MeshError(f"{source.where}: does not begin as a GLB, with glTF; {source.hint}")
+        raise source.error(f"does not begin as a GLB, with glTF; {source.hint}")
     if version != 2:
-        raise MeshError(
-            f"{source.where}: is GLB of version {version}, and only version 2 is read; export it "
-            "as glTF 2.0"
+        raise source.error(
+            f"is GLB of version {version}, and only version 2 is read; export it as glTF 2.0"
         )
     found: dict[int, bytes] = {}
     start, end = 12, min(length, len(data))
     while start + 8 <= end:
         size, kind = struct.unpack_from("<II", data, start)
         if start + 8 + size > len(data):
-            raise MeshError(
-                f"{source.where}: a chunk declares {size:,} bytes, but "
+            raise source.error(
+                f"a chunk declares {size:,} bytes, but "
                 f"{len(data) - start - 8:,} are left; is the file complete?"
             )
         found.setdefault(kind, data[start + 8 : start + 8 + size])
@@ -102,17 +100,15 @@ def _tree(source: Source, data: bytes) -> Tree:
         tree = json.loads(data)
     except (ValueError, RecursionError) as error:
         reason = " ".join(str(error).split())
-        raise MeshError(
-            f"{source.where}: its JSON cannot be read ({reason}); {source.hint}"
-        ) from error
+        raise source.error(f"its JSON cannot be read ({reason}); {source.hint}") from error
     if not isinstance(tree, dict):
-        raise MeshError(f"{source.where}: its JSON is not a glTF; {source.hint}")
+        raise source.error(f"its JSON is not a glTF; {source.hint}")
     return tree
 
 
 def _side_data(source: Source, buffer: Tree) -> bytes:
     if not isinstance(buffer["uri"], str):
-        raise MeshError(f"{source.where}: the uri of a buffer is not a text; {source.hint}")
+        raise source.error(f"the uri of a buffer is not a text; {source.hint}")
     return read_address(source, buffer["uri"])
 
 
@@ -169,8 +165,8 @@ def _embedded(source: Source, uri: str) -> bytes:
             return base64.b64decode(unquote(body), validate=True)
         return unquote(body, encoding="latin-1").encode("latin-1")
     except (binascii.Error, ValueError) as error:
-        raise MeshError(
-            f"{source.where}: its embedded data are damaged ({error}); export the mesh again"
+        raise source.error(
+            f"its embedded data are damaged ({error}); export the mesh again"
         ) from error
 
 
@@ -179,21 +175,18 @@ def _side_file(source: Source, uri: str) -> bytes:
     shown, folder = ascii(uri[:80]), source.path.parent.resolve()
     name = unquote(uri)
     if not _is_plain(uri) or not _is_plain(name):
-        raise MeshError(f"{source.where}: refers to {shown}; only files in its own folder are read")
+        raise source.error(f"refers to {shown}; only files in its own folder are read")
     try:
         path = (folder / name).resolve(strict=True)
         status = path.stat()
     except (OSError, RuntimeError, ValueError) as error:
-        raise MeshError(
-            f"{source.where}: its side file {shown} is missing; keep it beside the mesh"
-        ) from error
+        raise source.error(f"its side file {shown} is missing; keep it beside the mesh") from error
     if not path.is_relative_to(folder):
-        raise MeshError(
-            f"{source.where}: refers to {shown}, which is outside its folder; only files in its "
-            "own folder are read"
+        raise source.error(
+            f"refers to {shown}, which is outside its folder; only files in its own folder are read"
         )
     if not stat.S_ISREG(status.st_mode):
-        raise MeshError(f"{source.where}: its side file {shown} is not a file")
+        raise source.error(f"its side file {shown} is not a file")
     return path.read_bytes()
 
 

@@ -6,7 +6,6 @@ from typing import Any
 import numpy as np
 
 from grasp3d.arrays import Floats
-from grasp3d.errors import MeshError
 from grasp3d.reading.sources import Source
 
 Tree = dict[str, Any]
@@ -48,8 +47,8 @@ def check_transforms(source: Source, nodes: list[Tree], roots: list[int]) -> Non
         with np.errstate(over="ignore", invalid="ignore"):  # checked below
             world = parent @ _matrix(node) if LENGTHS.keys() & node.keys() else parent
         if not np.abs(world).max() <= LARGEST:
-            raise MeshError(
-                f"{source.where}: node {number} is scaled or moved by more than can be computed "
+            raise source.error(
+                f"node {number} is scaled or moved by more than can be computed "
                 f"with ({LARGEST:.0e}); export the mesh again"
             )
         if "mesh" in node and world is not parent:
@@ -63,18 +62,17 @@ def _check_values(source: Source, number: int, name: str, values: object, length
     if len(numbers) != length or not all(
         type(value) in {int, float} and abs(value) <= LARGEST for value in numbers
     ):
-        raise MeshError(
-            f"{source.where}: {name} of node {number} is not a list of {length} finite numbers; "
+        raise source.error(
+            f"{name} of node {number} is not a list of {length} finite numbers; "
             "export the mesh again"
         )
     if name == "rotation" and not any(numbers):
-        raise MeshError(
-            f"{source.where}: rotation of node {number} is 0, which is no rotation; export the "
-            "mesh again"
+        raise source.error(
+            f"rotation of node {number} is 0, which is no rotation; export the mesh again"
         )
     if name == "matrix" and np.abs(np.subtract(numbers[3::4], (0, 0, 0, 1))).max() > ROUNDING:
-        raise MeshError(
-            f"{source.where}: matrix of node {number} is a projection: its last row must be "
+        raise source.error(
+            f"matrix of node {number} is a projection: its last row must be "
             "0 0 0 1; export the mesh again"
         )
 
@@ -87,8 +85,8 @@ def flattens(world: Floats) -> bool:
 
 def _check_scale(source: Source, number: int, world: Floats) -> None:
     if flattens(world):
-        raise MeshError(
-            f"{source.where}: node {number} flattens its mesh: its transform, with those of the "
+        raise source.error(
+            f"node {number} flattens its mesh: its transform, with those of the "
             "nodes above it, is singular (a scale of 0 in some directions); export the mesh again, "
             "or without this part"
         )

@@ -5,7 +5,6 @@ Accessors, buffer views and buffers are checked before their numbers are read.
 
 from typing import Any
 
-from grasp3d.errors import MeshError
 from grasp3d.reading.gltf_transforms import check_transforms
 from grasp3d.reading.sources import Source
 
@@ -49,7 +48,7 @@ def stripped_tree(source: Source, tree: Tree, sizes: list[int | None]) -> Tree:
     for key in LISTS:
         found = tree.get(key, [])
         if not isinstance(found, list) or not all(isinstance(entry, dict) for entry in found):
-            raise MeshError(f"{source.where}: its {key} are not a list of objects; {source.hint}")
+            raise source.error(f"its {key} are not a list of objects; {source.hint}")
     _check_version(source, tree)
     _check_extensions(source, tree)
     nodes = [_node(source, number, node) for number, node in enumerate(tree.get("nodes", []))]
@@ -78,8 +77,8 @@ def _check_version(source: Source, tree: Tree) -> None:
     asset = tree.get("asset", {})
     version = asset.get("version", "2.0") if isinstance(asset, dict) else asset
     if not str(version).startswith("2"):
-        raise MeshError(
-            f"{source.where}: is glTF of version {ascii(version)[:20]}, and only version 2 is "
+        raise source.error(
+            f"is glTF of version {ascii(version)[:20]}, and only version 2 is "
             "read; export it as glTF 2.0"
         )
 
@@ -88,8 +87,8 @@ def _check_extensions(source: Source, tree: Tree) -> None:
     needed = tree.get("extensionsRequired", [])
     for name in needed if isinstance(needed, list) else []:
         if not str(name).startswith(_SUPPORTED_EXTENSIONS):
-            raise MeshError(
-                f"{source.where}: needs the extension {ascii(name)[:60]}, which is not supported; "
+            raise source.error(
+                f"needs the extension {ascii(name)[:60]}, which is not supported; "
                 "export the mesh without it"
             )
 
@@ -101,8 +100,8 @@ def _node(source: Source, number: int, node: Tree) -> Tree:
     posed = "skin" in node or _is_posed(node)
     instanced = isinstance(extensions, dict) and "EXT_mesh_gpu_instancing" in extensions
     if "mesh" in node and (posed or instanced):
-        raise MeshError(
-            f"{source.where}: node {number} is {'posed by a skeleton' if posed else 'instanced'}, "
+        raise source.error(
+            f"node {number} is {'posed by a skeleton' if posed else 'instanced'}, "
             "which is not supported; export the mesh in its pose, without"
         )
     return {name: node[name] for name in _NODE_KEYS if name in node}
@@ -122,34 +121,32 @@ def _check_nodes(source: Source, nodes: list[Tree], tree: Tree) -> None:
         for child in children if isinstance(children, list) else [None]:
             if type(child) is not int or child not in roots:
                 name = child if type(child) is int else "of a child"
-                raise MeshError(
-                    f"{source.where}: node {name} does not exist or has two parents; export the "
-                    "mesh again"
+                raise source.error(
+                    f"node {name} does not exist or has two parents; export the mesh again"
                 )
             del roots[child]
     top = list(roots)
     for number, scene in enumerate(tree.get("scenes", [])):
         found = scene.get("nodes", [])
         if not isinstance(found, list) or not all(type(node) is int for node in found):
-            raise MeshError(
-                f"{source.where}: the nodes of scene {number} are not a list of whole numbers; "
+            raise source.error(
+                f"the nodes of scene {number} are not a list of whole numbers; "
                 "export the mesh again"
             )
         if len(set(found)) < len(found) or not set(found) <= roots.keys():
-            raise MeshError(
-                f"{source.where}: a scene has a node that does not exist or has a parent; export "
-                "the mesh again"
+            raise source.error(
+                "a scene has a node that does not exist or has a parent; export the mesh again"
             )
     queue, reached = list(roots), 0
     while queue:
         reached += 1
         queue += nodes[queue.pop()].get("children", [])
     if reached < len(nodes):
-        raise MeshError(f"{source.where}: its nodes form a cycle; export the mesh again")
+        raise source.error("its nodes form a cycle; export the mesh again")
     check_whole(source, "the file", tree, ("scene",))
     if "scene" in tree and tree["scene"] >= len(tree.get("scenes", [])):
-        raise MeshError(
-            f"{source.where}: there is no scene {tree['scene']}, which it names as the one to "
+        raise source.error(
+            f"there is no scene {tree['scene']}, which it names as the one to "
             "show; export the mesh again"
         )
     check_transforms(source, nodes, top)
@@ -159,8 +156,8 @@ def _check_meshes(source: Source, nodes: list[Tree], meshes: list[Tree]) -> None
     """Refuse nodes with a mesh that does not exist."""
     for number, node in enumerate(nodes):
         if node.get("mesh", -1) >= len(meshes):
-            raise MeshError(
-                f"{source.where}: node {number} uses mesh {node['mesh']}, but there are "
+            raise source.error(
+                f"node {number} uses mesh {node['mesh']}, but there are "
                 f"{len(meshes)}; export the mesh again"
             )
 
@@ -172,8 +169,8 @@ def _check_corners(source: Source, meshes: list[Tree], accessors: list[Tree]) ->
             corners = part.get("indices", part["attributes"]["POSITION"])
             count = accessors[corners]["count"]
             if part["mode"] == _TRIANGLES[0] and count % 3:
-                raise MeshError(
-                    f"{source.where}: mesh {number} has triangles with {count:,} corners, which is "
+                raise source.error(
+                    f"mesh {number} has triangles with {count:,} corners, which is "
                     "no multiple of three; is the file complete?"
                 )
 
@@ -183,22 +180,20 @@ def _primitives(
 ) -> list[Tree]:
     """Return the triangles of a mesh, with accessors renumbered in the order of their use."""
     if _is_posed(mesh):
-        raise MeshError(
-            f"{source.where}: {where} is moved by morph targets, which is not supported; export "
+        raise source.error(
+            f"{where} is moved by morph targets, which is not supported; export "
             "the mesh in its pose, without"
         )
     found = mesh.get("primitives", [])
     if not isinstance(found, list) or not all(isinstance(part, dict) for part in found):
-        raise MeshError(
-            f"{source.where}: the primitives of {where} are not a list of objects; {source.hint}"
-        )
+        raise source.error(f"the primitives of {where} are not a list of objects; {source.hint}")
     parts = []
     for part in found:
         mode = part.get("mode", _TRIANGLES[0])
         if mode in _LINES:
             continue
         if mode not in _TRIANGLES:
-            raise MeshError(f"{source.where}: {where} has triangle fans; export it as triangles")
+            raise source.error(f"{where} has triangle fans; export it as triangles")
         attributes = part.get("attributes")
         position = attributes.get("POSITION") if isinstance(attributes, dict) else None
         uses = {"POSITION": position, "indices": None}
@@ -217,20 +212,19 @@ def _check_use(source: Source, where: str, tree: Tree, name: str, number: object
     """Reject positions and indices that trimesh would misread."""
     accessors = tree.get("accessors", [])
     if type(number) is not int or not 0 <= number < len(accessors):
-        raise MeshError(f"{source.where}: {where} has no valid {name}; {source.hint}")
+        raise source.error(f"{where} has no valid {name}; {source.hint}")
     accessor = accessors[number]
     positions = name == "POSITION"
     kinds = _POSITIONS if positions else _WHOLE_NUMBERS
     if accessor.get("type") != ("VEC3" if positions else "SCALAR") or (
         accessor.get("componentType") not in kinds
     ):
-        raise MeshError(f"{source.where}: {name} of {where} have a wrong type; {source.hint}")
+        raise source.error(f"{name} of {where} have a wrong type; {source.hint}")
     packed = [key for key in ("sparse", "normalized") if accessor.get(key)]
     if packed or "bufferView" not in accessor:
         encoding = packed[0] if packed else "compressed"
-        raise MeshError(
-            f"{source.where}: {name} of {where} are {encoding}, which is not supported; export "
-            "the mesh without"
+        raise source.error(
+            f"{name} of {where} are {encoding}, which is not supported; export the mesh without"
         )
 
 
@@ -252,20 +246,19 @@ def checked_accessor(
     accessor: Tree = tree["accessors"][number]
     check_whole(source, what, accessor, _ACCESSOR, required=("bufferView", "count"))
     if accessor["count"] == 0:
-        raise MeshError(f"{source.where}: {what} has no entries; export the mesh again")
+        raise source.error(f"{what} has no entries; export the mesh again")
     view = _checked_view(source, tree, what, accessor["bufferView"], sizes)
     entry = BYTES[accessor["componentType"]] * COLUMNS[accessor["type"]]
     stride = view.get("byteStride", entry)
     if stride == 0:
-        raise MeshError(
-            f"{source.where}: the bufferView of {what} states a byteStride of 0; export the mesh "
-            "again"
+        raise source.error(
+            f"the bufferView of {what} states a byteStride of 0; export the mesh again"
         )
     start = accessor.get("byteOffset", 0)
     end = start + (accessor["count"] - 1) * stride + entry
     if end > view["byteLength"]:
-        raise MeshError(
-            f"{source.where}: {what} declares {accessor['count']:,} entries up to byte {end:,} of "
+        raise source.error(
+            f"{what} declares {accessor['count']:,} entries up to byte {end:,} of "
             f"bufferView {accessor['bufferView']}, which has {view['byteLength']:,}; "
             "is the file complete?"
         )
@@ -286,12 +279,10 @@ def check_whole(
     """
     for name in (*required, *names):
         if name in required and name not in entry:
-            raise MeshError(f"{source.where}: {what} states no {name}; export the mesh again")
+            raise source.error(f"{what} states no {name}; export the mesh again")
         value = entry.get(name, 0)
         if type(value) is not int or value < 0:
-            raise MeshError(
-                f"{source.where}: {name} of {what} is not a whole number; export the mesh again"
-            )
+            raise source.error(f"{name} of {what} is not a whole number; export the mesh again")
 
 
 def _checked_view(
@@ -299,27 +290,25 @@ def _checked_view(
 ) -> Tree:
     views = tree.get("bufferViews", [])
     if number >= len(views):
-        raise MeshError(
-            f"{source.where}: {accessor} uses bufferView {number}, but there are {len(views)}; "
+        raise source.error(
+            f"{accessor} uses bufferView {number}, but there are {len(views)}; "
             "export the mesh again"
         )
     view: Tree = views[number]
     what = f"bufferView {number}"
     check_whole(source, what, view, _VIEW, required=("buffer", "byteLength"))
     if view["buffer"] >= len(sizes):
-        raise MeshError(
-            f"{source.where}: {what} uses buffer {view['buffer']}, but there are {len(sizes)}; "
+        raise source.error(
+            f"{what} uses buffer {view['buffer']}, but there are {len(sizes)}; "
             "export the mesh again"
         )
     size = sizes[view["buffer"]]
     if size is None:
-        raise MeshError(
-            f"{source.where}: buffer {view['buffer']} has no data; is the file complete?"
-        )
+        raise source.error(f"buffer {view['buffer']} has no data; is the file complete?")
     end = view.get("byteOffset", 0) + view["byteLength"]
     if end > size:
-        raise MeshError(
-            f"{source.where}: {what} ends at byte {end:,} of buffer {view['buffer']}, which has "
+        raise source.error(
+            f"{what} ends at byte {end:,} of buffer {view['buffer']}, which has "
             f"{size:,}; is the file complete?"
         )
     return view

@@ -57,8 +57,8 @@ def read_mesh(path: Path, *, max_memory: float = MeshOptions.max_memory) -> RawM
         check_declared_size(source)
         return _read(source)
     except MemoryError as error:
-        raise MeshError(
-            f"{source.where}: reading it needs more memory than is available; simplify the mesh"
+        raise source.error(
+            "reading it needs more memory than is available; simplify the mesh"
         ) from error
 
 

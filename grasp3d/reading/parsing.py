@@ -54,16 +54,14 @@ def parse(source: Source) -> RawMesh:
         raise
     except Exception as error:  # each reader raises its own classes of errors
         if source.kind in {"glb", "gltf"}:
-            raise MeshError(
-                f"{source.where}: its nodes, meshes and buffers do not fit together; export the "
-                "mesh again"
+            raise source.error(
+                "its nodes, meshes and buffers do not fit together; export the mesh again"
             ) from error
         reason = " ".join(str(error).split()) or "its content is not as expected"
         if isinstance(error, KeyError):
             reason += " is missing"
-        raise MeshError(
-            f"{source.where}: cannot be read as {source.kind.upper()} ({reason[:200]}); "
-            f"{source.hint}"
+        raise source.error(
+            f"cannot be read as {source.kind.upper()} ({reason[:200]}); {source.hint}"
         ) from error
 
 
@@ -87,8 +85,8 @@ def _parsed_3mf(source: Source) -> trimesh.Scene:
     scene = _scene(source, source.path.read_bytes(), postprocess=False)
     found = len(scene.graph.nodes_geometry)
     if found != declared:
-        raise MeshError(
-            f"{source.where}: contains {declared:,} copies of its parts, of which {found:,} can be "
+        raise source.error(
+            f"contains {declared:,} copies of its parts, of which {found:,} can be "
             "read; export it without nested parts, or as STL"
         )
     return scene
@@ -141,8 +139,8 @@ def _check_complete(source: Source, scene: trimesh.Scene, vertices: int, faces: 
     parts = list(scene.geometry.values())
     found = [sum(len(getattr(part, name, ())) for part in parts) for name in ("vertices", "faces")]
     if found[0] < vertices or found[1] < faces:
-        raise MeshError(
-            f"{source.where}: declares {vertices:,} vertices and {faces:,} faces, but contains "
+        raise source.error(
+            f"declares {vertices:,} vertices and {faces:,} faces, but contains "
             f"{found[0]:,} and {found[1]:,}; is the file complete?"
         )
 
@@ -161,8 +159,8 @@ _READERS = {
 def _flattened(source: Source, scene: trimesh.Scene) -> RawMesh:
     vertices, faces = flattened(scene, source.where)
     if len(faces) == 0:
-        raise MeshError(
-            f"{source.where}: holds no triangles; is it a complete {source.kind.upper()} file "
+        raise source.error(
+            f"holds no triangles; is it a complete {source.kind.upper()} file "
             "with a surface (not a point cloud, a drawing or another format renamed)?"
         )
     if source.kind == "stl":  # each face has its own vertices: merge those at equal positions

@@ -10,7 +10,6 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from grasp3d.arrays import Ints
-from grasp3d.errors import MeshError
 from grasp3d.reading.declared_sizes import LONGEST_HEADER, check_count
 from grasp3d.reading.sources import Source
 from grasp3d.reading.text_meshes import MOST_CORNERS
@@ -104,7 +103,7 @@ def read_ply_header(source: Source) -> PlyHeader:
     """
     found = re.match(rb"ply\s(.*?)\nend_header[ \r]*\n", source.head(LONGEST_HEADER), re.DOTALL)
     if found is None:
-        raise MeshError(f"{source.where}: cannot be read as PLY: no header; {source.hint}")
+        raise source.error(f"cannot be read as PLY: no header; {source.hint}")
     formats = {name: order for order, name in _FORMATS.items()}
     order, elements = "", list[Element]()
     for line in re.split(r"\r?\n", found[1].decode("utf-8", "replace")):
@@ -117,9 +116,8 @@ def read_ply_header(source: Source) -> PlyHeader:
             elif words[:1] == ["property"]:
                 elements[-1].properties.append(_property(words[1:]))
         except (ValueError, KeyError, IndexError) as error:
-            raise MeshError(
-                f"{source.where}: a line of its header ({line[:60]!r}) is not valid; "
-                "export the mesh again"
+            raise source.error(
+                f"a line of its header ({line[:60]!r}) is not valid; export the mesh again"
             ) from error
     header = PlyHeader(order, tuple(elements), found.end())
     _check_elements(source, header)
@@ -145,8 +143,8 @@ def _check_elements(source: Source, header: PlyHeader) -> None:
             for entry in element.properties
         )
         if len(set(names)) < len(names) or broken:
-            raise MeshError(
-                f"{source.where}: element {element.name[:20]!r} has a property twice, or "
+            raise source.error(
+                f"element {element.name[:20]!r} has a property twice, or "
                 "corners that are not whole numbers; export the mesh again"
             )
         least = element.min_bytes if header.order else _MIN_TEXT_BYTES * len(element.properties)
@@ -182,8 +180,8 @@ def _check_lines(source: Source, header: PlyHeader, text: bytes) -> None:
         lists = [i for i, entry in enumerate(element.properties) if entry.length]
         for number, line in enumerate(rows):
             if not _is_complete(line.split(), len(element.properties), lists):
-                raise MeshError(
-                    f"{source.where}: {element.name} {number} "
+                raise source.error(
+                    f"{element.name} {number} "
                     f"({line[:40].decode('utf-8', 'replace')!r}) has a wrong number of numbers; "
                     "export the mesh again"
                 )
@@ -253,8 +251,8 @@ def _with_triangles(source: Source, header: PlyHeader, data: bytes) -> bytes:
             faces = _fans(*_corners(source, header.order, element, data, start))
             break
         if element.lists:
-            raise MeshError(
-                f"{source.where}: has lists of differing lengths before its faces; export the "
+            raise source.error(
+                "has lists of differing lengths before its faces; export the "
                 "mesh again, as triangles"
             )
         lines += [line.encode("utf-8", "replace") for line in element.lines()]
@@ -275,8 +273,8 @@ def _corners(
 ) -> tuple[Ints, Ints]:
     """Return (number of corners of each face, vertex numbers of all corners)."""
     if element.lists != 1:
-        raise MeshError(
-            f"{source.where}: its faces have {element.lists} lists of differing lengths, one is "
+        raise source.error(
+            f"its faces have {element.lists} lists of differing lengths, one is "
             "allowed; export the mesh again, as triangles"
         )
     index = next(i for i, entry in enumerate(element.properties) if entry.length)
@@ -291,14 +289,12 @@ def _corners(
         count = length.unpack_from(data, first - length.size)[0] if first <= len(data) else 0
         start = first + count * size + after
         if start > len(data) or first > len(data):
-            raise MeshError(
-                f"{source.where}: declares {element.count:,} faces, but contains {face:,}; is "
-                "the file complete?"
+            raise source.error(
+                f"declares {element.count:,} faces, but contains {face:,}; is the file complete?"
             )
         if not 3 <= count <= MOST_CORNERS:
-            raise MeshError(
-                f"{source.where}: face {face} has {count} corners; 3 to {MOST_CORNERS:,} are "
-                "allowed"
+            raise source.error(
+                f"face {face} has {count} corners; 3 to {MOST_CORNERS:,} are allowed"
             )
         counts.append(count)
         rows.append(data[first : first + count * size])

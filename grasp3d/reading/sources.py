@@ -69,6 +69,10 @@ class Source:
         with self.path.open("rb") as stream:
             return stream.read(count)
 
+    def error(self, reason: str) -> MeshError:
+        """The error that a file cannot be read for a reason, which begins with a verb."""
+        return MeshError(f"{self.where}: {reason}")
+
     @property
     def hint(self) -> str:
         """Question about the likely cause if the content does not match the suffix."""

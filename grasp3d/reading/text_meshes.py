@@ -3,7 +3,6 @@
 import re
 from itertools import pairwise
 
-from grasp3d.errors import MeshError
 from grasp3d.reading.declared_sizes import OFF_HEADER, off_counts, without_comments
 from grasp3d.reading.sources import Source
 
@@ -37,13 +36,13 @@ def plain_obj(source: Source, data: bytes) -> tuple[bytes, int, int]:
             continue
         if words[0] == b"v":
             if len(words) <= COORDINATES:
-                raise MeshError(f"{source.where}: line {number}: a vertex needs three coordinates")
+                raise source.error(f"line {number}: a vertex needs three coordinates")
             count += 1
             kept.append(b" ".join(words[: 1 + COORDINATES]))
         elif words[0] == b"f":
             if not LEAST_CORNERS < len(words) <= 1 + MOST_CORNERS:
-                raise MeshError(
-                    f"{source.where}: line {number} is a face of {len(words) - 1:,} corners; "
+                raise source.error(
+                    f"line {number} is a face of {len(words) - 1:,} corners; "
                     f"{LEAST_CORNERS} to {MOST_CORNERS:,} are allowed"
                 )
             kept.append(b" ".join([b"f", *(_absolute(word, count) for word in words[1:])]))
@@ -77,9 +76,8 @@ def check_obj_lines(source: Source, data: bytes) -> None:
             _check_line(words, count, total)
         except ValueError as error:
             text = line.decode("utf-8", "replace")[:40]
-            raise MeshError(
-                f"{source.where}: line {number}, {text!r}, cannot be read ({error}); export the "
-                "mesh again"
+            raise source.error(
+                f"line {number}, {text!r}, cannot be read ({error}); export the mesh again"
             ) from error
 
 
@@ -111,8 +109,8 @@ def plain_off(source: Source, data: bytes) -> bytes:
         count = int(words[0]) if words[0].isdigit() else 0
         if not 3 <= count < min(len(words), MOST_CORNERS + 1):
             text = line.decode("utf-8", "replace")[:40]
-            raise MeshError(
-                f"{source.where}: face {number} ({text!r}) does not have the corners that it "
+            raise source.error(
+                f"face {number} ({text!r}) does not have the corners that it "
                 f"declares, of which 3 to {MOST_CORNERS:,} are allowed; export the mesh again"
             )
         if count <= 4:
@@ -146,5 +144,5 @@ def plain_stl(source: Source, data: bytes) -> tuple[bytes, int]:
         reason = f"{started:,} facets with {corners:,} corners, and {ends:,} ends"
         if started == corners == 0:
             reason = "it holds no triangles"
-        raise MeshError(f"{source.where}: cannot be read as STL: {reason}; {source.hint}")
+        raise source.error(f"cannot be read as STL: {reason}; {source.hint}")
     return b"solid\n" + text + b"\nendsolid\n", facets
