@@ -32,6 +32,7 @@ from .quality.ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches
 from .quality.grip_forces import grip_force as grip_force
 from .settings import GraspModel as GraspModel
 from .settings import MeshOptions as MeshOptions
+from .settings import MultifingerSampling as MultifingerSampling
 from .settings import Sampling as Sampling
 from .stability.classification import Stability as Stability
 from .stability.classification import classify as classify

@@ -157,7 +157,7 @@ def compile_kernels(fingers: int, gripper: bool = False, forces: bool = False) -
     _solid(patch_radius=0.1)
     _locate()
     model = GraspModel(fingers=fingers)
-    sampling = Sampling(grip="both") if fingers == PAIR else Sampling()
+    sampling = Sampling(grip="both") if fingers == PAIR else None
     labels = label_surface(solid, model, sampling=sampling, threads=1)
     if fingers == PAIR:  # squeezing alone has a search of its own
         label_surface(solid, model, threads=1)
@@ -208,7 +208,7 @@ def _grow_hulls() -> None:
         epsilon(Contacts(-facing, facing, 0.5, torsion_radius), edges=8, threads=1)
 
 
-def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling) -> None:
+def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling | None) -> None:
     """Label grasps that a gripper reaches, and those that it closes on."""
     from grasp3d.hand.approach import Approach
     from grasp3d.hand.jaw_reach import reach_grasps

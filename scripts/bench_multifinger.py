@@ -62,11 +62,13 @@ def peak_memory() -> float:
 
 def labelled(vertices: int, candidates: int, fingers: int = 3, threads: int = 2) -> Labelling:
     """Label the mug with about so many vertices, after compilation, in this process."""
-    from grasp3d import GraspModel, Sampling, label_surface, load_mesh
+    from grasp3d import GraspModel, MultifingerSampling, label_surface, load_mesh
 
     path = LIBRARY / MUG
-    model, sampling = GraspModel(fingers=fingers), Sampling(candidates=candidates)
-    label_surface(load_mesh(LIBRARY / "sphere.stl"), model, sampling=Sampling(candidates=8))
+    model, sampling = GraspModel(fingers=fingers), MultifingerSampling(candidates=candidates)
+    label_surface(
+        load_mesh(LIBRARY / "sphere.stl"), model, sampling=MultifingerSampling(candidates=8)
+    )
     mesh = load_mesh(path)
     edge = 4.0 * mesh.size / math.sqrt(vertices)
     while len(mesh.vertices) < vertices:
@@ -120,8 +122,8 @@ def of_mesh(name: str) -> None:
     mesh = grasp3d.load_mesh(LIBRARY / name)
     before, seconds_before = 0, 0.0
     for fingers in FINGERS:
-        cone = search_cone(grasp3d.GraspModel(fingers=fingers), grasp3d.Sampling())
-        find = partial(search, mesh, fingers, grasp3d.Sampling(), cone, threads=1)
+        cone = search_cone(grasp3d.GraspModel(fingers=fingers))
+        find = partial(search, mesh, fingers, grasp3d.MultifingerSampling(), cone, threads=1)
         evaluated = find().evaluated
         seconds = min(processor_time(find) for _ in range(RUNS))
         added, more = seconds - seconds_before, evaluated - before

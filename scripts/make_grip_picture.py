@@ -13,7 +13,14 @@ from pathlib import Path
 import matplotlib as mpl
 import numpy as np
 
-from grasp3d import GraspModel, Sampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d import (
+    GraspModel,
+    MultifingerSampling,
+    Sampling,
+    SurfaceLabels,
+    label_surface,
+    load_mesh,
+)
 from grasp3d.plots.painting import paint_labels
 from grasp3d.plots.style import Drawing, label_patches, new_figure, styled
 from grasp3d.rendering import View, picture
@@ -25,7 +32,7 @@ GRIPPERS: dict[str, tuple[int, Sampling]] = {
     "two fingers, up to 60 mm": (2, Sampling(max_opening=0.06)),
     "two fingers, up to 80 mm": (2, Sampling(max_opening=0.08)),
     "two fingers, any width": (2, Sampling()),
-    "three fingers, up to 80 mm": (3, Sampling(max_spread=0.08)),
+    "three fingers, up to 80 mm": (3, MultifingerSampling(max_spread=0.08)),
 }
 COARSEST = 2.0 * MODEL.friction_angle
 FINENESS = 1.0 / 100.0

@@ -9,7 +9,15 @@ from typing import Any
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
-from grasp3d.settings import ANGLE_ROUNDING, DEGREE, GraspModel, MeshOptions, Sampling, search_cone
+from grasp3d.settings import (
+    ANGLE_ROUNDING,
+    DEGREE,
+    AnySampling,
+    GraspModel,
+    MeshOptions,
+    Sampling,
+    search_cone,
+)
 from grasp3d.settings.lengths import GivenLength, length_in_unit, parse_length
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
@@ -59,13 +67,15 @@ class BatchSettings:
     """Settings with which all meshes are labelled, or for which they are checked.
 
     Attributes:
+        sampling: How grasps are searched for; settings that state nothing but a search angle or a
+            tolerance are for any number of fingers.
         reach: The gripper that must reach each grasp, and the table.
         load: What each grasp must hold, and with which force; None: nothing.
         best: Number of best distinct grasps that the summary keeps of each mesh; 0: none.
     """
 
     model: GraspModel = field(default_factory=GraspModel)
-    sampling: Sampling = field(default_factory=Sampling)
+    sampling: AnySampling = field(default_factory=Sampling)
     mesh: MeshOptions = field(default_factory=MeshOptions)
     grid: FractionGrid = field(default_factory=FractionGrid)
     best: int = 5
@@ -75,6 +85,7 @@ class BatchSettings:
     def __post_init__(self) -> None:
         if self.best < 0:
             raise SettingError(f"the number of best grasps must be at least 0; got {self.best}")
+        object.__setattr__(self, "sampling", self.sampling.fitted(self.model.fingers))
         for friction, error in product(self.frictions, self.errors_of("friction_error")):
             GraspModel(friction=friction, friction_error=error)
         given, needed = self.sampling.search_angle, self._needed_search_angle
@@ -126,7 +137,7 @@ class BatchSettings:
         return self.load is not None or (self.model.fingers > 2 and located)
 
     @property
-    def search(self) -> Sampling:
+    def search(self) -> AnySampling:
         """How grasps are searched; the search angle covers the model and a grid that is given."""
         if self.sampling.search_angle is not None or self.grid == FractionGrid():
             return self.sampling
@@ -142,7 +153,7 @@ class BatchSettings:
             friction_error=max(self.model.friction_error, *self.errors_of("friction_error")),
             normal_error=max(self.model.normal_error, *self.errors_of("normal_error")),
         )
-        return search_cone(widest, Sampling())
+        return search_cone(widest)
 
 
 @lru_cache(maxsize=16)  # most meshes of a library have the same unit

@@ -19,7 +19,7 @@ from grasp3d.costs import labelling_cost
 from grasp3d.errors import GraspError, MeshUnreadError, OutputError
 from grasp3d.isolation import NeedsMemory, allowed_memory
 from grasp3d.reading.gltf import side_names
-from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, search_cone
+from grasp3d.settings import ANGLE_ROUNDING, GraspModel, search_cone
 from grasp3d.stability.angle_distributions import AngleDistribution, SampledAngles
 from grasp3d.stability.label import Label
 from grasp3d.storage import local_copy
@@ -302,7 +302,7 @@ def _angles_of(labels: "SurfaceLabels") -> AngleDistribution:
 def _fractions_of(model: GraspModel, angles: AngleDistribution) -> AreaFractions:
     stable = float(angles.worst_below(model.effective_friction_angle))
     ambiguous = unstable = None
-    if search_cone(model, Sampling()) <= angles.limit + ANGLE_ROUNDING:
+    if search_cone(model) <= angles.limit + ANGLE_ROUNDING:
         unstable = 1.0 - float(angles.best_below(model.unstable_from))
         ambiguous = max(0.0, 1.0 - stable - unstable)
     return AreaFractions(

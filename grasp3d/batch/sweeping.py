@@ -14,6 +14,7 @@ from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.planar import Circle, square
 from grasp3d.settings import (
     ANGLE_ROUNDING,
+    AnySampling,
     GraspModel,
     MeshOptions,
     Sampling,
@@ -46,7 +47,8 @@ class SweepSettings:
     Attributes:
         friction: Coulomb coefficients.
         sensor_resolution: Resolutions alpha [rad].
-        sampling: Its search angle, if given, must cover all frictions and resolutions.
+        sampling: How grasps are searched for, see `SearchSettings.fitted`. Its search angle, if
+            given, must cover all frictions and resolutions.
         friction_error: Largest differences between the true friction and `friction`.
         normal_error: Largest angles between true and perceived normals beyond alpha/2 [rad].
         location_error: Largest distances between true and perceived contact points, lengths.
@@ -54,7 +56,7 @@ class SweepSettings:
 
     friction: tuple[float, ...]
     sensor_resolution: tuple[float, ...]
-    sampling: Sampling = field(default_factory=Sampling)
+    sampling: AnySampling = field(default_factory=Sampling)
     mesh: MeshOptions = field(default_factory=MeshOptions)
     fingers: int = 2
     reach: ReachSettings = field(default_factory=ReachSettings)
@@ -66,8 +68,9 @@ class SweepSettings:
         if not self.friction or not self.sensor_resolution:
             raise SettingError("a sweep needs at least one friction and one sensor resolution")
         _ = self.axes.rows_and_columns  # raises an error if there are more than two
+        object.__setattr__(self, "sampling", self.sampling.fitted(self.fingers))
         check_search_settings(self.model, self.sampling)
-        given, needed = self.sampling.search_angle, search_cone(self.model, Sampling())
+        given, needed = self.sampling.search_angle, search_cone(self.model)
         if given is not None and given < needed - ANGLE_ROUNDING:
             raise SettingError(
                 "search angle must be at least atan(friction) + alpha/2 for the largest friction "

@@ -16,14 +16,16 @@ from grasp3d.cli.options import (
     Flag,
     Force,
     Inputs,
+    Multifinger,
     OutputFile,
     Quiet,
+    given_sampling,
 )
 from grasp3d.cli.ranges import parse_angles, parse_frictions, parse_lengths, parse_numbers
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 
 
 @dataclass(frozen=True)
@@ -93,6 +95,9 @@ class Batch:
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
 
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+    """How candidate grasps of three fingers and more are searched."""
+
     reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
 
@@ -126,7 +131,7 @@ class Batch:
         )
         settings = BatchSettings(
             self.reach.touching(self.model),
-            self.sampling,
+            given_sampling(self.sampling, self.multifinger),
             self.mesh,
             grid,
             self.best,

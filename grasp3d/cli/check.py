@@ -11,12 +11,14 @@ from grasp3d.cli.options import (
     Flag,
     Force,
     Inputs,
+    Multifinger,
     OutputFile,
     Overwrite,
     Quiet,
+    given_sampling,
 )
 from grasp3d.errors import SettingError
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 
 if TYPE_CHECKING:
     from grasp3d.batch.batch_settings import BatchSettings
@@ -49,6 +51,9 @@ class Check:
     sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
+
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+    """How candidate grasps of three fingers and more are searched."""
 
     mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
@@ -83,7 +88,9 @@ class Check:
             for file in files:
                 check_writable(self.output, source=local_path(file.source))
             check_replaceable(self.output, overwrite=self.overwrite)
-        settings = BatchSettings(self.model, self.sampling, self.mesh)
+        settings = BatchSettings(
+            self.model, given_sampling(self.sampling, self.multifinger), self.mesh
+        )
         meshes = self._checked(files, settings)
         if self.output is not None:
             write_checks(self.output, meshes, settings)

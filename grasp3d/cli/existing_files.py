@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import OutputError
 from grasp3d.loads import Load, load_settings
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 from grasp3d.system.files import check_writable
 
 if TYPE_CHECKING:
@@ -38,7 +38,9 @@ _ANGLES = frozenset(
     {"approach_within", "sensor_resolution", "search_angle", "tolerance", "crease_angle"}
 )
 _LENGTHS = frozenset(
-    name for kind in (GraspModel, Sampling, MeshOptions, Load) for name in kind.length_names()
+    name
+    for kind in (GraspModel, Sampling, MultifingerSampling, MeshOptions, Load)
+    for name in kind.length_names()
 )
 _WITHOUT_EFFECT = frozenset({"max_memory"})
 

@@ -9,15 +9,24 @@ import tyro
 from grasp3d.cli.options import (
     Force,
     InputFile,
+    Multifinger,
     OutputFile,
     Overwrite,
     Quiet,
+    given_sampling,
 )
 from grasp3d.cli.time_limit import DEFAULT_TIMEOUT, Timeout, check_timeout, time_limit
 from grasp3d.errors import SettingError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
-from grasp3d.settings import GraspModel, MeshOptions, PoseFormat, Sampling, check_per_finger
+from grasp3d.settings import (
+    GraspModel,
+    MeshOptions,
+    MultifingerSampling,
+    PoseFormat,
+    Sampling,
+    check_per_finger,
+)
 from grasp3d.system.names import printable, safe_stem
 
 if TYPE_CHECKING:
@@ -55,6 +64,9 @@ class Label:
     sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
+
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+    """How candidate grasps of three fingers and more are searched."""
 
     reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
@@ -154,8 +166,9 @@ class Label:
         from grasp3d.surface.labelling import Labelling
 
         model, load = self.reach.touching(self.model), self.load.chosen
+        sampling = given_sampling(self.sampling, self.multifinger).fitted(model.fingers)
         task = Labelling.read(
-            self.file, model, self.sampling, self.reach, load, self.mesh, force=self.force
+            self.file, model, sampling, self.reach, load, self.mesh, force=self.force
         )
         for path in outputs:
             check_same_settings(path, task, overwrite=self.overwrite)

@@ -6,7 +6,7 @@ docstrings as help. Angles are degrees there, and lengths, quantities and tasks 
 
 import math
 from collections.abc import Callable
-from dataclasses import MISSING, Field, fields, is_dataclass
+from dataclasses import MISSING, Field, fields, is_dataclass, replace
 from functools import partial
 from pathlib import Path
 from types import GenericAlias, NoneType, UnionType
@@ -24,10 +24,11 @@ from tyro.constructors import (
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.hand import Hand
 from grasp3d.quality.task_texts import TaskField, TaskText
-from grasp3d.settings import GraspModel, Radians
+from grasp3d.settings import AnySampling, GraspModel, MultifingerSampling, Radians, Sampling
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
 from grasp3d.settings.parsing import Field as ParsedField
 from grasp3d.settings.quantities import Quantity
+from grasp3d.settings.sampling import SearchSettings
 from grasp3d.settings.uncertainty import Friction as FrictionField
 from grasp3d.settings.uncertainty import PerFinger, Uncertainty, parse_fingers
 
@@ -363,6 +364,38 @@ Inputs = Annotated[
     ),
 ]
 """Meshes, as `batch.inputs.find_meshes` takes them."""
+
+
+Multifinger = Annotated[
+    MultifingerSampling,
+    partial(
+        MultifingerSampling,
+        search_angle=SearchSettings.search_angle,
+        tolerance=SearchSettings.tolerance,
+    ),
+]
+"""The options of a search of three fingers and more that one of two fingers does not have."""
+
+
+def given_sampling(sampling: Sampling, multifinger: MultifingerSampling) -> AnySampling:
+    """Return the settings of a search whose options were given; `fitted` to a number of fingers.
+
+    Args:
+        sampling: The options for two fingers and for any number.
+        multifinger: The options for three fingers and more.
+
+    Raises:
+        SettingError: Options for both were given.
+    """
+    pair, several = sampling.own_changes, multifinger.own_changes
+    if pair and several:
+        raise SettingError(
+            f"{option_name(pair[0])} is for two fingers and {option_name(several[0])} for three "
+            "and more; leave one of them out"
+        )
+    if not several:
+        return sampling
+    return replace(multifinger, search_angle=sampling.search_angle, tolerance=sampling.tolerance)
 
 
 def _without(*names: str) -> "partial[GraspModel]":

@@ -10,13 +10,15 @@ from grasp3d.cli.options import (
     Force,
     InputFile,
     LengthOption,
+    Multifinger,
     NoisyModel,
     OutputFile,
     Overwrite,
     Quiet,
+    given_sampling,
 )
 from grasp3d.perturbing.noise_settings import NoiseSettings
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 from grasp3d.system.names import safe_stem
 
 if TYPE_CHECKING:
@@ -67,6 +69,9 @@ class Perturb:
     sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
+
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+    """How candidate grasps of three fingers and more are searched."""
 
     mesh: MeshOptions = field(default_factory=MeshOptions)
     """How the mesh is read and prepared. A LENGTH is a number in the mesh's unit, or has a unit."""
@@ -121,16 +126,17 @@ class Perturb:
         from grasp3d.mesh.plausible_lengths import refuse_lengths
         from grasp3d.perturbing.perturb import perturb_movable
 
+        sampling = given_sampling(self.sampling, self.multifinger).fitted(self.model.fingers)
         surface = movable_surface(self.file, self.mesh)
         if not self.force:
-            refuse_lengths(surface.mesh, self.model, self.sampling)
+            refuse_lengths(surface.mesh, self.model, sampling)
         text = f"labelling {self.copies} copies of {self.file.name}"
         with report.progress(text, quiet=self.quiet) as progress:
             return perturb_movable(
                 surface,
                 self.model,
                 noise=self._noise(),
-                sampling=self.sampling,
+                sampling=sampling,
                 progress=progress,
             )
 

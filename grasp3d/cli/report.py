@@ -177,7 +177,8 @@ def _scene_text(scene: Scene, size: float, unit: Unit | None) -> str:
 
 def _differences(labels: SurfaceLabels) -> str:
     """Return the settings of the search that differ from their defaults."""
-    given, defaults = labels.sampling or Sampling(), plain_values(Sampling())
+    given = labels.sampling or Sampling()
+    defaults = plain_values(type(given)())
     angles, lengths = ("search_angle", "tolerance"), given.length_names()
 
     def text(name: str, value: float) -> str:

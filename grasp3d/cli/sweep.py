@@ -16,11 +16,13 @@ from grasp3d.cli.options import (
     FrictionRanges,
     Inputs,
     LocationErrorRanges,
+    Multifinger,
     NormalErrorRanges,
     OutputFile,
     Overwrite,
     Quiet,
     SensorResolutionRanges,
+    given_sampling,
 )
 from grasp3d.cli.ranges import (
     parse_angles,
@@ -31,7 +33,7 @@ from grasp3d.cli.ranges import (
 )
 from grasp3d.errors import GraspError, SettingError
 from grasp3d.hand.reach_settings import ReachSettings
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 from grasp3d.settings.parsing import plain_values
 from grasp3d.system.names import safe_stem
 
@@ -99,6 +101,9 @@ class Sweep:
     """How candidate grasps are searched. A LENGTH is a number in the mesh's unit, or has a unit:
     80mm, 8cm, 0.08m, 3in."""
 
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+    """How candidate grasps of three fingers and more are searched."""
+
     reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
 
@@ -131,7 +136,7 @@ class Sweep:
         from grasp3d.sweeps import write_sweeps
 
         settings = SweepSettings(
-            sampling=self.sampling,
+            sampling=given_sampling(self.sampling, self.multifinger),
             mesh=self.mesh,
             fingers=self.fingers,
             reach=self.reach,

@@ -9,9 +9,11 @@ import tyro
 from grasp3d.cli.options import (
     Flag,
     Force,
+    Multifinger,
     OutputFile,
     Overwrite,
     Quiet,
+    given_sampling,
 )
 from grasp3d.cli.time_limit import (
     DEFAULT_TIMEOUT,
@@ -22,7 +24,7 @@ from grasp3d.cli.time_limit import (
 from grasp3d.errors import GraspError
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.loads import Load
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings import GraspModel, MeshOptions, MultifingerSampling, Sampling
 from grasp3d.system.names import printable
 from grasp3d.viewer.view_settings import ViewSettings
 
@@ -61,6 +63,9 @@ class View:
 
     sampling: Sampling = field(default_factory=Sampling)
     """How candidate grasps are searched; likewise from a labelled file."""
+
+    multifinger: Multifinger = field(default_factory=MultifingerSampling)
+    """How candidate grasps of three fingers and more are searched."""
 
     reach: ReachSettings = field(default_factory=ReachSettings)
     """The gripper that must reach each grasp, and what the object stands on."""
@@ -104,7 +109,7 @@ class View:
         collection = open_collection(
             self.target,
             self.model,
-            self.sampling,
+            given_sampling(self.sampling, self.multifinger),
             self.mesh,
             force=self.force,
             reach=self.reach,

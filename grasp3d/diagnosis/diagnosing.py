@@ -26,7 +26,7 @@ from grasp3d.mesh.triangles import Triangles
 from grasp3d.mesh.units import guess_unit, impossible_size
 from grasp3d.mesh.work_bounds import WorkBoundError
 from grasp3d.reading import RawMesh
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling
 from grasp3d.system.processors import available_processors
 
 MISSING = 0.05
@@ -62,7 +62,7 @@ def check_mesh(
     source: MeshSource,
     *,
     model: GraspModel | None = None,
-    sampling: Sampling | None = None,
+    sampling: AnySampling | None = None,
     options: MeshOptions | None = None,
     **fields: Any,
 ) -> MeshDiagnosis:
@@ -98,13 +98,14 @@ def check_mesh(
     """
     given = source.options if isinstance(source, ObjectMesh) else None
     chosen = MeshOptions.of(options or given, fields)
-    return diagnose(source, model or GraspModel(), sampling or Sampling(), chosen)
+    model = model or GraspModel()
+    return diagnose(source, model, sampling or Sampling().fitted(model.fingers), chosen)
 
 
 def diagnose(
     source: MeshSource,
     model: GraspModel,
-    sampling: Sampling,
+    sampling: AnySampling,
     options: MeshOptions,
     *,
     force: bool = False,

@@ -61,7 +61,8 @@ def alternatives_at(labels: SurfaceLabels, vertex: int, count: int) -> GraspTabl
         raise SettingError(f"the number of grasps must be at least 1; got {count}")
     own = int(mesh.canonical[vertex])
     known = _known(labels, own)
-    limited = scene.within_stroke(mesh, labels.sampling or Sampling())
+    given = labels.sampling if isinstance(labels.sampling, Sampling) else Sampling()
+    limited = scene.within_stroke(mesh, given)
     with ThreadPoolExecutor(1) as executor:
         cone, ranking = labels.search.cone, Ranking.of(labels.model)
         limits = pair_limits(mesh, limited, cone, ranking)

@@ -19,7 +19,7 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.perturbing.advice import Advice, advise
 from grasp3d.perturbing.noise_settings import NoiseSettings
 from grasp3d.perturbing.perturbation import Perturbation
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings import AnySampling, GraspModel, MeshOptions
 from grasp3d.stability.label import Label
 from grasp3d.surface.area_statistics import quantiles, vertex_weights
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
@@ -182,7 +182,7 @@ def perturb_surface(
     model: GraspModel | None = None,
     *,
     noise: NoiseSettings | None = None,
-    sampling: Sampling | None = None,
+    sampling: AnySampling | None = None,
     options: MeshOptions | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
@@ -237,7 +237,7 @@ def perturb_movable(
     model: GraspModel | None = None,
     *,
     noise: NoiseSettings | None = None,
-    sampling: Sampling | None = None,
+    sampling: AnySampling | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
 ) -> Perturbation:

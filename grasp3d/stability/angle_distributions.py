@@ -18,7 +18,7 @@ import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.errors import SearchCoverageError, SettingError
-from grasp3d.settings import ANGLE_ROUNDING, GraspModel
+from grasp3d.settings import ANGLE_ROUNDING, GraspModel, sampling_kind
 from grasp3d.settings.lengths import Measure
 from grasp3d.settings.uncertainty import check_location_error
 from grasp3d.stability.thresholds import unstable_from
@@ -171,7 +171,8 @@ class AngleDistribution(ABC):
             raise SearchCoverageError(
                 f"atan(friction) + alpha/2 is {math.degrees(widest):.4g} degrees, but grasps "
                 f"were searched only up to {math.degrees(self.limit):.4g}; label the surface again "
-                f"with Sampling(search_angle={min(widest, math.pi / 2.0):.4g})"
+                f"with {sampling_kind(self.fingers).__name__}"
+                f"(search_angle={min(widest, math.pi / 2.0):.4g})"
             )
         stable = self.worst_below(beta - a)
         reached = unstable_from(largest, a + self.further_tilt, self.fingers)
@@ -212,7 +213,7 @@ class AngleDistribution(ABC):
             raise SearchCoverageError(
                 f"atan(friction) is {math.degrees(beta):.4g} degrees, but grasps were searched "
                 f"only up to {math.degrees(self.limit):.4g}; label the surface again with "
-                f"Sampling(search_angle={beta:.4g})"
+                f"{sampling_kind(self.fingers).__name__}(search_angle={beta:.4g})"
             )
         return max(0.0, 2.0 * (beta - angle - normal_error))
 

@@ -14,7 +14,7 @@ from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.plausible_lengths import refuse_lengths
-from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
+from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinations_of
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
@@ -31,7 +31,7 @@ class Labelling:
     mesh: ObjectMesh
     model: GraspModel
     """With lengths in the mesh's unit, as those of the others."""
-    sampling: Sampling
+    sampling: AnySampling
     scene: Scene | None
     """The gripper that must reach each grasp; None: ideal points."""
     load: Load | None
@@ -42,7 +42,7 @@ class Labelling:
         cls,
         mesh: ObjectMesh,
         model: GraspModel,
-        sampling: Sampling,
+        sampling: AnySampling | None = None,
         scene: Scene | None = None,
         load: Load | None = None,
     ) -> "Labelling":
@@ -59,8 +59,9 @@ class Labelling:
             SettingError: As in `label_surface`.
             MeshError: Labels for so many fingers would need too much memory.
         """
-        model, sampling = mesh.in_own_unit(model, sampling)
-        check_search_settings(model, sampling)
+        model, given = mesh.in_own_unit(model, sampling)
+        limits = given or Sampling().fitted(model.fingers)
+        check_search_settings(model, limits)
         if scene is not None:
             metres_per_unit(mesh)
             scene.hand.check_fingers(model.fingers)
@@ -71,14 +72,14 @@ class Labelling:
             check_combinations_of(model)
         most, count = mesh.options.max_memory, len(mesh.vertices)
         check_cost(count, most, mesh.report.source, "use a coarser mesh", model.fingers)
-        return cls(mesh, model, sampling, scene, load)
+        return cls(mesh, model, limits, scene, load)
 
     @classmethod
     def read(
         cls,
         source: MeshSource,
         model: GraspModel,
-        sampling: Sampling,
+        sampling: AnySampling,
         reach: ReachSettings,
         load: Load | None,
         options: MeshOptions,
@@ -121,9 +122,12 @@ class Labelling:
             raise SettingError(f"threads must be at least 1; got {threads}")
         report, enumerated = progress or ignore, self.model.method == "extremes"
         begin_step("searching for grasps")
-        find = label_pairs if self.model.fingers == 2 else label_multifinger
         searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report
-        labels = find(self.mesh, self.model, self.sampling, self.scene, threads, searching)
+        common = self.scene, threads, searching
+        if isinstance(self.sampling, Sampling):
+            labels = label_pairs(self.mesh, self.model, self.sampling, *common)
+        else:
+            labels = label_multifinger(self.mesh, self.model, self.sampling, *common)
         if self.load is not None:
             labels = labels.using(load=self.load)
         if enumerated:
@@ -136,7 +140,7 @@ def label_surface(
     mesh: MeshSource,
     model: GraspModel | None = None,
     *,
-    sampling: Sampling | None = None,
+    sampling: AnySampling | None = None,
     hand: Hand | None = None,
     table: Table | None = None,
     approach: Approach | None = None,
@@ -155,7 +159,8 @@ def label_surface(
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
         model: Friction, sensor resolution [rad] and number of fingers, 2 to 5; None: the defaults.
-        sampling: How grasps are searched for, with limits in the mesh's unit; None: the defaults.
+        sampling: How grasps are searched for, `Sampling` for two fingers, `MultifingerSampling` for
+            more; None: the defaults.
         hand: The gripper that must reach each grasp: the best grasp is that of the reachable
             ones, and openings are limited to its stroke; None: ideal point contacts. For three
             fingers and more only its round tips are tested.
@@ -222,7 +227,7 @@ def label_surface(
     task = Labelling.of(
         load_mesh(mesh),
         model or GraspModel(),
-        sampling or Sampling(),
+        sampling,
         scene or Scene.given(hand, table, approach),
         load,
     )

@@ -19,7 +19,14 @@ from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.plausible_lengths import length_warnings
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.model_text import model_line
-from grasp3d.settings import ANGLE_ROUNDING, GraspModel, Sampling, check_choice, search_cone
+from grasp3d.settings import (
+    ANGLE_ROUNDING,
+    AnySampling,
+    GraspModel,
+    check_choice,
+    sampling_kind,
+    search_cone,
+)
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.settings.uncertainty import Uncertainty, friction_interval
 from grasp3d.stability.angle_distributions import SampledAngles
@@ -85,7 +92,7 @@ class SurfaceLabels(SpreadGrasps):
     """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
     reason: Bytes
     """`Reason` codes, shape (V,)."""
-    sampling: Sampling | None
+    sampling: AnySampling | None
     """How grasps were searched for; None in a scan, where they are given."""
     mode: Mode
     search: SearchReport
@@ -108,7 +115,7 @@ class SurfaceLabels(SpreadGrasps):
         grip: ArrayLike | None,
         reason: ArrayLike,
         reach: Reach | None = None,
-        sampling: Sampling | None,
+        sampling: AnySampling | None,
         mode: Mode,
         search: SearchReport,
         scene: Scene | None = None,
@@ -198,7 +205,7 @@ class SurfaceLabels(SpreadGrasps):
         mesh: ObjectMesh,
         model: GraspModel,
         *,
-        sampling: Sampling | None,
+        sampling: AnySampling | None,
         mode: Mode,
         search: SearchReport,
         scene: Scene | None = None,
@@ -373,12 +380,12 @@ class SurfaceLabels(SpreadGrasps):
         if friction is not None and len(set(friction_interval(friction))) > 1:
             changed.setdefault("friction_error", 0.0)  # the interval states it
         (model,) = self.mesh.in_own_unit(replace(self.model, **changed))
-        needed = search_cone(model, Sampling())
-        if needed > max(self.search.cone, search_cone(self.model, Sampling())) + ANGLE_ROUNDING:
+        needed = search_cone(model)
+        if needed > max(self.search.cone, search_cone(self.model)) + ANGLE_ROUNDING:
             raise SearchCoverageError(
                 f"atan(friction) + alpha/2 is {math.degrees(needed):.4g} degrees, but grasps were "
                 f"searched only up to {math.degrees(self.search.cone):.4g}; label the surface "
-                f"again with Sampling(search_angle={needed:.4g})"
+                f"again with {sampling_kind(model.fingers).__name__}(search_angle={needed:.4g})"
             )
         return self.using(model=model)
 

@@ -11,7 +11,7 @@ from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import GraspModel, Sampling, search_cone
+from grasp3d.settings import GraspModel, MultifingerSampling, Sampling, search_cone
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.labels import SearchReport, SurfaceLabels
 from grasp3d.surface.merged_grasps import with_more_margin
@@ -140,7 +140,7 @@ def _angles_of_pairs(
 def label_multifinger(
     mesh: ObjectMesh,
     model: GraspModel,
-    sampling: Sampling,
+    sampling: MultifingerSampling,
     scene: Scene | None,
     threads: int,
     progress: Progress,

@@ -16,7 +16,7 @@ from PIL import Image
 
 from grasp3d.errors import SettingError
 from grasp3d.mesh import MeshSource, load_mesh
-from grasp3d.settings import GraspModel, Sampling
+from grasp3d.settings import AnySampling, GraspModel
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.progress import ignore
@@ -64,7 +64,7 @@ def show(
     settings: ViewSettings | None = None,
     *,
     model: GraspModel | None = None,
-    sampling: Sampling | None = None,
+    sampling: AnySampling | None = None,
     height: int = 640,
     proxy: str | None = None,
 ) -> NotebookView | None:
@@ -110,7 +110,7 @@ def show(
 def _collection(
     shown: SurfaceLabels | GraspTable | MeshSource,
     model: GraspModel | None,
-    sampling: Sampling | None,
+    sampling: AnySampling | None,
 ) -> Collection:
     if not isinstance(shown, SurfaceLabels | GraspTable):
         return collection_of_mesh(load_mesh(shown), model, sampling)

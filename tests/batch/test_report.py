@@ -20,6 +20,7 @@ from grasp3d import (
     GraspModel,
     Label,
     MeshOptions,
+    MultifingerSampling,
     ObjectMesh,
     Sampling,
     SurfaceLabels,
@@ -332,7 +333,7 @@ def test_only_safe_labels_are_called_safe(box: SurfaceLabels) -> None:
     text = "every S and U is correct, an M may be one of them"
     assert library_data([], BatchSettings(three))["certainty"] == text
     assert decoded(object_script(box, "box", ()))[0]["certainty"] == ""
-    search = Sampling(candidates=8)
+    search = MultifingerSampling(candidates=8)
     safe = label_surface(cylinder_mesh(0.5, 1.0, max_edge=0.5), three, sampling=search, threads=1)
     assert decoded(object_script(safe, "cylinder", ()))[0]["certainty"] == text
 
@@ -377,7 +378,7 @@ def test_describe_settings() -> None:
     assert text["Fingers"] == "2, soft"
     assert {"Torsion radius", "Patch radius", "Longest edge", "Unit of the files"} <= set(text)
     assert text["Search"] == "grasps with β* up to 57.3°"
-    three_fingers = BatchSettings(GraspModel(fingers=3), Sampling(max_spread=0.12))
+    three_fingers = BatchSettings(GraspModel(fingers=3), MultifingerSampling(max_spread=0.12))
     text = dict(describe_settings(three_fingers))
     assert text["Distances between contacts"] == "at most 0.12 (in each mesh's unit)"
     assert "Grip" not in text
@@ -399,7 +400,7 @@ def test_the_header_has_the_limits_of_the_search() -> None:
         "Grip squeeze", "Opening without limits",
     ]  # fmt: skip
     soft = GraspModel(fingers=3, torsion_radius=0.01)
-    limited = BatchSettings(soft, Sampling(max_spread=0.12, search_angle=1.0))
+    limited = BatchSettings(soft, MultifingerSampling(max_spread=0.12, search_angle=1.0))
     assert summarise_settings(limited)[2:] == [
         "3 soft fingers", "Distances between contacts at most 0.12 (in each mesh's unit)",
         "Search grasps with β* up to 57.3°",

@@ -14,7 +14,15 @@ import pytest
 from numpy.typing import NDArray
 from PIL import Image
 
-from grasp3d import GraspModel, Label, Sampling, SurfaceLabels, label_surface, load_mesh
+from grasp3d import (
+    GraspModel,
+    Label,
+    MultifingerSampling,
+    Sampling,
+    SurfaceLabels,
+    label_surface,
+    load_mesh,
+)
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, write_report
 from grasp3d.batch.row import AreaFractions, Outcome, Row
@@ -74,7 +82,7 @@ def report(tmp_path_factory: pytest.TempPathFactory) -> Report:
         made.labels[name] = label_surface(mesh, MODEL, sampling=wide, threads=1)
     mesh = cylinder_mesh(0.5, 1.0, max_edge=0.5)
     three = replace(MODEL, fingers=3)
-    search = Sampling(candidates=8, search_angle=90.0 * DEGREE)
+    search = MultifingerSampling(candidates=8, search_angle=90.0 * DEGREE)
     made.labels["cylinder"] = label_surface(mesh, three, sampling=search, threads=1)
     for name, labels in made.labels.items():
         row = row_of(labels, HOSTILE if name == "cone" else f"{STEMS[name]}.ply", STEMS[name])

@@ -66,8 +66,8 @@ def test_labels_of_another_mesh_of_the_same_name_are_not_replaced(tmp_path: Path
     for other in (large, ball):
         with pytest.raises(OutputError, match=r"\(of another mesh called arrays\); name another"):
             check_same_settings(path, task(other, same), overwrite=False)
-    with pytest.raises(OutputError, match=r"\(seed 0, not 1\)"):
-        check_same_settings(path, task(small, replace(same, seed=1)), overwrite=False)
+    with pytest.raises(OutputError, match=r"\(rays 8, not 16\)"):
+        check_same_settings(path, task(small, replace(same, rays=16)), overwrite=False)
 
 
 @pytest.mark.parametrize(

@@ -202,6 +202,7 @@ BAD: dict[str, tuple[list[str], str]] = {
     "fingers": (["circle", "--fingers", "3"], "closed form for two fingers only; got 3"),
     "too many fingers": (["ball.ply", "--fingers", "6"], "fingers must be from 2 to 5; got 6"),
     "another's": (["ball.ply", "--fingers", "3", "--rays", "16"], "rays does not apply to 3"),
+    "both": (["ball.ply", "--rays", "16", "--seed", "1"], "two fingers and --seed for three"),
 }
 
 

@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from grasp3d import GraspModel, Label, MeshOptions, Sampling, label_surface
+from grasp3d import GraspModel, Label, MeshOptions, MultifingerSampling, label_surface
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
 from grasp3d.perturbing import NoiseSettings, Perturbation, perturb_surface
@@ -154,7 +154,7 @@ def test_on_a_scan_of_known_noise_the_errors_make_labels_right() -> None:
 def test_three_fingers() -> None:
     ball = movable_surface(shapes.sphere(2), OPTIONS)
     one = perturb_movable(
-        ball, GraspModel(fingers=3), sampling=Sampling(candidates=16),
+        ball, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=16),
         noise=NoiseSettings(noise=0.005, copies=3),
     )  # fmt: skip
     assert one.shift_across > 0.0

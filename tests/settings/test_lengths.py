@@ -9,7 +9,15 @@ from typing import Any
 import numpy as np
 import pytest
 
-from grasp3d import GraspModel, MeshOptions, Sampling, evaluate_grasps, label_surface, load_mesh
+from grasp3d import (
+    GraspModel,
+    MeshOptions,
+    MultifingerSampling,
+    Sampling,
+    evaluate_grasps,
+    label_surface,
+    load_mesh,
+)
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.identity import settings_text
 from grasp3d.errors import SettingError
@@ -45,12 +53,12 @@ def test_what_is_no_length_is_refused_with_the_units(text: Any) -> None:
 
 
 def test_only_lengths_with_that_default_can_be_none() -> None:
-    assert Sampling(min_separation=None).min_separation is None
+    assert MultifingerSampling(min_separation=None).min_separation is None
     assert MeshOptions(max_edge=None).max_edge is None
     empty: Any = None
     for call in (
         lambda: Sampling(min_opening=empty),
-        lambda: Sampling(max_spread=empty),
+        lambda: MultifingerSampling(max_spread=empty),
         lambda: GraspModel(torsion_radius=empty),
         lambda: MeshOptions(patch_radius=empty),
     ):
@@ -80,8 +88,12 @@ def test_every_length_of_the_settings_takes_a_unit() -> None:
             {"torsion_radius", "location_error"},
         ),
         (
-            Sampling(min_opening="5mm", max_opening="5mm", min_separation="5mm", max_spread="5mm"),
-            {"min_opening", "max_opening", "min_separation", "max_spread"},
+            Sampling(min_opening="5mm", max_opening="5mm"),
+            {"min_opening", "max_opening"},
+        ),
+        (
+            MultifingerSampling(min_separation="5mm", max_spread="5mm"),
+            {"min_separation", "max_spread"},
         ),
         (MeshOptions(max_edge="5mm", patch_radius="5mm"), {"max_edge", "patch_radius"}),
     ):

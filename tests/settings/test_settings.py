@@ -2,9 +2,9 @@ import math
 
 import pytest
 
-from grasp3d import GraspModel, MeshOptions, Sampling
+from grasp3d import GraspModel, MeshOptions, MultifingerSampling, Sampling
 from grasp3d.errors import SettingError
-from grasp3d.settings import search_cone
+from grasp3d.settings import check_search_settings, search_cone
 
 
 @pytest.mark.parametrize("friction", [0.0, -1.0, math.nan, math.inf])
@@ -98,3 +98,41 @@ def test_the_search_cone_is_the_angle_that_friction_and_resolution_need() -> Non
     assert search_cone(model, Sampling(search_angle=1.2)) == pytest.approx(1.2)
     assert search_cone(GraspModel(friction=10.0, sensor_resolution=1.0), Sampling()) == math.pi / 2
     assert search_cone(model, Sampling(search_angle=0.3)) == pytest.approx(0.3)
+
+
+def test_a_search_is_fitted_to_its_number_of_fingers() -> None:
+    common = {"search_angle": 0.8, "tolerance": 0.002}
+    pair, several = Sampling(**common), MultifingerSampling(**common)  # type: ignore[arg-type]
+    for fingers in (3, 5):
+        assert pair.fitted(fingers) == several
+        assert several.fitted(fingers) is several
+    assert several.fitted(2) == pair
+    assert pair.fitted(2) is pair
+    for given, fingers, message in (
+        (Sampling(rays=100), 3, "rays does not apply to 3 fingers; use min_separation, max_spread"),
+        (Sampling(max_opening="5mm"), 4, "max_opening does not apply to 4 fingers"),
+        (MultifingerSampling(seed=1), 2, "seed does not apply to 2 fingers; use min_opening"),
+    ):
+        with pytest.raises(SettingError, match=message):
+            given.fitted(fingers)
+        with pytest.raises(SettingError, match=f"sampling for {fingers} fingers must be"):
+            check_search_settings(GraspModel(fingers=fingers), given)
+
+
+@pytest.mark.parametrize(
+    ("options", "message"),
+    [
+        ({"candidates": 7}, "candidates must be from 8 to 4096"),
+        ({"candidates": 8.5}, "candidates must be a whole number"),
+        ({"min_separation": 2.0, "max_spread": 1.0}, "min_separation <= max_spread"),
+        ({"candidate_points": "edges"}, "known: surface, vertices"),
+        ({"seed": -1}, "seed must be a whole number of at least 0"),
+        ({"seed": 2**63}, "seed must be below"),
+        ({"search_angle": 2.0}, "at most 90 degrees"),
+    ],
+)
+def test_errors_of_sampling_of_more_fingers_name_valid_values(
+    options: dict[str, float], message: str
+) -> None:
+    with pytest.raises(SettingError, match=message):
+        MultifingerSampling(**options)  # type: ignore[arg-type]

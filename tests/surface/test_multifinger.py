@@ -12,6 +12,7 @@ from grasp3d import (
     Contacts,
     GraspModel,
     Label,
+    MultifingerSampling,
     ObjectMesh,
     Sampling,
     SurfaceLabels,
@@ -55,7 +56,7 @@ def labelled(shape: str, fingers: int, **sampling: Any) -> SurfaceLabels:
         "tapered": tapered,
         "box": lambda: box_mesh((2.0, 1.5, 1.0), max_edge=0.45),
     }[shape]()
-    settings = Sampling(**{"search_angle": SEARCH_ANGLE, "candidates": 32, **sampling})
+    settings = MultifingerSampling(**{"search_angle": SEARCH_ANGLE, "candidates": 32, **sampling})
     return label_surface(mesh, GraspModel(fingers=fingers), sampling=settings)
 
 
@@ -68,13 +69,13 @@ def contacts_of(labels: SurfaceLabels, vertices: np.ndarray) -> np.ndarray:
 @pytest.mark.slow
 def test_the_result_does_not_depend_on_threads_and_only_the_seed_changes_it() -> None:
     mesh = wedge()
-    sampling = Sampling(candidates=16)
+    sampling = MultifingerSampling(candidates=16)
     found = [search(mesh, 4, sampling, 0.7, threads=threads) for threads in (1, 2, 3)]
     for other in found[1:]:
         assert np.array_equal(found[0].partner_points.faces, other.partner_points.faces)
         assert np.array_equal(found[0].partner_points.weights, other.partner_points.weights)
         assert found[0].evaluated == other.evaluated
-    another = search(mesh, 4, Sampling(candidates=16, seed=7), 0.7, threads=1)
+    another = search(mesh, 4, MultifingerSampling(candidates=16, seed=7), 0.7, threads=1)
     assert not np.array_equal(found[0].partner_points.weights, another.partner_points.weights)
 
 
@@ -217,7 +218,9 @@ def tetrahedron() -> ObjectMesh:
 def test_more_fingers_than_vertices_are_rejected() -> None:
     tetrahedron_mesh, model = tetrahedron(), GraspModel(fingers=5, friction=2.0)
     with pytest.raises(SettingError, match="5 fingers need as many vertices"):
-        label_surface(tetrahedron_mesh, model, sampling=Sampling(candidate_points="vertices"))
+        label_surface(
+            tetrahedron_mesh, model, sampling=MultifingerSampling(candidate_points="vertices")
+        )
     found = label_surface(tetrahedron_mesh, model).critical_angle
     assert np.isfinite(found).all()  # five contacts fit on its faces
 
@@ -225,7 +228,7 @@ def test_more_fingers_than_vertices_are_rejected() -> None:
 @pytest.mark.slow
 def test_idle_fingers_may_be_placed_on_corners() -> None:
     corners = load_mesh(shapes.box((2.0, 1.5, 1.0)), max_edge=1e3)
-    sampling = Sampling(candidate_points="vertices", search_angle=SEARCH_ANGLE)
+    sampling = MultifingerSampling(candidate_points="vertices", search_angle=SEARCH_ANGLE)
     angles = [
         label_surface(corners, GraspModel(fingers=n), sampling=sampling).critical_angle_best
         for n in (3, 4, 5)
@@ -240,19 +243,21 @@ def test_a_small_spread_reduces_the_default_separation() -> None:
     """The default separation is at most a tenth of the largest spread."""
     mesh = wedge()
     labels = label_surface(
-        mesh, GraspModel(fingers=3, friction=2.0), sampling=Sampling(max_spread=0.05 * mesh.size)
+        mesh,
+        GraspModel(fingers=3, friction=2.0),
+        sampling=MultifingerSampling(max_spread=0.05 * mesh.size),
     )
     assert np.isfinite(labels.critical_angle).any()
-    far = Sampling(min_separation=2.0 * mesh.size)
+    far = MultifingerSampling(min_separation=2.0 * mesh.size)
     with pytest.raises(SettingError, match="no two points of the object"):
         label_surface(mesh, GraspModel(fingers=3), sampling=far)
 
 
 def test_settings_of_another_number_of_fingers_are_rejected() -> None:
     mesh = wedge()
-    with pytest.raises(SettingError, match="grip does not apply to 3 fingers"):
+    with pytest.raises(SettingError, match=r"for 3 fingers must be Multifinger.*max_spread"):
         label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(grip="both"))
-    with pytest.raises(SettingError, match="max_spread does not apply to 2 fingers"):
-        label_surface(mesh, sampling=Sampling(max_spread=1.0))
+    with pytest.raises(SettingError, match=r"for 2 fingers must be Sampling\(.*; got Multif"):
+        label_surface(mesh, sampling=MultifingerSampling(max_spread=1.0))
     with pytest.raises(SettingError, match="fingers must be from 2 to 5; got 6"):
         label_surface(mesh, GraspModel(fingers=6))

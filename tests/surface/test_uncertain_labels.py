@@ -13,6 +13,7 @@ from grasp3d import (
     GraspModel,
     Label,
     Load,
+    MultifingerSampling,
     ParallelGripper,
     Sampling,
     SurfaceLabels,
@@ -284,7 +285,9 @@ def test_three_differing_fingers_have_the_same_fractions_too() -> None:
     """Also where the widest finger reaches 90 degrees, and no grasp found is U."""
     mesh = load_mesh(shapes.sphere(1), max_edge=9.0)
     found = label_surface(
-        mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8, search_angle=math.pi / 2.0)
+        mesh,
+        GraspModel(fingers=3),
+        sampling=MultifingerSampling(candidates=8, search_angle=math.pi / 2.0),
     ).relabel(per_finger="; ; normal_error=30")
     angles = found.angle_distribution()
     for friction, resolution in ((0.5, 0.1), (1.0, 0.6), (2.0, 0.1)):
@@ -315,7 +318,7 @@ def test_given_grasps_and_scans(labels: SurfaceLabels) -> None:
 @pytest.mark.slow
 def test_three_fingers_are_safe() -> None:
     mesh = load_mesh(shapes.sphere(2), max_edge=9.0)
-    known = label_surface(mesh, GraspModel(fingers=3), sampling=Sampling(candidates=8))
+    known = label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=8))
     unsure = known.relabel(location_error=0.02 * mesh.size)
     assert ((unsure.label == known.label) | (unsure.label == Label.M)).all()
     assert (unsure.label == Label.S).any()

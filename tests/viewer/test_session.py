@@ -12,6 +12,7 @@ from grasp3d import (
     GraspError,
     GraspModel,
     Label,
+    MultifingerSampling,
     Sampling,
     SurfaceLabels,
     label_surface,
@@ -263,7 +264,7 @@ def test_a_failed_job_is_reported_and_not_repeated() -> None:
         raise MeshError("the mesh is too large")
 
     collection = Collection((Item("a", fail), Item("b", lambda _: subject_of(labels))),
-                  labels.model, Sampling(candidates=8))  # fmt: skip
+                  labels.model, MultifingerSampling(candidates=8))  # fmt: skip
     session = ready_session(collection)
     assert session.message == "the mesh is too large"
     assert session.subject is None

@@ -9,6 +9,7 @@ import pytest
 from grasp3d import (
     GraspModel,
     Label,
+    MultifingerSampling,
     Sampling,
     SurfaceLabels,
     label_surface,
@@ -98,7 +99,7 @@ def test_fingers_that_differ_make_all_labels() -> None:
 @pytest.mark.parametrize("model", ["location", "worse"])
 def test_three_fingers_are_read_as_they_were_written(tmp_path: Path, model: str) -> None:
     mesh = load_mesh(shapes.box(), max_edge=0.5)
-    wide = Sampling(candidates=8, search_angle=1.2)
+    wide = MultifingerSampling(candidates=8, search_angle=1.2)
     known = label_surface(mesh, GraspModel(fingers=3), sampling=wide)
     given = MODELS[model]
     extra = given.per_finger and f"{given.per_finger};"

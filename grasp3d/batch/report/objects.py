@@ -11,7 +11,7 @@ from grasp3d.batch.report.packing import STEPS, json_text, pack_arrays, quantise
 from grasp3d.batch.row import BestGrasp
 from grasp3d.meanings import SAFE_LABELS
 from grasp3d.model_text import error_texts
-from grasp3d.settings import Sampling, search_cone
+from grasp3d.settings import search_cone
 
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
@@ -72,7 +72,7 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         "fingers": model.fingers,
         "method": model.method,
         "certainty": SAFE_LABELS if model.certainty == "safe" else "",
-        "cone": max(labels.search.cone, search_cone(model, Sampling())),
+        "cone": max(labels.search.cone, search_cone(model)),
         "creaseAngle": mesh.options.crease_angle,
         "closed": mesh.report.closed,
         "repairs": [str(step) for step in mesh.report.repairs],

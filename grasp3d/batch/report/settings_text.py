@@ -77,8 +77,8 @@ def _model(model: GraspModel) -> Iterator[tuple[str, str]]:
 
 
 def _search(settings: BatchSettings) -> Iterator[tuple[str, str]]:
-    search: Sampling = settings.search
-    if settings.model.fingers == 2:
+    search = settings.search
+    if isinstance(search, Sampling):
         yield "Grip", {"both": "squeeze or expand"}.get(search.grip, search.grip)
         yield "Opening", _range(search.min_opening, search.max_opening)
     else:

@@ -9,7 +9,7 @@ so far, so the search may miss a grasp, but every grasp that it returns is real.
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -26,7 +26,7 @@ from grasp3d.arrays import Bytes, Ints, used_indices
 from grasp3d.errors import SettingError
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.settings import Sampling
+from grasp3d.settings import MultifingerSampling, Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.candidate_points import (
@@ -95,7 +95,7 @@ class MultifingerGrasps:
 def search(
     mesh: ObjectMesh,
     fingers: int,
-    sampling: Sampling,
+    sampling: MultifingerSampling,
     cone: float,
     *,
     threads: int,
@@ -126,7 +126,7 @@ class _Search:
 
     mesh: ObjectMesh
     fingers: int
-    sampling: Sampling
+    sampling: MultifingerSampling
     cone: float
     threads: int
     executor: ThreadPoolExecutor
@@ -271,18 +271,14 @@ class _Search:
 
     def _opposing_contacts(self) -> tuple[SurfacePoints, Ints]:
         """(points, vertices): smooth second contacts of the best antipodal grasps."""
-        sampling, mesh = self.sampling, self.mesh
-        pairs = best_pairs(
-            mesh,
-            replace(
-                sampling,
-                grip="both",
-                min_opening=self.min_separation,
-                max_opening=sampling.max_spread,
-            ),
-            self.cone,
-            threads=self.threads,
+        mesh = self.mesh
+        sampling = Sampling(
+            grip="both",
+            min_opening=self.min_separation,
+            max_opening=self.sampling.max_spread,
+            tolerance=self.sampling.tolerance,
         )
+        pairs = best_pairs(mesh, sampling, self.cone, threads=self.threads)
         faces, weights = (
             pairs.partner_points.faces[self.vertices, 0],
             pairs.partner_points.weights[self.vertices, 0],

@@ -17,7 +17,7 @@ from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.mesh_sources import read_source
 from grasp3d.mesh.plausible_lengths import check_lengths
-from grasp3d.settings import GraspModel, MeshOptions, Sampling, check_search_settings
+from grasp3d.settings import AnySampling, GraspModel, MeshOptions, Sampling, check_search_settings
 from grasp3d.settings.lengths import Measure, Unit, settings_in_unit
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labelling import Labelling, label_surface
@@ -39,7 +39,7 @@ READ = 0.2
 
 SettingsT = TypeVar("SettingsT")
 Lengths: TypeAlias = Mapping[str, float | None]
-Search: TypeAlias = tuple[ReachSettings, GraspModel, Sampling]
+Search: TypeAlias = tuple[ReachSettings, GraspModel, AnySampling]
 """Settings of a search."""
 
 
@@ -58,7 +58,7 @@ class Collection:
 
     items: tuple[Item, ...]
     model: GraspModel
-    sampling: Sampling
+    sampling: AnySampling
     notes: tuple[str, ...] = ()
     """Sentences for the user, for example that meshes were left out."""
 
@@ -71,11 +71,11 @@ def collection_of(labels: SurfaceLabels) -> Collection:
     """Collection of one surface that is already labelled."""
     subject = subject_of(labels)
     item = Item(as_unicode(subject.name), lambda _: warm_up(subject))
-    return Collection((item,), labels.model, labels.sampling or Sampling())
+    return Collection((item,), labels.model, labels.sampling or _default(labels.model))
 
 
 def collection_of_mesh(
-    mesh: ObjectMesh, model: GraspModel | None = None, sampling: Sampling | None = None
+    mesh: ObjectMesh, model: GraspModel | None = None, sampling: AnySampling | None = None
 ) -> Collection:
     """Collection of one mesh, which is labelled when it is opened.
 
@@ -87,7 +87,7 @@ def collection_of_mesh(
     Raises:
         SettingError: The settings contradict each other.
     """
-    settings = model or GraspModel(), sampling or Sampling()
+    settings = _chosen(model, sampling)
     model, sampling = _in_unit(settings, mesh.unit, mesh.report.source)
     check_search_settings(model, sampling)
     return _single(mesh.report.source, partial(_label_mesh, mesh, model, sampling), model, sampling)
@@ -112,13 +112,13 @@ def collection_of_grasps(grasps: GraspTable) -> Collection:
         )
         for row in range(grasps.size)
     )
-    return Collection(items, grasps.model, Sampling())
+    return Collection(items, grasps.model, _default(grasps.model))
 
 
 def open_collection(
     target: Path,
     model: GraspModel | None = None,
-    sampling: Sampling | None = None,
+    sampling: AnySampling | None = None,
     options: MeshOptions | None = None,
     *,
     force: bool = True,
@@ -167,7 +167,7 @@ def open_collection(
         lengths = {} if force else _given_lengths(model, sampling, unit, target.name)
         read = partial(_open_labelled, target, options, lengths, (reach, *settings))
         return _single(target.name, read, *settings)
-    settings = model or GraspModel(), sampling or Sampling()
+    settings = _chosen(model, sampling)
     if any(isinstance(length, Measure) for one in settings for length in one.lengths().values()):
         unit = options.unit or read_source(target, max_memory=options.max_memory).raw.unit
         settings = _in_unit(settings, unit, target.name)
@@ -177,7 +177,7 @@ def open_collection(
 
 
 def _single(
-    name: str, read: Callable[[Progress], Subject], model: GraspModel, sampling: Sampling
+    name: str, read: Callable[[Progress], Subject], model: GraspModel, sampling: AnySampling
 ) -> Collection:
     return Collection((Item(as_unicode(name), SubjectCache().cached(read)),), model, sampling)
 
@@ -185,7 +185,7 @@ def _single(
 def _batch_collection(
     folder: Path,
     model: GraspModel | None,
-    sampling: Sampling | None,
+    sampling: AnySampling | None,
     options: MeshOptions,
     reach: ReachSettings,
     *,
@@ -194,7 +194,7 @@ def _batch_collection(
     """All labelled meshes of a batch, in the order of their names."""
     rows, left_out = labelled_rows(folder)
     stored = settings_of_results(folder, rows, options.max_memory)
-    settings = model or GraspModel(), sampling or Sampling()
+    settings = _chosen(model, sampling)
     if stored is not None:
         settings = _merged(stored, model, sampling)
     units: set[Any] = {row.unit or options.unit for row in rows}
@@ -282,7 +282,7 @@ def _open_mesh(
 
 
 def _label_mesh(
-    mesh: ObjectMesh, model: GraspModel, sampling: Sampling, progress: Progress
+    mesh: ObjectMesh, model: GraspModel, sampling: AnySampling, progress: Progress
 ) -> Subject:
     return warm_up(subject_of(label_surface(mesh, model, sampling=sampling, progress=progress)))
 
@@ -311,31 +311,44 @@ def _scan_grasp(grasps: GraspTable, row: int, progress: Progress) -> Subject:
 
 
 def _in_unit(
-    settings: tuple[GraspModel, Sampling], unit: Unit | None, source: str
-) -> tuple[GraspModel, Sampling]:
+    settings: tuple[GraspModel, AnySampling], unit: Unit | None, source: str
+) -> tuple[GraspModel, AnySampling]:
     """Settings with lengths as numbers in a unit, as the viewer has them."""
     return settings_in_unit(unit, *settings, source=source)
 
 
 def _given_lengths(
-    model: GraspModel | None, sampling: Sampling | None, unit: Unit | None, source: str
+    model: GraspModel | None, sampling: AnySampling | None, unit: Unit | None, source: str
 ) -> Lengths:
     """The lengths that the user gave, and defaults, by name."""
-    settings = _in_unit((model or GraspModel(), sampling or Sampling()), unit, source)
-    return {name: length for one in settings for name, length in one.lengths().items()}
+    settings = settings_in_unit(unit, model or GraspModel(), sampling, source=source)
+    return {name: length for one in settings if one for name, length in one.lengths().items()}
 
 
 def _merged(
-    stored: FileSettings, model: GraspModel | None, sampling: Sampling | None
-) -> tuple[GraspModel, Sampling]:
+    stored: FileSettings, model: GraspModel | None, sampling: AnySampling | None
+) -> tuple[GraspModel, AnySampling]:
     """Stored settings with the given ones over them.
 
     The stored search angle is dropped, so that it does not limit later searches.
     """
     merged = _overridden(stored.model, model)
+    given = None if sampling is None else sampling.fitted(merged.fingers)
     if stored.sampling is None or merged.fingers != stored.model.fingers:
-        return merged, sampling or Sampling()
-    return merged, _overridden(replace(stored.sampling, search_angle=None), sampling)
+        return merged, given or _default(merged)
+    return merged, _overridden(replace(stored.sampling, search_angle=None), given)
+
+
+def _chosen(
+    model: GraspModel | None, sampling: AnySampling | None
+) -> tuple[GraspModel, AnySampling]:
+    """The given settings, or the defaults."""
+    model = model or GraspModel()
+    return model, (sampling or Sampling()).fitted(model.fingers)
+
+
+def _default(model: GraspModel) -> AnySampling:
+    return Sampling().fitted(model.fingers)
 
 
 def _overridden(stored: SettingsT, given: SettingsT | None) -> SettingsT:
@@ -352,7 +365,7 @@ def _overridden(stored: SettingsT, given: SettingsT | None) -> SettingsT:
     return replace(stored, **changed)  # type: ignore[type-var]
 
 
-def _check(model: GraspModel, sampling: Sampling, *, scan: bool) -> None:
+def _check(model: GraspModel, sampling: AnySampling, *, scan: bool) -> None:
     """Check that a search accepts the settings, before anything is opened."""
     if not scan:
         check_search_settings(model, sampling)

@@ -10,7 +10,7 @@ from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
-from grasp3d.settings import GraspModel, Sampling, search_cone
+from grasp3d.settings import AnySampling, GraspModel, search_cone
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SearchReport, SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
@@ -64,7 +64,7 @@ def _prepared_mesh(subject: Subject) -> ObjectMesh:
 
 
 def search_grasps(
-    subject: Subject, model: GraspModel, sampling: Sampling, progress: Progress, *,
+    subject: Subject, model: GraspModel, sampling: AnySampling, progress: Progress, *,
     wide: bool = False,
 ) -> Subject:  # fmt: skip
     """Search the best grasps again, for the same gripper and table.
@@ -80,7 +80,7 @@ def search_grasps(
     if wide:
         cone = WIDEST
     elif cone is None and subject.mode == "label":
-        cone = min(max(subject.cone, search_cone(model, Sampling())), WIDEST)
+        cone = min(max(subject.cone, search_cone(model)), WIDEST)
     start = 0.0 if subject.labels is not None else PREPARED
     mesh = mesh_of(subject)
     progress(start)

@@ -233,10 +233,8 @@ def _reason(subject: Subject, vertex: int) -> Reason | None:
     """Why there is no grasp; None: unknown, as for a limited search stored in a lone file."""
     reason, sampling = Reason(int(subject.reason[vertex])), subject.sampling
     limited = sampling is not None and (
-        sampling.min_opening > 0.0
-        or math.isfinite(min(sampling.max_opening, sampling.max_spread))
-        or sampling.min_separation is not None
-        or subject.scene is not None
+        subject.scene is not None
+        or any(0.0 < (length or 0.0) < math.inf for length in sampling.lengths().values())
     )
     unnamed = subject.partners is None and reason == Reason.NO_PARTNER
     return None if unnamed and limited else reason

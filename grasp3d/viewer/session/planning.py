@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeAlias
 
-from grasp3d.settings import GraspModel, Sampling
+from grasp3d.settings import AnySampling, GraspModel, Sampling, sampling_kind
 from grasp3d.settings.lengths import METRES
 from grasp3d.viewer.session.background import Job
 from grasp3d.viewer.session.computations import (
@@ -68,7 +68,7 @@ class SaveRequest:
 
 
 def next_job(
-    viewed: ViewedItem, state: ViewState, sampling: Sampling, saving: SaveRequest | None = None
+    viewed: ViewedItem, state: ViewState, sampling: AnySampling, saving: SaveRequest | None = None
 ) -> SubjectJob | None:
     """The next job; None: everything is computed.
 
@@ -102,7 +102,7 @@ def next_job(
     )
 
 
-def needs_search(subject: Subject, state: ViewState, sampling: Sampling) -> bool:
+def needs_search(subject: Subject, state: ViewState, sampling: AnySampling) -> bool:
     """Whether a surface was searched for another number of fingers or other limits.
 
     Args:
@@ -118,10 +118,10 @@ def needs_search(subject: Subject, state: ViewState, sampling: Sampling) -> bool
     return _limits(subject, needed) != _limits(subject, searched)
 
 
-def _limits(subject: Subject, sampling: Sampling) -> Sampling:
+def _limits(subject: Subject, sampling: AnySampling) -> AnySampling:
     """Settings of a search without its cone, with openings that a gripper can have."""
     sampling = replace(sampling, search_angle=None)
-    if subject.scene is None or subject.unit is None:
+    if subject.scene is None or subject.unit is None or not isinstance(sampling, Sampling):
         return sampling
     least, most = (limit / METRES[subject.unit] for limit in subject.scene.hand.limits)
     most = min(sampling.max_opening, most)
@@ -130,7 +130,7 @@ def _limits(subject: Subject, sampling: Sampling) -> Sampling:
     )
 
 
-def is_stale(viewed: ViewedItem, state: ViewState, sampling: Sampling) -> bool:
+def is_stale(viewed: ViewedItem, state: ViewState, sampling: AnySampling) -> bool:
     """Whether the displayed surface has other fingers, limits or fixed fingers than are chosen.
 
     Or its file lacks the contacts from which labels with a location error follow. A surface whose
@@ -170,26 +170,21 @@ def missing_result(subject: Subject, state: ViewState) -> str:
     return f"grasps for this {limit}"
 
 
-def span_limit(sampling: Sampling, model: GraspModel) -> float:
+def span_limit(sampling: AnySampling) -> float:
     """Largest distance allowed between contacts."""
-    return sampling.max_opening if model.fingers == 2 else sampling.max_spread
+    return sampling.max_opening if isinstance(sampling, Sampling) else sampling.max_spread
 
 
-def limited_sampling(sampling: Sampling, state: ViewState) -> Sampling:
+def limited_sampling(sampling: AnySampling, state: ViewState) -> AnySampling:
     """Search settings with the chosen limit; limits of other numbers of fingers are dropped."""
-    default, limit = Sampling(), state.max_opening
-    if state.model.fingers == 2:
-        return replace(
-            sampling, max_opening=limit, min_opening=min(sampling.min_opening, limit),
-            candidates=default.candidates, min_separation=None, max_spread=math.inf,
-            candidate_points=default.candidate_points, seed=default.seed,
-        )  # fmt: skip
+    limit, kind = state.max_opening, sampling_kind(state.model.fingers)
+    if not isinstance(sampling, kind):
+        sampling = kind(search_angle=sampling.search_angle, tolerance=sampling.tolerance)
+    if isinstance(sampling, Sampling):
+        return replace(sampling, max_opening=limit, min_opening=min(sampling.min_opening, limit))
     separation = sampling.min_separation
-    return replace(
-        sampling, max_spread=limit, rays=default.rays, grip=default.grip, min_opening=0.0,
-        max_opening=math.inf,
-        min_separation=None if separation is None else min(separation, limit),
-    )  # fmt: skip
+    least = None if separation is None else min(separation, limit)
+    return replace(sampling, max_spread=limit, min_separation=least)
 
 
 def _covers(subject: Subject, state: ViewState) -> bool:
@@ -201,7 +196,7 @@ def _covers(subject: Subject, state: ViewState) -> bool:
 
 
 def _search_job(
-    subject: Subject, state: ViewState, sampling: Sampling, number: int
+    subject: Subject, state: ViewState, sampling: AnySampling, number: int
 ) -> SubjectJob | None:
     """Search for other fingers or limits, a wider cone, or another location error."""
     search = limited_sampling(sampling, state)
@@ -252,7 +247,9 @@ def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
     key = ("grasps", number)
     if subject.partners is None:
         cone = min(subject.cone, math.pi / 2.0)
-        sampling = replace(subject.sampling or Sampling(), search_angle=cone)
+        sampling = replace(
+            subject.sampling or Sampling().fitted(subject.model.fingers), search_angle=cone
+        )
         run = partial(search_grasps, subject, subject.model, sampling)
         return Job(key, "searching grasps", run)
     if located and not (other_epsilon or other_forces or _wants_alternatives(subject, state)):

@@ -79,6 +79,6 @@ def _with_labels(subject: Subject, progress: Progress) -> Subject:
     """The subject with its mesh and grasps."""
     if subject.labels is not None or subject.partners is not None:
         return prepare_labels(subject, progress)
-    sampling = subject.sampling or Sampling()
+    sampling = subject.sampling or Sampling().fitted(subject.model.fingers)
     sampling = replace(sampling, search_angle=min(subject.cone, math.pi / 2.0))
     return search_grasps(subject, subject.model, sampling, progress)

@@ -1,6 +1,6 @@
 """Cache of one object's search results for other numbers of fingers and limits."""
 
-from grasp3d.settings import Sampling
+from grasp3d.settings import AnySampling
 from grasp3d.viewer.session.planning import needs_search
 from grasp3d.viewer.session.state import ViewState
 from grasp3d.viewer.subjects.subject import Subject
@@ -19,7 +19,7 @@ class SearchCache:
         """Add a result; the oldest is dropped if there are too many."""
         self._kept = [*self._kept, subject][-MAX_KEPT:]
 
-    def take(self, state: ViewState, sampling: Sampling) -> Subject | None:
+    def take(self, state: ViewState, sampling: AnySampling) -> Subject | None:
         """Remove and return the result for the chosen fingers and limits; None: not cached.
 
         Args:

@@ -49,7 +49,7 @@ class Session:
         self.settings = settings
         self.state = ViewState(
             model=collection.model,
-            max_opening=span_limit(collection.sampling, collection.model),
+            max_opening=span_limit(collection.sampling),
             paint=settings.paint,
             compare=settings.compare,
             vertex=settings.vertex,

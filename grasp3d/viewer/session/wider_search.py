@@ -10,7 +10,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from grasp3d.settings import GraspModel, Sampling
+from grasp3d.settings import AnySampling, GraspModel
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.merged_grasps import merged
@@ -26,7 +26,7 @@ KNOWN = 0.5
 
 
 def search_wider(
-    subject: Subject, model: GraspModel, sampling: Sampling, progress: Progress
+    subject: Subject, model: GraspModel, sampling: AnySampling, progress: Progress
 ) -> Subject:
     """Search the widest cone for the vertices that have no grasp within the searched cone.
 
@@ -67,7 +67,7 @@ def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabel
     )
 
 
-def _known_labels(subject: Subject, sampling: Sampling, progress: Progress) -> SurfaceLabels:
+def _known_labels(subject: Subject, sampling: AnySampling, progress: Progress) -> SurfaceLabels:
     """Labels with the grasps that are displayed; those of a file without partners are searched."""
     if subject.labels is not None:
         return subject.labels

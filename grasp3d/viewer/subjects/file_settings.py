@@ -14,7 +14,7 @@ from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
 from grasp3d.hand.table import Table
 from grasp3d.loads import Load, load_from
-from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings import AnySampling, GraspModel, MeshOptions, sampling_kind
 from grasp3d.settings.lengths import Unit
 from grasp3d.settings.parsing import SettingsT, settings_of_texts
 from grasp3d.stability.label import Mode
@@ -30,7 +30,7 @@ class FileSettings:
     """Settings that a file was labelled with."""
 
     model: GraspModel
-    sampling: Sampling | None
+    sampling: AnySampling | None
     """None: a scan."""
     options: MeshOptions
     mode: Mode
@@ -70,9 +70,10 @@ def settings_from(comments: Mapping[str, str]) -> FileSettings:
     values = dict(comments, unit="None" if comments["unit"] == "unknown" else comments["unit"])
     options = _parsed(MeshOptions, values)
     load = _load(values)
+    model = _parsed(GraspModel, values)
     return FileSettings(
-        model=_parsed(GraspModel, values),
-        sampling=None if mode == "scan" else _parsed(Sampling, values),
+        model=model,
+        sampling=None if mode == "scan" else _parsed(sampling_kind(model.fingers), values),
         options=options,
         mode="scan" if mode == "scan" else "label",
         cone=cone,

@@ -17,7 +17,7 @@ from grasp3d.mesh.measures import face_areas, is_closed, surface_extent
 from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.mesh.triangles import Triangles
-from grasp3d.settings import GraspModel, MeshOptions, Sampling, search_cone
+from grasp3d.settings import AnySampling, GraspModel, MeshOptions, search_cone
 from grasp3d.settings.lengths import Unit
 from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
@@ -118,7 +118,7 @@ class Subject:
     """None: not computed yet."""
     model: GraspModel
     """Model of the search."""
-    sampling: Sampling | None
+    sampling: AnySampling | None
     """Settings of the search; None: a scan."""
     mode: Mode
     cone: float
@@ -221,8 +221,7 @@ class Subject:
 
     def covers(self, model: GraspModel) -> bool:
         """Whether the search went far enough for a model."""
-        any_cone = Sampling()
-        needed, searched = search_cone(model, any_cone), search_cone(self.model, any_cone)
+        needed, searched = search_cone(model), search_cone(self.model)
         return needed <= max(self.cone, searched) + 1e-9  # rounding
 
 

@@ -1,0 +1,414 @@
+"""The grasp model: friction, sensor resolution, fingers and their uncertainties."""
+
+import math
+from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
+
+from grasp3d.errors import SettingError
+from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length
+from grasp3d.settings.lengths import Length, LengthSettings, Measure
+from grasp3d.settings.uncertainty import (
+    Friction,
+    Interval,
+    PerFinger,
+    Uncertainty,
+    check_location_error,
+    check_normal_error,
+    check_resolution,
+    check_tilt,
+    friction_interval,
+)
+
+Actuation = Literal["total", "per_finger"]
+Method = Literal["exact", "extremes"]
+ContactModel = Literal["point", "soft", "patch"]
+Tilts = Literal["exact", "effective_friction", "sampled_tilts", "bound"]
+Certainty = Literal["exact", "safe"]
+MAX_FINGERS = 32
+MAX_SEARCHED_FINGERS = 5
+"""Most fingers of a grasp that is searched for; given grasps have at most `MAX_FINGERS`."""
+MIN_EDGES, MAX_EDGES = 3, 360
+MIN_EXTREMES, MAX_EXTREMES = 3, 360
+
+_NOTHING = Uncertainty()
+"""What nothing further is known of."""
+
+
+class FingerLimits(NamedTuple):
+    """What is known about the contact of one finger."""
+
+    least_friction_angle: float
+    """Friction angle beta at the smallest friction [rad]."""
+    largest_friction_angle: float
+    """The same at the largest friction [rad]."""
+    tilt: float
+    """Largest angle between the true and the perceived normal [rad]."""
+    location_error: float
+    """Largest distance between the true and the perceived contact point, a length."""
+
+
+@dataclass(frozen=True)
+class GraspModel(LengthSettings):
+    """Friction, sensor resolution and fingers, from which a grasp's label follows.
+
+    A length is a number in the mesh's unit, or has a unit: '5mm', '0.005 m', '0.5cm', '0.2in'.
+
+    Attributes:
+        friction: Coulomb coefficient of friction between fingertip and object, above 0; or the
+            interval in which it lies, 0.4..0.6: S is decided by the smallest, U by the largest.
+        sensor_resolution: Sensor resolution alpha: the angle between the two extreme normals that
+            the fingertip cannot distinguish, from 0 to below 180 degrees.
+        fingers: Number of fingers of a grasp, 2 to 5.
+        method: How grasps are labelled. exact: by the critical friction angle, which covers every
+            normal within the resolution; extremes: by the wrench hulls at every combination of
+            extreme normals, as in the paper, which is sampled and slower.
+        extreme_normals: Method extremes: normals tested on the rim of each contact's cone of
+            uncertainty, 3 to 360, besides the perceived one; more rings where the resolution
+            exceeds four friction angles.
+        edges: Edges of polygonal friction cones for epsilon, and for the labels of method extremes,
+            3 to 360; none: circular cones. Exact labels and critical angles always come from
+            circular ones.
+        actuation: Which force epsilon limits to 1. total: the sum of all fingers' forces;
+            per_finger: each finger's force.
+        torsion_radius: Soft fingers: largest torsional moment about the normal per normal force, a
+            length; 2/3 x friction x r for an evenly pressed disc of radius r. 0: hard fingers. It
+            affects epsilon, and under a load grip force, payload and the label with force, but no
+            other labels.
+        friction_error: Largest difference between the true friction and `friction`, to either side;
+            smaller than `friction`. 0.1 at a friction of 0.5 is the interval 0.4..0.6.
+        normal_error: Largest angle between true and perceived normals beyond half the sensor
+            resolution, from 0 to below 90 degrees: that of joint encoders, for example.
+        location_error: Largest distance between the true and the perceived contact point, a length.
+            Two fingers: exact labels; more: safe ones, every S and U is correct.
+        per_finger: What is known less well about each finger: 'finger 1; finger 2', separated by
+            semicolons. Finger 1 is at the vertex (of given grasps: at the first contact). Each is
+            NAME=VALUE, separated by commas, or empty: sensor_resolution and normal_error in
+            degrees and location_error, a length, are added to those of all fingers, friction
+            replaces theirs. 'location_error=1mm; normal_error=2, friction=0.3..0.4': the contact
+            of finger 1 is known to a further 1 mm, the normal of finger 2 to a further 2 degrees,
+            and its friction is from 0.3 to 0.4.
+        contact: Poses of a gripper: what a contact is. point: a point, with the torsion radius that
+            is given; soft: it has the torsion radius of the patch that its jaw touches there,
+            evenly pressed, unless one is given; patch: it also resists rolling, as its pressure may
+            be centred anywhere in the patch, which affects all labels.
+
+    Example:
+        >>> import math
+        >>> import grasp3d
+        >>> model = grasp3d.GraspModel(friction=0.5, sensor_resolution=math.radians(20.0))
+        >>> print(f"S below {math.degrees(model.effective_friction_angle):.1f} degrees")
+        S below 16.6 degrees
+    """
+
+    friction: Friction = Friction(0.5)
+    sensor_resolution: Radians = 22.6 * DEGREE
+    fingers: int = 2
+    method: Method = "exact"
+    extreme_normals: int = 8
+    edges: int | None = None
+    actuation: Actuation = "total"
+    torsion_radius: Length[float] = Length(0.0)
+    friction_error: float = 0.0
+    normal_error: Radians = 0.0
+    location_error: Length[float] = Length(0.0)
+    per_finger: PerFinger = PerFinger()
+    contact: ContactModel = "point"
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        self._set_friction(friction_interval(self.friction))
+        self._check_uncertainty()
+        if not (isinstance(self.fingers, int) and 1 <= self.fingers <= MAX_FINGERS):
+            raise SettingError(
+                f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {self.fingers}"
+            )
+        check_choice("method", self.method, Method)
+        if not (
+            isinstance(self.extreme_normals, int)
+            and MIN_EXTREMES <= self.extreme_normals <= MAX_EXTREMES
+        ):
+            raise SettingError(
+                f"extreme normals must be from {MIN_EXTREMES} to {MAX_EXTREMES}; "
+                f"got {self.extreme_normals}"
+            )
+        if self.edges is not None and not (
+            isinstance(self.edges, int) and MIN_EDGES <= self.edges <= MAX_EDGES
+        ):
+            raise SettingError(
+                f"edges must be from {MIN_EDGES} to {MAX_EDGES}, or none for circular cones; "
+                f"got {self.edges}"
+            )
+        check_choice("actuation", self.actuation, Actuation)
+        check_length("torsion radius", self.torsion_radius)
+        check_choice("contact", self.contact, ContactModel)
+        if self.contact == "patch":
+            self._check_patches()
+
+    def _check_patches(self) -> None:
+        """Refuse what is not known of contacts with patches."""
+        for name, given in (
+            ("method extremes", self.method == "extremes"),
+            ("location_error", self.location_error != 0.0),
+            ("per_finger", bool(self.per_finger)),
+        ):
+            if given:
+                raise SettingError(
+                    f"contact='patch' (--contact patch) is for the method exact and fingers that "
+                    f"are known equally well, and does not take {name}; use contact='soft', or "
+                    f"leave {name} out"
+                )
+
+    def _set_friction(self, interval: Interval) -> None:
+        """Part an interval of friction into its middle and `friction_error`."""
+        smallest, largest = interval
+        middle = smallest
+        if smallest < largest:
+            # To 15 digits, so that 0.4..0.6 is 0.5 and 0.1 and not 0.1 and a rounding error.
+            middle, half = (
+                float(f"{0.5 * one:.15g}") for one in (smallest + largest, largest - smallest)
+            )
+            if self.friction_error not in {0.0, half}:
+                raise SettingError(
+                    f"friction is an interval, {middle - half:.6g} to {middle + half:.6g}, and "
+                    f"friction_error is {self.friction_error:g}: give one of them (or "
+                    "friction_error=0)"
+                )
+            object.__setattr__(self, "friction_error", half)
+        object.__setattr__(self, "friction", middle)
+
+    def _check_uncertainty(self) -> None:
+        if not 0.0 <= self.friction_error < self.friction:
+            raise SettingError(
+                f"friction error must be at least 0 and below the friction, {self.friction:g}; "
+                f"got {self.friction_error:g}"
+            )
+        check_resolution(self.sensor_resolution)
+        check_normal_error(self.normal_error)
+        check_location_error(self.location_error)
+        for own in self.per_finger or (_NOTHING,):
+            check_tilt(self._tilt_of(own))
+        if self.method == "extremes" and (self.location_error != 0.0 or self.per_finger):
+            raise SettingError(
+                "method extremes tests normals only; location_error and per_finger need the method "
+                "exact"
+            )
+
+    def with_uncertainty(self, *uncertainty: Uncertainty) -> "GraspModel":
+        """The same model with the uncertainty of a sensor, of encoders or of a user.
+
+        Args:
+            uncertainty: One value for all fingers, which replaces the sensor resolution and the
+                errors of this model, and its friction if it states one; or one for each finger:
+                then they are all there is, except for friction that they do not state.
+
+        Raises:
+            SettingError: A value is outside its range.
+        """
+        one = uncertainty[0] if len(uncertainty) == 1 else Uncertainty()
+        return replace(
+            self,
+            friction=self.friction if one.friction is None else one.friction,
+            friction_error=self.friction_error if one.friction is None else 0.0,
+            sensor_resolution=one.sensor_resolution,
+            normal_error=one.normal_error,
+            location_error=one.location_error,
+            per_finger="" if len(uncertainty) == 1 else uncertainty,
+        )
+
+    @property
+    def fingertips(self) -> tuple[FingerLimits, ...]:
+        """What is known about the contact of each finger, the one at the vertex first.
+
+        Raises:
+            SettingError: A length has a unit (see `settings_in_unit`), or `per_finger` is for
+                another number of fingers.
+        """
+        check_per_finger(self)
+        if not self.per_finger:
+            return (self._limits_of(_NOTHING),) * self.fingers
+        return tuple(map(self._limits_of, self.per_finger))
+
+    def _limits_of(self, own: Uncertainty) -> FingerLimits:
+        of_all, further = self.location_error, own.location_error
+        if isinstance(of_all, Measure) or isinstance(further, Measure):
+            raise SettingError(
+                "location errors have a unit: convert them with settings_in_unit(unit of the mesh, "
+                "model)"
+            )
+        least, largest = self._friction_of(own)
+        return FingerLimits(
+            math.atan(least), math.atan(largest), self._tilt_of(own), of_all + further
+        )
+
+    def _friction_of(self, own: Uncertainty) -> tuple[float, float]:
+        return own.friction or self.friction_interval
+
+    def _tilt_of(self, own: Uncertainty) -> float:
+        resolution = self.sensor_resolution + own.sensor_resolution
+        return resolution / 2.0 + (self.normal_error + own.normal_error)
+
+    @property
+    def friction_interval(self) -> tuple[float, float]:
+        """Smallest and largest friction of a finger without a friction of its own."""
+        return self.friction - self.friction_error, self.friction + self.friction_error
+
+    @property
+    def friction_bounds(self) -> tuple[float | tuple[float, ...], float | tuple[float, ...]]:
+        """Smallest and largest friction, each one for all fingers or one for each."""
+        if not self.per_finger:
+            return self.friction_interval
+        pairs = [self._friction_of(own) for own in self.per_finger]
+        return tuple(low for low, _ in pairs), tuple(high for _, high in pairs)
+
+    @property
+    def frictions(self) -> float | tuple[float, ...]:
+        """Nominal friction, one for all fingers or one for each: the middle of its interval."""
+        if not self.per_finger:
+            return self.friction
+        pairs = (self._friction_of(own) for own in self.per_finger)
+        return tuple(0.5 * (low + high) for low, high in pairs)
+
+    @property
+    def tilt_of_fingers(self) -> float | tuple[float, ...]:
+        """`tilt`, one for all fingers or one for each, with the values of `per_finger`."""
+        if not self.per_finger:
+            return self.tilt
+        return tuple(map(self._tilt_of, self.per_finger))
+
+    @property
+    def friction_angle(self) -> float:
+        """Half-angle beta of the friction cone at the nominal friction [rad]."""
+        return math.atan(self.friction)
+
+    @property
+    def tilt(self) -> float:
+        """How far the true normal may lie from the perceived one [rad]: alpha / 2 + normal error.
+
+        That of all fingers, to which the values of `per_finger` are added.
+        """
+        return self.sensor_resolution / 2.0 + self.normal_error
+
+    @property
+    def effective_friction_angle(self) -> float:
+        """Angle beta - alpha/2 [rad]: a grasp is S where its critical friction angle is smaller.
+
+        Wan & Howe 2018, Sec. III-A: the friction that remains whatever the tilt, here at the
+        smallest friction and with all errors of normals. Negative where tilts exceed friction.
+        Where fingers differ it is that of the worst finger.
+        """
+        if self.per_finger:
+            return min(
+                math.atan(self._friction_of(own)[0]) - self._tilt_of(own) for own in self.per_finger
+            )
+        return math.atan(self.friction - self.friction_error) - self.tilt
+
+    @property
+    def widest_friction_angle(self) -> float:
+        """Angle beta + alpha/2 [rad]: the friction angle that the best tilt is equivalent to.
+
+        At the largest friction; where fingers differ, that of the best finger.
+        """
+        if self.per_finger:
+            return max(
+                math.atan(self._friction_of(own)[1]) + self._tilt_of(own) for own in self.per_finger
+            )
+        return math.atan(self.friction + self.friction_error) + self.tilt
+
+    @property
+    def certainty(self) -> Certainty:
+        """How the labels of method exact are decided where contact locations are uncertain.
+
+        'exact': an M is neither S nor U (two contacts; at creases a U may be an M). 'safe': every S
+        and every U is correct, an M may be one of them.
+        """
+        return "exact" if self.fingers == 2 or self.is_uniform else "safe"
+
+    @property
+    def is_uniform(self) -> bool:
+        """Whether all contacts are known equally well, and their locations exactly.
+
+        Then labels are thresholds on the critical friction angle.
+        """
+        return self.location_error == 0.0 and not self.per_finger
+
+    @property
+    def unstable_from(self) -> float:
+        """Critical friction angle from which a grasp is U [rad]: beta + alpha/2.
+
+        inf for three fingers and more where that reaches 90 degrees: such wide cones are not
+        convex, and some tilts may be force-closed whatever the critical angle is.
+        """
+        widest = self.widest_friction_angle
+        return math.inf if self.fingers > 2 and widest >= math.pi / 2.0 else widest
+
+    @property
+    def tilts(self) -> Tilts:
+        """How epsilon's minimum over all tilts is computed; see `quality.epsilon_range`.
+
+        Method extremes samples it, and the maximum, at the combinations that it tests. Where
+        contact locations are uncertain it is a lower bound.
+        """
+        if self.location_error != 0.0 or any(one.location_error != 0.0 for one in self.per_finger):
+            return "bound"
+        if self.soft or self.method == "extremes":
+            return "sampled_tilts"
+        return "exact" if self.edges is None else "effective_friction"
+
+    @property
+    def epsilon_rank(self) -> int:
+        """Dimension of the wrench space in which epsilon is computed.
+
+        Two hard fingers resist no torque about the line through them.
+        """
+        return 6 if self.soft or self.fingers > 2 else 5
+
+    @property
+    def soft(self) -> bool:
+        """Whether the fingers are soft: they have a torsion radius, in any unit."""
+        return self.torsion_radius != 0.0 or self.contact != "point"
+
+
+def check_point_contacts(model: GraspModel) -> None:
+    """Refuse a contact model that needs the patches which a gripper's jaws touch.
+
+    Raises:
+        SettingError: Contacts are not points.
+    """
+    if model.contact != "point":
+        raise SettingError(
+            f"contact={model.contact!r} (--contact {model.contact}) applies to poses of a gripper, "
+            "whose jaws are closed on the object (grasp3d evaluate MESH POSES --hand ...); "
+            "elsewhere contacts are points: give the torsion radius of soft fingers instead "
+            "(torsion_radius, --torsion-radius)"
+        )
+
+
+def check_per_finger(model: GraspModel) -> None:
+    """Refuse uncertainties of another number of fingers than a grasp has.
+
+    Raises:
+        SettingError: `per_finger` is for another number of fingers.
+    """
+    count = len(model.per_finger)
+    if count not in {0, model.fingers}:
+        raise SettingError(
+            f"per_finger (--per-finger) is for {count} finger{'s' if count > 1 else ''}, but a "
+            f"grasp has {model.fingers}: separate the fingers by semicolons, and leave a finger "
+            "empty of which nothing further is known ('location_error=1mm;' for two fingers)"
+        )
+
+
+def with_fingers(model: GraspModel, count: int) -> GraspModel:
+    """The model for given grasps, whose number of fingers is known.
+
+    Raises:
+        SettingError: The model has another number of fingers, which is not the default either.
+    """
+    if model.fingers not in {GraspModel().fingers, count}:
+        raise SettingError(
+            f"the grasps have {count} fingers, but the model (--fingers) has {model.fingers}; "
+            "fingers need not be set for given grasps"
+        )
+    chosen = replace(model, fingers=count)
+    check_per_finger(chosen)
+    return chosen

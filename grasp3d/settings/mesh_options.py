@@ -1,0 +1,103 @@
+"""How a mesh is read and prepared."""
+
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass, fields, replace
+from typing import Any, Literal
+
+from grasp3d.errors import SettingError
+from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length
+from grasp3d.settings.lengths import (
+    Length,
+    LengthSettings,
+    Position,
+    Unit,
+    comparable,
+    describe_length,
+)
+
+Repair = Literal["none", "safe", "full"]
+MIN_MEMORY = 0.5
+
+
+@dataclass(frozen=True)
+class MeshOptions(LengthSettings):
+    """How a mesh file is read and prepared.
+
+    A length is a number in the mesh's unit, or has a unit: '3mm', '0.003 m', '0.3cm', '0.1in'.
+
+    Attributes:
+        unit: Unit of the mesh's coordinates, and of lengths without a unit; none: the unit that the
+            file states, if any. Nothing is scaled: positions and openings stay in this unit.
+        max_edge: Longest edge of the mesh, a length; longer edges are divided. none: 1/32 of the
+            object's size.
+        crease_angle: An edge whose faces meet at more than this angle is a crease (a sharp edge):
+            the faces keep their own normals there. With a patch_radius edges are rounded instead.
+        repair: How much of a damaged surface is repaired. none: only faces without area are
+            removed; safe: also vertices are welded, faces oriented outward, pinholes closed,
+            overlapping bodies united; full: also every hole is closed, and sealed cavities are
+            filled.
+        patch_radius: Radius of the fingertip's contact patch, a length: the contact
+            normal at a surface point is the average over the surface within this distance along it,
+            as a soft fingertip touches an area; at most half of the object's size. 0: the normal at
+            the point alone.
+        center_of_mass: Centre of mass of the object in the mesh's frame, three lengths with commas:
+            10mm,0,-2.5mm. none: that of a uniform density, or, if the mesh is open, of its surface.
+        max_memory: Memory that reading and labelling one mesh may take [GB]; files that need more
+            are refused before they are processed.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> options = grasp3d.MeshOptions(unit="mm", max_edge=20.0)
+        >>> cube = trimesh.creation.box([40.0, 40.0, 40.0])
+        >>> grasp3d.load_mesh(cube, options).unit
+        'mm'
+        >>> len(grasp3d.load_mesh(cube, options, max_edge=10.0).vertices)
+        194
+    """
+
+    unit: Unit | None = None
+    max_edge: Length[float | None] = Length(None)
+    crease_angle: Radians = 30.0 * DEGREE
+    repair: Repair = "safe"
+    patch_radius: Length[float] = Length(0.0)
+    center_of_mass: Position = Position(None)
+    max_memory: float = 2.0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.unit is not None:
+            check_choice("unit", self.unit, Unit)
+        edge = comparable(self.max_edge)
+        if self.max_edge is not None and not (edge and edge[0] > 0.0):
+            raise SettingError(f"max_edge must be above 0; got {describe_length(self.max_edge)}")
+        if not 0.0 <= self.crease_angle <= math.pi:
+            degrees = math.degrees(self.crease_angle)
+            raise SettingError(f"crease angle must be from 0 to 180 degrees; got {degrees:g}")
+        check_choice("repair", self.repair, Repair)
+        check_length("patch radius", self.patch_radius)
+        if not self.max_memory >= MIN_MEMORY:
+            raise SettingError(
+                f"max memory must be at least {MIN_MEMORY:g} GB; got {self.max_memory:g}"
+            )
+
+    @classmethod
+    def of(cls, options: "MeshOptions | None", fields_: Mapping[str, Any]) -> "MeshOptions":
+        """Options with some fields changed, as functions take them as keywords.
+
+        Args:
+            options: The options to change; None: the defaults.
+            fields_: New values by name of the field.
+
+        Raises:
+            SettingError: No field has such a name, or a value is outside its range.
+        """
+        if not (options is None or isinstance(options, cls)):
+            raise SettingError(f"options must be MeshOptions(...); got {options!r}")
+        names = [field.name for field in fields(cls)]
+        unknown = [name for name in fields_ if name not in names]
+        if unknown:
+            known = ", ".join(names)
+            raise SettingError(f"no mesh option is called {unknown[0]!r}; known: {known}")
+        return replace(options or cls(), **fields_)

@@ -1,0 +1,251 @@
+"""How candidate grasps are searched for: pairs of contacts, or contacts of more fingers."""
+
+import math
+from dataclasses import dataclass, fields
+from typing import Literal, TypeAlias
+
+from grasp3d.errors import SettingError
+from grasp3d.settings.checks import SEED_LIMIT, Radians, check_choice, whole_number
+from grasp3d.settings.grasp_model import (
+    MAX_SEARCHED_FINGERS,
+    GraspModel,
+    check_per_finger,
+    check_point_contacts,
+)
+from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
+
+Grip = Literal["squeeze", "expand", "both"]
+CandidatePoints = Literal["surface", "vertices"]
+MIN_RAYS, MAX_RAYS = 8, 65_536
+MIN_CANDIDATES, MAX_CANDIDATES = 8, 4096
+ANGLE_ROUNDING = 1e-9
+"""Angle by which a cone may exceed the cone that was searched and still count as covered [rad]."""
+
+
+@dataclass(frozen=True)
+class SearchSettings(LengthSettings):
+    """How far, and how finely, candidate grasps of any number of fingers are searched for.
+
+    Attributes:
+        search_angle: Largest critical friction angle that is searched for, up to 90 degrees; for
+            two fingers the half-angle of the cone of directions about the inward normal. none: just
+            what friction and resolution need. Wider: the surface can be labelled again, without a
+            new search, for any friction and resolution with atan(friction) + alpha/2 up to this
+            angle. Narrower: a limit to the search.
+        tolerance: Step size at which the search around a vertex's best grasp stops, where it is by
+            rays or random steps.
+    """
+
+    search_angle: Radians | None = None
+    tolerance: Radians = 1e-3
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if self.search_angle is not None and not 0.0 < self.search_angle <= math.pi / 2.0:
+            degrees = math.degrees(self.search_angle)
+            raise SettingError(
+                f"search angle must be above 0 and at most 90 degrees; got {degrees:g} degrees"
+            )
+        if not 0.0 < self.tolerance <= math.radians(5.0):
+            degrees = math.degrees(self.tolerance)
+            raise SettingError(
+                f"tolerance must be above 0 and at most 5 degrees; got {degrees:g} degrees"
+            )
+
+    @property
+    def own_changes(self) -> tuple[str, ...]:
+        """Fields for this number of fingers alone that differ from their defaults."""
+        common = {one.name for one in fields(SearchSettings)}
+        return tuple(
+            one.name
+            for one in fields(self)
+            if one.name not in common and getattr(self, one.name) != one.default
+        )
+
+    def fitted(self, fingers: int) -> "AnySampling":
+        """Settings for a number of fingers: these, or where they are for another, the defaults.
+
+        Those have the same search angle and tolerance.
+
+        Raises:
+            SettingError: A field differs from its default that does not apply.
+        """
+        kind = sampling_kind(fingers)
+        if isinstance(self, kind):
+            return self
+        if self.own_changes:
+            other = (
+                "min_opening, max_opening and rays"
+                if kind is Sampling
+                else "min_separation, max_spread and candidates"
+            )
+            raise SettingError(
+                f"{self.own_changes[0]} does not apply to {fingers} fingers; use {other}"
+            )
+        return kind(search_angle=self.search_angle, tolerance=self.tolerance)
+
+
+@dataclass(frozen=True)
+class Sampling(SearchSettings):
+    """How candidate grasps of two fingers are searched for.
+
+    A length is a number in the mesh's unit, or has a unit: '80mm', '0.08 m', '8cm', '3in'.
+
+    Attributes:
+        rays: Two fingers: directions tested from every vertex before the search is refined, 8 to
+            65536. Fingers that squeeze need few: branch and bound searches the whole surface.
+        grip: Two fingers. squeeze: they are outside, pushing toward each other; expand: inside a
+            ring or a mug, pushing apart; both: whichever is better.
+        min_opening: Two fingers: smallest distance between the contacts, a length.
+        max_opening: Two fingers: largest distance between the contacts, a length: the gripper's
+            stroke.
+        search_angle: Largest critical friction angle that is searched for, up to 90 degrees; for
+            two fingers the half-angle of the cone of directions about the inward normal. none: just
+            what friction and resolution need. Wider: the surface can be labelled again, without a
+            new search, for any friction and resolution with atan(friction) + alpha/2 up to this
+            angle. Narrower: a limit to the search.
+        tolerance: Step size at which the search around a vertex's best grasp stops, where it is by
+            rays or random steps.
+
+    Example:
+        A gripper that opens to 80 mm, and a search that is wide enough to label the surface again
+        with a friction of up to 1 and a fine sensor:
+
+        >>> import math
+        >>> import grasp3d
+        >>> sampling = grasp3d.Sampling(max_opening="80mm", search_angle=math.radians(50.0))
+        >>> grasp3d.Sampling(rays=4)
+        Traceback (most recent call last):
+            ...
+        grasp3d.errors.SettingError: rays must be from 8 to 65536; got 4
+    """
+
+    rays: int = 64
+    grip: Grip = "squeeze"
+    min_opening: Length[float] = Length(0.0)
+    max_opening: Length[float] = Length(math.inf)
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not MIN_RAYS <= self.rays <= MAX_RAYS:
+            raise SettingError(f"rays must be from {MIN_RAYS} to {MAX_RAYS}; got {self.rays}")
+        check_choice("grip", self.grip, Grip)
+        _check_limits("openings", "min_opening", "max_opening", self)
+
+
+@dataclass(frozen=True)
+class MultifingerSampling(SearchSettings):
+    """How candidate grasps of three fingers and more are searched for.
+
+    A length is a number in the mesh's unit, or has a unit: '80mm', '0.08 m', '8cm', '3in'.
+
+    Attributes:
+        candidates: Three fingers and more: candidate points for every other finger before the
+            search is refined, spread evenly over the surface within reach of a vertex, 8 to 4096.
+            If candidate points are vertices, all of them are tested where there are at most four
+            times as many.
+        min_separation: Three fingers and more: smallest distance between any two contacts, a
+            length; none: 1/100 of the object's size, but at most 1/10 of max_spread.
+        max_spread: Three fingers and more: largest distance between any two contacts, a length: the
+            reach of the robot's hand.
+        candidate_points: Three fingers and more: where the other fingers may be. surface: anywhere
+            on it; vertices: at the mesh's vertices only.
+        seed: Three fingers and more: random seed of the candidate points and of the search; the
+            same seed gives the same labels.
+        search_angle: Largest critical friction angle that is searched for, up to 90 degrees; for
+            two fingers the half-angle of the cone of directions about the inward normal. none: just
+            what friction and resolution need. Wider: the surface can be labelled again, without a
+            new search, for any friction and resolution with atan(friction) + alpha/2 up to this
+            angle. Narrower: a limit to the search.
+        tolerance: Step size at which the search around a vertex's best grasp stops, where it is by
+            rays or random steps.
+
+    Example:
+        A hand that spans 150 mm, on a ball:
+
+        >>> import trimesh
+        >>> import grasp3d
+        >>> sampling = grasp3d.MultifingerSampling(max_spread="150mm", candidates=16)
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(1, 40.0), unit="mm", max_edge=99.0)
+        >>> labels = grasp3d.label_surface(ball, grasp3d.GraspModel(fingers=3), sampling=sampling)
+        >>> labels.sampling.max_spread, labels.partners.shape
+        (150.0, (42, 2, 3))
+    """
+
+    candidates: int = 64
+    min_separation: Length[float | None] = Length(None)
+    max_spread: Length[float] = Length(math.inf)
+    candidate_points: CandidatePoints = "surface"
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not MIN_CANDIDATES <= whole_number("candidates", self.candidates, 0) <= MAX_CANDIDATES:
+            raise SettingError(
+                f"candidates must be from {MIN_CANDIDATES} to {MAX_CANDIDATES}; "
+                f"got {self.candidates}"
+            )
+        _check_limits("distances", "min_separation", "max_spread", self)
+        check_choice("candidate points", self.candidate_points, CandidatePoints)
+        if whole_number("seed", self.seed, 0) >= SEED_LIMIT:
+            raise SettingError(f"seed must be below 2^63; got {self.seed}")
+
+
+AnySampling: TypeAlias = Sampling | MultifingerSampling
+"""Settings of a search, for the number of fingers of its grasps."""
+
+
+def sampling_kind(fingers: int) -> type[AnySampling]:
+    """The class of the settings of a search for a number of fingers."""
+    return Sampling if fingers == 2 else MultifingerSampling
+
+
+def check_search_settings(model: GraspModel, sampling: AnySampling) -> None:
+    """Refuse settings of a search for another number of fingers.
+
+    Raises:
+        SettingError: Too few or too many fingers, settings for another number, or contacts that are
+            not points.
+    """
+    check_point_contacts(model)
+    if not 2 <= model.fingers <= MAX_SEARCHED_FINGERS:
+        raise SettingError(f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {model.fingers}")
+    check_per_finger(model)
+    kind = sampling_kind(model.fingers)
+    if not isinstance(sampling, kind):
+        names = ", ".join(one.name for one in fields(kind))
+        raise SettingError(
+            f"sampling for {model.fingers} fingers must be {kind.__name__}(...), with {names}; "
+            f"got {type(sampling).__name__}(...)"
+        )
+
+
+def search_cone(model: GraspModel, sampling: AnySampling | None = None) -> float:
+    """Largest critical friction angle that is searched for [rad].
+
+    For two fingers it is the half-angle of the cone of directions in which opposing contacts are
+    searched for: one in a direction beta + alpha/2 or more from the normal makes no grasp better
+    than U, so no ray is needed there.
+
+    Args:
+        model: Friction and sensor resolution.
+        sampling: Settings of the search; None: without a search angle.
+    """
+    if sampling is not None and sampling.search_angle is not None:
+        return sampling.search_angle
+    return min(model.widest_friction_angle, math.pi / 2.0)
+
+
+def _check_limits(what: str, least: str, most: str, sampling: AnySampling) -> None:
+    """Refuse limits of a distance that no distance meets.
+
+    A number and a length with a unit are compared later, when the mesh's unit is known.
+    """
+    given = getattr(sampling, least), getattr(sampling, most)
+    low, high = comparable(*given) or (0.0, math.inf)
+    if not (0.0 <= low <= high and low < math.inf and high > 0.0):
+        low_text, high_text = map(describe_length, given)
+        raise SettingError(
+            f"{what} must satisfy 0 <= {least} <= {most}, and {most} above 0; got {low_text} and "
+            f"{high_text}"
+        )
