@@ -219,7 +219,16 @@ CONTACTS = (
 )
 """The contacts of grasps in tables."""
 
-FOUND_POSES = (*DECIDED, *EPSILONS, APPROACH_MARGIN, DEPTH, *CLOSED, *FORCES)
+FOUND_POSES = (
+    *DECIDED,
+    *EPSILONS,
+    APPROACH_MARGIN,
+    DEPTH,
+    replace(CONTACTS[0], name="contacts"),
+    replace(CONTACTS[1], name="normals", meaning="normal into the object there", outward=False),
+    *CLOSED,
+    *FORCES,
+)
 """Poses of grasps that were found."""
 
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
-from grasp3d.grasps.evaluated_poses import CLOSED_LABEL, CLOSED_MARGIN, EvaluatedPoses
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.stability.label import Label
@@ -79,11 +79,6 @@ class ClosedGrasps:
         if self.evaluated is None:
             return np.full(len(self.row), missing)
         return spread(getattr(self.evaluated, name).astype(type(missing)), self.row, missing)
-
-    def columns(self) -> dict[str, npt.NDArray[np.generic]]:
-        """Label, empty where it is not known, and margin, as columns of a file, shape (b,)."""
-        names = np.array([*(label.name for label in sorted(Label)), ""])  # UNKNOWN is the last
-        return {CLOSED_LABEL: names[self.label], CLOSED_MARGIN: self.margin}
 
     def note(self, labels: Bytes) -> str:
         """A sentence if the closed jaws confirm none of the labels S and M; else empty.

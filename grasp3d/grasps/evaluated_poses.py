@@ -9,27 +9,24 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
+from grasp3d.export.fields import columns_of
+from grasp3d.export.grasp_fields import CLOSED, FORCES, GIVEN_POSES
 from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.pose_readings import FITTING, starting_inside, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
-from grasp3d.hand.closed_jaws import ClosedJaws, Closing, Touch
+from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.hand import Hand
 from grasp3d.loads import load_settings
 from grasp3d.quality.measures.known import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
 from grasp3d.settings.parsing import plain_values
-from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.holding import COLUMNS
 from grasp3d.surface.spread_grasps import NO_ROW, SpreadGrasps
 from grasp3d.system.versions import package_version
 
-CLOSED_LABEL, CLOSED_MARGIN = "closed_label", "closed_margin"
-"""Columns of grasps that were found: the label and the margin that evaluation gives their poses."""
-
-STALE = frozenset({UNDEFINED, CLOSED_LABEL, CLOSED_MARGIN})
-"""Columns of given poses, beside measures and forces, that may be of other settings."""
+STALE = frozenset({UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES))})
+"""Columns of given poses that may be of other settings."""
 
 
 @dataclass(frozen=True, eq=False, kw_only=True)
@@ -112,7 +109,7 @@ class EvaluatedPoses(SpreadGrasps):
         others = {
             name: kept
             for name, kept in self.poses.columns.items()
-            if name not in own and name not in METRICS and name not in {*STALE, *COLUMNS}
+            if name not in own and name not in STALE
         }
         columns = {**others, **own, "contacts": self.jaws.points, "normals": self.jaws.normals}
         return replace(
@@ -147,7 +144,7 @@ class EvaluatedPoses(SpreadGrasps):
         `grasp` (its number from 1), `name`, `closing`, `label`, `critical_angle`, `max_resolution`,
         `margin` [rad], `epsilon`, `epsilon_min`, `epsilon_max`, `opening`, `collides`, `reachable`,
         `area1`, `area2`, `touch1`, `touch2`, `apart`, `turn` [rad], with a load also `grip_force`
-        and more, see `Holding.columns`; `outcome`, contacts `x1` `y1` `z1` ... and outward normals
+        and more; `outcome`, contacts `x1` `y1` `z1` ... and outward normals
         `nx1` `ny1` `nz1` ...
         """
         from grasp3d.tables import table_of_columns
@@ -178,29 +175,7 @@ class EvaluatedPoses(SpreadGrasps):
 
     def _columns(self) -> dict[str, npt.NDArray[Any]]:
         """Results of shape (k,)."""
-        labels = np.array([label.name for label in sorted(Label)])
-        states = np.array([state.name.lower() for state in sorted(Closing)])
-        touches = np.array([touch.name.lower() for touch in sorted(Touch)])
-        epsilon = self.epsilon_range
-        return {
-            "closing": states[self.state],
-            "label": labels[self.label],
-            "critical_angle": self.critical_angle,
-            "max_resolution": self.max_resolution,
-            "margin": self.margin,
-            "epsilon": epsilon.nominal,
-            "epsilon_min": epsilon.minimum,
-            "epsilon_max": epsilon.maximum,
-            "collides": self.collides,
-            "reachable": self.reachable,
-            "area1": self.jaws.area[:, 0],
-            "area2": self.jaws.area[:, 1],
-            "touch1": touches[self.jaws.touch[:, 0]],
-            "touch2": touches[self.jaws.touch[:, 1]],
-            "apart": self.jaws.apart,
-            "turn": self.jaws.turn,
-            **({} if self.holding is None else self.holding.columns(texts=True)),
-        }
+        return columns_of(GIVEN_POSES, self)
 
     def _settings(self) -> dict[str, Any]:
         """Settings of the evaluation; angles in radians."""

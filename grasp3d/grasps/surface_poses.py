@@ -1,12 +1,12 @@
 """Poses of grasps on a surface that a gripper reaches."""
 
 import numpy as np
-import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
+from grasp3d.export.fields import columns_of
+from grasp3d.export.grasp_fields import FOUND_POSES
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
 
 
@@ -55,7 +55,7 @@ def poses_of(grasps: GraspTable) -> GraspPoses:
         scores=_scores(grasps),
         unit=grasps.mesh.unit,
         hand=scene.hand,
-        columns=_columns(grasps),
+        columns=columns_of(FOUND_POSES, grasps),
         object_file=grasps.mesh.report.source,
     )
 
@@ -63,26 +63,3 @@ def poses_of(grasps: GraspTable) -> GraspPoses:
 def _scores(grasps: GraspTable) -> Floats:
     """Scores from 0 to 1, larger is better (k,)."""
     return np.clip(1.0 - grasps.critical_angle / grasps.model.friction_angle, 0.0, 1.0)
-
-
-def _columns(grasps: GraspTable) -> dict[str, npt.NDArray[np.generic]]:
-    """What is known of each grasp besides its pose, shape (k, ...)."""
-    reach, epsilon = grasps.reach, grasps.epsilon_range
-    assert reach is not None
-    names = np.array([label.name for label in sorted(Label)])
-    return {
-        "label": names[grasps.label],
-        "critical_angle": grasps.critical_angle,
-        "critical_angle_best": grasps.critical_angle_best,
-        "max_resolution": grasps.max_resolution,
-        "margin": grasps.margin,
-        "epsilon": epsilon.nominal,
-        "epsilon_min": epsilon.minimum,
-        "epsilon_max": epsilon.maximum,
-        "approach_margin": reach.approach_margin,
-        "depth": reach.depth,
-        "contacts": grasps.contacts.points,
-        "normals": grasps.contacts.normals,
-        **({} if grasps.closed is None else grasps.closed.columns()),
-        **({} if grasps.holding is None else grasps.holding.columns(texts=True)),
-    }

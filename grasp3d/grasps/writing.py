@@ -6,9 +6,10 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
 import numpy.typing as npt
 
+from grasp3d.export.fields import Field, columns_of, present
+from grasp3d.export.grasp_fields import CONTACTS, GRASPS
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.surface_poses import poses_of
 from grasp3d.hand.scene import scene_settings
@@ -106,44 +107,26 @@ def _columns(
 ) -> dict[str, npt.NDArray[Any]]:
     """Columns of a table, shape (b,)."""
     columns = _grasp_columns(grasps, metrics)
+    contacts = _contact_values(grasps)
     for number in range(grasps.contacts.count):
-        for name, values in _contact_columns(grasps).items():
-            columns[f"{name}{number + 1}"] = values[:, number]
+        for field, values in contacts:
+            names = [f"{name}{number + 1}" for name in field.columns or (field.name,)]
+            flat = values[:, number].reshape(len(values), len(names))
+            columns |= dict(zip(names, flat.T, strict=True))
     return columns
 
 
-def _contact_columns(grasps: GraspTable) -> dict[str, npt.NDArray[Any]]:
-    """Columns of each contact in a table, shape (b, n)."""
-    points, outward = grasps.contacts.points, 0.0 - grasps.contacts.normals
-    return {
-        **{axis: points[..., k] for k, axis in enumerate("xyz")},
-        **{f"n{axis}": outward[..., k] for k, axis in enumerate("xyz")},
-        "distance": grasps.distance,
-        "on_crease": grasps.contacts.on_crease,
-    }
+def _contact_values(grasps: GraspTable) -> list[tuple[Field, npt.NDArray[Any]]]:
+    """What is known of each contact, shape (b, n, ...), without negative zeros."""
+    return [
+        (field, values + 0.0 if field.outward else values)
+        for field, values in present(CONTACTS, grasps)
+    ]
 
 
 def _grasp_columns(grasps: GraspTable, metrics: MetricValues | None) -> dict[str, npt.NDArray[Any]]:
     """Columns of each grasp as a whole, shape (b,)."""
-    names = np.array([label.name for label in sorted(Label)])
-    epsilon = grasps.epsilon_range
-    return {
-        "grasp": np.arange(1, grasps.size + 1),
-        "label": names[grasps.label],
-        "critical_angle": grasps.critical_angle,
-        "critical_angle_best": grasps.critical_angle_best,
-        "max_resolution": grasps.max_resolution,
-        "margin": grasps.margin,
-        "epsilon": epsilon.nominal,
-        "epsilon_min": epsilon.minimum,
-        "epsilon_max": epsilon.maximum,
-        "rank": grasps.rank,
-        "opening": grasps.opening,
-        "separation": grasps.separation,
-        **({} if grasps.closed is None else grasps.closed.columns()),
-        **({} if grasps.holding is None else grasps.holding.columns(texts=True)),
-        **({} if metrics is None else metrics.columns()),
-    }
+    return {**columns_of(GRASPS, grasps), **({} if metrics is None else metrics.columns())}
 
 
 def _settings(grasps: GraspTable) -> dict[str, Any]:
@@ -188,20 +171,14 @@ def _load(grasps: GraspTable) -> dict[str, Any]:
 def _write_json(path: Path, grasps: GraspTable, metrics: MetricValues | None) -> None:
     """Write the settings, then one line for each grasp."""
     columns = {name: values.tolist() for name, values in _grasp_columns(grasps, metrics).items()}
-    contacts = grasps.contacts
-    contact_fields = {
-        "point": contacts.points.tolist(),
-        "normal": (0.0 - contacts.normals).tolist(),
-        "distance": grasps.distance.tolist(),
-        "on_crease": contacts.on_crease.tolist(),
-    }
+    contacts = {field.name: values.tolist() for field, values in _contact_values(grasps)}
     with atomic_write(path) as part, part.open("w", encoding="utf-8") as stream:
         stream.write(f'{{"grasp3d": {_json(_settings(grasps))},\n"grasps": [')
         for row in range(grasps.size):
             entry = {name: values[row] for name, values in columns.items()}
             entry["contacts"] = [
-                {name: values[row][number] for name, values in contact_fields.items()}
-                for number in range(contacts.count)
+                {name: values[row][number] for name, values in contacts.items()}
+                for number in range(grasps.contacts.count)
             ]
             stream.write(("," if row else "") + "\n" + _json(entry))
         stream.write("\n]}\n")

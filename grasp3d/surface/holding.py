@@ -160,23 +160,6 @@ class Holding:
             }
         )
 
-    def columns(self, *, texts: bool = False) -> dict[str, npt.NDArray[Any]]:
-        """Columns of tables, shape (b,), of `COLUMNS`: payload and label only where known.
-
-        Args:
-            texts: Whether labels are S, M and U instead of codes.
-        """
-        found: dict[str, npt.NDArray[Any]] = {
-            "grip_force": self.grip_force,
-            "grip_force_least": self.grip_force_least,
-            "grip_force_largest": self.grip_force_largest,
-        }
-        if self.has_payload:
-            found["payload"] = self.payload
-        if self.label is not None:
-            found["label_with_force"] = _NAMES[self.label] if texts else self.label
-        return found
-
     def settings(self) -> dict[str, Any]:
         """Settings in files, with how the least and the largest forces are known."""
         return {**self.case.settings(), "force_bounds": self.how}
@@ -189,10 +172,6 @@ class Holding:
         return {name: values for name, values in vars(self).items() if name in _ARRAYS}
 
 
-COLUMNS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "label_with_force")
-"""Columns of tables that a load adds."""
-
-_NAMES = np.array([label.name for label in sorted(Label)])
 _ARRAYS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "resistance")
 
 

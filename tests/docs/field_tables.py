@@ -67,7 +67,7 @@ def surface_table() -> str:
 
 def column_table(fields: Iterable[Field], when: When, head: str) -> str:
     """Columns of tables of grasps or poses."""
-    chosen = [field for field in fields if field.when == when]
+    chosen = [field for field in fields if field.when == when and not field.shape]
     rows = [[_names([one.name]), _type(one), one.unit, one.meaning] for one in chosen]
     return _table([head, "type", "unit", ""], rows)
 

@@ -21,6 +21,8 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.errors import SettingError
+from grasp3d.export.fields import columns_of
+from grasp3d.export.grasp_fields import FORCES
 from grasp3d.loads import Load
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.quality.task_texts import TaskText
@@ -172,9 +174,7 @@ def test_a_label_needs_a_force_and_a_mass_that_matters() -> None:
         (Load(task=Weight(MASS), grip_force=40.0), 5),
         (Load(task=pushes[1], grip_force=40.0), 4),
     ):
-        holding = evaluate_grasps(block(), sides(), SOFT, load=load).holding
-        assert holding is not None
-        found = holding.columns()
+        found = columns_of(FORCES, evaluate_grasps(block(), sides(), SOFT, load=load))
         assert len(found) == columns
         assert ("payload" in found) == (load.grip_force is not None and load.task not in pushes)
 
