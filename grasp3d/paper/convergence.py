@@ -118,7 +118,6 @@ def compare(
     *,
     edges: int | None = None,
     seed: int = SEED,
-    threads: int | None = None,
 ) -> Comparison:
     """Label random grasps exactly and with sampled normals.
 
@@ -128,11 +127,10 @@ def compare(
         extreme_normals: Extreme normals of each contact.
         edges: Edges of the friction cones of the sampled method; None: circular cones.
         seed: Seed of the grasps.
-        threads: Threads; None: one per processor.
     """
     contacts, resolution = random_grasps(fingers, grasps, seed)
-    exact = classify(contacts, resolution, options=EpsilonOptions(threads=threads))
-    options = EpsilonOptions(edges=edges, threads=threads)
+    exact = classify(contacts, resolution)
+    options = EpsilonOptions(edges=edges)
     sampled = classify(
         contacts, resolution, method="extremes", extreme_normals=extreme_normals, options=options
     )

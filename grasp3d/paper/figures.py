@@ -175,23 +175,19 @@ def _sampled(model: GraspModel, name: str, values: Floats) -> list[tuple[float, 
     return sampled
 
 
-def sampled_fractions(
-    model: GraspModel, *, grasps: int = GRASPS, true: int = TRUE, seed: int = SEED
-) -> tuple[float, float]:
+def sampled_fractions(model: GraspModel, *, true: int = TRUE) -> tuple[float, float]:
     """Fractions of perceived grasps of a circle of radius 1 that hold always, and never.
 
     Args:
         model: Friction and its error, tilt and location error in radii.
-        grasps: Perceived grasps.
         true: True grasps of each.
-        seed: Seed of the errors.
 
     Returns:
         (S, U). Sampling misses some true grasps that fail or hold, so both are a little too large.
     """
-    rng = np.random.default_rng(seed)
-    turn = (np.arange(grasps) + 0.5) * (2.0 * math.pi / grasps)
-    angles = np.stack([np.zeros(grasps), turn], axis=1)
+    rng = np.random.default_rng(SEED)
+    turn = (np.arange(GRASPS) + 0.5) * (2.0 * math.pi / GRASPS)
+    angles = np.stack([np.zeros(GRASPS), turn], axis=1)
     points = np.stack([np.cos(angles), np.sin(angles)], axis=-1)  # (g, 2, 2)
     held = _held(points, angles + math.pi, model, true, rng)
     return float(held.all(axis=1).mean()), 1.0 - float(held.any(axis=1).mean())

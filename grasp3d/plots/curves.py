@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 
-from grasp3d.arrays import Bools, Bytes, Floats
+from grasp3d.arrays import Bytes, Floats
 from grasp3d.planar import PlanarScan
 from grasp3d.plots.style import LABEL_COLORS, LINES, PAGE, label_patches, new_figure, styled
 from grasp3d.stability.label import Label
@@ -68,7 +68,7 @@ def curves_figure(scans: Sequence[PlanarScan], *, over: Over, unit: str = "unit"
             rf"$\alpha$ = {math.degrees(model.sensor_resolution):.4g}°"
         )
     grid[0, 0].set_ylabel(r"grasp quality $\epsilon$")
-    cornered = any(at_corner(scan).any() for scan in scans)
+    cornered = any(scan.at_corner.any() for scan in scans)
     figure.legend(handles=_handles(cornered=cornered), loc="outside lower center", ncols=3)
     return figure
 
@@ -83,7 +83,7 @@ def epsilon_curves(axes: Axes, scan: PlanarScan, *, over: Over) -> None:
         scan: The scan.
         over: As in `curves_figure`.
     """
-    x, corners = axis_positions(scan, over), at_corner(scan)
+    x, corners = axis_positions(scan, over), scan.at_corner
     values = [
         (scan.epsilon_effective, _EFFECTIVE),
         *zip(scan.epsilon_extremes, LINES, strict=False),
@@ -118,7 +118,7 @@ def label_bars(axes: Axes, scan: PlanarScan, *, over: Over) -> None:
         scan: The scan.
         over: As in `curves_figure`.
     """
-    x, corners = axis_positions(scan, over), at_corner(scan)
+    x, corners = axis_positions(scan, over), scan.at_corner
     smooth = ~corners
     for run in label_runs(x[:-1][smooth], scan.label[smooth], x[-1]):
         axes.axvspan(run.start, run.end, color=LABEL_COLORS[run.label], linewidth=0.0)
@@ -141,11 +141,6 @@ def axis_positions(scan: PlanarScan, over: Over) -> Floats:
     if over == "angle":
         return np.append(np.degrees(scan.angle), 360.0)
     return np.append(scan.position - scan.position[0], scan.outline.perimeter)
-
-
-def at_corner(scan: PlanarScan) -> Bools:
-    """Mask of the points that are corners of the outline, shape (k,)."""
-    return np.asarray((scan.contacts.first != scan.contacts.last).any(axis=1))
 
 
 def label_runs(x: Floats, labels: Bytes, end: float) -> list[Run]:
@@ -177,7 +172,7 @@ def _corner_spans(scan: PlanarScan, x: Floats) -> list[tuple[float, float]]:
 
     Wan & Howe 2018, Sec. III-B: exterior angle + alpha.
     """
-    corners = np.flatnonzero(at_corner(scan))
+    corners = np.flatnonzero(scan.at_corner)
     spans = 2.0 * scan.contacts.half_range[corners] + scan.model.sensor_resolution
     return list(zip(x[corners].tolist(), np.degrees(spans).tolist(), strict=True))
 

@@ -28,20 +28,19 @@ _OUTLINE: dict[str, Any] = {"color": DARK, "linewidth": 0.9}
 
 
 @styled
-def tips_figure(sensor: Sensor, *, unit: str = "mm") -> Figure:
+def tips_figure(sensor: Sensor) -> Figure:
     """Draw which contacts a flat and a round fingertip of one receptive field cannot distinguish.
 
     Wan & Howe 2018, Fig. 4: on a flat tip only the location is uncertain, on a round one the normal
     as well.
 
     Args:
-        sensor: Receptive field and radius of the round tip.
-        unit: Unit of its lengths.
+        sensor: Receptive field and radius of the round tip [mm].
     """
     figure = new_figure(PAGE, HEIGHT)
     flat = Sensor(sensor.receptive_field, math.inf)
     for axes, tip in zip(figure.subplots(1, 2), (flat, sensor), strict=True):
-        _draw_tip(axes, tip, sensor.fingertip_radius, unit)
+        _draw_tip(axes, tip, sensor.fingertip_radius)
     figure.legend(handles=_handles(), loc="outside lower center", ncols=4)
     return figure
 
@@ -65,7 +64,7 @@ def field_ends(sensor: Sensor, scale: float) -> tuple[Floats, Floats]:
     return points / scale, normals
 
 
-def _draw_tip(axes: Axes, tip: Sensor, radius: float, unit: str) -> None:
+def _draw_tip(axes: Axes, tip: Sensor, radius: float) -> None:
     bare(axes)
     outline, field = (_flat if tip.flat else _round)(tip, radius)
     axes.fill(*outline.T, color=OBJECT, linewidth=0.0)
@@ -77,11 +76,9 @@ def _draw_tip(axes: Axes, tip: Sensor, radius: float, unit: str) -> None:
         draw_arrow(axes, point, point + NORMAL * normal, line["color"])
     axes.plot([0.0], [0.0], "o", color="black", markersize=3.0, zorder=4)
     half, degrees = tip.location_uncertainty, math.degrees(tip.resolution)
-    name = "flat tip" if tip.flat else f"round tip, radius {tip.fingertip_radius:g} {unit}"
-    axes.set_title(
-        f"{name}\nlocation ± {half:.3g} {unit}, normals " + rf"$\alpha$ = {degrees:.3g}°"
-    )
-    axes.text(0.0, -0.7, f"receptive field\n{tip.receptive_field:.3g} {unit}",
+    name = "flat tip" if tip.flat else f"round tip, radius {tip.fingertip_radius:g} mm"
+    axes.set_title(f"{name}\nlocation ± {half:.3g} mm, normals " + rf"$\alpha$ = {degrees:.3g}°")
+    axes.text(0.0, -0.7, f"receptive field\n{tip.receptive_field:.3g} mm",
               ha="center", va="center", fontsize=7.0)  # fmt: skip
     axes.set(xlim=(-1.3, 1.3), ylim=(-DEEP, 0.75))
 

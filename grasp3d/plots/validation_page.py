@@ -33,8 +33,7 @@ from grasp3d.validating.disagreements import Disagreement
 from grasp3d.validating.intervals import wilson
 from grasp3d.validating.scores import Score
 from grasp3d.validating.sentences import degrees, percent
-from grasp3d.validating.validation import Validation
-from grasp3d.validating.writing import TABLES, made_folder, write_validation
+from grasp3d.validating.validation import TABLES, Validation, made_folder, write_validation
 
 PAGE = "report.html"
 FILES = (PAGE, *TABLES)

@@ -10,5 +10,5 @@ from .validation import ScoredGrasps as ScoredGrasps
 from .validation import ScoreQuality as ScoreQuality
 from .validation import ValidatedFile as ValidatedFile
 from .validation import Validation as Validation
+from .validation import write_validation as write_validation
 from .validation_settings import ValidationSettings as ValidationSettings
-from .writing import write_validation as write_validation

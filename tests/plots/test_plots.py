@@ -19,7 +19,7 @@ from grasp3d import GraspModel, Label
 from grasp3d.errors import OutputError, SettingError
 from grasp3d.planar import Circle, PlanarScan, Polyline, scan, square
 from grasp3d.plots.cones import combinations_figure, cone_figure, cones_with_line
-from grasp3d.plots.curves import Over, at_corner, axis_positions, curves_figure, label_runs
+from grasp3d.plots.curves import Over, axis_positions, curves_figure, label_runs
 from grasp3d.plots.formats import DPI, save
 from grasp3d.plots.fraction_figures import ceiling_figure, fractions_figure
 from grasp3d.plots.style import (
@@ -143,7 +143,7 @@ def test_the_line_is_in_a_cone_within_its_half_angle(
 def test_curves_show_the_scan(name: str) -> None:
     found, over = SCANS[name]
     axes = curves_figure([found], over=over).axes[0]
-    corners = at_corner(found)
+    corners = found.at_corner
     lines = [line for line in axes.lines if len(line.get_xdata()) == len(found.position) + 1]
     expected = [found.epsilon_effective, *found.epsilon_extremes, found.epsilon]
     for line, epsilon in zip(lines, expected, strict=True):
@@ -169,7 +169,7 @@ def test_curves_show_the_scan(name: str) -> None:
 def test_bars_show_the_labels_along_the_outline(name: str) -> None:
     found, over = SCANS[name]
     axes = curves_figure([found], over=over).axes[1]
-    x, corners = axis_positions(found, over), at_corner(found)
+    x, corners = axis_positions(found, over), found.at_corner
     bars = [(patch.get_x(), patch.get_width(), patch.get_facecolor()) for patch in axes.patches]
     reached = 0.0
     for start, width, _ in bars:

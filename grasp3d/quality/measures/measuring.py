@@ -47,6 +47,10 @@ class MetricValues:
 
     __repr__ = short_repr
 
+    def __post_init__(self) -> None:
+        for name in ("values", "reasons"):
+            object.__setattr__(self, name, MappingProxyType(dict(getattr(self, name))))
+
     def __getitem__(self, name: str) -> Floats:
         return self.values[name]
 
@@ -66,8 +70,8 @@ class MetricValues:
         """Measures of grasps that have none, for one reason, shape (size,) each."""
         wanted = metric_names(names)
         return cls(
-            MappingProxyType({name: locked(np.full(size, np.nan)) for name in wanted}),
-            MappingProxyType({name: locked(np.full(size, reason)) for name in wanted}),
+            {name: locked(np.full(size, np.nan)) for name in wanted},
+            {name: locked(np.full(size, reason)) for name in wanted},
             locked(np.zeros(size, dtype=np.int64)),
         )
 
@@ -88,16 +92,16 @@ class MetricValues:
             values[name][rows] = self[name]
             reasons[name][rows] = self.reasons[name]
         return MetricValues(
-            MappingProxyType({name: locked(column) for name, column in values.items()}),
-            MappingProxyType({name: locked(texts, np.str_) for name, texts in reasons.items()}),
+            {name: locked(column) for name, column in values.items()},
+            {name: locked(texts, np.str_) for name, texts in reasons.items()},
             locked(rank),
         )
 
     def take(self, rows: Ints) -> "MetricValues":
         """The chosen rows."""
         return MetricValues(
-            MappingProxyType({name: locked(self[name][rows]) for name in self}),
-            MappingProxyType({name: locked(self.reasons[name][rows]) for name in self}),
+            {name: locked(self[name][rows]) for name in self},
+            {name: locked(self.reasons[name][rows]) for name in self},
             locked(self.rank[rows]),
         )
 
@@ -190,13 +194,11 @@ def metrics(
     )
     measured = {name: _measure(grasps, METRICS[name]) for name in wanted}
     return MetricValues(
-        MappingProxyType({name: shaped(one.values, batch) for name, one in measured.items()}),
-        MappingProxyType(
-            {
-                name: locked(one.reasons.astype(np.str_).reshape(batch))[()]
-                for name, one in measured.items()
-            }
-        ),
+        {name: shaped(one.values, batch) for name, one in measured.items()},
+        {
+            name: locked(one.reasons.astype(np.str_).reshape(batch))[()]
+            for name, one in measured.items()
+        },
         shaped(grasps.rank, batch),
     )
 
