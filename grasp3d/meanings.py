@@ -1,6 +1,7 @@
 """Meanings of values that depend on the model, as tables, pages and windows state them."""
 
-from grasp3d.settings import GraspModel, Tilts
+from grasp3d.settings import GraspModel
+from grasp3d.settings.grasp_model import Tilts
 
 SAFE_LABELS = "every S and U is correct, an M may be one of them"
 """What labels mean whose `certainty` is 'safe'."""

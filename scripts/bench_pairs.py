@@ -21,7 +21,7 @@ import numpy as np
 
 import grasp3d
 from grasp3d.quality.wrench_problem import WrenchProblem
-from grasp3d.settings import Actuation
+from grasp3d.settings.grasp_model import Actuation
 
 MESHES = Path(__file__).parents[1] / "meshes"
 

@@ -4,7 +4,8 @@ from collections.abc import Mapping
 from dataclasses import replace
 from typing import TYPE_CHECKING, Any, Protocol, runtime_checkable
 
-from grasp3d.settings import GraspModel, Grip
+from grasp3d.settings import GraspModel
+from grasp3d.settings.sampling import Grip
 
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Bools, Floats

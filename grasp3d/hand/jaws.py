@@ -8,7 +8,7 @@ from grasp3d.errors import SettingError
 from grasp3d.hand.finger_faces import Corners, problem_of_face
 
 if TYPE_CHECKING:
-    from grasp3d.settings import Grip
+    from grasp3d.settings.sampling import Grip
 
 LARGEST = 10.0
 """Largest length of a gripper [m]: more is a length in millimetres."""

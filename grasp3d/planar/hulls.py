@@ -11,7 +11,7 @@ from grasp3d.arrays import Bools, Floats, Ints, locked
 from grasp3d.errors import SettingError
 from grasp3d.planar.contacts import OutlineContacts
 from grasp3d.quality.ferrari_canny import epsilon_of_wrenches
-from grasp3d.settings import Actuation
+from grasp3d.settings.grasp_model import Actuation
 
 MOST_NORMALS = 64
 """Largest number of normals of one contact, all combined with those of the other."""

@@ -6,7 +6,8 @@ from dataclasses import dataclass
 from grasp3d.contact.friction_cones import edge_angles
 from grasp3d.errors import SettingError
 from grasp3d.quality.wrenches import check_torque_scale
-from grasp3d.settings import Actuation, GraspModel, check_choice
+from grasp3d.settings import GraspModel, check_choice
+from grasp3d.settings.grasp_model import Actuation
 
 Goal = tuple[float, float, float, float]
 """When a hull need not be grown further: relative and absolute tolerance of the bounds, cutoff, and

@@ -15,7 +15,7 @@ from grasp3d.quality.closure import Certificate, Status, certificate_of, forces_
 from grasp3d.quality.epsilon_options import EpsilonOptions, Goal
 from grasp3d.quality.wrench_problem import WrenchProblem
 from grasp3d.quality.wrenches import Bounded
-from grasp3d.settings import Actuation
+from grasp3d.settings.grasp_model import Actuation
 
 PLANAR = [0, 1, 5]
 """Indices of the force along x and y and of the torque of a planar wrench among six components."""

@@ -19,7 +19,8 @@ from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
 from grasp3d.quality.ferrari_canny import Epsilon, epsilon_with
 from grasp3d.quality.tilting import EpsilonRange, epsilon_range
-from grasp3d.settings import MIN_EXTREMES, Method, check_choice, whole_number
+from grasp3d.settings import MIN_EXTREMES, check_choice, whole_number
+from grasp3d.settings.grasp_model import Method
 from grasp3d.stability.enumeration import Extremes, Tested, extremes
 from grasp3d.stability.exact import StabilityProblem, closing_normals, decide, located_angles
 from grasp3d.stability.label import Label

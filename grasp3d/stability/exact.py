@@ -12,7 +12,7 @@ from grasp3d.errors import ContactError
 from grasp3d.quality.closure import Status, force_closure
 from grasp3d.quality.critical_angle import critical_friction_angle
 from grasp3d.quality.epsilon_options import EpsilonOptions
-from grasp3d.settings import Method
+from grasp3d.settings.grasp_model import Method
 from grasp3d.stability.enumeration import Tested, check_combinations, closure_at, extreme_normals
 from grasp3d.stability.located_angles import (
     ContactLimits,

@@ -15,7 +15,7 @@ from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.settings import ContactModel
+from grasp3d.settings.grasp_model import ContactModel
 from tests.helpers.closing_jaws import pads
 
 FROM_ABOVE = np.diag([1.0, -1.0, -1.0, 1.0])

@@ -9,7 +9,7 @@ from numpy.typing import NDArray
 from grasp3d import Contacts, EpsilonOptions, epsilon
 from grasp3d.quality import epsilon_range, location_tolerance
 from grasp3d.quality.tilting import WrenchErrors, uncertain_epsilon_range
-from grasp3d.settings import Actuation
+from grasp3d.settings.grasp_model import Actuation
 from tests.helpers.grasps import regular_on_ball
 from tests.helpers.tilts import random_tilts
 

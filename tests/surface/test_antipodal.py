@@ -21,7 +21,7 @@ from grasp3d._kernels.face_contacts import (
 )
 from grasp3d._kernels.face_tree import FaceTree, face_tree
 from grasp3d._kernels.normal_angles import smallest_angle
-from grasp3d.settings import Grip
+from grasp3d.settings.sampling import Grip
 from grasp3d.surface.sampling import antipodal
 from grasp3d.surface.sampling.antipodal import best_pairs
 from grasp3d.surface.sampling.tangents import tangents

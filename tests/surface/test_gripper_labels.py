@@ -23,8 +23,8 @@ from grasp3d.hand.approach import Approach
 from grasp3d.hand.jaw_reach import reach_grasps
 from grasp3d.hand.reach import Reachability
 from grasp3d.hand.scene import Scene
-from grasp3d.settings import Grip
 from grasp3d.settings.lengths import Unit
+from grasp3d.settings.sampling import Grip
 from grasp3d.surface.vertex_grasps import Reason, grasps_at
 from tests.helpers import shapes
 from tests.helpers.grippers import HAND, SLIM, TIPS

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from grasp3d import GraspModel, MultifingerSampling, ObjectMesh, label_surface, load_mesh
 from grasp3d.mesh.primitives import box_mesh, sphere_mesh
-from grasp3d.settings import CandidatePoints
+from grasp3d.settings.sampling import CandidatePoints
 from tests.helpers import coplanar, shapes
 
 Floats = NDArray[np.float64]

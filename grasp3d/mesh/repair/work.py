@@ -20,7 +20,7 @@ from grasp3d.mesh.repair.union import unite
 from grasp3d.mesh.repair.walls import without_inner_walls
 from grasp3d.mesh.repair.welding import first_of_body, first_of_linked, weld_nearby
 from grasp3d.mesh.work_bounds import WorkBoundError
-from grasp3d.settings import Repair
+from grasp3d.settings.mesh_options import Repair
 from grasp3d.system.counts import counted, noun
 
 MOST_ROUNDING = 1e-6
