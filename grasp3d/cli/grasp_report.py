@@ -155,7 +155,7 @@ def _table(grasps: GraspTable, count: int, *, distances: bool = False) -> Table:
     headings = ["grasp", "label", "β*", "α*", *["margin"] * uncertain, "ε", "ε_min", "opening"]
     reach, holding = grasps.reach, grasps.holding
     headings += ["separation"] * several + ["distance"] * distances
-    headings += ["approach"] * (reach is not None and not several)
+    headings += ["approach"] * (grasps.has_poses and reach is not None)
     headings += ["closed"] * (grasps.closed is not None)
     headings += holding_headings(holding)
     for heading in headings:
@@ -173,7 +173,7 @@ def _table(grasps: GraspTable, count: int, *, distances: bool = False) -> Table:
         ]
         cells += [f"{grasps.separation[row]:.4g}"] * several
         cells += [_distance(grasps, grasps.distance[row].max())] * distances
-        if reach is not None and not several:
+        if grasps.has_poses and reach is not None:
             cells.append(f"±{math.degrees(reach.approach_margin[row]):.0f}°")
         if grasps.closed is not None:
             cells.append(_closed_text(grasps.closed, row))

@@ -233,68 +233,70 @@ FOUND_POSES = (
 
 
 def _jaw(name: str, number: int) -> Callable[[Any], Array]:
-    """What is at one of the two jaws."""
+    """What is at one of the jaws."""
     return lambda poses: np.asarray(getattr(poses.jaws, name)[:, number])
 
 
 _TOUCHES = tuple(touch.name.lower() for touch in sorted(Touch))
 
-GIVEN_POSES = (
-    Field(
-        name="closing",
-        meaning="`closed`; `nothing`: the jaws close on nothing; `one_side`: only one jaw touches; "
-        "`starts_inside`: a finger starts in the object; `slips_out`: the object slides out of the "
-        "closing jaws",
-        of=attrgetter("state"),
-        kind="u1",
-        texts=tuple(state.name.lower() for state in sorted(Closing)),
-    ),
-    *(field for field in DECIDED if field is not CRITICAL_ANGLE_BEST),
-    *EPSILONS,
-    Field(
-        name="collides",
-        meaning="whether the gripper collides with object or table, at the grasp, before closing, "
-        "or on its approach",
-        kind="?",
-    ),
-    Field(
-        name="reachable",
-        meaning="closed, without collision, within the stroke and the allowed directions",
-        kind="?",
-    ),
-    *(
+
+def given_poses(fingers: int = 2) -> tuple[Field, ...]:
+    """Given poses that were evaluated, of a hand with so many fingers."""
+    return (
         Field(
-            name=f"area{number + 1}",
-            meaning=f"area of the patch that jaw {number + 1} touches",
-            of=_jaw("area", number),
-            unit=AREA,
-        )
-        for number in range(2)
-    ),
-    *(
-        Field(
-            name=f"touch{number + 1}",
-            meaning=f"what jaw {number + 1} touches: `face`, `edge` (a strip), `point`, `pad_rim` "
-            "(a small patch or a strip at the rim of the pad), `nothing`",
-            of=_jaw("touch", number),
+            name="closing",
+            meaning="`closed`; `nothing`: the jaws close on nothing; `one_side`: only one jaw touches; "
+            "`starts_inside`: a finger starts in the object; `slips_out`: the object slides out of the "
+            "closing jaws",
+            of=attrgetter("state"),
             kind="u1",
-            texts=_TOUCHES,
-        )
-        for number in range(2)
-    ),
-    Field(
-        name="apart",
-        meaning="whether the patches do not overlap, seen along the closing axis, as where the "
-        "jaws touch at different heights",
-        of=attrgetter("jaws.apart"),
-        kind="?",
-    ),
-    Field(
-        name="turn",
-        meaning="angle by which a free object has turned between the jaws",
-        of=attrgetter("jaws.turn"),
-        unit=RADIANS,
-    ),
-    *FORCES,
-)
-"""Given poses that were evaluated."""
+            texts=tuple(state.name.lower() for state in sorted(Closing)),
+        ),
+        *(field for field in DECIDED if field is not CRITICAL_ANGLE_BEST),
+        *EPSILONS,
+        Field(
+            name="collides",
+            meaning="whether the gripper collides with object or table, at the grasp, before "
+            "closing, or on its approach",
+            kind="?",
+        ),
+        Field(
+            name="reachable",
+            meaning="closed, without collision, within the stroke and the allowed directions",
+            kind="?",
+        ),
+        *(
+            Field(
+                name=f"area{number + 1}",
+                meaning=f"area of the patch that jaw {number + 1} touches",
+                of=_jaw("area", number),
+                unit=AREA,
+            )
+            for number in range(fingers)
+        ),
+        *(
+            Field(
+                name=f"touch{number + 1}",
+                meaning=f"what jaw {number + 1} touches: `face`, `edge` (a strip), `point`, "
+                "`pad_rim` (a small patch or a strip at the rim of the pad), `nothing`",
+                of=_jaw("touch", number),
+                kind="u1",
+                texts=_TOUCHES,
+            )
+            for number in range(fingers)
+        ),
+        Field(
+            name="apart",
+            meaning="whether the patches do not overlap, seen along the closing axis, as where the "
+            "jaws touch at different heights",
+            of=attrgetter("jaws.apart"),
+            kind="?",
+        ),
+        Field(
+            name="turn",
+            meaning="angle by which a free object has turned between the jaws",
+            of=attrgetter("jaws.turn"),
+            unit=RADIANS,
+        ),
+        *FORCES,
+    )

@@ -119,6 +119,7 @@ def close_on(grasps: GraspTable, *, progress: Progress | None = None) -> ClosedG
         poses=reach.poses[rows],
         opening=reach.opening[rows],
         pregrasp_opening=reach.pregrasp_opening[rows],
+        posture=reach.posture[rows],
         unit=mesh.unit,
     )
     found = evaluate_poses(

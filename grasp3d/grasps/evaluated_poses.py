@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked, short_repr
 from grasp3d.export.fields import columns_of
-from grasp3d.export.grasp_fields import CLOSED, FORCES, GIVEN_POSES
+from grasp3d.export.grasp_fields import CLOSED, FORCES, given_poses
 from grasp3d.grasps.pose_checks import pose_warning
 from grasp3d.grasps.pose_readings import FITTING, starting_inside, suspected_reading
 from grasp3d.grasps.poses import GraspPoses
@@ -93,7 +93,9 @@ class EvaluatedPoses(SpreadGrasps):
         mesh, poses = self.mesh, self.poses.poses
         found = None
         if self.size and (self.jaws.closed & ~self.collides).mean() < FITTING:
-            found = suspected_reading(mesh, poses, self.hand, threads=self.threads)
+            found = suspected_reading(
+                mesh, poses, self.hand, posture=self.poses.posture, threads=self.threads
+            )
         found = found or pose_warning(poses, mesh.center, mesh.size, mesh.unit)
         inside = starting_inside(self.state)
         return (*mesh.report.warnings, *(line for line in (found, inside) if line))
@@ -157,7 +159,7 @@ class EvaluatedPoses(SpreadGrasps):
             "outcome": self.outcome,
         }
         outward = 0.0 - self.jaws.normals
-        for jaw in range(2):
+        for jaw in range(outward.shape[1]):
             for k, axis in enumerate("xyz"):
                 columns[f"{axis}{jaw + 1}"] = self.jaws.points[:, jaw, k]
                 columns[f"n{axis}{jaw + 1}"] = outward[:, jaw, k]
@@ -175,7 +177,7 @@ class EvaluatedPoses(SpreadGrasps):
 
     def _columns(self) -> dict[str, npt.NDArray[Any]]:
         """Results of shape (k,)."""
-        return columns_of(GIVEN_POSES, self)
+        return columns_of(given_poses(self.jaws.area.shape[1]), self)
 
     def _settings(self) -> dict[str, Any]:
         """Settings of the evaluation; angles in radians."""

@@ -120,6 +120,7 @@ def evaluate_poses(
     jaws = hand.close(
         mesh,
         given.poses,
+        posture=given.posture,
         object_motion=object_motion,
         friction=float(np.min(used.frictions)),
         threads=threads,

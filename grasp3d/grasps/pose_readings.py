@@ -52,6 +52,7 @@ def suspected_reading(
     hand: Hand,
     unit: Unit | None = None,
     *,
+    posture: Floats | None = None,
     threads: int | None = None,
 ) -> str | None:
     """What mistake in a file of poses would explain that few of them fit the object.
@@ -65,6 +66,7 @@ def suspected_reading(
         poses: TCP frame to the mesh's frame, translations in the mesh's unit, shape (k, 4, 4).
         hand: The gripper.
         unit: Unit that the lengths were read in; None: that of the mesh.
+        posture: Further joints of the hand, shape (k, p); None: it has none.
         threads: Threads to use; None: one per processor.
 
     Returns:
@@ -88,15 +90,18 @@ def suspected_reading(
     if len(poses) < FEWEST:
         return None
     chosen = np.unique(np.linspace(0, len(poses) - 1, min(len(poses), TRIED)).astype(np.int64))
-    tried = poses[chosen]
-    given = int(_fits(mesh, tried, hand, threads).sum())
+    tried, joints = poses[chosen], np.zeros((len(chosen), 0))
+    if posture is not None:
+        joints = posture[chosen]
+    given = int(_fits(mesh, tried, joints, hand, threads).sum())
     if given >= FITTING * len(tried):
         return None
     plausible = PLAUSIBLE[0] <= _spread(tried) / mesh.size <= PLAUSIBLE[1]
     lengths = None if plausible else unit or mesh.unit
     readings = list(_readings(mesh, hand, lengths))
     changed = np.concatenate([reading.change(tried) for reading in readings])
-    fitting = _fits(mesh, changed, hand, threads).reshape(len(readings), -1).sum(axis=1)
+    joints = np.tile(joints, (len(readings), 1))
+    fitting = _fits(mesh, changed, joints, hand, threads).reshape(len(readings), -1).sum(axis=1)
     best = int(fitting.max())
     enough = max(LEAST_FIT * len(tried), given + LEAST_GAIN * len(tried), LEAST_RATIO * given)
     if best < enough:
@@ -125,9 +130,11 @@ def starting_inside(state: Bytes) -> str | None:
     )
 
 
-def _fits(mesh: ObjectMesh, poses: Floats, hand: Hand, threads: int | None) -> Bools:
+def _fits(
+    mesh: ObjectMesh, poses: Floats, posture: Floats, hand: Hand, threads: int | None
+) -> Bools:
     """Whether the open gripper approaches each pose freely, and its jaws close there, (k,)."""
-    closed = hand.close(mesh, poses, threads=threads)
+    closed = hand.close(mesh, poses, posture=posture, threads=threads)
     open_wide = np.zeros(len(poses), dtype=np.bool_)
     blocked = hand.blocked(mesh, poses, closed, held=open_wide, threads=threads)
     return np.asarray(closed.closed & ~blocked)

@@ -17,13 +17,13 @@ LENGTH_COLUMNS = frozenset({"contacts", "depth", "centroid_distance"})
 """Columns that are lengths, and are converted with the unit."""
 
 OWN_NAMES = frozenset({
-    "name", "pose", "opening", "pregrasp_opening", "score", "outcome", "success", "unit", "grasp",
-    "px", "py", "pz", "qx", "qy", "qz", "qw",
+    "name", "pose", "opening", "pregrasp_opening", "posture", "score", "outcome", "success",
+    "unit", "grasp", "px", "py", "pz", "qx", "qy", "qz", "qw",
 })  # fmt: skip
 """Names that files use for the fields themselves, and that no further column may have."""
 
 VECTOR_COLUMNS = ("contacts", "normals")
-"""Columns of shape (k, 2, 3)."""
+"""Columns of shape (k, n, 3), for n contacts."""
 
 
 def _unknown() -> Floats:
@@ -53,6 +53,8 @@ class GraspPoses:
     """Distance of the contacts at the grasp [unit], shape (k,); nan: not known."""
     pregrasp_opening: Floats = field(default_factory=_unknown)
     """Opening with which the gripper approaches [unit], shape (k,); nan: not known."""
+    posture: Floats = field(default_factory=lambda: np.zeros((0, 0)))
+    """Values of the hand's further joints, shape (k, p); p is 0 for a parallel gripper."""
     scores: Floats = field(default_factory=_unknown)
     """Confidence or another quality, larger is better, shape (k,); nan: not known."""
     outcome: Floats = field(default_factory=_unknown)
@@ -66,7 +68,7 @@ class GraspPoses:
     columns: Mapping[str, npt.NDArray[Any]] = field(default_factory=dict)
     """What else is known of each grasp, shape (k, ...): `label` (text), `critical_angle`,
     `max_resolution`, `approach_margin` [rad], `epsilon`, `contacts` [unit] and `normals`, into the
-    object, shape (k, 2, 3) each, and others of shape (k,)."""
+    object, shape (k, n, 3) each, and others of shape (k,)."""
     settings: Mapping[str, Any] = field(default_factory=dict)
     """What a file states of all its grasps, or shall state."""
     object_file: str | None = None
@@ -80,6 +82,7 @@ class GraspPoses:
         values: dict[str, Any] = {
             "poses": locked(poses),
             "names": self._checked_names(count),
+            "posture": _checked_posture(self.posture, count),
             "columns": {
                 name: _column(name, column, count) for name, column in self.columns.items()
             },
@@ -152,6 +155,7 @@ class GraspPoses:
             poses=self.poses[chosen],
             opening=self.opening[chosen],
             pregrasp_opening=self.pregrasp_opening[chosen],
+            posture=self.posture[chosen],
             scores=self.scores[chosen],
             outcome=self.outcome[chosen],
             names=tuple(self.names[k] for k in chosen),
@@ -186,6 +190,17 @@ def _numbers(name: str, values: ArrayLike, count: int) -> Floats:
         ) from error
 
 
+def _checked_posture(values: ArrayLike, count: int) -> Floats:
+    """Values of further joints, shape (k, p); none for a hand without any."""
+    joints = np.asarray(values, dtype=np.float64)
+    joints = joints if joints.size else np.zeros((count, 0))
+    if joints.ndim != 2 or len(joints) != count or not np.isfinite(joints).all():
+        raise ContactError(
+            f"the posture must be finite numbers of shape ({count}, joints); got {joints.shape}"
+        )
+    return locked(joints)
+
+
 def _check_values(values: Mapping[str, Floats]) -> None:
     """Refuse openings and outcomes that are impossible."""
     for name in ("opening", "pregrasp_opening"):
@@ -212,8 +227,9 @@ def _column(name: str, values: ArrayLike, count: int) -> npt.NDArray[Any]:
     if array.dtype.kind == "O":
         array = np.array(["" if value is None else str(value) for value in array.ravel().tolist()])
     vectors = name in VECTOR_COLUMNS
-    shape = (count, 2, 3) if vectors else (count,)
-    if array.shape != shape:
+    fits = array.shape[::2] == (count, 3) if vectors and array.ndim == 3 else not vectors
+    if not fits or (not vectors and array.shape != (count,)):
+        shape = f"({count}, contacts, 3)" if vectors else f"({count},)"
         raise ContactError(f"column {name!r} of poses must have shape {shape}; got {array.shape}")
     if array.dtype.kind not in ("fiub" if vectors else "fiubU"):
         kind = "numbers" if vectors else "numbers or text"

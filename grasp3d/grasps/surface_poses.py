@@ -14,7 +14,7 @@ def poses_of(grasps: GraspTable) -> GraspPoses:
     """Poses of a gripper for grasps that it reaches, with all that is known of each.
 
     Args:
-        grasps: Grasps of two fingers with a gripper, such as `best_grasps` returns.
+        grasps: Grasps with a hand that has poses for them, such as `best_grasps` returns.
 
     Returns:
         The poses in their order, in the unit of the mesh: openings, and as columns label, critical
@@ -52,6 +52,7 @@ def poses_of(grasps: GraspTable) -> GraspPoses:
         poses=reach.poses,
         opening=reach.opening,
         pregrasp_opening=reach.pregrasp_opening,
+        posture=reach.posture,
         scores=_scores(grasps),
         unit=grasps.mesh.unit,
         hand=scene.hand,

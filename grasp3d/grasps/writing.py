@@ -75,7 +75,7 @@ def write_grasps(
         (3, 2, 3)
     """
     path = Path(path)
-    if format is not None or _has_poses(grasps):
+    if format is not None or (grasps.has_poses and grasps.size):
         poses = replace(poses_of(grasps), settings=_settings(grasps))
         if metrics is not None:
             poses = replace(poses, columns={**poses.columns, **metrics.columns()})
@@ -88,11 +88,6 @@ def write_grasps(
     from grasp3d.tables import write_columns
 
     write_columns(path, _columns(grasps, metrics), settings=_settings(grasps))
-
-
-def _has_poses(grasps: GraspTable) -> bool:
-    """Whether the grasps have poses: those of two fingers with a gripper."""
-    return grasps.reach is not None and grasps.contacts.count == 2 and grasps.size > 0
 
 
 def grasps_to_table(grasps: GraspTable) -> Any:

@@ -59,9 +59,9 @@ bounds it is at the rim."""
 
 @dataclass(frozen=True, eq=False)
 class ClosedJaws:
-    """Where the jaws of a gripper touch an object, a row for each pose and a column for each jaw.
+    """Where the n fingers of a hand touch an object, a row for each pose.
 
-    A jaw that touches nothing has nan, and an area of 0.
+    A parallel gripper has two, its jaws. One that touches nothing has nan, and an area of 0.
     """
 
     state: Bytes
@@ -71,22 +71,22 @@ class ClosedJaws:
     given where the object is fixed; one that is free has moved relative to the gripper, whose TCP
     is then midway between the jaws."""
     points: Floats
-    """Contacts, in the mesh's frame and unit, shape (k, 2, 3): of a fixed object the centroids of
+    """Contacts, in the mesh's frame and unit, shape (k, n, 3): of a fixed object the centroids of
     the touched patches, of a free one the centres of pressure."""
     normals: Floats
-    """Unit normals into the object, means over the patches, shape (k, 2, 3)."""
+    """Unit normals into the object, means over the patches, shape (k, n, 3)."""
     opening: Floats
     """Distance of the pads, or of the nearest points of round tips, when both touch first
     [mesh unit], shape (k,); nan unless CLOSED."""
     positions: Floats
     """Where the jaws stop: x of the pads, or of the foremost points of round tips, in the frame of
-    `poses` [mesh unit], shape (k, 2)."""
+    `poses` [mesh unit], shape (k, n)."""
     area: Floats
-    """Areas of the touched patches [mesh unit squared], shape (k, 2)."""
+    """Areas of the touched patches [mesh unit squared], shape (k, n)."""
     extents: Floats
-    """Sizes of the touched patches along y and z of the gripper [mesh unit], shape (k, 2, 2)."""
+    """Sizes of the touched patches along y and z of the gripper [mesh unit], shape (k, n, 2)."""
     touch: Bytes
-    """`Touch` codes, shape (k, 2)."""
+    """`Touch` codes, shape (k, n)."""
     apart: Bools
     """Whether the patches do not overlap, seen along the closing axis, as where the jaws touch at
     different heights, shape (k,)."""

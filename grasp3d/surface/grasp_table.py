@@ -210,13 +210,18 @@ class GraspTable(LabelledGrasps):
 
         Computed when first read; None: no hand, or one without poses.
         """
-        scene = self.scene
-        if self.reach is None or scene is None or self.contacts.count not in scene.hand.fingers:
+        if not self.has_poses:
             return None
         found: ClosedGrasps = import_module("grasp3d.grasps.closed_grasps").close_on(
             self, progress=progress
         )
         return found
+
+    @property
+    def has_poses(self) -> bool:
+        """Whether there is a hand that has poses for grasps of so many fingers."""
+        reach, scene = self.reach, self.scene
+        return reach is not None and scene is not None and self.contacts.count in scene.hand.fingers
 
     @cached_property
     def rank(self) -> Ints:

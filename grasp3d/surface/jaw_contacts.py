@@ -34,13 +34,13 @@ class JawContacts(SurfaceContacts):
             jaws: Where the jaws touch.
         """
         closed = jaws.take(jaws.closed)
-        count = len(closed.state)
-        faces, weights = np.full((count, 2), -1), np.zeros((count, 2, 3))
+        shape = closed.points.shape
+        faces, weights = np.full(shape[:2], -1), np.zeros(shape)
         return cls(mesh, SurfacePoints(locked(faces), locked(weights)), closed)
 
     @property
     def points(self) -> Floats:
-        """Positions in the mesh's frame and unit, shape (b, 2, 3)."""
+        """Positions in the mesh's frame and unit, shape (b, n, 3)."""
         return self.jaws.points
 
     @cached_property
@@ -65,7 +65,7 @@ class JawContacts(SurfaceContacts):
         """
         points, normals = self.jaws.points - self.mesh.center_mass, self.jaws.normals
         torsion, patch = np.asarray(model.torsion_radius), None
-        half_extents = 0.5 * self.jaws.extents  # (b, 2, 2)
+        half_extents = 0.5 * self.jaws.extents  # (b, n, 2)
         if model.contact != "point" and model.torsion_radius == 0.0:
             pressed = evenly_pressed_radius(half_extents, self.jaws.area)
             torsion = np.asarray(model.frictions) * pressed

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from grasp3d.export.fields import Field, When
-from grasp3d.export.grasp_fields import CONTACTS, FOUND_POSES, GIVEN_POSES, GRASPS
+from grasp3d.export.grasp_fields import CONTACTS, FOUND_POSES, GRASPS, given_poses
 from grasp3d.export.vertex_fields import SURFACE, VERTICES
 
 DOCS = Path(__file__).parents[2] / "docs"
@@ -116,7 +116,7 @@ TABLES = {
         [one for one in FOUND_POSES if one.when != "load"], "always", "column"
     ),
     "found poses, gripper": column_table(FOUND_POSES, "gripper", "column"),
-    "given poses": column_table(GIVEN_POSES, "always", "column"),
+    "given poses": column_table(given_poses(), "always", "column"),
 }
 
 

@@ -156,7 +156,7 @@ def test_what_is_no_pose_is_refused_with_the_probable_cause(poses: Any, message:
         ({"object_scale": 0.0}, "scale must be a finite number above 0"),
         ({"columns": {"opening": np.zeros(3)}}, "no column of poses can be called 'opening'"),
         ({"columns": {"epsilon": np.zeros(2)}}, r"'epsilon' of poses must have shape \(3,\)"),
-        ({"columns": {"contacts": np.zeros((3, 3))}}, r"'contacts' .* shape \(3, 2, 3\)"),
+        ({"columns": {"contacts": np.zeros((3, 3))}}, r"'contacts' .* shape \(3, contacts, 3\)"),
         ({"columns": {"when": np.zeros(3, "M8[s]")}}, "'when' of poses must be numbers or text"),
     ],
 )

@@ -547,7 +547,7 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     "model", [GraspModel(edges=6), GraspModel(actuation="per_finger", torsion_radius=0.05)]
 )
 def test_epsilon_depends_on_edges_actuation_and_torsion(model: GraspModel) -> None:
-    labels = replace(viewing.box(), model=model)
+    labels = viewing.box().using(model=model)
     session = ready_session(labels)
     session.change(paint="epsilon", friction=0.45)
     wait_until_idle(session)

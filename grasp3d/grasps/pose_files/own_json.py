@@ -47,6 +47,7 @@ def write_json(path: Path, poses: GraspPoses) -> None:
         "pose": poses.poses.tolist(),
         "opening": json_numbers(poses.opening),
         "pregrasp_opening": json_numbers(poses.pregrasp_opening),
+        **({"posture": poses.posture.tolist()} if poses.posture.size else {}),
         "score": json_numbers(poses.scores),
         "outcome": json_numbers(poses.outcome),
     }
@@ -68,16 +69,16 @@ def write_json(path: Path, poses: GraspPoses) -> None:
 
 
 def _contacts(columns: Mapping[str, npt.NDArray[Any]]) -> list[list[dict[str, Any]]]:
-    """The two contacts of each grasp, normals outward."""
+    """The contacts of each grasp, normals outward."""
     parts = {}
     if "contacts" in columns:
         parts["point"] = json_numbers(columns["contacts"])
     if "normals" in columns:
         parts["normal"] = json_numbers(0.0 - columns["normals"])
-    count = len(next(iter(parts.values())))
+    names, listed = list(parts), list(parts.values())
     return [
-        [{name: values[k][finger] for name, values in parts.items()} for finger in range(2)]
-        for k in range(count)
+        [dict(zip(names, contact, strict=True)) for contact in zip(*grasp, strict=True)]
+        for grasp in zip(*listed, strict=True)
     ]
 
 
@@ -93,12 +94,22 @@ def parse_json(content: object, hand: Hand | None, unit: Unit | None) -> GraspPo
         poses=numbers(each(entries, "pose"), (4, 4), "pose"),
         opening=optional_numbers(entries, "opening"),
         pregrasp_opening=optional_numbers(entries, "pregrasp_opening"),
+        posture=_posture(entries),
         scores=optional_numbers(entries, "score"),
         outcome=_outcomes(entries),
         names=_names(entries),
         columns=_columns(entries),
         **fields_of(header, hand, unit),
     )
+
+
+def _posture(entries: Entries) -> Floats:
+    """Values of further joints, shape (k, p)."""
+    if "posture" not in entries[0]:
+        return np.zeros((0, 0))
+    first = entries[0]["posture"]
+    count = len(first) if isinstance(first, list) else 0
+    return numbers(each(entries, "posture"), (count,), "posture")
 
 
 def _names(entries: Entries) -> tuple[str, ...]:
@@ -141,7 +152,7 @@ def _column(values: list[Any], key: str) -> npt.NDArray[Any]:
 
 
 def _vectors(entries: Entries) -> dict[str, Floats]:
-    """Contacts and normals, shape (k, 2, 3)."""
+    """Contacts and normals, shape (k, n, 3)."""
     pairs = [
         [mapping(contact, f"grasp {number}: a contact") for contact in contacts]
         for number, contacts in enumerate(_pairs(entries), 1)
@@ -149,19 +160,21 @@ def _vectors(entries: Entries) -> dict[str, Floats]:
     columns: dict[str, Floats] = {}
     for key, name in (("point", "contacts"), ("normal", "normals")):
         if all(key in contact for pair in pairs for contact in pair):
-            columns[name] = numbers(
-                [[contact[key] for contact in pair] for pair in pairs], (2, 3), f"{key} of contacts"
-            )
+            rows = [[contact[key] for contact in pair] for pair in pairs]
+            columns[name] = numbers(rows, (len(pairs[0]), 3), f"{key} of contacts")
     if "normals" in columns:
         columns["normals"] = 0.0 - columns["normals"]
     return columns
 
 
 def _pairs(entries: Entries) -> list[list[Any]]:
+    """The contacts of each grasp, as many of each."""
+    first = entries[0].get("contacts")
+    count = len(first) if isinstance(first, list) and len(first) > 2 else 2
     for number, entry in enumerate(entries, 1):
         contacts = entry.get("contacts")
-        if not isinstance(contacts, list) or len(contacts) != 2:
+        if not isinstance(contacts, list) or len(contacts) != count:
             raise ContactError(
-                f"grasp {number}: contacts must be a list of 2; got {kind(contacts)}"
+                f"grasp {number}: contacts must be a list of {count}; got {kind(contacts)}"
             )
     return [entry["contacts"] for entry in entries]

@@ -1,6 +1,7 @@
 """Poses as tables: CSV and Parquet."""
 
 from collections.abc import Mapping
+from itertools import count, takewhile
 from pathlib import Path
 from typing import Any
 
@@ -23,11 +24,8 @@ POSITION = ("px", "py", "pz")
 QUATERNION = ("qx", "qy", "qz", "qw")
 REQUIRED = POSITION + QUATERNION
 
-VECTORS = {
-    "contacts": tuple(f"{axis}{finger}" for finger in (1, 2) for axis in "xyz"),
-    "normals": tuple(f"n{axis}{finger}" for finger in (1, 2) for axis in "xyz"),
-}
-"""Columns of a table that hold contacts and outward normals."""
+VECTORS = {"contacts": "", "normals": "n"}
+"""Columns of poses that are contacts and outward normals, and how their names begin in a table."""
 
 
 def write_table(path: Path, poses: GraspPoses) -> None:
@@ -45,6 +43,7 @@ def _columns(poses: GraspPoses) -> dict[str, npt.NDArray[Any]]:
         **{name: turned[:, k] for k, name in enumerate(QUATERNION)},
         "opening": poses.opening,
         "pregrasp_opening": poses.pregrasp_opening,
+        **{f"posture{k + 1}": values for k, values in enumerate(poses.posture.T)},
         "score": poses.scores,
         "outcome": poses.outcome,
         "unit": np.full(poses.count, poses.unit or ""),
@@ -52,11 +51,27 @@ def _columns(poses: GraspPoses) -> dict[str, npt.NDArray[Any]]:
     for name, values in poses.columns.items():
         if name in VECTORS:
             outward = 0.0 - values if name == "normals" else values
-            flat = outward.reshape(-1, 6)
-            columns |= {part: flat[:, k] for k, part in enumerate(VECTORS[name])}
+            parts = _parts(VECTORS[name], outward.shape[1])
+            columns |= dict(zip(parts, outward.reshape(poses.count, -1).T, strict=True))
         else:
             columns[name] = values
     return columns
+
+
+def _parts(start: str, fingers: int) -> tuple[str, ...]:
+    """Columns of a table for vectors at as many contacts."""
+    return tuple(f"{start}{axis}{k + 1}" for k in range(fingers) for axis in "xyz")
+
+
+def _joints(columns: Columns) -> tuple[str, ...]:
+    """Columns of a table for the posture."""
+    names = (f"posture{k}" for k in count(1))
+    return tuple(takewhile(columns.__contains__, names))
+
+
+def _posture(columns: Columns) -> Floats:
+    names = _joints(columns)
+    return _stacked(columns, names) if names else np.zeros((0, 0))
 
 
 def are_poses(names: list[str]) -> bool:
@@ -80,14 +95,15 @@ def read_table(path: Path, hand: Hand | None, unit: Unit | None) -> GraspPoses:
     header = read_settings(path) if path.suffix.lower() == ".parquet" else None
     stated = dict(header or {})
     stated.setdefault("unit", _unit(columns))
-    count = len(columns["px"])
+    rows = len(columns["px"])
     known = fields_of(stated, hand, unit)
     return GraspPoses(
         poses=from_quaternions(_stacked(columns, POSITION), _stacked(columns, QUATERNION)),
-        opening=_optional(columns, "opening", count),
-        pregrasp_opening=_optional(columns, "pregrasp_opening", count),
-        scores=_optional(columns, "score", count),
-        outcome=outcomes_of(columns, count),
+        opening=_optional(columns, "opening", rows),
+        pregrasp_opening=_optional(columns, "pregrasp_opening", rows),
+        posture=_posture(columns),
+        scores=_optional(columns, "score", rows),
+        outcome=outcomes_of(columns, rows),
         names=tuple(map(_text, columns["name"].tolist())) if "name" in columns else (),
         columns=_others(columns),
         **known,
@@ -120,13 +136,15 @@ def _others(columns: Columns) -> dict[str, npt.NDArray[Any]]:
     """Further columns; contacts and normals put together."""
     found: dict[str, npt.NDArray[Any]] = {}
     vectors: set[str] = set()
-    for name, parts in VECTORS.items():
-        if all(part in columns for part in parts):
-            values = _stacked(columns, parts).reshape(-1, 2, 3)
+    for name, start in VECTORS.items():
+        fingers = next(n for n in count() if not set(_parts(start, n + 1)) <= columns.keys())
+        if fingers > 1:
+            parts = _parts(start, fingers)
+            values = _stacked(columns, parts).reshape(-1, fingers, 3)
             found[name] = 0.0 - values if name == "normals" else values
             vectors |= set(parts)
     for name, column in columns.items():
-        if name not in OWN_NAMES and name not in vectors:
+        if name not in OWN_NAMES and name not in vectors and name not in _joints(columns):
             found[name] = _column(column)
     return found
 

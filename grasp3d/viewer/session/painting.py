@@ -251,7 +251,7 @@ def _margin_ramp(model: GraspModel, none: str) -> Ramp:
 def _approach_ramp(subject: Subject) -> Ramp:
     if subject.approach_margin is None:
         return Ramp("approach margin: needs a gripper", 180.0, "°", "no gripper")
-    if subject.model.fingers > 2:
+    if subject.scene is not None and subject.model.fingers not in subject.scene.hand.fingers:
         return Ramp("approach margin: for two fingers only", 180.0, "°", "no palm is tested")
     unreached = np.isnan(subject.approach_margin) & (subject.weights > 0.0)
     grey = "not reached" if unreached.any() else ""
