@@ -228,11 +228,11 @@ def _reach(mesh: "ObjectMesh", model: GraspModel, sampling: Sampling | None) -> 
 
 def _close_jaws(labels: "SurfaceLabels", gripper: "ParallelGripper") -> None:
     """Close jaws at two poses, whether they are reached or not."""
-    from grasp3d.grasps.pose_evaluation import evaluate_poses
+    from grasp3d.grasps.evaluation import evaluate_grasps
     from grasp3d.grasps.poses import GraspPoses
 
     poses = GraspPoses(poses=np.stack([np.eye(4)] * 2), unit=labels.mesh.unit)
-    evaluate_poses(labels.mesh, poses, labels.model, hand=gripper, threads=1)
+    evaluate_grasps(labels.mesh, poses, labels.model, hand=gripper, threads=1)
 
 
 def compile_forces() -> None:

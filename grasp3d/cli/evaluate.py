@@ -2,7 +2,7 @@
 
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 import tyro
 
@@ -22,6 +22,8 @@ from grasp3d.settings import GraspModel, MeshOptions, with_fingers
 from grasp3d.system.names import safe_stem
 
 if TYPE_CHECKING:
+    from grasp3d.arrays import Floats
+    from grasp3d.grasps.poses import GraspPoses
     from grasp3d.quality.measures.measuring import MetricValues
 
 
@@ -80,6 +82,8 @@ class Evaluate:
         """Run the command, and return the exit code."""
         from grasp3d.cli.existing_files import check_not_task, check_replaceable
         from grasp3d.grasps.pose_files import holds_poses
+        from grasp3d.grasps.poses import GraspPoses
+        from grasp3d.grasps.reading import read_grasps
         from grasp3d.grasps.writing import SUFFIXES
         from grasp3d.quality.measures.known import metric_names
         from grasp3d.system.files import check_suffix
@@ -89,15 +93,14 @@ class Evaluate:
         output = self.output or Path(f"{safe_stem(self.file.stem)}_grasps.csv")
         check_suffix(output, SUFFIXES, "table")
         check_not_task(output, self.load)
-        poses = holds_poses(self.contacts)
-        self._check_gripper(poses=poses)
-        if poses:
-            if output.exists() and output.samefile(self.contacts):
-                raise OutputError(f"{output}: is the file of poses; name another file with -o")
-            check_replaceable(output, overwrite=self.overwrite, source=self.file)
-            self._evaluate_poses(output)
-        else:
-            self._evaluate_contacts(output)
+        self._check_gripper(poses=holds_poses(self.contacts))
+        given = read_grasps(self.contacts, hand=self.reach.hand)
+        if output.exists() and output.samefile(self.contacts):
+            what = "poses" if isinstance(given, GraspPoses) else "contacts"
+            raise OutputError(f"{output}: is the file of {what}; name another file with -o")
+        model = self._model(given)
+        check_replaceable(output, overwrite=self.overwrite, source=self.file)
+        self._evaluate(given, model, output)
         return 0
 
     def _check_gripper(self, *, poses: bool) -> None:
@@ -120,69 +123,46 @@ class Evaluate:
                 f"{self.contacts}: contains no poses; a gripper applies to poses, not to contacts"
             )
 
-    def _evaluate_contacts(self, output: Path) -> None:
-        """Evaluate contacts, write and print the results."""
-        from grasp3d.cli import grasp_report, report
-        from grasp3d.cli.existing_files import check_replaceable
+    def _model(self, given: "GraspPoses | Floats") -> GraspModel:
+        """The model of the grasps: at poses of the gripper, or of as many fingers as contacts."""
+        from grasp3d.grasps.poses import GraspPoses
+
+        if isinstance(given, GraspPoses):
+            return self.reach.touching(self.model)
+        return with_fingers(self.model, given.shape[1])
+
+    def _evaluate(self, given: "GraspPoses | Floats", model: GraspModel, output: Path) -> None:
+        """Evaluate grasps, write and print the results."""
+        from grasp3d.cli import grasp_report, pose_report, report
+        from grasp3d.grasps.evaluated_poses import EvaluatedPoses
         from grasp3d.grasps.evaluation import evaluate_grasps
-        from grasp3d.grasps.reading import read_contacts
+        from grasp3d.grasps.pose_evaluation import in_stated_scale
         from grasp3d.grasps.writing import write_grasps
-        from grasp3d.mesh import load_mesh
-        from grasp3d.mesh.masses import loaded_mesh
-        from grasp3d.mesh.plausible_lengths import refuse_lengths
-
-        points = read_contacts(self.contacts)
-        if output.exists() and output.samefile(self.contacts):
-            raise OutputError(f"{output}: is the file of contacts; name another file with -o")
-        model = with_fingers(self.model, points.shape[1])
-        check_replaceable(output, overwrite=self.overwrite, source=self.file)
-        mesh, load = loaded_mesh(load_mesh(self.file, self.mesh), self.load.chosen)
-        if not self.force:
-            refuse_lengths(mesh, model, load, max_distance=self.max_distance)
-        with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
-            grasps = evaluate_grasps(
-                mesh, points, model, max_distance=self.max_distance, load=load, progress=progress
-            )
-        report.measure(grasps.compute_epsilon, "measuring epsilon", quiet=self.quiet)
-        metrics = None if self.metrics is None else grasps.metrics(self.metrics)
-        write_grasps(output, grasps, metrics=metrics)
-        if not self.quiet:
-            grasp_report.print_evaluated(grasps, output)
-            self._print_metrics(metrics, mesh.unit)
-
-    def _evaluate_poses(self, output: Path) -> None:
-        """Close the jaws at each pose, write and print the results."""
-        from grasp3d.cli import pose_report, report
-        from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
-        from grasp3d.grasps.pose_files import read_poses, write_poses
         from grasp3d.hand.scene import Scene
         from grasp3d.mesh import load_mesh
         from grasp3d.mesh.masses import loaded_mesh
         from grasp3d.mesh.plausible_lengths import refuse_lengths
 
-        poses = read_poses(self.contacts, hand=self.reach.hand)
-        mesh = in_stated_scale(load_mesh(self.file, self.mesh), poses)
+        mesh = in_stated_scale(load_mesh(self.file, self.mesh), given)
         mesh, load = loaded_mesh(mesh, self.load.chosen)
-        model = self.reach.touching(self.model)
         if not self.force:
-            refuse_lengths(mesh, model, load)
-        scene = Scene.of(self.reach, mesh)
+            refuse_lengths(mesh, model, load, max_distance=self.max_distance)
         with report.progress(f"evaluating {self.contacts.name}", quiet=self.quiet) as progress:
-            found = evaluate_poses(
-                mesh,
-                poses,
-                model,
-                object_motion=self.object_motion,
-                load=load,
-                progress=progress,
-                scene=scene,
-            )
-        report.measure(found.compute_epsilon, "measuring epsilon", quiet=self.quiet)
-        metrics = None if self.metrics is None else found.metrics(self.metrics)
-        write_poses(output, found.to_poses(metrics))
-        if not self.quiet:
-            pose_report.print_poses(found, output)
-            self._print_metrics(metrics, mesh.unit)
+            options: dict[str, Any] = {
+                "scene": Scene.of(self.reach, mesh), "object_motion": self.object_motion,
+                "max_distance": self.max_distance, "load": load, "progress": progress,
+            }  # fmt: skip
+            grasps = evaluate_grasps(mesh, given, model, **options)
+        report.measure(grasps.compute_epsilon, "measuring epsilon", quiet=self.quiet)
+        metrics = None if self.metrics is None else grasps.metrics(self.metrics)
+        write_grasps(output, grasps, metrics=metrics)
+        if self.quiet:
+            return
+        if isinstance(grasps, EvaluatedPoses):
+            pose_report.print_poses(grasps, output)
+        else:
+            grasp_report.print_evaluated(grasps, output)
+        self._print_metrics(metrics, mesh.unit)
 
     @staticmethod
     def _print_metrics(metrics: "MetricValues | None", unit: str | None) -> None:

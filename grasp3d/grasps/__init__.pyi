@@ -4,9 +4,8 @@ from .evaluated_poses import EvaluatedPoses as EvaluatedPoses
 from .evaluation import evaluate_grasps as evaluate_grasps
 from .holding_verdict import HoldingVerdict as HoldingVerdict
 from .kinds import grasp_kinds as grasp_kinds
-from .pose_evaluation import evaluate_poses as evaluate_poses
 from .poses import GraspPoses as GraspPoses
-from .reading import read_contacts as read_contacts
+from .reading import read_grasps as read_grasps
 from .surface_poses import poses_of as poses_of
 from .verdict import Verdict as Verdict
 from .verdict import verdict_of as verdict_of

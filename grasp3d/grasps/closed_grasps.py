@@ -26,7 +26,7 @@ class ClosedGrasps:
     """What becomes of grasps of ideal points when the jaws close at their poses, a row for each.
 
     The jaws touch patches where a label has points, and a free object gives way; see
-    `evaluate_poses`. It is not known for internal grasps, whose fingers push outward.
+    `evaluate_grasps`. It is not known for internal grasps, whose fingers push outward.
 
     Example:
         >>> import trimesh
@@ -108,8 +108,9 @@ def close_on(grasps: GraspTable, *, progress: Progress | None = None) -> ClosedG
         grasps: Grasps of two fingers with a gripper; those without a pose are not known.
         progress: Called with the fraction of the work done, from 0 to 1.
     """
-    mesh, reach = grasps.mesh, grasps.reach
+    mesh, reach, scene = grasps.mesh, grasps.reach, grasps.scene
     assert reach is not None
+    assert scene is not None
     external = reach.pregrasp_opening >= reach.opening
     known = external & np.isfinite(reach.poses).all(axis=(1, 2))
     rows, row = np.flatnonzero(known), locked(np.where(known, np.cumsum(known) - 1, NO_ROW))
@@ -123,7 +124,7 @@ def close_on(grasps: GraspTable, *, progress: Progress | None = None) -> ClosedG
         unit=mesh.unit,
     )
     found = evaluate_poses(
-        mesh, poses, grasps.model, load=grasps.load, threads=grasps.threads, progress=progress,
-        scene=grasps.scene,
+        mesh, poses, grasps.model, scene, load=grasps.load, threads=grasps.threads,
+        progress=progress,
     )  # fmt: skip
     return ClosedGrasps(found, row)

@@ -41,7 +41,7 @@ def best_grasps(labels: SurfaceLabels, count: int, *, distance: float | None = N
     that all pairs are nearer than `distance` (non-maximum suppression).
 
     With a gripper of two fingers the jaws then close on a free object at the poses of all that
-    remain, as in `evaluate_poses`: first come those with the better label at what the jaws touch,
+    remain, as in `evaluate_grasps`: first come those with the better label at what the jaws touch,
     `closed`, then those with the better label of the vertex. An internal grasp, which is not
     closed, counts as M at most. Among grasps of the same labels their kinds take turns, see
     `grasp_kinds`: first comes the best one of each kind, then the second one of each, and so on.

@@ -42,7 +42,7 @@ class EvaluatedPoses(SpreadGrasps):
     them."""
     row: Ints
     """Row of each pose in that table, -1: the jaws do not close, shape (k,)."""
-    poses: GraspPoses
+    given: GraspPoses
     """The poses as they were given, with their outcomes, in the mesh's unit."""
     jaws: ClosedJaws
     """Where the jaws touch, and what happens where they do not."""
@@ -70,7 +70,12 @@ class EvaluatedPoses(SpreadGrasps):
     @property
     def size(self) -> int:
         """Number of poses."""
-        return self.poses.count
+        return self.given.count
+
+    @property
+    def poses(self) -> Floats:
+        """The poses as they were given, from the gripper's frame to the mesh's, shape (k, 4, 4)."""
+        return self.given.poses
 
     @property
     def state(self) -> Bytes:
@@ -85,12 +90,12 @@ class EvaluatedPoses(SpreadGrasps):
     @property
     def outcome(self) -> Floats:
         """Outcomes of the given poses: 1 held, 0 failed, nan not tried, shape (k,)."""
-        return self.poses.outcome
+        return self.given.outcome
 
     @cached_property
     def warnings(self) -> tuple[str, ...]:
         """What may make the results wrong, one sentence each."""
-        mesh, poses = self.mesh, self.poses.poses
+        mesh, poses = self.mesh, self.given.poses
         found = None
         if self.size and (self.jaws.closed & ~self.collides).mean() < FITTING:
             found = suspected_reading(
@@ -101,7 +106,7 @@ class EvaluatedPoses(SpreadGrasps):
         return (*mesh.report.warnings, *(line for line in (found, inside) if line))
 
     def to_poses(self, metrics: MetricValues | None = None) -> GraspPoses:
-        """The poses with the results as columns, as `write_poses` writes them.
+        """The poses with the results as columns, as `write_grasps` writes them.
 
         Args:
             metrics: Quality measures that become columns, too.
@@ -110,16 +115,16 @@ class EvaluatedPoses(SpreadGrasps):
         # Measures, forces and labels in the given file may be of other settings.
         others = {
             name: kept
-            for name, kept in self.poses.columns.items()
+            for name, kept in self.given.columns.items()
             if name not in own and name not in STALE
         }
         columns = {**others, **own, "contacts": self.jaws.points, "normals": self.jaws.normals}
         return replace(
-            self.poses,
+            self.given,
             opening=self.opening,
             hand=self.hand,
             columns=columns,
-            settings={**self.poses.settings, **self._settings()},
+            settings={**self.given.settings, **self._settings()},
         )
 
     def take(self, rows: Ints) -> "EvaluatedPoses":
@@ -134,7 +139,7 @@ class EvaluatedPoses(SpreadGrasps):
             self,
             grasps=self.grasps.take(row[known]),
             row=locked(np.where(known, np.cumsum(known) - 1, NO_ROW)),
-            poses=self.poses.take(rows),
+            given=self.given.take(rows),
             jaws=self.jaws.take(rows),
             collides=locked(self.collides[rows]),
             reachable=locked(self.reachable[rows]),
@@ -153,7 +158,7 @@ class EvaluatedPoses(SpreadGrasps):
 
         columns: dict[str, npt.NDArray[Any]] = {
             "grasp": np.arange(1, self.size + 1),
-            "name": np.array(self.poses.names),
+            "name": np.array(self.given.names),
             **self._columns(),
             "opening": self.opening,
             "outcome": self.outcome,

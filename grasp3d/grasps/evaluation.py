@@ -1,12 +1,21 @@
 """Evaluation of given grasps on a mesh."""
 
 import math
+from typing import overload
 
 import numpy as np
 
 from grasp3d.arrays import ArrayLike, Floats, locked
 from grasp3d.contact.contacts import LARGEST
 from grasp3d.errors import ContactError, SettingError
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
+from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.approach import Approach
+from grasp3d.hand.choices import ObjectMotion
+from grasp3d.hand.hand import Hand
+from grasp3d.hand.scene import Scene
+from grasp3d.hand.table import Table
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
@@ -30,45 +39,80 @@ PROJECTED, ANGLES_COMPUTED = 0.5, 0.9
 """Fractions of the work after which contacts are on the surface, and critical angles computed."""
 
 
+@overload
+def evaluate_grasps(
+    mesh: MeshSource, grasps: GraspPoses, model: GraspModel | None = None, *,
+    hand: Hand | None = None, table: Table | None = None,
+    approach: Approach | None = None, scene: Scene | None = None,
+    object_motion: ObjectMotion = "free", load: Load | None = None, threads: int | None = None,
+    progress: Progress | None = None,
+) -> EvaluatedPoses: ...  # fmt: skip
+@overload
+def evaluate_grasps(
+    mesh: MeshSource, grasps: ArrayLike, model: GraspModel | None = None, *,
+    max_distance: GivenLength | None = None, load: Load | None = None, threads: int | None = None,
+    progress: Progress | None = None,
+) -> GraspTable: ...  # fmt: skip
 def evaluate_grasps(
     mesh: MeshSource,
-    points: ArrayLike,
+    grasps: GraspPoses | ArrayLike,
     model: GraspModel | None = None,
     *,
+    hand: Hand | None = None,
+    table: Table | None = None,
+    approach: Approach | None = None,
+    scene: Scene | None = None,
+    object_motion: ObjectMotion = "free",
     max_distance: GivenLength | None = None,
     load: Load | None = None,
     threads: int | None = None,
     progress: Progress | None = None,
-) -> GraspTable:
-    """Compute the label, critical friction angle and epsilon of given grasps.
+) -> GraspTable | EvaluatedPoses:
+    """Compute the label, critical friction angle and epsilon of given grasps: contacts, or poses.
 
-    Each contact is moved to the nearest surface point, and has the normals there. The order of the
+    Contacts are moved to the nearest surface points, and have the normals there. The order of the
     contacts of a grasp does not matter.
+
+    At poses of a gripper each jaw moves until it touches, and a free object gives way, with the
+    model's friction; see `close_jaws`, which also says how a touched patch becomes a contact. A
+    pose whose jaws close on nothing is U, without numbers.
 
     Args:
         mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes (a path, a mesh of trimesh,
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
-        points: Contacts in the mesh's frame and unit, shape (b, n, 3), or (n, 3) for one grasp;
-            n is 2 to 32 for every grasp.
-        model: Friction and sensor resolution [rad]; its number of fingers, unless it is the default
-            2, must be that of `points`.
+            One whose unit is not known gets the scale that poses state, if they state one.
+        grasps: Contacts in the mesh's frame and unit, shape (b, n, 3), or (n, 3) for one grasp;
+            n is 2 to 32 for every grasp. Or poses of a gripper; without a unit they are in the
+            mesh's. `read_grasps` reads both.
+        model: Friction and sensor resolution [rad]; None: the defaults, at poses with the
+            resolution that the gripper states, if any. Its number of fingers, unless it is the
+            default 2, must be that of the grasps.
+        hand: The gripper of the poses.
+        table: What the object stands on, at poses; None: nothing.
+        approach: Allowed approach directions of the gripper; None: any.
+        scene: The gripper, the table and the approach as one, instead of the three.
+        object_motion: Of poses: free: the object settles between the jaws; fixed: it does not move.
         max_distance: Largest distance of a contact from the surface, in the mesh's unit or with a
             unit; None: 1/100 of the object's size.
         load: What each grasp must hold, and with which force: `holding` then has the grip force and
-            payload of each. None: nothing.
+            payload of each, at poses with the greatest force of the gripper at hand unless the load
+            states another one. The mass is held by the fingers alone, not by the table. None:
+            nothing.
         threads: Threads to use; None: one per processor. The result does not depend on it.
         progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
         The grasps in their order, with `label`, `critical_angle` [rad] and `epsilon`, shape (b,)
-        each, and the contacts on the surface, shape (b, n, 3).
+        each; of contacts with these on the surface, shape (b, n, 3), of poses with what the jaws
+        touch.
 
     Raises:
         MeshError: It is no mesh.
-        ContactError: Points of another shape, values that are not finite, or contacts off the
-            surface.
-        SettingError: A setting outside its range, or a load that needs a mass or unit that is not
-            known.
+        ContactError: Contacts of another shape, values that are not finite, or contacts off the
+            surface; or a pose is an internal grasp: its opening is larger than the one before it.
+        SettingError: A setting outside its range, or of contacts where there are poses or the other
+            way round; poses, but no gripper or no unit of the mesh; or a load that needs a mass or
+            unit that is not known.
 
     Example:
         Two fingers opposite to each other, and two that are not:
@@ -96,7 +140,46 @@ def evaluate_grasps(
         >>> holding = grasp3d.evaluate_grasps(mesh, sides, soft, load=load).holding
         >>> print(f"{holding.grip_force[0]:.2f} N")
         4.90 N
+
+        A gripper from above, and beside the part:
+
+        >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
+        >>> beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
+        >>> poses = grasp3d.grasps.GraspPoses(poses=[from_above, beside])
+        >>> franka = grasp3d.ParallelGripper.preset("franka")
+        >>> found = grasp3d.evaluate_grasps(mesh, poses, hand=franka)
+        >>> found.to_dataframe()[["closing", "label", "opening", "reachable"]].round(3)
+           closing label  opening  reachable
+        0   closed     S     0.08       True
+        1  nothing     U      NaN      False
     """
+    given = scene or Scene.given(hand, table, approach)
+    if not isinstance(grasps, GraspPoses):
+        if given is not None or object_motion != "free":
+            raise SettingError("a gripper applies to poses, not to contacts; give poses")
+        return _evaluate_contacts(mesh, grasps, model, max_distance, load, threads, progress)
+    if max_distance is not None:
+        raise SettingError("max_distance applies to contacts, not to poses of a gripper")
+    if given is None:
+        raise SettingError(
+            "poses are evaluated for a gripper; give it (--hand, in Python hand=...)"
+        )
+    return evaluate_poses(
+        mesh, grasps, model, given, object_motion=object_motion, load=load, threads=threads,
+        progress=progress,
+    )  # fmt: skip
+
+
+def _evaluate_contacts(
+    mesh: MeshSource,
+    points: ArrayLike,
+    model: GraspModel | None,
+    max_distance: GivenLength | None,
+    load: Load | None,
+    threads: int | None,
+    progress: Progress | None,
+) -> GraspTable:
+    """Move contacts (b, n, 3) to the surface, and evaluate the grasps."""
     report = progress or ignore
     mesh, given = load_mesh(mesh), _checked(points)
     mesh, load = loaded_mesh(mesh, load)

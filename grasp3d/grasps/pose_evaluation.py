@@ -8,12 +8,10 @@ from grasp3d.arrays import Bools, Floats, locked
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.poses import GraspPoses
-from grasp3d.hand.approach import Approach
 from grasp3d.hand.choices import ObjectMotion
-from grasp3d.hand.hand import Hand, touching
+from grasp3d.hand.hand import touching
 from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.scene import Scene
-from grasp3d.hand.table import Table
 from grasp3d.loads import Load
 from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
@@ -36,12 +34,9 @@ ROUNDING = 1e-9
 def evaluate_poses(
     mesh: MeshSource,
     poses: GraspPoses,
-    model: GraspModel | None = None,
+    model: GraspModel | None,
+    scene: Scene,
     *,
-    hand: Hand | None = None,
-    table: Table | None = None,
-    approach: Approach | None = None,
-    scene: Scene | None = None,
     object_motion: ObjectMotion = "free",
     load: Load | None = None,
     threads: int | None = None,
@@ -49,59 +44,25 @@ def evaluate_poses(
 ) -> EvaluatedPoses:
     """Close the jaws of a gripper on an object from given poses, and evaluate the grasps.
 
-    Each jaw moves until it touches, and a free object gives way, with the model's friction; see
-    `close_jaws`, which also says how a touched patch becomes a contact. A pose whose jaws close on
-    nothing is U, without numbers.
+    As `evaluate_grasps` does.
 
     Args:
-        mesh: The object: an `ObjectMesh`, or whatever `load_mesh` takes. One whose unit is not
-            known gets the scale that the poses state, if they state one.
+        mesh: The object; one whose unit is not known gets the scale that the poses state, if any.
         poses: The poses; without a unit they are in the mesh's.
         model: Friction and sensor resolution [rad]; None: the defaults, with the resolution that
             the gripper states, if any.
-        hand: The gripper of the poses.
-        table: What the object stands on; None: nothing.
-        approach: Allowed approach directions; None: any.
-        scene: The gripper, the table and the approach together, in place of those three.
+        scene: The gripper, the table and the allowed approach.
         object_motion: free: the object settles between the jaws; fixed: it does not move.
-        load: What each grasp must hold: `holding` then has the grip force and payload of each, with
-            the greatest force of the gripper at hand unless the load states another one. The mass
-            is held by the fingers alone, not by the table. None: nothing.
-        threads: Threads to use; None: one per processor. The result does not depend on it.
+        load: What each grasp must hold; None: nothing.
+        threads: Threads to use; None: one per processor.
         progress: Called with the fraction of the work done, from 0 to 1.
-
-    Returns:
-        A row for each pose, in their order.
 
     Raises:
         MeshError: It is no mesh.
         SettingError: The unit of the mesh is not known, a setting is outside its range, or the load
             needs a mass that is not known.
         ContactError: A grasp is internal: its opening is larger than the one before it.
-
-    Example:
-        >>> import numpy as np
-        >>> import trimesh
-        >>> import grasp3d
-        >>> from grasp3d.grasps.pose_evaluation import evaluate_poses
-        >>> from grasp3d.grasps.poses import GraspPoses
-        >>> from grasp3d.hand.presets import preset
-        >>> box = grasp3d.load_mesh(trimesh.creation.box([0.06, 0.04, 0.02]), unit="m")
-        >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
-        >>> beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
-        >>> found = evaluate_poses(
-        ...     box, GraspPoses(poses=[from_above, beside]), hand=preset("franka")
-        ... )
-        >>> found.to_dataframe()[["closing", "label", "opening", "reachable"]].round(3)
-           closing label  opening  reachable
-        0   closed     S     0.06       True
-        1  nothing     U      NaN      False
     """
-    scene = scene or Scene.given(hand, table, approach)
-    if scene is None:
-        raise SettingError(
-            "poses are evaluated for a gripper; give it (--hand, in Python hand=...)"
-        )
     hand = scene.hand
     mesh = in_stated_scale(load_mesh(mesh), poses)
     metres_per_unit(mesh)
@@ -140,7 +101,7 @@ def evaluate_poses(
     found = EvaluatedPoses(
         grasps=grasps,
         row=locked(np.where(jaws.closed, np.cumsum(jaws.closed) - 1, NO_ROW)),
-        poses=given,
+        given=given,
         jaws=jaws,
         object_motion=object_motion,
         collides=locked(colliding),
@@ -156,14 +117,14 @@ def evaluate_poses(
     return found
 
 
-def in_stated_scale(mesh: ObjectMesh, poses: GraspPoses) -> ObjectMesh:
+def in_stated_scale(mesh: ObjectMesh, grasps: GraspPoses | Floats) -> ObjectMesh:
     """The mesh in metres, where its unit is not known and poses state the scale of its file.
 
     Args:
         mesh: The object.
-        poses: Poses on it.
+        grasps: Poses on it; contacts state no scale.
     """
-    scale = poses.object_scale
+    scale = grasps.object_scale if isinstance(grasps, GraspPoses) else None
     if mesh.unit is not None or scale is None:
         return mesh
     # Normals and their sets do not depend on the size.

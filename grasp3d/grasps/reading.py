@@ -12,7 +12,11 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import ContactError
-from grasp3d.settings import MAX_FINGERS
+from grasp3d.grasps.pose_files import holds_poses, read_poses
+from grasp3d.grasps.poses import GraspPoses
+from grasp3d.hand.hand import Hand
+from grasp3d.settings import MAX_FINGERS, PoseFormat
+from grasp3d.settings.lengths import Unit
 from grasp3d.system.names import unsupported
 
 SUFFIXES = (".csv", ".parquet", ".json")
@@ -29,8 +33,56 @@ MAX_LISTED = 12
 _COORDINATE = re.compile(r"[xyz][1-9]\d*")
 
 
+def read_grasps(
+    path: str | Path,
+    *,
+    format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
+    hand: Hand | None = None,
+    unit: Unit | None = None,
+) -> GraspPoses | Floats:
+    """Read grasps from files of grasp3d, robots, simulators and data sets: poses or contacts.
+
+    Which of the two a file contains is found from its name and content. Contacts: CSV and Parquet
+    have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are ignored. JSON is a
+    list of grasps, each a list of contacts [x, y, z]. Poses are those of the TCP, whatever frame
+    the file has; see `GraspPoses`.
+
+    Args:
+        path: File to read.
+        format: Of poses: one of those of `write_grasps`; None: found from the suffix and the
+            content.
+        hand: The gripper that the poses are of; formats with the pose of the hand's base
+            (isaac_grasp, graspgen, graspnet, moveit) need it.
+        unit: Unit of the lengths of poses, for files that state none; formats of robots are in
+            metres.
+
+    Returns:
+        The poses; or contacts in the order of the file, shape (b, n, 3) with n from 2 to 32; b at
+        least 1. `evaluate_grasps` takes both.
+
+    Raises:
+        ContactError: The file is missing, or contains no grasps.
+        OutputError: A library that reads the format is not installed.
+        SettingError: No format is called so.
+
+    Example:
+        >>> from pathlib import Path
+        >>> import grasp3d
+        >>> _ = Path("grasps.json").write_text("[[[0, 0, 0.015], [0, 0, -0.015]]]")
+        >>> grasp3d.read_grasps("grasps.json").tolist()
+        [[[0.0, 0.0, 0.015], [0.0, 0.0, -0.015]]]
+        >>> rows = ["px,py,pz,qx,qy,qz,qw", "0,0,60,1,0,0,0"]
+        >>> _ = Path("poses.csv").write_text(chr(10).join(rows))
+        >>> grasp3d.read_grasps("poses.csv", unit="mm").in_unit("m").poses[0, :3, 3].tolist()
+        [0.0, 0.0, 0.06]
+    """
+    if format is not None or holds_poses(path):
+        return read_poses(path, format=format, hand=hand, unit=unit)
+    return read_contacts(path)
+
+
 def read_contacts(path: str | Path) -> Floats:
-    """Read the contacts of grasps; also from files that `write_grasps` wrote.
+    """Read the contacts of grasps, see `read_grasps`; also from files that `write_grasps` wrote.
 
     CSV and Parquet have columns x1 y1 z1 x2 y2 z2 ..., a row for each grasp; other columns are
     ignored. JSON is a list of grasps, each a list of contacts [x, y, z].
@@ -43,13 +95,6 @@ def read_contacts(path: str | Path) -> Floats:
 
     Raises:
         ContactError: The file is missing, or contains no such contacts.
-
-    Example:
-        >>> from pathlib import Path
-        >>> import grasp3d
-        >>> _ = Path("grasps.json").write_text("[[[0, 0, 0.015], [0, 0, -0.015]]]")
-        >>> grasp3d.read_contacts("grasps.json").tolist()
-        [[[0.0, 0.0, 0.015], [0.0, 0.0, -0.015]]]
     """
     path = Path(path)
     suffix = path.suffix.lower()

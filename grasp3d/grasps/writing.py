@@ -10,7 +10,9 @@ import numpy.typing as npt
 
 from grasp3d.export.fields import Field, columns_of, present
 from grasp3d.export.grasp_fields import CONTACTS, GRASPS
+from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_files import write_poses
+from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.surface_poses import poses_of
 from grasp3d.hand.scene import scene_settings
 from grasp3d.loads import load_settings
@@ -29,20 +31,20 @@ SUFFIXES = (".csv", ".parquet", ".json")
 
 def write_grasps(
     path: str | Path,
-    grasps: GraspTable,
+    grasps: GraspTable | EvaluatedPoses | GraspPoses,
     *,
     format: PoseFormat | None = None,  # noqa: A002, what it is called everywhere
     metrics: MetricValues | None = None,
 ) -> None:
     """Write grasps with labels, critical angles and epsilon, in the format given by the suffix.
 
-    One row, in JSON one entry, for each grasp: `grasp` (its number from 1), `label`,
-    `critical_angle`, `critical_angle_best`, `max_resolution`, `margin` [rad], `epsilon`,
-    `epsilon_min`, `epsilon_max`, `rank`, `opening`, `separation`; and for each contact its position
-    on the surface `x1` `y1` `z1`, the outward normal there `nx1` `ny1` `nz1`, `distance1`, its
-    distance from the surface before it was moved there, and `on_crease1`. nan is written as an
-    empty cell, in JSON as null, where infinite numbers are null as well. JSON and Parquet contain
-    the settings.
+    Of grasps without poses: one row, in JSON one entry, for each grasp: `grasp` (its number from
+    1), `label`, `critical_angle`, `critical_angle_best`, `max_resolution`, `margin` [rad],
+    `epsilon`, `epsilon_min`, `epsilon_max`, `rank`, `opening`, `separation`; and for each contact
+    its position on the surface `x1` `y1` `z1`, the outward normal there `nx1` `ny1` `nz1`,
+    `distance1`, its distance from the surface before it was moved there, and `on_crease1`. nan is
+    written as an empty cell, in JSON as null, where infinite numbers are null as well. JSON and
+    Parquet contain the settings.
 
     With a gripper of two fingers also `closed_label` and `closed_margin`, label and margin at what
     the jaws touch when they close; empty and nan where it is not known, see `ClosedGrasps`.
@@ -50,20 +52,22 @@ def write_grasps(
     With a load also `grip_force`, `grip_force_least`, `grip_force_largest` [N], `payload` [kg] if a
     force is at hand, and `label_with_force` if the mass is known, too; see `Holding`.
 
-    Grasps with a gripper are written with their poses, see `write_poses`, also in formats of robots
-    and simulators.
+    Grasps with a gripper, and poses, are written with their poses, also in formats of robots and
+    simulators: isaac_grasp (.yaml), acronym (.h5), graspnet (.npy), graspgen or moveit (.json).
+    These need the gripper and the unit.
 
     Args:
-        path: File to make or replace; .csv, .parquet or .json, with a gripper also .yaml, .h5 or
-            .npy.
-        grasps: The grasps.
-        format: With a gripper: a format of `write_poses`; None: that of the suffix.
+        path: File to make or replace; .csv, .parquet or .json, with poses also .yaml, .h5 or .npy.
+        grasps: The grasps: with contacts, with poses that were evaluated, or poses alone.
+        format: Of poses: json, csv, parquet, isaac_grasp, acronym, graspnet, graspgen or moveit;
+            None: that of the suffix, json for .json.
         metrics: Quality measures of the grasps, which become columns, with `undefined_metrics`, the
             reasons why some are undefined.
 
     Raises:
-        OutputError: No format has that suffix, or the file cannot be written.
-        SettingError: A format of poses, but no gripper.
+        OutputError: No format has that suffix, it needs something that is not known, or the file
+            cannot be written.
+        SettingError: No format is called so, or a format of poses, but no gripper.
 
     Example:
         >>> import trimesh
@@ -71,10 +75,15 @@ def write_grasps(
         >>> box = trimesh.creation.box([0.08, 0.05, 0.03])
         >>> labels = grasp3d.label_surface(grasp3d.load_mesh(box, unit="m", max_edge=0.02))
         >>> grasp3d.write_grasps("box.csv", grasp3d.best_grasps(labels, 3))
-        >>> grasp3d.read_contacts("box.csv").shape
+        >>> grasp3d.read_grasps("box.csv").shape
         (3, 2, 3)
     """
     path = Path(path)
+    if isinstance(grasps, EvaluatedPoses):
+        grasps = grasps.to_poses(metrics)
+    if isinstance(grasps, GraspPoses):
+        write_poses(path, grasps, format=format)
+        return
     if format is not None or (grasps.has_poses and grasps.size):
         poses = replace(poses_of(grasps), settings=_settings(grasps))
         if metrics is not None:

@@ -9,7 +9,8 @@ from grasp3d.arrays import Floats, angles_between, locked, unit_rows
 from grasp3d.batch.batch_settings import ClusterSettings
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
+from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.pose_evaluation import in_stated_scale
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.hand import Hand, touching
 from grasp3d.hand.jaws import Jaws
@@ -278,7 +279,7 @@ def simulate_poses(
     Args:
         mesh: The object, whose unit is known or stated by the poses.
         poses: The poses.
-        model: Friction, torsion radius, and what labels depend on; None: as in `evaluate_poses`.
+        model: Friction, torsion radius, and what labels depend on; None: as in `evaluate_grasps`.
         hand: The gripper.
         simulation: Forces, times, limits and convex parts; None: the defaults. `count`,
             `tip_radius`, `pulled` and `part_angle` have no effect.
@@ -286,13 +287,13 @@ def simulate_poses(
         progress: Called with the fraction of the work done, from 0 to 1.
 
     Returns:
-        The poses with the labels and numbers of `evaluate_poses`, their simulated `outcome`, which
+        The poses with the labels and numbers of `evaluate_grasps`, their simulated `outcome`, which
         files hold as `success`, and the columns `fate`, `pulls_held`, `slip_m`, `shift_m` [m],
         `turn` and `spin` [rad].
 
     Raises:
         MeshError: It is no mesh.
-        SettingError: As in `evaluate_poses`; or MuJoCo or CoACD is not installed.
+        SettingError: As in `evaluate_grasps`; or MuJoCo or CoACD is not installed.
         GraspError: Every simulation failed.
 
     Example:
@@ -320,7 +321,7 @@ def simulate_poses(
     scale, processes = metres_per_unit(surface), cluster or ClusterSettings()
     (settings,) = settings_in_unit("m", simulation or SimulationSettings())
     settings = replace(settings, pulled="center_of_mass")
-    found = evaluate_poses(surface, poses, model, hand=hand, threads=1)
+    found = evaluate_grasps(surface, poses, model, hand=hand, threads=1)
     begin_step("dividing the object into convex parts")
     parts = divided(surface, settings, processes)
     begin_step("simulating grasps")
@@ -370,10 +371,10 @@ def _tips(hand: Hand, model: GraspModel, scale: float) -> Tips:
 
 def _posed_attempts(found: EvaluatedPoses, tips: Tips, scale: float) -> list[Attempt]:
     """The attempts, from the opening with which the gripper comes."""
-    poses = np.array(found.poses.poses)
+    poses = np.array(found.poses)
     poses[:, :3, 3] *= scale
     stroke = found.hand.max_opening
-    openings = np.nan_to_num(found.poses.pregrasp_opening * scale, nan=stroke)
+    openings = np.nan_to_num(found.given.pregrasp_opening * scale, nan=stroke)
     return [
         Attempt(
             pose,

@@ -243,6 +243,22 @@ class GraspTable(LabelledGrasps):
         return np.zeros((self.size, self.contacts.count)) if self.moved is None else self.moved
 
     @property
+    def poses(self) -> Floats | None:
+        """Poses of the gripper, from its frame to the mesh's, shape (b, 4, 4); None: no gripper.
+
+        nan where the gripper does not reach the grasp.
+        """
+        return None if self.reach is None else self.reach.poses
+
+    @property
+    def grip_force(self) -> Floats | None:
+        """Force that each finger needs under the load [N], shape (b,); None: there is no load.
+
+        See `Holding.grip_force`.
+        """
+        return None if self.holding is None else self.holding.grip_force
+
+    @property
     def known_contacts(self) -> SurfaceContacts | None:
         """The contacts; None: a file does not contain them."""
         return self.contacts if self.contacts.known else None

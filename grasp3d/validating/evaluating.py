@@ -10,7 +10,8 @@ import numpy as np
 from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import ContactError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.pose_evaluation import evaluate_poses, in_stated_scale
+from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.pose_evaluation import in_stated_scale
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
@@ -194,13 +195,11 @@ class Evaluation:
         scene, model = Scene.of(beside, body.mesh), beside.touching(self.model)
         assert scene is not None
         self.models.append(model)
-        found = evaluate_poses(
+        found = evaluate_grasps(
             body.mesh,
             poses,
             model,
-            hand=tried.hand,
-            table=scene.table,
-            approach=scene.approach,
+            scene=scene,
             object_motion=self.object_motion,
             load=body.load,
             threads=self.threads,

@@ -56,7 +56,7 @@ def validate_grasps(
     """Hold labels and scores of grasps against what became of them.
 
     The jaws are closed at each pose that has an outcome (`GraspPoses.outcome`), as by
-    `evaluate_poses`, and critical friction angle, margin, epsilon, grip force, label, reach and
+    `evaluate_grasps`, and critical friction angle, margin, epsilon, grip force, label, reach and
     simpler scores are compared with the outcomes. Every score counts in a direction that is fixed
     beforehand (`SCORES`). Nothing is fitted to the outcomes but the thresholds of `calibration`.
 

@@ -12,7 +12,7 @@ import pytest
 import trimesh
 
 from grasp3d import GraspModel, ParallelGripper, load_mesh
-from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.plots.validation_page import FILES
@@ -34,7 +34,7 @@ def poses(count: int = COUNT) -> tuple[GraspPoses, np.ndarray]:
     mesh = load_mesh((0.025 * points, faces), unit="m", max_edge=0.02)
     given = poses_on(mesh, count, 0, 0.075).poses.copy()
     given[:6, :3, 3] += 0.2
-    found = evaluate_poses(mesh, GraspPoses(poses=given), GraspModel(), hand=FRANKA)
+    found = evaluate_grasps(mesh, GraspPoses(poses=given), GraspModel(), hand=FRANKA)
     return GraspPoses(poses=given, unit="m", hand="panda"), np.array(found.margin)
 
 

@@ -15,7 +15,7 @@ import yaml
 
 from grasp3d import GraspModel, ParallelGripper, best_grasps, label_surface, load_mesh
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import SUFFIXES, write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.grasps.surface_poses import poses_of
@@ -62,7 +62,7 @@ def found() -> GraspPoses:
 
 @cache
 def evaluated() -> EvaluatedPoses:
-    return evaluate_poses(load_mesh(shapes.box(), unit="cm"), found(), hand=GRIPPER)
+    return evaluate_grasps(load_mesh(shapes.box(), unit="cm"), found(), hand=GRIPPER)
 
 
 def paths(content: dict[str, Any], head: str = "") -> Iterator[str]:

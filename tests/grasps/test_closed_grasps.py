@@ -24,11 +24,12 @@ from grasp3d.grasps import (
     EvaluatedPoses,
     alternatives_at,
     closed_grasps,
-    evaluate_poses,
     grasp_kinds,
     poses_of,
 )
 from grasp3d.grasps.closed_grasps import UNKNOWN
+from grasp3d.grasps.evaluation import evaluate_grasps
+from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface import GraspTable
@@ -168,7 +169,7 @@ def test_poses_that_are_written_evaluate_to_the_same_labels(tmp_path: Path, suff
     best, path = best_grasps(wedge(), 40), tmp_path / f"wedge.{suffix}"
     write_grasps(path, best)
     poses = read_poses(path)
-    again = evaluate_poses(wedge().mesh, poses, MODEL, hand=HAND)
+    again = evaluate_grasps(wedge().mesh, poses, MODEL, hand=HAND)
     np.testing.assert_array_equal(again.label, best.closed.label)
     np.testing.assert_allclose(again.margin, best.closed.margin, rtol=1e-9, atol=1e-7)
     assert poses.columns["closed_label"].tolist() == [Label(code).name for code in again.label]
@@ -197,7 +198,7 @@ def test_the_jaws_close_once(closings: list[int]) -> None:
     np.testing.assert_array_equal(
         every.closed.evaluated.jaws.points[:3], best.closed.evaluated.jaws.points
     )
-    np.testing.assert_array_equal(best.closed.evaluated.poses.poses, best.reach.poses)
+    np.testing.assert_array_equal(best.closed.evaluated.poses, best.reach.poses)
 
 
 def test_of_chosen_vertices_the_jaws_close_when_that_is_read(closings: list[int]) -> None:

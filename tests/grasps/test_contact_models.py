@@ -13,7 +13,7 @@ from grasp3d import Contacts, GraspModel, Label, Load, ParallelGripper
 from grasp3d.contact.contacts import evenly_pressed_radius
 from grasp3d.errors import SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.settings.grasp_model import ContactModel
 from tests.helpers.closing_jaws import pads
@@ -50,7 +50,7 @@ def evaluated(
     """Evaluate poses on an object that does not give way."""
     load = Load(mass=0.2, grip_force=40.0)
     jaws = hand or replace(ParallelGripper.preset("franka"), inner_faces=())
-    return evaluate_poses(
+    return evaluate_grasps(
         mesh, poses, GraspModel(**model), hand=jaws, object_motion="fixed", load=load
     )
 

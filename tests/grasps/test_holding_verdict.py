@@ -17,8 +17,8 @@ from grasp3d import (
 )
 from grasp3d.cli.load_report import force_text
 from grasp3d.grasps import verdict_of
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.holding_verdict import HoldingVerdict
-from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.surface_poses import poses_of
 from grasp3d.loads import Load
 from grasp3d.quality import Wrenches
@@ -144,11 +144,11 @@ def test_poses_that_were_found_hold_as_much_when_they_are_evaluated() -> None:
     assert best.holding is not None
     np.testing.assert_array_equal(poses.columns["payload"], best.holding.payload)
     stale = replace(poses, columns={**poses.columns, "payload": np.zeros(3)})
-    evaluated = evaluate_poses(made.mesh, stale, model, hand=franka, load=load)
+    evaluated = evaluate_grasps(made.mesh, stale, model, hand=franka, load=load)
     assert evaluated.holding is not None
     # Both touch flat sides: the pads' centres are the contacts.
     np.testing.assert_allclose(evaluated.holding.payload, best.holding.payload, rtol=0.05)
     assert evaluated.to_poses().columns["label_with_force"].tolist() == ["S"] * 3
-    without = evaluate_poses(made.mesh, stale, model, hand=franka)
+    without = evaluate_grasps(made.mesh, stale, model, hand=franka)
     assert "payload" not in without.to_poses().columns
     assert evaluated.to_table()["payload"].to_numpy() == pytest.approx(evaluated.holding.payload)

@@ -14,7 +14,7 @@ from scipy.stats import rankdata
 from grasp3d import Contacts, GraspModel, ObjectMesh, load_mesh
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import read_poses, write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.approach import Approach
@@ -45,7 +45,7 @@ def blob() -> ObjectMesh:
 
 def evaluated(mesh: Any, matrices: Any, **options: Any) -> EvaluatedPoses:
     poses = GraspPoses(poses=np.array(matrices), unit="m")
-    return evaluate_poses(mesh, poses, MODEL, **{"hand": pads(), **options})
+    return evaluate_grasps(mesh, poses, MODEL, **{"hand": pads(), **options})
 
 
 def test_a_box_from_above(box: ObjectMesh) -> None:
@@ -111,21 +111,21 @@ def test_internal_grasps_are_refused(box: ObjectMesh) -> None:
     matrix = np.stack([pose((0.0, 0.0, 0.0), FROM_ABOVE)] * 2)
     poses = GraspPoses(poses=matrix, opening=0.04, pregrasp_opening=[0.044, 0.036], unit="m")
     with pytest.raises(ContactError, match="grasp_2 is an internal grasp, as are 1 of 2"):
-        evaluate_poses(box, poses, MODEL, hand=pads())
+        evaluate_grasps(box, poses, MODEL, hand=pads())
 
 
 def test_method_extremes_labels_too(box: ObjectMesh) -> None:
     model = replace(MODEL, method="extremes")
     poses = GraspPoses(poses=pose((0.0, 0.0, 0.0), FROM_ABOVE), unit="m")
-    assert evaluate_poses(box, poses, model, hand=pads()).label.tolist() == [2]
+    assert evaluate_grasps(box, poses, model, hand=pads()).label.tolist() == [2]
 
 
 def test_poses_in_another_unit_are_converted(box: ObjectMesh) -> None:
     matrix = pose((0.0, 0.002, 0.004), FROM_ABOVE)
     metres = GraspPoses(poses=matrix, unit="m")
-    found = evaluate_poses(box, metres.in_unit("mm"), MODEL, hand=pads())
-    same = evaluate_poses(box, metres, MODEL, hand=pads())
-    unknown = evaluate_poses(box, GraspPoses(poses=matrix), MODEL, hand=pads())
+    found = evaluate_grasps(box, metres.in_unit("mm"), MODEL, hand=pads())
+    same = evaluate_grasps(box, metres, MODEL, hand=pads())
+    unknown = evaluate_grasps(box, GraspPoses(poses=matrix), MODEL, hand=pads())
     np.testing.assert_allclose(found.jaws.points, same.jaws.points, atol=1e-12)
     np.testing.assert_array_equal(unknown.jaws.points, same.jaws.points)
 
@@ -134,14 +134,14 @@ def test_a_mesh_without_a_unit_takes_the_scale_that_poses_state(box: ObjectMesh)
     scale = 3e-4
     raw = load_mesh(shapes.box(tuple(side / scale for side in BOX)))  # type: ignore[arg-type]
     poses = GraspPoses(poses=pose(turn=FROM_ABOVE), unit="m", object_scale=scale)
-    found = evaluate_poses(raw, poses, MODEL, hand=pads())
-    same = evaluate_poses(box, poses, MODEL, hand=pads())
+    found = evaluate_grasps(raw, poses, MODEL, hand=pads())
+    same = evaluate_grasps(box, poses, MODEL, hand=pads())
     assert found.mesh.unit == "m"
     assert found.mesh.volume == pytest.approx(box.volume)
     np.testing.assert_allclose(found.jaws.points, same.jaws.points, atol=1e-9)
     np.testing.assert_allclose(found.epsilon, same.epsilon, rtol=0.02)
     with pytest.raises(SettingError, match="unit"):
-        evaluate_poses(raw, replace(poses, object_scale=None), MODEL, hand=pads())
+        evaluate_grasps(raw, replace(poses, object_scale=None), MODEL, hand=pads())
 
 
 def test_poses_far_away_are_warned_of(box: ObjectMesh) -> None:
@@ -153,8 +153,8 @@ def test_poses_far_away_are_warned_of(box: ObjectMesh) -> None:
 def test_the_gripper_states_the_resolution_where_no_model_does(box: ObjectMesh) -> None:
     poses = GraspPoses(poses=pose(), unit="m")
     fine = pads(sensor_resolution=math.radians(3.0))
-    assert evaluate_poses(box, poses, hand=fine).model.sensor_resolution == math.radians(3.0)
-    assert evaluate_poses(box, poses, MODEL, hand=fine).model == MODEL
+    assert evaluate_grasps(box, poses, hand=fine).model.sensor_resolution == math.radians(3.0)
+    assert evaluate_grasps(box, poses, MODEL, hand=fine).model == MODEL
 
 
 @pytest.mark.parametrize("suffix", [".json", ".csv", ".parquet"])
@@ -165,7 +165,7 @@ def test_results_are_written_as_poses_and_read_back(
     given = GraspPoses(
         poses=matrices, unit="m", outcome=np.array([1.0, 0.0]), names=("held", "missed")
     )
-    found = evaluate_poses(box, given, MODEL, hand=pads())
+    found = evaluate_grasps(box, given, MODEL, hand=pads())
     path = tmp_path / f"results{suffix}"
     write_poses(path, found.to_poses())
     again = read_poses(path)
@@ -201,7 +201,7 @@ def test_published_poses_on_a_mug() -> None:
     poses = read_poses(next(folder.glob("*.h5")), hand=hand)
     solid = trimesh.load_mesh(next(folder.glob("*.obj")), process=False)
     mesh = load_mesh((solid.vertices, solid.faces), max_edge=1e9)
-    found = evaluate_poses(mesh, poses, GraspModel(friction=0.5), hand=hand)
+    found = evaluate_grasps(mesh, poses, GraspModel(friction=0.5), hand=hand)
     assert found.mesh.unit == "m"
     assert (found.state == Closing.STARTS_INSIDE).sum() < 5
     assert found.jaws.closed.mean() > 0.95
@@ -210,5 +210,5 @@ def test_published_poses_on_a_mug() -> None:
     surely = held[found.label == Label.S]
     assert surely.mean() >= 0.91 > held[found.label == Label.M].mean()
     pad = replace(hand, inner_faces=())
-    fixed = evaluate_poses(mesh, poses, GraspModel(), hand=pad, object_motion="fixed")
+    fixed = evaluate_grasps(mesh, poses, GraspModel(), hand=pad, object_motion="fixed")
     assert auc(-np.nan_to_num(fixed.critical_angle, nan=math.pi), held) < 0.4

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh, load_mesh
-from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import read_poses
 from grasp3d.grasps.pose_readings import suspected_reading
 from grasp3d.grasps.poses import GraspPoses
@@ -107,7 +107,7 @@ def test_poses_beside_the_object_have_no_other_reading(cone: ObjectMesh, good: F
 def test_evaluated_poses_are_warned_of(cone: ObjectMesh, good: Floats) -> None:
     def warnings(poses: Floats, mesh: ObjectMesh = cone) -> str:
         given = GraspPoses(poses=poses, unit="m")
-        return " ".join(evaluate_poses(mesh, given, hand=HAND, threads=1).warnings)
+        return " ".join(evaluate_grasps(mesh, given, hand=HAND, threads=1).warnings)
 
     assert "jaws" not in warnings(good)
     assert "those of the hand's base" in warnings(good @ HAND.base_pose)

@@ -18,7 +18,7 @@ from grasp3d import (
     write_grasps,
 )
 from grasp3d.errors import OutputError, SettingError
-from grasp3d.grasps import evaluate_poses, poses_of
+from grasp3d.grasps import evaluate_grasps, poses_of
 from grasp3d.grasps.pose_files import holds_poses, read_poses
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from tests.helpers import shapes
@@ -83,7 +83,7 @@ def test_evaluated_again_poses_are_reached_and_stable() -> None:
     labels = held()
     best = best_grasps(labels, 4)
     hand, table = labels.scene.hand, labels.scene.table
-    found = evaluate_poses(labels.mesh, poses_of(best), MODEL, hand=hand, table=table)
+    found = evaluate_grasps(labels.mesh, poses_of(best), MODEL, hand=hand, table=table)
     np.testing.assert_allclose(np.sort(found.opening), np.sort(best.reach.opening), atol=0.6)
 
 

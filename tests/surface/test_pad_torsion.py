@@ -20,7 +20,6 @@ from grasp3d import (
     load_mesh,
 )
 from grasp3d.arrays import Floats
-from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.loads import Load
 from grasp3d.quality.tasks import STANDARD_GRAVITY
@@ -162,7 +161,7 @@ def test_given_poses_have_the_pads_torsion_at_each_friction() -> None:
 
     def largest(friction: Any) -> Floats:
         model = GraspModel(friction=friction, sensor_resolution=0.05)
-        found = evaluate_poses(mesh, poses, model, hand=pads(), load=DOWN, threads=1).holding
+        found = evaluate_grasps(mesh, poses, model, hand=pads(), load=DOWN, threads=1).holding
         assert found is not None
         return found.grip_force_largest
 

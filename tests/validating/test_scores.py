@@ -9,7 +9,7 @@ import pytest
 
 from grasp3d import GraspModel, Label, Load, ObjectMesh, ParallelGripper, load_mesh
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
-from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.validating import SCORES, LabelSuccess
 from grasp3d.validating.scores import scores_of
@@ -29,13 +29,13 @@ def blob() -> ObjectMesh:
 @cache
 def on_blob() -> EvaluatedPoses:
     poses = poses_on(blob(), 60, 0, 0.075)
-    return evaluate_poses(blob(), poses, GraspModel(), hand=FRANKA, load=Load(mass=0.1))
+    return evaluate_grasps(blob(), poses, GraspModel(), hand=FRANKA, load=Load(mass=0.1))
 
 
 def fixed(model: GraspModel) -> EvaluatedPoses:
     """Friction changes how a free object settles."""
-    poses = on_blob().poses
-    return evaluate_poses(blob(), poses, model, hand=FRANKA, object_motion="fixed")
+    poses = on_blob().given
+    return evaluate_grasps(blob(), poses, model, hand=FRANKA, object_motion="fixed")
 
 
 def test_a_box_has_known_scores() -> None:
@@ -44,7 +44,7 @@ def test_a_box_has_known_scores() -> None:
     pose[1, 3] = 0.005
     outside = pose + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
     given = GraspPoses(poses=np.array([pose, outside]), unit="m")
-    found = scores_of(evaluate_poses(box, given, hand=FRANKA))
+    found = scores_of(evaluate_grasps(box, given, hand=FRANKA))
     known = {
         "critical_angle": 0.0,
         "margin": math.atan(0.5) - math.radians(11.3),
@@ -71,7 +71,7 @@ def test_scores_do_not_depend_on_the_unit_of_the_mesh() -> None:
     in_mm = load_mesh((25.0 * points, faces), unit="mm", max_edge=20.0)
     given = {"hand": FRANKA, "load": Load(mass=0.1), "object_motion": "fixed"}
     one, two = (
-        scores_of(evaluate_poses(mesh, on_blob().poses, GraspModel(), **given))
+        scores_of(evaluate_grasps(mesh, on_blob().poses, GraspModel(), **given))
         for mesh in (blob(), in_mm)
     )
     assert set(one) == {score.name for score in SCORES}

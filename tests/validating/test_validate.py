@@ -11,7 +11,7 @@ import pytest
 import grasp3d
 from grasp3d import GraspModel, Load, ObjectMesh, ParallelGripper, load_mesh, validate_grasps
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.grasps.pose_evaluation import evaluate_poses
+from grasp3d.grasps.evaluation import evaluate_grasps
 from grasp3d.grasps.pose_files import write_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.reach_settings import ReachSettings
@@ -43,7 +43,7 @@ def poses() -> GraspPoses:
 
 @cache
 def margins() -> np.ndarray:
-    return np.array(evaluate_poses(mesh(), poses(), GraspModel(), hand=FRANKA).margin)
+    return np.array(evaluate_grasps(mesh(), poses(), GraspModel(), hand=FRANKA).margin)
 
 
 def tried(held: np.ndarray) -> GraspPoses:
