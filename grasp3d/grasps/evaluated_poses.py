@@ -99,7 +99,7 @@ class EvaluatedPoses(SpreadGrasps):
         found = None
         if self.size and (self.jaws.closed & ~self.collides).mean() < FITTING:
             found = suspected_reading(
-                mesh, poses, self.hand, posture=self.poses.posture, threads=self.threads
+                mesh, poses, self.hand, posture=self.given.posture, threads=self.threads
             )
         found = found or pose_warning(poses, mesh.center, mesh.size, mesh.unit)
         inside = starting_inside(self.state)

@@ -45,7 +45,7 @@ class JawContacts(SurfaceContacts):
 
     @cached_property
     def lines(self) -> PairLines:
-        """Lines between the contacts, shape (b, 2)."""
+        """Lines between the contacts of grasps of two, shape (b, 2)."""
         return PairLines.of_contacts(self.contacts(GraspModel()))
 
     def tilts(self, model: GraspModel) -> ArrayLike:
