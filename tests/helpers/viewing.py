@@ -1,9 +1,11 @@
 """Small labelled surfaces, and sessions that have finished their jobs."""
 
 import time
+from copy import copy
 from dataclasses import replace
 from functools import cache
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -19,6 +21,7 @@ from grasp3d import (
 from grasp3d.mesh.object_mesh import MeshReport
 from grasp3d.viewer.session.collection import Collection, collection_of
 from grasp3d.viewer.session.session import Session
+from grasp3d.viewer.subjects.subject import Subject
 from tests.helpers import shapes
 from tests.helpers.vertex_labels import with_arrays
 
@@ -52,6 +55,13 @@ def scan(fingers: int = 2) -> SurfaceLabels:
     """A scan of the cone, with fingers fixed at its side."""
     mesh = labels().mesh
     return scan_surface(mesh, fixed=mesh.vertices[[30, 60, 90][: fingers - 1]])
+
+
+def with_values(subject: Subject, **values: Any) -> Subject:
+    """The subject with other values of its labels, by name, such as those of a file."""
+    labels = copy(subject.labels)
+    vars(labels).update(values)
+    return replace(subject, labels=labels)
 
 
 def with_report(labels: SurfaceLabels, report: MeshReport) -> SurfaceLabels:

@@ -59,8 +59,9 @@ def test_a_mesh_is_labelled_when_it_is_opened(tmp_path: Path) -> None:
     subject = collection.items[0].open(reported.append)
     assert (collection.model, collection.sampling) == (model, sampling)
     assert [one.name for one in collection.items] == [subject.name] == ["box.stl"]
-    assert (subject.model, subject.sampling, subject.unit) == (model, sampling, "cm")
-    assert subject.labels is not None
+    assert (subject.labels.model, subject.labels.sampling) == (model, sampling)
+    assert subject.mesh.unit == "cm"
+    assert subject.prepared
     assert sorted(reported) == reported
     assert reported[-1] == pytest.approx(1.0)
     assert collection.items[0].open(reported.append) is subject
@@ -123,24 +124,30 @@ def test_a_labelled_file_contains_the_data_of_the_labels(file: Path) -> None:
     labels, subject = viewing.labels(), read_subject(file)
     mesh = labels.mesh
     whole = subject_of(labels)
-    for name in ("model", "mode", "cone", "unit", "closed", "options"):
-        assert getattr(subject, name) == getattr(whole, name), name
-    assert subject.sampling == replace(labels.sampling or Sampling(), search_angle=subject.cone)
-    assert subject.size == pytest.approx(mesh.size)
-    assert np.array_equal(subject.vertices, mesh.vertices)
-    assert np.array_equal(subject.faces, mesh.faces)
-    assert subject.normals == pytest.approx(mesh.normals, abs=1e-6)
-    assert subject.critical_angle == pytest.approx(labels.critical_angle, abs=1e-6)
-    assert subject.partners is None
-    assert np.isnan(subject.opening).all()
+    assert subject.cone == whole.cone
+    for name in ("model", "mode"):
+        assert getattr(subject.labels, name) == getattr(labels, name), name
+    for name in ("unit", "options"):
+        assert getattr(subject.mesh, name) == getattr(mesh, name), name
+    assert subject.mesh.report.closed == mesh.report.closed
+    assert subject.labels.sampling == replace(
+        labels.sampling or Sampling(), search_angle=subject.cone
+    )
+    assert subject.mesh.size == pytest.approx(mesh.size)
+    assert np.array_equal(subject.mesh.vertices, mesh.vertices)
+    assert np.array_equal(subject.mesh.faces, mesh.faces)
+    assert subject.mesh.normals == pytest.approx(mesh.normals, abs=1e-6)
+    assert subject.labels.critical_angle == pytest.approx(labels.critical_angle, abs=1e-6)
+    assert subject.labels.partners is None
+    assert subject.labels.opening is None
     assert subject.epsilons is not None
     assert subject.epsilons.nominal == pytest.approx(labels.epsilon, abs=1e-6, nan_ok=True)
     assert subject.epsilons.model == labels.model
     none = np.isinf(labels.critical_angle_best)
-    assert (subject.reason[none] == Reason.NO_PARTNER).all()
-    assert (subject.reason[~none] == Reason.FOUND).all()
-    corners = subject.corner_normals
-    assert np.array_equal(corners.vertices[corners.corners], subject.faces)
+    assert (subject.labels.reason[none] == Reason.NO_PARTNER).all()
+    assert (subject.labels.reason[~none] == Reason.FOUND).all()
+    corners = subject.mesh.corner_normals
+    assert np.array_equal(corners.vertices[corners.corners], subject.mesh.faces)
     facing = np.cross(
         *(mesh.vertices[mesh.faces[:, k]] - mesh.vertices[mesh.faces[:, 0]] for k in (2, 1))
     )
@@ -163,9 +170,11 @@ def test_both_byte_orders_and_text_can_be_read(file: Path, change: Callable[[Pat
     before = read_subject(file)
     change(file)
     after = read_subject(file)
-    for name in ("vertices", "faces", "critical_angle", "normals", "critical_angle_best"):
-        assert np.array_equal(getattr(before, name), getattr(after, name)), name
-    assert before.model == after.model
+    for name in ("vertices", "faces", "normals"):
+        assert np.array_equal(getattr(before.mesh, name), getattr(after.mesh, name)), name
+    for name in ("critical_angle", "critical_angle_best"):
+        assert np.array_equal(getattr(before.labels, name), getattr(after.labels, name)), name
+    assert before.labels.model == after.labels.model
 
 
 def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path) -> None:
@@ -186,11 +195,14 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
 def test_a_scan_is_shown_without_its_fixed_fingers(tmp_path: Path) -> None:
     write_ply(tmp_path / "scan.ply", viewing.scan())
     subject = open_collection(tmp_path / "scan.ply").items[0].open(ignore)
-    assert (subject.mode, subject.sampling, subject.cone) == ("scan", None, math.pi)
+    assert (subject.labels.mode, subject.labels.sampling, subject.cone) == ("scan", None, math.pi)
     assert not subject.measurable
     assert any("fixed fingers" in note for note in subject.notes)
-    assert (subject.reason[30], subject.reason[31]) == (Reason.SAME_POINT, Reason.FOUND)
-    assert "fixed finger is at this point" in inspect(subject, 30, subject.model).reason
+    assert (subject.labels.reason[30], subject.labels.reason[31]) == (
+        Reason.SAME_POINT,
+        Reason.FOUND,
+    )
+    assert "fixed finger is at this point" in inspect(subject, 30, subject.labels.model).reason
 
 
 def test_an_open_surface_has_a_note(tmp_path: Path) -> None:
@@ -200,7 +212,7 @@ def test_an_open_surface_has_a_note(tmp_path: Path) -> None:
     mesh = load_mesh((vertices, faces[2:]), max_edge=0.8, repair="none")
     write_ply(tmp_path / "open.ply", label_surface(mesh))
     subject = read_subject(tmp_path / "open.ply")
-    assert not subject.closed
+    assert not subject.mesh.report.closed
     assert any("open" in note for note in subject.notes)
 
 
@@ -231,8 +243,8 @@ def test_a_ply_of_another_program_is_a_mesh(tmp_path: Path, properties: str, row
     path.write_bytes(_ply(properties, row, "comment made by hand\n"))
     collection = open_collection(path, options=MeshOptions(max_edge=9.0))
     subject = collection.items[0].open(ignore)
-    assert subject.labels is not None
-    assert len(subject.vertices) == len(VERTICES)
+    assert subject.prepared
+    assert len(subject.mesh.vertices) == len(VERTICES)
 
 
 @pytest.mark.parametrize(
@@ -326,7 +338,7 @@ def test_invalid_headers_are_refused(file: Path, change: tuple[bytes, bytes], me
 
 def test_missing_settings_have_their_defaults(file: Path) -> None:
     viewing.rewritten(file, (b"comment grasp3d rays 64\n", b""))
-    assert read_subject(file).sampling == replace(
+    assert read_subject(file).labels.sampling == replace(
         viewing.labels().sampling or Sampling(), search_angle=read_subject(file).cone
     )
 
@@ -417,7 +429,7 @@ def test_any_damage_gives_a_one_line_error_or_a_consistent_subject(
     if isinstance(found, str):
         assert "\n" not in found
     else:
-        assert len(found.critical_angle) == len(found.vertices) == len(found.weights)
+        assert len(found.labels.critical_angle) == len(found.mesh.vertices) == len(found.weights)
 
 
 def test_a_mesh_cannot_be_read_as_labels(tmp_path: Path) -> None:
@@ -468,20 +480,22 @@ def test_a_batch_contains_its_labelled_meshes_in_order(stored: Path) -> None:
     assert (collection.model.friction, collection.sampling.max_opening) == (0.3, 0.51)
     assert collection.items[1].open(ignore).name == "deep/cone.ply"
     subject = collection.items[0].open(ignore)
-    assert subject.partners is not None
-    held = subject.reason == Reason.FOUND
-    assert np.array_equal(np.isfinite(subject.partners).all(axis=(1, 2)), held)
-    assert {Reason.FOUND, Reason.OPENING} <= set(subject.reason)
-    spans = np.linalg.norm(subject.partners[:, 0] - subject.vertices, axis=1)
-    assert subject.opening[held] == pytest.approx(spans[held], rel=1e-6)
-    size = np.linalg.norm(np.ptp(subject.vertices, axis=0))
-    assert np.nanmax(subject.opening) <= np.float32(0.51 + OPENING_SLACK * size)  # as in the file
+    assert subject.labels.partners is not None
+    held = subject.labels.reason == Reason.FOUND
+    assert np.array_equal(np.isfinite(subject.labels.partners).all(axis=(1, 2)), held)
+    assert {Reason.FOUND, Reason.OPENING} <= set(subject.labels.reason)
+    spans = np.linalg.norm(subject.labels.partners[:, 0] - subject.mesh.vertices, axis=1)
+    assert subject.labels.opening[held] == pytest.approx(spans[held], rel=1e-6)
+    size = np.linalg.norm(np.ptp(subject.mesh.vertices, axis=0))
+    assert np.nanmax(subject.labels.opening) <= np.float32(
+        0.51 + OPENING_SLACK * size
+    )  # as in the file
 
 
 def test_a_batch_contains_the_grasps_that_were_found(stored: Path) -> None:
     subject = open_collection(stored).items[0].open(ignore)
-    vertex = int(np.flatnonzero(subject.critical_angle < 1e-3)[0])
-    seen = inspect(subject, vertex, subject.model)
+    vertex = int(np.flatnonzero(subject.labels.critical_angle < 1e-3)[0])
+    seen = inspect(subject, vertex, subject.labels.model)
     assert seen.points.shape == (2, 3)
     line = seen.points[1] - seen.points[0]
     assert seen.normals[0] @ line == pytest.approx(np.linalg.norm(line))
@@ -514,7 +528,7 @@ def test_an_object_without_its_table_has_no_partners(copied: Path, damage: str) 
     else:
         shutil.copy(next((copied / "fields" / "deep").glob("*.parquet")), path)
     subject = open_collection(copied).items[0].open(ignore)
-    assert subject.partners is None
+    assert subject.labels.partners is None
     assert any("cannot be read" in note and "searched again" in note for note in subject.notes)
 
 

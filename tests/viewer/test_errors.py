@@ -98,9 +98,9 @@ def test_the_location_error_is_a_length_of_the_mesh(session: Session) -> None:
     subject = session.subject
     assert subject is not None
     chosen = session.state.model.location_error
-    assert chosen == pytest.approx(0.4 * 0.05 * subject.size, rel=0.01)
+    assert chosen == pytest.approx(0.4 * 0.05 * subject.mesh.size, rel=0.01)
     assert slider(session, "location_error").value == f"{chosen:.4g} m"
-    session.change(location_error=0.2 * subject.size)
+    session.change(location_error=0.2 * subject.mesh.size)
     assert slider(session, "location_error").position == pytest.approx(1.0)
 
 
@@ -334,13 +334,13 @@ def test_a_labelled_file_has_the_errors_and_labels_of_its_model(
     labels = slab().using(model=model)
     write_ply(tmp_path / "slab.ply", labels)
     subject = read_subject(tmp_path / "slab.ply")
-    assert subject.model == model
+    assert subject.labels.model == model
     assert subject.locates(model)
     for stored, computed in zip(subject.angles(model), labels.located_angles, strict=True):
         assert np.allclose(stored, computed, atol=1e-6)
     session = ready_session(open_collection(tmp_path / "slab.ply"))
     assert session.subject is not None
-    assert session.subject.labels is None  # nothing was searched
+    assert not session.subject.prepared  # nothing was searched
     for letter, fraction in labels.fractions().items():
         assert fractions(session)[letter] == pytest.approx(fraction, abs=1e-9)
 
@@ -385,7 +385,7 @@ def test_saved_labels_have_the_chosen_errors(session: Session, tmp_path: Path) -
     session.change(friction=0.4, **errors)
     wait_until_idle(session)
     session.save(tmp_path / "saved.ply")
-    model = read_subject(tmp_path / "saved.ply").model
+    model = read_subject(tmp_path / "saved.ply").labels.model
     assert model == replace(slab().model, friction=0.4, **errors)
     again = ready_session(open_collection(tmp_path / "saved.ply"))
     assert fractions(again) == pytest.approx(fractions(session), abs=1e-9)

@@ -235,8 +235,8 @@ def test_a_new_search_keeps_the_load(session: Session) -> None:
     wait_until_idle(session)
     subject = session.subject
     assert subject is not None
-    assert subject.load == LOAD
-    assert subject.model.fingers == 3
+    assert subject.labels.load == LOAD
+    assert subject.labels.model.fingers == 3
 
 
 # Files
@@ -250,7 +250,7 @@ def test_a_labelled_file_has_its_forces(tmp_path: Path) -> None:
     holding = held().holding
     assert subject.forces is not None
     assert holding is not None
-    assert subject.load == LOAD
+    assert subject.labels.load == LOAD
     assert subject.load_numbers == LoadNumbers(0.5, 20.0)
     for name in ("grip_force", "grip_force_least", "grip_force_largest", "payload"):
         stored, computed = getattr(subject.forces, name), getattr(holding, name)
@@ -258,7 +258,7 @@ def test_a_labelled_file_has_its_forces(tmp_path: Path) -> None:
     session = Session(open_collection(path), ViewSettings(paint="payload"))
     wait_until_idle(session)
     assert session.subject is not None
-    assert session.subject.labels is None  # nothing was searched again
+    assert not session.subject.prepared  # nothing was searched again
     session.change(friction=0.4)
     wait_until_idle(session)
     assert not session.failure

@@ -241,8 +241,8 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
     wait_until_idle(session)
     session.change(max_opening=math.inf)
     subject = subject_of(labels)
-    search_grasps(subject, subject.model, Sampling(), ignore)
-    wider_search.search_wider(subject, subject.model, Sampling(), ignore)
+    search_grasps(subject, subject.labels.model, Sampling(), ignore)
+    wider_search.search_wider(subject, subject.labels.model, Sampling(), ignore)
     assert len(asked) == 3
     assert labels.scene is not None
     assert all(one is labels.scene for one in asked)
@@ -250,9 +250,11 @@ def test_every_new_search_is_for_the_same_gripper_and_table(
 
 def test_limits_beyond_the_stroke_need_no_search() -> None:
     subject = subject_of(held_box())
-    assert subject.sampling is not None
+    assert subject.labels.sampling is not None
     stroke = JAWS.limits[1]
-    narrowed = replace(subject, sampling=replace(subject.sampling, max_opening=stroke))
+    narrowed = viewing.with_values(
+        subject, sampling=replace(subject.labels.sampling, max_opening=stroke)
+    )
     session = ready_session(held_box())
     for opening, needed in ((math.inf, False), (0.5, False), (stroke, False), (0.05, True)):
         state = replace(session.state, max_opening=opening)
@@ -286,16 +288,16 @@ def test_a_labelled_file_brings_its_gripper_and_margins(tmp_path: Path) -> None:
     labels = held_box()
     write_ply(tmp_path / "box.ply", labels)
     subject = read_subject(tmp_path / "box.ply")
-    assert subject.scene is not None
+    assert subject.labels.scene is not None
     assert labels.scene is not None
     assert labels.reach is not None
-    assert subject.scene.hand == JAWS
-    assert scene_settings(subject.scene) == scene_settings(labels.scene)
-    assert subject.approach_margin is not None
+    assert subject.labels.scene.hand == JAWS
+    assert scene_settings(subject.labels.scene) == scene_settings(labels.scene)
+    assert subject.labels.approach_margin is not None
     assert np.allclose(
-        subject.approach_margin, labels.reach.approach_margin, atol=1e-6, equal_nan=True
+        subject.labels.approach_margin, labels.reach.approach_margin, atol=1e-6, equal_nan=True
     )
-    assert subject.reach is None
+    assert subject.labels.reach is None
     assert best_reached(subject) == best_reached(subject_of(labels))
 
 
@@ -326,24 +328,24 @@ def stored_result(folder: Path) -> Subject:
 
 def test_results_of_a_batch_have_poses(tmp_path: Path) -> None:
     labels, subject = held_box(), stored_result(tmp_path)
-    assert subject.reach is not None
+    assert subject.labels.reach is not None
     assert labels.reach is not None
     for name in ("poses", "approach_margin", "opening", "pregrasp_opening", "depth"):
-        stored, made = getattr(subject.reach, name), getattr(labels.reach, name)
+        stored, made = getattr(subject.labels.reach, name), getattr(labels.reach, name)
         assert np.allclose(stored, made, atol=1e-6, equal_nan=True), name
-    assert np.array_equal(subject.reach.reached, labels.reach.reached)
+    assert np.array_equal(subject.labels.reach.reached, labels.reach.reached)
     prepared = prepare_labels(subject, ignore).labels
     assert prepared is not None
-    assert prepared.reach is subject.reach
-    assert prepared.scene is subject.scene
-    assert is_closed(subject.faces)
+    assert prepared.reach is subject.labels.reach
+    assert prepared.scene is subject.labels.scene
+    assert is_closed(subject.mesh.faces)
 
 
 def test_a_click_on_a_result_of_a_batch_searches_alternatives(tmp_path: Path) -> None:
     subject = stored_result(tmp_path)
     item = collection.Item("box", lambda _: subject)
     session = ready_session(
-        collection.Collection((item,), subject.model, subject.sampling or Sampling())
+        collection.Collection((item,), subject.labels.model, subject.labels.sampling or Sampling())
     )
     session.click(held_vertex())
     wait_until_idle(session)
@@ -408,11 +410,11 @@ def test_the_best_grasp_has_the_smallest_angle_then_the_widest_approach() -> Non
     subject = subject_of(held_box())
     best = best_reached(subject)
     assert best is not None
-    assert subject.approach_margin is not None
-    angles = np.floor(np.degrees(subject.critical_angle[reached(held_box())]))
-    assert math.floor(math.degrees(subject.critical_angle[best])) == angles.min()
+    assert subject.labels.approach_margin is not None
+    angles = np.floor(np.degrees(subject.labels.critical_angle[reached(held_box())]))
+    assert math.floor(math.degrees(subject.labels.critical_angle[best])) == angles.min()
     ties = reached(held_box())[angles == angles.min()]
-    assert subject.approach_margin[best] == subject.approach_margin[ties].max()
+    assert subject.labels.approach_margin[best] == subject.labels.approach_margin[ties].max()
     assert best_reached(subject_of(viewing.labels())) is None
 
 

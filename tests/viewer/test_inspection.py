@@ -1,5 +1,6 @@
 import math
 import re
+from copy import copy
 from dataclasses import replace
 
 import numpy as np
@@ -83,8 +84,8 @@ def test_epsilon_of_one_grasp_agrees_with_evaluate_grasps(fingers: int) -> None:
 def test_epsilon_is_the_known_value_or_missing() -> None:
     labels = viewing.box()
     subject, model = subject_of(labels), labels.model
-    values = np.full(len(subject.vertices), 0.125)
-    lone = replace(subject, labels=None, epsilons=Epsilons(values, values, model))
+    values = np.full(len(subject.mesh.vertices), 0.125)
+    lone = replace(subject, is_read=True, epsilons=Epsilons(values, values, model))
     vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
     numbers = dict(inspect(lone, vertex, model).numbers)
     assert (numbers["ε"], numbers["ε_min"], numbers["ε_max"]) == ("0.125", "0.125", "–")
@@ -118,7 +119,7 @@ def test_a_vertex_without_a_grasp_has_one_contact() -> None:
 def test_the_label_agrees_with_labels_at() -> None:
     subject = subject_of(viewing.labels())
     for friction in (0.3, 0.75, 3.0):
-        model = replace(subject.model, friction=friction)
+        model = replace(subject.labels.model, friction=friction)
         codes = labels_at(subject, model)
         for vertex in range(0, len(codes), 17):
             assert inspect(subject, vertex, model).code == codes[vertex]
@@ -127,13 +128,14 @@ def test_the_label_agrees_with_labels_at() -> None:
 def test_angles_of_an_internal_grasp_are_to_the_outward_directions() -> None:
     subject = subject_of(viewing.box())
     vertex = int(np.flatnonzero(viewing.box().critical_angle < 1e-6)[0])
-    assert subject.partner_normals is not None
-    turned = replace(
-        subject, normals=-subject.normals, partner_normals=-subject.partner_normals, labels=None
-    )
+    assert subject.labels.partner_normals is not None
+    mesh = copy(subject.mesh)
+    vars(mesh)["normals"] = -mesh.normals
+    turned = viewing.with_values(subject, partner_normals=-subject.labels.partner_normals)
+    turned = replace(turned, mesh=mesh)
     assert (
-        dict(inspect(turned, vertex, subject.model).numbers)["normals off the line"]
-        == (dict(inspect(subject, vertex, subject.model).numbers)["normals off the line"])
+        dict(inspect(turned, vertex, subject.labels.model).numbers)["normals off the line"]
+        == (dict(inspect(subject, vertex, subject.labels.model).numbers)["normals off the line"])
     )
 
 
@@ -219,7 +221,7 @@ def test_the_fingers_in_the_explanation_are_on_sharp_edges() -> None:
             if bends in ([True], [True, False], [False, True]):
                 start = f"the {'first' if bends[0] else 'second'} finger is"
             assert seen.reason.startswith(f"M: {start}"), vertex
-            lone = inspect(replace(subject, labels=None), int(vertex), labels.model).reason
+            lone = inspect(replace(subject, is_read=True), int(vertex), labels.model).reason
             assert lone.startswith("M: the first finger is" if bends[0] else "M: on a sharp edge")
             named.add(start)
     assert named >= {"both fingers are", "the first finger is"}
@@ -292,13 +294,14 @@ def test_explanation_of_unsearched_vertices() -> None:
 
 def test_the_reason_of_a_limited_search_in_a_file_is_unknown() -> None:
     """A file does not contain whether the opening limit is why a vertex has no grasp."""
-    subject = replace(subject_of(viewing.labels()), partners=None, labels=None)
-    vertex = int(np.flatnonzero(np.isinf(subject.critical_angle_best))[0])
-    reasons = np.full_like(subject.reason, Reason.NO_PARTNER)
-    lone = replace(subject, reason=reasons)
-    assert "and the opening limits" in inspect(lone, vertex, subject.model).reason
-    free = replace(lone, sampling=viewing.box().sampling)
-    assert "limits" not in inspect(free, vertex, subject.model).reason
+    read = replace(subject_of(viewing.labels()), is_read=True)
+    subject = viewing.with_values(read, partners=None)
+    vertex = int(np.flatnonzero(np.isinf(subject.labels.critical_angle_best))[0])
+    reasons = np.full_like(subject.labels.reason, Reason.NO_PARTNER)
+    lone = viewing.with_values(subject, reason=reasons)
+    assert "and the opening limits" in inspect(lone, vertex, subject.labels.model).reason
+    free = viewing.with_values(lone, sampling=viewing.box().sampling)
+    assert "limits" not in inspect(free, vertex, subject.labels.model).reason
 
 
 @pytest.mark.parametrize("fingers", [2, 3])
@@ -327,9 +330,11 @@ def test_an_angle_has_enough_decimals_to_differ_from_its_limit() -> None:
 
 def test_every_explanation_is_one_complete_line() -> None:
     subject = subject_of(viewing.labels())
-    for vertex in range(0, len(subject.vertices), 5):
+    for vertex in range(0, len(subject.mesh.vertices), 5):
         for friction in (0.2, 0.75, 1.5):
-            reason = inspect(subject, vertex, replace(subject.model, friction=friction)).reason
+            reason = inspect(
+                subject, vertex, replace(subject.labels.model, friction=friction)
+            ).reason
             assert reason.endswith(".")
             assert "\n" not in reason
             assert "nan" not in reason

@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from grasp3d import GraspModel, Label, SurfaceLabels
 from grasp3d.errors import SearchCoverageError
+from grasp3d.surface.labels import SearchReport
 from grasp3d.viewer.session.painting import (
     BOTH_SIDES,
     GREY,
@@ -54,12 +55,12 @@ def test_labels_agree_with_relabel_and_are_unknown_where_it_raises(
 
 
 def test_labels_are_unknown_where_the_search_may_have_missed_an_s() -> None:
-    subject = replace(
-        subject_of(viewing.labels()),
+    model = GraspModel(friction=0.2, sensor_resolution=0.1)
+    subject = viewing.with_values(
+        subject_of(viewing.labels().using(model=model)),
         critical_angle=np.array([0.2, 0.7, 0.7, 1.2]),
         critical_angle_best=np.array([0.2, 0.3, 0.7, 1.2]),
-        cone=0.6,
-        model=GraspModel(friction=0.2, sensor_resolution=0.1),
+        search=SearchReport(0.6),
     )
     wide = GraspModel(friction=2.0, sensor_resolution=1.0)  # S below 0.607, all U from 1.607
     assert labels_at(subject, wide).tolist() == [Label.S, UNSEARCHED, UNSEARCHED, UNSEARCHED]
@@ -83,7 +84,7 @@ def test_the_texture_has_the_colours_of_the_labels_apart_from_rounding(
     friction: float, resolution: float, fingers: int
 ) -> None:
     subject = subject_of(viewing.labels() if fingers == 2 else viewing.three_fingers())
-    model = replace(subject.model, friction=friction, sensor_resolution=resolution)
+    model = replace(subject.labels.model, friction=friction, sensor_resolution=resolution)
     _check_texture(subject, model)
 
 
@@ -100,7 +101,7 @@ def test_the_texture_has_the_colours_of_labels_with_errors(
 ) -> None:
     subject = subject_of(viewing.labels())
     model = replace(
-        subject.model, friction=friction, sensor_resolution=resolution, friction_error=error,
+        subject.labels.model, friction=friction, sensor_resolution=resolution, friction_error=error,
         normal_error=normals, location_error=location,
     )  # fmt: skip
     _check_texture(subject, model)
@@ -121,12 +122,14 @@ def test_the_texture_separates_angles_on_both_sides_of_a_close_limit(
     beyond: float, sign: float
 ) -> None:
     subject = subject_of(viewing.labels())
-    angles = np.unique(subject.critical_angle[np.isfinite(subject.critical_angle)])
+    angles = np.unique(subject.labels.critical_angle[np.isfinite(subject.labels.critical_angle)])
     for angle in angles[angles > 0.15][::20]:
         limit = float(angle) + beyond
-        model = replace(subject.model, friction=math.tan(limit + sign * 0.1), sensor_resolution=0.2)
+        model = replace(
+            subject.labels.model, friction=math.tan(limit + sign * 0.1), sensor_resolution=0.2
+        )
         limits = (model.friction_angle - model.tilt, model.friction_angle + model.tilt)
-        both = np.stack([subject.critical_angle, subject.critical_angle_best])
+        both = np.stack([subject.labels.critical_angle, subject.labels.critical_angle_best])
         near = (np.abs(both - np.array(limits)[:, None]) < 3e-6).any(axis=0)
         wrong = (_texture(subject, model) != PALETTE[labels_at(subject, model)]).any(axis=1)
         assert not (wrong & ~near).any()
@@ -134,8 +137,12 @@ def test_the_texture_separates_angles_on_both_sides_of_a_close_limit(
 
 def test_a_vertex_without_a_grasp_is_u_even_where_no_grasp_is_surely_unstable() -> None:
     subject = subject_of(viewing.three_fingers())
-    worst = np.where(np.arange(len(subject.vertices)) < 3, math.inf, subject.critical_angle)
-    subject = replace(subject, critical_angle=worst, critical_angle_best=worst, cone=math.pi / 2)
+    worst = np.where(
+        np.arange(len(subject.mesh.vertices)) < 3, math.inf, subject.labels.critical_angle
+    )
+    subject = viewing.with_values(
+        subject, critical_angle=worst, critical_angle_best=worst, search=SearchReport(math.pi / 2)
+    )
     model = GraspModel(friction=2.0, sensor_resolution=1.2, fingers=3)
     assert model.friction_angle + model.tilt > math.pi / 2
     assert (labels_at(subject, model)[:3] == Label.U).all()
@@ -211,7 +218,7 @@ def test_names_of_ramps() -> None:
         "not computed yet",
     )
     assert "the same β*" in unknown.note
-    values = np.full(len(subject.vertices), 0.25)
+    values = np.full(len(subject.mesh.vertices), 0.25)
     known = replace(subject, epsilons=Epsilons(values, values, model))
     ramp = ramp_of(known, "epsilon_min", model)
     assert ramp is not None
@@ -227,7 +234,7 @@ def test_names_of_ramps() -> None:
     other = ramp_of(known, "epsilon", replace(model, friction=0.9))
     assert other is not None
     assert other.text == ("ε of the grasp with the smallest β*, for μ 0.5, α 22.6°; being computed")
-    lone = replace(known, mode="scan", labels=None, partners=None)
+    lone = viewing.with_values(known, mode="scan", partners=None)
     stored = ramp_of(lone, "epsilon", replace(model, friction=0.9))
     assert stored is not None
     assert stored.text.endswith("α 22.6°; as in the file")

@@ -369,7 +369,7 @@ def test_a_slider_that_starts_a_search_acts_when_it_is_released(session: Session
     assert tracks[0].value != "no limit"
     widget.release(0.5 * (left + right), y)
     assert widget.dragged is None
-    size = session.subject.size if session.subject else 0.0
+    size = session.subject.mesh.size if session.subject else 0.0
     assert session.state.max_opening == pytest.approx(0.51 * size, rel=0.01)
     session.close()
 

@@ -246,7 +246,7 @@ def test_contact_numbers_are_at_the_displayed_contacts(compare: float | None) ->
     with viewed(collection_of(held_box()), **how) as (session, scene):
         subject = session.subject
         assert subject is not None
-        vertex = int(np.flatnonzero(subject.reason == Reason.FOUND)[0])
+        vertex = int(np.flatnonzero(subject.labels.reason == Reason.FOUND)[0])
         session.click(vertex)
         scene.update(session)
         scene.camera.azimuth = 25.0
@@ -325,7 +325,9 @@ def test_fixed_fingers_are_black_and_replace_the_markers_of_their_contacts() -> 
         other, front = np.array([0.0, -0.6, 0.8]), np.array([0.6, 0.8, 0.0])
         subject = session.subject
         assert subject is not None
-        nearest = subject.vertices[np.argmin(np.linalg.norm(subject.vertices - front, axis=1))]
+        nearest = subject.mesh.vertices[
+            np.argmin(np.linalg.norm(subject.mesh.vertices - front, axis=1))
+        ]
         plain = scene.screenshot()
         marks = Marks(scene.plotter.renderers[0])
         marks.show(subject, None, nearest[None])
@@ -438,7 +440,7 @@ def test_the_object_fills_its_pane_without_overlapping_texts(
     with viewed(collection_of(held_box()), legend=True, **how) as (session, scene):
         image = scene.screenshot()
         pane = width if compare is None else width // 2
-        points = session.subject.vertices  # type: ignore[union-attr]
+        points = session.subject.mesh.vertices  # type: ignore[union-attr]
         seen = points @ axes_of(scene.camera)[:2].T
         scale = height / (2.0 * scene.camera.parallel_scale)
         wide, tall = scale * np.ptp(seen, axis=0)
@@ -619,7 +621,7 @@ def hit_vertex(
     subject: Subject, origin: Floats, way: Floats, section: Section | None
 ) -> int | None:
     """The expected vertex, from tests of all faces (Moeller & Trumbore 1997)."""
-    corners = subject.vertices[subject.faces]
+    corners = subject.mesh.vertices[subject.mesh.faces]
     first, second = corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0]
     across = np.cross(way, second)
     scale = (first * across).sum(axis=1)
@@ -637,7 +639,7 @@ def hit_vertex(
         return None
     face = int(np.argmin(np.where(hit, t, np.inf)))
     gaps = np.linalg.norm(corners[face] - (origin + t[face] * way), axis=1)
-    return int(subject.faces[face, np.argmin(gaps)])
+    return int(subject.mesh.faces[face, np.argmin(gaps)])
 
 
 @cache
@@ -685,7 +687,7 @@ def test_a_ray_outside_the_visible_side_of_a_section_hits_nothing() -> None:
     kept = np.array([3.0, 0.01, 0.02])
     first = vertex_at(subject, kept, np.array([-1.0, 0.0, 0.0]), section)
     assert first is not None
-    assert subject.vertices[first][0] > 0.9
+    assert subject.mesh.vertices[first][0] > 0.9
     within = np.array([0.5, 0.01, 0.02])  # the plane is before the far side, which is cut away
     assert vertex_at(subject, within, np.array([-1.0, 0.0, 0.0]), section) is None
 
@@ -710,8 +712,10 @@ def test_clicks_hit_the_same_vertices_as_vtk(
             hit = picker.Pick(x, y, 0.0, scene.plotter.renderers[pane])
             expected = None
             if hit:
-                corners = subject.faces[picker.GetCellId()]
-                gaps = np.linalg.norm(subject.vertices[corners] - picker.GetPickPosition(), axis=1)
+                corners = subject.mesh.faces[picker.GetCellId()]
+                gaps = np.linalg.norm(
+                    subject.mesh.vertices[corners] - picker.GetPickPosition(), axis=1
+                )
                 expected = int(corners[np.argmin(gaps)])
             found += expected is not None
             agreed += scene.pick(session, x, y) == expected

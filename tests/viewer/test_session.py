@@ -23,6 +23,7 @@ from grasp3d import (
 from grasp3d.errors import MeshError, OutputError, SettingError
 from grasp3d.settings import MeshOptions
 from grasp3d.surface import Reason
+from grasp3d.surface.labels import SearchReport
 from grasp3d.system.progress import Progress, ignore
 from grasp3d.viewer.scene.captions import Captions
 from grasp3d.viewer.scene.layout import TextArea, TextLine
@@ -156,9 +157,9 @@ def test_more_friction_than_searched_starts_a_wider_search() -> None:
     expected = label_surface(viewing.labels().mesh, session.model, sampling=wide)
     known = viewing.labels().critical_angle
     kept = known <= cone
-    assert np.array_equal(subject.critical_angle[kept], known[kept])
+    assert np.array_equal(subject.labels.critical_angle[kept], known[kept])
     best = np.minimum(known, expected.critical_angle)
-    assert np.array_equal(subject.critical_angle[~kept], best[~kept])
+    assert np.array_equal(subject.labels.critical_angle[~kept], best[~kept])
     session.change(friction=0.3)
     assert session.working is None  # the widest search covers every model
 
@@ -181,7 +182,7 @@ def test_a_wider_search_does_not_change_known_fractions() -> None:
     assert session.subject.cone == math.pi / 2
     after = {one.letter: one.fraction for one in panel_text(session).fractions}
     assert after == before
-    assert session.subject.labels is not None
+    assert session.subject.prepared
     grasps, labels = session.subject.labels, viewing.labels()
     kept = labels.critical_angle <= labels.search.cone
     assert np.array_equal(grasps.partners[kept], labels.partners[kept])
@@ -207,9 +208,9 @@ def test_another_opening_is_searched_once() -> None:
     wait_until_idle(session)
     subject = session.subject
     assert subject is not None
-    assert subject.sampling is not None
-    assert subject.sampling.max_opening == 0.5
-    assert np.nanmax(subject.opening) > 0.3
+    assert subject.labels.sampling is not None
+    assert subject.labels.sampling.max_opening == 0.5
+    assert np.nanmax(subject.labels.opening) > 0.3
     session.change(friction=0.7)
     assert session.working is None
 
@@ -234,12 +235,12 @@ def test_other_fingers_are_searched_without_the_limits_of_two() -> None:
     assert session.message == ""
     assert session.model.fingers == 3
     assert session.subject is not None
-    assert session.subject.partners is not None
-    assert session.subject.partners.shape[1] == 2
+    assert session.subject.labels.partners is not None
+    assert session.subject.labels.partners.shape[1] == 2
     assert session.working is None
     session.change(fingers=2)
     wait_until_idle(session)
-    assert session.subject.model.fingers == 2
+    assert session.subject.labels.model.fingers == 2
 
 
 def test_a_newer_choice_replaces_a_running_search() -> None:
@@ -248,8 +249,8 @@ def test_a_newer_choice_replaces_a_running_search() -> None:
     session.change(max_opening=0.4)
     wait_until_idle(session)
     assert session.subject is not None
-    assert session.subject.sampling is not None
-    assert session.subject.sampling.max_opening == 0.4
+    assert session.subject.labels.sampling is not None
+    assert session.subject.labels.sampling.max_opening == 0.4
     session.change(max_opening=0.5)
     session.change(max_opening=0.4)
     assert session.working is None
@@ -337,7 +338,7 @@ def test_old_grasps_are_not_shown_while_new_ones_are_searched(
     assert text.inspection is not None
     assert text.inspection.vertex == 9
     session.save(tmp_path / "a.ply")
-    assert read_subject(tmp_path / "a.ply").model.fingers == session.state.model.fingers
+    assert read_subject(tmp_path / "a.ply").labels.model.fingers == session.state.model.fingers
 
 
 def test_known_labels_are_shown_during_a_wider_search() -> None:
@@ -399,7 +400,7 @@ def test_epsilon_of_one_opening_is_not_used_for_another() -> None:
     assert session.subject.epsilons is not None
     expected = viewing.box().epsilon
     assert session.subject.epsilons.nominal == pytest.approx(expected, nan_ok=True)
-    assert session.subject.sampling == viewing.box().sampling
+    assert session.subject.labels.sampling == viewing.box().sampling
 
 
 # Scans
@@ -414,8 +415,8 @@ def test_a_click_fixes_a_finger_and_another_moves_it() -> None:
     wait_until_idle(session)
     expected = scan_surface(labels.mesh, labels.model, fixed=labels.mesh.vertices[30])
     assert session.subject is not None
-    assert session.subject.mode == "scan"
-    assert np.array_equal(session.subject.critical_angle, expected.critical_angle)
+    assert session.subject.labels.mode == "scan"
+    assert np.array_equal(session.subject.labels.critical_angle, expected.critical_angle)
     assert "1 finger fixed" in panel_text(session).facts
     session.click(31)
     wait_until_idle(session)
@@ -426,7 +427,7 @@ def test_a_click_fixes_a_finger_and_another_moves_it() -> None:
     session.change(fixed=())
     wait_until_idle(session)
     assert session.subject is not None
-    assert session.subject.mode == "label"
+    assert session.subject.labels.mode == "label"
 
 
 def plate() -> SurfaceLabels:
@@ -471,8 +472,8 @@ def test_the_best_contact_of_the_last_finger_is_not_worse_than_the_vertices() ->
         model = replace(labels.model, fingers=len(fixed) + 1)
         found = scan_with_fixed(subject_of(labels), model, points, ignore)
         assert found.last_contact is not None
-        assert found.last_contact.worst <= found.critical_angle.min() + 1e-9
-        assert found.last_contact.best <= found.critical_angle_best.min() + 1e-9
+        assert found.last_contact.worst <= found.labels.critical_angle.min() + 1e-9
+        assert found.last_contact.best <= found.labels.critical_angle_best.min() + 1e-9
         assert len(found.last_contact.points) == len(fixed) + 1
 
 
@@ -494,7 +495,7 @@ def test_two_of_three_fingers_are_fixed_one_after_the_other() -> None:
     assert len(session.state.fixed) == 1
     wait_until_idle(session)
     assert session.subject is not None
-    assert (session.subject.mode, session.model.fingers) == ("scan", 2)
+    assert (session.subject.labels.mode, session.model.fingers) == ("scan", 2)
 
 
 def test_epsilon_of_a_scan_is_computed() -> None:
@@ -504,7 +505,7 @@ def test_epsilon_of_a_scan_is_computed() -> None:
     wait_until_idle(session)
     subject = session.subject
     assert subject is not None
-    assert subject.mode == "scan"
+    assert subject.labels.mode == "scan"
     assert subject.epsilons is not None
     assert subject.epsilons.model == session.model
 
@@ -512,7 +513,7 @@ def test_epsilon_of_a_scan_is_computed() -> None:
 def test_labels_of_a_scan_can_be_viewed() -> None:
     session = ready_session(viewing.scan())
     assert session.subject is not None
-    assert session.subject.mode == "scan"
+    assert session.subject.labels.mode == "scan"
     assert "1 finger fixed" in panel_text(session).facts
     assert {one.text for one in panel_text(session).fractions} >= {"surely unstable"}
     session.change(friction=3.0, sensor_resolution=1.0)
@@ -539,7 +540,7 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     assert subject.epsilons is not None
     expected = labels.relabel(friction=0.45)
     assert subject.epsilons.minimum == pytest.approx(expected.epsilon_min, nan_ok=True)
-    assert np.array_equal(subject.critical_angle, labels.critical_angle)
+    assert np.array_equal(subject.labels.critical_angle, labels.critical_angle)
 
 
 @pytest.mark.slow
@@ -567,7 +568,7 @@ def test_a_given_unit_is_shown_for_a_file_without_one(tmp_path: Path) -> None:
         collection = open_collection(tmp_path / "box.ply", options=MeshOptions(unit=unit))
         session = ready_session(collection)
         assert session.subject is not None
-        assert session.subject.unit == unit
+        assert session.subject.mesh.unit == unit
         texts = [
             one.text
             for one in Captions.of(session, legend=True).items(TextArea(600, 400, 12), 0, 0.01)
@@ -593,22 +594,24 @@ def test_a_click_on_a_file_searches_its_grasps(file: Path) -> None:
     assert len(seen.points) == 1
     wait_until_idle(session)
     assert session.subject is not None
-    held = session.subject.reason == Reason.FOUND
-    vertex = int(np.flatnonzero(held & (session.subject.critical_angle < 0.8))[0])
+    held = session.subject.labels.reason == Reason.FOUND
+    vertex = int(np.flatnonzero(held & (session.subject.labels.critical_angle < 0.8))[0])
     session.click(vertex)
     assert session.working is None
     seen = session.inspection
     assert seen is not None
     assert len(seen.points) == 2
-    assert session.subject.model == before.model
+    assert session.subject.labels.model == before.labels.model
     assert session.subject.cone == before.cone
 
 
 def test_a_search_that_disagrees_with_the_file_is_reported(file: Path) -> None:
     subject = read_subject(file)
-    worse = np.full_like(subject.critical_angle, 0.9)
-    other = replace(subject, critical_angle=worse, critical_angle_best=worse)
-    collection = Collection((Item("a", lambda _: other),), subject.model, Sampling(max_opening=0.3))
+    worse = np.full_like(subject.labels.critical_angle, 0.9)
+    other = viewing.with_values(subject, critical_angle=worse, critical_angle_best=worse)
+    collection = Collection(
+        (Item("a", lambda _: other),), subject.labels.model, Sampling(max_opening=0.3)
+    )
     session = ready_session(collection)
     session.click(40)
     wait_until_idle(session)
@@ -625,12 +628,12 @@ def test_a_search_that_agrees_with_the_file_is_not_reported(tmp_path: Path) -> N
     wait_until_idle(session)
     assert session.message == ""
     assert session.subject is not None
-    assert session.subject.labels is not None
+    assert session.subject.prepared
 
 
 def _batched() -> Subject:
     """The cone as read from a batch's files: with partners, but without its mesh."""
-    return replace(subject_of(viewing.labels()), labels=None)
+    return replace(subject_of(viewing.labels()), is_read=True)
 
 
 def test_a_file_with_partners_keeps_them_when_epsilon_is_computed() -> None:
@@ -638,8 +641,8 @@ def test_a_file_with_partners_keeps_them_when_epsilon_is_computed() -> None:
     model = replace(labels.model, friction=0.6)
     found = compute_epsilon(_batched(), model, ignore)
     expected = labels.relabel(friction=0.6)
-    assert found.partners is labels.partners
-    assert found.critical_angle is labels.critical_angle
+    assert found.labels.partners is labels.partners
+    assert found.labels.critical_angle is labels.critical_angle
     assert found.epsilons is not None
     smooth = (
         labels.mesh.normal_sets.counts == 1
@@ -653,25 +656,25 @@ def test_a_file_with_partners_keeps_them_when_epsilon_is_computed() -> None:
 def test_the_mesh_of_a_file_keeps_its_vertices() -> None:
     subject = _batched()
     mesh = mesh_of(subject)
-    assert np.array_equal(mesh.vertices, subject.vertices)
-    assert mesh.options == subject.options
+    assert np.array_equal(mesh.vertices, subject.mesh.vertices)
+    assert mesh.options == subject.mesh.options
     assert mesh.unit == "cm"
     assert mesh_of(subject_of(viewing.labels())) is viewing.labels().mesh
 
 
 def test_partners_that_are_off_the_surface_are_refused() -> None:
     subject = _batched()
-    assert subject.partners is not None
+    assert subject.labels.partners is not None
     with pytest.raises(MeshError, match="not on its surface"):
-        prepare_labels(replace(subject, partners=subject.partners + 0.2), ignore)
+        prepare_labels(viewing.with_values(subject, partners=subject.labels.partners + 0.2), ignore)
     with pytest.raises(SettingError, match="does not contain the partners"):
-        prepare_labels(replace(subject, partners=None), ignore)
+        prepare_labels(viewing.with_values(subject, partners=None), ignore)
 
 
 def test_a_click_on_a_batch_needs_no_job_until_epsilon_changes() -> None:
     labels = viewing.labels()
     labels.compute_epsilon(ignore)
-    subject = replace(subject_of(labels), labels=None)
+    subject = replace(subject_of(labels), is_read=True)
     collection = Collection(
         (Item("a", lambda _: subject),), labels.model, Sampling(max_opening=0.3)
     )
@@ -705,7 +708,7 @@ def test_a_scanned_file_cannot_be_saved(tmp_path: Path) -> None:
     session.change(fixed=((0.0, 0.0, 0.0),))
     wait_until_idle(session)
     assert session.subject is not None
-    assert session.subject.labels is not None
+    assert session.subject.prepared
 
 
 # Saving
@@ -723,7 +726,7 @@ def test_the_displayed_labels_are_saved(tmp_path: Path) -> None:
     assert session.message.endswith("a.ply")
     displayed = {one.letter: one.fraction for one in panel_text(session).fractions}
     assert _fractions(tmp_path / "a.ply") == pytest.approx(displayed, abs=1e-6)
-    assert read_subject(tmp_path / "a.ply").model == session.model
+    assert read_subject(tmp_path / "a.ply").labels.model == session.model
     assert session.subject is not None
     assert session.subject.epsilons is not None
     assert session.subject.epsilons.model == session.model
@@ -752,9 +755,9 @@ def test_scans_are_saved_with_their_fixed_finger(tmp_path: Path) -> None:
     session.change(fixed=(tuple(map(float, viewing.labels().mesh.vertices[30])),))
     wait_until_idle(session)
     session.save(tmp_path / "scan.ply")
-    assert read_subject(tmp_path / "scan.ply").mode == "scan"
+    assert read_subject(tmp_path / "scan.ply").labels.mode == "scan"
     assert session.subject is not None
-    assert session.subject.mode == "scan"
+    assert session.subject.labels.mode == "scan"
 
 
 def test_labels_beyond_the_search_cannot_be_saved(tmp_path: Path) -> None:
@@ -768,12 +771,12 @@ def test_labels_beyond_the_search_cannot_be_saved(tmp_path: Path) -> None:
 
 def test_a_batch_is_saved_with_its_partners(tmp_path: Path) -> None:
     subject, reported = _batched(), list[float]()
-    assert subject.partners is not None
-    found = saving.write_labels(subject, subject.model, tmp_path / "a.npz", reported.append)
-    assert found.labels is not None
+    assert subject.labels.partners is not None
+    found = saving.write_labels(subject, subject.labels.model, tmp_path / "a.npz", reported.append)
+    assert found.prepared
     assert sorted(reported) == reported
     with np.load(tmp_path / "a.npz") as data:
-        assert np.array_equal(data["partners"], subject.partners, equal_nan=True)
+        assert np.array_equal(data["partners"], subject.labels.partners, equal_nan=True)
         assert np.array_equal(data["grip"], viewing.labels().grip)
 
 
@@ -790,7 +793,9 @@ def test_the_object_can_be_changed_during_a_job() -> None:
             time.sleep(0.001)
         return two
 
-    collection = Collection((Item("one", lambda _: one), Item("two", slow)), one.model, Sampling())
+    collection = Collection(
+        (Item("one", lambda _: one), Item("two", slow)), one.labels.model, Sampling()
+    )
     session = Session(collection)
     session.change(max_opening=0.3)
     wait_until_idle(session)
@@ -998,7 +1003,8 @@ def test_cancelled_is_not_caught_as_an_exception() -> None:
 
 
 def test_the_unsearched_part_has_an_area_fraction() -> None:
-    subject = replace(subject_of(viewing.labels()), cone=0.1, model=GraspModel(friction=0.05))
+    labels = viewing.labels().using(model=GraspModel(friction=0.05))
+    subject = viewing.with_values(subject_of(labels), search=SearchReport(0.1))
     collection = Collection(
         (Item("a", lambda _: subject),), GraspModel(), Sampling(max_opening=0.3)
     )

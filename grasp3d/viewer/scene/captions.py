@@ -71,8 +71,8 @@ class Captions:
             title=text.title if text else "",
             captions=tuple(captions),
             text=text,
-            mode=subject.mode,
-            unit=subject.unit,
+            mode=subject.labels.mode,
+            unit=subject.mesh.unit,
         )
 
     def margins(self, area: TextArea, number: int) -> tuple[float, float]:
@@ -154,7 +154,7 @@ def _errors(session: Session, model: GraspModel) -> tuple[str, ...]:
     if model.normal_error > 0.0:
         parts.append(f"normals ± {round(math.degrees(model.normal_error), 2):g}°")
     if model.location_error > 0.0:
-        unit = session.subject.unit if session.subject else None
+        unit = session.subject.mesh.unit if session.subject else None
         parts.append(f"locations ± {model.location_error:.4g} {unit or ''}".rstrip())
     if model.per_finger:
         parts.append("errors of each finger")
@@ -170,10 +170,10 @@ def _gripper(session: Session) -> tuple[str, ...]:
 def _limit(session: Session) -> tuple[str, ...]:
     """Limit of the distance between contacts, if the search had one."""
     subject, limit = session.subject, session.state.max_opening
-    if subject is None or subject.mode == "scan" or math.isinf(limit):
+    if subject is None or subject.labels.mode == "scan" or math.isinf(limit):
         return ()
-    name = "opening" if subject.model.fingers == PAIR else "spread"
-    return (f"{name} ≤ {limit:.4g} {subject.unit or ''}".rstrip(),)
+    name = "opening" if subject.labels.model.fingers == PAIR else "spread"
+    return (f"{name} ≤ {limit:.4g} {subject.mesh.unit or ''}".rstrip(),)
 
 
 def _entry(fraction: LabelFraction) -> LegendEntry:

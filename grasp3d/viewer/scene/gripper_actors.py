@@ -61,8 +61,8 @@ class GripperActors:
             table: The table.
                 Any of these may be None: it is not drawn.
         """
-        before, self._drawn = self._drawn, (subject.vertices, table, held)
-        same_object = before[0] is subject.vertices
+        before, self._drawn = self._drawn, (subject.mesh.vertices, table, held)
+        same_object = before[0] is subject.mesh.vertices
         if not same_object or before[1] is not table:
             self._show_table(subject, table)
         if same_object and before[2] is held:
@@ -81,8 +81,8 @@ class GripperActors:
         self._table.visibility = table is not None
         self.table_points = NO_POINTS
         if table is not None:
-            used = subject.vertices[np.unique(subject.faces)]
-            plate = plate_triangles(table, used, subject.size)
+            used = subject.mesh.vertices[np.unique(subject.mesh.faces)]
+            plate = plate_triangles(table, used, subject.mesh.size)
             self._table.mapper.dataset = surface_of(plate)
             self.table_points = plate.vertices
 
@@ -90,9 +90,9 @@ class GripperActors:
         for actor in (self._gripper, self._edges, self._arc):
             actor.visibility = False
         self.points = NO_POINTS
-        if hand is None or held is None or subject.unit is None:
+        if hand is None or held is None or subject.mesh.unit is None:
             return
-        shape = gripper_shape(hand, held.pose, held.opening, subject.unit)
+        shape = gripper_shape(hand, held.pose, held.opening, subject.mesh.unit)
         parts = shape.cell_data["part"]
         opacities = np.array([255.0 * OPACITIES[part] for part in Part], dtype=np.uint8)
         shape.cell_data["color"] = np.c_[shape.cell_data["color"], opacities[parts]]
@@ -105,7 +105,7 @@ class GripperActors:
         boxes = shape.regular_faces[parts <= Part.FINGER]
         self.points = np.asarray(shape.points[np.unique(boxes)], dtype=np.float64)
         if held.arcs:
-            radius = ARC_RADIUS * hand.finger_length / METRES[subject.unit]
+            radius = ARC_RADIUS * hand.finger_length / METRES[subject.mesh.unit]
             self._arc.mapper.dataset = approach_arc(
                 held.pose, held.arcs, radius=radius, inner=ARC_INNER
             )

@@ -97,7 +97,7 @@ class Marks:
             fixed: Contact points of fixed fingers, shape (n, 3).
             cones: Whether friction cones are drawn; they would be inside the fingers of a gripper.
         """
-        size, fixed_key = subject.size, (id(subject.vertices), fixed.tobytes())
+        size, fixed_key = subject.mesh.size, (id(subject.mesh.vertices), fixed.tobytes())
         grasp, model = NO_CONTACTS, None
         if inspection is not None:
             grasp = MarkedContacts(inspection.points, inspection.normals)
@@ -262,5 +262,7 @@ def _extreme_cones(grasp: MarkedContacts, beta: float, tilt: float, length: floa
 
 def _fixed_contacts(subject: Subject, fixed: Floats) -> MarkedContacts:
     """Fixed fingers with the normals of their nearest vertices."""
-    nearest = [int(np.argmin(((subject.vertices - point) ** 2).sum(axis=1))) for point in fixed]
-    return MarkedContacts(fixed, subject.normals[np.array(nearest, dtype=int)])
+    nearest = [
+        int(np.argmin(((subject.mesh.vertices - point) ** 2).sum(axis=1))) for point in fixed
+    ]
+    return MarkedContacts(fixed, subject.mesh.normals[np.array(nearest, dtype=int)])

@@ -92,7 +92,7 @@ class Pane:
         subject = self._subject
         assert subject is not None
         key = plane and (plane[0].tobytes(), plane[1].tobytes())
-        self._back.SetVisibility(plane is not None or not subject.closed)
+        self._back.SetVisibility(plane is not None or not subject.mesh.report.closed)
         self._outline.SetVisibility(plane is not None)
         if key == self._cut:
             return
@@ -118,9 +118,9 @@ class Pane:
 
     def _draw(self, subject: Subject) -> None:
         """Set the mesh; corners with different normals at a crease become separate points."""
-        corners = subject.corner_normals
+        corners = subject.mesh.corner_normals
         data = pyvista.PolyData.from_regular_faces(
-            subject.vertices[corners.vertices], corners.corners.astype(int)
+            subject.mesh.vertices[corners.vertices], corners.corners.astype(int)
         )
         data.point_data.active_normals = -corners.normals
         self._data = data
@@ -131,7 +131,9 @@ class Pane:
     def _set_coordinates(self, subject: Subject, paint: Paint, model: GraspModel) -> None:
         """Set the texture coordinates of the corners, in the same array if it has their size."""
         assert self._data is not None
-        of_corners = texture_coordinates(subject, paint, model)[subject.corner_normals.vertices]
+        of_corners = texture_coordinates(subject, paint, model)[
+            subject.mesh.corner_normals.vertices
+        ]
         known = self._data.active_texture_coordinates
         if known is None:
             self._data.active_texture_coordinates = of_corners  # type: ignore[assignment]
@@ -158,15 +160,15 @@ def _same_shape(one: Subject, other: Subject | None) -> bool:
     """Whether two subjects have the same geometry, with other numbers."""
     return (
         other is not None
-        and one.vertices is other.vertices
-        and one.corner_normals is other.corner_normals
+        and one.mesh.vertices is other.mesh.vertices
+        and one.mesh.corner_normals is other.mesh.corner_normals
     )
 
 
 def _rectangle(subject: Subject, point: Floats, normal: Floats) -> pyvista.PolyData:
     """Outline of a section, somewhat larger than the bounding box of the surface."""
     axis = int(np.argmax(np.abs(normal)))
-    margin = FRAME_MARGIN * subject.size
+    margin = FRAME_MARGIN * subject.mesh.size
     low, high = subject.bounds[0] - margin, subject.bounds[1] + margin
     low[axis] = high[axis] = point[axis]
     u, v = (index for index in range(3) if index != axis)

@@ -25,8 +25,8 @@ def prepare_picking(subject: Subject, before: Subject | None) -> None:
     """
     if (
         before is not None
-        and before.vertices is subject.vertices
-        and before.faces is subject.faces
+        and before.mesh.vertices is subject.mesh.vertices
+        and before.mesh.faces is subject.mesh.faces
         and "rays" in vars(before)
     ):
         vars(subject).setdefault("center", before.center)
@@ -64,11 +64,11 @@ def vertex_at(
     start = subject.normalized(origin)
     toward = np.asarray(direction, dtype=np.float32)[None]
     hit = subject.rays.hits(np.asarray(start, dtype=np.float32)[None], toward)
-    face, distance = int(hit["primID"][0]), float(hit["tfar"][0]) * subject.size
+    face, distance = int(hit["primID"][0]), float(hit["tfar"][0]) * subject.mesh.size
     if face < 0 or distance > reach:
         return None
-    corners = subject.faces[face]
-    gaps = np.linalg.norm(subject.vertices[corners] - (origin + distance * direction), axis=1)
+    corners = subject.mesh.faces[face]
+    gaps = np.linalg.norm(subject.mesh.vertices[corners] - (origin + distance * direction), axis=1)
     return int(corners[np.argmin(gaps)])
 
 

@@ -196,9 +196,9 @@ class Scene:
 
     def _set_surroundings(self, session: Session, subject: Subject) -> None:
         """Set the direction that is up, and the size of all that may be shown."""
-        scene, self._size, self._up = session.scene, subject.size, None
-        if scene is not None and subject.unit is not None:
-            self._size += scene.hand.size / METRES[subject.unit]
+        scene, self._size, self._up = session.scene, subject.mesh.size, None
+        if scene is not None and subject.mesh.unit is not None:
+            self._size += scene.hand.size / METRES[subject.mesh.unit]
             self._up = None if scene.table is None else scene.table.normal
 
     def _show_whole_gripper(self) -> None:
@@ -289,9 +289,12 @@ class Scene:
         if subject is None or inspection is None or len(inspection.points) < 2:
             return []
         renderer, points = self._panes[number].renderer, inspection.points
-        tips = points + CONTACT_RADIUS * subject.size * inspection.normals
+        radius = CONTACT_RADIUS * subject.mesh.size
+        tips = points + radius * inspection.normals
         contacts, ahead = display_positions(renderer, points), display_positions(renderer, tips)
-        return contact_numbers(area, contacts, ahead, CONTACT_RADIUS * subject.size / per_pixel)
+        return contact_numbers(
+            area, contacts, ahead, CONTACT_RADIUS * subject.mesh.size / per_pixel
+        )
 
     def _text_areas(self) -> list[TextArea]:
         """Sizes of the panes; their text size is that for the whole scene."""
@@ -303,7 +306,7 @@ class Scene:
 
 def _used(subject: Subject) -> Floats:
     """Vertices that belong to a face, shape (n, 3)."""
-    return subject.vertices[subject.corner_normals.vertices]
+    return subject.mesh.vertices[subject.mesh.corner_normals.vertices]
 
 
 def _world(renderer: pyvista.Renderer, x: float, y: float, depth: float) -> Floats:

@@ -225,7 +225,7 @@ def _open_result(
     progress: Progress,
 ) -> Subject:
     progress(0.0)
-    subject = _checked(read_result(folder, row, options.max_memory), options, lengths)
+    subject = _checked(read_result(folder, row, options.max_memory, unit=options.unit), lengths)
     return _with_gripper(subject, search, progress)
 
 
@@ -233,7 +233,7 @@ def _open_labelled(
     path: Path, options: MeshOptions, lengths: Lengths, search: Search, progress: Progress
 ) -> Subject:
     progress(0.0)
-    subject = _checked(read_subject(path, options.max_memory), options, lengths)
+    subject = _checked(read_subject(path, options.max_memory, unit=options.unit), lengths)
     return _with_gripper(subject, search, progress)
 
 
@@ -246,24 +246,22 @@ def _with_gripper(subject: Subject, search: Search, progress: Progress) -> Subje
     reach, model, sampling = search
     if reach.hand is None:
         return subject
-    if subject.mode == "scan":
+    if subject.labels.mode == "scan":
         raise SettingError(
             f"{subject.name}: is a scan, whose grasps are given; a gripper cannot be chosen for it"
         )
-    stored, wanted = subject.scene, Scene.of(reach, mesh_of(subject))
+    stored, wanted = subject.labels.scene, Scene.of(reach, mesh_of(subject))
     assert wanted is not None
     if stored is not None and scene_settings(stored) == scene_settings(wanted):
         return subject
-    found = search_grasps(replace(subject, scene=wanted), model, sampling, progress)
+    found = search_grasps(subject, model, sampling, progress, scene=wanted)
     note = f"grasps were searched again for gripper {wanted.hand.name}, unlike in the file"
     return replace(found, notes=(*subject.notes, note))
 
 
-def _checked(subject: Subject, options: MeshOptions, lengths: Lengths) -> Subject:
-    """The subject with its unit, if the lengths that the user gave can be meant for it."""
-    if subject.unit is None and options.unit is not None:
-        subject = replace(subject, unit=options.unit)
-    check_lengths(lengths, subject.size, subject.unit, subject.name)
+def _checked(subject: Subject, lengths: Lengths) -> Subject:
+    """The subject, if the lengths that the user gave can be meant for it."""
+    check_lengths(lengths, subject.mesh.size, subject.mesh.unit, subject.name)
     return subject
 
 
@@ -307,7 +305,7 @@ def _scan_grasp(grasps: GraspTable, row: int, progress: Progress) -> Subject:
         held=GripperPose.of(grasps.reach, row),
         grasp=contacts,
     )
-    return warm_up(replace(subject_of(labels), last_contact=shown, scene=grasps.scene))
+    return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), last_contact=shown))
 
 
 def _in_unit(

@@ -6,16 +6,14 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from grasp3d.arrays import Floats, Ints, locked
 from grasp3d.errors import MeshError, SettingError
+from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
-from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_points
+from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import AnySampling, GraspModel, search_cone
 from grasp3d.surface.labelling import label_surface
-from grasp3d.surface.labels import SearchReport, SurfaceLabels
+from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
-from grasp3d.surface.vertex_grasps import Reason
-from grasp3d.system.processors import available_processors
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.explanations import PAIR
 from grasp3d.viewer.session.inspection import warm_up
@@ -44,7 +42,7 @@ def mesh_of(subject: Subject) -> ObjectMesh:
     Raises:
         MeshError: The mesh cannot be prepared.
     """
-    if subject.labels is not None:
+    if subject.prepared:
         return subject.labels.mesh
     if subject not in _meshes:
         _meshes[subject] = _prepared_mesh(subject)
@@ -52,20 +50,21 @@ def mesh_of(subject: Subject) -> ObjectMesh:
 
 
 def _prepared_mesh(subject: Subject) -> ObjectMesh:
-    options = replace(subject.options, max_edge=math.inf)
-    mesh = load_mesh((subject.vertices, subject.faces), options)
-    if len(mesh.vertices) != len(subject.vertices):
+    given = subject.mesh
+    options = replace(given.options, max_edge=math.inf)
+    mesh = load_mesh((given.vertices, given.faces), options)
+    if len(mesh.vertices) != len(given.vertices):
         options = replace(options, repair="none")
-        mesh = load_mesh((subject.vertices, subject.faces), options)
-    if len(mesh.vertices) != len(subject.vertices):
+        mesh = load_mesh((given.vertices, given.faces), options)
+    if len(mesh.vertices) != len(given.vertices):
         raise MeshError(f"{subject.name}: its mesh cannot be prepared; label the mesh again")
-    report = replace(mesh.report, source=subject.name, unit=subject.unit)
-    return replace(mesh, report=report, options=subject.options)
+    report = replace(mesh.report, source=subject.name, unit=given.unit)
+    return replace(mesh, report=report, options=given.options)
 
 
 def search_grasps(
     subject: Subject, model: GraspModel, sampling: AnySampling, progress: Progress, *,
-    wide: bool = False,
+    wide: bool = False, scene: Scene | None = None,
 ) -> Subject:  # fmt: skip
     """Search the best grasps again, for the same gripper and table.
 
@@ -75,19 +74,20 @@ def search_grasps(
         sampling: Search settings; without a search angle, at least the previous cone is searched.
         progress: Called with the finished fraction of the work, from 0 to 1.
         wide: Search the widest cone, whatever `sampling` says.
+        scene: Another gripper and table; None: the same.
     """
     cone = sampling.search_angle
     if wide:
         cone = WIDEST
-    elif cone is None and subject.mode == "label":
+    elif cone is None and subject.labels.mode == "label":
         cone = min(max(subject.cone, search_cone(model)), WIDEST)
-    start = 0.0 if subject.labels is not None else PREPARED
+    start = 0.0 if subject.prepared else PREPARED
     mesh = mesh_of(subject)
     progress(start)
     labels = label_surface(
         mesh, model, sampling=replace(sampling, search_angle=cone),
-        load=subject.load, progress=within(progress, start, 1.0),
-        scene=subject.scene,
+        load=subject.labels.load, progress=within(progress, start, 1.0),
+        scene=scene or subject.labels.scene,
     )  # fmt: skip
     return warm_up(subject_of(labels, subject.name))
 
@@ -96,7 +96,7 @@ def scan_with_fixed(
     subject: Subject, model: GraspModel, fixed: FixedPoints, progress: Progress
 ) -> Subject:
     """Label every vertex as the contact of one more finger, and search the best contact for it."""
-    start = 0.0 if subject.labels is not None else PREPARED
+    start = 0.0 if subject.prepared else PREPARED
     mesh = mesh_of(subject)
     progress(start)
     model = replace(model, fingers=len(fixed) + 1)
@@ -112,9 +112,14 @@ def scan_with_fixed(
 def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
     """Opposing contacts of one fixed finger's own best grasps, shape (c,); else none."""
     labels, none = subject.labels, SurfacePoints(np.empty(0, dtype=np.int64), np.empty((0, 3)))
-    if labels is None or labels.mode != "label" or labels.model.fingers != PAIR or len(fixed) != 1:
+    if (
+        not subject.prepared
+        or labels.mode != "label"
+        or labels.model.fingers != PAIR
+        or len(fixed) != 1
+    ):
         return none
-    nearest = int(np.argmin(((subject.vertices - np.array(fixed[0])) ** 2).sum(axis=1)))
+    nearest = int(np.argmin(((subject.mesh.vertices - np.array(fixed[0])) ** 2).sum(axis=1)))
     faces, weights = labels.partner_points.faces[nearest], labels.partner_points.weights[nearest]
     known = faces[:, 0] >= 0
     return SurfacePoints(faces[known, 0], weights[known, 0])
@@ -127,30 +132,25 @@ def prepare_labels(subject: Subject, progress: Progress) -> Subject:
         SettingError: The file has no partners.
         MeshError: The mesh cannot be prepared, or the partners are not on it.
     """
-    if subject.labels is not None:
+    given, known = subject.labels, ("critical_angle", "critical_angle_best", "reason", "reach")
+    if subject.prepared:
         return subject
-    if subject.partners is None:
+    if given.partners is None:
         raise SettingError(f"{subject.name}: the file does not contain the partners of its grasps")
     mesh = mesh_of(subject)
     progress(0.5)
-    found = (subject.reason == Reason.FOUND) & mesh.on_surface
-    grasped = np.flatnonzero(found & np.isfinite(subject.partners).all(axis=(1, 2)))
-    points = _partner_points(mesh, subject.partners, grasped, within(progress, 0.5, 1.0))
-    labels = SurfaceLabels.of_vertices(
+    labels = SurfaceLabels.of_values(
         mesh,
-        subject.model,
-        angles=(subject.critical_angle, subject.critical_angle_best),
-        partners=subject.partners,
-        partner_points=points,
-        grip=0 if subject.grip is None else subject.grip,
-        reason=subject.reason,
-        reach=subject.reach,
-        sampling=subject.sampling,
-        mode=subject.mode,
-        search=SearchReport(cone=subject.cone),
-        scene=subject.scene,
-        load=subject.load,
+        given.model,
+        sampling=given.sampling,
+        mode=given.mode,
+        search=given.search,
+        scene=given.scene,
+        load=given.load,
+        values={name: getattr(given, name) for name in (*known, "partners", "grip")},
     )
+    assert labels.partner_points is not None  # found now
+    progress(1.0)
     return warm_up(replace(subject, labels=labels))
 
 
@@ -163,12 +163,10 @@ def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> 
         progress: Called with the finished fraction of the work, from 0 to 1.
     """
     ready = prepare_labels(subject, within(progress, 0.0, PREPARED))
-    assert ready.labels is not None
-    model = replace(model, fingers=ready.model.fingers)
+    model = replace(model, fingers=ready.labels.model.fingers)
     labels = ready.labels.using(model=model)
     labels.compute_epsilon(within(progress, PREPARED, 1.0))
-    found = labels.epsilon_range
-    return replace(ready, epsilons=Epsilons(found.nominal, found.minimum, model, found.maximum))
+    return replace(ready, epsilons=Epsilons.of(labels.epsilon_range, model))
 
 
 def compute_forces(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
@@ -180,8 +178,7 @@ def compute_forces(subject: Subject, model: GraspModel, progress: Progress) -> S
         progress: Called with the finished fraction of the work, from 0 to 1.
     """
     ready = prepare_labels(subject, within(progress, 0.0, PREPARED))
-    assert ready.labels is not None
-    model = replace(model, fingers=ready.model.fingers)
+    model = replace(model, fingers=ready.labels.model.fingers)
     labels = ready.labels.using(model=model)
     labels.compute_holding(within(progress, PREPARED, 1.0))
     assert labels.holding is not None
@@ -205,23 +202,5 @@ def locate_contacts(subject: Subject, model: GraspModel, progress: Progress) -> 
 
 def difference(subject: Subject, other: Subject) -> float:
     """Area fraction whose labels differ between two searches, at the first one's model."""
-    first, second = labels_at(subject, subject.model), labels_at(other, subject.model)
+    first, second = labels_at(subject, subject.labels.model), labels_at(other, subject.labels.model)
     return float(subject.weights[first != second].sum())
-
-
-def _partner_points(
-    mesh: ObjectMesh, partners: Floats, grasped: Ints, progress: Progress
-) -> SurfacePoints:
-    """Surface points of partners (V, n - 1, 3), repeated for the worst and the best normals."""
-    count, others = partners.shape[:2]
-    faces = np.full((count, 2, others), -1, dtype=np.int64)
-    weights = np.zeros((count, 2, others, 3))
-    nearest, _, distances = nearest_surface_points(
-        mesh, partners[grasped].reshape(-1, 3), limit=1e-3 * mesh.size,
-        threads=available_processors(), progress=progress,
-    )  # fmt: skip
-    if np.isinf(distances).any():
-        raise MeshError("the file's partners are not on its surface; label the mesh again")
-    faces[grasped] = nearest.faces.reshape(-1, 1, others)
-    weights[grasped] = nearest.weights.reshape(-1, 1, others, 3)
-    return SurfacePoints(locked(faces), locked(weights))

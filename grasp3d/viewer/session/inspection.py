@@ -67,7 +67,7 @@ def inspect(subject: Subject, vertex: int, model: GraspModel, alternative: int =
         model: Friction and resolution; fingers as the subject has them.
         alternative: Which of its grasps, 0: the best one; as far as there are so many.
     """
-    held, count = GripperPose.of(subject.reach, vertex), 1
+    held, count = GripperPose.of(subject.labels.reach, vertex), 1
     if held is None:
         return _inspect_best(subject, vertex, model)
     others = alternatives_of(subject, vertex)
@@ -85,19 +85,19 @@ def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspectio
     """Inspect the best grasp of a vertex, or say why there is none."""
     worst, best = (angles[vertex] for angles in subject.angles(model))
     code = int(label_codes(subject, worst[None], best[None], model)[0])
-    perceived = subject.critical_angle[vertex], subject.critical_angle_best[vertex]
+    perceived = subject.labels.critical_angle[vertex], subject.labels.critical_angle_best[vertex]
     points, normals = _contacts(subject, vertex)
     off = _off_line(points, normals) if len(points) == PAIR else None
     case = Case(
         model=model,
-        mode=subject.mode,
+        mode=subject.labels.mode,
         code=code,
         worst=float(worst),
         best=float(best),
         cone=subject.cone,
         reason=_reason(subject, vertex),
         off_line=off,
-        gripper=None if subject.scene is None else subject.scene.hand.name,
+        gripper=None if subject.labels.scene is None else subject.labels.scene.hand.name,
         unreached=_unreached(subject, vertex),
         perceived=_perceived(model, *perceived),
     )
@@ -131,9 +131,9 @@ def _inspect_alternative(
         creases=tuple(int(finger) for finger in np.flatnonzero(contacts.on_crease[0])),
         perceived=_perceived(model, *perceived),
     )
-    unit = f" {subject.unit}" if subject.unit else ""
+    unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
     held = GripperPose.of(grasps.reach, row)
-    position = _position(subject.vertices[vertex], subject.size, unit)
+    position = _position(subject.mesh.vertices[vertex], subject.mesh.size, unit)
     numbers = [("vertex", f"{vertex}"), ("position", position)]
     numbers += angle_numbers(case)
     values = _epsilons_of(contacts, model)
@@ -168,7 +168,7 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
     off = _off_line(found.points, found.normals) if len(found.points) == PAIR else None
     case = Case(
         model=model,
-        mode=subject.mode,
+        mode=subject.labels.mode,
         code=code,
         worst=worst,
         best=best,
@@ -178,8 +178,8 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
         creases=found.creases,
         perceived=_perceived(model, found.worst, found.best),
     )
-    unit = f" {subject.unit}" if subject.unit else ""
-    numbers = [("position", _position(found.points[0], subject.size, unit))]
+    unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
+    numbers = [("position", _position(found.points[0], subject.mesh.size, unit))]
     if found.between:
         numbers.append(("location", "between vertices"))
     numbers += angle_numbers(case)
@@ -194,23 +194,25 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
 
 def warm_up(subject: Subject) -> Subject:
     """Inspect one grasp, so that the functions are compiled before the user's first click."""
-    found = np.flatnonzero(subject.reason == Reason.FOUND)
-    if subject.labels is not None and len(found):
+    found = np.flatnonzero(subject.labels.reason == Reason.FOUND)
+    if subject.prepared and len(found):
         grasp = _grasp(subject.labels, int(found[0]))
-        _epsilons_of(grasp, subject.model)
-        if grasp.count == PAIR and subject.model.method == "exact":
-            located_grasp(grasp, 0.0, 0.0, replace(subject.model, location_error=subject.size))
-        _held_by(subject, grasp, subject.model)
+        _epsilons_of(grasp, subject.labels.model)
+        if grasp.count == PAIR and subject.labels.model.method == "exact":
+            located_grasp(
+                grasp, 0.0, 0.0, replace(subject.labels.model, location_error=subject.mesh.size)
+            )
+        _held_by(subject, grasp, subject.labels.model)
     return subject
 
 
 def _contacts(subject: Subject, vertex: int) -> tuple[Floats, Floats]:
     """Points and normals of a vertex's grasp, (n, 3) each; n = 1 without a grasp."""
-    points, normals = subject.vertices[vertex][None], subject.normals[vertex][None]
-    if subject.partners is None or subject.partner_normals is None:
+    points, normals = subject.mesh.vertices[vertex][None], subject.mesh.normals[vertex][None]
+    if subject.labels.partners is None or subject.labels.partner_normals is None:
         return points, normals
-    others, other_normals = subject.partners[vertex], subject.partner_normals[vertex]
-    if subject.reason[vertex] != Reason.FOUND or not np.isfinite(others).all():
+    others, other_normals = subject.labels.partners[vertex], subject.labels.partner_normals[vertex]
+    if subject.labels.reason[vertex] != Reason.FOUND or not np.isfinite(others).all():
         return points, normals
     return np.concatenate([points, others]), np.concatenate([normals, other_normals])
 
@@ -231,42 +233,45 @@ def _off_line(points: Floats, normals: Floats) -> tuple[float, float] | None:
 
 def _reason(subject: Subject, vertex: int) -> Reason | None:
     """Why there is no grasp; None: unknown, as for a limited search stored in a lone file."""
-    reason, sampling = Reason(int(subject.reason[vertex])), subject.sampling
+    reason, sampling = Reason(int(subject.labels.reason[vertex])), subject.labels.sampling
     limited = sampling is not None and (
-        subject.scene is not None
+        subject.labels.scene is not None
         or any(0.0 < (length or 0.0) < math.inf for length in sampling.lengths().values())
     )
-    unnamed = subject.partners is None and reason == Reason.NO_PARTNER
+    unnamed = subject.labels.partners is None and reason == Reason.NO_PARTNER
     return None if unnamed and limited else reason
 
 
 def _unreached(subject: Subject, vertex: int) -> Reachability | None:
     """Why the gripper does not reach a vertex's grasp; None: it does, or that is unknown."""
-    if subject.unreached is None or subject.reason[vertex] != Reason.NOT_REACHED:
+    reach = None if subject.is_read else subject.labels.reach
+    if reach is None or subject.labels.reason[vertex] != Reason.NOT_REACHED:
         return None
-    return Reachability(int(subject.unreached[vertex]))
+    return Reachability(int(reach.state[vertex]))
 
 
 def _held(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
     """Force and payload of a vertex's grasp; None: no load, no grasp, or not known."""
     load, known = subject.load_numbers, subject.forces
-    if load is None or subject.reason[vertex] != Reason.FOUND:
+    if load is None or subject.labels.reason[vertex] != Reason.FOUND:
         return None
-    if subject.labels is not None:
+    if subject.prepared:
         return _held_by(subject, _grasp(subject.labels, vertex), model)
     if known is None or not same_settings(known.model, model):
         return None
     numbers = (known.grip_force, known.grip_force_least, known.grip_force_largest, known.payload)
     force, least, largest, payload = (float(values[vertex]) for values in numbers)
-    hard = subject.scene is None and subject.model.torsion_radius == 0.0
+    hard = subject.labels.scene is None and subject.labels.model.torsion_radius == 0.0
     codes = known.resistance
     resistance = None if codes is None else Resistance(int(codes[vertex]))
-    return HeldGrasp(load, force, least, largest, payload, subject.model.fingers, hard, resistance)
+    return HeldGrasp(
+        load, force, least, largest, payload, subject.labels.model.fingers, hard, resistance
+    )
 
 
 def _held_by(subject: Subject, grasp: SurfaceContacts, model: GraspModel) -> HeldGrasp | None:
     """Force and payload of one grasp; None: there is no load."""
-    case = None if subject.labels is None else subject.labels.load_case
+    case = subject.labels.load_case if subject.prepared else None
     if case is None:
         return None
     return held_grasp(grasp, model, case)
@@ -285,17 +290,17 @@ def _reason_text(case: Case, force: HeldGrasp | None) -> str:
 def _numbers(
     subject: Subject, vertex: int, case: Case, force: HeldGrasp | None
 ) -> tuple[tuple[str, str], ...]:
-    unit = f" {subject.unit}" if subject.unit else ""
-    position = _position(subject.vertices[vertex], subject.size, unit)
+    unit = f" {subject.mesh.unit}" if subject.mesh.unit else ""
+    position = _position(subject.mesh.vertices[vertex], subject.mesh.size, unit)
     numbers = [("vertex", f"{vertex}"), ("position", position)]
     if math.isinf(case.best):
         return (*numbers, ("β*", "no grasp"))
     numbers += angle_numbers(case)
     numbers += zip(EPSILONS, _epsilon_texts(subject, vertex, case.model), strict=True)
-    opening = subject.opening[vertex]
-    if math.isfinite(opening):
+    openings = subject.labels.opening
+    if openings is not None and math.isfinite(opening := openings[vertex]):
         numbers.append(("opening", f"{opening:.4g}{unit}"))
-    held = GripperPose.of(subject.reach, vertex)
+    held = GripperPose.of(subject.labels.reach, vertex)
     numbers += _force_numbers(force)
     return (*numbers, *_gripper_numbers(held, unit), *_off_line_text(case))
 
@@ -333,7 +338,7 @@ def _epsilon_texts(subject: Subject, vertex: int, model: GraspModel) -> list[str
         maximum = known.maximum
         values = (known.nominal[vertex], known.minimum[vertex],
                   math.nan if maximum is None else maximum[vertex])  # fmt: skip
-    elif subject.labels is not None and subject.reason[vertex] == Reason.FOUND:
+    elif subject.prepared and subject.labels.reason[vertex] == Reason.FOUND:
         values = _epsilons_of(_grasp(subject.labels, vertex), model)
     return [_epsilon_text(value) for value in values]
 
@@ -345,9 +350,9 @@ def _epsilon_text(value: float) -> str:
 def _creases(subject: Subject, vertex: int, *, several: bool) -> tuple[int, ...]:
     """Fingers that are on sharp edges; without labels only the vertex itself is examined."""
     labels = subject.labels
-    if several and labels is not None and (labels.partner_points.faces[vertex, 0] >= 0).all():
+    if several and subject.prepared and (labels.partner_points.faces[vertex, 0] >= 0).all():
         return tuple(int(finger) for finger in np.flatnonzero(_grasp(labels, vertex).on_crease[0]))
-    sides = np.count_nonzero(subject.corner_normals.vertices == vertex)
+    sides = np.count_nonzero(subject.mesh.corner_normals.vertices == vertex)
     return (0,) if sides > 1 else ()
 
 

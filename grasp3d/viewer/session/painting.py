@@ -148,7 +148,7 @@ def texture_coordinates(
     """
     worst, best = subject.angles(model)
     if paint == "critical_angle":
-        worst = subject.critical_angle
+        worst = subject.labels.critical_angle
     if paint == "label":
         both = [_about(worst, model.effective_friction_angle), _about(best, model.unstable_from)]
         return np.stack(both, axis=1).astype(np.float32)
@@ -215,8 +215,8 @@ def faded(image: Bytes) -> Bytes:
 
 def ramp_of(subject: Subject, paint: Paint, model: GraspModel) -> Ramp | None:
     """Legend of the quantity that is shown; None: labels."""
-    none = "no grasp found" if subject.mode == "label" else "no grasp"
-    if not (np.isinf(subject.critical_angle) & (subject.weights > 0.0)).any():
+    none = "no grasp found" if subject.labels.mode == "label" else "no grasp"
+    if not (np.isinf(subject.labels.critical_angle) & (subject.weights > 0.0)).any():
         none = ""
     if paint == "critical_angle":
         maximum = math.degrees(min(subject.cone, math.pi / 2.0))
@@ -249,11 +249,12 @@ def _margin_ramp(model: GraspModel, none: str) -> Ramp:
 
 
 def _approach_ramp(subject: Subject) -> Ramp:
-    if subject.approach_margin is None:
+    labels = subject.labels
+    if labels.approach_margin is None:
         return Ramp("approach margin: needs a gripper", 180.0, "°", "no gripper")
-    if subject.scene is not None and subject.model.fingers not in subject.scene.hand.fingers:
+    if labels.scene is not None and labels.model.fingers not in labels.scene.hand.fingers:
         return Ramp("approach margin: for two fingers only", 180.0, "°", "no palm is tested")
-    unreached = np.isnan(subject.approach_margin) & (subject.weights > 0.0)
+    unreached = np.isnan(labels.approach_margin) & (subject.weights > 0.0)
     grey = "not reached" if unreached.any() else ""
     return Ramp(
         "approach margin: half the free approach angles",
@@ -288,7 +289,7 @@ def _force_ramp(subject: Subject, paint: Paint, model: GraspModel, none: str) ->
         return Ramp("payload: the task does not depend on the mass", 1.0, unit, "no payload")
     text = f"{name} {_condition(paint, load)}"
     known = subject.forces
-    status = "being computed" if subject.measurable and subject.load else "as in the file"
+    status = "being computed" if subject.measurable and subject.labels.load else "as in the file"
     if known is None:
         return Ramp(f"{text}; {status}", 1.0, unit, "not computed yet")
     if not same_settings(known.model, model):
@@ -324,13 +325,13 @@ def _labels(subject: Subject, model: GraspModel) -> Bytes:
 
 def _epsilon(subject: Subject, paint: Paint) -> Floats:
     if subject.epsilons is None:
-        return np.full(len(subject.vertices), math.nan)
+        return np.full(len(subject.mesh.vertices), math.nan)
     return subject.epsilons.nominal if paint == "epsilon" else subject.epsilons.minimum
 
 
 def _approach_margin(subject: Subject) -> Floats:
-    known = subject.approach_margin
-    return np.full(len(subject.vertices), math.nan) if known is None else known
+    known = subject.labels.approach_margin
+    return np.full(len(subject.mesh.vertices), math.nan) if known is None else known
 
 
 def _max_margin(subject: Subject) -> float:
@@ -341,7 +342,7 @@ def _max_margin(subject: Subject) -> float:
 def _forces(subject: Subject, paint: Paint) -> Floats:
     known = subject.forces
     if known is None:
-        return np.full(len(subject.vertices), math.nan)
+        return np.full(len(subject.mesh.vertices), math.nan)
     return known.grip_force if paint == "grip_force" else known.payload
 
 

@@ -121,18 +121,18 @@ def interval_text(model: GraspModel) -> str:
 
 
 def _facts(subject: Subject, fixed: int, *, stale: bool) -> str:
-    unit = subject.unit or "(unit not stated)"
+    unit = subject.mesh.unit or "(unit not stated)"
     facts = (
-        f"size {subject.size:.3g} {unit}, {len(subject.vertices):,} vertices, "
-        f"{'closed' if subject.closed else 'open'}"
+        f"size {subject.mesh.size:.3g} {unit}, {len(subject.mesh.vertices):,} vertices, "
+        f"{'closed' if subject.mesh.report.closed else 'open'}"
     )
-    if subject.scene is not None:
-        table = "" if subject.scene.table is None else " and a table"
-        facts += f"; gripper {subject.scene.hand.name}{table}"
+    if subject.labels.scene is not None:
+        table = "" if subject.labels.scene.table is None else " and a table"
+        facts += f"; gripper {subject.labels.scene.hand.name}{table}"
     if subject.load_numbers is not None:
         facts += f"; load {subject.load_numbers}"
-    if subject.mode == "scan" and not stale:
-        count = fixed or subject.model.fingers - 1
+    if subject.labels.mode == "scan" and not stale:
+        count = fixed or subject.labels.model.fingers - 1
         facts += f", {_fingers(count)} fixed"
     return facts
 
@@ -197,7 +197,7 @@ def _fractions(subject: Subject, model: GraspModel) -> tuple[LabelFraction, ...]
     found = area_fractions(subject, labels_at(subject, model))
     between = _label_between(subject, model)
     labels = [
-        (label.name, MEANING[subject.mode][label], int(label))
+        (label.name, MEANING[subject.labels.mode][label], int(label))
         for label in sorted(Label, reverse=True)
     ]
     if found[UNSEARCHED] > 0.0:

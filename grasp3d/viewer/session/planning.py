@@ -110,20 +110,21 @@ def needs_search(subject: Subject, state: ViewState, sampling: AnySampling) -> b
         state: The user's choices.
         sampling: Search settings, apart from those in `state`.
     """
-    if subject.model.fingers != state.model.fingers:
+    if subject.labels.model.fingers != state.model.fingers:
         return True
-    if subject.sampling is None:  # a scan, whose grasps are given
+    if subject.labels.sampling is None:  # a scan, whose grasps are given
         return False
-    needed, searched = limited_sampling(sampling, state), subject.sampling
+    needed, searched = limited_sampling(sampling, state), subject.labels.sampling
     return _limits(subject, needed) != _limits(subject, searched)
 
 
 def _limits(subject: Subject, sampling: AnySampling) -> AnySampling:
     """Settings of a search without its cone, with openings that a gripper can have."""
     sampling = replace(sampling, search_angle=None)
-    if subject.scene is None or subject.unit is None or not isinstance(sampling, Sampling):
+    mesh, scene = subject.mesh, subject.labels.scene
+    if scene is None or mesh.unit is None or not isinstance(sampling, Sampling):
         return sampling
-    least, most = (limit / METRES[subject.unit] for limit in subject.scene.hand.limits)
+    least, most = (limit / METRES[mesh.unit] for limit in scene.hand.limits)
     most = min(sampling.max_opening, most)
     return replace(
         sampling, min_opening=min(max(sampling.min_opening, least), most), max_opening=most
@@ -152,7 +153,7 @@ def is_stale(viewed: ViewedItem, state: ViewState, sampling: AnySampling) -> boo
 
 def _locates(subject: Subject, state: ViewState) -> bool:
     """Whether the labels for the chosen errors of contact locations are known."""
-    model, fingers = state.model, subject.model.fingers
+    model, fingers = state.model, subject.labels.model.fingers
     return subject.locates(model if model.fingers == fingers else replace(model, fingers=fingers))
 
 
@@ -162,7 +163,7 @@ def missing_result(subject: Subject, state: ViewState) -> str:
     if state.fixed:
         count = len(state.fixed)
         return f"labels for {count} fixed {'finger' if count == 1 else 'fingers'}"
-    if subject.model.fingers != fingers:
+    if subject.labels.model.fingers != fingers:
         return f"grasps for {fingers} fingers"
     if not _locates(subject, state):
         return "labels with these errors"
@@ -221,9 +222,9 @@ def ranked_otherwise(subject: Subject, state: ViewState) -> bool:
     A location error affects wide grasps of two fingers less, so that others may be the best.
     Meanwhile the labels are those of the known grasps.
     """
-    if subject.mode == "scan" or subject.model.fingers != PAIR:
+    if subject.labels.mode == "scan" or subject.labels.model.fingers != PAIR:
         return False
-    return subject.model.location_error != state.model.location_error
+    return subject.labels.model.location_error != state.model.location_error
 
 
 def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
@@ -231,10 +232,10 @@ def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
 
     A file with partners needs its mesh only for another model's epsilon, forces and labels.
     """
-    if subject.labels is not None or not subject.measurable:
+    if subject.prepared or not subject.measurable:
         return None
     other_epsilon = not _is_known(subject.epsilons, state)
-    other_forces = subject.load is not None and not _is_known(subject.forces, state)
+    other_forces = subject.labels.load is not None and not _is_known(subject.forces, state)
     located = _locates(subject, state)
     if (
         state.vertex is None
@@ -245,12 +246,11 @@ def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
     ):
         return None
     key = ("grasps", number)
-    if subject.partners is None:
+    if subject.labels.partners is None:
         cone = min(subject.cone, math.pi / 2.0)
-        sampling = replace(
-            subject.sampling or Sampling().fitted(subject.model.fingers), search_angle=cone
-        )
-        run = partial(search_grasps, subject, subject.model, sampling)
+        default = Sampling().fitted(subject.labels.model.fingers)
+        sampling = replace(subject.labels.sampling or default, search_angle=cone)
+        run = partial(search_grasps, subject, subject.labels.model, sampling)
         return Job(key, "searching grasps", run)
     if located and not (other_epsilon or other_forces or _wants_alternatives(subject, state)):
         return None
@@ -259,9 +259,9 @@ def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob |
 
 def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Compute how far uncertain contact locations affect three fingers and more."""
-    if subject.labels is None or _locates(subject, state):
+    if not subject.prepared or _locates(subject, state):
         return None
-    model = replace(state.model, fingers=subject.model.fingers)
+    model = replace(state.model, fingers=subject.labels.model.fingers)
     key = ("located", number, dependence(model), model.fingers, state.fixed, state.max_opening)
     return Job(key, "computing labels with errors", partial(locate_contacts, subject, model), DELAY)
 
@@ -276,7 +276,7 @@ def _wants_alternatives(subject: Subject, state: ViewState) -> bool:
 
 def _alternatives_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Search for other grasps of the inspected vertex that the gripper reaches."""
-    if subject.labels is None or state.vertex is None or not _wants_alternatives(subject, state):
+    if not subject.prepared or state.vertex is None or not _wants_alternatives(subject, state):
         return None
     key = ("alternatives", number, state.vertex, state.model.fingers, state.max_opening)
     run = partial(find_alternatives, subject, state.vertex)
@@ -289,18 +289,18 @@ def _epsilon_job(subject: Subject, state: ViewState, number: int) -> SubjectJob 
         return None
     if _is_known(subject.epsilons, state):
         return None
-    model = replace(state.model, fingers=subject.model.fingers)
+    model = replace(state.model, fingers=subject.labels.model.fingers)
     key = ("epsilon", number, model, state.fixed, state.max_opening)
     return Job(key, "computing ε", partial(compute_epsilon, subject, model), DELAY)
 
 
 def _forces_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
     """Compute grip forces, if they are shown and not known for the chosen model."""
-    if not _shows_force(state) or not subject.measurable or subject.load is None:
+    if not _shows_force(state) or not subject.measurable or subject.labels.load is None:
         return None
     if _is_known(subject.forces, state):
         return None
-    model = replace(state.model, fingers=subject.model.fingers)
+    model = replace(state.model, fingers=subject.labels.model.fingers)
     key = ("forces", number, model, state.max_opening)
     return Job(key, "computing grip forces", partial(compute_forces, subject, model), DELAY)
 

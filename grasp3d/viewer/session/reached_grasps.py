@@ -32,7 +32,6 @@ def find_alternatives(subject: Subject, vertex: int, progress: Progress) -> Subj
         vertex: A vertex whose grasp is reached.
         progress: Called with the finished fraction of the work, from 0 to 1.
     """
-    assert subject.labels is not None
     progress(0.0)
     found = alternatives_at(subject.labels, vertex, MOST)
     others = found.take(_others(subject, vertex, found)[: MOST - 1])
@@ -47,7 +46,7 @@ def alternatives_of(subject: Subject, vertex: int) -> GraspTable | None:
 
 def is_reached(subject: Subject, vertex: int) -> bool:
     """Whether the pose of a gripper at the vertex's grasp is known."""
-    reach = subject.reach
+    reach = subject.labels.reach
     return reach is not None and vertex < len(reach.poses) and bool(has_pose(reach)[vertex])
 
 
@@ -56,13 +55,13 @@ def best_reached(subject: Subject) -> int | None:
 
     Better is the smaller critical friction angle in whole degrees, then the larger approach margin.
     """
-    margins = subject.approach_margin
+    margins = subject.labels.approach_margin
     if margins is None:
         return None
-    vertices = np.flatnonzero(np.isfinite(margins) & (subject.reason == Reason.FOUND))
+    vertices = np.flatnonzero(np.isfinite(margins) & (subject.labels.reason == Reason.FOUND))
     if not len(vertices):
         return None
-    angles = np.floor(subject.critical_angle[vertices] / ANGLE_STEP)
+    angles = np.floor(subject.labels.critical_angle[vertices] / ANGLE_STEP)
     return int(vertices[np.lexsort((-margins[vertices], angles))[0]])
 
 
@@ -70,7 +69,9 @@ def _others(subject: Subject, vertex: int, found: GraspTable) -> Ints:
     """Rows of the grasps that have a pose and are not the vertex's own."""
     assert found.reach is not None
     chosen = has_pose(found.reach)
-    if subject.partners is not None:
-        gaps = np.linalg.norm(found.contacts.points[:, 1:] - subject.partners[vertex], axis=2)
-        chosen &= ~(gaps <= SAME * subject.size).all(axis=1)
+    if subject.labels.partners is not None:
+        gaps = np.linalg.norm(
+            found.contacts.points[:, 1:] - subject.labels.partners[vertex], axis=2
+        )
+        chosen &= ~(gaps <= SAME * subject.mesh.size).all(axis=1)
     return np.flatnonzero(chosen)

@@ -58,8 +58,7 @@ def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Prog
     """
     check_savable(subject, model, path)
     ready = _with_labels(subject, within(progress, 0.0, SEARCHED))
-    assert ready.labels is not None
-    model = replace(model, fingers=ready.model.fingers)
+    model = replace(model, fingers=ready.labels.model.fingers)
     relabelled = ready.labels.using(model=model)
     relabelled.compute_labels(within(progress, SEARCHED, SEARCHED))
     middle = COMPUTED if relabelled.load is None else 0.5 * (SEARCHED + COMPUTED)
@@ -67,18 +66,19 @@ def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Prog
     relabelled.compute_holding(within(progress, middle, COMPUTED))
     writer_for(path)(path, relabelled)
     progress(1.0)
-    found, holding = relabelled.epsilon_range, relabelled.holding
+    holding = relabelled.holding
     return replace(
         ready,
-        epsilons=Epsilons(found.nominal, found.minimum, model, found.maximum),
+        epsilons=Epsilons.of(relabelled.epsilon_range, model),
         forces=None if holding is None else Forces.of(holding, model),
     )
 
 
 def _with_labels(subject: Subject, progress: Progress) -> Subject:
     """The subject with its mesh and grasps."""
-    if subject.labels is not None or subject.partners is not None:
+    if subject.labels.partners is not None:
         return prepare_labels(subject, progress)
-    sampling = subject.sampling or Sampling().fitted(subject.model.fingers)
+    default = Sampling().fitted(subject.labels.model.fingers)
+    sampling = subject.labels.sampling or default
     sampling = replace(sampling, search_angle=min(subject.cone, math.pi / 2.0))
-    return search_grasps(subject, subject.model, sampling, progress)
+    return search_grasps(subject, subject.labels.model, sampling, progress)

@@ -92,7 +92,7 @@ class Session:
     def model(self) -> GraspModel:
         """Chosen friction and resolution, with the displayed surface's number of fingers."""
         subject = self.subject
-        fingers = self.state.model.fingers if subject is None else subject.model.fingers
+        fingers = self.state.model.fingers if subject is None else subject.labels.model.fingers
         model = self.state.model
         # A copy checks all settings again, which takes longer than the labels of a small surface.
         return model if model.fingers == fingers else replace(model, fingers=fingers)
@@ -132,7 +132,7 @@ class Session:
             return None
         if vertex is None:
             return inspect_last_contact(subject, model)
-        if vertex >= len(subject.vertices):
+        if vertex >= len(subject.mesh.vertices):
             return None
         last = self._last_inspection
         key = (vertex, model, alternative)
@@ -145,7 +145,7 @@ class Session:
     def scene(self) -> Scene | None:
         """The gripper and the table of the current object; None: no gripper."""
         subject = self._viewed.subject
-        return None if subject is None else subject.scene
+        return None if subject is None else subject.labels.scene
 
     def change(self, **changes: Any) -> None:
         """Change some choices.
@@ -202,13 +202,13 @@ class Session:
         subject = self.subject
         if subject is None:
             return
-        if vertex is not None and not 0 <= vertex < len(subject.vertices):
-            count = len(subject.vertices)
+        if vertex is not None and not 0 <= vertex < len(subject.mesh.vertices):
+            count = len(subject.mesh.vertices)
             raise SettingError(f"there is no vertex {vertex}; there are {count:,}, from 0")
         if vertex is None or inspect or self.state.click == "inspect":
             self._set_state(replace(self.state, vertex=vertex, alternative=0))
             return
-        x, y, z = (float(value) for value in subject.vertices[vertex])
+        x, y, z = (float(value) for value in subject.mesh.vertices[vertex])
         kept = self.state.fixed[: max(0, self.state.model.fingers - 2)]
         self._set_state(replace(self.state, fixed=(*kept, (x, y, z)), vertex=None, alternative=0))
 
@@ -398,7 +398,7 @@ class Session:
 
     def _check_vertex(self, subject: Subject) -> None:
         """Release the chosen vertex if a surface that was opened does not have it."""
-        vertex, count = self.state.vertex, len(subject.vertices)
+        vertex, count = self.state.vertex, len(subject.mesh.vertices)
         if vertex is not None and vertex >= count:
             self.state = replace(self.state, vertex=None)
             self._message = f"there is no vertex {vertex}; there are {count:,}, from 0"
@@ -414,7 +414,7 @@ class Session:
     def _has_grasps(self) -> bool:
         """Whether the surface was opened with its grasps, and not only with critical angles."""
         subject = self._viewed.subject
-        return subject is not None and (subject.labels is not None or subject.partners is not None)
+        return subject is not None and subject.labels.partners is not None
 
     def _replace(self, subject: Subject) -> None:
         """Replace the displayed surface."""

@@ -39,12 +39,12 @@ def search_wider(
     Raises:
         GraspError: The mesh cannot be prepared or searched.
     """
-    start = 0.0 if subject.labels is not None else KNOWN
+    start = 0.0 if subject.prepared else KNOWN
     known = _known_labels(subject, sampling, within(progress, 0.0, start))
     wide = label_surface(
         known.mesh, replace(model, fingers=known.model.fingers),
-        sampling=replace(sampling, search_angle=WIDEST), load=subject.load,
-        progress=within(progress, start, 1.0), scene=subject.scene,
+        sampling=replace(sampling, search_angle=WIDEST), load=subject.labels.load,
+        progress=within(progress, start, 1.0), scene=subject.labels.scene,
     )  # fmt: skip
     return warm_up(subject_of(with_known_grasps(wide, known), subject.name))
 
@@ -69,14 +69,10 @@ def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabel
 
 def _known_labels(subject: Subject, sampling: AnySampling, progress: Progress) -> SurfaceLabels:
     """Labels with the grasps that are displayed; those of a file without partners are searched."""
-    if subject.labels is not None:
-        return subject.labels
-    if subject.partners is not None:
-        labels = prepare_labels(subject, progress).labels
-        assert labels is not None
-        return labels
+    if subject.labels.partners is not None:
+        return prepare_labels(subject, progress).labels
     cone = min(subject.cone, math.pi / 2.0)
     return label_surface(
-        mesh_of(subject), subject.model, sampling=replace(sampling, search_angle=cone),
-        load=subject.load, progress=progress, scene=subject.scene,
+        mesh_of(subject), subject.labels.model, sampling=replace(sampling, search_angle=cone),
+        load=subject.labels.load, progress=progress, scene=subject.labels.scene,
     )  # fmt: skip

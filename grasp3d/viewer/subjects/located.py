@@ -26,13 +26,12 @@ class Located:
     __repr__ = short_repr
 
     @classmethod
-    def of(cls, labels: SurfaceLabels | None, model: GraspModel) -> "Located":
+    def of(cls, labels: SurfaceLabels, model: GraspModel) -> "Located":
         """Located angles of labels for a model.
 
         Raises:
             SettingError: The model is for another number of fingers.
         """
-        assert labels is not None
         worst, best = labels.using(model=model).located_angles
         # A file has no second grasp, of the best normals at a crease, whose line could be turned:
         # what the worst finger adds to its angle is a bound.

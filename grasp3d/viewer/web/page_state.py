@@ -67,11 +67,11 @@ def page_state(session: Session) -> dict[str, Any]:
         "stale": text.stale,
         "uncompared": comparison_problem(session.state.paint),
         "unlocated": session.location_problem,
-        "size": 0.0 if subject is None else subject.size,
+        "size": 0.0 if subject is None else subject.mesh.size,
         "message": text.message,
         "notes": list(text.notes),
         "ready": subject is not None,
-        "unit": (subject and subject.unit) or "",
+        "unit": (subject and subject.mesh.unit) or "",
         "trame__title": f"{session.name} · grasp3d",
     }
 

@@ -61,7 +61,7 @@ class Ranges:
         if math.degrees(model.normal_error) > self.normal:
             self.normal = END_OF_NORMALS
         if session.subject is not None:
-            self.location = max(self.location, model.location_error / session.subject.size)
+            self.location = max(self.location, model.location_error / session.subject.mesh.size)
 
 
 def sliders_of(session: Session, ranges: Ranges) -> tuple[Slider, ...]:
@@ -74,11 +74,11 @@ def sliders_of(session: Session, ranges: Ranges) -> tuple[Slider, ...]:
     if state.show_errors:
         found += [_friction_error(session), _normal_error(session, ranges)]
         if session.subject is not None:
-            found.append(_location_error(session, ranges, session.subject.size))
+            found.append(_location_error(session, ranges, session.subject.mesh.size))
     if state.section is not None:
         found.append(_section(session))
     if session.subject is not None:
-        found.append(_opening(session, session.subject.size))
+        found.append(_opening(session, session.subject.mesh.size))
     return tuple(found)
 
 
@@ -143,7 +143,7 @@ def _normal_error(session: Session, ranges: Ranges) -> Slider:
 
 def _location_error(session: Session, ranges: Ranges, size: float) -> Slider:
     """The slider, which raises the reason where no location error can be chosen."""
-    unit = session.subject.unit if session.subject else None
+    unit = session.subject.mesh.unit if session.subject else None
     error, most = session.state.model.location_error, ranges.location * size
 
     def value(position: float) -> float:
@@ -175,7 +175,7 @@ def _section(session: Session) -> Slider:
 
 def _opening(session: Session, size: float) -> Slider:
     state = session.state
-    unit = session.subject.unit if session.subject else None
+    unit = session.subject.mesh.unit if session.subject else None
 
     def value(position: float) -> float:
         low = MIN_SPAN * size
