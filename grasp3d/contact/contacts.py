@@ -88,14 +88,12 @@ class Contacts:
         Raises:
             ContactError: Shapes that do not match, or values out of range.
         """
-        p = _numbers("points", points)
-        n = _numbers("normals", normals)
+        p = finite_numbers("points", points, most=LARGEST)
+        n = finite_numbers("normals", normals)
         if p.ndim < 2 or p.shape[-1] != 3 or p.shape[-2] == 0:
             raise ContactError(f"points must have shape (..., n, 3), n >= 1; got {p.shape}")
         if n.shape != p.shape:
             raise ContactError(f"normals must have the shape of points {p.shape}; got {n.shape}")
-        if (np.abs(p) > LARGEST).any():
-            raise ContactError(f"points must not exceed {LARGEST:g}; got {np.abs(p).max():g}")
         largest = np.abs(n).max(axis=-1, keepdims=True)
         if not (largest > 0.0).all():
             where = tuple(int(i) for i in np.argwhere(largest[..., 0] == 0.0)[0])
@@ -105,7 +103,7 @@ class Contacts:
         object.__setattr__(self, "points", locked(p))
         object.__setattr__(self, "normals", locked(n / lengths))
         for name, given in (("friction", friction), ("torsion_radius", torsion_radius)):
-            values = _numbers(name, given)
+            values = finite_numbers(name, given)
             if (values < 0.0).any():
                 raise ContactError(f"{name} must be at least 0; got {values.min():g}")
             try:
@@ -234,14 +232,12 @@ def _patches(given: ArrayLike | None, normals: Floats) -> Floats | None:
     """Semi-axes of patches (..., n, 2, 3) in the tangent planes; None: all are points."""
     if given is None:
         return None
-    axes = _numbers("patch", given)
+    axes = finite_numbers("patch", given, most=LARGEST)
     shape = (*normals.shape[:-1], 2, 3)
     if axes.shape != shape:
         raise ContactError(
             f"patch must have shape {shape}, two semi-axes for each contact; got {axes.shape}"
         )
-    if (np.abs(axes) > LARGEST).any():
-        raise ContactError(f"patch must not exceed {LARGEST:g}; got {np.abs(axes).max():g}")
     along = np.abs((axes * normals[..., None, :]).sum(axis=-1)).max(axis=-1)
     bad = along > OUT_OF_PLANE * np.abs(axes).max(axis=(-2, -1))
     if bad.any():
@@ -253,8 +249,17 @@ def _patches(given: ArrayLike | None, normals: Floats) -> Floats | None:
     return locked(in_tangent_plane(axes, normals)) if axes.any() or not axes.size else None
 
 
-def _numbers(name: str, values: ArrayLike) -> Floats:
-    """Convert to an array of finite numbers. Raises ContactError."""
+def finite_numbers(name: str, values: ArrayLike, *, most: float = math.inf) -> Floats:
+    """Convert to an array of finite numbers.
+
+    Args:
+        name: What they are, for the error message.
+        values: The numbers.
+        most: Largest number, positive or negative.
+
+    Raises:
+        ContactError: Values that are no finite numbers, or too large ones.
+    """
     try:
         array = np.asarray(values, dtype=np.float64)
     except (TypeError, ValueError) as error:
@@ -262,6 +267,8 @@ def _numbers(name: str, values: ArrayLike) -> Floats:
     if not np.isfinite(array).all():
         where = tuple(int(i) for i in np.argwhere(~np.isfinite(array))[0])
         raise ContactError(f"{name} must be finite; {array[where]} at {where}")
+    if (np.abs(array) > most).any():
+        raise ContactError(f"{name} must not exceed {most:g}; got {np.abs(array).max():g}")
     return array
 
 

@@ -6,7 +6,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats
-from grasp3d.settings import GraspModel
 from grasp3d.surface.labelling import label_surface
 from grasp3d.surface.labels import SurfaceLabels
 
@@ -77,16 +76,6 @@ def advise(labels: SurfaceLabels, confirmed: Bools, turn: float, across: float) 
         stable_fraction=area / float(areas.sum()),
         unconfirmed_fraction=float(areas[stable & ~confirmed].sum()) / area if area else 0.0,
     )
-
-
-def advised_model(model: GraspModel, advice: Advice) -> GraspModel:
-    """The model with the errors to enter.
-
-    Args:
-        model: The model that the copies were labelled with.
-        advice: With a finite normal error.
-    """
-    return replace(model, normal_error=advice.normal_error, location_error=advice.location_error)
 
 
 def error_to_enter(margin: Floats, least: float, turn: float, areas: Floats) -> float:

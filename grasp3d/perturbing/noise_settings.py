@@ -4,7 +4,8 @@ import math
 from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
-from grasp3d.settings import SEED_LIMIT, whole_number
+from grasp3d.settings import whole_number
+from grasp3d.settings.checks import check_length, check_seed
 from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
 
 MAX_COPIES = 10_000
@@ -40,18 +41,13 @@ class NoiseSettings(LengthSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        for name, length in self.lengths().items():
-            least_is_zero = name == "correlation"
-            for number in comparable(length) or ():
-                if length is None or 0.0 < number < math.inf or (number == 0.0 and least_is_zero):
-                    continue
-                bound = "at least" if least_is_zero else "above"
-                raise SettingError(
-                    f"{name} must be a finite length {bound} 0; got {describe_length(length)}"
-                )
+        if self.noise is not None:
+            check_length("noise", self.noise, above=True)
+        if not all(0.0 <= number < math.inf for number in comparable(self.correlation) or ()):
+            length = describe_length(self.correlation)
+            raise SettingError(f"correlation must be a finite length at least 0; got {length}")
         if whole_number("copies", self.copies, 2) > MAX_COPIES:
             raise SettingError(f"copies must be at most {MAX_COPIES:,}; got {self.copies:,}")
         if not 0.5 < self.level < 1.0:
             raise SettingError(f"level must be above 0.5 and below 1; got {self.level:g}")
-        if whole_number("noise seed", self.seed, 0) >= SEED_LIMIT:
-            raise SettingError(f"noise seed must be below 2^63; got {self.seed}")
+        check_seed("noise seed", self.seed)

@@ -1,11 +1,11 @@
 """Result of labelling noisy copies of a scan."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 from grasp3d.arrays import Floats, short_repr
 from grasp3d.mesh.object_mesh import ObjectMesh
-from grasp3d.perturbing.advice import Advice, advised_model
+from grasp3d.perturbing.advice import Advice
 from grasp3d.perturbing.noise_settings import NoiseSettings
 from grasp3d.settings import GraspModel
 from grasp3d.surface.labels import SurfaceLabels
@@ -66,7 +66,12 @@ class Perturbation:
         Raises:
             SettingError: The normal error is 90 degrees or more.
         """
-        return advised_model(self.labels.model, self.advice)
+        advice = self.advice
+        return replace(
+            self.labels.model,
+            normal_error=advice.normal_error,
+            location_error=advice.location_error,
+        )
 
     @property
     def kept_fraction(self) -> float:

@@ -5,8 +5,9 @@ from dataclasses import dataclass
 from typing import Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.settings import DEGREE, SEED_LIMIT, Radians, check_choice, whole_number
-from grasp3d.settings.lengths import Length, LengthSettings, Measure, comparable, describe_length
+from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
+from grasp3d.settings.checks import check_length, check_seed
+from grasp3d.settings.lengths import Length, LengthSettings, Measure
 from grasp3d.settings.quantities import MASSES, Quantity
 
 Pulled = Literal["line", "center_of_mass"]
@@ -70,13 +71,9 @@ class SimulationSettings(LengthSettings):
             raise SettingError(f"count must be at most {MAX_GRASPS:,}; got {self.count:,}")
         check_choice("pulled", self.pulled, Pulled)
         for name in ("tip_radius", "max_slip", "max_shift"):
-            for number in comparable(getattr(self, name)) or ():
-                if not 0.0 < number < math.inf:
-                    text = describe_length(getattr(self, name))
-                    raise SettingError(f"{name} must be a finite length above 0; got {text}")
+            check_length(name, getattr(self, name), above=True)
         self._check_numbers()
-        if whole_number("simulation seed", self.seed, 0) >= SEED_LIMIT:
-            raise SettingError(f"simulation seed must be below 2^63; got {self.seed}")
+        check_seed("simulation seed", self.seed)
 
     def _check_numbers(self) -> None:
         """Refuse numbers and angles that are outside their range."""

@@ -9,7 +9,7 @@ import numpy as np
 
 from grasp3d._kernels.wrench_problem import Results
 from grasp3d.arrays import ArrayLike, Bools, Bytes, Floats, Ints, locked, shaped, short_repr
-from grasp3d.contact.contacts import LARGEST, Contacts
+from grasp3d.contact.contacts import LARGEST, Contacts, finite_numbers
 from grasp3d.errors import ContactError
 from grasp3d.quality.closure import Certificate, Status, certificate_of, forces_of_components
 from grasp3d.quality.epsilon_options import EpsilonOptions, Goal
@@ -171,17 +171,9 @@ def epsilon_of_wrenches(wrenches: ArrayLike, *, threads: int | None = None) -> E
         >>> print(f"{grasp3d.epsilon_of_wrenches(wrenches).value:.4f}")
         0.5774
     """
-    try:
-        rows = np.asarray(wrenches, dtype=np.float64)
-    except (TypeError, ValueError) as error:
-        raise ContactError(f"wrenches must be an array of numbers: {error}") from error
+    rows = finite_numbers("wrenches", wrenches, most=LARGEST)
     if rows.ndim < 2 or rows.shape[-1] not in (3, 6) or rows.shape[-2] == 0:
         raise ContactError(f"wrenches must have shape (..., n, 6) or (..., n, 3); got {rows.shape}")
-    if not np.isfinite(rows).all():
-        where = tuple(int(i) for i in np.argwhere(~np.isfinite(rows))[0])
-        raise ContactError(f"wrenches must be finite; {rows[where]} at {where}")
-    if (np.abs(rows) > LARGEST).any():
-        raise ContactError(f"wrenches must not exceed {LARGEST:g}; got {np.abs(rows).max():g}")
     batch = rows.shape[:-2]
     flat = np.zeros((math.prod(batch), rows.shape[-2], 6))
     flat[..., PLANAR if rows.shape[-1] == 3 else slice(6)] = rows.reshape(-1, *rows.shape[-2:])

@@ -1,6 +1,5 @@
 """Checks of the transforms of the nodes of a glTF."""
 
-import math
 from typing import Any
 
 import numpy as np
@@ -94,26 +93,16 @@ def _check_scale(source: Source, number: int, world: Floats) -> None:
 
 def _matrix(node: Tree) -> Floats:
     """Transform of a node relative to its parent, shape (4, 4)."""
+    from trimesh.transformations import quaternion_matrix
+
     if "matrix" in node:
         return np.array(node["matrix"], dtype=np.float64).reshape(4, 4).T
     matrix = np.eye(4)
     if "rotation" in node:
-        matrix[:3, :3] = _rotation(node["rotation"])
+        x, y, z, w = node["rotation"]
+        matrix = quaternion_matrix([w, x, y, z])
     if "scale" in node:
         matrix[:3, :3] *= np.array(node["scale"], dtype=np.float64)
     if "translation" in node:
         matrix[:3, 3] = node["translation"]
     return matrix
-
-
-def _rotation(quaternion: list[float]) -> Floats:
-    """Matrix of a quaternion x, y, z, w of any length, shape (3, 3)."""
-    length = math.hypot(*quaternion)
-    x, y, z, w = (value / length for value in quaternion)
-    return np.array(
-        [
-            [1 - 2 * (y * y + z * z), 2 * (x * y - w * z), 2 * (x * z + w * y)],
-            [2 * (x * y + w * z), 1 - 2 * (x * x + z * z), 2 * (y * z - w * x)],
-            [2 * (x * z - w * y), 2 * (y * z + w * x), 1 - 2 * (x * x + y * y)],
-        ]
-    )

@@ -9,7 +9,6 @@ from typing import Literal
 
 from grasp3d.settings.checks import (
     DEGREE,
-    SEED_LIMIT,
     Radians,
     check_choice,
     whole_number,
@@ -41,7 +40,6 @@ __all__ = [
     "MAX_FINGERS",
     "MAX_SEARCHED_FINGERS",
     "MIN_EXTREMES",
-    "SEED_LIMIT",
     "AnySampling",
     "FingerLimits",
     "GraspModel",

@@ -47,17 +47,32 @@ def whole_number(name: str, value: object, minimum: int) -> int:
     return int(value)
 
 
-def check_length(name: str, length: AnyLength) -> None:
+def check_seed(name: str, seed: object) -> None:
+    """Refuse what is no seed of random numbers.
+
+    Args:
+        name: Name of the setting, for the error message.
+        seed: The seed.
+
+    Raises:
+        SettingError: It is no whole number from 0 to below 2^63.
+    """
+    if whole_number(name, seed, 0) >= SEED_LIMIT:
+        raise SettingError(f"{name} must be below 2^63; got {seed}")
+
+
+def check_length(name: str, length: AnyLength, *, above: bool = False) -> None:
     """Refuse a length that is negative or not finite; in any unit.
 
     Args:
         name: Name of the setting, for the error message.
         length: The length.
+        above: Whether 0 is refused as well.
 
     Raises:
         SettingError: It is no such length.
     """
-    if not all(0.0 <= one < math.inf for one in comparable(length) or ()):
-        raise SettingError(
-            f"{name} must be a finite length of at least 0; got {describe_length(length)}"
-        )
+    numbers = comparable(length) or ()
+    if not all(0.0 <= one < math.inf for one in numbers) or (above and not all(numbers)):
+        least = "above 0" if above else "of at least 0"
+        raise SettingError(f"{name} must be a finite length {least}; got {describe_length(length)}")

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from typing import Literal, TypeAlias
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import SEED_LIMIT, Radians, check_choice, whole_number
+from grasp3d.settings.checks import Radians, check_choice, check_seed, whole_number
 from grasp3d.settings.grasp_model import (
     MAX_SEARCHED_FINGERS,
     GraspModel,
@@ -187,8 +187,7 @@ class MultifingerSampling(SearchSettings):
             )
         _check_limits("distances", "min_separation", "max_spread", self)
         check_choice("candidate points", self.candidate_points, CandidatePoints)
-        if whole_number("seed", self.seed, 0) >= SEED_LIMIT:
-            raise SettingError(f"seed must be below 2^63; got {self.seed}")
+        check_seed("seed", self.seed)
 
 
 AnySampling: TypeAlias = Sampling | MultifingerSampling

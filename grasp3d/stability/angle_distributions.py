@@ -330,18 +330,8 @@ class SphereAngles(AngleDistribution):
 
     @property
     def _ratio(self) -> float:
-        return location_ratio(self.radius, self.location_error, self.location_error)
-
-
-def location_ratio(radius: float, first: float, second: float) -> float:
-    """Largest shift of two contacts against each other, as a fraction of the diameter.
-
-    Args:
-        radius: Radius of the circle or sphere, above 0.
-        first: Location error of the one contact, at least 0, in the same unit.
-        second: That of the other.
-    """
-    return (first + second) / (2.0 * radius)
+        """Largest shift of two contacts against each other, as a fraction of the diameter."""
+        return self.location_error / self.radius
 
 
 def worst_angle(critical_angle: ArrayLike, ratio: float) -> Floats:
@@ -356,7 +346,7 @@ def worst_angle(critical_angle: ArrayLike, ratio: float) -> Floats:
 
     Args:
         critical_angle: Critical friction angle beta* at the perceived locations [rad], 0 to pi/2.
-        ratio: See `location_ratio`.
+        ratio: Largest shift of the contacts against each other, as a fraction of the diameter.
     """
     angle = np.asarray(critical_angle, dtype=np.float64)
     opening = np.cos(angle)  # as a fraction of the diameter
@@ -371,7 +361,7 @@ def critical_angle_below(worst: ArrayLike, ratio: float) -> Floats:
 
     Args:
         worst: Angles [rad].
-        ratio: See `location_ratio`.
+        ratio: As in `worst_angle`.
 
     Returns:
         Critical angles [rad], from 0 (none) to pi/2 (all).

@@ -108,12 +108,8 @@ def _type(hint: Any) -> pa.DataType:
         item = _type(get_args(kind)[0])
         return pa.list_(item) if _is_list(kind) else pa.list_(item, len(get_args(kind)))
     if is_dataclass(kind):
-        return pa.struct([(name, _type(each)) for name, each in _hints(kind).items()])
+        return pa.struct([(name, _type(each)) for name, each in get_type_hints(kind).items()])
     return pa.string() if issubclass(kind, StrEnum) else _TYPES[kind]
-
-
-def _hints(kind: Any) -> dict[str, Any]:
-    return get_type_hints(kind)
 
 
 def _array(values: list[Any], hint: Any) -> pa.Array:
@@ -122,7 +118,7 @@ def _array(values: list[Any], hint: Any) -> pa.Array:
     if is_dataclass(kind):
         parts = [
             _array([getattr(value, name) for value in values], each)
-            for name, each in _hints(kind).items()
+            for name, each in get_type_hints(kind).items()
         ]
         return pa.StructArray.from_arrays(parts, fields=list(_type(kind)))
     if get_origin(kind) is tuple and _is_list(kind):
@@ -136,7 +132,9 @@ def _values(array: pa.Array, hint: Any) -> Iterable[Any]:
     """Return the values of a column in the types of the record's field."""
     kind = _plain(hint)
     if is_dataclass(kind):
-        parts = [_values(array.field(n), each) for n, each in enumerate(_hints(kind).values())]
+        parts = [
+            _values(array.field(n), each) for n, each in enumerate(get_type_hints(kind).values())
+        ]
         return [kind(*values) for values in zip(*parts, strict=True)]  # type: ignore[operator]
     if get_origin(kind) is tuple and _is_list(kind):
         items = list(_values(array.flatten(), get_args(kind)[0]))

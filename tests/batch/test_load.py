@@ -19,7 +19,7 @@ from grasp3d.batch.inputs import MeshFile
 from grasp3d.batch.labelling import label_job
 from grasp3d.batch.plan import Job
 from grasp3d.batch.report import object_script, write_report
-from grasp3d.batch.report.settings_text import describe_settings, summarise_settings
+from grasp3d.batch.report.library import describe_settings, summarise_settings
 from grasp3d.batch.row import Outcome, Row
 from grasp3d.loads import Load
 from grasp3d.storage import Folder

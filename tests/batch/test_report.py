@@ -29,8 +29,12 @@ from grasp3d import (
 )
 from grasp3d.batch.batch_settings import BatchSettings
 from grasp3d.batch.report import object_script, thumbnail, write_report
-from grasp3d.batch.report.library import COLUMNS, library_data
-from grasp3d.batch.report.settings_text import describe_settings, summarise_settings
+from grasp3d.batch.report.library import (
+    COLUMNS,
+    describe_settings,
+    library_data,
+    summarise_settings,
+)
 from grasp3d.batch.report.thumbnails import ELEVATIONS, HEIGHT, WIDTH
 from grasp3d.batch.row import AreaFractions, Outcome, Row
 from grasp3d.mesh.primitives import box_mesh, cylinder_mesh, sphere_mesh

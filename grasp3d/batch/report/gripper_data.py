@@ -1,4 +1,4 @@
-"""Data of the object page that a gripper adds: its shape, the table, and how each grasp is held."""
+"""Data of the object page that a gripper and a load add: shapes, openings of grasps, forces."""
 
 from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
@@ -7,10 +7,12 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.batch.row import BestGrasp
+from grasp3d.grasps.holding_verdict import HoldingVerdict
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import hand_triangles, table_triangles
 from grasp3d.hand.triangles import Part, Triangles
 from grasp3d.settings.lengths import METRES, Unit
+from grasp3d.surface.held_area import held_fractions
 
 if TYPE_CHECKING:
     from grasp3d.surface.labels import SurfaceLabels
@@ -71,3 +73,24 @@ def _shape(triangles: Triangles) -> dict[str, list[Any]]:
 def _rounded(values: Floats) -> Floats:
     largest = float(np.abs(values).max(initial=0.0)) or 1.0
     return np.asarray(np.round(values, DIGITS - 1 - int(np.floor(np.log10(largest)))))
+
+
+def load_data(labels: "SurfaceLabels") -> dict[str, Any] | None:
+    """The load of a labelled surface; None: there is none.
+
+    Returns:
+        `text`, the verdict as a sentence; `mass` [kg] and `available` [N], None where not known;
+        `held`, the area fractions of S, M and U with the force at hand, or None; `how` the forces
+        are known; `remedy`, what would help where most grasps hold nothing, or empty.
+    """
+    holding = labels.holding
+    if holding is None:
+        return None
+    return {
+        "text": str(HoldingVerdict.of(holding)),
+        "mass": holding.mass,
+        "available": holding.available,
+        "held": held_fractions(labels),
+        "how": holding.how,
+        "remedy": holding.remedy,
+    }

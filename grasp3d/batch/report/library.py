@@ -1,18 +1,22 @@
-"""Data of the library page: a row for each mesh, and curves over all meshes."""
+"""Data of the library page: a row for each mesh, curves over all meshes, settings as text."""
 
 import math
 from collections import defaultdict
-from collections.abc import Collection, Sequence
+from collections.abc import Collection, Iterator, Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
 
 from grasp3d.batch.batch_settings import BatchSettings
-from grasp3d.batch.report.settings_text import describe_settings, summarise_settings
 from grasp3d.batch.row import AreaFractions, Row
+from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.loads import Load
 from grasp3d.meanings import SAFE_LABELS
-from grasp3d.settings import GraspModel
-from grasp3d.settings.lengths import METRES, AnyLength, Measure
+from grasp3d.model_text import error_texts
+from grasp3d.quality.task_texts import TaskText
+from grasp3d.settings import GraspModel, MeshOptions, Sampling
+from grasp3d.settings.lengths import METRES, AnyLength, Measure, describe_length
 
 VIEWS, VIEW_SUFFIX = "report/objects/", ".js"
 """Path of the objects' scripts below the output folder, and their suffix."""
@@ -222,3 +226,140 @@ def _values(row: Row) -> list[Any]:
 
 def _rounded(value: Any) -> Any:
     return float(f"{value:.{DIGITS}g}") if isinstance(value, float) else value
+
+
+def describe_settings(settings: BatchSettings) -> list[tuple[str, str]]:
+    """Name and value of each setting, as text.
+
+    Args:
+        settings: Settings of the batch; some are left out where they have their default value.
+    """
+    parts = _model(settings.model), _search(settings), _load(settings.load), _mesh(settings.mesh)
+    return [setting for part in parts for setting in part]
+
+
+def summarise_settings(settings: BatchSettings) -> list[str]:
+    """The settings on which every label depends, for the header: friction, sensor, search limits.
+
+    Args:
+        settings: Settings of the batch.
+    """
+    model, search = settings.model, dict(_search(settings))
+    texts = [f"Friction {_friction(model)}"]
+    texts.append(f"Sensor resolution α {_degrees(model.sensor_resolution)}")
+    texts += [f"{name} {value}" for name, value in _errors(model)]
+    texts.append(f"{model.fingers} {'soft ' if model.torsion_radius else ''}fingers")
+    texts += [f"{name} {value}" for name, value in search.items()]
+    return texts + [f"{name} {value}" for name, value in _load(settings.load)]
+
+
+def _friction(model: GraspModel) -> str:
+    smallest, largest = model.friction_interval
+    number = f"{smallest:.4g} to {largest:.4g}" if smallest < largest else f"{model.friction:.4g}"
+    angles = [_degrees(math.atan(one)) for one in dict.fromkeys((smallest, largest))]
+    return f"μ {number} (cone of β {' to '.join(angles)})"
+
+
+def _errors(model: GraspModel) -> Iterator[tuple[str, str]]:
+    """What is uncertain beside friction and the sensor's normals; nothing if nothing is."""
+    if model.normal_error:
+        yield "Normals", f"within a further {_degrees(model.normal_error)}"
+    if model.location_error:
+        yield "Contact locations", f"within {_length(model.location_error)}"
+    if model.per_finger:
+        only_fingers = replace(model, normal_error=0.0, location_error=0.0)
+        yield "Each finger", "; ".join(error_texts(only_fingers))
+
+
+def _degrees(angle: float) -> str:
+    return f"{math.degrees(angle):.4g}°"
+
+
+def _model(model: GraspModel) -> Iterator[tuple[str, str]]:
+    yield "Friction", _friction(model)
+    yield "Sensor resolution", f"α {_degrees(model.sensor_resolution)}"
+    yield from _errors(model)
+    yield "Fingers", f"{model.fingers}{', soft' if model.torsion_radius else ''}"
+    if model.method == "extremes":
+        yield "Labels", f"from wrench hulls at {model.extreme_normals} extreme normals, sampled"
+    else:
+        yield "Labels", "from the critical friction angle, exact"
+    cones = "circular cones" if model.edges is None else f"cones of {model.edges} edges"
+    forces = "all fingers' forces" if model.actuation == "total" else "each finger's force"
+    yield "Epsilon", f"{cones}, {forces} at most 1"
+    if model.torsion_radius:
+        yield "Torsion radius", _length(model.torsion_radius)
+
+
+def _search(settings: BatchSettings) -> Iterator[tuple[str, str]]:
+    search = settings.search
+    if isinstance(search, Sampling):
+        yield "Grip", {"both": "squeeze or expand"}.get(search.grip, search.grip)
+        yield "Opening", _range(search.min_opening, search.max_opening)
+    else:
+        yield "Distances between contacts", _range(search.min_separation or 0.0, search.max_spread)
+    yield from _reach(settings.reach)
+    if search.search_angle is not None:
+        yield "Search", f"grasps with β* up to {_degrees(search.search_angle)}"
+
+
+def _reach(reach: ReachSettings) -> Iterator[tuple[str, str]]:
+    hand = reach.hand
+    if hand is None:
+        return
+    yield "Gripper", f"{hand.name}, stroke {1000.0 * hand.max_opening:.4g} mm"
+    if reach.table == "stable":
+        yield "Table", f"resting pose {reach.resting_pose}"
+    elif reach.table == "as-is":
+        yield "Table", f"below the mesh as it is, up {reach.up}"
+    if reach.approach_within < math.pi:
+        yield "Approach", f"within {_degrees(reach.approach_within)} of straight down"
+
+
+def _load(load: Load | None) -> Iterator[tuple[str, str]]:
+    """The load; nothing if there is none."""
+    if load is None:
+        return
+    parts = []
+    if load.mass is not None:
+        parts.append(f"{load.mass:.4g} kg")
+    if load.density is not None:
+        several = load.density if isinstance(load.density, tuple) else (load.density,)
+        parts.append(f"{', '.join(f'{one:.4g}' for one in several)} kg/m³")
+    parts.append(str(load.task) if isinstance(load.task, TaskText) else "a given task")
+    if load.grip_force is not None:
+        parts.append(f"{load.grip_force:.4g} N per finger")
+    if load.center_of_mass_radius:
+        parts.append(f"centre of mass within {_length(load.center_of_mass_radius)}")
+    yield "Load", ", ".join(parts)
+
+
+def _range(least: float, most: float) -> str:
+    """Limits of a length as text."""
+    named = [("at least", least)] if least else []
+    named += [("at most", most)] if most != math.inf else []
+    numbers = not any(isinstance(length, Measure) for _, length in named)
+    last = len(named) - 1
+    limits = [
+        f"{name} {describe_length(length) if numbers and at < last else _length(length)}"
+        for at, (name, length) in enumerate(named)
+    ]
+    return " and ".join(limits) or "without limits"
+
+
+def _length(length: float) -> str:
+    """A length as it was given: with its unit, or in that of each mesh."""
+    text = describe_length(length)
+    return text if isinstance(length, Measure) else f"{text} (in each mesh's unit)"
+
+
+def _mesh(options: MeshOptions) -> Iterator[tuple[str, str]]:
+    yield "Repair", options.repair
+    if options.patch_radius:
+        yield "Patch radius", _length(options.patch_radius)
+    else:
+        yield "Sharp edges", f"faces that meet at more than {_degrees(options.crease_angle)}"
+    if options.max_edge is not None:
+        yield "Longest edge", _length(options.max_edge)
+    if options.unit is not None:
+        yield "Unit of the files", options.unit

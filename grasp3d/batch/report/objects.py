@@ -43,8 +43,7 @@ def object_script(labels: "SurfaceLabels", name: str, grasps: Sequence[BestGrasp
         JavaScript in ASCII; equal labels give equal scripts.
     """
     # Imported here: the pages of a library need no meshes.
-    from grasp3d.batch.report.gripper_data import drawn_openings, gripper_data
-    from grasp3d.batch.report.load_data import load_data
+    from grasp3d.batch.report.gripper_data import drawn_openings, gripper_data, load_data
 
     mesh, model = labels.mesh, labels.model
     used = np.unique(mesh.faces)
