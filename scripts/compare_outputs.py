@@ -32,6 +32,7 @@ SETTINGS: dict[str, list[str]] = {
     "franka, table, mass": ["--gripper", "franka", "--mass", "0.2kg", "--table", "as-is"],
     "location error": ["--location-error", "1mm", "--friction", "0.4..0.6"],
 }
+SETTINGS["3 fingers, extremes"] += ["--extreme-normals", "4"]  # 125 combinations instead of 729
 """Words of the command line by name of the setting."""
 
 UNIT = ("--unit", "m")
