@@ -12,7 +12,7 @@ from grasp3d.meanings import SAFE_LABELS
 from grasp3d.model_text import error_texts, friction_text
 from grasp3d.settings import GraspModel
 from grasp3d.settings.lengths import Measure, Unit, small_length
-from grasp3d.stability.budgets import margin_budget
+from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.area_statistics import quantiles
 
 LEVELS = (0.1, 0.5, 0.9)

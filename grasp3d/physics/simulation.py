@@ -257,7 +257,7 @@ class Simulation:
         Raises:
             OutputError: pandas is not installed.
         """
-        from grasp3d.tables.columns import data_frame, table_of_columns
+        from grasp3d.tables import data_frame, table_of_columns
 
         return data_frame(table_of_columns(self.columns(), settings=plain_values(self.settings)))
 

@@ -1,8 +1,7 @@
 """Reading of untrusted mesh files into arrays."""
 
 from grasp3d.reading.mesh_files import read_mesh
-from grasp3d.reading.scenes import flattened, stated_unit
-from grasp3d.reading.sources import RawMesh, check_finite, mesh_suffixes
+from grasp3d.reading.sources import RawMesh, check_finite, flattened, mesh_suffixes, stated_unit
 
 __all__ = [
     "RawMesh",

@@ -16,8 +16,7 @@ from grasp3d.reading.archives import count_parts
 from grasp3d.reading.declared_sizes import STL_FACE, STL_HEADER, binary_stl_faces, off_counts
 from grasp3d.reading.gltf import stripped_gltf
 from grasp3d.reading.ply import plain_ply, read_ply_header
-from grasp3d.reading.scenes import flattened, stated_unit
-from grasp3d.reading.sources import RawMesh, Source, check_finite
+from grasp3d.reading.sources import RawMesh, Source, check_finite, flattened, stated_unit
 from grasp3d.reading.text_meshes import check_obj_lines, plain_obj, plain_off, plain_stl
 
 # Without a handler, Python prints the messages of trimesh's logger to the terminal.

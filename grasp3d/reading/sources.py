@@ -1,9 +1,13 @@
-"""Mesh files to read, their formats, and the surfaces read from them."""
+"""Mesh files to read, their formats and units, and the surfaces read from them.
+
+Scenes of trimesh become one surface.
+"""
 
 import re
 import stat
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,6 +15,9 @@ from grasp3d.arrays import Floats, Ints, short_repr
 from grasp3d.errors import MeshError
 from grasp3d.settings.lengths import Unit
 from grasp3d.system.names import printable
+
+if TYPE_CHECKING:
+    import trimesh
 
 DIRECT_FORMATS = ("stl", "ply", "obj", "off")
 """Formats whose file size limits the size of the mesh; they are read in this process."""
@@ -30,6 +37,13 @@ _SIGNATURES = (
     ("STEP", rb"\s*ISO-10303-21"),
     ("OBJ", rb"(?s:(.*\n)?v[ \t]+[-+.\d][^\n]*\nv[ \t])"),
 )
+
+_UNIT_NAMES: dict[str, Unit] = {
+    "m": "m", "meter": "m", "meters": "m", "metre": "m", "metres": "m",
+    "cm": "cm", "centimeter": "cm", "centimeters": "cm",
+    "mm": "mm", "millimeter": "mm", "millimeters": "mm",
+    "in": "in", "inch": "in", "inches": "in",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,3 +153,48 @@ def find_source(path: Path, max_memory: float) -> Source:
     except OSError as error:
         raise MeshError(f"{where}: cannot be opened ({error.strerror})") from error
     return source
+
+
+def flattened(scene: "trimesh.Scene", where: str) -> tuple[Floats, Ints]:
+    """Return vertices (V, 3) and faces (F, 3) of a scene, with the transforms of its parts applied.
+
+    Points and lines are left out.
+
+    Args:
+        scene: The scene.
+        where: Its name in errors.
+
+    Raises:
+        MeshError: A position is not finite, or a face uses a vertex that is not there.
+    """
+    for part in scene.geometry.values():
+        _check_part(part, where)
+    mesh = scene.to_mesh()
+    vertices = np.asarray(mesh.vertices, dtype=np.float64).reshape(-1, 3)
+    faces = np.asarray(mesh.faces, dtype=np.int64).reshape(-1, 3)
+    check_finite(vertices, where)
+    return vertices, faces
+
+
+def stated_unit(name: str | None) -> tuple[Unit | None, str]:
+    """Return the unit of a name such as 'millimeters', and the name if there is no such unit.
+
+    Args:
+        name: As a file or another library states it, or None.
+    """
+    known = _UNIT_NAMES.get(str(name or "").strip().lower())
+    return known, "" if known or not name else str(name)
+
+
+def _check_part(part: "trimesh.Trimesh | trimesh.PointCloud", where: str) -> None:
+    """Reject invalid positions and vertex numbers, before parts are concatenated."""
+    vertices = np.asarray(part.vertices, dtype=np.float64)
+    check_finite(vertices, where)
+    faces = np.asarray(getattr(part, "faces", ()), dtype=np.int64).reshape(-1, 3)
+    bad = np.flatnonzero(((faces < 0) | (faces >= len(vertices))).any(axis=1))
+    if len(bad):
+        corner = faces[bad[0]][(faces[bad[0]] < 0) | (faces[bad[0]] >= len(vertices))][0]
+        raise MeshError(
+            f"{where}: face {bad[0]} uses vertex {corner}, but there are {len(vertices)} "
+            "vertices; export the mesh again"
+        )

@@ -1,8 +1,8 @@
 from .angle_distributions import AngleDistribution as AngleDistribution
 from .angle_distributions import SphereAngles as SphereAngles
 from .angle_distributions import accuracy_ceiling as accuracy_ceiling
-from .budgets import margin_budget as margin_budget
 from .classification import Stability as Stability
 from .classification import classify as classify
 from .label import COLORS as COLORS
 from .label import Label as Label
+from .thresholds import margin_budget as margin_budget

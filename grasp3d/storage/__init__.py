@@ -1,11 +1,11 @@
 """Access to files by path or address, on this machine or an object store such as S3."""
 
-from grasp3d.storage.addresses import local_path
 from grasp3d.storage.files import (
     Entry,
     find_entry,
     list_entries,
     local_copy,
+    local_path,
     name_matcher,
     read_text,
 )

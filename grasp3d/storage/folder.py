@@ -10,8 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from grasp3d.errors import MeshError, OutputError
-from grasp3d.storage.addresses import convert_errors, file_system_of, local_path
-from grasp3d.storage.files import list_entries
+from grasp3d.storage.files import convert_errors, file_system_of, list_entries, local_path
 from grasp3d.system.files import TEMPORARY_PREFIX, atomic_write
 from grasp3d.system.names import printable
 

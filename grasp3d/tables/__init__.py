@@ -3,16 +3,18 @@
 from grasp3d.tables.columns import (
     SUFFIXES,
     data_frame,
+    pack_records,
     read_columns,
     read_settings,
     table_of_arrays,
     table_of_columns,
+    table_of_records,
     table_of_rows,
+    unpack_records,
     write_arrow,
     write_columns,
     write_table,
 )
-from grasp3d.tables.records import pack_records, table_of_records, unpack_records
 
 __all__ = [
     "SUFFIXES",

@@ -5,7 +5,7 @@ from dataclasses import dataclass, replace
 
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
-from grasp3d.stability.budgets import margin_budget
+from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.grasp_forces import surface_holding
 from grasp3d.surface.load_case import LoadCase
