@@ -240,7 +240,7 @@ def _verdict_values(labels: "SurfaceLabels") -> dict[str, Any]:
 
 def _load_values(labels: "SurfaceLabels") -> dict[str, Any]:
     """What the grasps hold; nothing without a load."""
-    from grasp3d.grasps.holding_verdict import HoldingVerdict
+    from grasp3d.grasps.verdict import HoldingVerdict
     from grasp3d.loads import load_settings
     from grasp3d.surface.held_area import held_fractions, payload_quantiles
 

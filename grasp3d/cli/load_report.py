@@ -7,7 +7,7 @@ from rich.console import Console
 from rich.markup import escape
 
 from grasp3d.arrays import Floats
-from grasp3d.grasps.holding_verdict import HoldingVerdict
+from grasp3d.grasps.verdict import HoldingVerdict
 from grasp3d.quality.force_ranges import Certainty
 from grasp3d.quality.task_texts import TaskText
 from grasp3d.surface.held_area import force_quantiles, held_fractions, payload_quantiles

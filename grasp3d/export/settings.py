@@ -11,7 +11,7 @@ from grasp3d.settings import AnySampling, GraspModel
 from grasp3d.settings.lengths import one_line
 from grasp3d.settings.parsing import plain_values
 from grasp3d.stability.label import Label, Mode
-from grasp3d.surface.epsilon import EPSILON_RTOL
+from grasp3d.surface.grasp_numbers import EPSILON_RTOL
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.versions import package_version
 

@@ -11,9 +11,9 @@ from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import Sampling
 from grasp3d.surface.contacts import SurfaceContacts, vertex_surface_points
 from grasp3d.surface.critical_angles import critical_angles
+from grasp3d.surface.grasp_numbers import located_angles_of
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
-from grasp3d.surface.located_angles import located_angles_of
 from grasp3d.surface.sampling.pair_limits import Ranking, largest_cost, pair_limits
 from grasp3d.surface.sampling.reachable import ReachSearch
 from grasp3d.surface.vertex_grasps import Reason

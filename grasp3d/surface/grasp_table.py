@@ -1,11 +1,12 @@
 """Tables of grasps: one grasp in each row, with its label, epsilon and forces."""
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from operator import attrgetter
+from typing import TYPE_CHECKING, Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -22,22 +23,106 @@ from grasp3d.settings import GraspModel
 from grasp3d.stability.label import Label
 from grasp3d.stability.located_angles import ContactLimits
 from grasp3d.stability.sampled_normals import WorstAndBest
-from grasp3d.stability.thresholds import label_angles
+from grasp3d.stability.thresholds import label_angles, margins, max_resolution
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.deferred import Deferred
-from grasp3d.surface.epsilon import surface_epsilons
 from grasp3d.surface.extreme_normals import hull_labels
-from grasp3d.surface.grasp_forces import surface_holding
-from grasp3d.surface.grasp_metrics import surface_metrics
+from grasp3d.surface.grasp_numbers import (
+    located_angles_of,
+    surface_epsilons,
+    surface_holding,
+    surface_metrics,
+)
 from grasp3d.surface.holding import Holding
-from grasp3d.surface.labelled_grasps import LabelledGrasps, if_known
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.located_angles import located_angles_of
 from grasp3d.system.progress import Progress, ignore
 
 if TYPE_CHECKING:
     from grasp3d.grasps.closed_grasps import ClosedGrasps
+
+
+T = TypeVar("T")
+V = TypeVar("V")
+
+
+def if_known(values: T | None, function: Callable[[T], V]) -> V:
+    """What follows from values; None where these are None, as a file does not contain them.
+
+    The types say nothing of that: labels that were computed have all values.
+
+    Args:
+        values: The values.
+        function: What follows from them.
+    """
+    unknown: Any = None
+    found: V = unknown if values is None else function(values)
+    return found
+
+
+class LabelledGrasps:
+    """Grasps, one for each row of the arrays, with what follows from their angles and epsilon.
+
+    What a file does not contain is None.
+    """
+
+    if TYPE_CHECKING:  # fields and attributes of the classes that have this base
+
+        @property
+        def model(self) -> GraspModel: ...  # noqa: D102
+        @property
+        def located_angles(self) -> WorstAndBest: ...  # noqa: D102
+        @property
+        def epsilon_range(self) -> EpsilonRange: ...  # noqa: D102
+
+    @cached_property
+    def margin(self) -> Floats:
+        """Margin of the grasps [rad]: beta - alpha/2 - beta*, less all other uncertainties.
+
+        S iff above 0 (with method exact); the angle by which friction may be smaller, or normals
+        less certain, and the grasp is still surely stable. -inf where there is no grasp.
+        """
+        return locked(margins(self.located_angles[0], self.model))
+
+    @cached_property
+    def max_resolution(self) -> Floats:
+        """Coarsest sensor resolution below which the grasp is S [rad]; 0: none is fine enough.
+
+        With the other uncertainties of the model as they are.
+        """
+        return locked(max_resolution(self.located_angles[0], self.model))
+
+    @cached_property
+    def epsilon(self) -> Floats:
+        """Epsilon of the grasps (Ferrari & Canny 1992).
+
+        At the contacts' nominal normals, the middle of the set on creases; about the mesh's centre
+        of mass, torques divided by `mesh.torque_scale`, in the span of the wrenches. Certified from
+        below, within 1 %. 0 where the grasp is not force-closed, nan where there is no grasp or the
+        normals at a contact cancel out.
+        """
+        return if_known(self.epsilon_range, attrgetter("nominal"))
+
+    @cached_property
+    def epsilon_min(self) -> Floats:
+        """Smallest epsilon over the tilts within the sensor's resolution.
+
+        `model.tilts` says how it is computed: 'exact', by the 'effective_friction' of polygonal
+        cones, over 'sampled_tilts' for soft fingers and with method extremes, or as a 'bound' where
+        contact locations are uncertain; see
+        `quality.epsilon_range`.
+        """
+        return if_known(self.epsilon_range, attrgetter("minimum"))
+
+    @cached_property
+    def epsilon_max(self) -> Floats:
+        """Upper bound on epsilon over all tilts.
+
+        With method extremes it is the largest over the combinations of extreme normals, and is
+        attained. It is 0 at a few creases labelled M, whose label comes from another grasp, which
+        is better over the best normals.
+        """
+        return if_known(self.epsilon_range, attrgetter("maximum"))
 
 
 @dataclass(frozen=True, eq=False)

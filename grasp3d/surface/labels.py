@@ -34,9 +34,8 @@ from grasp3d.stability.label import Label, Mode
 from grasp3d.stability.sampled_normals import WorstAndBest
 from grasp3d.surface.area_statistics import Weights, quantiles, vertex_weights
 from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable, rows_of
+from grasp3d.surface.grasp_table import COMPUTED, BestNormalGrasps, GraspTable, if_known, rows_of
 from grasp3d.surface.label_table import LEVELS, label_table
-from grasp3d.surface.labelled_grasps import if_known
 from grasp3d.surface.read_contacts import ReadContacts
 from grasp3d.surface.spread_grasps import NO_ROW, SpreadGrasps
 from grasp3d.surface.vertex_grasps import Reason, grasps_at, grasps_differ

@@ -24,7 +24,7 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.loads import Load
 from grasp3d.quality.tasks import STANDARD_GRAVITY
 from grasp3d.stability.label import Label
-from grasp3d.surface.grasp_forces import surface_holding
+from grasp3d.surface.grasp_numbers import surface_holding
 from grasp3d.surface.holding import FORCE_RTOL, Holding
 from grasp3d.surface.load_case import LoadCase
 from tests.helpers import shapes

@@ -7,7 +7,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.batch.row import BestGrasp
-from grasp3d.grasps.holding_verdict import HoldingVerdict
+from grasp3d.grasps.verdict import HoldingVerdict
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.shapes import hand_triangles, table_triangles
 from grasp3d.hand.triangles import Part, Triangles

@@ -7,7 +7,7 @@ from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.stability.thresholds import margin_budget
 from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.grasp_forces import surface_holding
+from grasp3d.surface.grasp_numbers import surface_holding
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.viewer.session.explanations import PAIR, Case
 from grasp3d.viewer.subjects.forces import LoadNumbers

@@ -13,7 +13,7 @@ from grasp3d.quality.grip_forces import Resistance
 from grasp3d.settings import GraspModel
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.epsilon import surface_epsilons
+from grasp3d.surface.grasp_numbers import surface_epsilons
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason

@@ -6,7 +6,7 @@ import numpy as np
 
 from grasp3d.settings import GraspModel
 from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.located_angles import located_angles_of
+from grasp3d.surface.grasp_numbers import located_angles_of
 from grasp3d.viewer.subjects.located import fits
 from grasp3d.viewer.subjects.subject import LastContact
 
