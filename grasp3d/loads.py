@@ -1,6 +1,5 @@
 """Load: what each grasp must hold, and with which force."""
 
-import math
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
@@ -8,13 +7,12 @@ from typing import TYPE_CHECKING
 
 from grasp3d.errors import SettingError
 from grasp3d.quality.task_texts import TaskField, TaskText
+from grasp3d.settings.checks import check_length
 from grasp3d.settings.lengths import (
     METRES,
     Length,
     LengthSettings,
     Unit,
-    comparable,
-    describe_length,
     length_in_unit,
     one_line,
 )
@@ -72,12 +70,7 @@ class Load(LengthSettings):
         super().__post_init__()
         if self.mass is not None and self.density is not None:
             raise SettingError("mass and density exclude each other; give one of them")
-        radius = comparable(self.center_of_mass_radius)
-        if radius is not None and not 0.0 <= radius[0] < math.inf:
-            raise SettingError(
-                "center_of_mass_radius must be a finite length of at least 0; got "
-                f"{describe_length(self.center_of_mass_radius)}"
-            )
+        check_length("center_of_mass_radius", self.center_of_mass_radius)
         if self.center_of_mass_radius != 0.0 and not isinstance(self.task, TaskText):
             raise SettingError(
                 "center_of_mass_radius is for tasks as text; a Task has a center_radius"

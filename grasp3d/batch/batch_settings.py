@@ -18,6 +18,7 @@ from grasp3d.settings import (
     Sampling,
     search_cone,
 )
+from grasp3d.settings.checks import check_range
 from grasp3d.settings.lengths import GivenLength, length_in_unit, parse_length
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
@@ -204,16 +205,14 @@ class ClusterSettings:
     timeout: float | None = 3600.0
 
     def __post_init__(self) -> None:
-        if self.workers is not None and self.workers < 0:
-            raise SettingError(f"workers must be at least 0; got {self.workers}")
+        if self.workers is not None:
+            check_range("workers", self.workers, 0)
         if self.workers is not None and self.scheduler is not None:
             raise SettingError(
                 "workers and scheduler exclude each other: a running cluster has its own workers"
             )
-        memory = self.worker_memory
-        if memory is not None and not (memory >= MIN_WORKER_MEMORY and math.isfinite(memory)):
-            raise SettingError(
-                f"worker memory must be at least {MIN_WORKER_MEMORY} GB; got {memory:g}"
-            )
+        memory, least = self.worker_memory, MIN_WORKER_MEMORY
+        if memory is not None:
+            check_range("worker memory", memory, least, ends="[)", unit="GB")
         if self.timeout is not None and not (self.timeout > 0.0 and math.isfinite(self.timeout)):
             raise SettingError(f"timeout must be a finite time above 0 s; got {self.timeout:g}")

@@ -246,8 +246,8 @@ def given_poses(fingers: int = 2) -> tuple[Field, ...]:
         Field(
             name="closing",
             meaning="`closed`; `nothing`: the jaws close on nothing; `one_side`: only one jaw "
-            "touches; `starts_inside`: a finger starts in the object; `slips_out`: the object slides "
-            "out of the closing jaws",
+            "touches; `starts_inside`: a finger starts in the object; `slips_out`: the object "
+            "slides out of the closing jaws",
             of=attrgetter("state"),
             kind="u1",
             texts=tuple(state.name.lower() for state in sorted(Closing)),

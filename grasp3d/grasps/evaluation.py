@@ -26,7 +26,7 @@ from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.system.processors import available_processors
+from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore, within
 
 OFF_SURFACE = 1.0 / 100.0
@@ -193,9 +193,7 @@ def _evaluate_contacts(
         raise SettingError(f"max_distance must be a finite length of at least 0; got {limit:g}")
     if load is not None:
         LoadCase.of(load, mesh, used)  # refuse it before the work
-    threads = available_processors() if threads is None else threads
-    if threads < 1:
-        raise SettingError(f"threads must be at least 1; got {threads}")
+    threads = thread_count(threads)
     projecting = within(report, 0.0, PROJECTED)
     contacts, distances = _on_surface(mesh, given, limit, threads, projecting)
     end = ANGLES_COMPUTED if used.method == "extremes" else 1.0

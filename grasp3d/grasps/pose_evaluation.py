@@ -5,7 +5,7 @@ from dataclasses import replace
 import numpy as np
 
 from grasp3d.arrays import Bools, Floats, locked
-from grasp3d.errors import ContactError, SettingError
+from grasp3d.errors import ContactError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
@@ -21,7 +21,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.jaw_contacts import JawContacts
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.spread_grasps import NO_ROW
-from grasp3d.system.processors import available_processors
+from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore, within
 
 JAWS_CLOSED = 0.7
@@ -71,9 +71,7 @@ def evaluate_poses(
     _check_external(given)
     used = touching(hand, GraspModel()) if model is None else model
     (used,) = mesh.in_own_unit(with_fingers(used, hand.fingers[-1]))
-    threads = available_processors() if threads is None else threads
-    if threads < 1:
-        raise SettingError(f"threads must be at least 1; got {threads}")
+    threads = thread_count(threads)
     if load is not None:
         LoadCase.of(load, mesh, used, hand)  # refuse it before the work
     report = progress or ignore

@@ -3,8 +3,7 @@
 import math
 from typing import Literal
 
-from grasp3d.errors import SettingError
-from grasp3d.settings import whole_number
+from grasp3d.settings.checks import check_range
 
 Axis = Literal["x", "y", "z", "-x", "-y", "-z"]
 ObjectMotion = Literal["free", "fixed"]
@@ -23,12 +22,5 @@ def check_approach(within: float, angles: int) -> None:
     Raises:
         SettingError: A value is outside its range.
     """
-    if not 0.0 < within <= math.pi:
-        raise SettingError(
-            "approach_within must be above 0 and at most 180 degrees; "
-            f"got {math.degrees(within):g} degrees"
-        )
-    if not MIN_ANGLES <= whole_number("approach_angles", angles, 0) <= MAX_ANGLES:
-        raise SettingError(
-            f"approach_angles must be from {MIN_ANGLES} to {MAX_ANGLES}; got {angles}"
-        )
+    check_range("approach_within", within, 0.0, math.pi, ends="(]", degrees=True)
+    check_range("approach_angles", angles, MIN_ANGLES, MAX_ANGLES)

@@ -19,7 +19,7 @@ from grasp3d.hand.metres import metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
 from grasp3d.settings.lengths import GivenLength, Measure, length_in_unit
-from grasp3d.system.processors import available_processors
+from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore
 
 Moving = Literal["both", "one"]
@@ -191,9 +191,7 @@ def _run(
     progress: Progress,
 ) -> None:
     """Close the jaws from every pose, in chunks; `found` is written."""
-    threads = available_processors() if threads is None else threads
-    if threads < 1:
-        raise SettingError(f"threads must be at least 1; got {threads}")
+    threads = thread_count(threads)
     surface = mesh.contact_surface
     tree = face_tree(surface)
     firsts = range(0, len(matrices), CHUNK)

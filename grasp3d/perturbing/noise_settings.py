@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import whole_number
-from grasp3d.settings.checks import check_length, check_seed
+from grasp3d.settings.checks import check_length, check_range, check_seed
 from grasp3d.settings.lengths import Length, LengthSettings, comparable, describe_length
 
 MAX_COPIES = 10_000
@@ -48,6 +48,5 @@ class NoiseSettings(LengthSettings):
             raise SettingError(f"correlation must be a finite length at least 0; got {length}")
         if whole_number("copies", self.copies, 2) > MAX_COPIES:
             raise SettingError(f"copies must be at most {MAX_COPIES:,}; got {self.copies:,}")
-        if not 0.5 < self.level < 1.0:
-            raise SettingError(f"level must be above 0.5 and below 1; got {self.level:g}")
+        check_range("level", self.level, 0.5, 1.0, ends="()")
         check_seed("noise seed", self.seed)

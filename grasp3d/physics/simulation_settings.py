@@ -6,7 +6,7 @@ from typing import Literal
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
-from grasp3d.settings.checks import check_length, check_seed
+from grasp3d.settings.checks import check_length, check_range, check_seed
 from grasp3d.settings.lengths import Length, LengthSettings, Measure
 from grasp3d.settings.quantities import MASSES, Quantity
 
@@ -80,23 +80,10 @@ class SimulationSettings(LengthSettings):
         for name, least, most in (
             ("grip_ratio", 0.5, 1e4), ("pull_time", 0.0, 60.0), ("time_step", 0.0, 2e-3),
         ):  # fmt: skip
-            if not least < getattr(self, name) <= most:
-                raise SettingError(
-                    f"{name} must be above {least:g} and at most {most:g}; "
-                    f"got {getattr(self, name):g}"
-                )
-        if not MIN_THRESHOLD <= self.part_threshold <= MAX_THRESHOLD:
-            raise SettingError(
-                f"part_threshold must be from {MIN_THRESHOLD:g} to {MAX_THRESHOLD:g}; "
-                f"got {self.part_threshold:g}"
-            )
+            check_range(name, getattr(self, name), least, most, ends="(]")
+        check_range("part_threshold", self.part_threshold, MIN_THRESHOLD, MAX_THRESHOLD)
         for name in ("max_turn", "part_angle"):
-            angle = getattr(self, name)
-            if not 0.0 < angle <= math.pi:
-                raise SettingError(
-                    f"{name} must be above 0 and at most 180 degrees; "
-                    f"got {math.degrees(angle):g} degrees"
-                )
+            check_range(name, getattr(self, name), 0.0, math.pi, ends="(]", degrees=True)
 
     @property
     def weight(self) -> float:

@@ -2,7 +2,7 @@
 
 import math
 from numbers import Integral
-from typing import Annotated, get_args
+from typing import Annotated, Literal, get_args
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.lengths import AnyLength, comparable, describe_length
@@ -45,6 +45,53 @@ def whole_number(name: str, value: object, minimum: int) -> int:
     if not isinstance(value, Integral) or isinstance(value, bool) or int(value) < minimum:
         raise SettingError(f"{name} must be a whole number of at least {minimum}; got {value!r}")
     return int(value)
+
+
+def check_range(
+    name: str,
+    value: float,
+    least: float,
+    most: float = math.inf,
+    *,
+    ends: Literal["[]", "(]", "[)", "()"] = "[]",
+    degrees: bool = False,
+    unit: str = "",
+) -> None:
+    """Refuse a number that is outside a range, or not whole where the limits are.
+
+    Args:
+        name: Name of the setting, for the error message.
+        value: The number.
+        least: Lower end of the range.
+        most: Upper end of the range.
+        ends: Ends that belong to it, in the notation of intervals.
+        degrees: The number and the ends are angles [rad]; the message has degrees.
+        unit: Unit, for the message.
+
+    Raises:
+        SettingError: It is outside.
+
+    Example:
+        >>> from grasp3d.settings.checks import check_range
+        >>> check_range("level", 1.0, 0.5, 1.0, ends="()")
+        Traceback (most recent call last):
+            ...
+        grasp3d.errors.SettingError: level must be above 0.5 and below 1; got 1
+    """
+    above = least < value if ends[0] == "(" else least <= value
+    below = value < most if ends[1] == ")" else value <= most
+    whole = not isinstance(least, int) or isinstance(value, Integral)
+    if above and below and whole:
+        return
+    numbers = map(math.degrees, (least, most, value)) if degrees else (least, most, value)
+    low, high, given = (one if isinstance(least, int) else f"{one:g}" for one in numbers)
+    unit = " degrees" if degrees else unit and f" {unit}"
+    text = f"above {low}" if ends[0] == "(" else f"at least {low}"
+    if ends == "[]" and most < math.inf:
+        text = f"from {low} to {high}"
+    elif most < math.inf:
+        text += f" and below {high}" if ends[1] == ")" else f" and at most {high}"
+    raise SettingError(f"{name} must be {text}{unit}; got {given}{unit}")
 
 
 def check_seed(name: str, seed: object) -> None:

@@ -5,14 +5,13 @@ from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length
+from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length, check_range
 from grasp3d.settings.lengths import Length, LengthSettings, Measure
 from grasp3d.settings.uncertainty import (
     Friction,
     Interval,
     PerFinger,
     Uncertainty,
-    check_location_error,
     check_normal_error,
     check_resolution,
     check_tilt,
@@ -123,14 +122,7 @@ class GraspModel(LengthSettings):
                 f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {self.fingers}"
             )
         check_choice("method", self.method, Method)
-        if not (
-            isinstance(self.extreme_normals, int)
-            and MIN_EXTREMES <= self.extreme_normals <= MAX_EXTREMES
-        ):
-            raise SettingError(
-                f"extreme normals must be from {MIN_EXTREMES} to {MAX_EXTREMES}; "
-                f"got {self.extreme_normals}"
-            )
+        check_range("extreme normals", self.extreme_normals, MIN_EXTREMES, MAX_EXTREMES)
         if self.edges is not None and not (
             isinstance(self.edges, int) and MIN_EDGES <= self.edges <= MAX_EDGES
         ):
@@ -184,7 +176,7 @@ class GraspModel(LengthSettings):
             )
         check_resolution(self.sensor_resolution)
         check_normal_error(self.normal_error)
-        check_location_error(self.location_error)
+        check_length("location error", self.location_error)
         for own in self.per_finger or (_NOTHING,):
             check_tilt(self._tilt_of(own))
         if self.method == "extremes" and (self.location_error != 0.0 or self.per_finger):

@@ -6,7 +6,7 @@ from dataclasses import dataclass, fields, replace
 from typing import Any, Literal
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length
+from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length, check_range
 from grasp3d.settings.lengths import (
     Length,
     LengthSettings,
@@ -72,15 +72,10 @@ class MeshOptions(LengthSettings):
         edge = comparable(self.max_edge)
         if self.max_edge is not None and not (edge and edge[0] > 0.0):
             raise SettingError(f"max_edge must be above 0; got {describe_length(self.max_edge)}")
-        if not 0.0 <= self.crease_angle <= math.pi:
-            degrees = math.degrees(self.crease_angle)
-            raise SettingError(f"crease angle must be from 0 to 180 degrees; got {degrees:g}")
+        check_range("crease angle", self.crease_angle, 0.0, math.pi, degrees=True)
         check_choice("repair", self.repair, Repair)
         check_length("patch radius", self.patch_radius)
-        if not self.max_memory >= MIN_MEMORY:
-            raise SettingError(
-                f"max memory must be at least {MIN_MEMORY:g} GB; got {self.max_memory:g}"
-            )
+        check_range("max memory", self.max_memory, MIN_MEMORY, unit="GB")
 
     @classmethod
     def of(cls, options: "MeshOptions | None", fields_: Mapping[str, Any]) -> "MeshOptions":

@@ -5,7 +5,7 @@ from dataclasses import dataclass, fields
 from typing import Literal, TypeAlias
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.checks import Radians, check_choice, check_seed, whole_number
+from grasp3d.settings.checks import Radians, check_choice, check_range, check_seed
 from grasp3d.settings.grasp_model import (
     MAX_SEARCHED_FINGERS,
     GraspModel,
@@ -41,16 +41,11 @@ class SearchSettings(LengthSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if self.search_angle is not None and not 0.0 < self.search_angle <= math.pi / 2.0:
-            degrees = math.degrees(self.search_angle)
-            raise SettingError(
-                f"search angle must be above 0 and at most 90 degrees; got {degrees:g} degrees"
-            )
-        if not 0.0 < self.tolerance <= math.radians(5.0):
-            degrees = math.degrees(self.tolerance)
-            raise SettingError(
-                f"tolerance must be above 0 and at most 5 degrees; got {degrees:g} degrees"
-            )
+        if self.search_angle is not None:
+            most = math.pi / 2.0
+            check_range("search angle", self.search_angle, 0.0, most, ends="(]", degrees=True)
+        most = math.radians(5.0)
+        check_range("tolerance", self.tolerance, 0.0, most, ends="(]", degrees=True)
 
     @property
     def own_changes(self) -> tuple[str, ...]:
@@ -127,8 +122,7 @@ class Sampling(SearchSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not MIN_RAYS <= self.rays <= MAX_RAYS:
-            raise SettingError(f"rays must be from {MIN_RAYS} to {MAX_RAYS}; got {self.rays}")
+        check_range("rays", self.rays, MIN_RAYS, MAX_RAYS)
         check_choice("grip", self.grip, Grip)
         _check_limits("openings", "min_opening", "max_opening", self)
 
@@ -180,11 +174,7 @@ class MultifingerSampling(SearchSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not MIN_CANDIDATES <= whole_number("candidates", self.candidates, 0) <= MAX_CANDIDATES:
-            raise SettingError(
-                f"candidates must be from {MIN_CANDIDATES} to {MAX_CANDIDATES}; "
-                f"got {self.candidates}"
-            )
+        check_range("candidates", self.candidates, MIN_CANDIDATES, MAX_CANDIDATES)
         _check_limits("distances", "min_separation", "max_spread", self)
         check_choice("candidate points", self.candidate_points, CandidatePoints)
         check_seed("seed", self.seed)
@@ -207,8 +197,7 @@ def check_search_settings(model: GraspModel, sampling: AnySampling) -> None:
             not points.
     """
     check_point_contacts(model)
-    if not 2 <= model.fingers <= MAX_SEARCHED_FINGERS:
-        raise SettingError(f"fingers must be from 2 to {MAX_SEARCHED_FINGERS}; got {model.fingers}")
+    check_range("fingers", model.fingers, 2, MAX_SEARCHED_FINGERS)
     check_per_finger(model)
     kind = sampling_kind(model.fingers)
     if not isinstance(sampling, kind):

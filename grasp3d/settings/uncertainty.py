@@ -12,12 +12,12 @@ from dataclasses import dataclass, fields
 from typing import Any
 
 from grasp3d.errors import SettingError
+from grasp3d.settings.checks import check_length
 from grasp3d.settings.lengths import (
     AnyLength,
     Length,
     LengthSettings,
     Measure,
-    comparable,
     describe_length,
     measure,
 )
@@ -70,7 +70,7 @@ class Uncertainty(LengthSettings):
         super().__post_init__()
         check_resolution(self.sensor_resolution)
         check_normal_error(self.normal_error)
-        check_location_error(self.location_error)
+        check_length("location error", self.location_error)
         if self.friction is not None:
             object.__setattr__(self, "friction", friction_interval(self.friction))
 
@@ -116,14 +116,6 @@ def check_tilt(tilt: float) -> None:
         raise SettingError(
             "half the sensor resolution and the normal error, with those of a finger, must add up "
             f"to less than 90 degrees; got {math.degrees(tilt):.4g} degrees"
-        )
-
-
-def check_location_error(error: float) -> None:
-    """Raise SettingError unless a location error is a finite length of at least 0, in any unit."""
-    if not all(0.0 <= one < math.inf for one in comparable(error) or ()):
-        raise SettingError(
-            f"location error must be a finite length of at least 0; got {describe_length(error)}"
         )
 
 

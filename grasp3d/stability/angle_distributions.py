@@ -19,8 +19,8 @@ import numpy as np
 from grasp3d.arrays import ArrayLike, Floats, short_repr
 from grasp3d.errors import SearchCoverageError, SettingError
 from grasp3d.settings import ANGLE_ROUNDING, GraspModel, sampling_kind
+from grasp3d.settings.checks import check_length
 from grasp3d.settings.lengths import Measure
-from grasp3d.settings.uncertainty import check_location_error
 from grasp3d.stability.thresholds import unstable_from
 
 FRACTION_ROUNDING = 1e-12
@@ -68,7 +68,7 @@ def check_number(location_error: float) -> None:
             "the location error on a shape without a unit must be a number in the unit of its "
             f"radius; got {location_error!r}"
         )
-    check_location_error(location_error)
+    check_length("location error", location_error)
 
 
 class AngleDistribution(ABC):

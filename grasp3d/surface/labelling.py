@@ -3,7 +3,6 @@
 from dataclasses import dataclass
 
 from grasp3d.costs import check_cost
-from grasp3d.errors import SettingError
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.hand import Hand
 from grasp3d.hand.metres import metres_per_unit
@@ -19,7 +18,7 @@ from grasp3d.surface.extreme_normals import BEFORE_ENUMERATION, check_combinatio
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.surface.search import label_multifinger, label_pairs
-from grasp3d.system.processors import available_processors
+from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore, within
 from grasp3d.system.steps import begin_step
 
@@ -117,9 +116,7 @@ class Labelling:
             threads: Threads to use; None: one per processor.
             progress: Called with the fraction of the work done, from 0 to 1.
         """
-        threads = available_processors() if threads is None else threads
-        if threads < 1:
-            raise SettingError(f"threads must be at least 1; got {threads}")
+        threads = thread_count(threads)
         report, enumerated = progress or ignore, self.model.method == "extremes"
         begin_step("searching for grasps")
         searching = within(report, 0.0, BEFORE_ENUMERATION) if enumerated else report

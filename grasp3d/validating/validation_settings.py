@@ -1,10 +1,10 @@
 """Settings of a validation: grid of labels, bins, resamples, seed."""
 
-import math
 from dataclasses import dataclass
 
 from grasp3d.errors import SettingError
 from grasp3d.settings import DEGREE, GraspModel, Radians, whole_number
+from grasp3d.settings.checks import check_range
 
 FRICTIONS = (0.3, 0.5, 1.0)
 RESOLUTIONS = (0.0, 10.0 * DEGREE, 22.6 * DEGREE, 40.0 * DEGREE)
@@ -50,11 +50,7 @@ class ValidationSettings:
             for resolution in self.sensor_resolutions:
                 GraspModel(friction=friction, sensor_resolution=resolution)  # checks both
         for name, least, most in (("bins", 2, 50), ("worst", 0, 50)):
-            if not least <= whole_number(name, getattr(self, name), least) <= most:
-                raise SettingError(
-                    f"{name} must be from {least} to {most}; got {getattr(self, name)}"
-                )
+            check_range(name, getattr(self, name), least, most)
         whole_number("resamples", self.resamples, LEAST_RESAMPLES)
         whole_number("seed", self.seed, 0)
-        if not (math.isfinite(self.target) and 0.0 < self.target < 1.0):
-            raise SettingError(f"target must be above 0 and below 1; got {self.target:g}")
+        check_range("target", self.target, 0.0, 1.0, ends="()")

@@ -7,6 +7,7 @@ from typing import Literal
 from grasp3d.errors import SettingError
 from grasp3d.meanings import EPSILON_MIN
 from grasp3d.settings import DEGREE, Radians, check_choice, whole_number
+from grasp3d.settings.checks import check_range
 
 Paint = Literal[
     "label", "critical_angle", "max_resolution", "epsilon", "epsilon_min", "approach_margin",
@@ -76,12 +77,8 @@ class ViewSettings:
         check_choice("paint", self.paint, Paint)
         if self.vertex is not None:
             whole_number("vertex", self.vertex, 0)
-        if self.compare is not None and not 0.0 <= self.compare < math.pi:
-            degrees = math.degrees(self.compare)
-            raise SettingError(
-                f"compare must be at least 0 and below 180 degrees; got {degrees:g} degrees"
-            )
         if self.compare is not None:
+            check_range("compare", self.compare, 0.0, math.pi, ends="[)", degrees=True)
             check_comparison(self.paint)
         if not math.isfinite(self.azimuth) or not abs(self.elevation) <= math.pi / 2.0:
             raise SettingError(

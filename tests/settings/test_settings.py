@@ -1,10 +1,13 @@
 import math
+from typing import Any
 
+import numpy as np
 import pytest
 
 from grasp3d import GraspModel, MeshOptions, MultifingerSampling, Sampling
 from grasp3d.errors import SettingError
 from grasp3d.settings import check_search_settings, search_cone
+from grasp3d.settings.checks import check_range
 
 
 @pytest.mark.parametrize("friction", [0.0, -1.0, math.nan, math.inf])
@@ -123,7 +126,7 @@ def test_a_search_is_fitted_to_its_number_of_fingers() -> None:
     ("options", "message"),
     [
         ({"candidates": 7}, "candidates must be from 8 to 4096"),
-        ({"candidates": 8.5}, "candidates must be a whole number"),
+        ({"candidates": 8.5}, "candidates must be from 8 to 4096; got 8.5"),
         ({"min_separation": 2.0, "max_spread": 1.0}, "min_separation <= max_spread"),
         ({"candidate_points": "edges"}, "known: surface, vertices"),
         ({"seed": -1}, "seed must be a whole number of at least 0"),
@@ -136,3 +139,36 @@ def test_errors_of_sampling_of_more_fingers_name_valid_values(
 ) -> None:
     with pytest.raises(SettingError, match=message):
         MultifingerSampling(**options)  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(
+    ("limits", "ends", "text"),
+    [
+        ((0.5, 1.0), "[]", "from 0.5 to 1"), ((0.5, 1.0), "(]", "above 0.5 and at most 1"),
+        ((0.5, 1.0), "[)", "at least 0.5 and below 1"), ((0.5, 1.0), "()", "above 0.5 and below 1"),
+        ((0.5, math.inf), "[]", "at least 0.5"), ((0.5, math.inf), "(]", "above 0.5"),
+        ((2, 5), "[]", "from 2 to 5"),
+    ],
+)  # fmt: skip
+def test_a_range_has_the_ends_that_its_message_states(
+    limits: tuple[float, float], ends: Any, text: str
+) -> None:
+    for value, belongs in zip(limits, (ends[0] == "[", ends[1] == "]"), strict=True):
+        if belongs:
+            check_range("it", value, *limits, ends=ends)
+        else:
+            with pytest.raises(SettingError, match=f"^it must be {text}; got {value:g}$"):
+                check_range("it", value, *limits, ends=ends)
+    for value in (math.nan, -math.inf, 1.5 if limits[0] == 2 else 0.25):
+        with pytest.raises(SettingError, match=f"^it must be {text}"):
+            check_range("it", value, *limits, ends=ends)
+
+
+def test_whole_limits_are_of_whole_numbers_and_angles_are_shown_in_degrees() -> None:
+    with pytest.raises(SettingError, match="it must be from 2 to 5; got 3"):
+        check_range("it", 3.0, 2, 5)
+    check_range("it", np.int64(3), 2, 5)
+    with pytest.raises(SettingError, match=r"from 0 to 90 degrees; got 180 degrees"):
+        check_range("it", math.pi, 0.0, math.pi / 2.0, degrees=True)
+    with pytest.raises(SettingError, match=r"at least 0\.5 GB; got 0\.25 GB"):
+        check_range("it", 0.25, 0.5, unit="GB")

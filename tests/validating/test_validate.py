@@ -237,7 +237,7 @@ def test_a_table_below_the_object_is_reached_by_fewer() -> None:
 @pytest.mark.parametrize(
     ("fields", "message"),
     [
-        ({"bins": 1}, "bins must be a whole number of at least 2"),
+        ({"bins": 1}, "bins must be from 2 to 50; got 1"),
         ({"worst": 51}, "worst must be from 0 to 50"),
         ({"resamples": 10}, "resamples must be a whole number of at least 100"),
         ({"seed": -1}, "seed must be a whole number of at least 0"),
