@@ -86,7 +86,10 @@ def evaluate_poses(
         progress=closing,
     )
     held = jaws.closed if object_motion == "fixed" else np.zeros(given.count, dtype=np.bool_)
-    colliding = hand.blocked(mesh, given.poses, jaws, held=held, table=scene.table, threads=threads)
+    colliding = hand.blocked(
+        mesh, given.poses, jaws, posture=given.posture, held=held, table=scene.table,
+        threads=threads,
+    )  # fmt: skip
     contacts = JawContacts.of(mesh, jaws)
     angles = np.zeros(0)
     if contacts.size:

@@ -136,7 +136,7 @@ def _fits(
     """Whether the open gripper approaches each pose freely, and its jaws close there, (k,)."""
     closed = hand.close(mesh, poses, posture=posture, threads=threads)
     open_wide = np.zeros(len(poses), dtype=np.bool_)
-    blocked = hand.blocked(mesh, poses, closed, held=open_wide, threads=threads)
+    blocked = hand.blocked(mesh, poses, closed, posture=posture, held=open_wide, threads=threads)
     return np.asarray(closed.closed & ~blocked)
 
 

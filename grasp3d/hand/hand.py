@@ -143,6 +143,7 @@ class Hand(Protocol):
         poses: "Floats",
         closed: "ClosedJaws",
         *,
+        posture: "ArrayLike | None" = None,
         held: "Bools",
         table: "Table | None" = None,
         threads: int | None = None,
@@ -153,6 +154,7 @@ class Hand(Protocol):
             mesh: The object.
             poses: As in `close`.
             closed: What `close` returned for them.
+            posture: As in `close`.
             held: Whether it is tested around the object that it holds there, or else wide open,
                 shape (k,).
             table: What the object stands on; None: nothing.

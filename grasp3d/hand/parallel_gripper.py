@@ -201,6 +201,7 @@ class ParallelGripper(RobotFrame, Touch, Jaws):
         poses: "Floats",
         closed: "ClosedJaws",
         *,
+        posture: "ArrayLike | None" = None,
         held: "Bools",
         table: "Table | None" = None,
         threads: int | None = None,
@@ -208,6 +209,7 @@ class ParallelGripper(RobotFrame, Touch, Jaws):
         """Whether it collides on its way to poses; see `collides_closing`."""
         from grasp3d.hand.collisions import collides_closing
 
+        del posture
         return collides_closing(mesh, poses, closed, self, held=held, table=table, threads=threads)
 
     def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":
