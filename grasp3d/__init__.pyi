@@ -6,6 +6,7 @@ from .contact.contacts import Contacts as Contacts
 from .contact.sensor import Sensor as Sensor
 from .diagnosis.diagnosing import check_mesh as check_mesh
 from .errors import GraspError as GraspError
+from .export import read_labels as read_labels
 from .export import write_fields as write_fields
 from .export import write_glb as write_glb
 from .export import write_npz as write_npz

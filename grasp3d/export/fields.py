@@ -13,7 +13,7 @@ from grasp3d.stability.label import Label
 
 Array = npt.NDArray[Any]
 Arrays = dict[str, Array]
-When = Literal["always", "errors", "gripper", "load"]
+When = Literal["always", "errors", "gripper", "joints", "load"]
 
 RADIANS, LENGTH, AREA, NEWTONS, KILOGRAMS = "rad", "mesh unit", "mesh unit²", "N", "kg"
 XYZ = ("x", "y", "z")
@@ -33,11 +33,12 @@ class Field:
     kind: str = "f8"
     """NumPy type of the values, as NPZ, VTP and Parquet hold them."""
     shape: tuple[int | str, ...] = ()
-    """Of the values of one vertex or grasp; 'n': number of fingers, 'n-1': of the other fingers."""
+    """Of the values of one vertex or grasp; 'n': number of fingers, 'n-1': of the other fingers,
+    'p': of further joints."""
     unit: str = ""
     when: When = "always"
     """What it takes for the field to be there: nothing; a location error or fingers that differ; a
-    gripper; a load."""
+    gripper; a hand with further joints; a load."""
     columns: tuple[str, ...] = ()
     """Names of its parts where a file or table has numbers alone, with {} for a finger's number;
     empty: its own."""
@@ -74,9 +75,9 @@ class Field:
         return np.array(self.texts)[values] if self.texts else values
 
     def shape_for(self, fingers: int) -> tuple[int, ...]:
-        """Shape of the values of one vertex or grasp."""
-        sizes: dict[int | str, int] = {"n": fingers, "n-1": fingers - 1}
-        return tuple(sizes.get(size, 0) or int(size) for size in self.shape)
+        """Shape of the values of one vertex or grasp; -1: any number of joints."""
+        sizes = {"n": fingers, "n-1": fingers - 1, "p": -1}
+        return tuple(sizes[size] if isinstance(size, str) else size for size in self.shape)
 
     def column_names(self, fingers: int) -> list[str]:
         """Names of its columns of numbers, those of one finger after those of another."""
@@ -106,7 +107,9 @@ class Field:
     def from_points(self, points: Mapping[str, Array], fingers: int) -> Array:
         """Put the arrays of the fingers together again; raises KeyError."""
         parts = [points[name] for name in self.point_names(fingers)]
-        return np.stack(parts, axis=1) if self.each else parts[0]
+        if self.each:
+            return np.stack(parts, axis=1)
+        return parts[0].reshape(len(parts[0]), *self.shape_for(fingers))
 
     def _fingers(self, values: Array) -> int:
         return values.shape[1] + 1 if self.each else 0

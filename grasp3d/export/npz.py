@@ -1,13 +1,21 @@
 """NPZ files: all arrays of labels, compressed."""
 
+import io
+import math
+import zipfile
+import zlib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 import numpy as np
 
-from grasp3d.export.fields import present
+from grasp3d.export.fields import Array, Arrays, present
 from grasp3d.export.settings import SETTING, complete_settings
+from grasp3d.export.stored import FIELDS, Stored, damaged
 from grasp3d.export.vertex_fields import SURFACE, VERTICES
+from grasp3d.reading.declared_sizes import check_memory
+from grasp3d.reading.sources import Source
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.files import atomic_write
 
@@ -33,3 +41,73 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
     }
     with atomic_write(Path(path)) as part, part.open("wb") as stream:
         np.savez_compressed(stream, **arrays)
+
+
+MEMORY = 4.0
+"""Memory for reading, per byte of the arrays: they are copied, checked and arranged anew."""
+
+_DAMAGE = (
+    zipfile.BadZipFile, zlib.error, EOFError, OSError, ValueError, NotImplementedError, RuntimeError
+)  # fmt: skip
+"""Errors that zipfile and NumPy raise for damaged archives."""
+
+
+def read_npz(source: Source) -> Stored:
+    """Read an NPZ of labels. Raises MeshError."""
+    found = arrays_of_npz(source, source.path.open("rb"))
+    settings = {
+        name.removeprefix(SETTING): str(v) for name, v in found.items() if v.dtype.kind == "U"
+    }
+    values = {name: array for name, array in found.items() if name in FIELDS}
+    return Stored(source, settings, values, complete=True)
+
+
+def arrays_of_npz(source: Source, stream: IO[bytes]) -> Arrays:
+    """Read the arrays that are fields, and the settings, of an NPZ.
+
+    Sizes that it declares are checked before memory is allocated, and no object is unpickled.
+
+    Args:
+        source: The file, for errors and its memory limit.
+        stream: Its content; closed afterwards.
+
+    Raises:
+        MeshError: It is damaged or too large.
+    """
+    try:
+        with stream, zipfile.ZipFile(stream) as archive:
+            entries = archive.infolist()
+            check_memory(source, sum(entry.file_size for entry in entries), MEMORY)
+            return dict(_arrays(archive, entries))
+    except (*_DAMAGE, MemoryError) as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise damaged(source, f"its arrays cannot be read ({reason})") from error
+
+
+def _arrays(
+    archive: zipfile.ZipFile, entries: list[zipfile.ZipInfo]
+) -> Iterator[tuple[str, Array]]:
+    for entry in entries:
+        name = entry.filename.removesuffix(".npy")
+        if name in FIELDS or name.startswith(SETTING):
+            if entry.compress_type not in {zipfile.ZIP_STORED, zipfile.ZIP_DEFLATED}:
+                raise ValueError("unknown compression")
+            with archive.open(entry) as stream:
+                yield name, _array(stream.read(entry.file_size), name)
+
+
+def _array(content: bytes, name: str) -> Array:
+    """An array of NumPy's format that has exactly the size that it declares."""
+    stream = io.BytesIO(content)
+    version = np.lib.format.read_magic(stream)
+    read = {
+        (1, 0): np.lib.format.read_array_header_1_0,
+        (2, 0): np.lib.format.read_array_header_2_0,
+    }.get(version)
+    if read is None:
+        raise ValueError(f"{name} is of an unknown version")
+    shape, by_column, kind = read(stream)
+    size = math.prod(shape) * kind.itemsize
+    if kind.hasobject or by_column or size != len(content) - stream.tell():
+        raise ValueError(f"{name} is not an array of its size")
+    return np.frombuffer(content, kind, offset=stream.tell()).reshape(shape)

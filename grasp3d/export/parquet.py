@@ -2,19 +2,23 @@
 
 import base64
 import io
+import json
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from grasp3d.export.fields import present
+from grasp3d.export.fields import Arrays, present
+from grasp3d.export.npz import MEMORY, arrays_of_npz
 from grasp3d.export.settings import complete_settings
+from grasp3d.export.stored import Stored, codes_of, damaged, fingers_of
 from grasp3d.export.vertex_fields import SURFACE, VERTICES
-from grasp3d.mesh import ObjectMesh
+from grasp3d.reading.declared_sizes import check_memory
+from grasp3d.reading.sources import Source
 from grasp3d.surface.labels import SurfaceLabels
 
 SURFACE_KEY = "grasp3d_surface"
-"""Key of the file's metadata with the arrays that are not of vertices: an NPZ in base64."""
+"""Key of the file's metadata with the arrays that are no columns: an NPZ in base64."""
 
 
 def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
@@ -48,7 +52,7 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     """
     from grasp3d.tables import write_arrow
 
-    metadata = {SURFACE_KEY: _packed_surface(labels.mesh)}
+    metadata = {SURFACE_KEY: _packed(labels)}
     write_arrow(Path(path), labels_to_table(labels), metadata)
 
 
@@ -64,8 +68,45 @@ def labels_to_table(labels: SurfaceLabels) -> Any:
     return table_of_arrays(columns, texts, settings=complete_settings(labels))
 
 
-def _packed_surface(mesh: ObjectMesh) -> bytes:
-    """The arrays of a surface that are not of its vertices."""
-    stream, arrays = io.BytesIO(), {field.name: values for field, values in present(SURFACE, mesh)}
+def _packed(labels: SurfaceLabels) -> bytes:
+    """The arrays that are no columns."""
+    others = (field for field in VERTICES if field.array and not field.table)
+    arrays = {
+        field.name: values
+        for field, values in (*present(SURFACE, labels.mesh), *present(others, labels))
+        if field.name != "color"
+    }
+    stream = io.BytesIO()
     np.savez_compressed(stream, **arrays)  # type: ignore[arg-type]  # one of its options is a bool
     return base64.b64encode(stream.getvalue())
+
+
+def read_fields(source: Source) -> Stored:
+    """Read a Parquet table of vertices. Raises MeshError."""
+    from grasp3d.tables import read_arrow
+
+    try:
+        columns, metadata = read_arrow(source.path, lambda size: check_memory(source, size, MEMORY))
+        settings = {
+            str(name): str(value) for name, value in dict(json.loads(metadata["grasp3d"])).items()
+        }
+        values = _values(columns, fingers_of(settings))
+        packed = base64.b64decode(metadata[SURFACE_KEY], validate=True)
+    except (OSError, ValueError, KeyError, TypeError, MemoryError) as error:
+        reason = getattr(error, "strerror", None) or " ".join(str(error).split())[:200]
+        raise damaged(source, f"its table cannot be read ({reason})") from error
+    values |= arrays_of_npz(source, io.BytesIO(packed))
+    return Stored(source, settings, values, complete=True)
+
+
+def _values(columns: Arrays, fingers: int) -> Arrays:
+    """Values by field. Raises ValueError."""
+    values = {
+        field.name: field.from_columns(columns, fingers)
+        for field in VERTICES
+        if field.table and set(field.column_names(fingers)) <= columns.keys()
+    }
+    for field in VERTICES:
+        if field.texts and field.name in values:
+            values[field.name] = codes_of(field, values[field.name])
+    return values

@@ -2,9 +2,16 @@
 
 from pathlib import Path
 
-from grasp3d.export.fields import present
+from grasp3d.errors import MeshError
+from grasp3d.export.fields import Field, present
+from grasp3d.export.grasp_fields import DECIDED, EPSILONS
+from grasp3d.export.ply_table import read_tables
 from grasp3d.export.settings import settings_of
+from grasp3d.export.stored import ADVICE, Stored, damaged
 from grasp3d.export.vertex_fields import VERTICES
+from grasp3d.reading.declared_sizes import LONGEST_HEADER, check_declared_size
+from grasp3d.reading.ply import read_ply_header
+from grasp3d.reading.sources import Source
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.tables.ply_files import write_ply_columns
 
@@ -42,3 +49,69 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         for name, column in field.as_columns(values).items()
     }
     write_ply_columns(Path(path), columns, labels.mesh.faces, settings_of(labels), binary=binary)
+
+
+LABELLED = tuple(field.name for field in (*DECIDED, *EPSILONS))
+"""Vertex properties that only a labelled file has. A file that has any of them must have all, with
+the types, values and comments that `write_ply` writes; otherwise it is refused, as its numbers
+could mean anything. Other properties (colours, confidence, texture coordinates) are allowed."""
+
+_COMMENT = "comment grasp3d "
+_KINDS = {"u1": "a uchar", "f4": "a float", "f8": "a float"}
+
+
+def ply_settings(source: Source) -> dict[str, str] | None:
+    """The settings of a labelled PLY, from its header alone; None: it has no labels.
+
+    Raises:
+        MeshError: It has some properties of a labelled file, but is not a valid one.
+    """
+    header = read_ply_header(source)
+    kinds = {
+        entry.name: "list" if entry.length else entry.type
+        for element in header.elements
+        if element.name == "vertex"
+        for entry in element.properties
+    }
+    if not set(LABELLED) & set(kinds):
+        return None
+    missing = next((name for name in LABELLED if name not in kinds), None)
+    if missing is not None:
+        present_one = next(name for name in LABELLED if name in kinds)
+        raise MeshError(
+            f"{source.where}: its vertices have a property {present_one!r} but no {missing!r}, so "
+            f"it was not written by this version of grasp3d; {ADVICE}"
+        )
+    for field in VERTICES:
+        for name in field.column_names(0) if field.ply else ():
+            _check_kind(source, field, name, kinds.get(name))
+    lines = source.head(LONGEST_HEADER)[: header.start].decode("ascii", "replace").splitlines()
+    comments = [line.removeprefix(_COMMENT) for line in lines if line.startswith(_COMMENT)]
+    return {name: value for name, _, value in (line.partition(" ") for line in comments)}
+
+
+def _check_kind(source: Source, field: Field, name: str, kind: str | None) -> None:
+    """Refuse another type than the declared one; floats of 64 bits may stand for such of 32."""
+    needed = field.when == "always" and field.name != "color"
+    allowed = {"f4", "f8"} if field.ply.startswith("f") else {field.ply}
+    if (kind is not None or needed) and kind not in allowed:
+        raise damaged(source, f"its property {name!r} is not {_KINDS[field.ply]}")
+
+
+def read_ply(source: Source) -> Stored:
+    """Read a labelled PLY. Raises MeshError."""
+    settings = ply_settings(source)
+    if settings is None:
+        raise source.error("is not a PLY labelled by grasp3d; label it first")
+    try:
+        check_declared_size(source)
+        columns, faces = read_tables(source, read_ply_header(source))
+    except (OSError, MemoryError) as error:
+        reason = getattr(error, "strerror", None) or "memory is too small"
+        raise source.error(f"cannot be read ({reason})") from error
+    values = {
+        field.name: field.from_columns(columns, 0)
+        for field in VERTICES
+        if field.ply and set(field.column_names(0)) <= columns.keys()
+    }
+    return Stored(source, settings, values | {"faces": faces}, complete=False)

@@ -57,7 +57,14 @@ def _pose(column: int) -> Callable[[SurfaceLabels], Array | None]:
 
 
 def _free_angles(labels: SurfaceLabels) -> Array | None:
-    return None if labels.reach is None else packed_bits(labels.reach.free)
+    """Free approach angles as bits; None: none are tested, as for three round tips and more."""
+    free = None if labels.reach is None else labels.reach.free
+    return None if free is None or not free.shape[1] else packed_bits(free)
+
+
+def _posture(labels: SurfaceLabels) -> Array | None:
+    posture = None if labels.reach is None else labels.reach.posture
+    return None if posture is None or not posture.shape[1] else posture
 
 
 def _partner(name: str, number: int) -> Callable[[SurfaceLabels], Array | None]:
@@ -218,10 +225,20 @@ RESTORING = (
     ),
     Field(
         name="free_angles",
-        meaning="the approach angles that are free, as bits of a number",
+        meaning="the approach angles that are free, as bits of a number; absent for three fingers "
+        "and more whose tips alone are tested",
         of=_free_angles,
         kind="u8",
         when="gripper",
+    ),
+    Field(
+        name="posture",
+        meaning="values of the hand's further joints; in the metadata of Parquet",
+        of=_posture,
+        shape=("p",),
+        when="joints",
+        table=False,
+        unknown=True,
     ),
     Field(
         name="resistance",

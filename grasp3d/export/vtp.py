@@ -8,9 +8,16 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.export.fields import Array, Arrays, present
+from grasp3d.export.npz import MEMORY
 from grasp3d.export.settings import SETTING, complete_settings
+from grasp3d.export.stored import Stored, damaged, fingers_of
 from grasp3d.export.vertex_fields import CORNER_NORMALS, CORNERS, VERTICES
+from grasp3d.export.vtp_arrays import vtp_arrays
+from grasp3d.isolation.calls import call
+from grasp3d.isolation.failures import CallFailedError
 from grasp3d.mesh import ObjectMesh
+from grasp3d.reading.declared_sizes import check_memory
+from grasp3d.reading.sources import Source
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.system.files import atomic_write
 
@@ -96,3 +103,59 @@ def _polydata(vertices: Floats, faces: Ints, arrays: Arrays) -> "pyvista.PolyDat
     for name, values in arrays.items():
         data.point_data[name] = values
     return data
+
+
+SECONDS = 60.0
+"""Time limit of reading, with the start of the process [s]."""
+
+BYTES_PER_SECOND = 1e6
+"""Speed of reading, with a safety factor [bytes/s]."""
+
+
+def read_vtp(source: Source) -> Stored:
+    """Read a VTP of labels. Raises MeshError."""
+    check_memory(source, source.size, MEMORY)
+    if b"VTKFile" not in source.head():
+        raise damaged(source, f"it is no VTP; {source.hint}")
+    try:
+        found = call(
+            vtp_arrays,
+            str(source.path.absolute()),
+            memory=source.max_memory,
+            seconds=SECONDS + source.size / BYTES_PER_SECOND,
+        )
+        points, fields = dict(found["points"]), found["fields"]
+        settings = {
+            name.removeprefix(SETTING): str(text[0])
+            for name, text in fields.items()
+            if name.startswith(SETTING)
+        }
+        for name, values in points.items():
+            if f"{INFINITE}{name}" in fields:
+                points[name] = _with_infinite(values, fields[f"{INFINITE}{name}"])
+        stored = found["surface"] | _values(points, fingers_of(settings))
+        stored |= {
+            field.name: part[field.name]
+            for field, part in ((CORNERS, found["cells"]), (CORNER_NORMALS, fields))
+        }
+    except CallFailedError as failure:
+        raise damaged(source, f"the process that reads it {failure}") from failure
+    except (KeyError, IndexError, ValueError, TypeError, OSError, MemoryError) as error:
+        reason = " ".join(str(error).split())[:200] or type(error).__name__
+        raise damaged(source, f"its arrays cannot be read ({reason})") from error
+    return Stored(source, settings, stored, complete=True)
+
+
+def _values(points: Arrays, fingers: int) -> Arrays:
+    return {
+        field.name: field.from_points(points, fingers)
+        for field in VERTICES[1:]
+        if field.array and set(field.point_names(fingers)) <= points.keys()
+    }
+
+
+def _with_infinite(values: Array, rows: Array) -> Array:
+    """Infinite values again where `_signed_rows` says so."""
+    found, above = values.copy(), rows >= 0
+    found[rows[above]], found[~rows[~above]] = math.inf, -math.inf
+    return found

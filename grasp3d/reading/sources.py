@@ -5,6 +5,7 @@ Scenes of trimesh become one surface.
 
 import re
 import stat
+from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -117,12 +118,13 @@ def mesh_suffixes() -> frozenset[str]:
     return frozenset(f".{name}" for name in (*DIRECT_FORMATS, *ISOLATED_FORMATS))
 
 
-def find_source(path: Path, max_memory: float) -> Source:
+def find_source(path: Path, max_memory: float, suffixes: Iterable[str] | None = None) -> Source:
     """Return the mesh file at a path, after checking that it exists and has a known suffix.
 
     Args:
         path: The file.
         max_memory: Largest memory for reading it [GB].
+        suffixes: Those that can be read; None: those of meshes.
 
     Raises:
         MeshError: It does not exist, is not a file, is empty, or its suffix is unknown.
@@ -142,8 +144,9 @@ def find_source(path: Path, max_memory: float) -> Source:
     suffix = path.suffix.lower()
     if not suffix:
         raise MeshError(f"{where}: its name has no suffix for its format, such as .stl")
-    if suffix not in mesh_suffixes():
-        known = " ".join(sorted(mesh_suffixes()))
+    supported = mesh_suffixes() if suffixes is None else frozenset(suffixes)
+    if suffix not in supported:
+        known = " ".join(sorted(supported))
         raise MeshError(f"{where}: unsupported format {suffix}: supported are {known}")
     if not status.st_size:
         raise MeshError(f"{where}: the file is empty; export the mesh again")

@@ -71,8 +71,8 @@ class Holding:
     payload: Floats
     """Mass that the force at hand holds at the worst normals [kg], shape (b,); nan: no force at
     hand, no grasp, or a task that does not depend on the mass."""
-    resistance: Bytes
-    """`Resistance` codes at the nominal normals, shape (b,)."""
+    resistance: Bytes | None
+    """`Resistance` codes at the nominal normals, shape (b,); None: a file does not contain them."""
     how: Certainty
     """How `grip_force_least` and `grip_force_largest` are known; see `quality.force_range`."""
 
@@ -127,6 +127,8 @@ class Holding:
     @property
     def remedy(self) -> str:
         """What would help where most grasps hold nothing because fingers are hard; else empty."""
+        if self.resistance is None:
+            return ""
         grasps = ~np.isnan(self.grip_force)
         unresisted = np.isinf(self.grip_force) & (self.resistance == Resistance.NO_SUCH_WRENCH)
         if not self.case.hard or not unresisted.sum() > MOST * grasps.sum():
@@ -169,7 +171,8 @@ class Holding:
         return replace(self, **changed)
 
     def _arrays(self) -> dict[str, npt.NDArray[Any]]:
-        return {name: values for name, values in vars(self).items() if name in _ARRAYS}
+        found = {name: getattr(self, name) for name in _ARRAYS}
+        return {name: values for name, values in found.items() if values is not None}
 
 
 _ARRAYS = ("grip_force", "grip_force_least", "grip_force_largest", "payload", "resistance")

@@ -6,7 +6,7 @@ numbers, booleans, enumerations of text, nested dataclasses, `tuple[X, ...]` as 
 """
 
 import json
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import is_dataclass
 from enum import StrEnum
 from importlib.util import find_spec
@@ -136,6 +136,38 @@ def write_arrow(path: Path, table: pa.Table, metadata: Mapping[str, bytes]) -> N
     ):
         writer.write_table(table)
         writer.add_key_value_metadata(metadata)
+
+
+def read_arrow(
+    path: Path, check_size: Callable[[int], None]
+) -> tuple[dict[str, npt.NDArray[Any]], dict[str, str]]:
+    """Read a Parquet table of columns without missing values, and the metadata of its file.
+
+    Args:
+        path: The file.
+        check_size: Called with the size that the columns will have [bytes], before they are read.
+
+    Raises:
+        ValueError: It is damaged, or has other columns.
+        OSError: The file cannot be read.
+    """
+    try:
+        with pq.ParquetFile(path) as file:
+            metadata = file.metadata
+            groups = (metadata.row_group(number) for number in range(metadata.num_row_groups))
+            declared = sum(group.total_byte_size for group in groups)
+            check_size(max(declared, 8 * metadata.num_rows * metadata.num_columns))
+            table = file.read()
+    except pa.ArrowException as error:
+        raise ValueError(str(error).splitlines()[0]) from error
+    if any(column.null_count for column in table.columns):
+        raise ValueError("values are missing")
+    columns = {
+        name: column.to_numpy()
+        for name, column in zip(table.column_names, table.columns, strict=True)
+    }
+    texts = {name.decode(): text.decode() for name, text in (metadata.metadata or {}).items()}
+    return columns, texts
 
 
 def data_frame(table: pa.Table) -> "pd.DataFrame":

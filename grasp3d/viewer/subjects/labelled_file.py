@@ -17,6 +17,8 @@ import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints
 from grasp3d.errors import MeshError
+from grasp3d.export.ply_table import read_tables
+from grasp3d.export.stored import ADVICE, damaged
 from grasp3d.mesh.given_mesh import LARGEST
 from grasp3d.reading.declared_sizes import LONGEST_HEADER, check_declared_size
 from grasp3d.reading.ply import PlyHeader, read_ply_header
@@ -25,7 +27,6 @@ from grasp3d.settings import MeshOptions
 from grasp3d.stability.label import Label
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.viewer.subjects.file_settings import FileSettings, comments_of, settings_from
-from grasp3d.viewer.subjects.ply_table import ADVICE, damaged, read_tables
 
 _ANGLES = ("critical_angle", "critical_angle_best")
 _EPSILONS = ("epsilon", "epsilon_min", "epsilon_max")

@@ -6,13 +6,11 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Ints
-from grasp3d.errors import MeshError
+from grasp3d.export.stored import damaged
 from grasp3d.reading.ply import Element, PlyHeader
 from grasp3d.reading.sources import Source
 
 CORNERS = 3
-ADVICE = "label the mesh again, or export it without its labels"
-
 Columns = dict[str, npt.NDArray[Any]]
 
 
@@ -36,11 +34,6 @@ def read_tables(source: Source, header: PlyHeader) -> tuple[Columns, Ints]:
     if corners.size and (corners.min() < 0 or corners.max() >= vertex.count):
         raise damaged(source, f"a face refers to none of its {vertex.count:,} vertices")
     return columns, np.asarray(corners, dtype=np.int64)
-
-
-def damaged(source: Source, what: str) -> MeshError:
-    """The error for a labelled file that cannot be viewed."""
-    return MeshError(f"{source.where}: has labels, but {what}; {ADVICE}")
 
 
 def _layout(source: Source, header: PlyHeader) -> tuple[Element, Element]:

@@ -1,0 +1,147 @@
+"""Checks of the values in labelled files, which may be damaged or come from anywhere."""
+
+import math
+
+import numpy as np
+
+from grasp3d.export.fields import Array, Field
+from grasp3d.export.grasp_fields import MARGIN
+from grasp3d.export.read_settings import FileSettings
+from grasp3d.export.stored import FIELDS, Stored
+from grasp3d.export.vertex_fields import LOCATED, SURFACE
+from grasp3d.mesh.given_mesh import LARGEST
+from grasp3d.mesh.triangles import Triangles
+from grasp3d.reading.sources import check_finite
+from grasp3d.settings import GraspModel
+from grasp3d.stability.thresholds import label_angles
+
+ROUNDING = 1e-6
+"""Tolerance of angles and of the length of normals, which may be stored with 32 bits [rad, 1]."""
+
+OPTIONAL = ("payload", "label_with_force", "free_angles", "color", "area")
+"""Fields that follow from others, or depend on more than whether there is a load or a gripper."""
+
+ANY = -1
+"""Number of parts of a value that may have any number."""
+
+_TEXTS = {0.0: "0", math.pi: "pi"}
+
+
+def check_stored(stored: Stored, settings: FileSettings) -> None:
+    """Check all values of a labelled file.
+
+    Args:
+        stored: What the file holds.
+        settings: Its settings.
+
+    Raises:
+        MeshError: A field is missing, or has values that it cannot have.
+    """
+    for field in FIELDS.values():
+        if _is_needed(field, stored, settings):
+            stored.field(field.name)
+    count, fingers = len(stored.field("vertices")), settings.model.fingers
+    sizes = {
+        "F": len(stored.field("faces")), "C": len(stored.values.get("corner_normals", ())),
+    }  # fmt: skip
+    for name, values in stored.values.items():
+        field = FIELDS[name]
+        shape = tuple(sizes.get(str(size), size) for size in field.shape)
+        expected = shape if field in SURFACE else (count, *field.shape_for(fingers))
+        if expected[-1] == ANY:
+            expected = (*expected[:-1], *values.shape[-1:])
+        if values.shape != expected:
+            stored.reject(f"its {name} has the shape {values.shape} instead of {expected}")
+        _check_values(stored, field, values)
+    _check_surface(stored)
+    _check_labels(stored, settings.model)
+
+
+def _is_needed(field: Field, stored: Stored, settings: FileSettings) -> bool:
+    """Whether a file with such settings has the field."""
+    present = {
+        "always": True,
+        "errors": not settings.model.is_uniform,
+        "gripper": settings.scene is not None,
+        "joints": False,
+        "load": "object_mass" in stored.settings,
+    }
+    in_format = stored.complete or bool(field.ply) or field.name == "faces"
+    return in_format and present[field.when] and field.name not in OPTIONAL
+
+
+def _check_values(stored: Stored, field: Field, values: Array) -> None:
+    name, kinds = field.name, {np.dtype(field.kind)}
+    if field.kind == "f8" and not stored.complete:
+        kinds.add(np.dtype("f4"))
+    if values.dtype not in kinds:
+        stored.reject(f"its {name} is of the type {values.dtype} instead of {field.kind}")
+    if field.texts:
+        if (values >= len(field.texts)).any():
+            stored.reject(f"its {name} goes up to {values.max()}, above {len(field.texts) - 1}")
+        return
+    inside = (values >= field.low - ROUNDING) & (values <= field.high + ROUNDING)
+    if values.dtype.kind == "f":
+        inside &= np.isfinite(values)
+        if field.infinite is not None:
+            inside |= values == field.infinite
+        if field.unknown:
+            inside |= np.isnan(values)
+    if not inside.all() and name != "vertices":  # whose error says which
+        stored.reject(f"its {name} is not always {_allowed(field)}")
+
+
+def _allowed(field: Field) -> str:
+    """The values that a field may have, in words."""
+    low, high = (_TEXTS.get(bound, f"{bound:g}") for bound in (field.low, field.high))
+    text = f"from {low} to {high}" if math.isfinite(field.high) else f"at least {low}"
+    if not math.isfinite(field.low):
+        text = "a finite number"
+    if field.infinite is not None:
+        text += f", or {field.infinite}"
+    return f"{text}, or nan" if field.unknown else text
+
+
+def _check_surface(stored: Stored) -> None:
+    vertices, faces = stored.field("vertices"), stored.field("faces")
+    check_finite(vertices, stored.source.where)
+    if not len(faces):
+        stored.reject("it contains no faces")
+    if np.abs(vertices).max() > LARGEST:
+        stored.reject(f"its coordinates exceed {LARGEST:g}")
+    rows = {
+        **dict.fromkeys(("faces", "canonical"), len(vertices)),
+        **dict.fromkeys(("partner_faces", "best_partner_faces"), len(faces)),
+        "corners": len(stored.values.get("corner_normals", ())),
+    }
+    for name, limit in rows.items():
+        if name in stored.values and (stored.values[name] >= limit).any():
+            stored.reject(f"its {name} goes up to {stored.values[name].max()}, above {limit - 1}")
+    if not (Triangles(vertices, faces).areas != 0.0).any():
+        stored.reject("its faces have no area")
+    for name in ("normal", "corner_normals"):
+        lengths = np.linalg.norm(stored.values.get(name, np.zeros((0, 3))), axis=1)
+        if not ((np.abs(lengths - 1.0) < 2.0 * ROUNDING) | (lengths == 0.0)).all():
+            stored.reject("its normals are not of length 1")
+
+
+def _check_labels(stored: Stored, model: GraspModel) -> None:
+    """Compare angles, margins and labels.
+
+    Located angles have no order of their own: each is compared with another threshold.
+    """
+    worst, best = (stored.field(f"critical_angle{end}") for end in ("", "_best"))
+    # Of fingers that differ, the grasp with the best margin may be another one.
+    if not model.per_finger and not (best <= worst + ROUNDING).all():
+        stored.reject("its critical_angle_best is above its critical_angle")
+    if not model.is_uniform:
+        worst, best = (stored.field(field.name) for field in LOCATED)
+    expected = model.effective_friction_angle - worst
+    margin, label = stored.field(MARGIN.name), stored.field("label")
+    with np.errstate(invalid="ignore"):  # inf - inf
+        if not ((np.abs(margin - expected) < ROUNDING) | (margin == expected)).all():
+            stored.reject(f"its {MARGIN.name} does not match its angles")
+        near = np.abs(worst - model.effective_friction_angle) < ROUNDING
+        near |= np.abs(best - model.unstable_from) < ROUNDING
+    if model.method == "exact" and ((label_angles(worst, best, model) != label) & ~near).any():
+        stored.reject("its labels do not match its critical angles")

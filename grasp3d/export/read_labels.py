@@ -1,0 +1,218 @@
+"""Reading of labelled files."""
+
+import math
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+
+from grasp3d.arrays import Bytes, Floats, locked
+from grasp3d.errors import GraspError
+from grasp3d.export.checks import check_stored
+from grasp3d.export.fields import Array
+from grasp3d.export.npz import read_npz
+from grasp3d.export.parquet import read_fields
+from grasp3d.export.ply import ply_settings, read_ply
+from grasp3d.export.read_mesh import read_mesh
+from grasp3d.export.read_settings import FileSettings, settings_from
+from grasp3d.export.stored import FIELDS, Stored, damaged
+from grasp3d.export.vertex_fields import LOCATED, unpacked_bits
+from grasp3d.export.vtp import read_vtp
+from grasp3d.hand.reach import Reach
+from grasp3d.mesh import ObjectMesh
+from grasp3d.mesh.surface_points import SurfacePoints
+from grasp3d.quality.force_ranges import Certainty
+from grasp3d.quality.tilting import EpsilonRange
+from grasp3d.reading.sources import Source, find_source
+from grasp3d.settings import MeshOptions
+from grasp3d.surface.holding import Holding
+from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.load_case import LoadCase
+from grasp3d.surface.vertex_grasps import Reason
+
+READERS: dict[str, Callable[[Source], Stored]] = {
+    ".ply": read_ply,
+    ".npz": read_npz,
+    ".vtp": read_vtp,
+    ".parquet": read_fields,
+}
+"""By suffix."""
+
+PLAIN = (
+    "label", "critical_angle", "critical_angle_best", "max_resolution", "margin", "partners",
+    "partner_normals", "opening", "grip", "reason",
+)  # fmt: skip
+"""Fields that are attributes of labels as they are."""
+
+
+def read_labels(path: str | Path, *, max_memory: float = MeshOptions.max_memory) -> SurfaceLabels:
+    """Read a labelled PLY, NPZ, VTP or Parquet file.
+
+    From NPZ, VTP and Parquet the labels are those that were written, bit for bit, with their mesh
+    and settings. A PLY has no opposing contacts and 32 bits: what it does not contain is None, and
+    what needs the contacts raises SettingError.
+
+    Args:
+        path: A file that `write_ply`, `write_npz`, `write_vtp` or `write_fields` wrote.
+        max_memory: Memory limit for reading [GB].
+
+    Raises:
+        MeshError: The file is missing, damaged, too large, or was not written by grasp3d.
+
+    Example:
+        >>> import trimesh
+        >>> import grasp3d
+        >>> ball = grasp3d.load_mesh(trimesh.creation.icosphere(2), unit="cm", max_edge=9.0)
+        >>> grasp3d.write_npz("ball.npz", grasp3d.label_surface(ball))
+        >>> labels = grasp3d.read_labels("ball.npz")
+        >>> labels
+        <SurfaceLabels of trimesh.Trimesh: 162 vertices, ...; S 100.0%, M 0.0%, U 0.0%>
+        >>> labels.relabel(friction=0.1).fractions()["S"], labels.mesh.unit
+        (0.0, 'cm')
+    """
+    source = find_source(Path(path), max_memory, READERS)
+    stored = READERS[f".{source.kind}"](source)
+    settings = _settings(source, stored.settings)
+    check_stored(stored, settings)
+    mesh = read_mesh(stored, settings)
+    try:
+        return _labels(stored, settings, mesh)
+    except GraspError as error:
+        raise damaged(source, str(error)) from error
+
+
+def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> FileSettings | None:
+    """Settings of a labelled PLY, from its header alone.
+
+    Args:
+        path: Any file.
+        max_memory: Memory limit for reading [GB].
+
+    Returns:
+        The settings; None: the file is not a PLY, or has no labels.
+
+    Raises:
+        MeshError: The file has some properties of a labelled file, but is not a valid one.
+    """
+    if path.suffix.lower() != ".ply":
+        return None
+    source = find_source(path, max_memory)
+    texts = ply_settings(source)
+    return None if texts is None else _settings(source, texts)
+
+
+def _settings(source: Source, texts: dict[str, str]) -> FileSettings:
+    try:
+        return settings_from(texts)
+    except ValueError as error:
+        raise damaged(source, f"its grasp3d comments are not valid: {error}") from error
+
+
+def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> SurfaceLabels:
+    """Labels of checked values. Raises GraspError."""
+    load = settings.load
+    if load is not None and not stored.complete and load.density is not None:
+        # The file has no bodies that the densities could belong to.
+        load = replace(load, density=None, mass=float(stored.settings["object_mass"]))
+    known: dict[str, Any] = {
+        **{name: _value(stored, name) for name in PLAIN},
+        "reason": _reason(stored, settings, mesh),
+        "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
+        "located_angles": None
+        if settings.model.is_uniform
+        else tuple(_floats(stored, field.name) for field in LOCATED),
+        "partner_points": _partner_points(stored),
+        **_reach(stored, settings),
+        "holding": None if load is None else _holding(stored, replace(settings, load=load), mesh),
+    }
+    return SurfaceLabels.of_values(
+        mesh, settings.model, sampling=settings.sampling, mode=settings.mode,
+        search=settings.search, scene=settings.scene, load=load, values=known,
+    )  # fmt: skip
+
+
+_ENDS = ("", "_min", "_max")
+
+
+def _value(stored: Stored, name: str) -> Array | None:
+    """Values of a field as Python has them; None: the file has none."""
+    values = stored.values.get(name)
+    if values is None:
+        return None
+    field = FIELDS[name]
+    return locked(-values if field.outward else values, np.dtype(field.kind))
+
+
+def _floats(stored: Stored, name: str) -> Floats:
+    return locked(stored.field(name))
+
+
+def _reason(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Bytes:
+    """Why vertices have no grasp, as far as the file shows, (V,)."""
+    if "reason" in stored.values:
+        return locked(stored.field("reason"), np.uint8)
+    missing = Reason.SAME_POINT if settings.mode == "scan" else Reason.NO_PARTNER
+    found = np.isfinite(stored.field("critical_angle_best"))
+    reasons = np.where(found, Reason.FOUND, missing)
+    return locked(np.where(mesh.on_surface, reasons, Reason.OFF_SURFACE), np.uint8)
+
+
+def _partner_points(stored: Stored) -> SurfacePoints | None:
+    """The opposing contacts as surface points, (V, 2, n - 1); None: the file has none."""
+    if not stored.complete:
+        return None
+    faces, weights = (
+        np.stack([stored.field(f"{head}partner_{name}") for head in ("", "best_")], axis=1)
+        for name in ("faces", "weights")
+    )
+    return SurfacePoints(locked(faces), locked(weights))
+
+
+def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:
+    """How a gripper reaches the grasps, as far as the file shows."""
+    if settings.scene is None:
+        return {}
+    margin = _floats(stored, "approach_margin")
+    if not stored.complete:
+        reached = locked(np.isfinite(margin))
+        approach = _floats(stored, "approach")
+        return {"approach": approach, "approach_margin": margin, "reachable": reached}
+    columns = [stored.field(name) for name in ("closing", "lateral", "approach", "tcp")]
+    poses = np.full((len(margin), 4, 4), math.nan)
+    poses[:, :3] = np.stack(columns, axis=2)
+    poses[np.isfinite(columns[3]).all(axis=1), 3] = 0.0, 0.0, 0.0, 1.0
+    angles = settings.scene.approach.angles if settings.model.fingers == 2 else 0
+    reach = Reach(
+        state=locked(stored.field("reach_state")),
+        poses=locked(poses),
+        approach_margin=margin,
+        opening=_floats(stored, "held_opening"),
+        pregrasp_opening=_floats(stored, "pregrasp_opening"),
+        depth=_floats(stored, "depth"),
+        free=locked(unpacked_bits(stored.field("free_angles"), angles)),
+    )
+    return {"reach": reach}
+
+
+def _holding(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Holding | None:
+    """Forces and payloads under the load; None: the file has none. Raises GraspError."""
+    load, scene = settings.load, settings.scene
+    if load is None or "force_bounds" not in stored.settings:
+        return None
+    text = stored.settings["force_bounds"]
+    how = next((one for one in get_args(Certainty) if one == text), None)
+    if how is None:
+        stored.reject(f"its force_bounds are {text[:20]!r}")
+    count = len(stored.field("label"))
+    resistance = stored.values.get("resistance")
+    return Holding(
+        case=LoadCase.of(load, mesh, settings.model, None if scene is None else scene.hand),
+        grip_force=_floats(stored, "grip_force"),
+        grip_force_least=_floats(stored, "grip_force_least"),
+        grip_force_largest=_floats(stored, "grip_force_largest"),
+        payload=locked(stored.values.get("payload", np.full(count, math.nan))),
+        resistance=None if resistance is None else locked(resistance),
+        how=how,
+    )

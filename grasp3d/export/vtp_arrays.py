@@ -1,0 +1,35 @@
+"""Arrays of a VTP, read in a child process: VTK may crash on damaged files."""
+
+from typing import Any
+
+VtpArrays = dict[str, dict[str, Any]]
+
+
+def vtp_arrays(path: str) -> VtpArrays:
+    """The arrays of a VTP.
+
+    Args:
+        path: The file.
+
+    Returns:
+        Positions and faces under `surface`, point, cell and field data by name; empty: it is no
+        VTP of triangles.
+    """
+    import numpy as np
+    from vtkmodules.vtkCommonCore import vtkObject
+
+    vtkObject.GlobalWarningDisplayOff()
+    import pyvista
+
+    data = pyvista.read(path)
+    if not isinstance(data, pyvista.PolyData) or not data.is_all_triangles:
+        return {}
+    faces = np.array(data.faces, dtype=np.int64).reshape(-1, 4)[:, 1:]
+    parts = {"points": data.point_data, "cells": data.cell_data, "fields": data.field_data}
+    return {
+        "surface": {"vertices": np.array(data.points), "faces": faces},
+        **{
+            part: {name: np.array(found[name]) for name in found.keys()}  # noqa: SIM118
+            for part, found in parts.items()
+        },
+    }
