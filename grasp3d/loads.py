@@ -1,9 +1,10 @@
 """Load: what each grasp must hold, and with which force."""
 
+import ast
 from collections.abc import Mapping
 from dataclasses import dataclass, fields, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
 from grasp3d.quality.task_texts import TaskField, TaskText
@@ -159,9 +160,42 @@ def load_from(values: Mapping[str, str]) -> Load | None:
         SettingError: It is damaged.
     """
     task = values.get("task", "None")
-    return (
-        None if task == "None" or task.startswith(GIVEN_TASK) else settings_of_texts(Load, values)
-    )
+    if task == "None":
+        return None
+    if not task.startswith(GIVEN_TASK):
+        return settings_of_texts(Load, values)
+    given = _given_task(task.removeprefix(GIVEN_TASK))
+    others = {name: text for name, text in values.items() if name != "task"}
+    return None if given is None else replace(settings_of_texts(Load, others), task=given)
+
+
+def _given_task(text: str) -> "Task | None":
+    """The task, made in Python, whose `repr` is a text; None: it is none of this package's."""
+    from grasp3d.quality import tasks
+
+    kinds = (tasks.Weight, tasks.Acceleration, tasks.Wrenches, tasks.Ellipsoid, tasks.Sum)
+    names: dict[str, Any] = {kind.__name__: kind for kind in kinds}
+
+    def value(node: ast.expr) -> Any:
+        if isinstance(node, ast.Call) and isinstance(node.func, ast.Name):
+            return names[node.func.id](**{str(one.arg): value(one.value) for one in node.keywords})
+        if isinstance(node, ast.Tuple):
+            return tuple(map(value, node.elts))
+        return ast.literal_eval(node)
+
+    try:
+        found = value(ast.parse(text, mode="eval").body)
+    except (
+        SyntaxError,
+        ValueError,
+        TypeError,
+        KeyError,
+        RecursionError,
+        MemoryError,
+        SettingError,
+    ):
+        return None
+    return found if isinstance(found, kinds) else None
 
 
 def _one_line(value: object) -> str | float | None:

@@ -146,7 +146,7 @@ def _value(stored: Stored, name: str) -> Array | None:
 
 
 def _floats(stored: Stored, name: str) -> Floats:
-    return locked(stored.field(name))
+    return locked(stored.field(name), np.float64)
 
 
 def _reason(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Bytes:
@@ -183,7 +183,8 @@ def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:
     poses = np.full((len(margin), 4, 4), math.nan)
     poses[:, :3] = np.stack(columns, axis=2)
     poses[np.isfinite(columns[3]).all(axis=1), 3] = 0.0, 0.0, 0.0, 1.0
-    angles = settings.scene.approach.angles if settings.model.fingers == 2 else 0
+    count, angles = len(margin), settings.scene.approach.angles
+    free = stored.values.get("free_angles")
     reach = Reach(
         state=locked(stored.field("reach_state")),
         poses=locked(poses),
@@ -191,7 +192,8 @@ def _reach(stored: Stored, settings: FileSettings) -> dict[str, Any]:
         opening=_floats(stored, "held_opening"),
         pregrasp_opening=_floats(stored, "pregrasp_opening"),
         depth=_floats(stored, "depth"),
-        free=locked(unpacked_bits(stored.field("free_angles"), angles)),
+        posture=locked(stored.values.get("posture", np.zeros((count, 0)))),
+        free=locked(np.zeros((count, 0), bool) if free is None else unpacked_bits(free, angles)),
     )
     return {"reach": reach}
 
@@ -212,7 +214,7 @@ def _holding(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Holdin
         grip_force=_floats(stored, "grip_force"),
         grip_force_least=_floats(stored, "grip_force_least"),
         grip_force_largest=_floats(stored, "grip_force_largest"),
-        payload=locked(stored.values.get("payload", np.full(count, math.nan))),
+        payload=locked(stored.values.get("payload", np.full(count, math.nan)), np.float64),
         resistance=None if resistance is None else locked(resistance),
         how=how,
     )

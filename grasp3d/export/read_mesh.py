@@ -12,6 +12,7 @@ from grasp3d.export.stored import Stored
 from grasp3d.mesh import MeshReport, ObjectMesh
 from grasp3d.mesh.measures import is_closed, surface_extent
 from grasp3d.mesh.normals import CornerNormals, corner_normals
+from grasp3d.mesh.preparing import center_and_volume, center_mass_from
 from grasp3d.mesh.repair import RepairStep, Solids
 from grasp3d.mesh.triangles import Triangles
 
@@ -92,8 +93,9 @@ def _displayed_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
     canonical = first_at_position(vertices)
     faces = canonical[faces]
     center, size = surface_extent(vertices, faces)
-    closed = is_closed(faces)
-    given = settings.options.center_of_mass
+    closed, given = is_closed(faces), settings.options.center_of_mass
+    surface = Triangles((vertices - center) / size, faces)
+    center_mass, volume = center_and_volume(surface, closed=closed)
     warnings = [] if closed else [
         "the surface is open: inside and outside are taken from the winding of its faces"
     ]  # fmt: skip
@@ -105,8 +107,8 @@ def _displayed_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
         corner_normals=_shading(stored, vertices, faces, settings.options.crease_angle),
         center=locked(center),
         size=size,
-        center_mass=locked(center if given is None else given),
-        volume=math.nan,
+        center_mass=locked(center_mass * size + center if given is None else given),
+        volume=volume * size**3,
         options=settings.options,
         report=MeshReport(
             source=settings.source,
@@ -118,7 +120,7 @@ def _displayed_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
             faces=len(faces),
             bodies=1,
             closed=closed,
-            center_mass_from="surface" if given is None else "given",
+            center_mass_from=center_mass_from(settings.options, volume),
             repairs=(),
             warnings=tuple(warnings),
         ),

@@ -129,7 +129,6 @@ POSES = (
         name="approach",
         meaning="approach direction of the pose that the gripper reaches, the axis z of its "
         "[frame](guide/grippers.md#frame-and-shape)",
-        of=_pose(2),
         shape=(3,),
         when="gripper",
         columns=tuple(f"approach_{axis}" for axis in XYZ),
@@ -155,7 +154,7 @@ POSES = (
         columns=tuple(f"closing_{axis}" for axis in XYZ),
         unknown=True,
     ),
-    APPROACH_MARGIN,
+    replace(APPROACH_MARGIN, of=None),
     DEPTH,
     replace(
         DEPTH,

@@ -171,7 +171,7 @@ def refined_mesh(
         Triangles(repaired.vertices, repaired.faces), refined, normals, options, size,
         threads=threads,
     )  # fmt: skip
-    center_mass, volume = _mass(surface, closed=repaired.closed)
+    center_mass, volume = center_and_volume(surface, closed=repaired.closed)
     warnings = [
         *surface_warnings(repaired, volume, given=options.center_of_mass is not None),
         *size_warnings(given.raw, size, unit),
@@ -203,7 +203,7 @@ def refined_mesh(
             faces=len(refined.faces),
             bodies=repaired.bodies,
             closed=repaired.closed,
-            center_mass_from=_center_mass_from(options, volume),
+            center_mass_from=center_mass_from(options, volume),
             repairs=repaired.steps,
             warnings=(*warnings, *repaired.warnings, *patch_warnings),
         ),
@@ -211,14 +211,15 @@ def refined_mesh(
     )
 
 
-def _center_mass_from(options: MeshOptions, volume: float) -> str:
+def center_mass_from(options: MeshOptions, volume: float) -> str:
+    """What the centre of mass follows from, as `MeshReport.center_mass_from`."""
     if options.center_of_mass is not None:
         return "given"
     return "surface" if math.isnan(volume) else "volume"
 
 
-def _mass(surface: Triangles, *, closed: bool) -> tuple[Floats, float]:
-    """Centre of mass and volume in the normalised frame; the surface's centre and nan if open."""
+def center_and_volume(surface: Triangles, *, closed: bool) -> tuple[Floats, float]:
+    """Centre of mass and volume of a surface in the normalised frame; 0 and nan if it is open."""
     if closed:
         volume = float(surface.volumes.sum())
         if volume > FLAT_VOLUME:

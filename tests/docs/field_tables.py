@@ -8,6 +8,7 @@ writes them anew, between the comments `<!-- fields: NAME -->` and `<!-- end of 
 import re
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import get_args
 
 from grasp3d.export.fields import Field, When
 from grasp3d.export.grasp_fields import CONTACTS, FOUND_POSES, GRASPS, given_poses
@@ -106,7 +107,7 @@ def _type(field: Field) -> str:
 
 
 TABLES = {
-    **{f"vertices, {when}": vertex_table(when) for when in ("always", "errors", "gripper", "load")},
+    **{f"vertices, {when}": vertex_table(when) for when in get_args(When)},
     "surface": surface_table(),
     "grasps": column_table(GRASPS, "always", "column, in JSON key of each grasp"),
     "grasps, gripper": column_table(GRASPS, "gripper", "column"),

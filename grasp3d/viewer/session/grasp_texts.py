@@ -133,6 +133,7 @@ def held_grasp(contacts: SurfaceContacts, model: GraspModel, case: LoadCase) -> 
     found = surface_holding(contacts, replace(model, fingers=contacts.count), case, threads=1)
     numbers = (found.grip_force, found.grip_force_least, found.grip_force_largest, found.payload)
     force, least, largest, payload = (float(values[0]) for values in numbers)
+    assert found.resistance is not None
     return HeldGrasp(
         LoadNumbers.of(case), force, least, largest, payload, contacts.count,
         hard=case.hard, resistance=Resistance(int(found.resistance[0])),

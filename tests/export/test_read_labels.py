@@ -1,0 +1,348 @@
+"""Labels that are read again are those that were written, as far as their format stores them."""
+
+import math
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import cache
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from grasp3d import (
+    GraspModel,
+    Load,
+    MultifingerSampling,
+    ParallelGripper,
+    Sampling,
+    SurfaceLabels,
+    Table,
+    best_grasps,
+    label_surface,
+    load_mesh,
+    read_labels,
+    scan_surface,
+    write_glb,
+)
+from grasp3d.errors import GraspError, MeshError, SettingError
+from grasp3d.export.fields import Array, Field, present
+from grasp3d.export.vertex_fields import SURFACE, VERTICES
+from grasp3d.export.writers import WRITERS, writer_for
+from grasp3d.mesh import ObjectMesh
+from grasp3d.quality import Weight
+from tests.helpers import shapes
+
+COMPLETE = ("npz", "vtp", "parquet")
+FRANKA = ParallelGripper.preset("franka")
+
+
+@cache
+def box() -> ObjectMesh:
+    return load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5)
+
+
+def cone() -> SurfaceLabels:
+    """S, M and U, creases, and vertices without a grasp."""
+    mesh = load_mesh(shapes.cone(0.35), unit="cm", max_edge=0.2)
+    return label_surface(mesh, GraspModel(friction=0.75), sampling=Sampling(max_opening=0.3))
+
+
+def three_fingers() -> SurfaceLabels:
+    mesh = load_mesh(shapes.sphere(1), max_edge=0.5)
+    return label_surface(mesh, GraspModel(fingers=3), sampling=MultifingerSampling(candidates=16))
+
+
+def gripper() -> SurfaceLabels:
+    return label_surface(box(), hand=FRANKA, table=Table.below(box(), "z"), load=Load(mass="200 g"))
+
+
+def patches() -> SurfaceLabels:
+    mesh = load_mesh(shapes.box((4.0, 3.0, 2.0)), unit="cm", max_edge=1.5, patch_radius="3mm")
+    return label_surface(mesh, load=Load(density=(900.0,), grip_force="20 N"))
+
+
+def welded() -> SurfaceLabels:
+    """Vertices at one position, some of which belong to no face."""
+    vertices, faces = shapes.box()
+    twice = np.concatenate([vertices, vertices, [[9.0, 0.0, 0.0]]])
+    mesh = load_mesh((twice, np.concatenate([faces[:6], faces[6:] + len(vertices)])), max_edge=0.5)
+    return label_surface(mesh, GraspModel(torsion_radius=0.1))
+
+
+CASES: dict[str, Callable[[], SurfaceLabels]] = {
+    "cone": cone,
+    "location error": lambda: cone().relabel(location_error=0.01, friction=(0.6, 0.7)),
+    "fingers": lambda: cone().relabel(per_finger="location_error=0.004; friction=0.4..0.6"),
+    "extremes": lambda: label_surface(box(), GraspModel(method="extremes", extreme_normals=4)),
+    "three fingers": three_fingers,
+    "gripper": gripper,
+    "patches": patches,
+    "given task": lambda: label_surface(box(), load=Load(task=Weight(0.3), grip_force=20.0)),
+    "scan": lambda: scan_surface(box(), fixed=(0.0, 1.5, 0.0)),
+    "welded": welded,
+}
+
+
+@cache
+def labels_of(case: str) -> SurfaceLabels:
+    return CASES[case]()
+
+
+def values_of(labels: SurfaceLabels) -> dict[str, tuple[Field, Array]]:
+    """Every declared field that labels have, by name."""
+    found = [*present(VERTICES, labels), *present(SURFACE, labels.mesh)]
+    return {field.name: (field, values) for field, values in found}
+
+
+def bits(values: object) -> object:
+    """Values that are equal only if they are so in every bit."""
+    if isinstance(values, np.ndarray):
+        return values.dtype, values.shape, values.tobytes()
+    if isinstance(values, dict):
+        return {name: bits(one) for name, one in values.items()}
+    return repr(values)
+
+
+@pytest.mark.parametrize("suffix", COMPLETE)
+@pytest.mark.parametrize("case", CASES)
+def test_complete_files_have_every_field_bit_for_bit(
+    tmp_path: Path, suffix: str, case: str
+) -> None:
+    labels, path = labels_of(case), tmp_path / f"labels.{suffix}"
+    writer_for(path)(path, labels)
+    found = read_labels(path)
+    written, read = values_of(labels), values_of(found)
+    assert written.keys() == read.keys()
+    for name, (_, values) in written.items():
+        assert bits(values) == bits(read[name][1]), name
+    mesh, again = labels.mesh, found.mesh
+    for name in ("center", "size", "center_mass", "volume", "torque_scale", "file_vertices"):
+        assert bits(getattr(mesh, name)) == bits(getattr(again, name)), name
+    for name, array in vars(mesh.normal_sets).items():
+        assert bits(array) == bits(getattr(again.normal_sets, name)), name
+    assert (again.options, again.report) == (mesh.options, mesh.report)
+    assert (mesh.solids is None) == (again.solids is None)
+    if mesh.solids is not None:
+        assert bits(vars(mesh.solids)) == bits(vars(again.solids))
+    searched = None
+    if labels.sampling is not None:  # the file has the angle that was searched
+        searched = replace(labels.sampling, search_angle=labels.search.cone)
+    assert (found.model, found.sampling, found.mode) == (labels.model, searched, labels.mode)
+    assert (found.search, found.load) == (labels.search, labels.load)
+    assert scene_of(found) == scene_of(labels)
+    if labels.holding is not None:
+        assert found.holding is not None
+        assert (found.holding.how, found.holding.case) == (labels.holding.how, labels.load_case)
+    if labels.reach is not None:
+        assert bits(vars(found.reach)) == bits(vars(labels.reach))
+    assert found.fractions() == labels.fractions()
+    assert repr(found) == repr(labels)
+
+
+def scene_of(labels: SurfaceLabels) -> object:
+    """What the hand of labels is, and what it must not touch, for comparison."""
+    scene = labels.scene
+    if scene is None:
+        return None
+    table = None if scene.table is None else bits(asdict(scene.table))
+    return scene.hand, table, bits(asdict(scene.approach))
+
+
+@pytest.mark.parametrize("binary", [True, False])
+@pytest.mark.parametrize("case", CASES)
+def test_a_ply_has_its_fields_as_it_stores_them(tmp_path: Path, case: str, binary: bool) -> None:
+    labels, path = labels_of(case), tmp_path / "labels.ply"
+    WRITERS[".ply"](path, labels) if binary else _as_text(path, labels)
+    found = read_labels(path)
+    read = values_of(found)
+    for name, (field, values) in values_of(labels).items():
+        if field.ply:
+            stored = values.astype(field.ply).astype(field.kind)
+            assert bits(stored) == bits(read[name][1]), name
+    for name in ("partners", "partner_normals", "partner_points", "opening", "grip", "reach"):
+        assert getattr(found, name) is None
+    assert np.array_equal(found.mesh.faces, labels.mesh.faces)
+    assert found.mesh.torque_scale == labels.mesh.torque_scale
+    assert (found.model, found.mode, found.mesh.unit) == (
+        labels.model, labels.mode, labels.mesh.unit,
+    )  # fmt: skip
+    assert found.fractions() == pytest.approx(labels.fractions())
+    with pytest.raises(SettingError, match="does not contain the opposing contacts"):
+        best_grasps(found, 2)
+
+
+def _as_text(path: Path, labels: SurfaceLabels) -> None:
+    from grasp3d import write_ply
+
+    write_ply(path, labels, binary=False)
+
+
+@given(
+    friction=st.floats(0.2, 0.7),
+    sensor_resolution=st.floats(0.0, 0.3),
+    location_error=st.sampled_from([0.0, 0.004]),
+    suffix=st.sampled_from(COMPLETE),
+)
+@settings(max_examples=20, deadline=None)
+def test_read_labels_are_labelled_anew_as_those_in_memory(
+    tmp_path_factory: pytest.TempPathFactory,
+    friction: float,
+    sensor_resolution: float,
+    location_error: float,
+    suffix: str,
+) -> None:
+    path = tmp_path_factory.getbasetemp() / f"cone.{suffix}"
+    if not path.exists():
+        writer_for(path)(path, labels_of("cone"))
+    changed = {
+        "friction": friction,
+        "sensor_resolution": sensor_resolution,
+        "location_error": location_error,
+    }
+    read, known = (
+        one.relabel(**changed)  # type: ignore[arg-type]
+        for one in (read_labels(path), labels_of("cone"))
+    )
+    for name in ("label", "margin", "max_resolution", "epsilon", "epsilon_min", "epsilon_max"):
+        assert bits(getattr(read, name)) == bits(getattr(known, name))
+
+
+@pytest.mark.parametrize("case", ["gripper", "three fingers", "cone"])
+def test_best_grasps_of_read_labels_are_the_same(tmp_path: Path, case: str) -> None:
+    labels, path = labels_of(case), tmp_path / "labels.npz"
+    writer_for(path)(path, labels)
+    found = read_labels(path)
+    one, other = (best_grasps(each, 3).to_table() for each in (labels, found))
+    assert one.equals(other, check_metadata=True)
+    again = found.to_table()
+    assert again.schema.equals(labels.to_table().schema, check_metadata=True)
+
+
+def test_a_written_file_may_be_written_again(tmp_path: Path) -> None:
+    paths = [tmp_path / f"{number}.{suffix}" for number, suffix in enumerate(COMPLETE * 2)]
+    writer_for(paths[0])(paths[0], labels_of("gripper"))
+    for path, following in pairwise(paths):
+        writer_for(following)(following, read_labels(path))
+    read, known = values_of(read_labels(paths[-1])), values_of(labels_of("gripper"))
+    assert {name: bits(values) for name, (_, values) in read.items()} == {
+        name: bits(values) for name, (_, values) in known.items()
+    }
+
+
+# Files that are damaged or foreign
+
+
+@pytest.mark.parametrize("suffix", ["ply", *COMPLETE])
+def test_other_files_give_a_sentence(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"other.{suffix}"
+    for content in (
+        b"",
+        b"grasp3d",
+        b"PK\x03\x04" + bytes(200),
+        b"<VTKFile>" + bytes(200),
+        b"PAR1",
+    ):
+        path.write_bytes(content)
+        with pytest.raises(MeshError) as caught:
+            read_labels(path)
+        assert "\n" not in str(caught.value)
+    with pytest.raises(MeshError, match="no such file"):
+        read_labels(tmp_path / f"nowhere.{suffix}")
+
+
+def test_other_formats_are_named(tmp_path: Path) -> None:
+    write_glb(tmp_path / "labels.glb", labels_of("cone"))
+    with pytest.raises(MeshError, match=r"supported are \.npz \.parquet \.ply \.vtp"):
+        read_labels(tmp_path / "labels.glb")
+
+
+@pytest.mark.parametrize("suffix", ["ply", *COMPLETE])
+def test_files_beyond_the_memory_limit_are_refused(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"labels.{suffix}"
+    writer_for(path)(path, labels_of("cone"))
+    with pytest.raises(MeshError, match="max_memory"):
+        read_labels(path, max_memory=1e-6)
+
+
+def rewritten(path: Path, **changed: Array | None) -> Path:
+    """An NPZ with other arrays; None: without one."""
+    with np.load(path) as stored:
+        arrays = {**dict(stored), **changed}
+    np.savez_compressed(path, **{name: one for name, one in arrays.items() if one is not None})  # type: ignore[arg-type]
+    return path
+
+
+def changed(name: str, row: int, value: float) -> Array:
+    """A field of the cone with another value in one row."""
+    values = values_of(labels_of("cone"))[name][1].copy()
+    values[row] = value
+    return values
+
+
+def bad_values() -> dict[str, tuple[dict[str, Array | None], str]]:
+    count = len(labels_of("cone").label)
+    return {
+        "missing": ({"margin": None}, "it has no margin"),
+        "setting": ({"setting_friction": None}, "no comment 'friction'"),
+        "mesh": ({"setting_surface": np.array("{}")}, "its mesh is damaged"),
+        "code": ({"label": changed("label", 0, 3)}, "its label goes up to 3, above 2"),
+        "angle": ({"critical_angle": changed("critical_angle", 0, -1.0)}, "from 0 to pi, or inf"),
+        "nan": ({"max_resolution": changed("max_resolution", 0, math.nan)}, "from 0 to pi"),
+        "margin": ({"margin": changed("margin", 0, 9.0)}, "does not match its angles"),
+        "position": ({"vertices": changed("vertices", 0, math.inf)}, "not a finite number"),
+        "face": ({"faces": changed("faces", 0, count)}, "its faces goes up to"),
+        "partner": (
+            {"partner_faces": changed("partner_faces", 0, 10**6)},
+            "its partner_faces",
+        ),
+        "shape": ({"epsilon": np.zeros(count - 1)}, "the shape"),
+        "type": ({"epsilon": np.zeros(count, np.float32)}, "of the type float32"),
+        "object": ({"epsilon": np.full(count, None)}, "its arrays cannot be read"),
+        "canonical": ({"canonical": changed("canonical", 0, 5)}, "its mesh is damaged"),
+    }
+
+
+@pytest.mark.parametrize("case", bad_values())
+def test_impossible_values_are_refused(tmp_path: Path, case: str) -> None:
+    path = tmp_path / "labels.npz"
+    writer_for(path)(path, labels_of("cone"))
+    arrays, message = bad_values()[case]
+    with pytest.raises(MeshError, match=message):
+        read_labels(rewritten(path, **arrays))
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with the files of every format that is read."""
+    found = tmp_path_factory.mktemp("whole")
+    for suffix in ("ply", *COMPLETE):
+        writer_for(found / f"whole.{suffix}")(found / f"whole.{suffix}", labels_of("gripper"))
+    return found
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("suffix", ["ply", *COMPLETE])
+@given(data=st.data())
+@settings(max_examples=60, deadline=None)
+def test_any_damage_gives_a_one_line_error_or_labels(
+    data: st.DataObject, folder: Path, suffix: str
+) -> None:
+    broken = bytearray((folder / f"whole.{suffix}").read_bytes())
+    for _ in range(data.draw(st.integers(1, 4))):
+        position = data.draw(st.integers(0, len(broken) - 1))
+        broken[position] = data.draw(st.integers(0, 255))
+    length = data.draw(st.just(len(broken)) | st.integers(1, len(broken)))
+    path = folder / f"broken.{suffix}"
+    path.write_bytes(bytes(broken[:length]))
+    found: SurfaceLabels | str
+    try:
+        found = read_labels(path)
+    except GraspError as error:
+        found = str(error)
+    if isinstance(found, str):
+        assert "\n" not in found
+    else:
+        assert len(found.label) == len(found.mesh.vertices)
