@@ -176,6 +176,8 @@ def test_files_without_a_load_have_none() -> None:
     assert load_from({name: str(value) for name, value in load_settings(None).items()}) is None
     assert load_from({"friction": "0.5"}) is None
     of_python = {name: str(value) for name, value in load_settings(Load(task=Weight())).items()}
-    assert load_from(of_python) is None
+    assert load_from(of_python) == Load(task=Weight())
+    for unknown in ("given: <mine.Push object>", "given: Push(1.0)", "given: Weight(mass=-1.0)"):
+        assert load_from(of_python | {"task": unknown}) is None
     with pytest.raises(SettingError, match="mass must be"):
         load_from({"task": "weight", "mass": "-1"})

@@ -160,7 +160,7 @@ def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: GraspTabl
     collection = collection_of_grasps(grasps)
     assert [item.name for item in collection.items] == [f"arrays, grasp {n}" for n in (1, 2, 3)]
     subject = collection.items[1].open(ignore)
-    assert subject.mode == "scan"
+    assert subject.labels.mode == "scan"
     shown = inspect_last_contact(subject, grasps.model)
     assert shown is not None
     assert shown.code == grasps.label[1]
@@ -172,7 +172,7 @@ def test_grasps_are_shown_one_at_a_time_with_their_own_numbers(grasps: GraspTabl
 
 def test_a_mesh_is_labelled_when_it_is_shown(labels: SurfaceLabels) -> None:
     subject = collection_of_mesh(labels.mesh).items[0].open(ignore)
-    np.testing.assert_array_equal(subject.critical_angle, labels.critical_angle)
+    np.testing.assert_array_equal(subject.labels.critical_angle, labels.critical_angle)
 
 
 def test_show_takes_labels_grasps_and_meshes(
