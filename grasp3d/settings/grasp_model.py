@@ -9,7 +9,6 @@ from grasp3d.settings.checks import DEGREE, Radians, check_choice, check_length,
 from grasp3d.settings.lengths import Length, LengthSettings, Measure
 from grasp3d.settings.uncertainty import (
     Friction,
-    Interval,
     PerFinger,
     Uncertainty,
     check_normal_error,
@@ -115,7 +114,9 @@ class GraspModel(LengthSettings):
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        self._set_friction(friction_interval(self.friction))
+        friction, error = self._parted_friction()
+        object.__setattr__(self, "friction", friction)
+        object.__setattr__(self, "friction_error", error)
         self._check_uncertainty()
         if not (isinstance(self.fingers, int) and 1 <= self.fingers <= MAX_FINGERS):
             raise SettingError(
@@ -150,23 +151,21 @@ class GraspModel(LengthSettings):
                     f"leave {name} out"
                 )
 
-    def _set_friction(self, interval: Interval) -> None:
-        """Part an interval of friction into its middle and `friction_error`."""
-        smallest, largest = interval
-        middle = smallest
-        if smallest < largest:
-            # To 15 digits, so that 0.4..0.6 is 0.5 and 0.1 and not 0.1 and a rounding error.
-            middle, half = (
-                float(f"{0.5 * one:.15g}") for one in (smallest + largest, largest - smallest)
+    def _parted_friction(self) -> tuple[float, float]:
+        """Friction and `friction_error`: the middle of an interval and half its width."""
+        smallest, largest = friction_interval(self.friction)
+        if smallest == largest:
+            return smallest, self.friction_error
+        # To 15 digits, so that 0.4..0.6 is 0.5 and 0.1 and not 0.1 and a rounding error.
+        middle, half = (
+            float(f"{0.5 * one:.15g}") for one in (smallest + largest, largest - smallest)
+        )
+        if self.friction_error not in {0.0, half}:
+            raise SettingError(
+                f"friction is an interval, {middle - half:.6g} to {middle + half:.6g}, and "
+                f"friction_error is {self.friction_error:g}: give one of them (or friction_error=0)"
             )
-            if self.friction_error not in {0.0, half}:
-                raise SettingError(
-                    f"friction is an interval, {middle - half:.6g} to {middle + half:.6g}, and "
-                    f"friction_error is {self.friction_error:g}: give one of them (or "
-                    "friction_error=0)"
-                )
-            object.__setattr__(self, "friction_error", half)
-        object.__setattr__(self, "friction", middle)
+        return middle, half
 
     def _check_uncertainty(self) -> None:
         if not 0.0 <= self.friction_error < self.friction:

@@ -16,7 +16,6 @@ from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.choices import ObjectMotion
 from grasp3d.hand.closed_jaws import MEANING as CLOSINGS
 from grasp3d.hand.closed_jaws import Closing
-from grasp3d.hand.hand import Hand
 from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene
@@ -191,7 +190,7 @@ class Evaluation:
     def _evaluated(
         self, poses: GraspPoses, tried: TriedGrasps, body: StatedObject, progress: Progress
     ) -> EvaluatedPoses:
-        beside = _with_gripper(self.reach, tried.hand)
+        beside = replace(self.reach, hand=tried.hand)
         scene, model = Scene.of(beside, body.mesh), beside.touching(self.model)
         assert scene is not None
         self.models.append(model)
@@ -269,8 +268,3 @@ class Evaluation:
             f"at none of the {sum(self.states.values())} poses the jaws close on the mesh "
             f"({states}): check gripper, unit and frame of the poses; {reasons}"
         )
-
-
-def _with_gripper(reach: ReachSettings, hand: Hand) -> ReachSettings:
-    values = {name: value for name, value in vars(reach).items() if name != "hand"}
-    return ReachSettings(hand=hand, **values)

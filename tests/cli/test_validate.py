@@ -126,7 +126,7 @@ def test_the_mesh_is_looked_up_in_the_scale_that_is_stated(folder: Path) -> None
     [
         (["--frictions", "0"], "friction"),
         (["--sensor-resolutions", "x"], "--sensor-resolutions must be a number of degrees"),
-        (["--bins", "1"], "bins must be a whole number of at least 2"),
+        (["--bins", "1"], "bins must be from 2 to 50"),
         (["-o", "log.csv"], "log.csv: is a file; name a folder"),
         (["-o", "missing/out"], "missing/out: cannot be written"),
         (["--meshes", "nowhere"], "nowhere: there is no such folder"),
