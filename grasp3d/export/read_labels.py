@@ -207,14 +207,17 @@ def _holding(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Holdin
     how = next((one for one in get_args(Certainty) if one == text), None)
     if how is None:
         stored.reject(f"its force_bounds are {text[:20]!r}")
-    count = len(stored.field("label"))
+    case = LoadCase.of(load, mesh, settings.model, None if scene is None else scene.hand)
+    payload = np.full(len(stored.field("label")), math.nan)
+    if case.available is not None and case.task.mass is not None:
+        payload = stored.field("payload")
     resistance = stored.values.get("resistance")
     return Holding(
-        case=LoadCase.of(load, mesh, settings.model, None if scene is None else scene.hand),
+        case=case,
         grip_force=_floats(stored, "grip_force"),
         grip_force_least=_floats(stored, "grip_force_least"),
         grip_force_largest=_floats(stored, "grip_force_largest"),
-        payload=locked(stored.values.get("payload", np.full(count, math.nan)), np.float64),
+        payload=locked(payload, np.float64),
         resistance=None if resistance is None else locked(resistance),
         how=how,
     )

@@ -47,6 +47,10 @@ class FileSettings:
     """The gripper that must reach each grasp, and the table; None: ideal points."""
     load: Load | None = None
     """What each grasp must hold; None: nothing, or its task cannot be read again."""
+    object_mass: float | None = None
+    """Mass that the load has on the object [kg]; None: unknown, or no load."""
+    force_at_hand: float | None = None
+    """Force at hand [N]; None: not given, or no load."""
 
 
 def settings_from(texts: Mapping[str, str]) -> FileSettings:
@@ -81,6 +85,8 @@ def settings_from(texts: Mapping[str, str]) -> FileSettings:
             torque_scale=_size(values, "torque_scale"),
             scene=_scene(values),
             load=load_from(values),
+            object_mass=_known(values, "object_mass"),
+            force_at_hand=_known(values, "force_at_hand"),
         )
     except KeyError as error:
         raise ValueError(f"there is no comment {error.args[0]!r}") from error
@@ -93,6 +99,10 @@ def _size(values: Mapping[str, str], name: str) -> float:
     if not 0.0 < number < math.inf:
         raise ValueError(f"its {name} is {number}")
     return number
+
+
+def _known(values: Mapping[str, str], name: str) -> float | None:
+    return None if values.get(name, "None") == "None" else _size(values, name)
 
 
 def _source(values: Mapping[str, str]) -> str:

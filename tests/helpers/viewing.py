@@ -64,6 +64,23 @@ def with_values(subject: Subject, **values: Any) -> Subject:
     return replace(subject, labels=labels)
 
 
+def as_ply(subject: Subject) -> Subject:
+    """The subject as read from a PLY, which has no opposing contacts."""
+    labels = subject.labels
+    names = "critical_angle", "critical_angle_best", "reason", "approach_margin"
+    known = SurfaceLabels.of_values(
+        labels.mesh,
+        labels.model,
+        sampling=labels.sampling,
+        mode=labels.mode,
+        search=labels.search,
+        scene=labels.scene,
+        load=labels.load,
+        values={name: getattr(labels, name) for name in names},
+    )
+    return replace(subject, labels=known)
+
+
 def with_report(labels: SurfaceLabels, report: MeshReport) -> SurfaceLabels:
     """The same labels with another report of their mesh."""
     return with_arrays(labels, mesh=replace(labels.mesh, report=report))

@@ -30,7 +30,7 @@ from grasp3d.viewer.scene.pictures import open_renderer
 from grasp3d.viewer.scene.scene import Scene, new_plotter
 from grasp3d.viewer.session import collection, computations, planning, reached_grasps, wider_search
 from grasp3d.viewer.session.collection import collection_of, open_collection
-from grasp3d.viewer.session.computations import prepare_labels, search_grasps
+from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.session.keys import handle_key
 from grasp3d.viewer.session.painting import ramp_of, texture_coordinates
 from grasp3d.viewer.session.panel_text import grasp_number, panel_text
@@ -334,10 +334,7 @@ def test_results_of_a_batch_have_poses(tmp_path: Path) -> None:
         stored, made = getattr(subject.labels.reach, name), getattr(labels.reach, name)
         assert np.allclose(stored, made, atol=1e-6, equal_nan=True), name
     assert np.array_equal(subject.labels.reach.reached, labels.reach.reached)
-    prepared = prepare_labels(subject, ignore).labels
-    assert prepared is not None
-    assert prepared.reach is subject.labels.reach
-    assert prepared.scene is subject.labels.scene
+    assert subject.prepared
     assert is_closed(subject.mesh.faces)
 
 

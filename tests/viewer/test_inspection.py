@@ -85,7 +85,7 @@ def test_epsilon_is_the_known_value_or_missing() -> None:
     labels = viewing.box()
     subject, model = subject_of(labels), labels.model
     values = np.full(len(subject.mesh.vertices), 0.125)
-    lone = replace(subject, is_read=True, epsilons=Epsilons(values, values, model))
+    lone = replace(viewing.as_ply(subject), epsilons=Epsilons(values, values, model))
     vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
     numbers = dict(inspect(lone, vertex, model).numbers)
     assert (numbers["ε"], numbers["ε_min"], numbers["ε_max"]) == ("0.125", "0.125", "–")
@@ -221,7 +221,7 @@ def test_the_fingers_in_the_explanation_are_on_sharp_edges() -> None:
             if bends in ([True], [True, False], [False, True]):
                 start = f"the {'first' if bends[0] else 'second'} finger is"
             assert seen.reason.startswith(f"M: {start}"), vertex
-            lone = inspect(replace(subject, is_read=True), int(vertex), labels.model).reason
+            lone = inspect(viewing.as_ply(subject), int(vertex), labels.model).reason
             assert lone.startswith("M: the first finger is" if bends[0] else "M: on a sharp edge")
             named.add(start)
     assert named >= {"both fingers are", "the first finger is"}
@@ -294,8 +294,7 @@ def test_explanation_of_unsearched_vertices() -> None:
 
 def test_the_reason_of_a_limited_search_in_a_file_is_unknown() -> None:
     """A file does not contain whether the opening limit is why a vertex has no grasp."""
-    read = replace(subject_of(viewing.labels()), is_read=True)
-    subject = viewing.with_values(read, partners=None)
+    subject = viewing.as_ply(subject_of(viewing.labels()))
     vertex = int(np.flatnonzero(np.isinf(subject.labels.critical_angle_best))[0])
     reasons = np.full_like(subject.labels.reason, Reason.NO_PARTNER)
     lone = viewing.with_values(subject, reason=reasons)

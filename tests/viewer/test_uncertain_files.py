@@ -16,8 +16,8 @@ from grasp3d import (
     load_mesh,
     write_ply,
 )
+from grasp3d.export.read_labels import read_labels
 from grasp3d.viewer.session.painting import labels_at
-from grasp3d.viewer.subjects.labelled_file import read_labelled
 from grasp3d.viewer.subjects.subject import read_subject, subject_of
 from tests.helpers import shapes
 
@@ -58,7 +58,7 @@ def test_the_viewer_and_files_have_the_labels_of_python(
         shown = labels_at(subject_of(labels), labels.model)
         np.testing.assert_array_equal(shown, labels.label)
         write_ply(tmp_path / "labelled.ply", labels)
-        stored = read_labelled(tmp_path / "labelled.ply")
+        stored = read_labels(tmp_path / "labelled.ply")
         np.testing.assert_array_equal(stored.label, labels.label)
         read = read_subject(tmp_path / "labelled.ply")
         clear = _clear(labels)
@@ -105,7 +105,7 @@ def test_three_fingers_are_read_as_they_were_written(tmp_path: Path, model: str)
     extra = given.per_finger and f"{given.per_finger};"
     labels = known.relabel(location_error=given.location_error, per_finger=extra)
     write_ply(tmp_path / "three.ply", labels)
-    np.testing.assert_array_equal(read_labelled(tmp_path / "three.ply").label, labels.label)
+    np.testing.assert_array_equal(read_labels(tmp_path / "three.ply").label, labels.label)
     subject = subject_of(labels)
     if subject.locates(labels.model):
         np.testing.assert_array_equal(labels_at(subject, labels.model), labels.label)

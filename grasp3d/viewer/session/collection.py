@@ -11,6 +11,8 @@ import numpy as np
 
 from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
+from grasp3d.export.read_labels import settings_of_file
+from grasp3d.export.read_settings import FileSettings
 from grasp3d.hand.reach_settings import ReachSettings
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.loads import Load
@@ -27,9 +29,7 @@ from grasp3d.system.names import as_unicode, printable
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.computations import mesh_of, search_grasps
 from grasp3d.viewer.session.inspection import warm_up
-from grasp3d.viewer.subjects.file_settings import FileSettings
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
-from grasp3d.viewer.subjects.labelled_file import settings_of_file
 from grasp3d.viewer.subjects.results import labelled_rows, read_result, settings_of_results
 from grasp3d.viewer.subjects.subject import LastContact, Subject, read_subject, subject_of
 from grasp3d.viewer.subjects.subject_cache import SubjectCache

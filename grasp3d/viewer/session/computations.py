@@ -6,13 +6,12 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from grasp3d.errors import MeshError, SettingError
+from grasp3d.errors import MeshError
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh, load_mesh
 from grasp3d.mesh.surface_points import SurfacePoints
 from grasp3d.settings import AnySampling, GraspModel, search_cone
 from grasp3d.surface.labelling import label_surface
-from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.scanning import scan_surface
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.explanations import PAIR
@@ -43,7 +42,7 @@ def mesh_of(subject: Subject) -> ObjectMesh:
         MeshError: The mesh cannot be prepared.
     """
     if subject.prepared:
-        return subject.labels.mesh
+        return subject.mesh
     if subject not in _meshes:
         _meshes[subject] = _prepared_mesh(subject)
     return _meshes[subject]
@@ -125,35 +124,6 @@ def _opposing_contacts(subject: Subject, fixed: FixedPoints) -> SurfacePoints:
     return SurfacePoints(faces[known, 0], weights[known, 0])
 
 
-def prepare_labels(subject: Subject, progress: Progress) -> Subject:
-    """Prepare the mesh of a file with partners, and find the partners' surface points.
-
-    Raises:
-        SettingError: The file has no partners.
-        MeshError: The mesh cannot be prepared, or the partners are not on it.
-    """
-    given, known = subject.labels, ("critical_angle", "critical_angle_best", "reason", "reach")
-    if subject.prepared:
-        return subject
-    if given.partners is None:
-        raise SettingError(f"{subject.name}: the file does not contain the partners of its grasps")
-    mesh = mesh_of(subject)
-    progress(0.5)
-    labels = SurfaceLabels.of_values(
-        mesh,
-        given.model,
-        sampling=given.sampling,
-        mode=given.mode,
-        search=given.search,
-        scene=given.scene,
-        load=given.load,
-        values={name: getattr(given, name) for name in (*known, "partners", "grip")},
-    )
-    assert labels.partner_points is not None  # found now
-    progress(1.0)
-    return warm_up(replace(subject, labels=labels))
-
-
 def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
     """Compute epsilon of every vertex's grasp for another friction and resolution.
 
@@ -162,11 +132,10 @@ def compute_epsilon(subject: Subject, model: GraspModel, progress: Progress) -> 
         model: Grasp model; fingers as the subject has them.
         progress: Called with the finished fraction of the work, from 0 to 1.
     """
-    ready = prepare_labels(subject, within(progress, 0.0, PREPARED))
-    model = replace(model, fingers=ready.labels.model.fingers)
-    labels = ready.labels.using(model=model)
-    labels.compute_epsilon(within(progress, PREPARED, 1.0))
-    return replace(ready, epsilons=Epsilons.of(labels.epsilon_range, model))
+    model = replace(model, fingers=subject.labels.model.fingers)
+    labels = subject.labels.using(model=model)
+    labels.compute_epsilon(progress)
+    return replace(subject, epsilons=Epsilons.of(labels.epsilon_range, model))
 
 
 def compute_forces(subject: Subject, model: GraspModel, progress: Progress) -> Subject:
@@ -177,12 +146,11 @@ def compute_forces(subject: Subject, model: GraspModel, progress: Progress) -> S
         model: Grasp model; fingers as the subject has them.
         progress: Called with the finished fraction of the work, from 0 to 1.
     """
-    ready = prepare_labels(subject, within(progress, 0.0, PREPARED))
-    model = replace(model, fingers=ready.labels.model.fingers)
-    labels = ready.labels.using(model=model)
-    labels.compute_holding(within(progress, PREPARED, 1.0))
+    model = replace(model, fingers=subject.labels.model.fingers)
+    labels = subject.labels.using(model=model)
+    labels.compute_holding(progress)
     assert labels.holding is not None
-    return replace(ready, forces=Forces.of(labels.holding, model))
+    return replace(subject, forces=Forces.of(labels.holding, model))
 
 
 def locate_contacts(subject: Subject, model: GraspModel, progress: Progress) -> Subject:

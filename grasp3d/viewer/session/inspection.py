@@ -244,7 +244,7 @@ def _reason(subject: Subject, vertex: int) -> Reason | None:
 
 def _unreached(subject: Subject, vertex: int) -> Reachability | None:
     """Why the gripper does not reach a vertex's grasp; None: it does, or that is unknown."""
-    reach = None if subject.is_read else subject.labels.reach
+    reach = subject.labels.reach
     if reach is None or subject.labels.reason[vertex] != Reason.NOT_REACHED:
         return None
     return Reachability(int(reach.state[vertex]))

@@ -13,7 +13,6 @@ from grasp3d.viewer.session.computations import (
     compute_epsilon,
     compute_forces,
     locate_contacts,
-    prepare_labels,
     scan_with_fixed,
     search_grasps,
 )
@@ -228,33 +227,21 @@ def ranked_otherwise(subject: Subject, state: ViewState) -> bool:
 
 
 def _grasps_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:
-    """Find the grasps of a file, if a vertex is inspected, or epsilon, a force or errors need them.
-
-    A file with partners needs its mesh only for another model's epsilon, forces and labels.
-    """
+    """Find the grasps of a file, if a vertex is inspected, or what is shown needs them."""
     if subject.prepared or not subject.measurable:
         return None
-    other_epsilon = not _is_known(subject.epsilons, state)
-    other_forces = subject.labels.load is not None and not _is_known(subject.forces, state)
+    other_epsilon = _shows_epsilon(state) and not _is_known(subject.epsilons, state)
+    other_forces = _shows_force(state) and not _is_known(subject.forces, state)
+    if subject.labels.load is None:
+        other_forces = False
     located = _locates(subject, state)
-    if (
-        state.vertex is None
-        and located
-        and not (
-            (other_epsilon and _shows_epsilon(state)) or (other_forces and _shows_force(state))
-        )
-    ):
+    if state.vertex is None and located and not (other_epsilon or other_forces):
         return None
-    key = ("grasps", number)
-    if subject.labels.partners is None:
-        cone = min(subject.cone, math.pi / 2.0)
-        default = Sampling().fitted(subject.labels.model.fingers)
-        sampling = replace(subject.labels.sampling or default, search_angle=cone)
-        run = partial(search_grasps, subject, subject.labels.model, sampling)
-        return Job(key, "searching grasps", run)
-    if located and not (other_epsilon or other_forces or _wants_alternatives(subject, state)):
-        return None
-    return Job(key, "preparing grasps", partial(prepare_labels, subject))
+    cone, model = min(subject.cone, math.pi / 2.0), subject.labels.model
+    default = Sampling().fitted(model.fingers)
+    sampling = replace(subject.labels.sampling or default, search_angle=cone)
+    run = partial(search_grasps, subject, model, sampling)
+    return Job(("grasps", number), "searching grasps", run)
 
 
 def _located_job(subject: Subject, state: ViewState, number: int) -> SubjectJob | None:

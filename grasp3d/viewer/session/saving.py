@@ -8,7 +8,7 @@ from grasp3d.errors import SettingError
 from grasp3d.export import writer_for
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.system.progress import Progress, within
-from grasp3d.viewer.session.computations import prepare_labels, search_grasps
+from grasp3d.viewer.session.computations import search_grasps
 from grasp3d.viewer.subjects.forces import Forces
 from grasp3d.viewer.subjects.subject import Epsilons, Subject
 
@@ -76,8 +76,8 @@ def write_labels(subject: Subject, model: GraspModel, path: Path, progress: Prog
 
 def _with_labels(subject: Subject, progress: Progress) -> Subject:
     """The subject with its mesh and grasps."""
-    if subject.labels.partners is not None:
-        return prepare_labels(subject, progress)
+    if subject.prepared:
+        return subject
     default = Sampling().fitted(subject.labels.model.fingers)
     sampling = subject.labels.sampling or default
     sampling = replace(sampling, search_angle=min(subject.cone, math.pi / 2.0))

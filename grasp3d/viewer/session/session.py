@@ -414,7 +414,7 @@ class Session:
     def _has_grasps(self) -> bool:
         """Whether the surface was opened with its grasps, and not only with critical angles."""
         subject = self._viewed.subject
-        return subject is not None and subject.labels.partners is not None
+        return subject is not None and subject.prepared
 
     def _replace(self, subject: Subject) -> None:
         """Replace the displayed surface."""

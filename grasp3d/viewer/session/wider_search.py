@@ -16,7 +16,7 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.merged_grasps import merged
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.system.progress import Progress, within
-from grasp3d.viewer.session.computations import WIDEST, mesh_of, prepare_labels
+from grasp3d.viewer.session.computations import WIDEST, mesh_of
 from grasp3d.viewer.session.inspection import warm_up
 from grasp3d.viewer.session.painting import ROUNDING
 from grasp3d.viewer.subjects.subject import Subject, subject_of
@@ -69,8 +69,8 @@ def with_known_grasps(wide: SurfaceLabels, known: SurfaceLabels) -> SurfaceLabel
 
 def _known_labels(subject: Subject, sampling: AnySampling, progress: Progress) -> SurfaceLabels:
     """Labels with the grasps that are displayed; those of a file without partners are searched."""
-    if subject.labels.partners is not None:
-        return prepare_labels(subject, progress).labels
+    if subject.prepared:
+        return subject.labels
     cone = min(subject.cone, math.pi / 2.0)
     return label_surface(
         mesh_of(subject), subject.labels.model, sampling=replace(sampling, search_angle=cone),

@@ -1,32 +1,28 @@
 """The viewed surface, and the best grasp of each of its vertices as far as it is known."""
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
-from functools import cached_property, partial
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
-from grasp3d.arrays import Floats, first_at_position, locked, short_repr
-from grasp3d.mesh import MeshReport, ObjectMesh
-from grasp3d.mesh.measures import is_closed, surface_extent
-from grasp3d.mesh.normals import CornerNormals, corner_normals
+from grasp3d.arrays import Floats, locked, short_repr
+from grasp3d.export.ply import read_ply
+from grasp3d.export.read_labels import read_labels, settings_of_file
+from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
-from grasp3d.mesh.triangles import Triangles
 from grasp3d.quality.tilting import EpsilonRange
+from grasp3d.reading.sources import find_source
 from grasp3d.settings import GraspModel, MeshOptions, search_cone
 from grasp3d.settings.lengths import Unit
-from grasp3d.stability.label import Mode
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.surface.area_statistics import vertex_weights
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.labels import SearchReport, SurfaceLabels
+from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
-from grasp3d.viewer.subjects.labelled_file import LabelledFile, read_labelled
 from grasp3d.viewer.subjects.located import PAIR, Located, dependence, fits
 
 KEPT = 4
@@ -95,12 +91,10 @@ class Subject:
 
     labels: SurfaceLabels
     mesh: ObjectMesh
-    """The displayed surface: that of the labels, or of their file."""
+    """The surface of the labels, in the unit that the user gave where the file has none."""
     name: str
     notes: tuple[str, ...] = ()
     """Warnings that concern the labels, one sentence each."""
-    is_read: bool = False
-    """Whether the labels are of a file, without the reasons why grasps are not reached."""
     epsilons: Epsilons | None = None
     """None: not computed yet."""
     load_numbers: LoadNumbers | None = None
@@ -120,8 +114,8 @@ class Subject:
 
     @property
     def prepared(self) -> bool:
-        """Whether the mesh of the labels is prepared, with contacts on it, for new searches."""
-        return not self.is_read or self.labels.mesh is not self.mesh
+        """Whether the mesh and the contacts are known, for new searches: a PLY has not enough."""
+        return self.labels.grasps.known_contacts is not None
 
     @property
     def cone(self) -> float:
@@ -187,7 +181,7 @@ class Subject:
     @property
     def measurable(self) -> bool:
         """Whether the grasps are known or can be searched; false for a file of a scan."""
-        return self.labels.partners is not None or self.labels.mode == "label"
+        return self.prepared or self.labels.mode == "label"
 
     def covers(self, model: GraspModel) -> bool:
         """Whether the search went far enough for a model."""
@@ -221,103 +215,57 @@ def read_subject(
     *,
     unit: Unit | None = None,
     name: str | None = None,
-    values: Callable[[SurfaceLabels], Mapping[str, Any]] | None = None,
 ) -> Subject:
-    """Read a labelled PLY without searching anything again.
-
-    The file contains neither partners nor openings, and its angles have 32 bits.
+    """Read a labelled file without searching anything again.
 
     Args:
         path: The file.
         max_memory: Memory limit for reading [GB].
         unit: Unit of a file that states none.
         name: Name of the object; None: that of the file.
-        values: Further values that are known for the labels, as `SurfaceLabels.of_values` takes
-            them; None: none.
 
     Raises:
-        MeshError: The file is not a labelled PLY, or damaged.
+        MeshError: The file is not labelled, or damaged.
     """
-    found = read_labelled(path, max_memory)
-    stored, model = found.settings, found.settings.model
-    nominal, minimum, maximum = map(locked, found.epsilons)
-    known: dict[str, Any] = {
-        "label": locked(found.label),
-        "critical_angle": locked(found.critical_angle),
-        "critical_angle_best": locked(found.critical_angle_best),
-        "epsilon_range": EpsilonRange(nominal, minimum, maximum),
-        "approach_margin": locked(found.approach_margin) if stored.scene else None,
-        "located_angles": found.located,
-    }
-    of_values = partial(
-        SurfaceLabels.of_values, _mesh_of(found, path.name, unit), model,
-        sampling=stored.sampling, mode=stored.mode, search=SearchReport(stored.cone),
-        scene=stored.scene, load=stored.load,
-    )  # fmt: skip
-    labels = of_values(values=known)
-    if values is not None:
-        labels = of_values(values=known | dict(values(labels)))
-    forces = None
-    if stored.load_numbers is not None:
-        grip_force, least, largest, payload = map(locked, found.forces)
-        forces = Forces(grip_force, least, largest, payload, model)
-    weights = vertex_weights(labels.mesh, "area")
-    other = weights[found.label != label_angles(*found.deciding_angles, model)].sum()
-    notes = _file_notes(stored.mode, closed=labels.mesh.report.closed)
-    return Subject(
-        labels,
-        labels.mesh,
-        path.name if name is None else name,
-        notes=(*notes, *_method_notes(model, other)),
-        is_read=True,
-        epsilons=Epsilons.of(labels.epsilon_range, model),
-        load_numbers=stored.load_numbers,
-        forces=forces,
-        located=None if found.located is None else Located(*found.located, dependence(model)),
+    labels = read_labels(path, max_memory=max_memory)
+    subject, mesh, model = subject_of(labels, name or path.name), labels.mesh, labels.model
+    notes = [*mesh.report.warnings]
+    if not subject.prepared and labels.mode == "scan":
+        notes.append("it is a scan, and the file does not contain the fixed fingers")
+    differing = labels.label != label_angles(*labels.located_angles, model)
+    notes += _method_notes(model, subject.weights[differing].sum())
+    if mesh.unit is None and unit is not None:
+        mesh = replace(mesh, report=replace(mesh.report, unit=unit))
+    located = None
+    if not model.is_uniform:
+        located = Located(*labels.located_angles, dependence(model))
+    found = replace(subject, mesh=mesh, notes=tuple(notes), located=located)
+    return (
+        found
+        if labels.load is not None or subject.prepared
+        else _with_forces(found, path, max_memory)
     )
 
 
-def _mesh_of(found: LabelledFile, name: str, unit: Unit | None) -> ObjectMesh:
-    """The surface of a file, with its normals, as far as it is needed to display it."""
-    canonical, stored = first_at_position(found.vertices), found.settings
-    faces = canonical[found.faces]
-    center, size = surface_extent(found.vertices, faces)
-    mesh = ObjectMesh(
-        vertices=locked(found.vertices),
-        faces=locked(faces),
-        canonical=locked(canonical),
-        file_vertices=len(canonical),
-        corner_normals=_shading(found),
-        center=locked(center),
-        size=size,
-        center_mass=locked(center),
-        volume=math.nan,
-        options=stored.options,
-        report=MeshReport(
-            source=name,
-            format="ply",
-            unit=stored.unit or unit,
-            file_vertices=len(canonical),
-            file_faces=len(faces),
-            vertices=len(canonical),
-            faces=len(faces),
-            bodies=1,
-            closed=is_closed(found.faces),
-            center_mass_from="surface",
-            repairs=(),
-            warnings=(),
+def _with_forces(subject: Subject, path: Path, max_memory: float) -> Subject:
+    """The subject with the forces of a PLY whose task cannot be read again, if it has any."""
+    stored, settings = read_ply(find_source(path, max_memory)), settings_of_file(path, max_memory)
+    if settings is None or "object_mass" not in stored.settings:
+        return subject
+    mass, force = settings.object_mass, settings.force_at_hand
+    payload = stored.values.get("payload")
+    held = np.full(len(subject.weights), math.nan) if payload is None else payload
+    return replace(
+        subject,
+        load_numbers=LoadNumbers(mass, force, by_mass=force is None or payload is not None),
+        forces=Forces(
+            locked(stored.field("grip_force"), np.float64),
+            locked(stored.field("grip_force_least"), np.float64),
+            locked(stored.field("grip_force_largest"), np.float64),
+            locked(held, np.float64),
+            subject.labels.model,
         ),
     )
-    vars(mesh)["normals"] = locked(found.normals)
-    return mesh
-
-
-def _file_notes(mode: Mode, *, closed: bool) -> Iterator[str]:
-    """Notes on what a labelled file does not contain."""
-    if not closed:
-        yield "the surface is open: inside and outside are taken from the winding of its faces"
-    if mode == "scan":
-        yield "it is a scan, and the file does not contain the fixed fingers"
 
 
 def _method_notes(model: GraspModel, other: float) -> tuple[str, ...]:
@@ -331,15 +279,3 @@ def _method_notes(model: GraspModel, other: float) -> tuple[str, ...]:
     if math.isfinite(other):
         note += f", and differ on {other:.1%} of the area"
     return (note,)
-
-
-def _shading(found: LabelledFile) -> CornerNormals:
-    """Normals at the corners of the faces; on smooth parts those of the file."""
-    computed = corner_normals(
-        Triangles(found.vertices, found.faces), found.settings.options.crease_angle
-    )
-    corners = np.bincount(computed.vertices, minlength=len(found.vertices))[computed.vertices]
-    stored = found.normals[computed.vertices]
-    smooth = (corners == 1) & (stored != 0.0).any(axis=1)
-    normals = np.where(smooth[:, None], stored, computed.normals)
-    return CornerNormals(locked(computed.corners), locked(normals), locked(computed.vertices))
