@@ -5,8 +5,7 @@ import pytest
 
 from grasp3d import MeshOptions, load_mesh
 from grasp3d.errors import MeshError
-from grasp3d.mesh.noise_fields import random_field
-from grasp3d.mesh.noise_lengths import noise_length
+from grasp3d.mesh.noise_lengths import noise_length, random_field
 from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
 from tests.helpers import shapes
 

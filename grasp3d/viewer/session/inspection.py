@@ -19,10 +19,10 @@ from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from grasp3d.viewer.session.explanations import PAIR, Case, explain
 from grasp3d.viewer.session.grasp_texts import HeldGrasp, angle_numbers, budget_text, held_grasp
-from grasp3d.viewer.session.located_grasps import last_angles, located_grasp
 from grasp3d.viewer.session.painting import ROUNDING, label_codes, same_settings
 from grasp3d.viewer.session.reached_grasps import alternatives_of
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
+from grasp3d.viewer.subjects.located import located_grasp
 from grasp3d.viewer.subjects.subject import Subject
 
 UNKNOWN = "–"
@@ -163,7 +163,7 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
     found = subject.last_contact
     if found is None:
         return None
-    worst, best = last_angles(found, model)
+    worst, best = found.angles(model)
     code = int(label_codes(subject, np.array([worst]), np.array([best]), model)[0])
     off = _off_line(found.points, found.normals) if len(found.points) == PAIR else None
     case = Case(

@@ -10,7 +10,6 @@ from grasp3d.meanings import SAFE_LABELS
 from grasp3d.settings import GraspModel
 from grasp3d.stability.label import MEANING, Label
 from grasp3d.viewer.session.inspection import Inspection
-from grasp3d.viewer.session.located_grasps import last_angles
 from grasp3d.viewer.session.painting import (
     PALETTE,
     UNSEARCHED,
@@ -216,5 +215,5 @@ def _label_between(subject: Subject, model: GraspModel) -> int | None:
     found = subject.last_contact
     if found is None or not found.between:
         return None
-    worst, best = (np.array([angle]) for angle in last_angles(found, model))
+    worst, best = (np.array([angle]) for angle in found.angles(model))
     return int(label_codes(subject, worst, best, model)[0])

@@ -1,13 +1,15 @@
 """Critical angles that include uncertain contact locations and differences of the fingers."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.settings import GraspModel
 from grasp3d.stability.located_angles import ContactLimits
+from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.labels import SurfaceLabels
+from grasp3d.surface.grasp_numbers import located_angles_of
 
 PAIR = 2
 
@@ -51,3 +53,22 @@ def dependence(model: GraspModel) -> object:
 def fits(model: GraspModel) -> bool:
     """Whether the values of single fingers are for the model's number of fingers."""
     return not model.per_finger or len(model.per_finger) == model.fingers
+
+
+def located_grasp(
+    grasp: SurfaceContacts, worst: float, best: float, model: GraspModel
+) -> tuple[float, float]:
+    """Angles that decide the label of one grasp, over the worst and the best normals [rad].
+
+    Args:
+        grasp: The grasp, shape (1, n).
+        worst: Its critical angle over the worst normals [rad].
+        best: The same over the best normals.
+        model: Grasp model, with lengths in the mesh's unit.
+    """
+    model = replace(model, fingers=grasp.count)
+    if model.is_uniform or not fits(model):
+        return float(worst), float(best)
+    angles = np.array([worst]), np.array([best])
+    found = located_angles_of(grasp, angles, model, threads=1)
+    return float(found[0][0]), float(found[1][0])

@@ -23,7 +23,7 @@ from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.viewer.subjects.forces import Forces, LoadNumbers
 from grasp3d.viewer.subjects.gripper_pose import GripperPose
-from grasp3d.viewer.subjects.located import PAIR, Located, dependence, fits
+from grasp3d.viewer.subjects.located import PAIR, Located, dependence, fits, located_grasp
 
 KEPT = 4
 """Sets of located angles that are kept: those of two panes, before and after a change."""
@@ -72,6 +72,12 @@ class LastContact:
     """The contacts on the surface, (1, n); None: unknown."""
 
     __repr__ = short_repr
+
+    def angles(self, model: GraspModel) -> tuple[float, float]:
+        """Angles that decide its label for a model, over the worst and the best normals [rad]."""
+        if self.grasp is None:
+            return self.worst, self.best
+        return located_grasp(self.grasp, self.worst, self.best, model)
 
 
 @dataclass(frozen=True, eq=False)
