@@ -84,22 +84,23 @@ def read_labels(path: str | Path, *, max_memory: float = MeshOptions.max_memory)
 
 
 def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> FileSettings | None:
-    """Settings of a labelled PLY, from its header alone.
+    """Settings of a labelled file; of a PLY from its header alone.
 
     Args:
         path: Any file.
         max_memory: Memory limit for reading [GB].
 
     Returns:
-        The settings; None: the file is not a PLY, or has no labels.
+        The settings; None: the file has another suffix than those of `READERS`, or no labels.
 
     Raises:
         MeshError: The file has some properties of a labelled file, but is not a valid one.
     """
-    if path.suffix.lower() != ".ply":
+    suffix = path.suffix.lower()
+    if suffix not in READERS:
         return None
-    source = find_source(path, max_memory)
-    texts = ply_settings(source)
+    source = find_source(path, max_memory, READERS)
+    texts = ply_settings(source) if suffix == ".ply" else READERS[suffix](source).settings
     return None if texts is None else _settings(source, texts)
 
 

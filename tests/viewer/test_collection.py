@@ -30,6 +30,7 @@ from grasp3d import (
 )
 from grasp3d.batch import ClusterSettings
 from grasp3d.errors import MeshError, OutputError, SettingError
+from grasp3d.export import writer_for
 from grasp3d.surface import Reason
 from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
 from grasp3d.system.progress import ignore
@@ -190,6 +191,22 @@ def test_a_labelled_file_has_its_own_settings_unless_others_are_given(file: Path
     assert (three.model.fingers, three.sampling) == (3, MultifingerSampling(max_spread=0.2))
     with pytest.raises(SettingError, match="does not apply to 3 fingers"):
         open_collection(file, GraspModel(fingers=3), Sampling(max_opening=0.2))
+
+
+@pytest.mark.parametrize("suffix", [".npz", ".vtp", ".parquet"])
+def test_complete_files_are_shown_with_their_contacts(tmp_path: Path, suffix: str) -> None:
+    labels, path = viewing.labels(), tmp_path / f"cone{suffix}"
+    writer_for(path)(path, labels)
+    collection = open_collection(path)
+    assert (collection.model, collection.sampling.max_opening) == (labels.model, 0.3)
+    subject = collection.items[0].open(ignore)
+    assert subject.prepared
+    assert np.array_equal(subject.mesh.vertices, labels.mesh.vertices)
+    vertex = int(np.flatnonzero(labels.reason == Reason.FOUND)[0])
+    seen = inspect(subject, vertex, labels.model)
+    shown = inspect(subject_of(labels), vertex, labels.model)
+    assert np.array_equal(seen.points, shown.points)
+    assert (seen.numbers, seen.reason) == (shown.numbers, shown.reason)
 
 
 def test_a_scan_is_shown_without_its_fixed_fingers(tmp_path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The objects that a viewer can open: a mesh, a labelled PLY, the results of a batch."""
+"""The objects that a viewer can open: a mesh, a labelled file, the results of a batch."""
 
 import re
 from collections.abc import Callable, Mapping
@@ -127,12 +127,12 @@ def open_collection(
 ) -> Collection:
     """Collection of the objects at a path.
 
-    A mesh is labelled when it is opened. A labelled PLY and the results of a batch are shown with
+    A mesh is labelled when it is opened. A labelled file and the results of a batch are shown with
     their stored labels and settings. Settings given here that differ from the defaults override
     the stored ones; if they need other grasps, such as more fingers, these are searched.
 
     Args:
-        target: A mesh, a labelled PLY, or the folder of a batch's results.
+        target: A mesh, a labelled file, or the folder of a batch's results.
         model: Grasp model; None: as in the file, else the default.
         sampling: Search settings; None: as in the file, else the default.
         options: How a mesh is read; of labelled files only the memory limit is used, and the unit

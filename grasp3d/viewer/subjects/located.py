@@ -8,8 +8,8 @@ from grasp3d.arrays import Floats, locked, short_repr
 from grasp3d.settings import GraspModel
 from grasp3d.stability.located_angles import ContactLimits
 from grasp3d.surface.contacts import SurfaceContacts
-from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.grasp_numbers import located_angles_of
+from grasp3d.surface.labels import SurfaceLabels
 
 PAIR = 2
 
