@@ -85,7 +85,12 @@ def ply_settings(source: Source) -> dict[str, str] | None:
     for field in VERTICES:
         for name in field.column_names(0) if field.ply else ():
             _check_kind(source, field, name, kinds.get(name))
-    lines = source.head(LONGEST_HEADER)[: header.start].decode("ascii", "replace").splitlines()
+    return comments_of(source.head(LONGEST_HEADER)[: header.start])
+
+
+def comments_of(header: bytes) -> dict[str, str]:
+    """The settings in the header of a PLY."""
+    lines = header.decode("ascii", "replace").splitlines()
     comments = [line.removeprefix(_COMMENT) for line in lines if line.startswith(_COMMENT)]
     return {name: value for name, _, value in (line.partition(" ") for line in comments)}
 

@@ -18,7 +18,7 @@ from grasp3d.export.ply import ply_settings, read_ply
 from grasp3d.export.read_mesh import read_mesh
 from grasp3d.export.read_settings import FileSettings, settings_from
 from grasp3d.export.stored import FIELDS, Stored, damaged
-from grasp3d.export.vertex_fields import LOCATED, unpacked_bits
+from grasp3d.export.vertex_fields import LOCATED, VERTICES, unpacked_bits
 from grasp3d.export.vtp import read_vtp
 from grasp3d.hand.reach import Reach
 from grasp3d.mesh import ObjectMesh
@@ -40,10 +40,7 @@ READERS: dict[str, Callable[[Source], Stored]] = {
 }
 """By suffix."""
 
-PLAIN = (
-    "label", "critical_angle", "critical_angle_best", "max_resolution", "margin", "partners",
-    "partner_normals", "opening", "grip", "reason",
-)  # fmt: skip
+PLAIN = tuple(field.name for field in VERTICES if field.of is None and field.when == "always")
 """Fields that are attributes of labels as they are."""
 
 

@@ -9,16 +9,14 @@ from typing import Any
 
 import numpy as np
 
+from grasp3d.export.ply import comments_of
 from grasp3d.export.settings import SETTING
+from grasp3d.reading.declared_sizes import LONGEST_HEADER
 from grasp3d.tables import read_settings
-
-LONGEST_HEADER = 2**16
-"""Bytes of a PLY in which its comments are."""
 
 FORMAT_KEYS = frozenset({"format", "version", "unit"})
 """Keys of a gripper in JSON that describe the format."""
 
-_COMMENT = b"comment grasp3d "
 _GLB_HEAD = struct.Struct("<4sIIII")
 
 
@@ -42,9 +40,7 @@ def stored_settings(path: Path) -> dict[str, str] | None:
 def _from_ply(path: Path) -> dict[str, str]:
     with path.open("rb") as stream:
         header = stream.read(LONGEST_HEADER).partition(b"end_header")[0]
-    lines = [line.decode("ascii") for line in header.splitlines() if line.startswith(_COMMENT)]
-    pairs = (line[len(_COMMENT) :].partition(" ") for line in lines)
-    return {name: value for name, _, value in pairs}
+    return comments_of(header)
 
 
 def _from_npz(path: Path) -> dict[str, str]:
