@@ -15,7 +15,7 @@ from grasp3d.mesh.noise_lengths import noise_length, noise_stream, random_field
 from grasp3d.mesh.noisy_copies import MovableSurface, movable_surface
 from grasp3d.mesh.object_mesh import ObjectMesh
 from grasp3d.mesh.surface_points import SurfacePoints
-from grasp3d.perturbing.advice import Advice, advise
+from grasp3d.perturbing.advice import advise
 from grasp3d.perturbing.noise_settings import NoiseSettings
 from grasp3d.perturbing.perturbation import Perturbation
 from grasp3d.settings import AnySampling, GraspModel, MeshOptions
@@ -311,6 +311,7 @@ def _gathered(
     parts = {label: locked((codes == label).mean(axis=0)) for label in Label}
     kept = np.mean([one.kept for one in results], axis=0)
     across = _quantile(labels, np.stack([one.across for one in results]), level)
+    confirmed: Bools = (codes == Label.S).sum(axis=0) >= math.ceil(level * len(codes) - 1e-9)
     return Perturbation(
         labels=labels,
         settings=settings,
@@ -325,16 +326,8 @@ def _gathered(
         shift=_over_copies(shifts, level),
         shift_across=across,
         confirmed_fraction=_confirmed(results),
-        advice=_advice(labels, codes, _quantile(labels, turns, level), across, level),
+        advice=advise(labels, confirmed, _quantile(labels, turns, level), across),
     )
-
-
-def _advice(
-    labels: SurfaceLabels, codes: Bytes, turn: float, across: float, level: float
-) -> Advice:
-    needed = math.ceil(level * len(codes) - 1e-9)
-    enough: Bools = (codes == Label.S).sum(axis=0) >= needed
-    return advise(labels, enough, turn, across)
 
 
 def _over_copies(values: Singles, level: float) -> Floats:

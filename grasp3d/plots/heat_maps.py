@@ -57,7 +57,8 @@ def heat_map_figure(sweeps: Sequence[Sweep], *, fractions: Sequence[float] = ())
         ]
         for fraction in needed:
             degrees = np.degrees(sweep.required_resolution(fraction))
-            maps.append((degrees, _blue(), degrees.max(), r"$\alpha$: no sensor is fine enough"))
+            blue = _colors("resolution", LINES[0]["color"], TINT)
+            maps.append((degrees, blue, degrees.max(), r"$\alpha$: no sensor is fine enough"))
         for panel, (heights, colors, largest, none) in zip(panels, maps, strict=True):
             drawn = draw_heat_map(
                 panel, sweep, heights, colors, largest=largest, hatched=bool(none)
@@ -133,10 +134,6 @@ def _colors(name: str, most: str, least: float) -> Colormap:
 def _tens(fractions: Iterable[Floats]) -> float:
     """The largest fraction, rounded up to tens of percents."""
     return max(10.0, 10.0 * math.ceil(max(10.0 * float(one.max()) for one in fractions)))
-
-
-def _blue() -> Colormap:
-    return _colors("resolution", LINES[0]["color"], TINT)
 
 
 def _draw_lines(axes: Axes, sweep: Sweep, fractions: Sequence[float]) -> None:

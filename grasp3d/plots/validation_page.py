@@ -134,7 +134,7 @@ def _scores(found: Validation) -> list[str]:
         f"{sentences.intervals_of(found)}. Without information a score has a ROC-AUC of 0.5 and an "
         f"average precision of {rate:.3f}. Which values are better is fixed beforehand."
     )
-    figure = [] if _is_one_sided(found) else [figure_tag(roc_figure(found), "ROC curves")]
+    figure = [] if found.grasps.one_sided else [figure_tag(roc_figure(found), "ROC curves")]
     return [table(heads, rows, texts=(1, 6)), f'<p class="quiet">{text(note)}</p>', *figure]
 
 
@@ -279,8 +279,3 @@ def _pictures(shown: Sequence[Disagreement], progress: Progress) -> list[Bytes] 
         pictures.append(draw_disagreement(one))
         progress(len(pictures) / len(shown))
     return pictures
-
-
-def _is_one_sided(found: Validation) -> bool:
-    """Whether all outcomes are the same, so that there is nothing to rank."""
-    return bool(found.grasps.held.all() or not found.grasps.held.any())

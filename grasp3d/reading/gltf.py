@@ -38,16 +38,16 @@ def stripped_gltf(source: Source) -> tuple[bytes, dict[str, bytes]]:
     if source.kind == "glb":
         data, binary = _chunks(source, data)
     tree = _tree(source, data)
-    buffers = tree.get("buffers", [])
+    found = tree.get("buffers")
+    buffers = found if isinstance(found, list) else []
     side_files = {
         f"buffer{number}": _side_data(source, buffer)
-        for number, buffer in enumerate(buffers if isinstance(buffers, list) else [])
+        for number, buffer in enumerate(buffers)
         if isinstance(buffer, dict) and "uri" in buffer
     }
-    count = len(buffers) if isinstance(buffers, list) else 0
     sizes = [
         len(side_files[name]) if (name := f"buffer{number}") in side_files else None
-        for number in range(count)
+        for number in range(len(buffers))
     ]
     if binary and sizes and sizes[0] is None:
         sizes[0] = len(binary)

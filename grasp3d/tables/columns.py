@@ -63,10 +63,7 @@ def table_of_rows(
     settings: Mapping[str, Any],
 ) -> pa.Table:
     """Make a table of rows; see `write_table`."""
-    schema = pa.schema(
-        [(name, _TYPES[kind]) for name, kind in columns.items()],
-        metadata={"grasp3d": json.dumps(settings)},
-    )
+    schema = _schema(columns, settings)
     return pa.Table.from_pylist([_unicode(row) for row in rows], schema=schema)
 
 
@@ -262,11 +259,13 @@ def table_of_records(
     """Return records as a table, whose schema depends on the dataclass only; see `pack_records`."""
     hints = get_type_hints(kind)
     arrays = [_array([getattr(record, name) for record in records], hints[name]) for name in hints]
-    schema = pa.schema(
-        [(name, _type(hint)) for name, hint in hints.items()],
-        metadata={"grasp3d": json.dumps(settings)},
-    )
-    return pa.Table.from_arrays(arrays, schema=schema)
+    return pa.Table.from_arrays(arrays, schema=_schema(hints, settings))
+
+
+def _schema(kinds: Mapping[str, Any], settings: Mapping[str, Any]) -> pa.Schema:
+    """Names and types of columns, with settings as JSON in the metadata."""
+    fields = [(name, _type(kind)) for name, kind in kinds.items()]
+    return pa.schema(fields, metadata={"grasp3d": json.dumps(settings)})
 
 
 def unpack_records(data: bytes, kind: type[RecordT]) -> tuple[list[RecordT], bool]:

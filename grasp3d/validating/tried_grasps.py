@@ -240,10 +240,3 @@ def _gripper(
         return preset("franka"), "ACRONYM's grasps are of a Franka hand"
     reason = "states no gripper" if stated is None else f"states the gripper {stated!r}, unknown"
     raise SettingError(f"{name}: {reason}; give it with --hand NAME|FILE")
-
-
-def as_list(
-    grasps: str | Path | GraspPoses | Sequence[str | Path | GraspPoses],
-) -> list[str | Path | GraspPoses]:
-    """One file, or poses, as a list."""
-    return [grasps] if isinstance(grasps, str | Path | GraspPoses) else list(grasps)

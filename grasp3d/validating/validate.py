@@ -21,7 +21,7 @@ from grasp3d.validating.intervals import FEW_OBJECTS, bootstrap
 from grasp3d.validating.ranking import RankedOutcomes
 from grasp3d.validating.scores import SCORES
 from grasp3d.validating.success import LabelSuccess, calibrate, label_success, labels_at
-from grasp3d.validating.tried_grasps import as_list, check_grasps
+from grasp3d.validating.tried_grasps import check_grasps
 from grasp3d.validating.validation import ScoredGrasps, ScoreQuality, Validation
 from grasp3d.validating.validation_settings import LEAST_RESAMPLES, ValidationSettings
 
@@ -109,7 +109,7 @@ def validate_grasps(
     given = model or GraspModel()
     _check_model(given)
     tried = check_grasps(
-        as_list(grasps),
+        [grasps] if isinstance(grasps, str | Path | GraspPoses) else list(grasps),
         mesh=mesh,
         meshes=None if meshes is None else Path(meshes),
         hand=hand or used.hand,
@@ -166,7 +166,7 @@ def compared(done: Evaluation, settings: ValidationSettings, progress: Progress)
 def _warnings(done: Evaluation, grasps: ScoredGrasps) -> Iterator[str]:
     """Sentences on outcomes and objects that leave little to say."""
     names = ", ".join(one.name for one in done.files[:5])
-    if grasps.held.all() or not grasps.held.any():
+    if grasps.one_sided:
         became = "held" if grasps.held.all() else "failed"
         yield f"{names}: all {grasps.size} grasps {became}, so no score can be ranked"
     least = min(int(grasps.held.sum()), int((~grasps.held).sum()))

@@ -86,6 +86,11 @@ class ScoredGrasps:
         """Whether the jaws close on the mesh."""
         return np.asarray(self.state == Closing.CLOSED)
 
+    @property
+    def one_sided(self) -> bool:
+        """Whether all outcomes are the same, so that there is nothing to rank."""
+        return bool(self.held.all() or not self.held.any())
+
     def ranked(self, score: Score) -> Floats:
         """Values of a score of which larger ones are better; -inf where there is none."""
         return score.ranked(self.scores[score.name])
