@@ -24,8 +24,6 @@ OPTIONAL = ("payload", "label_with_force", "free_angles", "color", "area")
 ANY = -1
 """Number of parts of a value that may have any number."""
 
-_TEXTS = {0.0: "0", math.pi: "pi"}
-
 
 def check_stored(stored: Stored, settings: FileSettings) -> None:
     """Check all values of a labelled file.
@@ -80,12 +78,12 @@ def _check_values(stored: Stored, field: Field, values: Array) -> None:
         if (values >= len(field.texts)).any():
             stored.reject(f"its {name} goes up to {values.max()}, above {len(field.texts) - 1}")
         return
-    inside = (values >= field.low - ROUNDING) & (values <= field.high + ROUNDING)
+    inside = (values >= field.allowed.low - ROUNDING) & (values <= field.allowed.high + ROUNDING)
     if values.dtype.kind == "f":
         inside &= np.isfinite(values)
-        if field.infinite is not None:
-            inside |= values == field.infinite
-        if field.unknown:
+        if field.allowed.infinite is not None:
+            inside |= values == field.allowed.infinite
+        if field.allowed.unknown:
             inside |= np.isnan(values)
     if not inside.all() and name != "vertices":  # whose error says which
         stored.reject(f"its {name} is not always {_allowed(field)}")
@@ -93,13 +91,19 @@ def _check_values(stored: Stored, field: Field, values: Array) -> None:
 
 def _allowed(field: Field) -> str:
     """The values that a field may have, in words."""
-    low, high = (_TEXTS.get(bound, f"{bound:g}") for bound in (field.low, field.high))
-    text = f"from {low} to {high}" if math.isfinite(field.high) else f"at least {low}"
-    if not math.isfinite(field.low):
+    low, high, infinite, unknown = field.allowed
+    text = (
+        f"from {_text(low)} to {_text(high)}" if math.isfinite(high) else f"at least {_text(low)}"
+    )
+    if not math.isfinite(low):
         text = "a finite number"
-    if field.infinite is not None:
-        text += f", or {field.infinite}"
-    return f"{text}, or nan" if field.unknown else text
+    if infinite is not None:
+        text += f", or {infinite}"
+    return f"{text}, or nan" if unknown else text
+
+
+def _text(bound: float) -> str:
+    return "pi" if bound == math.pi else f"{bound:g}"
 
 
 def _check_surface(stored: Stored) -> None:

@@ -2,9 +2,9 @@
 
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import KW_ONLY, dataclass
 from operator import attrgetter
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +20,26 @@ XYZ = ("x", "y", "z")
 LETTERS = tuple(label.name for label in sorted(Label))
 
 
-@dataclass(frozen=True, kw_only=True)
+class Allowed(NamedTuple):
+    """The values that a field may have."""
+
+    low: float = -math.inf
+    high: float = math.inf
+    """Bounds of the finite values."""
+    infinite: float | None = None
+    """An infinite value that it may have."""
+    unknown: bool = False
+    """Whether it may be nan."""
+
+
+FINITE, KNOWN_OR_NAN = Allowed(), Allowed(unknown=True)
+POSITIVE_OR_NAN = Allowed(0.0, unknown=True)
+ANGLE, ANGLE_OR_NAN = Allowed(0.0, math.pi), Allowed(0.0, math.pi, unknown=True)
+ANGLE_OR_INF = Allowed(0.0, math.pi, math.inf)
+NORMAL, NORMAL_OR_NAN = Allowed(-1.0, 1.0), Allowed(-1.0, 1.0, unknown=True)
+
+
+@dataclass(frozen=True)
 class Field:
     """What files and tables hold of each vertex, or of each grasp, under one name."""
 
@@ -28,20 +47,21 @@ class Field:
     """Name of the array, and of the attribute in Python unless `of` is another one."""
     meaning: str
     """In the words of the page on file formats."""
+    unit: str = ""
+    shape: tuple[int | str, ...] = ()
+    """Of the values of one vertex or grasp; 'n': number of fingers, 'n-1': of the other fingers,
+    'p': of further joints."""
+    allowed: Allowed = FINITE
+    _: KW_ONLY
     of: Callable[[Any], Any] | None = None
     """Takes its values from labels or grasps, None where they have none; None: the attribute."""
     kind: str = "f8"
     """NumPy type of the values, as NPZ, VTP and Parquet hold them."""
-    shape: tuple[int | str, ...] = ()
-    """Of the values of one vertex or grasp; 'n': number of fingers, 'n-1': of the other fingers,
-    'p': of further joints."""
-    unit: str = ""
     when: When = "always"
     """What it takes for the field to be there: nothing; a location error or fingers that differ; a
     gripper; a hand with further joints; a load."""
     columns: tuple[str, ...] = ()
-    """Names of its parts where a file or table has numbers alone, with {} for a finger's number;
-    empty: its own."""
+    """Names of its parts where a file or table has numbers alone; empty: with the axes as ends."""
     each: str = ""
     """Name of the values of one finger, with {} for its number; empty: it is not by finger."""
     ply: str = ""
@@ -54,13 +74,6 @@ class Field:
     """Texts of the codes 0, 1, ..., which tables have in their place; empty: it has no codes."""
     outward: bool = False
     """Whether these are normals, which point into the object in Python, and outward in files."""
-    low: float = -math.inf
-    high: float = math.inf
-    """Bounds of the values that are finite."""
-    infinite: float | None = None
-    """An infinite value that it may have."""
-    unknown: bool = False
-    """Whether it may be nan."""
 
     def values_of(self, holder: object) -> Array | None:
         """The values as files hold them, a row for each vertex or grasp; None: there are none."""
@@ -81,8 +94,12 @@ class Field:
 
     def column_names(self, fingers: int) -> list[str]:
         """Names of its columns of numbers, those of one finger after those of another."""
+        parts = self.columns
+        if not parts:
+            head = self.each or self.name
+            parts = tuple(f"{head}_{axis}" for axis in XYZ) if self.shape[-1:] == (3,) else (head,)
         numbers = range(2, fingers + 1) if self.each else range(1)
-        return [one.format(finger) for finger in numbers for one in self.columns or (self.name,)]
+        return [part.format(finger) for finger in numbers for part in parts]
 
     def point_names(self, fingers: int) -> list[str]:
         """Names of its arrays of at most vectors, as VTK has them."""

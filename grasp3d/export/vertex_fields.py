@@ -8,7 +8,17 @@ from operator import attrgetter
 import numpy as np
 
 from grasp3d.arrays import Bools, Bytes
-from grasp3d.export.fields import AREA, LENGTH, XYZ, Array, Field
+from grasp3d.export.fields import (
+    AREA,
+    KNOWN_OR_NAN,
+    LENGTH,
+    NORMAL,
+    NORMAL_OR_NAN,
+    XYZ,
+    Allowed,
+    Array,
+    Field,
+)  # fmt: skip
 from grasp3d.export.grasp_fields import (
     APPROACH_MARGIN,
     CRITICAL_ANGLE,
@@ -18,8 +28,9 @@ from grasp3d.export.grasp_fields import (
     FLOAT,
     FORCES,
     OPENING,
+    names_of,
     of_part,
-)
+)  # fmt: skip
 from grasp3d.hand.reach import Reachability
 from grasp3d.quality.grip_forces import Resistance
 from grasp3d.stability.label import COLORS
@@ -77,264 +88,107 @@ def _partner(name: str, number: int) -> Callable[[SurfaceLabels], Array | None]:
     return values
 
 
-def _names(codes: type[Reason | Reachability | Resistance]) -> tuple[str, ...]:
-    return tuple(code.name.lower() for code in sorted(codes))
-
+INDEX = Allowed(0)
 
 LOCATED = (
-    replace(
-        CRITICAL_ANGLE,
-        name="located_angle",
-        meaning="the smallest `critical_angle` that is sure, wherever the true contact points are; "
-        "decides S. Where fingers differ it is relative to the worst finger",
-        of=_located(0),
-        when="errors",
-        low=-math.pi,
-        high=2.0 * math.pi,
-    ),
-    replace(
-        CRITICAL_ANGLE,
-        name="located_angle_best",
-        meaning="the same for the best contact points and normals; decides U",
-        of=_located(1),
-        when="errors",
-        low=-math.inf,
-        high=math.inf,
-    ),
-)
+    replace(CRITICAL_ANGLE, name="located_angle", of=_located(0), when="errors",
+            allowed=Allowed(-math.pi, 2.0 * math.pi, math.inf), meaning="the smallest "
+            "`critical_angle` that is sure, wherever the true contact points are; decides S. Where "
+            "fingers differ it is relative to the worst finger"),
+    replace(CRITICAL_ANGLE, name="located_angle_best", of=_located(1), when="errors",
+            allowed=Allowed(infinite=math.inf),
+            meaning="the same for the best contact points and normals; decides U"),
+)  # fmt: skip
 PARTNERS = (
-    Field(
-        name="partners",
-        meaning="the other contacts of the grasp",
-        shape=("n-1", 3),
-        unit=LENGTH,
-        columns=tuple(f"partner_{{}}_{axis}" for axis in XYZ),
-        each="partner_{}",
-        unknown=True,
-    ),
-    Field(
-        name="partner_normals",
-        meaning="outward normals there",
-        shape=("n-1", 3),
-        columns=tuple(f"partner_{{}}_n{axis}" for axis in XYZ),
-        each="partner_{}_normal",
-        outward=True,
-        unknown=True,
-        low=-1.0,
-        high=1.0,
-    ),
-)
+    Field("partners", "the other contacts of the grasp", LENGTH, ("n-1", 3), KNOWN_OR_NAN,
+          each="partner_{}"),
+    Field("partner_normals", "outward normals there", "", ("n-1", 3), NORMAL_OR_NAN, outward=True,
+          columns=tuple(f"partner_{{}}_n{axis}" for axis in XYZ), each="partner_{}_normal"),
+)  # fmt: skip
 POSES = (
-    Field(
-        name="approach",
-        meaning="approach direction of the pose that the gripper reaches, the axis z of its "
-        "[frame](guide/grippers.md#frame-and-shape)",
-        shape=(3,),
-        when="gripper",
-        columns=tuple(f"approach_{axis}" for axis in XYZ),
-        ply=FLOAT,
-        unknown=True,
-    ),
-    Field(
-        name="tcp",
-        meaning="tool centre point, the origin of the pose",
-        of=_pose(3),
-        shape=(3,),
-        unit=LENGTH,
-        when="gripper",
-        columns=tuple(f"tcp_{axis}" for axis in XYZ),
-        unknown=True,
-    ),
-    Field(
-        name="closing",
-        meaning="closing axis, the axis x of the pose, from finger 1 to finger 2",
-        of=_pose(0),
-        shape=(3,),
-        when="gripper",
-        columns=tuple(f"closing_{axis}" for axis in XYZ),
-        unknown=True,
-    ),
+    Field("approach", "approach direction of the pose that the gripper reaches, the axis z of its "
+          "[frame](guide/grippers.md#frame-and-shape)", "", (3,), KNOWN_OR_NAN, when="gripper",
+          ply=FLOAT),
+    Field("tcp", "tool centre point, the origin of the pose", LENGTH, (3,), KNOWN_OR_NAN,
+          of=_pose(3), when="gripper"),
+    Field("closing", "closing axis, the axis x of the pose, from finger 1 to finger 2", "", (3,),
+          KNOWN_OR_NAN, of=_pose(0), when="gripper"),
     replace(APPROACH_MARGIN, of=None),
     DEPTH,
-    replace(
-        DEPTH,
-        name="pregrasp_opening",
-        meaning="opening before the fingers close",
-        of=of_part("reach", "pregrasp_opening"),
-    ),
-)
+    replace(DEPTH, name="pregrasp_opening", meaning="opening before the fingers close",
+            of=of_part("reach", "pregrasp_opening")),
+)  # fmt: skip
+
+
+def _partner_points(number: int, head: str, whose: str) -> tuple[Field, Field]:
+    """The surface points of the other contacts of one of a vertex's two grasps."""
+    each = f"{head}partner_{{}}_weight"
+    return (
+        Field(f"{head}partner_faces", f"faces of the other contacts of {whose}; `-1`: none", "",
+              ("n-1",), Allowed(-1), of=_partner("faces", number), kind="i8",
+              each=f"{head}partner_{{}}_face"),
+        Field(f"{head}partner_weights", "barycentric coordinates there", "", ("n-1", 3),
+              KNOWN_OR_NAN, of=_partner("weights", number), each=each,
+              columns=tuple(f"{each}_{corner}" for corner in (1, 2, 3))),
+    )  # fmt: skip
+
+
 RESTORING = (
-    Field(
-        name="canonical",
-        meaning="the vertex that is used for its position, of those at the same position",
-        of=attrgetter("mesh.canonical"),
-        kind="i8",
-        low=0,
-    ),
-    *(
-        one
-        for number, head, whose in (
-            (0, "", "the grasp"),
-            (1, "best_", "the grasp that is best over the best normals"),
-        )
-        for one in (
-            Field(
-                name=f"{head}partner_faces",
-                meaning=f"faces of the other contacts of {whose}; `-1`: none",
-                of=_partner("faces", number),
-                kind="i8",
-                shape=("n-1",),
-                columns=(f"{head}partner_{{}}_face",),
-                each=f"{head}partner_{{}}_face",
-                low=-1,
-            ),
-            Field(
-                name=f"{head}partner_weights",
-                meaning="barycentric coordinates there",
-                of=_partner("weights", number),
-                shape=("n-1", 3),
-                columns=tuple(f"{head}partner_{{}}_weight_{corner}" for corner in (1, 2, 3)),
-                each=f"{head}partner_{{}}_weight",
-                unknown=True,
-            ),
-        )
-    ),
-    Field(
-        name="lateral",
-        meaning="the axis y of the pose, the product of z and x",
-        of=_pose(1),
-        shape=(3,),
-        when="gripper",
-        columns=tuple(f"lateral_{axis}" for axis in XYZ),
-        unknown=True,
-    ),
-    replace(
-        DEPTH,
-        name="held_opening",
-        meaning="opening when the object is held",
-        of=of_part("reach", "opening"),
-    ),
-    Field(
-        name="reach_state",
-        meaning="`reached`, or why the gripper does not reach the grasp",
-        of=of_part("reach", "state"),
-        kind="u1",
-        when="gripper",
-        texts=_names(Reachability),
-    ),
-    Field(
-        name="free_angles",
-        meaning="the approach angles that are free, as bits of a number; absent for three fingers "
-        "and more whose tips alone are tested",
-        of=_free_angles,
-        kind="u8",
-        when="gripper",
-    ),
-    Field(
-        name="posture",
-        meaning="values of the hand's further joints; in the metadata of Parquet",
-        of=_posture,
-        shape=("p",),
-        when="joints",
-        table=False,
-        unknown=True,
-    ),
-    Field(
-        name="resistance",
-        meaning="whether forces can hold the load: why `grip_force` is infinite",
-        of=of_part("holding", "resistance"),
-        kind="u1",
-        when="load",
-        texts=_names(Resistance),
-    ),
-)
+    Field("canonical", "the vertex that is used for its position, of those at the same position",
+          "", (), INDEX, of=attrgetter("mesh.canonical"), kind="i8"),
+    *_partner_points(0, "", "the grasp"),
+    *_partner_points(1, "best_", "the grasp that is best over the best normals"),
+    Field("lateral", "the axis y of the pose, the product of z and x", "", (3,), KNOWN_OR_NAN,
+          of=_pose(1), when="gripper"),
+    replace(DEPTH, name="held_opening", meaning="opening when the object is held",
+            of=of_part("reach", "opening")),
+    Field("reach_state", "`reached`, or why the gripper does not reach the grasp", kind="u1",
+          of=of_part("reach", "state"), when="gripper", texts=names_of(Reachability)),
+    Field("free_angles", "the approach angles that are free, as bits of a number; absent for three "
+          "fingers and more whose tips alone are tested", of=_free_angles, kind="u8",
+          when="gripper"),
+    Field("posture", "values of the hand's further joints; in the metadata of Parquet", "", ("p",),
+          KNOWN_OR_NAN, of=_posture, when="joints", table=False),
+    Field("resistance", "whether forces can hold the load: why `grip_force` is infinite",
+          of=of_part("holding", "resistance"), kind="u1", when="load", texts=names_of(Resistance)),
+)  # fmt: skip
 """What makes labels that are read again complete."""
 
 VERTICES = (
-    Field(
-        name="vertices",
-        meaning="position",
-        of=attrgetter("mesh.vertices"),
-        shape=(3,),
-        unit=LENGTH,
-        columns=XYZ,
-        ply="f8",
-    ),
-    Field(
-        name="normal",
-        meaning="outward normal; on creases and at corners the middle of the normals there; 0 "
-        "where these cancel out",
-        of=attrgetter("mesh.normals"),
-        shape=(3,),
-        columns=("nx", "ny", "nz"),
-        ply=FLOAT,
-        outward=True,
-    ),
-    Field(
-        name="color",
-        meaning="colour of the label: S `#009E73`, M `#F0E442`, U `#D55E00`",
-        of=label_colors,
-        kind="u1",
-        shape=(3,),
-        columns=("red", "green", "blue"),
-        ply="u1",
-        table=False,
-    ),
-    Field(
-        name="area",
-        meaning="area around the vertex, a third of its faces'",
-        of=attrgetter("mesh.vertex_areas"),
-        unit=AREA,
-        array=False,
-    ),
+    Field("vertices", "position", LENGTH, (3,), of=attrgetter("mesh.vertices"), columns=XYZ,
+          ply="f8"),
+    Field("normal", "outward normal; on creases and at corners the middle of the normals there; 0 "
+          "where these cancel out", "", (3,), of=attrgetter("mesh.normals"), outward=True,
+          columns=("nx", "ny", "nz"), ply=FLOAT),
+    Field("color", "colour of the label: S `#009E73`, M `#F0E442`, U `#D55E00`", "", (3,),
+          of=label_colors, kind="u1", columns=("red", "green", "blue"), ply="u1", table=False),
+    Field("area", "area around the vertex, a third of its faces'", AREA,
+          of=attrgetter("mesh.vertex_areas"), array=False),
     *DECIDED,
     *EPSILONS,
     OPENING,
-    Field(
-        name="grip",
-        meaning="two fingers: 1 for an external grasp, −1 for an internal one; 0: no grasp, and "
-        "three fingers and more",
-        kind="i1",
-        low=-1,
-        high=1,
-    ),
-    Field(
-        name="reason",
-        meaning="why there is no grasp, see [reasons](#reasons)",
-        kind="u1",
-        texts=_names(Reason),
-    ),
+    Field("grip", "two fingers: 1 for an external grasp, −1 for an internal one; 0: no grasp, and "
+          "three fingers and more", "", (), NORMAL, kind="i1"),
+    Field("reason", "why there is no grasp, see [reasons](#reasons)", kind="u1",
+          texts=names_of(Reason)),
     *LOCATED,
     *PARTNERS,
     *POSES,
     *FORCES,
     *RESTORING,
-)
+)  # fmt: skip
 """Every field of a vertex, in the order of files."""
 
 FACES = Field(
-    name="faces",
-    meaning="vertices of the faces, counter-clockwise from outside",
-    kind="i8",
-    shape=("F", 3),
-    low=0,
+    "faces", "vertices of the faces, counter-clockwise from outside", "", ("F", 3), INDEX, kind="i8"
 )
 CORNERS = Field(
-    name="corners",
-    meaning="row of `corner_normals` of each corner of each face",
-    of=attrgetter("corner_normals.corners"),
-    kind="i8",
-    shape=("F", 3),
-    low=0,
-)
+    "corners", "row of `corner_normals` of each corner of each face", "", ("F", 3), INDEX,
+    of=attrgetter("corner_normals.corners"), kind="i8",
+)  # fmt: skip
 CORNER_NORMALS = Field(
-    name="corner_normals",
-    meaning="outward normals of the faces at their corners, which differ across creases",
-    of=attrgetter("corner_normals.normals"),
-    shape=("C", 3),
-    low=-1.0,
-    high=1.0,
-    outward=True,
-)
+    "corner_normals", "outward normals of the faces at their corners, which differ across creases",
+    "", ("C", 3), NORMAL, of=attrgetter("corner_normals.normals"), outward=True,
+)  # fmt: skip
 SURFACE = (FACES, CORNERS, CORNER_NORMALS)
 """The arrays of a surface that are not of its vertices."""
