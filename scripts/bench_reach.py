@@ -27,7 +27,7 @@ from grasp3d._kernels.gripper_shape import RESULTS, make_workspace
 from grasp3d._kernels.pose_collisions import collide_poses
 from grasp3d._kernels.reaching import reach_pairs
 from grasp3d.hand.approach import Approach
-from grasp3d.hand.normalized_scene import NormalizedScene
+from grasp3d.hand.jaw_reach import NormalizedScene
 from grasp3d.hand.table import Table
 from tests.helpers.collisions import FAR
 from tests.helpers.grippers import HAND, TIPS, normalized_poses, opposed, random_poses

@@ -16,7 +16,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).parents[1]))
 
 from grasp3d import load_mesh
-from grasp3d.hand.collisions import collides
+from grasp3d.hand.jaw_reach import collides
 from grasp3d.settings.lengths import METRES
 from tests.helpers.collisions import Oracle
 from tests.helpers.grippers import GRIPPERS, normalized_poses, random_poses

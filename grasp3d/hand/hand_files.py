@@ -3,7 +3,7 @@
 import json
 from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
 from grasp3d.hand.gripper_json import KEYS, gripper_of, read_json
@@ -13,13 +13,13 @@ from grasp3d.hand.presets import ALIASES, PRESETS, preset
 from grasp3d.system.files import atomic_write, check_suffix
 from grasp3d.system.names import printable, unsupported
 
+if TYPE_CHECKING:
+    from grasp3d.hand.link_tree import LinkTree
+
 READERS: dict[str, Callable[[Any], Hand]] = {FORMAT: gripper_of}
 """What makes hands of descriptions, by their "format": functions that raise SettingError."""
 
-ROBOTS = {".urdf": "urdf", ".xml": "mjcf", ".mjcf": "mjcf"}
-"""Suffixes of robot descriptions, and the modules that read them."""
-
-SUFFIXES = (".json", *ROBOTS)
+SUFFIXES = (".json", ".urdf", ".xml", ".mjcf")
 
 
 def read_hand(
@@ -80,7 +80,7 @@ def read_hand(
                 "LINK -o NAME.json makes a description of it, for all commands"
             )
         )
-    return _from_robot(path, ROBOTS[suffix], fingers, palm, tcp)
+    return _from_robot(path, fingers, palm, tcp)
 
 
 def write_hand(path: str | Path, hand: Hand) -> None:
@@ -145,19 +145,20 @@ def _from_json(path: Path) -> Hand:
         raise SettingError(printable(f"{path}: {error}")) from error
 
 
-def _from_robot(
-    path: Path, kind: str, fingers: tuple[str, str], palm: str | None, tcp: float | None
-) -> Hand:
+def _from_robot(path: Path, fingers: tuple[str, str], palm: str | None, tcp: float | None) -> Hand:
     from grasp3d.hand.hand_geometry import gripper_of_hand
 
     if len(fingers) != 2 or fingers[0] == fingers[1]:
         raise SettingError(printable(f"{path}: a gripper needs two different finger links"))
-    if kind == "urdf":
+    return gripper_of_hand(read_links(path).sliding_hand(fingers, palm), tcp=tcp)
+
+
+def read_links(path: Path) -> "LinkTree":
+    """All links and joints of a URDF (.urdf) or a MuJoCo model. Raises SettingError."""
+    if path.suffix.lower() == ".urdf":
         from grasp3d.hand.urdf import read_urdf
 
-        hand = read_urdf(path, fingers, palm)
-    else:
-        from grasp3d.hand.mjcf import read_mjcf
+        return read_urdf(path)
+    from grasp3d.hand.mjcf import read_mjcf
 
-        hand = read_mjcf(path, fingers, palm)
-    return gripper_of_hand(hand, tcp=tcp)
+    return read_mjcf(path)

@@ -76,7 +76,7 @@ class SlidingFinger:
 
 
 @dataclass(frozen=True, eq=False)
-class Hand:
+class SlidingHand:
     """Palm and fingers of a robot's hand; lengths in metres."""
 
     source: str
@@ -91,7 +91,7 @@ class Hand:
     joint has a drive of its own."""
 
 
-def gripper_of_hand(hand: Hand, *, tcp: float | None = None) -> ParallelGripper:
+def gripper_of_hand(hand: SlidingHand, *, tcp: float | None = None) -> ParallelGripper:
     """Boxes around the geometry of a hand.
 
     Args:
@@ -106,7 +106,7 @@ def gripper_of_hand(hand: Hand, *, tcp: float | None = None) -> ParallelGripper:
     Example:
         >>> import numpy as np
         >>> import trimesh
-        >>> from grasp3d.hand.hand_geometry import Hand, SlidingFinger, gripper_of_hand
+        >>> from grasp3d.hand.hand_geometry import SlidingHand, SlidingFinger, gripper_of_hand
         >>> box = trimesh.creation.box(bounds=[[-0.01, 0.0, 0.05], [0.01, 0.01, 0.09]])
         >>> shape, along = box.triangles, np.array([0.0, 1.0, 0.0])
         >>> fingers = tuple(
@@ -114,7 +114,7 @@ def gripper_of_hand(hand: Hand, *, tcp: float | None = None) -> ParallelGripper:
         ...     for name, sign in (("left", 1.0), ("right", -1.0))
         ... )
         >>> palm = trimesh.creation.box([0.06, 0.1, 0.1]).vertices
-        >>> gripper = gripper_of_hand(Hand("hand.urdf", "hand", fingers, palm), tcp=0.08)
+        >>> gripper = gripper_of_hand(SlidingHand("hand.urdf", "hand", fingers, palm), tcp=0.08)
         >>> gripper.max_opening, gripper.pad_height, gripper.base_axes
         (0.06, 0.02, ('-y', 'z'))
     """
@@ -125,7 +125,7 @@ def gripper_of_hand(hand: Hand, *, tcp: float | None = None) -> ParallelGripper:
 class _View:
     """A hand in coordinates along its closing axis x, y and its approach axis z."""
 
-    def __init__(self, hand: Hand, closing: str, approach: str) -> None:
+    def __init__(self, hand: SlidingHand, closing: str, approach: str) -> None:
         self.hand = hand
         self.axes = closing, approach
         x, z = UNIT[closing], UNIT[approach]
@@ -182,7 +182,7 @@ class _View:
         return one, two
 
 
-def _closing_axis(hand: Hand) -> str:
+def _closing_axis(hand: SlidingHand) -> str:
     """Axis from finger 1 to finger 2. Raises SettingError."""
     one, two = hand.fingers
     directions = [finger.axis / np.linalg.norm(finger.axis) for finger in hand.fingers]
@@ -214,7 +214,7 @@ def _centre(finger: SlidingFinger, *, middle: bool) -> Floats:
     return np.asarray(0.5 * (points.min(axis=0) + points.max(axis=0)) + value * finger.axis)
 
 
-def _approach_axis(hand: Hand, closing: str) -> str:
+def _approach_axis(hand: SlidingHand, closing: str) -> str:
     """Axis from the palm to the fingers' ends."""
     fingers = np.mean([_centre(finger, middle=False) for finger in hand.fingers], axis=0)
     palm = 0.5 * (hand.palm.min(axis=0) + hand.palm.max(axis=0))

@@ -1,20 +1,116 @@
-"""Which grasps a parallel gripper reaches on an object."""
+"""What a parallel gripper reaches on an object, and whether it collides at given poses."""
 
 import math
-from typing import Any
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
 from grasp3d._kernels import gripper_shape
+from grasp3d._kernels.box_tree import BoxTree, box_tree
+from grasp3d._kernels.gripper_shape import ApproachLimits, GripperShape, make_workspace
+from grasp3d._kernels.pose_collisions import collide_poses
 from grasp3d._kernels.reaching import reach_pairs, reach_tips
-from grasp3d.arrays import ArrayLike, Floats, locked, unit_rows
+from grasp3d.arrays import ArrayLike, Bools, Floats, locked, unit_rows
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.approach import Approach
+from grasp3d.hand.closed_jaws import ClosedJaws
 from grasp3d.hand.jaws import Jaws
-from grasp3d.hand.normalized_scene import NormalizedScene, checked_grip, in_chunks
+from grasp3d.hand.metres import metres_per_unit
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.table import Table
 from grasp3d.mesh import ObjectMesh
+from grasp3d.system.processors import available_processors
+
+CHUNK = 256
+"""Grasps that a thread tests in one call."""
+
+
+class NormalizedScene(NamedTuple):
+    """A gripper and what is around it, in the mesh's normalised frame, as the kernels take them."""
+
+    shape: GripperShape
+    limits: ApproachLimits
+    tree: BoxTree
+
+    @classmethod
+    def of(cls, mesh: ObjectMesh, hand: Jaws, table: Table | None, approach: Approach) -> Self:
+        """Arrange a gripper, an object and a table.
+
+        Args:
+            mesh: The object; its unit must be known.
+            hand: The gripper, in metres.
+            table: What the object stands on; None: nothing.
+            approach: Allowed directions.
+
+        Raises:
+            SettingError: The mesh has no unit.
+        """
+        surface = mesh.contact_surface
+        scale = 1.0 / (metres_per_unit(mesh) * mesh.size)
+        lengths = {name: getattr(hand, name) * scale for name in GripperShape._fields}
+        if hand.round_tips:
+            lengths["pad_height"] = 0.0
+        return cls(
+            GripperShape(**lengths),
+            normalized_limits(mesh, table, approach),
+            box_tree(surface.points, surface.faces),
+        )
+
+
+def normalized_limits(mesh: ObjectMesh, table: Table | None, approach: Approach) -> ApproachLimits:
+    """Table and approach directions in the mesh's normalised frame, as the kernels take them."""
+    direction = approach.direction
+    if direction is None and table is not None:
+        direction = -table.normal
+    limited = direction is not None and approach.within < math.pi
+    return ApproachLimits(
+        direction=np.zeros(3) if direction is None else np.array(direction),
+        least_cosine=math.cos(approach.within) if limited else -2.0,
+        table_normal=np.zeros(3) if table is None else np.array(table.normal),
+        table_offset=-math.inf
+        if table is None
+        else float((table.offset - mesh.center @ table.normal) / mesh.size),
+    )
+
+
+def in_chunks(
+    work: Callable[[slice, Any], None], count: int, angles: int, threads: int | None
+) -> None:
+    """Run work on slices of rows in threads, each with a workspace of its own.
+
+    Args:
+        work: Called with the rows and a `ReachWorkspace`.
+        count: Number of rows.
+        angles: Approach angles of the workspaces.
+        threads: Threads to use; None: one per processor.
+    """
+    threads = max(1, min(threads or available_processors(), -(-count // CHUNK)))
+    starts = range(0, count, CHUNK)
+
+    def run(number: int) -> None:
+        workspace = make_workspace(angles)
+        for start in starts[number::threads]:
+            work(slice(start, start + CHUNK), workspace)
+
+    with ThreadPoolExecutor(threads) as pool:
+        list(pool.map(run, range(threads)))
+
+
+def checked_grip(grip: ArrayLike, count: int) -> Any:
+    """Grips as signs, shape (count,).
+
+    Raises:
+        ContactError: They are neither 1 nor -1, or too many.
+    """
+    signs = np.asarray(grip)
+    if signs.shape not in {(), (count,)} or not np.isin(signs, (-1, 1)).all():
+        raise ContactError(
+            f"grip must be 1 (external) or -1 (internal), one number or one for each of {count}; "
+            f"got {grip!r}"
+        )
+    return np.array(np.broadcast_to(signs, (count,)), dtype=np.int8)
 
 
 def reach_grasps(
@@ -133,3 +229,129 @@ def _reach_tips(
         posture=locked(np.zeros((len(points), 0))),
         free=locked(np.zeros((len(points), 0), dtype=np.bool_)),
     )
+
+
+RIGID = 1e-6
+"""Largest deviation of a pose's rotation from an orthonormal matrix."""
+
+
+def collides(
+    mesh: ObjectMesh,
+    poses: ArrayLike,
+    opening: ArrayLike,
+    hand: Jaws,
+    *,
+    grip: ArrayLike = 1,
+    table: Table | None = None,
+    swept: bool = True,
+    threads: int | None = None,
+) -> Bools:
+    """Test whether a gripper collides at given poses with the object or the table.
+
+    The object may reach up to the compliance into pads and tips.
+
+    Args:
+        mesh: The object; its unit must be known.
+        poses: From the gripper's frame to the mesh's, in the mesh's unit, shape (b, 4, 4).
+        opening: Distance between the inner faces of the fingers, or between the nearest points of
+            round tips, in the mesh's unit, one number or shape (b,).
+        hand: The gripper, in metres.
+        grip: +1: the fingers close from a clearance outside, -1: from inside, one number or (b,).
+        table: What the object stands on; None: nothing.
+        swept: Whether the straight approach and the clearance are tested too; else the final
+            pose only.
+        threads: Threads to use; None: one per processor.
+
+    Returns:
+        Whether the gripper collides, shape (b,).
+
+    Raises:
+        SettingError: The mesh has no unit.
+        ContactError: Poses, openings or grips of wrong shapes or values.
+
+    Example:
+        >>> import numpy as np, trimesh, grasp3d
+        >>> from grasp3d.hand.parallel_gripper import ParallelGripper
+        >>> from grasp3d.hand.collisions import collides
+        >>> mesh = grasp3d.load_mesh(trimesh.creation.box([60, 40, 20]), unit="mm", max_edge=90)
+        >>> hand = ParallelGripper(
+        ...     name="hand", max_opening=0.08, finger_thickness=0.02, finger_width=0.02,
+        ...     finger_length=0.045, pad_width=0.018, pad_height=0.018, palm_thickness=0.2,
+        ...     palm_width=0.06, palm_length=0.06)
+        >>> collides(mesh, [np.eye(4), np.eye(4)], [70.0, 50.0], hand)
+        array([False,  True])
+    """
+    matrices, openings, signs = _checked_poses(poses, opening, grip)
+    scene = NormalizedScene.of(mesh, hand, table, Approach())
+    matrices[:, :3, 3] = (matrices[:, :3, 3] - mesh.center) / mesh.size
+    openings = openings / mesh.size
+    verdict = np.zeros(len(matrices), dtype=np.bool_)
+
+    def work(rows: slice, workspace: Any) -> None:
+        collide_poses(
+            matrices[rows], openings[rows], signs[rows], swept, scene.shape, scene.limits,
+            scene.tree, workspace, verdict[rows],
+        )  # fmt: skip
+
+    in_chunks(work, len(matrices), 1, threads)
+    return verdict
+
+
+def collides_closing(
+    mesh: ObjectMesh,
+    poses: Floats,
+    closed: ClosedJaws,
+    hand: Jaws,
+    *,
+    held: Bools,
+    table: Table | None = None,
+    threads: int | None = None,
+) -> Bools:
+    """Test whether a gripper collides on its way to poses at which its jaws then close.
+
+    Where the jaws do not close symmetrically about the TCP, hand or object has given way.
+
+    Args:
+        mesh: The object; its unit must be known.
+        poses: From the gripper's frame to the mesh's, in the mesh's unit, shape (k, 4, 4).
+        closed: Where the jaws close there.
+        hand: The gripper, in metres.
+        held: Whether it is tested around the object that it holds there, or else wide open, shape
+            (k,).
+        table: What the object stands on; None: nothing.
+        threads: Threads to use; None: one per processor.
+
+    Returns:
+        Whether the gripper collides, shape (k,).
+    """
+    wide = hand.limits[1] / metres_per_unit(mesh)
+    opening = np.where(held, np.maximum(closed.opening, 0.0), wide)
+    centred = poses.copy()
+    offset = np.where(held, closed.offset, 0.0)
+    centred[:, :3, 3] += offset[:, None] * poses[:, :3, 0]
+    return collides(mesh, centred, opening, hand, table=table, threads=threads)
+
+
+def _checked_poses(
+    poses: ArrayLike, opening: ArrayLike, grip: ArrayLike
+) -> tuple[Floats, Floats, Any]:
+    """Poses, openings and grips as arrays of the caller's own."""
+    matrices = np.array(poses, dtype=np.float64)
+    if matrices.ndim != 3 or matrices.shape[1:] != (4, 4) or not np.isfinite(matrices).all():
+        raise ContactError(
+            f"poses must be finite numbers of shape (poses, 4, 4); got {matrices.shape}"
+        )
+    turns = matrices[:, :3, :3]
+    wrong = np.abs(turns @ turns.swapaxes(1, 2) - np.eye(3)).max(axis=(1, 2)) > RIGID
+    wrong |= np.linalg.det(turns) < 0.0
+    if wrong.any():
+        raise ContactError(
+            f"pose {int(np.flatnonzero(wrong)[0])} must be a rotation and a translation"
+        )
+    openings = np.asarray(opening, dtype=np.float64)
+    count = len(matrices)
+    if openings.shape not in {(), (count,)} or not (openings >= 0.0).all():
+        raise ContactError(
+            f"opening must be a length of at least 0, one number or one for each of {count} poses"
+        )
+    return matrices, np.array(np.broadcast_to(openings, (count,))), checked_grip(grip, count)

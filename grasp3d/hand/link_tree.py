@@ -10,7 +10,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.hand.hand_geometry import Hand, SlidingFinger
+from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand
 from grasp3d.system.names import printable
 
 LARGEST_FILE = 16 * 2**20
@@ -31,16 +31,17 @@ class Joint:
     origin: Floats
     """Pose of the moved link at the joint's value 0, in the frame of its parent, shape (4, 4)."""
     axis: Floats
-    """Movement per unit of the value, in the frame of the moved link, shape (3,)."""
+    """Direction in which it slides, or about which it turns, in the frame of the moved link, shape
+    (3,)."""
     limits: tuple[float, float] | None
-    """Smallest and largest value; None: unlimited."""
+    """Smallest and largest value [m or rad]; None: unlimited."""
     follows: tuple[str, float, float] | None = None
     """Its value is that of another joint, of this name, times a factor, plus an offset."""
 
 
 @dataclass(frozen=True, eq=False)
 class LinkTree:
-    """Links of a robot; lengths in metres."""
+    """Links of a robot, which may branch anywhere; lengths in metres."""
 
     source: str
     """Name of the file, for messages."""
@@ -50,8 +51,12 @@ class LinkTree:
     geometry: Callable[[str], Floats]
     """Corners of the collision geometry of a link in its frame, shape (n, 3, 3)."""
 
-    def hand(self, fingers: tuple[str, str], palm: str | None) -> Hand:
-        """The hand with two fingers.
+    def children(self, link: str) -> tuple[str, ...]:
+        """The links whose joints a link carries, in their order."""
+        return tuple(name for name, joint in self.joints.items() if joint.parent == link)
+
+    def sliding_hand(self, fingers: tuple[str, str], palm: str | None) -> SlidingHand:
+        """The part of it that is a hand with two sliding fingers.
 
         Args:
             fingers: Names of the fingers' links.
@@ -79,7 +84,7 @@ class LinkTree:
             what = palm or f"{carrier}, which carries the fingers,"
             raise self._error(f"{what} has no collision geometry; name the palm's link (--palm)")
         one, two = (self.joints[mover] for mover in movers)
-        return Hand(self.source, carrier, (found[0], found[1]), points, _coupling(one, two))
+        return SlidingHand(self.source, carrier, (found[0], found[1]), points, _coupling(one, two))
 
     def _error(self, problem: str) -> SettingError:
         return SettingError(printable(f"{self.source}: {problem}"))

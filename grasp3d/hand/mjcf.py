@@ -1,14 +1,13 @@
-"""The hand of a robot in a MuJoCo model."""
+"""Links and joints of a robot in a MuJoCo model."""
 
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 from trimesh import creation, transformations
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
-from grasp3d.hand.hand_geometry import Hand
 from grasp3d.hand.link_tree import Joint, LinkTree, check_xml
 from grasp3d.system.names import printable
 
@@ -18,18 +17,16 @@ if TYPE_CHECKING:
     from mujoco import MjModel
 
 
-def read_mjcf(path: Path, fingers: tuple[str, str], palm: str | None) -> Hand:
-    """Read the hand with two fingers from a MuJoCo model.
+def read_mjcf(path: Path) -> LinkTree:
+    """Read the bodies and joints of a MuJoCo model.
 
     Geometry that collides with nothing (contype and conaffinity 0) is not read.
 
     Args:
         path: The file; MuJoCo reads its meshes and included files as well.
-        fingers: Names of the fingers' bodies.
-        palm: Name of the palm's body; None: the one that carries the fingers.
 
     Raises:
-        SettingError: MuJoCo cannot read it, or it has no such hand.
+        SettingError: MuJoCo cannot read it.
     """
     check_xml(path)
     model = _loaded(path)
@@ -42,7 +39,7 @@ def read_mjcf(path: Path, fingers: tuple[str, str], palm: str | None) -> Hand:
         parts = [_triangles(model, number, path) for number in range(first, first + count)]
         return np.concatenate([np.zeros((0, 3, 3)), *parts])
 
-    return LinkTree(str(path), tuple(names), joints, geometry).hand(fingers, palm)
+    return LinkTree(str(path), tuple(names), joints, geometry)
 
 
 def _loaded(path: Path) -> "MjModel":
@@ -60,7 +57,7 @@ def _loaded(path: Path) -> "MjModel":
 
 
 def _joint(model: "MjModel", body: int, names: list[str]) -> Joint:
-    """The joint that moves a body; several at once turn it, for our purpose."""
+    """The joint that moves a body; of several at once the first one, as one that turns it."""
     from mujoco import mjtJoint
 
     pose = np.eye(4)
@@ -69,15 +66,17 @@ def _joint(model: "MjModel", body: int, names: list[str]) -> Joint:
     parent = names[model.body_parentid[body]]
     number, count = int(model.body_jntadr[body]), int(model.body_jntnum[body])
     name = model.joint(number).name or f"joint {number}" if count else names[body]
-    axis = np.array([1.0, 0.0, 0.0])
-    if count != 1 or model.jnt_type[number] != mjtJoint.mjJNT_SLIDE:
-        return Joint(name, "turns" if count else "fixed", parent, pose, axis, None)
+    if count == 0:
+        return Joint(name, "fixed", parent, pose, np.array([1.0, 0.0, 0.0]), None)
     axis = np.array(model.jnt_axis[number])
-    # The pose of a body in the file is that at the joint's reference value, which need not be 0.
-    pose[:3, 3] -= pose[:3, :3] @ axis * float(model.qpos0[model.jnt_qposadr[number]])
+    slides = count == 1 and model.jnt_type[number] == mjtJoint.mjJNT_SLIDE
+    if slides:
+        # The pose of a body in the file is that at the joint's reference value, rarely not 0.
+        pose[:3, 3] -= pose[:3, :3] @ axis * float(model.qpos0[model.jnt_qposadr[number]])
     low, high = (float(limit) for limit in model.jnt_range[number])
     limits = (low, high) if model.jnt_limited[number] else None
-    return Joint(name, "slides", parent, pose, axis, limits, _followed(model, number))
+    kind: Literal["slides", "turns"] = "slides" if slides else "turns"
+    return Joint(name, kind, parent, pose, axis, limits, _followed(model, number))
 
 
 def _followed(model: "MjModel", joint: int) -> tuple[str, float, float] | None:

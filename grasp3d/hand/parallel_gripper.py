@@ -12,15 +12,11 @@ from grasp3d.hand.touch import Touch
 
 if TYPE_CHECKING:
     from grasp3d.arrays import ArrayLike, Bools, Floats
-    from grasp3d.hand.approach import Approach
-    from grasp3d.hand.choices import ObjectMotion
     from grasp3d.hand.closed_jaws import ClosedJaws
     from grasp3d.hand.reach import Reach
-    from grasp3d.hand.table import Table
     from grasp3d.hand.triangles import Triangles
     from grasp3d.mesh import ObjectMesh
     from grasp3d.settings import GraspModel
-    from grasp3d.system.progress import Progress
 
 FORMAT, VERSION = "grasp3d gripper", 1
 """What the keys `format` and `version` of a file contain."""
@@ -157,60 +153,30 @@ class ParallelGripper(RobotFrame, Touch, Jaws):
         inside = 0.0 if self.round_tips else 2.0 * thickness
         return np.asarray(np.maximum(gaps - np.where(internal, inside, 0.0), 0.0))
 
-    def reach(
-        self,
-        mesh: "ObjectMesh",
-        points: "ArrayLike",
-        normals: "ArrayLike",
-        *,
-        grip: "ArrayLike" = 1,
-        table: "Table | None" = None,
-        approach: "Approach | None" = None,
-        threads: int | None = None,
-    ) -> "Reach":
-        """Which grasps it reaches; see `reach_grasps`."""
+    def reach(self, mesh: "ObjectMesh", points: Any, normals: Any, **options: Any) -> "Reach":
+        """Which grasps it reaches; see `Hand.reach` and `reach_grasps`."""
         from grasp3d.hand.jaw_reach import reach_grasps
 
-        return reach_grasps(
-            mesh, points, normals, self, grip=grip, table=table, approach=approach, threads=threads
-        )
+        return reach_grasps(mesh, points, normals, self, **options)
 
     def close(
-        self,
-        mesh: "ObjectMesh",
-        poses: "ArrayLike",
-        *,
-        posture: "ArrayLike | None" = None,
-        object_motion: "ObjectMotion" = "fixed",
-        friction: float = 0.5,
-        threads: int | None = None,
-        progress: "Progress | None" = None,
+        self, mesh: "ObjectMesh", poses: Any, *, posture: Any = None, **options: Any
     ) -> "ClosedJaws":
-        """What its jaws touch when they close; see `close_jaws`."""
+        """What its jaws touch when they close; see `Hand.close` and `close_jaws`."""
         from grasp3d.hand.closing import close_jaws
 
         del posture
-        return close_jaws(
-            mesh, poses, self, object_motion=object_motion, friction=friction, threads=threads,
-            progress=progress,
-        )  # fmt: skip
+        return close_jaws(mesh, poses, self, **options)
 
     def blocked(
-        self,
-        mesh: "ObjectMesh",
-        poses: "Floats",
-        closed: "ClosedJaws",
-        *,
-        posture: "ArrayLike | None" = None,
-        held: "Bools",
-        table: "Table | None" = None,
-        threads: int | None = None,
-    ) -> "Bools":
-        """Whether it collides on its way to poses; see `collides_closing`."""
-        from grasp3d.hand.collisions import collides_closing
+        self, mesh: "ObjectMesh", poses: Any, closed: "ClosedJaws", *, posture: Any = None,
+        **options: Any,
+    ) -> "Bools":  # fmt: skip
+        """Whether it collides on its way to poses; see `Hand.blocked` and `collides_closing`."""
+        from grasp3d.hand.jaw_reach import collides_closing
 
         del posture
-        return collides_closing(mesh, poses, closed, self, held=held, table=table, threads=threads)
+        return collides_closing(mesh, poses, closed, self, **options)
 
     def opens_to(self, mesh: "ObjectMesh", closed: "ClosedJaws") -> "Bools":
         """Whether it can open to each opening, with clearance on both sides, shape (k,)."""

@@ -1,4 +1,4 @@
-"""The hand of a robot in a URDF file."""
+"""Links and joints of a robot in a URDF file."""
 
 import logging
 from collections.abc import Mapping
@@ -10,7 +10,6 @@ import trimesh
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import MeshError, SettingError
-from grasp3d.hand.hand_geometry import Hand
 from grasp3d.hand.link_tree import Joint, LinkTree, check_xml
 from grasp3d.reading import read_mesh
 from grasp3d.system.names import printable
@@ -25,17 +24,16 @@ _BAD = (ValueError, TypeError, AttributeError, KeyError, IndexError)
 """What the parser raises for elements and numbers that are missing or wrong."""
 
 
-def read_urdf(path: Path, fingers: tuple[str, str], palm: str | None) -> Hand:
-    """Read the hand with two fingers from a URDF.
+def read_urdf(path: Path) -> LinkTree:
+    """Read the links and joints of a URDF.
 
     Args:
         path: The file. Its collision meshes are read as well; `package://NAME/...` is looked for in
             a folder NAME that contains the file, or is beside such a folder.
-        fingers: Names of the fingers' links.
-        palm: Name of the palm's link; None: the one that carries the fingers.
 
     Raises:
-        SettingError: It is no URDF, a mesh is missing or damaged, or it has no such hand.
+        SettingError: It is no URDF. A mesh that is missing or damaged is refused when the geometry
+            of its link is asked for.
     """
     check_xml(path)
     robot = _parsed(path).robot
@@ -54,7 +52,7 @@ def read_urdf(path: Path, fingers: tuple[str, str], palm: str | None) -> Hand:
         return np.concatenate([np.zeros((0, 3, 3)), *parts])
 
     order = _from_root(list(links), joints)
-    return LinkTree(where, order, joints, geometry).hand(fingers, palm)
+    return LinkTree(where, order, joints, geometry)
 
 
 def _parsed(path: Path) -> "URDF":

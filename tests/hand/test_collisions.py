@@ -10,7 +10,7 @@ from scipy.spatial.transform import Rotation
 
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError, SettingError
-from grasp3d.hand.collisions import collides
+from grasp3d.hand.jaw_reach import collides
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.table import Table
 from grasp3d.settings.lengths import METRES

@@ -27,7 +27,7 @@ from grasp3d.hand.finger_hull import (
     points_beyond,
 )
 from grasp3d.hand.hand_files import read_hand, write_hand
-from grasp3d.hand.hand_geometry import Hand, SlidingFinger, gripper_of_hand
+from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand, gripper_of_hand
 from grasp3d.hand.inner_side import agreement, corners_of
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.robot_frame import AXES
@@ -51,7 +51,7 @@ def hull(points: Floats) -> Floats:
 
 def hand(
     one: Floats, two: Floats | None = None, *, axes: tuple[str, str] = ("x", "z"), scale: float = 1
-) -> Hand:
+) -> SlidingHand:
     """A hand whose fingers have the given shapes in the gripper's frame; finger 2 is mirrored.
 
     The palm's front is at z = -30 mm, the origin of the hand's frame 70 mm behind that.
@@ -66,7 +66,7 @@ def hand(
             SlidingFinger(f"finger{side:+g}", f"joint{side:+g}", -side * x, limits, triangles)
         )
     palm = scale * box((-60, -30, 0), (60, 30, 70)).reshape(-1, 3) @ frame
-    return Hand("hand.urdf", "hand", (fingers[0], fingers[1]), palm)
+    return SlidingHand("hand.urdf", "hand", (fingers[0], fingers[1]), palm)
 
 
 def as_faces(faces: tuple[Corners, ...]) -> list[Face]:

@@ -13,8 +13,7 @@ from hypothesis import strategies as st
 from grasp3d import ObjectMesh, load_mesh
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.hand.approach import Approach
-from grasp3d.hand.collisions import collides
-from grasp3d.hand.jaw_reach import reach_grasps
+from grasp3d.hand.jaw_reach import collides, reach_grasps
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.table import Table

@@ -1,5 +1,6 @@
 """Grippers from URDF and MuJoCo models of a hand whose sizes are known."""
 
+import math
 from dataclasses import replace
 from pathlib import Path
 
@@ -10,12 +11,10 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from grasp3d.errors import SettingError
-from grasp3d.hand.hand_files import read_hand
-from grasp3d.hand.hand_geometry import Hand, SlidingFinger, gripper_of_hand
-from grasp3d.hand.mjcf import read_mjcf
+from grasp3d.hand.hand_files import read_hand, read_links
+from grasp3d.hand.hand_geometry import SlidingFinger, SlidingHand, gripper_of_hand
 from grasp3d.hand.parallel_gripper import ParallelGripper
 from grasp3d.hand.robot_frame import AXES
-from grasp3d.hand.urdf import read_urdf
 
 FINGERS = ("left", "right")
 
@@ -264,7 +263,7 @@ def test_all_shapes_of_mujoco_have_their_size(
     gripper = read_hand(path, fingers=FINGERS, palm="camera")
     assert 1e3 * gripper.palm_width == pytest.approx(sizes[0], rel=0.01)
     assert 1e3 * gripper.palm_length == pytest.approx(sizes[2], rel=0.01)
-    points = read_mjcf(path, FINGERS, "camera").palm
+    points = read_links(path).sliding_hand(FINGERS, "camera").palm
     assert 1e3 * np.ptp(points, axis=0) == pytest.approx(sizes, rel=0.01)
 
 
@@ -288,11 +287,11 @@ def test_all_shapes_of_a_urdf_have_their_size(
     tmp_path: Path, shape: str, sizes: tuple[float, float, float]
 ) -> None:
     path = with_palm(urdf(tmp_path), '<box size="0.04 0.02 0.02"/>', shape)
-    points = read_urdf(path, FINGERS, "camera").palm
+    points = read_links(path).sliding_hand(FINGERS, "camera").palm
     assert 1e3 * np.ptp(points, axis=0) == pytest.approx(sizes, rel=0.01)
 
 
-def hand_along(closing: str, approach: str, gap: float, shift: float = 0.0) -> Hand:
+def hand_along(closing: str, approach: str, gap: float, shift: float = 0.0) -> SlidingHand:
     """A hand whose fingers are boxes of 20 x 8 x 50 mm in front of a palm, in any directions."""
     x, z = np.array(AXES[closing]), np.array(AXES[approach])
     frame = np.stack([x, np.cross(z, x), z])
@@ -303,7 +302,7 @@ def hand_along(closing: str, approach: str, gap: float, shift: float = 0.0) -> H
         triangles = (box.triangles + [shift, 0.0, 0.0]) @ frame
         fingers.append(SlidingFinger(name, name, side * x, (0.0, 0.02), triangles))
     palm = trimesh.creation.box(bounds=[[-0.08, -0.02, 0.0], [0.08, 0.02, 0.1]]).vertices @ frame
-    return Hand("hand", "palm", (fingers[0], fingers[1]), palm)
+    return SlidingHand("hand", "palm", (fingers[0], fingers[1]), palm)
 
 
 @pytest.mark.slow
@@ -372,3 +371,48 @@ def test_a_finger_without_a_flat_side_is_refused() -> None:
     finger = replace(hand.fingers[1], triangles=edge)
     with pytest.raises(SettingError, match="no flat inner sides"):
         gripper_of_hand(replace(hand, fingers=(hand.fingers[0], finger)))
+
+
+BRANCHING = """<robot name="three"><link name="palm"/>{}</robot>"""
+FINGER = """
+<link name="near_{0}"/><link name="far_{0}"/>
+<joint name="knuckle_{0}" type="revolute"><parent link="palm"/><child link="near_{0}"/>
+<axis xyz="0 0 2"/><limit lower="-0.5" upper="{1}" effort="1" velocity="1"/></joint>
+<joint name="tip_{0}" type="revolute"><parent link="near_{0}"/><child link="far_{0}"/>
+<origin xyz="0 0 0.04"/><axis xyz="0 1 0"/><limit lower="0" upper="1" effort="1" velocity="1"/>
+<mimic joint="knuckle_{0}" multiplier="0.7" offset="0.1"/></joint>"""
+
+
+def test_a_tree_of_links_branches_and_keeps_turning_and_coupled_joints(tmp_path: Path) -> None:
+    path = tmp_path / "three.urdf"
+    path.write_text(BRANCHING.format("".join(FINGER.format(k, k + 1) for k in range(3))))
+    tree = read_links(path)
+    assert tree.children("palm") == ("near_0", "near_1", "near_2")
+    assert tree.children("near_1") == ("far_1",)
+    assert tree.children("far_1") == ()
+    knuckle, tip = tree.joints["near_2"], tree.joints["far_2"]
+    assert (knuckle.kind, knuckle.limits, knuckle.follows) == ("turns", (-0.5, 3.0), None)
+    assert knuckle.axis.tolist() == [0.0, 0.0, 1.0]
+    assert tip.follows == ("knuckle_2", 0.7, 0.1)
+    assert tip.origin[:3, 3].tolist() == [0.0, 0.0, 0.04]
+    with pytest.raises(SettingError, match="turns"):
+        read_hand(path, fingers=("far_0", "far_1"))
+
+
+def test_a_tree_of_bodies_keeps_turning_joints(tmp_path: Path) -> None:
+    path = tmp_path / "two.xml"
+    finger = (
+        '<body name="{0}"><joint name="j{0}" axis="0 1 0" range="-10 90" limited="true"/>'
+        '<geom size="0.01"/></body>'
+    )
+    bodies = "".join(map(finger.format, "ab"))
+    path.write_text(
+        f'<mujoco><worldbody><body name="palm"><geom size="0.01"/>{bodies}</body></worldbody>'
+        '<equality><joint joint1="jb" joint2="ja" polycoef="0 2 0 0 0"/></equality></mujoco>'
+    )
+    tree = read_links(path)
+    assert tree.children("palm") == ("a", "b")
+    one, two = tree.joints["a"], tree.joints["b"]
+    assert (one.kind, one.axis.tolist()) == ("turns", [0.0, 1.0, 0.0])
+    assert one.limits == pytest.approx((math.radians(-10.0), math.radians(90.0)))
+    assert two.follows == ("ja", 2.0, 0.0)

@@ -18,7 +18,7 @@ from grasp3d._kernels.gripper_shape import make_workspace
 from grasp3d._kernels.pose_collisions import winding_number
 from grasp3d._kernels.reaching import tip_fits
 from grasp3d.hand.approach import Approach
-from grasp3d.hand.normalized_scene import NormalizedScene
+from grasp3d.hand.jaw_reach import NormalizedScene
 from tests.helpers import shapes
 from tests.helpers.grippers import TIPS
 

@@ -20,7 +20,7 @@ from grasp3d._kernels.gripper_shape import ReachResults, make_workspace, no_resu
 from grasp3d._kernels.ray_tracing import starting_rays
 from grasp3d._kernels.reachable_partners import explain_pairs, keep_reached, search_reachable
 from grasp3d.arrays import Bools, Floats, Ints
-from grasp3d.hand.normalized_scene import NormalizedScene
+from grasp3d.hand.jaw_reach import NormalizedScene
 from grasp3d.hand.reach import Reach, Reachability
 from grasp3d.hand.scene import Scene
 from grasp3d.mesh import ObjectMesh
