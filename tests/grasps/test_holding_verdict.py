@@ -38,7 +38,7 @@ def labels() -> SurfaceLabels:
 
 
 def under(load: Load, given: SurfaceLabels | None = None) -> HoldingVerdict:
-    verdict = verdict_of(replace(given or labels(), load=load)).holding
+    verdict = verdict_of((given or labels()).using(load=load)).holding
     assert verdict is not None
     return verdict
 
