@@ -8,13 +8,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
+from grasp3d.arrays import Bytes, Floats, Ints, short_repr
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.pose_evaluation import evaluate_poses
 from grasp3d.grasps.poses import GraspPoses
 from grasp3d.stability.label import Label
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.spread_grasps import NO_ROW, spread
+from grasp3d.surface.spread_grasps import NO_ROW, rows_where, spread
 from grasp3d.system.progress import Progress
 
 UNKNOWN = -1
@@ -70,9 +70,8 @@ class ClosedGrasps:
         row = self.row[rows]
         known = row != NO_ROW
         if self.evaluated is None or not known.any():
-            return ClosedGrasps(None, locked(np.full(len(row), NO_ROW)))
-        numbers = np.where(known, np.cumsum(known) - 1, NO_ROW)
-        return ClosedGrasps(self.evaluated.take(row[known]), locked(numbers))
+            return ClosedGrasps(None, rows_where(np.zeros(len(row), np.bool_)))
+        return ClosedGrasps(self.evaluated.take(row[known]), rows_where(known))
 
     def _spread(self, name: str, missing: float) -> npt.NDArray[Any]:
         """Results of the poses at the grasps, shape (b,)."""
@@ -113,7 +112,7 @@ def close_on(grasps: GraspTable, *, progress: Progress | None = None) -> ClosedG
     assert scene is not None
     external = reach.pregrasp_opening >= reach.opening
     known = external & np.isfinite(reach.poses).all(axis=(1, 2))
-    rows, row = np.flatnonzero(known), locked(np.where(known, np.cumsum(known) - 1, NO_ROW))
+    rows, row = np.flatnonzero(known), rows_where(known)
     if not len(rows):
         return ClosedGrasps(None, row)
     poses = GraspPoses(

@@ -22,7 +22,7 @@ from grasp3d.quality.measures.known import METRICS
 from grasp3d.quality.measures.measuring import UNDEFINED, MetricValues
 from grasp3d.settings.parsing import plain_values
 from grasp3d.surface.grasp_table import GraspTable
-from grasp3d.surface.spread_grasps import NO_ROW, SpreadGrasps
+from grasp3d.surface.spread_grasps import NO_ROW, SpreadGrasps, rows_where
 from grasp3d.system.versions import package_version
 
 STALE = frozenset({UNDEFINED, *METRICS, *(field.name for field in (*CLOSED, *FORCES))})
@@ -138,7 +138,7 @@ class EvaluatedPoses(SpreadGrasps):
         return replace(
             self,
             grasps=self.grasps.take(row[known]),
-            row=locked(np.where(known, np.cumsum(known) - 1, NO_ROW)),
+            row=rows_where(known),
             given=self.given.take(rows),
             jaws=self.jaws.take(rows),
             collides=locked(self.collides[rows]),

@@ -20,7 +20,7 @@ from grasp3d.settings import GraspModel, with_fingers
 from grasp3d.surface.grasp_table import GraspTable
 from grasp3d.surface.jaw_contacts import JawContacts
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.spread_grasps import NO_ROW
+from grasp3d.surface.spread_grasps import rows_where
 from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore, within
 
@@ -101,7 +101,7 @@ def evaluate_poses(
     )  # fmt: skip
     found = EvaluatedPoses(
         grasps=grasps,
-        row=locked(np.where(jaws.closed, np.cumsum(jaws.closed) - 1, NO_ROW)),
+        row=rows_where(jaws.closed),
         given=given,
         jaws=jaws,
         object_motion=object_motion,

@@ -8,7 +8,7 @@ from typing import Any, ClassVar
 import numpy as np
 import numpy.typing as npt
 
-from grasp3d.arrays import Bytes, Floats, Ints, locked
+from grasp3d.arrays import Bools, Bytes, Floats, Ints, locked
 from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
 from grasp3d.mesh import ObjectMesh
@@ -47,6 +47,15 @@ def spread(values: npt.NDArray[Any], row: Ints, missing: float) -> npt.NDArray[A
     known = row != NO_ROW
     found[known] = values[row[known]]
     return locked(found)
+
+
+def rows_where(known: Bools) -> Ints:
+    """Row of each place in a table of those that are known, in their order; -1: none, shape (k,).
+
+    Args:
+        known: Whether each place has a row, shape (k,).
+    """
+    return locked(np.where(known, np.cumsum(known) - 1, NO_ROW))
 
 
 class SpreadGrasps(LabelledGrasps):

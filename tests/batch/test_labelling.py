@@ -237,7 +237,7 @@ def test_with_a_gripper_a_row_has_the_verdict_and_poses(tmp_path: Path) -> None:
         mesh, SETTINGS.model, sampling=SETTINGS.search, hand=HAND, table=Table.below(mesh)
     )
     verdict, best = verdict_of(labels), best_grasps(labels, 2)
-    assert (row.error, row.hand) == ("", "hand")
+    assert (row.error, row.gripper) == ("", "hand")
     assert (row.verdict, row.verdict_text) == (verdict.word, str(verdict))
     assert (row.stable_grasps, row.spare_resolution) == (verdict.count, verdict.spare_resolution)
     assert row.approach_margin == verdict.approach_margin
