@@ -9,11 +9,15 @@ import numpy.typing as npt
 
 from grasp3d.arrays import ArrayLike, Floats, locked, short_repr
 from grasp3d.errors import ContactError
+from grasp3d.export.fields import LENGTH
+from grasp3d.export.grasp_fields import FOUND_POSES
 from grasp3d.grasps.pose_checks import checked_poses
 from grasp3d.hand.hand import Hand
 from grasp3d.settings.lengths import METRES, Unit
 
-LENGTH_COLUMNS = frozenset({"contacts", "depth", "centroid_distance"})
+LENGTH_COLUMNS = frozenset(
+    {"centroid_distance", *(field.name for field in FOUND_POSES if field.unit == LENGTH)}
+)
 """Columns that are lengths, and are converted with the unit."""
 
 OWN_NAMES = frozenset({

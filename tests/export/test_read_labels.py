@@ -33,6 +33,7 @@ from grasp3d.export.vertex_fields import SURFACE, VERTICES
 from grasp3d.export.writers import WRITERS, writer_for
 from grasp3d.mesh import ObjectMesh
 from grasp3d.quality import Weight
+from tests.hand.test_ring_hand import labelled as labels_of_a_ring
 from tests.helpers import shapes
 
 COMPLETE = ("npz", "vtp", "parquet")
@@ -83,6 +84,7 @@ CASES: dict[str, Callable[[], SurfaceLabels]] = {
     "given task": lambda: label_surface(box(), load=Load(task=Weight(0.3), grip_force=20.0)),
     "scan": lambda: scan_surface(box(), fixed=(0.0, 1.5, 0.0)),
     "welded": welded,
+    "hand with joints": labels_of_a_ring,
 }
 
 

@@ -12,8 +12,8 @@ from grasp3d import GraspModel, MultifingerSampling, label_surface, load_mesh
 from grasp3d.errors import OutputError
 from grasp3d.export import write_fields, writer_for
 from grasp3d.surface.vertex_grasps import Reason
+from tests.export.test_writing import labels
 from tests.helpers import shapes
-from tests.test_export import labels
 
 NUMBERS = (
     "critical_angle", "critical_angle_best", "max_resolution", "margin", "epsilon", "epsilon_min",
