@@ -10,12 +10,19 @@ import pytest
 import trimesh
 
 import grasp3d
-from grasp3d import GraspModel, Table, best_grasps, label_surface, load_mesh, write_grasps
+from grasp3d import (
+    GraspModel,
+    Table,
+    best_grasps,
+    evaluate_grasps,
+    label_surface,
+    load_mesh,
+    read_grasps,
+    write_grasps,
+)
 from grasp3d.arrays import Floats
 from grasp3d.errors import SettingError
 from grasp3d.grasps import poses_of
-from grasp3d.grasps.pose_evaluation import evaluate_poses
-from grasp3d.grasps.pose_files import read_poses
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.hand import Hand
@@ -171,13 +178,13 @@ def test_reached_vertices_of_a_ball_are_those_of_the_formula(hand: RingHand, hei
         if by > SLACK:
             compared += 1
             assert (labels.reason[vertex] == Reason.FOUND) == reached
-            assert labels.reach.reached[vertex] == reached
+            assert labels.reachable[vertex] == reached
     assert compared > 100
     assert labels.reach.reached.any()
 
 
 def test_labels_are_those_of_ideal_points_where_the_hand_reaches() -> None:
-    labels, reached = labelled(), labelled().reach.reached
+    labels, reached = labelled(), labelled().reachable
     assert 0 < reached.sum() < len(reached)
     assert (labels.label[reached] == ideal().label[reached]).all()
     assert (labels.critical_angle[reached] == ideal().critical_angle[reached]).all()
@@ -215,7 +222,7 @@ def best() -> Any:
 def test_best_grasps_have_poses_and_labels_after_closing() -> None:
     grasps = best()
     assert grasps.size == 4
-    assert np.isfinite(grasps.reach.poses).all()
+    assert np.isfinite(grasps.poses).all()
     assert set(grasps.closed.label.tolist()) <= {0, 1, 2}
     found = grasps.closed.evaluated
     assert (found.state == Closing.CLOSED).all()
@@ -223,7 +230,7 @@ def test_best_grasps_have_poses_and_labels_after_closing() -> None:
     assert (turned > math.cos(FACET)).all()  # on facets, nearby
     assert found.opening == pytest.approx(grasps.reach.opening, abs=2.0 * SLACK)
     assert (found.reachable == ~found.collides).all()  # wide open it may touch the table
-    without = evaluate_poses(labelled().mesh, poses_of(grasps), MODEL, hand=RING)
+    without = evaluate_grasps(labelled().mesh, poses_of(grasps), MODEL, hand=RING)
     assert without.label.tolist() == grasps.closed.label.tolist()
     assert not without.collides.any()
     assert without.reachable.all()
@@ -262,12 +269,12 @@ def test_closing_on_nothing_and_from_inside() -> None:
 def test_poses_are_written_and_read_back(tmp_path: Path, suffix: str) -> None:
     grasps = best()
     write_grasps(tmp_path / f"g.{suffix}", grasps)
-    found = read_poses(tmp_path / f"g.{suffix}", hand=RING if suffix == "csv" else None)
+    found = read_grasps(tmp_path / f"g.{suffix}", hand=RING if suffix == "csv" else None)
     assert found.hand == RING
     assert found.poses == pytest.approx(grasps.reach.poses, abs=1e-9)
     assert found.posture == pytest.approx(grasps.reach.posture)
     assert found.columns["contacts"] == pytest.approx(grasps.contacts.points)
-    again = evaluate_poses(
+    again = evaluate_grasps(
         labelled().mesh, found, MODEL, hand=found.hand, table=labelled().scene.table
     )
     assert again.label.tolist() == grasps.closed.label.tolist()
