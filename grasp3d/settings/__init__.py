@@ -7,55 +7,26 @@ mesh's unit, or texts with a unit, such as '80mm'.
 
 from typing import Literal
 
-from grasp3d.settings.checks import (
-    DEGREE,
-    Radians,
-    check_choice,
-    whole_number,
-)
-from grasp3d.settings.grasp_model import (
-    MAX_FINGERS,
-    MAX_SEARCHED_FINGERS,
-    MIN_EXTREMES,
-    FingerLimits,
-    GraspModel,
-    check_per_finger,
-    check_point_contacts,
-    with_fingers,
-)
-from grasp3d.settings.mesh_options import MeshOptions
-from grasp3d.settings.sampling import (
-    ANGLE_ROUNDING,
-    AnySampling,
-    MultifingerSampling,
-    Sampling,
-    check_search_settings,
-    sampling_kind,
-    search_cone,
-)
-
-__all__ = [
-    "ANGLE_ROUNDING",
-    "DEGREE",
-    "MAX_FINGERS",
-    "MAX_SEARCHED_FINGERS",
-    "MIN_EXTREMES",
-    "AnySampling",
-    "FingerLimits",
-    "GraspModel",
-    "MeshOptions",
-    "MultifingerSampling",
-    "Radians",
-    "Sampling",
-    "check_choice",
-    "check_per_finger",
-    "check_point_contacts",
-    "check_search_settings",
-    "sampling_kind",
-    "search_cone",
-    "whole_number",
-    "with_fingers",
-]
+from grasp3d.settings.checks import DEGREE as DEGREE
+from grasp3d.settings.checks import Radians as Radians
+from grasp3d.settings.checks import check_choice as check_choice
+from grasp3d.settings.checks import whole_number as whole_number
+from grasp3d.settings.grasp_model import MAX_FINGERS as MAX_FINGERS
+from grasp3d.settings.grasp_model import MAX_SEARCHED_FINGERS as MAX_SEARCHED_FINGERS
+from grasp3d.settings.grasp_model import MIN_EXTREMES as MIN_EXTREMES
+from grasp3d.settings.grasp_model import FingerLimits as FingerLimits
+from grasp3d.settings.grasp_model import GraspModel as GraspModel
+from grasp3d.settings.grasp_model import check_per_finger as check_per_finger
+from grasp3d.settings.grasp_model import check_point_contacts as check_point_contacts
+from grasp3d.settings.grasp_model import with_fingers as with_fingers
+from grasp3d.settings.mesh_options import MeshOptions as MeshOptions
+from grasp3d.settings.sampling import ANGLE_ROUNDING as ANGLE_ROUNDING
+from grasp3d.settings.sampling import AnySampling as AnySampling
+from grasp3d.settings.sampling import MultifingerSampling as MultifingerSampling
+from grasp3d.settings.sampling import Sampling as Sampling
+from grasp3d.settings.sampling import check_search_settings as check_search_settings
+from grasp3d.settings.sampling import sampling_kind as sampling_kind
+from grasp3d.settings.sampling import search_cone as search_cone
 
 PoseFormat = Literal[
     "json", "csv", "parquet", "isaac_grasp", "acronym", "graspgen", "graspnet", "moveit"
