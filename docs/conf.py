@@ -45,8 +45,9 @@ nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:.*", r"(collections|numpy|os|pathlib|pyarrow|pandas|pd|pyvista|trimesh)\..*"),
     ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
     ("py:class", r"Floats"),  # arrays, in modules that import NumPy when it is needed
-    ("py:class", r".*\.\w*T"),  # type variables
-    ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem|.*\.tasks\.Terms?"),  # inside results
+    ("py:class", r".*\.\w*T|SettingsTs"),  # type variables
+    ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem"),  # inside results
+    ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]
 
