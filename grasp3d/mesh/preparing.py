@@ -159,14 +159,14 @@ def refined_mesh(
     begin_step("refining the mesh")
     unit = options.unit or given.raw.unit
     (options,) = settings_in_unit(unit, options, source=given.name)
+    error = rounding_of(given.raw.vertices)
     center, size = surface_extent(repaired.vertices, repaired.faces)
     surface = Triangles((repaired.vertices - center) / size, repaired.faces)
     normals = corner_normals(surface, options.crease_angle)
     edge = longest_edge(options, size)
     check_refinement(surface, edge, options.max_memory, given.where)
-    rounding = min(rounding_of(given.raw.vertices) / size, MOST_ROUNDING)
     with bounds_of(given.where):
-        refined, normals = refine(surface, normals, edge, rounding)
+        refined, normals = refine(surface, normals, edge, min(error / size, MOST_ROUNDING))
     normals, patch_warnings = fingertip_normals(
         Triangles(repaired.vertices, repaired.faces), refined, normals, options, size,
         threads=threads,

@@ -9,7 +9,6 @@ from typing import Any, TypeAlias, TypeVar
 
 import numpy as np
 
-from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.export.read_labels import settings_of_file
 from grasp3d.export.read_settings import FileSettings
@@ -88,9 +87,9 @@ def collection_of_mesh(
         SettingError: The settings contradict each other.
     """
     settings = _chosen(model, sampling)
-    model, sampling = _in_unit(settings, mesh.unit, mesh.report.source)
-    check_search_settings(model, sampling)
-    return _single(mesh.report.source, partial(_label_mesh, mesh, model, sampling), model, sampling)
+    settings = mesh.in_own_unit(*settings)
+    check_search_settings(*settings)
+    return _single(mesh.report.source, partial(_label_mesh, mesh, *settings), *settings)
 
 
 def collection_of_grasps(grasps: GraspTable) -> Collection:
@@ -162,15 +161,16 @@ def open_collection(
         return _batch_collection(target, model, sampling, options, reach, force=force)
     if stored is not None:
         unit = stored.unit or options.unit
-        settings = _in_unit(_merged(stored, model, sampling), unit, target.name)
+        settings = settings_in_unit(unit, *_merged(stored, model, sampling), source=target.name)
         _check(*settings, scan=stored.mode == "scan")
         lengths = {} if force else _given_lengths(model, sampling, unit, target.name)
-        read = partial(_open_labelled, target, options, lengths, (reach, *settings))
-        return _single(target.name, read, *settings)
+        read = partial(read_subject, target, options.max_memory, unit=options.unit)
+        opened = partial(_open_stored, read, lengths, (reach, *settings))
+        return _single(target.name, opened, *settings)
     settings = _chosen(model, sampling)
     if any(isinstance(length, Measure) for one in settings for length in one.lengths().values()):
         unit = options.unit or read_source(target, max_memory=options.max_memory).raw.unit
-        settings = _in_unit(settings, unit, target.name)
+        settings = settings_in_unit(unit, *settings, source=target.name)
     _check(*settings, scan=False)
     read = partial(_open_mesh, target, (reach, *settings), options, load, force)
     return _single(target.name, read, *settings)
@@ -200,40 +200,26 @@ def _batch_collection(
     units: set[Any] = {row.unit or options.unit for row in rows}
     unit = units.pop() if len(units) == 1 else None
     source = f"all meshes of {printable(str(folder))}"
-    settings = _in_unit(settings, unit, source)
+    settings = settings_in_unit(unit, *settings, source=source)
     lengths = {} if force else _given_lengths(model, sampling, unit, source)
     _check(*settings, scan=False)
-    cache = SubjectCache()
-    items = tuple(
-        Item(
-            as_unicode(row.mesh),
-            cache.cached(partial(_open_result, folder, row, options, lengths, (reach, *settings))),
-        )
-        for row in rows
-    )
+    cache, items = SubjectCache(), []
+    for row in rows:
+        read = partial(read_result, folder, row, options.max_memory, unit=options.unit)
+        opened = partial(_open_stored, read, lengths, (reach, *settings))
+        items.append(Item(as_unicode(row.mesh), cache.cached(opened)))
     count = left_out + len(rows)
     note = f"{left_out} of {count} meshes were not labelled; see report/index.html for the reasons"
-    return Collection(items, *settings, (note,) if left_out else ())
+    return Collection(tuple(items), *settings, (note,) if left_out else ())
 
 
-def _open_result(
-    folder: Path,
-    row: Row,
-    options: MeshOptions,
-    lengths: Lengths,
-    search: Search,
-    progress: Progress,
+def _open_stored(
+    read: Callable[[], Subject], lengths: Lengths, search: Search, progress: Progress
 ) -> Subject:
+    """Read stored labels; the lengths that the user gave must be such as can be meant for them."""
     progress(0.0)
-    subject = _checked(read_result(folder, row, options.max_memory, unit=options.unit), lengths)
-    return _with_gripper(subject, search, progress)
-
-
-def _open_labelled(
-    path: Path, options: MeshOptions, lengths: Lengths, search: Search, progress: Progress
-) -> Subject:
-    progress(0.0)
-    subject = _checked(read_subject(path, options.max_memory, unit=options.unit), lengths)
+    subject = read()
+    check_lengths(lengths, subject.mesh.size, subject.mesh.unit, subject.name)
     return _with_gripper(subject, search, progress)
 
 
@@ -257,12 +243,6 @@ def _with_gripper(subject: Subject, search: Search, progress: Progress) -> Subje
     found = search_grasps(subject, model, sampling, progress, scene=wanted)
     note = f"grasps were searched again for gripper {wanted.hand.name}, unlike in the file"
     return replace(found, notes=(*subject.notes, note))
-
-
-def _checked(subject: Subject, lengths: Lengths) -> Subject:
-    """The subject, if the lengths that the user gave can be meant for it."""
-    check_lengths(lengths, subject.mesh.size, subject.mesh.unit, subject.name)
-    return subject
 
 
 def _open_mesh(
@@ -306,13 +286,6 @@ def _scan_grasp(grasps: GraspTable, row: int, progress: Progress) -> Subject:
         grasp=contacts,
     )
     return warm_up(replace(subject_of(labels.using(scene=grasps.scene)), last_contact=shown))
-
-
-def _in_unit(
-    settings: tuple[GraspModel, AnySampling], unit: Unit | None, source: str
-) -> tuple[GraspModel, AnySampling]:
-    """Settings with lengths as numbers in a unit, as the viewer has them."""
-    return settings_in_unit(unit, *settings, source=source)
 
 
 def _given_lengths(
