@@ -304,3 +304,16 @@ def test_distances_are_those_of_many_samples() -> None:
         assert gap == pytest.approx(sampled, abs=0.02)
         assert gap <= sampled + 1e-12
         assert np.linalg.norm(one - other) == pytest.approx(gap)
+
+
+@pytest.mark.parametrize("suffix", ["npz", "vtp", "parquet"])
+def test_labelled_files_keep_hand_pose_and_posture(tmp_path: Path, suffix: str) -> None:
+    labels, path = labelled(), tmp_path / f"ball.{suffix}"
+    write = {"npz": grasp3d.write_npz, "vtp": grasp3d.write_vtp, "parquet": grasp3d.write_fields}
+    write[suffix](path, labels)
+    found = grasp3d.read_labels(path)
+    assert found.scene.hand == RING
+    assert (found.label == labels.label).all()
+    for name in ("state", "poses", "opening", "posture"):
+        expected = getattr(labels.reach, name)
+        np.testing.assert_array_equal(getattr(found.reach, name), expected)
