@@ -133,8 +133,7 @@ class AxisValues:
     def location_errors(self) -> list[AnyLength]:
         """Location errors as lengths: numbers, or with the unit."""
         numbers: list[float] = self.values["location_error"].tolist()
-        # To 15 digits, so that the third of 0.1 mm is 0.3 mm and not a rounding error away.
-        return [measure(float(f"{number:.15g}"), self.unit) for number in numbers]
+        return [measure(number, self.unit) for number in numbers]
 
 
 def axis_values(**given: ArrayLike | Sequence[GivenLength] | GivenLength) -> AxisValues:

@@ -101,6 +101,7 @@ def test_ranges_of_lengths_and_numbers() -> None:
     one, two = Measure(1.0, "mm"), Measure(2.0, "mm")
     assert parse_lengths("it", ("0:2:1mm", "0.5mm")) == (0.0, one, two, Measure(0.5, "mm"))
     assert parse_lengths("it", ("0:0.002:0.001",)) == (0.0, 0.001, 0.002)
+    assert parse_lengths("it", ("0:0.3:0.1",)) == (0.0, 0.1, 0.2, 0.3)
     longer = Measure(1.0, "cm"), Measure(2.0, "cm")
     assert parse_lengths("it", ("1 MM", "1mm", "1cm:2cm:1cm")) == (one, *longer)
     assert parse_numbers("it", ("0.1", "0:0.2:0.1")) == pytest.approx((0.0, 0.1, 0.2))
