@@ -19,12 +19,10 @@ GivenT = TypeVar("GivenT")
 SettingsT = TypeVar("SettingsT")
 
 
-class TextValue(ABC):
-    """A value that stands in files and reports as the text from which it is made again."""
+class TextValue:
+    """A value that stands in files and reports as its `str`, from which it is made again."""
 
-    @abstractmethod
-    def __str__(self) -> str:
-        """The text."""
+    __slots__ = ()
 
 
 class Field(ABC, Generic[ValueT, GivenT]):

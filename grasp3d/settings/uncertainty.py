@@ -133,6 +133,8 @@ def friction_interval(value: object) -> Interval:
         >>> friction_interval("0.4..0.6"), friction_interval(0.5)
         ((0.4, 0.6), (0.5, 0.5))
     """
+    if type(value) is float and 0.0 < value < math.inf:  # as in most models, which are made often
+        return value, value
     given = value.split(_BETWEEN) if isinstance(value, str) else value
     try:
         ends = [float(one) for one in given] if isinstance(given, Sequence) else [float(given)]  # type: ignore[arg-type]
