@@ -15,7 +15,7 @@ from grasp3d.mesh import mass_of, with_load
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.repair.bodies import Bodies
 from grasp3d.mesh.work_bounds import NESTED_BODIES
-from grasp3d.settings.lengths import METRES
+from grasp3d.settings.lengths import METRES, Measure
 from tests.helpers import shapes
 
 DENSITY = st.floats(100.0, 20_000.0)
@@ -163,9 +163,9 @@ def test_many_bodies_have_no_densities_of_their_own() -> None:
 @pytest.mark.parametrize(
     ("given_center", "stored"),
     [
-        ("10mm,0,-2.5mm", ("10 mm", 0.0, "-2.5 mm")),
+        ("10mm,0,-2.5mm", (Measure(10.0, "mm"), 0.0, Measure(-2.5, "mm"))),
         (" 1 , 2,3", (1.0, 2.0, 3.0)),
-        ((1, 2.5, "3cm"), (1.0, 2.5, "3 cm")),
+        ((1, 2.5, "3cm"), (1.0, 2.5, Measure(3.0, "cm"))),
         (np.array([1.0, 2.0, 3.0]), (1.0, 2.0, 3.0)),
         (None, None),
     ],
