@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from hypothesis import given
+from hypothesis import example, given
 from hypothesis import strategies as st
 from hypothesis.extra.numpy import arrays
 
@@ -512,6 +512,8 @@ def test_the_object_stays_in_the_frame_and_does_not_become_tiny(points: Any, bes
 
 
 @given(arrays(float, 3, elements=numbers))
+@example(np.array([1.5e-5, 0.0, -1.0]))
+@example(np.array([0.0, 1e-12, -1.0]))
 def test_the_picture_is_turned_so_that_a_direction_points_up(up: Any) -> None:
     length = np.linalg.norm(up)
     up = up / length if length > 0.1 else -AXES[2]

@@ -17,8 +17,8 @@ MOST_BESIDE = 2.4
 """Largest size of a frame relative to the object alone, where a gripper is beside it."""
 
 
-OPPOSITE = -1.0 + 1e-9
-"""z of a unit vector below which it is opposite to the z-axis."""
+PARALLEL = 1e-20
+"""Squared distance of a unit vector from the z-axis below which it is parallel to it."""
 
 
 @dataclass(frozen=True)
@@ -132,10 +132,13 @@ def view_axes(view: View, up: Floats | None = None) -> Floats:
 def _turn_to(up: Floats) -> Floats:
     """Shortest rotation of the z-axis to a unit vector, shape (3, 3)."""
     x, y, z = (float(value) for value in up)
-    if z < OPPOSITE:
+    aside = x * x + y * y
+    if z < 0.0 and aside < PARALLEL:
         return np.diag([1.0, -1.0, -1.0])
     cross = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
-    return np.asarray(np.eye(3) + cross + cross @ cross / (1.0 + z))
+    # 1 / (1 + z); near z = -1 that of the squares does not cancel.
+    factor = 1.0 / (1.0 + z) if z >= 0.0 else (1.0 - z) / aside
+    return np.asarray(np.eye(3) + cross + factor * (cross @ cross))
 
 
 def aim(camera: pyvista.Camera, size: float, axes: Floats, middle: Floats) -> None:
