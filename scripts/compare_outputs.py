@@ -39,8 +39,8 @@ UNIT = ("--unit", "m")
 """Of meshes that state none; the others state metres themselves."""
 
 FORMATS = ("npz", "ply", "vtp", "parquet")
-"""Formats of labelled files; all of them for the first setting of each number of fingers and for
-the gripper, else NPZ alone."""
+IN_EVERY_FORMAT = {"box", "mug", "wrench"}
+"""Meshes that are written in all formats, other than at extreme normals; the others as NPZ."""
 
 Arrays = dict[str, npt.NDArray[np.generic]]
 
@@ -53,7 +53,8 @@ def run(checkout: Path, folder: Path, meshes: list[Path], only: list[str]) -> No
         for mesh in meshes:
             target = folder / name.replace(", ", "-").replace(" ", "_")
             target.mkdir(parents=True, exist_ok=True)
-            for suffix in FORMATS if "extremes" not in name else FORMATS[:1]:
+            every = mesh.stem in IN_EVERY_FORMAT and "extremes" not in name
+            for suffix in FORMATS if every else FORMATS[:1]:
                 words = [
                     "label", str(mesh), *SETTINGS[name], *UNIT, "--overwrite", "--quiet",
                     "--output", str(target / f"{mesh.stem}.{suffix}"),
