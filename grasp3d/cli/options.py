@@ -26,7 +26,7 @@ from grasp3d.hand.hand import Hand
 from grasp3d.quality.task_texts import TaskField, TaskText
 from grasp3d.settings import AnySampling, GraspModel, MultifingerSampling, Radians, Sampling
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
-from grasp3d.settings.parsing import Field as ParsedField
+from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.quantities import Quantity
 from grasp3d.settings.sampling import SearchSettings
 from grasp3d.settings.uncertainty import Friction as FrictionField

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.parsing import Field, TextValue
+from grasp3d.settings.parsing import ParsedField, TextValue
 from grasp3d.system.names import printable
 
 if TYPE_CHECKING:
@@ -228,11 +228,11 @@ finite numbers; got '0,0,-5'
         return reduce(add, map(build, self.with_files_read().parts))
 
 
-class TaskField(Field["TaskText | Task", "str | TaskText | Task"]):
+class TaskField(ParsedField["TaskText | Task", "str | TaskText | Task"]):
     """A field of settings that holds a task, as a text (see `parse_task`) or a `Task`."""
 
     def parse(self, _name: str, value: Any) -> "TaskText | Task":
-        """See `Field.parse`."""
+        """See `ParsedField.parse`."""
         if isinstance(value, TaskText):
             return value
         if isinstance(value, str):

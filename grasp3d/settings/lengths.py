@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Generic, Literal, TypeVar, TypeVarTuple
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.parsing import Field, Settings, TextValue
+from grasp3d.settings.parsing import ParsedField, Settings, TextValue
 
 Unit = Literal["m", "cm", "mm", "in"]
 METRES: dict[Unit, float] = {"m": 1.0, "cm": 0.01, "mm": 0.001, "in": 0.0254}
@@ -57,7 +57,7 @@ GivenLength = float | str | Measure
 """A length as settings take it: also a text, such as '80mm'."""
 
 
-class Length(Field[LengthT, LengthT | str | Measure], Generic[LengthT]):
+class Length(ParsedField[LengthT, LengthT | str | Measure], Generic[LengthT]):
     """A field of settings that holds a length.
 
     It takes a number, in the mesh's unit, or a text with a unit (m, cm, mm or in), such as '80mm'
@@ -66,20 +66,20 @@ class Length(Field[LengthT, LengthT | str | Measure], Generic[LengthT]):
     """
 
     def parse(self, name: str, value: Any) -> Any:
-        """See `Field.parse`."""
+        """See `ParsedField.parse`."""
         if value is None and self._default is not None:
             raise _no_length(name, value)
         return parse_length(name, value)
 
 
-class Position(Field[tuple[float, float, float] | None, Sequence[GivenLength] | str | None]):
+class Position(ParsedField[tuple[float, float, float] | None, Sequence[GivenLength] | str | None]):
     """A field of settings that holds a point: three lengths, as those of `Length`, or none.
 
     It takes three of them, or a text with commas, such as '10mm,0,-2.5mm'.
     """
 
     def parse(self, name: str, value: Any) -> Any:
-        """See `Field.parse`."""
+        """See `ParsedField.parse`."""
         return parse_position(name, value)
 
 
@@ -191,7 +191,7 @@ def parse_position(name: str, value: Any) -> Any:
         >>> parse_position("center_of_mass", "10mm,0,-2.5mm")
         ('10 mm', 0.0, '-2.5 mm')
     """
-    if value is None or (type(value) is tuple and tuple(map(type, value)) == (float, float, float)):
+    if value is None or _is_position(value):
         return value
     given = value.split(",") if isinstance(value, str) else value
     try:
@@ -274,6 +274,13 @@ def small_length(length: AnyLength, unit: Unit | None = None, digits: int = 4) -
     if unit is None or unit == "in":
         return f"{length:.{digits}g}" + (f" {unit}" if unit else "")
     return f"{1000.0 * METRES[unit] * length:.{digits}g} mm"
+
+
+def _is_position(value: object) -> bool:
+    """Whether it is a parsed position without units: three finite numbers."""
+    if type(value) is not tuple or tuple(map(type, value)) != (float, float, float):
+        return False
+    return all(map(math.isfinite, value))
 
 
 def _is_number(value: object) -> bool:

@@ -25,7 +25,7 @@ class TextValue:
     __slots__ = ()
 
 
-class Field(ABC, Generic[ValueT, GivenT]):
+class ParsedField(ABC, Generic[ValueT, GivenT]):
     """A field of settings that takes more types than it holds, such as a text.
 
     It holds nothing itself: settings keep their values as any dataclass does, and parse what they
@@ -56,13 +56,13 @@ class Field(ABC, Generic[ValueT, GivenT]):
 
 
 class Settings:
-    """Settings, frozen dataclasses, whose fields of type `Field` parse what they are given."""
+    """Settings, frozen dataclasses; fields of type `ParsedField` parse what they are given."""
 
-    parsed_fields: ClassVar[Mapping[str, Field[Any, Any]]] = {}
+    parsed_fields: ClassVar[Mapping[str, ParsedField[Any, Any]]] = {}
     """Those fields by name."""
 
     def __init_subclass__(cls) -> None:
-        own = {name: one for name, one in cls.__dict__.items() if isinstance(one, Field)}
+        own = {name: one for name, one in cls.__dict__.items() if isinstance(one, ParsedField)}
         cls.parsed_fields = {**cls.parsed_fields, **own}
 
     def __post_init__(self) -> None:

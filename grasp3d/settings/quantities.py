@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Any, Generic, TypeVar
 
 from grasp3d.errors import SettingError
-from grasp3d.settings.parsing import Field
+from grasp3d.settings.parsing import ParsedField
 
 POUND = 0.45359237
 """International avoirdupois pound [kg]."""
@@ -28,7 +28,7 @@ QuantityT = TypeVar("QuantityT", bound="float | tuple[float, ...] | None")
 _TEXT = re.compile(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:e[-+]?\d+)?)\s*([a-z][a-z/^0-9]*)?", re.IGNORECASE)
 
 
-class Quantity(Field[QuantityT, QuantityT | str], Generic[QuantityT]):
+class Quantity(ParsedField[QuantityT, QuantityT | str], Generic[QuantityT]):
     """A field of settings that holds a positive number with a physical unit, or none.
 
     It takes a number in the SI unit, or a text with a unit, such as '500 g' or '40N', and holds the
@@ -44,7 +44,7 @@ class Quantity(Field[QuantityT, QuantityT | str], Generic[QuantityT]):
         self._several = several
 
     def parse(self, name: str, value: Any) -> Any:
-        """See `Field.parse`."""
+        """See `ParsedField.parse`."""
         if value is None:
             return None
         if self._several and isinstance(value, str) and "," in value:

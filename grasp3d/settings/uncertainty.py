@@ -21,7 +21,7 @@ from grasp3d.settings.lengths import (
     describe_length,
     measure,
 )
-from grasp3d.settings.parsing import Field, TextValue
+from grasp3d.settings.parsing import ParsedField, TextValue
 
 Interval = tuple[float, float]
 """Smallest and largest value."""
@@ -151,7 +151,7 @@ def friction_interval(value: object) -> Interval:
     return ends[0], ends[1]
 
 
-class Friction(Field[float, float | tuple[float, float] | str]):
+class Friction(ParsedField[float, float | tuple[float, float] | str]):
     """A field of settings that holds a coefficient of friction.
 
     It takes a number, or an interval (smallest, largest), in a text '0.4..0.6', and holds its
@@ -216,7 +216,7 @@ class Fingers(tuple[Uncertainty, ...], TextValue):
         return "; ".join(map(describe_uncertainty, self))
 
 
-class PerFinger(Field[tuple[Uncertainty, ...], str | Sequence[Uncertainty]]):
+class PerFinger(ParsedField[tuple[Uncertainty, ...], str | Sequence[Uncertainty]]):
     """A field of settings that holds the uncertainty of each finger; it is empty without any.
 
     It takes a text, see `parse_uncertainty`, with the fingers separated by semicolons, or a
@@ -227,7 +227,7 @@ class PerFinger(Field[tuple[Uncertainty, ...], str | Sequence[Uncertainty]]):
         super().__init__(Fingers())
 
     def parse(self, _name: str, value: Any) -> Fingers:
-        """See `Field.parse`."""
+        """See `ParsedField.parse`."""
         return value if isinstance(value, Fingers) else parse_fingers(value)
 
 

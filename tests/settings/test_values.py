@@ -1,5 +1,6 @@
 """Laws of texts and values: what settings make of a text is what its text makes again."""
 
+import math
 import pickle
 from dataclasses import replace
 from typing import Any
@@ -65,6 +66,15 @@ def test_a_position_is_converted_as_well() -> None:
     assert (found.center_of_mass, found.max_edge) == ((0.01, 0.0, -0.0025), 0.01)
     with pytest.raises(SettingError, match="center_of_mass is 10 mm, but the unit of a mesh"):
         settings_in_unit(None, replace(options, max_edge=None), source="a mesh")
+
+
+@pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
+@pytest.mark.parametrize("axis", range(3))
+def test_a_position_is_finite(bad: float, axis: int) -> None:
+    position = tuple(bad if one == axis else 0.0 for one in range(3))
+    for point in (position, list(position), ",".join(map(str, position))):
+        with pytest.raises(SettingError, match="center_of_mass must be three finite lengths"):
+            MeshOptions(center_of_mass=point)  # type: ignore[arg-type]
 
 
 @given(ends=FRICTIONS)
