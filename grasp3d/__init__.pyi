@@ -31,6 +31,7 @@ from .quality.ferrari_canny import Epsilon as Epsilon
 from .quality.ferrari_canny import epsilon as epsilon
 from .quality.ferrari_canny import epsilon_of_wrenches as epsilon_of_wrenches
 from .quality.grip_forces import grip_force as grip_force
+from .quality.payloads import payload as payload
 from .settings import GraspModel as GraspModel
 from .settings import MeshOptions as MeshOptions
 from .settings import MultifingerSampling as MultifingerSampling

@@ -7,6 +7,7 @@ import pytest
 
 import grasp3d
 from grasp3d.errors import SettingError
+from grasp3d.quality import Weight
 from tests.helpers import shapes
 
 
@@ -19,6 +20,34 @@ def test_contacts_of_one_grasp() -> None:
     assert grasp3d.critical_friction_angle(contacts) == pytest.approx(0.0, abs=1e-3)
     stability = grasp3d.classify(contacts, 0.1, method="exact")
     assert stability.label == grasp3d.Label.S
+
+
+def test_forces_and_wrenches_of_one_grasp() -> None:
+    points, normals = [[-0.03, 0, 0], [0.03, 0, 0]], [[1.0, 0, 0], [-1.0, 0, 0]]
+    contacts = grasp3d.Contacts(points, normals, friction=0.5, torsion_radius=0.005)
+    weight = Weight(mass=1.0, direction=(0.0, 0.0, -1.0))
+    # Each finger carries half of the weight by friction 0.5.
+    assert grasp3d.grip_force(contacts, weight).upper == pytest.approx(9.80665)
+    assert grasp3d.payload(contacts, weight, 40.0) == pytest.approx(40.0 / 9.80665)
+    axes = np.concatenate([np.eye(6), -np.eye(6)])
+    assert grasp3d.epsilon_of_wrenches(axes).value == pytest.approx(6**-0.5)
+
+
+def test_fractions_of_planar_shapes() -> None:
+    for fractions in (grasp3d.planar.circle_fractions, grasp3d.planar.square_fractions):
+        found = fractions(friction=0.5, sensor_resolution=0.3)
+        assert set(found) == {"S", "M", "U"}
+        assert sum(found.values()) == pytest.approx(1.0)
+
+
+def test_labels_go_to_a_file_and_back(tmp_path: Path) -> None:
+    mesh = grasp3d.load_mesh(shapes.box((0.06, 0.04, 0.08)), unit="m", max_edge=0.02)
+    labels = grasp3d.label_surface(mesh)
+    grasp3d.write_ply(tmp_path / "mug_labeled.ply", labels)
+    read = grasp3d.read_labels(tmp_path / "mug_labeled.ply")
+    assert isinstance(read, grasp3d.SurfaceLabels)
+    np.testing.assert_array_equal(read.label, labels.label)
+    assert read.relabel(friction=0.4).fractions() == labels.relabel(friction=0.4).fractions()
 
 
 def test_labels_of_a_surface() -> None:
