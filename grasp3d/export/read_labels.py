@@ -8,7 +8,7 @@ from typing import Any, get_args
 
 import numpy as np
 
-from grasp3d.arrays import Bytes, Floats, locked
+from grasp3d.arrays import Floats, locked
 from grasp3d.errors import GraspError
 from grasp3d.export.checks import check_stored
 from grasp3d.export.fields import Array
@@ -30,7 +30,6 @@ from grasp3d.settings import MeshOptions
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
-from grasp3d.surface.vertex_grasps import Reason
 
 READERS: dict[str, Callable[[Source], Stored]] = {
     ".ply": read_ply,
@@ -116,7 +115,6 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
         load = replace(load, density=None, mass=float(stored.settings["object_mass"]))
     known: dict[str, Any] = {
         **{name: _value(stored, name) for name in PLAIN},
-        "reason": _reason(stored, settings, mesh),
         "epsilon_range": EpsilonRange(*(_floats(stored, f"epsilon{end}") for end in _ENDS)),
         "located_angles": None
         if settings.model.is_uniform
@@ -128,6 +126,7 @@ def _labels(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Surface
     return SurfaceLabels.of_values(
         mesh, settings.model, sampling=settings.sampling, mode=settings.mode,
         search=settings.search, scene=settings.scene, load=load, values=known,
+        file=stored.source.where,
     )  # fmt: skip
 
 
@@ -145,16 +144,6 @@ def _value(stored: Stored, name: str) -> Array | None:
 
 def _floats(stored: Stored, name: str) -> Floats:
     return locked(stored.field(name), np.float64)
-
-
-def _reason(stored: Stored, settings: FileSettings, mesh: ObjectMesh) -> Bytes:
-    """Why vertices have no grasp, as far as the file shows, (V,)."""
-    if "reason" in stored.values:
-        return locked(stored.field("reason"), np.uint8)
-    missing = Reason.SAME_POINT if settings.mode == "scan" else Reason.NO_PARTNER
-    found = np.isfinite(stored.field("critical_angle_best"))
-    reasons = np.where(found, Reason.FOUND, missing)
-    return locked(np.where(mesh.on_surface, reasons, Reason.OFF_SURFACE), np.uint8)
 
 
 def _partner_points(stored: Stored) -> SurfacePoints | None:

@@ -10,6 +10,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats
 from grasp3d.errors import GraspError
+from grasp3d.export.settings import GIVEN_ANGLE
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.hand_files import hand_of_line
 from grasp3d.hand.scene import Scene
@@ -73,12 +74,14 @@ def settings_from(texts: Mapping[str, str]) -> FileSettings:
         options = settings_of_texts(MeshOptions, values)
         model = settings_of_texts(GraspModel, values)
         kind = sampling_kind(model.fingers)
+        search, given = _search(values)
+        sampled = {**values, "search_angle": given}
         return FileSettings(
             model=model,
-            sampling=None if mode == "scan" else settings_of_texts(kind, values),
+            sampling=None if mode == "scan" else settings_of_texts(kind, sampled),
             options=options,
             mode="scan" if mode == "scan" else "label",
-            search=_search(values),
+            search=search,
             source=_source(values),
             unit=options.unit,
             file_vertices=int(values["file_vertices"]),
@@ -113,19 +116,21 @@ def _source(values: Mapping[str, str]) -> str:
         raise ValueError("its source is not a name") from error
 
 
-def _search(values: Mapping[str, str]) -> SearchReport:
-    """Extent of the search."""
+def _search(values: Mapping[str, str]) -> tuple[SearchReport, str]:
+    """Extent of the search, and the angle that was given: where a file lacks it, the searched."""
     found: dict[str, Any] = {
         "cone": float(values["search_angle"]),
         "rays": int(values.get("rays_traced", "0")),
         "evaluated": int(values.get("candidates_evaluated", "0")),
     }
+    given = values["search_angle"]
     if "search" in values:
         found = dict(json.loads(values["search"]))
+        given = str(found.pop(GIVEN_ANGLE))
     report = SearchReport(**found)
     if not (isinstance(report.cone, float) and 0.0 < report.cone <= math.pi):
         raise ValueError(f"its search angle is {report.cone}")
-    return report
+    return report, given
 
 
 def _scene(values: Mapping[str, str]) -> Scene | None:

@@ -18,6 +18,9 @@ from grasp3d.system.versions import package_version
 SETTING = "setting_"
 """Start of the names of settings beside arrays, some of which have the name of a setting."""
 
+GIVEN_ANGLE = "given_angle"
+"""Key in the setting `search` of the `search_angle` that was given; None: that of the model."""
+
 Values = dict[str, str | float | int | None]
 
 
@@ -45,8 +48,8 @@ def settings_of(labels: SurfaceLabels) -> Values:
 
 def complete_settings(labels: SurfaceLabels) -> Values:
     """The same with what a prepared mesh has beside its arrays, and the extent of the search."""
-    mesh = labels.mesh
-    solids = mesh.solids
+    mesh, sampling = labels.mesh, labels.sampling
+    solids, given = mesh.solids, None if sampling is None else sampling.search_angle
     surface: dict[str, Any] = {
         "center": mesh.center.tolist(),
         "size": mesh.size,
@@ -59,7 +62,7 @@ def complete_settings(labels: SurfaceLabels) -> Values:
     return {
         **settings_of(labels),
         "surface": json.dumps(surface),
-        "search": json.dumps(asdict(labels.search)),
+        "search": json.dumps({**asdict(labels.search), GIVEN_ANGLE: given}),
     }
 
 

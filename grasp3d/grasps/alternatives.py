@@ -86,7 +86,7 @@ class _Known(NamedTuple):
 
 def _known(labels: SurfaceLabels, vertex: int) -> _Known:
     """The opposing contact of a vertex's grasp (0 or 1,)."""
-    found = slice(0, int(labels.reason[vertex] == Reason.FOUND))
+    found = slice(0, int(labels.likely_reason[vertex] == Reason.FOUND))
     points = labels.partner_points
     return _Known(
         SurfacePoints(points.faces[vertex, 0][found], points.weights[vertex, 0][found]),

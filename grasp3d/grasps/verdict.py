@@ -228,21 +228,21 @@ def _verdict(labels: SurfaceLabels) -> Verdict:
 
 def _is_out_of_reach(labels: SurfaceLabels) -> bool:
     """Whether there are grasps that the gripper does not reach, or that exceed its stroke."""
-    reasons = labels.reason[labels.mesh.on_surface]
+    reasons = labels.likely_reason[labels.mesh.on_surface]
     outside = Reason.OPENING if labels.scene is not None else Reason.NOT_REACHED
     return bool(np.isin(reasons, [Reason.NOT_REACHED, outside]).any())
 
 
 def _why_none(labels: SurfaceLabels) -> str:
     """Why no sensor makes any grasp S."""
-    if not (labels.reason == Reason.FOUND).any():
+    if not (labels.likely_reason == Reason.FOUND).any():
         return "no grasp was found"
     return "at no sensor resolution is a grasp S"
 
 
 def _reason(labels: SurfaceLabels) -> str:
     """What keeps the gripper from most of the surface that has grasps."""
-    areas, reasons = labels.mesh.vertex_areas, labels.reason
+    areas, reasons = labels.mesh.vertex_areas, labels.likely_reason
     totals = np.zeros(len(Reachability))
     totals[Reachability.WIDTH] = areas[reasons == Reason.OPENING].sum()
     if labels.reach is not None:

@@ -90,7 +90,7 @@ class SurfaceLabels(SpreadGrasps):
     row: Ints
     """Row of each vertex's grasp in that table, -1: none, shape (V,)."""
     reason: Bytes
-    """`Reason` codes, shape (V,)."""
+    """`Reason` codes, shape (V,); None: a file does not contain them."""
     sampling: AnySampling | None
     """How grasps were searched for; None in a scan, where they are given."""
     mode: Mode
@@ -112,7 +112,7 @@ class SurfaceLabels(SpreadGrasps):
         partners: Floats | None,
         partner_points: SurfacePoints | None,
         grip: ArrayLike | None,
-        reason: ArrayLike,
+        reason: ArrayLike | None,
         reach: Reach | None = None,
         sampling: AnySampling | None,
         mode: Mode,
@@ -120,6 +120,7 @@ class SurfaceLabels(SpreadGrasps):
         scene: Scene | None = None,
         load: Load | None = None,
         threads: int | None = None,
+        file: str | None = None,
     ) -> "SurfaceLabels":
         """Labels of the grasps of a surface's vertices, those of one position being the same.
 
@@ -130,7 +131,8 @@ class SurfaceLabels(SpreadGrasps):
             partners: As the attribute; None: unknown, in a file.
             partner_points: As the attribute; None: those nearest to the partners.
             grip: As the attribute; one number for all vertices or shape (V,); None: unknown.
-            reason: `Reason` codes of the vertices on the surface, shape (V,).
+            reason: `Reason` codes of the vertices on the surface, shape (V,); None: unknown, in a
+                file; vertices with finite angles have a grasp.
             reach: As the field.
             sampling: As the field.
             mode: As the field.
@@ -138,14 +140,21 @@ class SurfaceLabels(SpreadGrasps):
             scene: The gripper that must reach each grasp, and the table; None: ideal points.
             load: What each grasp must hold; None: nothing.
             threads: As in `GraspTable`.
+            file: Name of the file that the grasps were read from; None: that of the mesh.
         """
         count = len(mesh.vertices)
-        reason = locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8)
-        vertices = np.unique(mesh.canonical[reason == Reason.FOUND])
+        reasons: Any = reason
+        found = np.isfinite(angles[1]) & mesh.on_surface
+        if reason is not None:
+            reasons = locked(np.where(mesh.on_surface, reason, Reason.OFF_SURFACE), np.uint8)
+            found = reasons == Reason.FOUND
+        vertices = np.unique(mesh.canonical[found])
         row = np.full(count, NO_ROW, dtype=np.int64)
         row[vertices] = np.arange(len(vertices))
         own = None if partners is None else locked(partners[vertices])
-        contacts: SurfaceContacts = ReadContacts(mesh, vertices, own, model.fingers)
+        contacts: SurfaceContacts = ReadContacts(
+            mesh, vertices, own, model.fingers, file or mesh.report.source
+        )
         best_normals = None
         if partner_points is not None:
             contacts = grasps_at(mesh, partner_points, vertices, 0)
@@ -166,8 +175,8 @@ class SurfaceLabels(SpreadGrasps):
             threads=threads,
         )
         return cls(
-            table, locked(row[mesh.canonical]), reason, sampling=sampling, mode=mode, search=search,
-            reach=reach,
+            table, locked(row[mesh.canonical]), reasons, sampling=sampling, mode=mode,
+            search=search, reach=reach,
         )  # fmt: skip
 
     def __repr__(self) -> str:
@@ -176,7 +185,7 @@ class SurfaceLabels(SpreadGrasps):
         found = self.fractions() if known else {}
         fractions = (f"{name} {fraction:.1%}" for name, fraction in found.items())
         return (
-            f"<SurfaceLabels of {self.mesh.report.source}: {len(self.reason):,} vertices, "
+            f"<SurfaceLabels of {self.mesh.report.source}: {len(self.row):,} vertices, "
             f"{model.fingers} fingers, {model_line(model, self.mesh.unit)}; "
             f"{', '.join(fractions) or 'not labelled yet'}>"
         )
@@ -210,6 +219,7 @@ class SurfaceLabels(SpreadGrasps):
         scene: Scene | None = None,
         load: Load | None = None,
         values: Mapping[str, Any],
+        file: str | None = None,
     ) -> "SurfaceLabels":
         """Labels whose values are known, from a file, instead of computed.
 
@@ -228,17 +238,14 @@ class SurfaceLabels(SpreadGrasps):
             values: Attributes by name, with a row for each vertex: `critical_angle` and
                 `critical_angle_best` [rad] at least, and others such as `label`, `located_angles`,
                 `epsilon_range`, `holding`, `partners`, `partner_points`, `reason` or `reach`.
+            file: Name of the file, for errors; None: that of the mesh.
         """
         worst, best = values["critical_angle"], values["critical_angle_best"]
-        none = Reason.SAME_POINT if mode == "scan" else Reason.NO_PARTNER
-        reason = values.get("reason")
-        if reason is None:
-            reason = np.where(np.isinf(best), none, Reason.FOUND)
         labels = cls.of_vertices(
             mesh, model, angles=(worst, best), partners=values.get("partners"),
-            partner_points=values.get("partner_points"), grip=values.get("grip"), reason=reason,
-            reach=values.get("reach"), sampling=sampling, mode=mode, search=search, scene=scene,
-            load=load,
+            partner_points=values.get("partner_points"), grip=values.get("grip"),
+            reason=values.get("reason"), reach=values.get("reach"), sampling=sampling, mode=mode,
+            search=search, scene=scene, load=load, file=file,
         )  # fmt: skip
         known = {name: one for name, one in values.items() if one is not None}
         vars(labels).update(known)
@@ -252,6 +259,15 @@ class SurfaceLabels(SpreadGrasps):
         """The first vertex of each position that has a grasp: those of the table's rows."""
         own = self.mesh.canonical == np.arange(len(self.row))
         return locked(np.flatnonzero(own & (self.row != NO_ROW)))
+
+    @cached_property
+    def likely_reason(self) -> Bytes:
+        """`reason`, or the likely one where a file does not contain it, shape (V,)."""
+        if self.reason is not None:
+            return self.reason
+        none = Reason.SAME_POINT if self.mode == "scan" else Reason.NO_PARTNER
+        reasons = np.where(self.row != NO_ROW, Reason.FOUND, none)
+        return locked(np.where(self.mesh.on_surface, reasons, Reason.OFF_SURFACE), np.uint8)
 
     @cached_property
     def partners(self) -> Floats:
@@ -561,7 +577,7 @@ class SurfaceLabels(SpreadGrasps):
             source=self.mesh.report.source,
             model=self.model,
             mode=self.mode,
-            count=len(self.reason),
+            count=len(self.row),
             fractions=self.fractions() if labelled else {},
             angles=self.angle_quantiles(LEVELS),
             epsilons=self.epsilon_quantiles(LEVELS) if has_epsilon else None,

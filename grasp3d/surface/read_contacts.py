@@ -18,7 +18,7 @@ class ReadContacts(SurfaceContacts):
     """Contacts of grasps that were read: at vertices, and at given positions or unknown places."""
 
     def __init__(
-        self, mesh: ObjectMesh, vertices: Ints, partners: Floats | None, count: int
+        self, mesh: ObjectMesh, vertices: Ints, partners: Floats | None, count: int, file: str
     ) -> None:
         """Keep what was read.
 
@@ -27,8 +27,15 @@ class ReadContacts(SurfaceContacts):
             vertices: The first contacts, numbers of vertices, shape (b,).
             partners: Positions of the others, shape (b, n - 1, 3); None: the file has none.
             count: Number of contacts of each grasp, n.
+            file: Name of the file, for errors.
         """
-        vars(self).update(mesh=mesh, _vertices=vertices, _partners=partners, _count=count)
+        vars(self).update(
+            mesh=mesh, _vertices=vertices, _partners=partners, _count=count, _file=file
+        )
+
+    def __repr__(self) -> str:
+        partners = "contacts" if self.known else "first contacts alone"
+        return f"<ReadContacts of {self.size:,} grasps of {self.count} fingers: {partners}>"
 
     @property
     def known(self) -> bool:
@@ -53,17 +60,17 @@ class ReadContacts(SurfaceContacts):
             SettingError: The file does not contain the other contacts.
             MeshError: They are not on the surface.
         """
-        source, partners = self.mesh.report.source, vars(self)["_partners"]
+        file, partners = vars(self)["_file"], vars(self)["_partners"]
         if partners is None:
             raise SettingError(
-                f"{source}: the file does not contain the opposing contacts of its grasps, which "
-                "this needs; label the mesh again"
+                f"{file}: the file does not contain the opposing contacts of its grasps, which "
+                "this needs; label the mesh again, and write NPZ, VTP or Parquet to keep them"
             )
         nearest, _, distances = nearest_surface_points(
             self.mesh, partners.reshape(-1, 3), limit=OFF_SURFACE * self.mesh.size
         )
         if np.isinf(distances).any():
-            raise MeshError(f"{source}: opposing contacts are not on its surface; label it again")
+            raise MeshError(f"{file}: opposing contacts are not on its surface; label it again")
         first, shape = vertex_surface_points(self.mesh, vars(self)["_vertices"]), partners.shape[:2]
         faces, weights = nearest.faces.reshape(shape), nearest.weights.reshape(*shape, 3)
         return SurfacePoints(
@@ -77,4 +84,4 @@ class ReadContacts(SurfaceContacts):
             return super().take(which)
         vertices, partners = vars(self)["_vertices"][which], vars(self)["_partners"]
         chosen = None if partners is None else partners[which]
-        return ReadContacts(self.mesh, vertices, chosen, self.count)
+        return ReadContacts(self.mesh, vertices, chosen, self.count, vars(self)["_file"])

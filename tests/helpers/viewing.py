@@ -67,7 +67,7 @@ def with_values(subject: Subject, **values: Any) -> Subject:
 def as_ply(subject: Subject) -> Subject:
     """The subject as read from a PLY, which has no opposing contacts."""
     labels = subject.labels
-    names = "critical_angle", "critical_angle_best", "reason", "approach_margin"
+    names = "critical_angle", "critical_angle_best", "approach_margin"
     known = SurfaceLabels.of_values(
         labels.mesh,
         labels.model,

@@ -296,10 +296,9 @@ def test_the_reason_of_a_limited_search_in_a_file_is_unknown() -> None:
     """A file does not contain whether the opening limit is why a vertex has no grasp."""
     subject = viewing.as_ply(subject_of(viewing.labels()))
     vertex = int(np.flatnonzero(np.isinf(subject.labels.critical_angle_best))[0])
-    reasons = np.full_like(subject.labels.reason, Reason.NO_PARTNER)
-    lone = viewing.with_values(subject, reason=reasons)
-    assert "and the opening limits" in inspect(lone, vertex, subject.labels.model).reason
-    free = viewing.with_values(lone, sampling=viewing.box().sampling)
+    assert subject.labels.reason is None
+    assert "and the opening limits" in inspect(subject, vertex, subject.labels.model).reason
+    free = viewing.with_values(subject, sampling=viewing.box().sampling)
     assert "limits" not in inspect(free, vertex, subject.labels.model).reason
 
 

@@ -194,7 +194,7 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
 
 def warm_up(subject: Subject) -> Subject:
     """Inspect one grasp, so that the functions are compiled before the user's first click."""
-    found = np.flatnonzero(subject.labels.reason == Reason.FOUND)
+    found = np.flatnonzero(subject.labels.likely_reason == Reason.FOUND)
     if subject.prepared and len(found):
         grasp = _grasp(subject.labels, int(found[0]))
         _epsilons_of(grasp, subject.labels.model)
@@ -212,7 +212,7 @@ def _contacts(subject: Subject, vertex: int) -> tuple[Floats, Floats]:
     if subject.labels.partners is None or subject.labels.partner_normals is None:
         return points, normals
     others, other_normals = subject.labels.partners[vertex], subject.labels.partner_normals[vertex]
-    if subject.labels.reason[vertex] != Reason.FOUND or not np.isfinite(others).all():
+    if subject.labels.likely_reason[vertex] != Reason.FOUND or not np.isfinite(others).all():
         return points, normals
     return np.concatenate([points, others]), np.concatenate([normals, other_normals])
 
@@ -233,7 +233,7 @@ def _off_line(points: Floats, normals: Floats) -> tuple[float, float] | None:
 
 def _reason(subject: Subject, vertex: int) -> Reason | None:
     """Why there is no grasp; None: unknown, as for a limited search stored in a lone file."""
-    reason, sampling = Reason(int(subject.labels.reason[vertex])), subject.labels.sampling
+    reason, sampling = Reason(int(subject.labels.likely_reason[vertex])), subject.labels.sampling
     limited = sampling is not None and (
         subject.labels.scene is not None
         or any(0.0 < (length or 0.0) < math.inf for length in sampling.lengths().values())
@@ -245,7 +245,7 @@ def _reason(subject: Subject, vertex: int) -> Reason | None:
 def _unreached(subject: Subject, vertex: int) -> Reachability | None:
     """Why the gripper does not reach a vertex's grasp; None: it does, or that is unknown."""
     reach = subject.labels.reach
-    if reach is None or subject.labels.reason[vertex] != Reason.NOT_REACHED:
+    if reach is None or subject.labels.likely_reason[vertex] != Reason.NOT_REACHED:
         return None
     return Reachability(int(reach.state[vertex]))
 
@@ -253,7 +253,7 @@ def _unreached(subject: Subject, vertex: int) -> Reachability | None:
 def _held(subject: Subject, vertex: int, model: GraspModel) -> HeldGrasp | None:
     """Force and payload of a vertex's grasp; None: no load, no grasp, or not known."""
     load, known = subject.load_numbers, subject.forces
-    if load is None or subject.labels.reason[vertex] != Reason.FOUND:
+    if load is None or subject.labels.likely_reason[vertex] != Reason.FOUND:
         return None
     if subject.prepared:
         return _held_by(subject, _grasp(subject.labels, vertex), model)
@@ -338,7 +338,7 @@ def _epsilon_texts(subject: Subject, vertex: int, model: GraspModel) -> list[str
         maximum = known.maximum
         values = (known.nominal[vertex], known.minimum[vertex],
                   math.nan if maximum is None else maximum[vertex])  # fmt: skip
-    elif subject.prepared and subject.labels.reason[vertex] == Reason.FOUND:
+    elif subject.prepared and subject.labels.likely_reason[vertex] == Reason.FOUND:
         values = _epsilons_of(_grasp(subject.labels, vertex), model)
     return [_epsilon_text(value) for value in values]
 

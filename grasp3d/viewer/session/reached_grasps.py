@@ -58,7 +58,7 @@ def best_reached(subject: Subject) -> int | None:
     margins = subject.labels.approach_margin
     if margins is None:
         return None
-    vertices = np.flatnonzero(np.isfinite(margins) & (subject.labels.reason == Reason.FOUND))
+    vertices = np.flatnonzero(np.isfinite(margins) & (subject.labels.likely_reason == Reason.FOUND))
     if not len(vertices):
         return None
     angles = np.floor(subject.labels.critical_angle[vertices] / ANGLE_STEP)
