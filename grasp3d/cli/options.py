@@ -28,7 +28,6 @@ from grasp3d.settings import AnySampling, GraspModel, MultifingerSampling, Radia
 from grasp3d.settings.lengths import AnyLength, Length, Measure, Position, parse_length
 from grasp3d.settings.parsing import ParsedField
 from grasp3d.settings.quantities import Quantity
-from grasp3d.settings.sampling import SearchSettings
 from grasp3d.settings.uncertainty import Friction as FrictionField
 from grasp3d.settings.uncertainty import PerFinger, Uncertainty, parse_fingers
 
@@ -368,11 +367,7 @@ Inputs = Annotated[
 
 Multifinger = Annotated[
     MultifingerSampling,
-    partial(
-        MultifingerSampling,
-        search_angle=SearchSettings.search_angle,
-        tolerance=SearchSettings.tolerance,
-    ),
+    partial(MultifingerSampling, **MultifingerSampling().common),
 ]
 """The options of a search of three fingers and more that one of two fingers does not have."""
 
@@ -395,7 +390,7 @@ def given_sampling(sampling: Sampling, multifinger: MultifingerSampling) -> AnyS
         )
     if not several:
         return sampling
-    return replace(multifinger, search_angle=sampling.search_angle, tolerance=sampling.tolerance)
+    return replace(multifinger, **sampling.common)
 
 
 def _without(*names: str) -> "partial[GraspModel]":

@@ -1,8 +1,8 @@
 """How candidate grasps are searched for: pairs of contacts, or contacts of more fingers."""
 
 import math
-from dataclasses import dataclass, fields
-from typing import Literal, TypeAlias
+from dataclasses import dataclass, fields, replace
+from typing import Any, ClassVar, Literal, Self, TypeAlias
 
 from grasp3d.errors import SettingError
 from grasp3d.settings.checks import Radians, check_choice, check_range, check_seed
@@ -36,6 +36,12 @@ class SearchSettings(LengthSettings):
             rays or random steps.
     """
 
+    span: ClassVar[str]
+    """What the distance between the contacts of a grasp is called."""
+
+    limits: ClassVar[tuple[str, str]]
+    """Names of the fields with its smallest and largest value."""
+
     search_angle: Radians | None = None
     tolerance: Radians = 1e-3
 
@@ -47,15 +53,24 @@ class SearchSettings(LengthSettings):
         most = math.radians(5.0)
         check_range("tolerance", self.tolerance, 0.0, most, ends="(]", degrees=True)
 
+    @classmethod
+    def own_names(cls) -> tuple[str, ...]:
+        """Names of the fields for this number of fingers alone."""
+        common = {one.name for one in fields(SearchSettings)}
+        return tuple(one.name for one in fields(cls) if one.name not in common)
+
     @property
     def own_changes(self) -> tuple[str, ...]:
-        """Fields for this number of fingers alone that differ from their defaults."""
-        common = {one.name for one in fields(SearchSettings)}
+        """Those of them that differ from their defaults."""
+        defaults = type(self)()
         return tuple(
-            one.name
-            for one in fields(self)
-            if one.name not in common and getattr(self, one.name) != one.default
+            name for name in self.own_names() if getattr(self, name) != getattr(defaults, name)
         )
+
+    @property
+    def common(self) -> dict[str, Any]:
+        """The values of the fields for any number of fingers, by name."""
+        return {one.name: getattr(self, one.name) for one in fields(SearchSettings)}
 
     def fitted(self, fingers: int) -> "AnySampling":
         """Settings for a number of fingers: these, or where they are for another, the defaults.
@@ -69,15 +84,31 @@ class SearchSettings(LengthSettings):
         if isinstance(self, kind):
             return self
         if self.own_changes:
-            other = (
-                "min_opening, max_opening and rays"
-                if kind is Sampling
-                else "min_separation, max_spread and candidates"
-            )
             raise SettingError(
-                f"{self.own_changes[0]} does not apply to {fingers} fingers; use {other}"
+                f"{self.own_changes[0]} does not apply to {fingers} fingers; use one of "
+                f"{', '.join(kind.own_names())}"
             )
-        return kind(search_angle=self.search_angle, tolerance=self.tolerance)
+        return kind(**self.common)
+
+    @property
+    def max_distance(self) -> float:
+        """Largest distance allowed between contacts."""
+        found: float = getattr(self, self.limits[1])
+        return found
+
+    def limited(self, most: float) -> Self:
+        """The same search, for contacts within another distance of each other.
+
+        Args:
+            most: The largest distance, in the unit of the lengths, which are numbers.
+        """
+        least_name, most_name = self.limits
+        least = getattr(self, least_name)
+        limits: dict[str, Any] = {
+            least_name: None if least is None else min(least, most),
+            most_name: most,
+        }
+        return replace(self, **limits)
 
 
 @dataclass(frozen=True)
@@ -115,6 +146,9 @@ class Sampling(SearchSettings):
         grasp3d.errors.SettingError: rays must be from 8 to 65536; got 4
     """
 
+    span: ClassVar[str] = "opening"
+    limits: ClassVar[tuple[str, str]] = ("min_opening", "max_opening")
+
     rays: int = 64
     grip: Grip = "squeeze"
     min_opening: Length[float] = Length(0.0)
@@ -124,7 +158,7 @@ class Sampling(SearchSettings):
         super().__post_init__()
         check_range("rays", self.rays, MIN_RAYS, MAX_RAYS)
         check_choice("grip", self.grip, Grip)
-        _check_limits("openings", "min_opening", "max_opening", self)
+        _check_limits("openings", self)
 
 
 @dataclass(frozen=True)
@@ -166,6 +200,9 @@ class MultifingerSampling(SearchSettings):
         (150.0, (42, 2, 3))
     """
 
+    span: ClassVar[str] = "spread"
+    limits: ClassVar[tuple[str, str]] = ("min_separation", "max_spread")
+
     candidates: int = 64
     min_separation: Length[float | None] = Length(None)
     max_spread: Length[float] = Length(math.inf)
@@ -175,7 +212,7 @@ class MultifingerSampling(SearchSettings):
     def __post_init__(self) -> None:
         super().__post_init__()
         check_range("candidates", self.candidates, MIN_CANDIDATES, MAX_CANDIDATES)
-        _check_limits("distances", "min_separation", "max_spread", self)
+        _check_limits("distances", self)
         check_choice("candidate points", self.candidate_points, CandidatePoints)
         check_seed("seed", self.seed)
 
@@ -224,11 +261,12 @@ def search_cone(model: GraspModel, sampling: AnySampling | None = None) -> float
     return min(model.widest_friction_angle, math.pi / 2.0)
 
 
-def _check_limits(what: str, least: str, most: str, sampling: AnySampling) -> None:
+def _check_limits(what: str, sampling: AnySampling) -> None:
     """Refuse limits of a distance that no distance meets.
 
     A number and a length with a unit are compared later, when the mesh's unit is known.
     """
+    least, most = sampling.limits
     given = getattr(sampling, least), getattr(sampling, most)
     low, high = comparable(*given) or (0.0, math.inf)
     if not (0.0 <= low <= high and low < math.inf and high > 0.0):

@@ -112,14 +112,26 @@ def test_a_search_is_fitted_to_its_number_of_fingers() -> None:
     assert several.fitted(2) == pair
     assert pair.fitted(2) is pair
     for given, fingers, message in (
-        (Sampling(rays=100), 3, "rays does not apply to 3 fingers; use min_separation, max_spread"),
+        (Sampling(rays=100), 3, "rays does not apply to 3 fingers; use one of candidates, min_"),
         (Sampling(max_opening="5mm"), 4, "max_opening does not apply to 4 fingers"),
-        (MultifingerSampling(seed=1), 2, "seed does not apply to 2 fingers; use min_opening"),
+        (MultifingerSampling(seed=1), 2, "seed does not apply to 2 fingers; use one of rays, "),
     ):
         with pytest.raises(SettingError, match=message):
             given.fitted(fingers)
         with pytest.raises(SettingError, match=f"sampling for {fingers} fingers must be"):
             check_search_settings(GraspModel(fingers=fingers), given)
+
+
+def test_a_search_is_limited_to_a_distance_between_contacts() -> None:
+    assert Sampling(min_opening=2.0, rays=9).limited(1.0) == Sampling(
+        min_opening=1.0, max_opening=1.0, rays=9
+    )
+    assert MultifingerSampling().limited(5.0) == MultifingerSampling(max_spread=5.0)
+    for kind in (Sampling, MultifingerSampling):
+        assert kind().max_distance == math.inf
+        assert kind().limited(3.0).max_distance == 3.0
+        assert kind(tolerance=0.01).common == {"search_angle": None, "tolerance": 0.01}
+        assert set(kind.limits) == set(kind.own_names()) & set(kind.length_names())
 
 
 @pytest.mark.parametrize(

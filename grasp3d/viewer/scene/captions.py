@@ -3,7 +3,7 @@
 import math
 from dataclasses import dataclass, field
 
-from grasp3d.settings import GraspModel
+from grasp3d.settings import GraspModel, sampling_kind
 from grasp3d.stability.label import MEANING, Label, Mode
 from grasp3d.viewer.scene.layout import (
     EDGE,
@@ -25,7 +25,6 @@ from grasp3d.viewer.scene.layout import (
     scale_bar,
 )
 from grasp3d.viewer.scene.text_layout import shortened, text_width
-from grasp3d.viewer.session.explanations import PAIR
 from grasp3d.viewer.session.painting import PALETTE, UNSEARCHED
 from grasp3d.viewer.session.panel_text import LabelFraction, PanelText, panel_text
 from grasp3d.viewer.session.session import Session
@@ -172,7 +171,7 @@ def _limit(session: Session) -> tuple[str, ...]:
     subject, limit = session.subject, session.state.max_opening
     if subject is None or subject.labels.mode == "scan" or math.isinf(limit):
         return ()
-    name = "opening" if subject.labels.model.fingers == PAIR else "spread"
+    name = sampling_kind(subject.labels.model.fingers).span
     return (f"{name} ≤ {limit:.4g} {subject.mesh.unit or ''}".rstrip(),)
 
 

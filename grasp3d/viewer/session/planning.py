@@ -166,25 +166,14 @@ def missing_result(subject: Subject, state: ViewState) -> str:
         return f"grasps for {fingers} fingers"
     if not _locates(subject, state):
         return "labels with these errors"
-    limit = "largest opening" if fingers == 2 else "largest spread"
-    return f"grasps for this {limit}"
-
-
-def span_limit(sampling: AnySampling) -> float:
-    """Largest distance allowed between contacts."""
-    return sampling.max_opening if isinstance(sampling, Sampling) else sampling.max_spread
+    return f"grasps for this largest {sampling_kind(fingers).span}"
 
 
 def limited_sampling(sampling: AnySampling, state: ViewState) -> AnySampling:
     """Search settings with the chosen limit; limits of other numbers of fingers are dropped."""
-    limit, kind = state.max_opening, sampling_kind(state.model.fingers)
-    if not isinstance(sampling, kind):
-        sampling = kind(search_angle=sampling.search_angle, tolerance=sampling.tolerance)
-    if isinstance(sampling, Sampling):
-        return replace(sampling, max_opening=limit, min_opening=min(sampling.min_opening, limit))
-    separation = sampling.min_separation
-    least = None if separation is None else min(separation, limit)
-    return replace(sampling, max_spread=limit, min_separation=least)
+    kind = sampling_kind(state.model.fingers)
+    fitted = sampling if isinstance(sampling, kind) else kind(**sampling.common)
+    return fitted.limited(state.max_opening)
 
 
 def _covers(subject: Subject, state: ViewState) -> bool:

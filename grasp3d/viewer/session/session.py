@@ -20,7 +20,6 @@ from grasp3d.viewer.session.planning import (
     is_stale,
     missing_result,
     next_job,
-    span_limit,
 )
 from grasp3d.viewer.session.saving import check_savable, write_labels
 from grasp3d.viewer.session.search_cache import SearchCache
@@ -49,7 +48,7 @@ class Session:
         self.settings = settings
         self.state = ViewState(
             model=collection.model,
-            max_opening=span_limit(collection.sampling),
+            max_opening=collection.sampling.max_distance,
             paint=settings.paint,
             compare=settings.compare,
             vertex=settings.vertex,

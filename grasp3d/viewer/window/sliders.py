@@ -4,7 +4,7 @@ import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
-from grasp3d.settings import DEGREE
+from grasp3d.settings import DEGREE, sampling_kind
 from grasp3d.viewer.session.keys import LEAST_FRICTION
 from grasp3d.viewer.session.panel_text import interval_text
 from grasp3d.viewer.session.session import Session
@@ -21,7 +21,6 @@ MIN_SPAN = 0.02
 """Smallest limit of the distance between contacts, relative to the object's size."""
 NO_LIMIT = 0.99
 """Position of that slider above which there is no limit."""
-PAIR = 2
 ROUNDING = 1e-6
 
 
@@ -186,7 +185,7 @@ def _opening(session: Session, size: float) -> Slider:
 
     position = (state.max_opening / size - MIN_SPAN) / (1.0 - MIN_SPAN)
     return Slider(
-        "opening", "largest opening" if state.model.fingers == PAIR else "largest spread",
+        "opening", f"largest {sampling_kind(state.model.fingers).span}",
         1.0 if math.isinf(state.max_opening) else _clipped(min(position, NO_LIMIT)),
         text(state.max_opening), lambda position: text(value(position)),
         lambda position: session.change(max_opening=value(position)), live=False,
