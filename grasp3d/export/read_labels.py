@@ -27,6 +27,7 @@ from grasp3d.quality.force_ranges import Certainty
 from grasp3d.quality.tilting import EpsilonRange
 from grasp3d.reading.sources import Source, find_source
 from grasp3d.settings import MeshOptions
+from grasp3d.settings.lengths import Unit
 from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
@@ -43,7 +44,9 @@ PLAIN = tuple(field.name for field in VERTICES if field.of is None and field.whe
 """Fields that are attributes of labels as they are."""
 
 
-def read_labels(path: str | Path, *, max_memory: float = MeshOptions.max_memory) -> SurfaceLabels:
+def read_labels(
+    path: str | Path, *, unit: Unit | None = None, max_memory: float = MeshOptions.max_memory
+) -> SurfaceLabels:
     """Read a labelled PLY, NPZ, VTP or Parquet file.
 
     From NPZ, VTP and Parquet the labels are those that were written, bit for bit, with their mesh
@@ -52,6 +55,7 @@ def read_labels(path: str | Path, *, max_memory: float = MeshOptions.max_memory)
 
     Args:
         path: A file that `write_ply`, `write_npz`, `write_vtp` or `write_fields` wrote.
+        unit: Unit of the mesh, for files that state none.
         max_memory: Memory limit for reading [GB].
 
     Raises:
@@ -68,15 +72,44 @@ def read_labels(path: str | Path, *, max_memory: float = MeshOptions.max_memory)
         >>> labels.relabel(friction=0.1).fractions()["S"], labels.mesh.unit
         (0.0, 'cm')
     """
-    source = find_source(Path(path), max_memory, READERS)
+    return labels_of(*read_stored(Path(path), max_memory), unit)
+
+
+def read_stored(
+    path: Path, max_memory: float = MeshOptions.max_memory
+) -> tuple[Stored, FileSettings]:
+    """Checked values of a labelled file, and its settings.
+
+    Args:
+        path: The file.
+        max_memory: Memory limit for reading [GB].
+
+    Raises:
+        MeshError: As in `read_labels`.
+    """
+    source = find_source(path, max_memory, READERS)
     stored = READERS[f".{source.kind}"](source)
     settings = _settings(source, stored.settings)
     check_stored(stored, settings)
-    mesh = read_mesh(stored, settings)
+    return stored, settings
+
+
+def labels_of(stored: Stored, settings: FileSettings, unit: Unit | None = None) -> SurfaceLabels:
+    """The labels of a file whose values were checked.
+
+    Args:
+        stored: What the file holds.
+        settings: Its settings.
+        unit: Unit of the mesh, if the file states none.
+
+    Raises:
+        MeshError: The values are damaged.
+    """
+    mesh = read_mesh(stored, settings, unit)
     try:
         return _labels(stored, settings, mesh)
     except GraspError as error:
-        raise damaged(source, str(error)) from error
+        raise damaged(stored.source, str(error)) from error
 
 
 def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> FileSettings | None:

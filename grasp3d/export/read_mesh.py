@@ -2,6 +2,7 @@
 
 import json
 import math
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -15,14 +16,16 @@ from grasp3d.mesh.normals import CornerNormals, corner_normals
 from grasp3d.mesh.preparing import center_and_volume, center_mass_from
 from grasp3d.mesh.repair import RepairStep, Solids
 from grasp3d.mesh.triangles import Triangles
+from grasp3d.settings.lengths import Unit
 
 
-def read_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
+def read_mesh(stored: Stored, settings: FileSettings, unit: Unit | None = None) -> ObjectMesh:
     """The surface of a file whose values were checked.
 
     Args:
         stored: What the file holds.
         settings: Its settings.
+        unit: Unit of the mesh, if the file states none.
 
     Raises:
         MeshError: What it has of the mesh is damaged.
@@ -31,6 +34,8 @@ def read_mesh(stored: Stored, settings: FileSettings) -> ObjectMesh:
         mesh = (_complete_mesh if stored.complete else _displayed_mesh)(stored, settings)
     except (ValueError, TypeError, KeyError, RecursionError) as error:
         stored.reject(f"its mesh is damaged ({' '.join(str(error).split())[:200]})")
+    if mesh.unit is None and unit is not None:
+        mesh = replace(mesh, report=replace(mesh.report, unit=unit))
     # A file has both with more digits than they follow from what else it has.
     vars(mesh)["normals"] = locked(-stored.field("normal").astype(np.float64))
     vars(mesh)["torque_scale"] = settings.torque_scale

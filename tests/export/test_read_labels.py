@@ -242,6 +242,18 @@ def test_a_written_file_may_be_written_again(tmp_path: Path) -> None:
     }
 
 
+@pytest.mark.parametrize("suffix", ["ply", *COMPLETE])
+def test_a_unit_is_for_files_that_state_none(tmp_path: Path, suffix: str) -> None:
+    labels, path = label_surface(load_mesh(shapes.box(), max_edge=9.0)), tmp_path / f"a.{suffix}"
+    writer_for(path)(path, labels)
+    plain, found = read_labels(path), read_labels(path, unit="mm")
+    assert (plain.mesh.unit, found.mesh.unit) == (None, "mm")
+    assert bits(found.mesh.normals) == bits(plain.mesh.normals)
+    assert bits(found.mesh.torque_scale) == bits(labels.mesh.torque_scale)
+    writer_for(path)(path, found)
+    assert read_labels(path, unit="cm").mesh.unit == "mm"
+
+
 # Files that are damaged or foreign
 
 

@@ -51,6 +51,18 @@ def file(tmp_path: Path) -> Path:
     return tmp_path / "cone_labeled.ply"
 
 
+@pytest.mark.parametrize("suffix", ["ply", "npz"])
+def test_a_unit_that_a_file_does_not_state_is_that_of_its_labels(
+    tmp_path: Path, suffix: str
+) -> None:
+    path = tmp_path / f"box.{suffix}"
+    writer_for(path)(path, viewing.box())
+    opened = open_collection(path, options=MeshOptions(unit="mm")).items[0].open(ignore)
+    assert opened.labels.mesh.unit == opened.mesh.unit == "mm"
+    assert np.array_equal(opened.mesh.normals, read_subject(path).mesh.normals)
+    assert opened.mesh.torque_scale == viewing.box().mesh.torque_scale
+
+
 def test_a_mesh_is_labelled_when_it_is_opened(tmp_path: Path) -> None:
     path = tmp_path / "box.stl"
     trimesh.Trimesh(*shapes.box()).export(path)

@@ -14,6 +14,7 @@ from grasp3d.viewer.session.inspection import inspect
 from grasp3d.viewer.session.painting import UNSEARCHED, labels_at
 from grasp3d.viewer.subjects.subject import Epsilons, subject_of
 from tests.helpers import viewing
+from tests.helpers.vertex_labels import with_arrays
 
 
 def _angles(points: NDArray[np.float64], normals: NDArray[np.float64]) -> list[float]:
@@ -131,8 +132,10 @@ def test_angles_of_an_internal_grasp_are_to_the_outward_directions() -> None:
     assert subject.labels.partner_normals is not None
     mesh = copy(subject.mesh)
     vars(mesh)["normals"] = -mesh.normals
-    turned = viewing.with_values(subject, partner_normals=-subject.labels.partner_normals)
-    turned = replace(turned, mesh=mesh)
+    turned = viewing.with_values(
+        subject_of(with_arrays(viewing.box(), mesh=mesh)),
+        partner_normals=-subject.labels.partner_normals,
+    )
     assert (
         dict(inspect(turned, vertex, subject.labels.model).numbers)["normals off the line"]
         == (dict(inspect(subject, vertex, subject.labels.model).numbers)["normals off the line"])

@@ -16,9 +16,12 @@ from grasp3d import (
     load_mesh,
     write_ply,
 )
+from grasp3d.export import writer_for
 from grasp3d.export.read_labels import read_labels
+from grasp3d.settings.uncertainty import Uncertainty
+from grasp3d.stability.thresholds import label_angles
 from grasp3d.viewer.session.painting import labels_at
-from grasp3d.viewer.subjects.subject import read_subject, subject_of
+from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
 from tests.helpers import shapes
 
 SHAPES = {
@@ -106,6 +109,41 @@ def test_three_fingers_are_read_as_they_were_written(tmp_path: Path, model: str)
     labels = known.relabel(location_error=given.location_error, per_finger=extra)
     write_ply(tmp_path / "three.ply", labels)
     np.testing.assert_array_equal(read_labels(tmp_path / "three.ply").label, labels.label)
-    subject = subject_of(labels)
-    if subject.locates(labels.model):
-        np.testing.assert_array_equal(labels_at(subject, labels.model), labels.label)
+    np.testing.assert_array_equal(labels_at(subject_of(labels), labels.model), labels.label)
+
+
+@pytest.mark.parametrize("model", ["far", "much worse"])
+@pytest.mark.parametrize("fingers", [2, 3])
+def test_the_angles_of_a_subject_decide_its_labels(
+    tmp_path: Path, fingers: int, model: str
+) -> None:
+    given = MODELS[model]
+    extra = given.per_finger and (*given.per_finger, *[Uncertainty()] * (fingers - 2))
+    labels = box(fingers).relabel(location_error=given.location_error, per_finger=extra)
+    if model == "far":  # these labels are not those of the critical angles
+        plain = label_angles(labels.critical_angle, labels.critical_angle_best, labels.model)
+        assert (plain != labels.label).any()
+    assert_shown(subject_of(labels))
+    for suffix in ("ply", "npz"):
+        path = tmp_path / f"labelled.{suffix}"
+        writer_for(path)(path, labels)
+        assert_shown(subject_of(read_labels(path)))
+        assert_shown(read_subject(path))
+
+
+@cache
+def box(fingers: int) -> SurfaceLabels:
+    mesh, model = load_mesh(shapes.box(), max_edge=0.5), GraspModel(fingers=fingers, friction=0.3)
+    search = (
+        Sampling(search_angle=1.2)
+        if fingers == 2
+        else MultifingerSampling(candidates=8, search_angle=1.2)
+    )
+    return label_surface(mesh, model, sampling=search)
+
+
+def assert_shown(subject: Subject) -> None:
+    """The angles of a subject decide the labels that its labels have."""
+    labels = subject.labels
+    shown = label_angles(*subject.angles(labels.model), labels.model)
+    np.testing.assert_array_equal(shown, labels.label)

@@ -193,7 +193,8 @@ def inspect_last_contact(subject: Subject, model: GraspModel) -> Inspection | No
 
 
 def warm_up(subject: Subject) -> Subject:
-    """Inspect one grasp, so that the functions are compiled before the user's first click."""
+    """Prepare the first picture and click: angles of the labels are known, functions compiled."""
+    subject.angles(subject.labels.model)
     found = np.flatnonzero(subject.labels.likely_reason == Reason.FOUND)
     if subject.prepared and len(found):
         grasp = _grasp(subject.labels, int(found[0]))

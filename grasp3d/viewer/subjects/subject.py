@@ -8,12 +8,12 @@ from pathlib import Path
 import numpy as np
 
 from grasp3d.arrays import Floats, locked, short_repr
-from grasp3d.export.ply import read_ply
-from grasp3d.export.read_labels import read_labels, settings_of_file
+from grasp3d.export.read_labels import labels_of, read_stored
+from grasp3d.export.read_settings import FileSettings
+from grasp3d.export.stored import Stored
 from grasp3d.mesh import ObjectMesh
 from grasp3d.mesh.ray_tracing import FaceRays
 from grasp3d.quality.tilting import EpsilonRange
-from grasp3d.reading.sources import find_source
 from grasp3d.settings import GraspModel, MeshOptions, search_cone
 from grasp3d.settings.lengths import Unit
 from grasp3d.stability.thresholds import label_angles
@@ -96,8 +96,6 @@ class Subject:
     """Labels that are viewed, computed or from a file, with what was computed of them since."""
 
     labels: SurfaceLabels
-    mesh: ObjectMesh
-    """The surface of the labels, in the unit that the user gave where the file has none."""
     name: str
     notes: tuple[str, ...] = ()
     """Warnings that concern the labels, one sentence each."""
@@ -112,11 +110,16 @@ class Subject:
     alternatives: Alternatives | None = None
     """Other grasps of the vertex that was inspected last; None: not searched."""
     located: Located | None = None
-    """Located angles in its file, or that took a computation; None: none."""
+    """Located angles that took a computation; None: none."""
     _known: dict[object, Located] = field(init=False, repr=False, default_factory=dict)
-    """Located angles that were computed last, by what they depend on."""
+    """Located angles that were needed last, by what they depend on."""
 
     __repr__ = short_repr
+
+    @property
+    def mesh(self) -> ObjectMesh:
+        """The surface of the labels."""
+        return self.labels.mesh
 
     @property
     def prepared(self) -> bool:
@@ -171,16 +174,28 @@ class Subject:
         if key not in known:
             if len(known) >= KEPT:
                 known.pop(next(iter(known)))
-            same = self.located is not None and self.located.key == key
-            known[key] = self.located if same and self.located else Located.of(self.labels, model)
+            known[key] = self._locate(model)
         return known[key].worst, known[key].best
+
+    def _locate(self, model: GraspModel) -> Located:
+        """Located angles for a model, computed if they are not known."""
+        key = dependence(model)
+        if key == dependence(self.labels.model):
+            return Located(*self.labels.located_angles, key)
+        if self.located is not None and self.located.key == key:
+            return self.located
+        return Located.of(self.labels, model)
 
     def locates(self, model: GraspModel) -> bool:
         """Whether the angles that decide the labels for a model are known, or quickly computed.
 
-        Those of three fingers and more take too long for a move of a slider.
+        Those of the labels' own model are, as the labels follow from them. Those of three fingers
+        and more for another one take too long for a move of a slider.
         """
-        if model.is_uniform or (self.located is not None and self.located.key == dependence(model)):
+        key = dependence(model)
+        if model.is_uniform or key == dependence(self.labels.model):
+            return True
+        if self.located is not None and self.located.key == key:
             return True
         return self.prepared and model.fingers == PAIR and fits(model)
 
@@ -202,13 +217,12 @@ def subject_of(labels: SurfaceLabels, name: str | None = None) -> Subject:
         labels: The labels.
         name: Name of the object; None: that of its file.
     """
-    mesh, known = labels.mesh, labels.computed("epsilon_range")
+    report, known = labels.mesh.report, labels.computed("epsilon_range")
     case, held = labels.load_case, labels.computed("holding")
     return Subject(
         labels,
-        mesh,
-        mesh.report.source if name is None else name,
-        notes=(*mesh.report.warnings, *_method_notes(labels.model, math.nan)),
+        report.source if name is None else name,
+        notes=(*report.warnings, *_method_notes(labels.model, math.nan)),
         epsilons=None if known is None else Epsilons.of(known, labels.model),
         load_numbers=None if case is None else LoadNumbers.of(case),
         forces=None if held is None else Forces.of(held, labels.model),
@@ -233,31 +247,22 @@ def read_subject(
     Raises:
         MeshError: The file is not labelled, or damaged.
     """
-    labels = read_labels(path, max_memory=max_memory)
-    subject, mesh, model = subject_of(labels, name or path.name), labels.mesh, labels.model
-    notes = [*mesh.report.warnings]
+    stored, settings = read_stored(path, max_memory)
+    labels = labels_of(stored, settings, unit)
+    subject, model = subject_of(labels, name or path.name), labels.model
+    notes = [*labels.mesh.report.warnings]
     if not subject.prepared and labels.mode == "scan":
         notes.append("it is a scan, and the file does not contain the fixed fingers")
     differing = labels.label != label_angles(*labels.located_angles, model)
     notes += _method_notes(model, subject.weights[differing].sum())
-    if mesh.unit is None and unit is not None:
-        mesh = replace(mesh, report=replace(mesh.report, unit=unit))
-    located = None
-    if not model.is_uniform:
-        located = Located(*labels.located_angles, dependence(model))
-    found = replace(subject, mesh=mesh, notes=tuple(notes), located=located)
-    return (
-        found
-        if labels.load is not None or subject.prepared
-        else _with_forces(found, path, max_memory)
-    )
+    found = replace(subject, notes=tuple(notes))
+    if labels.load is not None or subject.prepared or "object_mass" not in stored.settings:
+        return found
+    return _with_forces(found, stored, settings)
 
 
-def _with_forces(subject: Subject, path: Path, max_memory: float) -> Subject:
-    """The subject with the forces of a PLY whose task cannot be read again, if it has any."""
-    stored, settings = read_ply(find_source(path, max_memory)), settings_of_file(path, max_memory)
-    if settings is None or "object_mass" not in stored.settings:
-        return subject
+def _with_forces(subject: Subject, stored: Stored, settings: FileSettings) -> Subject:
+    """The subject with the forces of a PLY whose task cannot be read again."""
     mass, force = settings.object_mass, settings.force_at_hand
     payload = stored.values.get("payload")
     held = np.full(len(subject.weights), math.nan) if payload is None else payload
