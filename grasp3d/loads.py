@@ -14,8 +14,8 @@ from grasp3d.settings.lengths import (
     Length,
     LengthSettings,
     Unit,
-    length_in_unit,
     one_line,
+    settings_in_unit,
 )
 from grasp3d.settings.parsing import TextValue, settings_of_texts
 from grasp3d.settings.quantities import DENSITIES, FORCES, MASSES, Quantity
@@ -119,10 +119,10 @@ class Load(LengthSettings):
         """
         if not isinstance(self.task, TaskText):
             return self.task if mass is None else self.task.scaled_to(mass)
-        name, radius = "center_of_mass_radius", self.center_of_mass_radius
+        (converted,) = settings_in_unit(unit, self, source=source)
         return self.task.task(
             mass=1.0 if mass is None else mass,
-            center_radius=length_in_unit(name, radius, unit, source=source),
+            center_radius=converted.center_of_mass_radius,
             metres_per_unit=None if unit is None else METRES[unit],
             source=source,
         )

@@ -19,7 +19,8 @@ from grasp3d.settings import (
     search_cone,
 )
 from grasp3d.settings.checks import check_range
-from grasp3d.settings.lengths import GivenLength, length_in_unit, parse_length
+from grasp3d.settings.lengths import Lengths, settings_in_unit
+from grasp3d.settings.parsing import Settings
 
 DEFAULT_RESOLUTIONS = tuple(5.0 * step * DEGREE for step in range(13))
 """Default sensor resolutions of the grid: 0 to 60 degrees in steps of 5 [rad]."""
@@ -29,7 +30,7 @@ MIN_WORKER_MEMORY = 0.5
 
 
 @dataclass(frozen=True)
-class FractionGrid:
+class FractionGrid(Settings):
     """Uncertainties at which the area fractions of S, M and U are computed: all combinations.
 
     Attributes:
@@ -48,18 +49,17 @@ class FractionGrid:
     sensor_resolution: tuple[float, ...] = ()
     friction_error: tuple[float, ...] = ()
     normal_error: tuple[float, ...] = ()
-    location_error: tuple[GivenLength, ...] = ()
+    location_error: Lengths = Lengths(())
 
     def __post_init__(self) -> None:
+        super().__post_init__()
         for friction in self.friction:
             GraspModel(friction=friction)
         for resolution in self.sensor_resolution:
             GraspModel(sensor_resolution=resolution)
         for error in self.normal_error:
             GraspModel(normal_error=error)
-        lengths = tuple(parse_length("location_error", one) for one in self.location_error)
-        object.__setattr__(self, "location_error", lengths)
-        for length in lengths:
+        for length in self.location_error:
             GraspModel(location_error=length)
 
 
@@ -160,10 +160,8 @@ class BatchSettings:
 @lru_cache(maxsize=16)  # most meshes of a library have the same unit
 def _grid_models(settings: BatchSettings, model: GraspModel, unit: Any) -> tuple[GraspModel, ...]:
     """See `BatchSettings.grid_models`."""
-    locations = [
-        length_in_unit("location_error", one, unit)
-        for one in (settings.grid.location_error or (model.location_error,))
-    ]
+    (grid,) = settings_in_unit(unit, settings.grid)
+    locations = grid.location_error or (model.location_error,)
     return tuple(
         replace(
             model,

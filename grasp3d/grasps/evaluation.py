@@ -21,7 +21,7 @@ from grasp3d.mesh import MeshSource, ObjectMesh, load_mesh
 from grasp3d.mesh.masses import loaded_mesh
 from grasp3d.mesh.surface_points import SurfacePoints, nearest_surface_point, nearest_surface_points
 from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with_fingers
-from grasp3d.settings.lengths import GivenLength, length_in_unit
+from grasp3d.settings.lengths import GivenLength
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
 from grasp3d.surface.grasp_table import GraspTable
@@ -186,9 +186,8 @@ def _evaluate_contacts(
     (used,) = mesh.in_own_unit(model or GraspModel())
     check_point_contacts(used)
     used = with_fingers(used, given.shape[1])
-    limit = length_in_unit("max_distance", max_distance, mesh.unit, source=mesh.report.source)
-    if limit is None:
-        limit = OFF_SURFACE * mesh.size
+    given_limit = OFF_SURFACE * mesh.size if max_distance is None else max_distance
+    limit = mesh.length("max_distance", given_limit)
     if not (limit >= 0.0 and math.isfinite(limit)):
         raise SettingError(f"max_distance must be a finite length of at least 0; got {limit:g}")
     if load is not None:

@@ -18,7 +18,7 @@ from grasp3d.hand.jaws import Jaws
 from grasp3d.hand.metres import metres_per_unit
 from grasp3d.mesh import ObjectMesh
 from grasp3d.settings import check_choice
-from grasp3d.settings.lengths import GivenLength, Measure, length_in_unit
+from grasp3d.settings.lengths import GivenLength, Measure
 from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore
 
@@ -217,7 +217,7 @@ def _openings(
     """Openings at the start [object sizes], shape (k,)."""
     stroke = hand.max_opening / metres_per_unit(mesh)
     if isinstance(opening, str | Measure):
-        opening = length_in_unit("opening", opening, mesh.unit)
+        opening = mesh.length("opening", opening)
     try:
         given = np.asarray(stroke if opening is None else opening, dtype=np.float64)
         start = np.array(np.broadcast_to(given, (count,)))

@@ -15,7 +15,13 @@ from grasp3d.mesh.mesh_report import MeshReport
 from grasp3d.mesh.normals import CornerNormals, NormalSets, crease_twins, normal_sets
 from grasp3d.mesh.repair import Solids
 from grasp3d.settings import MeshOptions
-from grasp3d.settings.lengths import SettingsTs, Unit, settings_in_unit
+from grasp3d.settings.lengths import (
+    GivenLength,
+    SettingsTs,
+    Unit,
+    length_in_unit,
+    settings_in_unit,
+)
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,6 +81,19 @@ class ObjectMesh:
             SettingError: A length has a unit, but that of the mesh is not known.
         """
         return settings_in_unit(self.unit, *settings, source=self.report.source)
+
+    def length(self, name: str, value: GivenLength) -> float:
+        """A length as a number in the mesh's unit.
+
+        Args:
+            name: Name of the setting, for the error.
+            value: A number in that unit, or a length with a unit.
+
+        Raises:
+            SettingError: It is no length, or has a unit, but that of the mesh is not known.
+        """
+        number = length_in_unit(name, value, self.unit, source=self.report.source)
+        return float(number)
 
     @cached_property
     def on_surface(self) -> Bools:

@@ -147,7 +147,7 @@ def _remedy(
     usual, option = limits.usual * size, f"--{name.replace('_', '-')}"
     of_mesh = guess_unit(size).unit
     if of_mesh is not None and (unit is None or unit_warning(size, unit)):
-        if own and _is_likely(length_in_unit(name, given, of_mesh), usual):
+        if isinstance(given, Measure) and _is_likely(given.in_unit(of_mesh), usual):
             return f"if the mesh is in {of_mesh}, not in {unit}, give --unit {of_mesh}"
         likely = None if own else _likely_unit(float(number), usual, of_mesh)
         if likely is not None:

@@ -72,6 +72,14 @@ class Length(ParsedField[LengthT, LengthT | str | Measure], Generic[LengthT]):
         return parse_length(name, value)
 
 
+class Lengths(ParsedField[tuple[AnyLength, ...], Sequence[GivenLength]]):
+    """A field of settings that holds any number of lengths, as those of `Length`."""
+
+    def parse(self, name: str, value: Any) -> Any:
+        """See `ParsedField.parse`."""
+        return tuple(parse_length(name, one) for one in value)
+
+
 class Position(ParsedField[tuple[float, float, float] | None, Sequence[GivenLength] | str | None]):
     """A field of settings that holds a point: three lengths, as those of `Length`, or none.
 

@@ -16,7 +16,6 @@ from grasp3d.settings.lengths import (
     Measure,
     Unit,
     describe_length,
-    length_in_unit,
     measure,
     parse_length,
 )
@@ -196,7 +195,7 @@ def in_one_unit(
             f"location errors must all have a unit, or none; got {describe_length(bare[0])} beside "
             f"others in {unit}"
         )
-    return [length_in_unit("location_error", one, unit) for one in parsed], unit
+    return [one.in_unit(unit) if isinstance(one, Measure) else one for one in parsed], unit
 
 
 def describe_value(name: AxisName, value: float, unit: Unit | None = None) -> str:
