@@ -24,7 +24,7 @@ from grasp3d.settings import MAX_FINGERS, GraspModel, check_point_contacts, with
 from grasp3d.settings.lengths import GivenLength
 from grasp3d.surface.contacts import SurfaceContacts
 from grasp3d.surface.critical_angles import critical_angles
-from grasp3d.surface.grasp_table import GraspTable
+from grasp3d.surface.grasp_table import GraspTable, LabelledGrasps
 from grasp3d.surface.load_case import LoadCase
 from grasp3d.system.processors import thread_count
 from grasp3d.system.progress import Progress, ignore, within
@@ -53,6 +53,13 @@ def evaluate_grasps(
     max_distance: GivenLength | None = None, load: Load | None = None, threads: int | None = None,
     progress: Progress | None = None,
 ) -> GraspTable: ...  # fmt: skip
+@overload
+def evaluate_grasps(
+    mesh: MeshSource, grasps: ArrayLike, model: GraspModel | None = None, *,
+    hand: Hand, table: Table | None = None, approach: Approach | None = None,
+    object_motion: ObjectMotion = "free", load: Load | None = None, threads: int | None = None,
+    progress: Progress | None = None,
+) -> EvaluatedPoses: ...  # fmt: skip
 def evaluate_grasps(
     mesh: MeshSource,
     grasps: GraspPoses | ArrayLike,
@@ -82,8 +89,9 @@ def evaluate_grasps(
             PyVista or Open3D, or a pair of arrays), which is then prepared with default options.
             One whose unit is not known gets the scale that poses state, if they state one.
         grasps: Contacts in the mesh's frame and unit, shape (b, n, 3), or (n, 3) for one grasp;
-            n is 2 to 32 for every grasp. Or poses of a gripper; without a unit they are in the
-            mesh's. `read_grasps` reads both.
+            n is 2 to 32 for every grasp. Or poses of a gripper: `GraspPoses`, or 4x4 matrices,
+            shape (k, 4, 4), or (4, 4) for one; without a unit they are in the mesh's. `read_grasps`
+            reads both.
         model: Friction and sensor resolution [rad]; None: the defaults, at poses with the
             resolution that the gripper states, if any. Its number of fingers, unless it is the
             default 2, must be that of the grasps.
@@ -145,18 +153,19 @@ def evaluate_grasps(
 
         >>> from_above = np.diag([1.0, -1.0, -1.0, 1.0])
         >>> beside = from_above + [[0, 0, 0, 0], [0, 0, 0, 0.1], [0, 0, 0, 0], [0, 0, 0, 0]]
-        >>> poses = grasp3d.grasps.GraspPoses(poses=[from_above, beside])
         >>> franka = grasp3d.ParallelGripper.preset("franka")
-        >>> found = grasp3d.evaluate_grasps(mesh, poses, hand=franka)
+        >>> found = grasp3d.evaluate_grasps(mesh, [from_above, beside], hand=franka)
         >>> found.to_dataframe()[["closing", "label", "opening", "reachable"]].round(3)
            closing label  opening  reachable
         0   closed     S     0.08       True
         1  nothing     U      NaN      False
     """
-    given = scene or Scene.given(hand, table, approach)
+    given, grasps = scene or Scene.given(hand, table, approach), _poses_or_contacts(grasps)
     if not isinstance(grasps, GraspPoses):
         if given is not None or object_motion != "free":
-            raise SettingError("a gripper applies to poses, not to contacts; give poses")
+            raise SettingError(
+                "a gripper applies to poses, not to contacts; give poses, of shape (k, 4, 4)"
+            )
         return _evaluate_contacts(mesh, grasps, model, max_distance, load, threads, progress)
     if max_distance is not None:
         raise SettingError("max_distance applies to contacts, not to poses of a gripper")
@@ -168,6 +177,23 @@ def evaluate_grasps(
         mesh, grasps, model, given, object_motion=object_motion, load=load, threads=threads,
         progress=progress,
     )  # fmt: skip
+
+
+def _poses_or_contacts(grasps: GraspPoses | ArrayLike) -> GraspPoses | ArrayLike:
+    """What is given; matrices, shape (..., 4, 4), as poses, as contacts end with 3 coordinates."""
+    if isinstance(grasps, LabelledGrasps):
+        raise SettingError(
+            f"grasps must be contacts or poses; got {type(grasps).__name__}: give the "
+            "contacts.points of a table of grasps or, with hand=..., its poses; best_grasps makes "
+            "such a table of labels"
+        )
+    if isinstance(grasps, GraspPoses):
+        return grasps
+    try:
+        shape = np.shape(grasps)
+    except ValueError:  # not as many contacts in each grasp, which is refused as such
+        return grasps
+    return GraspPoses(poses=np.asarray(grasps)) if shape[-2:] == (4, 4) else grasps
 
 
 def _evaluate_contacts(

@@ -33,6 +33,13 @@ class Scene:
     approach: Approach = field(default_factory=Approach)
     """Allowed approach directions, in the frame of the mesh."""
 
+    def __post_init__(self) -> None:
+        if not isinstance(self.hand, Hand):
+            raise SettingError(
+                f"hand must be a Hand, such as a ParallelGripper; got {self.hand!r}; "
+                "read_hand('franka') reads one by its name or file"
+            )
+
     @classmethod
     def of(cls, settings: ReachSettings, mesh: ObjectMesh) -> "Scene | None":
         """The hand and the table beside an object.

@@ -57,7 +57,7 @@ def with_load(mesh: ObjectMesh, load: Load) -> ObjectMesh:
         )
     if not isinstance(load.density, tuple) or mesh.report.center_mass_from == "given":
         return mesh
-    center = locked(_center_of(mesh, np.array(load.density)))
+    center = _center_of(mesh, np.array(load.density))
     x, y, z = center.tolist()
     return replace(
         mesh,
@@ -79,8 +79,7 @@ def loaded_mesh(mesh: ObjectMesh, load: Load | None) -> tuple[ObjectMesh, Load |
     """
     if load is None:
         return mesh, None
-    (given,) = mesh.in_own_unit(load)
-    return with_load(mesh, given), given
+    return with_load(mesh, load), *mesh.in_own_unit(load)
 
 
 def mass_of(mesh: ObjectMesh, load: Load) -> float | None:
@@ -141,7 +140,7 @@ def _center_of(mesh: ObjectMesh, densities: Floats) -> Floats:
     """Centre of mass of bodies of several densities, shape (3,)."""
     assert mesh.solids is not None
     masses = densities * mesh.solids.volumes
-    return mesh.from_normalized(masses @ mesh.solids.centers / masses.sum())
+    return locked(mesh.from_normalized(masses @ mesh.solids.centers / masses.sum()))
 
 
 def _without_volume(mesh: ObjectMesh) -> str:

@@ -73,15 +73,6 @@ class Perturbation:
             location_error=advice.location_error,
         )
 
-    @property
-    def kept_fraction(self) -> float:
-        """Mean of `kept` over the area that is S on the surface itself; nan: nothing is."""
-        from grasp3d.stability.label import Label
-
-        areas = self.mesh.vertex_areas * (self.labels.label == Label.S)
-        held = areas > 0.0
-        return float((areas * self.kept)[held].sum() / areas.sum()) if held.any() else float("nan")
-
     def columns(self) -> dict[str, Any]:
         """Arrays over the vertices by the names that they have in files, (V,) each."""
         names = (

@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from grasp3d.arrays import Bytes, Floats, Ints, locked, short_repr
+from grasp3d.errors import SettingError
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.scene import Scene
 from grasp3d.loads import Load
@@ -61,10 +62,7 @@ def if_known(values: T | None, function: Callable[[T], V]) -> V:
 
 
 class LabelledGrasps:
-    """Grasps, one for each row of the arrays, with what follows from their angles and epsilon.
-
-    What a file does not contain is None.
-    """
+    """Grasps, one for each row of the arrays, with what follows from their angles and epsilon."""
 
     if TYPE_CHECKING:  # fields and attributes of the classes that have this base
 
@@ -74,6 +72,8 @@ class LabelledGrasps:
         def located_angles(self) -> WorstAndBest: ...  # noqa: D102
         @property
         def epsilon_range(self) -> EpsilonRange: ...  # noqa: D102
+        @property
+        def holding(self) -> Holding | None: ...  # noqa: D102
 
     @cached_property
     def margin(self) -> Floats:
@@ -99,7 +99,8 @@ class LabelledGrasps:
         At the contacts' nominal normals, the middle of the set on creases; about the mesh's centre
         of mass, torques divided by `mesh.torque_scale`, in the span of the wrenches. Certified from
         below, within 1 %. 0 where the grasp is not force-closed, nan where there is no grasp or the
-        normals at a contact cancel out.
+        normals at a contact cancel out. None: of labels read from a PLY, which does not have the
+        contacts, for another model.
         """
         return if_known(self.epsilon_range, attrgetter("nominal"))
 
@@ -109,8 +110,7 @@ class LabelledGrasps:
 
         `model.tilts` says how it is computed: 'exact', by the 'effective_friction' of polygonal
         cones, over 'sampled_tilts' for soft fingers and with method extremes, or as a 'bound' where
-        contact locations are uncertain; see
-        `quality.epsilon_range`.
+        contact locations are uncertain; see `quality.epsilon_range`. None: as for `epsilon`.
         """
         return if_known(self.epsilon_range, attrgetter("minimum"))
 
@@ -120,9 +120,25 @@ class LabelledGrasps:
 
         With method extremes it is the largest over the combinations of extreme normals, and is
         attained. It is 0 at a few creases labelled M, whose label comes from another grasp, which
-        is better over the best normals.
+        is better over the best normals. None: as for `epsilon`.
         """
         return if_known(self.epsilon_range, attrgetter("maximum"))
+
+    @property
+    def grip_force(self) -> Floats | None:
+        """Force that each finger needs under the load [N]; None: there is no load.
+
+        See `Holding.grip_force`.
+        """
+        return None if self.holding is None else self.holding.grip_force
+
+    @property
+    def payload(self) -> Floats | None:
+        """Mass that the force at hand holds [kg]; None: there is no load.
+
+        See `Holding.payload`.
+        """
+        return None if self.holding is None else self.holding.payload
 
 
 @dataclass(frozen=True, eq=False)
@@ -263,7 +279,8 @@ class GraspTable(LabelledGrasps):
     def epsilon_range(self, progress: Progress) -> EpsilonRange:
         """`epsilon`, `epsilon_min` and `epsilon_max`; computed when first read.
 
-        Of the grasps over the worst normals. None where a file does not contain their contacts.
+        Of the grasps over the worst normals. None: of labels read from a PLY, which does not have
+        the contacts, for another model.
         """
         radius = 0.0 if self.load_case is None else self.load_case.center_radius
         find = partial(
@@ -336,14 +353,6 @@ class GraspTable(LabelledGrasps):
         return None if self.reach is None else self.reach.poses
 
     @property
-    def grip_force(self) -> Floats | None:
-        """Force that each finger needs under the load [N], shape (b,); None: there is no load.
-
-        See `Holding.grip_force`.
-        """
-        return None if self.holding is None else self.holding.grip_force
-
-    @property
     def known_contacts(self) -> SurfaceContacts | None:
         """The contacts; None: a file does not contain them."""
         return self.contacts if self.contacts.known else None
@@ -408,12 +417,20 @@ class GraspTable(LabelledGrasps):
         return found
 
     def using(self, **changed: Any) -> "GraspTable":
-        """The same grasps with another model, load, gripper or number of threads.
+        """The same grasps with another model, load or number of threads.
 
         Args:
             changed: Fields by name. Located angles that stay the same are kept: other frictions and
                 resolutions have the same, which take many closure tests for three fingers.
+
+        Raises:
+            SettingError: Another scene, but how the gripper reaches them is known for this one.
         """
+        if self.reach is not None and changed.get("scene", self.scene) is not self.scene:
+            raise SettingError(
+                "how a gripper reaches grasps is known for its own scene only; label the surface "
+                "with the other one (in Python label_surface(..., scene=...))"
+            )
         found = replace(self, **changed)
         known = GraspTable.located_angles.computed(self)
         if known is not None and _limits(found.model) == _limits(self.model):

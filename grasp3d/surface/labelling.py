@@ -48,11 +48,11 @@ class Labelling:
         """Settings as they are given, checked.
 
         Args:
-            mesh: The object; a load of several densities changes its centre of mass.
+            mesh: The object under the load; see `loaded_mesh`.
             model: As in `label_surface`.
             sampling: As in `label_surface`.
             scene: As in `label_surface`.
-            load: As in `label_surface`.
+            load: The load with lengths in the mesh's unit; None: nothing.
 
         Raises:
             SettingError: As in `label_surface`.
@@ -64,7 +64,6 @@ class Labelling:
         if scene is not None:
             metres_per_unit(mesh)
             scene.hand.check_fingers(model.fingers)
-        mesh, load = loaded_mesh(mesh, load)
         if load is not None:
             LoadCase.of(load, mesh, model, None if scene is None else scene.hand)
         if model.method == "extremes":
@@ -221,11 +220,7 @@ def label_surface(
         >>> print(f"{labels.holding.available:g} N hold {held:.1f} kg")
         70 N hold 3.3 kg
     """
-    task = Labelling.of(
-        load_mesh(mesh),
-        model or GraspModel(),
-        sampling,
-        scene or Scene.given(hand, table, approach),
-        load,
-    )
+    scene = scene or Scene.given(hand, table, approach)
+    loaded, load = loaded_mesh(load_mesh(mesh), load)
+    task = Labelling.of(loaded, model or GraspModel(), sampling, scene, load)
     return task.labels(threads=threads, progress=progress)

@@ -229,12 +229,12 @@ class SurfaceLabels(SpreadGrasps):
 
         Args:
             mesh: The surface.
-            model: The model of the labels.
-            sampling: As the field.
-            mode: As the field.
-            search: As the field.
-            scene: The gripper that must reach each grasp, and the table; None: ideal points.
-            load: What each grasp must hold; None: nothing.
+            model: As in `of_vertices`, as what follows but `values`.
+            sampling: How grasps were searched for.
+            mode: Labels or a scan.
+            search: Extent of the search.
+            scene: The gripper and the table.
+            load: What each grasp must hold.
             values: Attributes by name, with a row for each vertex: `critical_angle` and
                 `critical_angle_best` [rad] at least, and others such as `label`, `located_angles`,
                 `epsilon_range`, `holding`, `partners`, `partner_points`, `reason` or `reach`.
@@ -271,13 +271,19 @@ class SurfaceLabels(SpreadGrasps):
 
     @cached_property
     def partners(self) -> Floats:
-        """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp."""
+        """Opposing contacts of the vertex's best grasp, shape (V, n - 1, 3); nan: no grasp.
+
+        None: read from a PLY, which does not have them.
+        """
         own = self.grasps
         return if_known(own.known_contacts, lambda _: self._spread(own.positions[:, 1:], math.nan))
 
     @cached_property
     def partner_normals(self) -> Floats:
-        """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3)."""
+        """Inward unit normals there, the middle of the set on creases, shape (V, n - 1, 3).
+
+        None: read from a PLY, which does not have them.
+        """
         return if_known(
             self.grasps.known_contacts, lambda one: self._spread(one.normals[:, 1:], math.nan)
         )
@@ -287,7 +293,7 @@ class SurfaceLabels(SpreadGrasps):
         """Opposing contacts as surface points, shape (V, 2, n - 1); face -1: no grasp.
 
         Of the best grasp over the worst normals, which are `partners`, and of the best grasp over
-        the best normals.
+        the best normals. None: read from a PLY, which does not have them.
         """
         return if_known(self.grasps.known_contacts, self._spread_points)
 
@@ -302,7 +308,10 @@ class SurfaceLabels(SpreadGrasps):
 
     @cached_property
     def opening(self) -> Floats:
-        """Largest distance between any two contacts, shape (V,); nan: no grasp."""
+        """Largest distance between any two contacts, shape (V,); nan: no grasp.
+
+        None: read from a PLY, which does not have it.
+        """
         own = self.grasps
         return if_known(own.known_contacts, lambda _: self._spread(own.opening, math.nan))
 
@@ -310,7 +319,8 @@ class SurfaceLabels(SpreadGrasps):
     def grip(self) -> npt.NDArray[np.int8]:
         """Two fingers: +1 for an external grasp, -1 for an internal one, shape (V,).
 
-        0 where there is no grasp, and for three fingers and more.
+        0 where there is no grasp, and for three fingers and more. None: read from a PLY, which does
+        not have it.
         """
         return if_known(self.grasps.grip, lambda grip: self._spread(grip, 0))
 
@@ -336,10 +346,10 @@ class SurfaceLabels(SpreadGrasps):
         return None if self.reach is None else self.reach.approach_margin
 
     def using(self, **changed: Any) -> "SurfaceLabels":
-        """The same grasps with another model, load or gripper, without checks or a new search.
+        """The same grasps with another model or load, without checks or a new search.
 
         Args:
-            changed: Fields of `GraspTable` by name.
+            changed: Fields of `GraspTable` by name; see `GraspTable.using`.
         """
         found = replace(self, grasps=self.grasps.using(**changed))
         vars(found).update({name: vars(self)[name] for name in _OF_SEARCH.intersection(vars(self))})

@@ -11,7 +11,15 @@ import trimesh
 from scipy.spatial.transform import Rotation
 from scipy.stats import rankdata
 
-from grasp3d import Contacts, GraspModel, ObjectMesh, load_mesh
+from grasp3d import (
+    Contacts,
+    GraspModel,
+    Load,
+    ObjectMesh,
+    best_grasps,
+    label_surface,
+    load_mesh,
+)
 from grasp3d.errors import ContactError, SettingError
 from grasp3d.grasps.evaluated_poses import EvaluatedPoses
 from grasp3d.grasps.evaluation import evaluate_grasps
@@ -128,6 +136,45 @@ def test_poses_in_another_unit_are_converted(box: ObjectMesh) -> None:
     unknown = evaluate_grasps(box, GraspPoses(poses=matrix), MODEL, hand=pads())
     np.testing.assert_allclose(found.jaws.points, same.jaws.points, atol=1e-12)
     np.testing.assert_array_equal(unknown.jaws.points, same.jaws.points)
+
+
+def test_matrices_are_poses_in_the_meshs_unit(box: ObjectMesh) -> None:
+    matrices = [pose((0.0, 0.0, 0.005), FROM_ABOVE), pose((0.0, 0.08, 0.0), FROM_ABOVE)]
+    same = evaluated(box, matrices)
+    for given in (matrices, np.array(matrices), tuple(matrices)):
+        found = evaluate_grasps(box, given, MODEL, hand=pads())
+        assert found.to_table().equals(same.to_table())
+    one = evaluate_grasps(box, matrices[0], MODEL, hand=pads())
+    assert one.to_table().equals(same.take(np.array([0])).to_table())
+    with pytest.raises(SettingError, match="poses are evaluated for a gripper"):
+        evaluate_grasps(box, matrices, MODEL)
+    with pytest.raises(SettingError, match=r"not to contacts; give poses, of shape \(k, 4, 4\)"):
+        evaluate_grasps(box, np.zeros((1, 2, 3)), MODEL, hand=pads())
+    with pytest.raises(ContactError, match="its axes have the lengths"):
+        evaluate_grasps(box, np.diag([2.0, 2.0, 2.0, 1.0]), MODEL, hand=pads())
+
+
+def test_what_was_found_is_evaluated_by_its_poses_or_contacts(box: ObjectMesh) -> None:
+    labels = label_surface(box, MODEL, hand=pads())
+    grasps = best_grasps(labels, 3)
+    assert grasps.poses is not None
+    found = evaluate_grasps(box, grasps.poses, MODEL, hand=pads())
+    assert found.reachable.all()
+    assert np.array_equal(found.poses, grasps.poses)
+    for given in (grasps, labels, found):
+        with pytest.raises(SettingError, match=rf"got {type(given).__name__}: .*poses"):
+            evaluate_grasps(box, given, MODEL, hand=pads())
+
+
+def test_forces_and_payloads_are_those_of_the_load(box: ObjectMesh) -> None:
+    matrices = [pose((0.0, 0.0, 0.005), FROM_ABOVE), pose((0.0, 0.08, 0.0), FROM_ABOVE)]
+    assert evaluated(box, matrices).grip_force is None
+    assert evaluated(box, matrices).payload is None
+    found = evaluated(box, matrices, load=Load(mass=0.1, grip_force=40.0))
+    assert found.holding is not None
+    assert np.array_equal(found.grip_force, found.holding.grip_force, equal_nan=True)
+    assert np.array_equal(found.payload, found.holding.payload, equal_nan=True)
+    assert np.isnan(found.grip_force).tolist() == [False, True]
 
 
 def test_a_mesh_without_a_unit_takes_the_scale_that_poses_state(box: ObjectMesh) -> None:

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from grasp3d import GraspModel, Sampling, load_mesh
+from grasp3d import GraspModel, Sampling, evaluate_grasps, label_surface, load_mesh
 from grasp3d.errors import SettingError
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.metres import metres_per_unit
@@ -24,6 +24,16 @@ def test_without_a_gripper_there_is_nothing() -> None:
     assert Scene.given(None) is None
     with pytest.raises(SettingError, match="apply to grippers only"):
         Scene.given(None, approach=Approach())
+
+
+@pytest.mark.parametrize("hand", ["panda", HAND.name, ParallelGripper, 0.08])
+def test_what_is_no_hand_is_refused(hand: object) -> None:
+    with pytest.raises(SettingError, match=r"hand must be a Hand.*read_hand"):
+        Scene.given(hand)
+    with pytest.raises(SettingError, match="hand must be a Hand"):
+        label_surface(BOX, hand=hand)
+    with pytest.raises(SettingError, match="hand must be a Hand"):
+        evaluate_grasps(BOX, np.eye(4), hand=hand)
 
 
 def test_a_table_is_below_and_the_approach_into_it() -> None:

@@ -14,10 +14,11 @@ from hypothesis.extra.numpy import arrays
 
 from grasp3d import GraspModel, Load, MultifingerSampling, SurfaceLabels, label_surface, load_mesh
 from grasp3d.errors import SettingError
+from grasp3d.hand.scene import Scene
 from grasp3d.surface import Holding
 from grasp3d.surface.spread_grasps import NO_ROW, spread
 from tests.helpers import shapes
-from tests.helpers.grippers import SLIM
+from tests.helpers.grippers import HAND, SLIM
 
 ARRAYS = (
     "critical_angle", "critical_angle_best", "label", "max_resolution", "margin", "epsilon",
@@ -50,6 +51,16 @@ LABELS = {
     "location error": lambda: wedge(location_error="1mm"),
     "three fingers": tripod,
 }
+
+
+def test_another_scene_needs_another_search() -> None:
+    labels = wedge()
+    other = Scene(HAND)
+    for found in (labels, labels.grasps):
+        with pytest.raises(SettingError, match="for its own scene only"):
+            found.using(scene=other)
+        assert found.using(scene=labels.scene, threads=1).reach is found.reach
+    assert tripod().using(scene=other).scene is other
 
 
 def known(labels: SurfaceLabels, values: Mapping[str, Any]) -> SurfaceLabels:

@@ -20,6 +20,7 @@ from grasp3d.batch.row import Row
 from grasp3d.errors import MeshError, SettingError
 from grasp3d.hand.reach import Reach
 from grasp3d.hand.reach_settings import ReachSettings
+from grasp3d.hand.scene import Scene as HandScene
 from grasp3d.hand.scene import scene_settings
 from grasp3d.mesh.measures import is_closed
 from grasp3d.rendering import View
@@ -62,6 +63,11 @@ def nearby_alternatives(monkeypatch: pytest.MonkeyPatch) -> None:
 @pytest.fixture
 def session() -> Session:
     return ready_session(held_box())
+
+
+def with_scene(labels: SurfaceLabels, scene: HandScene) -> SurfaceLabels:
+    """The same grasps, shown in another scene."""
+    return replace(labels, grasps=replace(labels.grasps, scene=scene))
 
 
 def held_vertex() -> int:
@@ -114,7 +120,7 @@ def test_without_a_gripper_nothing_is_added() -> None:
 def test_a_table_is_needed_to_hide_it() -> None:
     labels = held_box()
     assert labels.scene is not None
-    session = ready_session(labels.using(scene=replace(labels.scene, table=None)))
+    session = ready_session(with_scene(labels, replace(labels.scene, table=None)))
     handle_key(session, "t")
     assert "there is no table" in session.message
     assert panel_text(session).facts.endswith("gripper jaws")
@@ -480,7 +486,7 @@ def test_the_table_is_level_in_the_picture() -> None:
     labels = held_box()
     assert labels.scene is not None
     table = replace(labels.scene.table, normal=np.array([1.0, 0.0, 0.0]))
-    tilted = labels.using(scene=replace(labels.scene, table=table))
+    tilted = with_scene(labels, replace(labels.scene, table=table))
     session = ready_session(tilted)
     plotter = new_plotter(ViewSettings(width=400, height=320), off_screen=True)
     try:
