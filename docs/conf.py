@@ -44,9 +44,11 @@ nitpicky = True
 nitpick_ignore_regex = [  # other projects' names: their sites cannot be reached
     ("py:.*", r"(collections|numpy|os|pathlib|pyarrow|pandas|pd|pyvista|trimesh)\..*"),
     ("py:.*", r"grasp3d\.arrays\.ArrayLike"),  # NumPy's
-    ("py:class", r"Floats"),  # arrays, in modules that import NumPy when it is needed
+    # Arrays and others, in modules that import them for type checkers only.
+    ("py:class", r"Floats|Bools|ArrayLike|ObjectMotion|Progress|Triangles"),
     ("py:class", r".*\.\w*T|SettingsTs"),  # type variables
-    ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem"),  # inside results
+    ("py:class", r"grasp3d\._kernels\..*|.*\.StabilityProblem|.*\.PairLines"),  # inside results
+    ("py:class", r"grasp3d\.hand\.jaws\.Jaws"),  # a part of `ParallelGripper`
     ("py:class", r".*\.tasks\.Terms?|.*\._Part"),  # likewise
     ("py:obj", r".*"),  # parameters, and words in backticks
 ]

@@ -107,7 +107,7 @@ class Label:
         """Run the command, and return the exit code."""
         from grasp3d.cli import report
         from grasp3d.cli.existing_files import check_not_task, check_replaceable
-        from grasp3d.export import writer_for
+        from grasp3d.export.writers import writer_for
 
         name = safe_stem(self.file.stem) if self.output is None else self.output.stem
         output = self.output or Path(f"{name}_labeled.ply")

@@ -79,7 +79,7 @@ DECIDED = (LABEL, CRITICAL_ANGLE, CRITICAL_ANGLE_BEST, MAX_RESOLUTION, MARGIN)
 EPSILONS = (
     EPSILON,
     replace(EPSILON, name="epsilon_min", meaning=r"smallest $\varepsilon$ over all tilts of the "
-            "normals; how it is computed is a [setting](#settings)"),
+            "normals; how it is computed is a [setting](formats.md#settings)"),
     replace(EPSILON, name="epsilon_max", meaning="bound on the largest"),
 )  # fmt: skip
 OPENING = Field(
@@ -103,7 +103,7 @@ FORCES = (
     GRIP_FORCE,
     replace(GRIP_FORCE, name="grip_force_least", of=of_part("holding", "grip_force_least"),
             meaning="the same at the best normals that the sensor cannot distinguish; how it is "
-            "known is a [setting](#settings)"),
+            "known is a [setting](formats.md#settings)"),
     replace(GRIP_FORCE, name="grip_force_largest", of=of_part("holding", "grip_force_largest"),
             meaning="the same at the worst of these normals"),
     replace(GRIP_FORCE, name="payload", of=_payload, unit=KILOGRAMS, meaning="mass that the force "

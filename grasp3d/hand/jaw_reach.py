@@ -272,7 +272,7 @@ def collides(
     Example:
         >>> import numpy as np, trimesh, grasp3d
         >>> from grasp3d.hand.parallel_gripper import ParallelGripper
-        >>> from grasp3d.hand.collisions import collides
+        >>> from grasp3d.hand.jaw_reach import collides
         >>> mesh = grasp3d.load_mesh(trimesh.creation.box([60, 40, 20]), unit="mm", max_edge=90)
         >>> hand = ParallelGripper(
         ...     name="hand", max_opening=0.08, finger_thickness=0.02, finger_width=0.02,

@@ -113,7 +113,6 @@ def table_triangles(table: Table, mesh: ObjectMesh) -> Triangles:
         >>> import grasp3d
         >>> from grasp3d.hand.shapes import table_triangles
         >>> from grasp3d.hand.table import Table
-    from grasp3d.hand.triangles import Triangles, triangles_of
         >>> box = grasp3d.load_mesh(trimesh.creation.box([0.08, 0.05, 0.03]), unit="m")
         >>> plate = table_triangles(Table.below(box), box)
         >>> round(float(plate.vertices[:, 2].max()), 3)

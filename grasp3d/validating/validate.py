@@ -97,7 +97,7 @@ def validate_grasps(
         >>> poses = np.tile(np.diag([1.0, -1.0, -1.0, 1.0]), (10, 1, 1))
         >>> poses[:, 1, 3] = np.linspace(0.0, 0.04, 10)
         >>> tried = GraspPoses(poses=poses, outcome=[1, 1, 1, 1, 1, 0, 0, 0, 0, 0], unit="m")
-        >>> franka = grasp3d.Hand.preset("franka")
+        >>> franka = grasp3d.read_hand("franka")
         >>> found = grasp3d.validate_grasps(tried, mesh=box, hand=franka)
         >>> found.grasps.size, int(found.grasps.closed.sum())
         (10, 7)

@@ -10,7 +10,8 @@ import pytest
 
 from grasp3d import GraspModel, MultifingerSampling, label_surface, load_mesh
 from grasp3d.errors import OutputError
-from grasp3d.export import write_fields, writer_for
+from grasp3d.export import write_fields
+from grasp3d.export.writers import writer_for
 from grasp3d.surface.vertex_grasps import Reason
 from tests.export.test_writing import labels
 from tests.helpers import shapes

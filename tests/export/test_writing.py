@@ -22,7 +22,7 @@ from grasp3d import (
     write_vtp,
 )
 from grasp3d.errors import OutputError
-from grasp3d.export import WRITERS, writer_for
+from grasp3d.export.writers import WRITERS, writer_for
 from grasp3d.stability import COLORS
 from tests.helpers import shapes, viewing
 

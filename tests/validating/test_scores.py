@@ -71,7 +71,7 @@ def test_scores_do_not_depend_on_the_unit_of_the_mesh() -> None:
     in_mm = load_mesh((25.0 * points, faces), unit="mm", max_edge=20.0)
     given = {"hand": FRANKA, "load": Load(mass=0.1), "object_motion": "fixed"}
     one, two = (
-        scores_of(evaluate_grasps(mesh, on_blob().poses, GraspModel(), **given))
+        scores_of(evaluate_grasps(mesh, on_blob().given, GraspModel(), **given))
         for mesh in (blob(), in_mm)
     )
     assert set(one) == {score.name for score in SCORES}

@@ -30,7 +30,7 @@ from grasp3d import (
 )
 from grasp3d.batch import ClusterSettings
 from grasp3d.errors import MeshError, OutputError, SettingError
-from grasp3d.export import writer_for
+from grasp3d.export.writers import writer_for
 from grasp3d.surface import Reason
 from grasp3d.surface.sampling.pair_limits import OPENING_SLACK
 from grasp3d.system.progress import ignore

@@ -16,8 +16,8 @@ from grasp3d import (
     load_mesh,
     write_ply,
 )
-from grasp3d.export import writer_for
 from grasp3d.export.read_labels import read_labels
+from grasp3d.export.writers import writer_for
 from grasp3d.settings.uncertainty import Uncertainty
 from grasp3d.stability.thresholds import label_angles
 from grasp3d.viewer.session.painting import labels_at

@@ -5,7 +5,7 @@ from dataclasses import replace
 from pathlib import Path
 
 from grasp3d.errors import SettingError
-from grasp3d.export import writer_for
+from grasp3d.export.writers import writer_for
 from grasp3d.settings import GraspModel, Sampling
 from grasp3d.system.progress import Progress, within
 from grasp3d.viewer.session.computations import search_grasps
