@@ -6,6 +6,7 @@ import numpy as np
 
 from grasp3d.export.fields import Array, Field
 from grasp3d.export.grasp_fields import MARGIN
+from grasp3d.export.needed import needed_fields
 from grasp3d.export.read_settings import FileSettings
 from grasp3d.export.stored import FIELDS, Stored
 from grasp3d.export.vertex_fields import LOCATED, SURFACE
@@ -14,12 +15,10 @@ from grasp3d.mesh.triangles import Triangles
 from grasp3d.reading.sources import check_finite
 from grasp3d.settings import GraspModel
 from grasp3d.stability.thresholds import label_angles
+from grasp3d.surface.vertex_grasps import Reason
 
 ROUNDING = 1e-6
 """Tolerance of angles and of the length of normals, which may be stored with 32 bits [rad, 1]."""
-
-OPTIONAL = ("payload", "label_with_force", "free_angles", "color", "area")
-"""Fields that follow from others, or depend on more than whether there is a load or a gripper."""
 
 ANY = -1
 """Number of parts of a value that may have any number."""
@@ -35,9 +34,12 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
     Raises:
         MeshError: A field is missing, or has values that it cannot have.
     """
-    for field in FIELDS.values():
-        if _is_needed(field, stored, settings):
-            stored.field(field.name)
+    needed = needed_fields(
+        settings.model, complete=stored.complete, gripper=settings.scene is not None,
+        load="object_mass" in stored.settings,
+    )  # fmt: skip
+    for field in needed:
+        stored.field(field.name)
     count, fingers = len(stored.field("vertices")), settings.model.fingers
     sizes = {
         "F": len(stored.field("faces")), "C": len(stored.values.get("corner_normals", ())),
@@ -53,19 +55,8 @@ def check_stored(stored: Stored, settings: FileSettings) -> None:
         _check_values(stored, field, values)
     _check_surface(stored)
     _check_labels(stored, settings.model)
-
-
-def _is_needed(field: Field, stored: Stored, settings: FileSettings) -> bool:
-    """Whether a file with such settings has the field."""
-    present = {
-        "always": True,
-        "errors": not settings.model.is_uniform,
-        "gripper": settings.scene is not None,
-        "joints": False,
-        "load": "object_mass" in stored.settings,
-    }
-    in_format = stored.complete or bool(field.ply) or field.name == "faces"
-    return in_format and present[field.when] and field.name not in OPTIONAL
+    if stored.complete:
+        _check_found(stored)
 
 
 def _check_values(stored: Stored, field: Field, values: Array) -> None:
@@ -149,3 +140,18 @@ def _check_labels(stored: Stored, model: GraspModel) -> None:
         near |= np.abs(best - model.unstable_from) < ROUNDING
     if model.method == "exact" and ((label_angles(worst, best, model) != label) & ~near).any():
         stored.reject("its labels do not match its critical angles")
+
+
+def _check_found(stored: Stored) -> None:
+    """Compare the reasons with the angles and contacts: grasps are found where there are these."""
+    found = stored.field("reason") == Reason.FOUND
+    matches = np.isfinite(stored.field("critical_angle_best")) == found
+    matches &= np.isinf(stored.field("critical_angle")) | found
+    for head in ("", "best_"):
+        faces, weights = (stored.field(f"{head}partner_{name}") for name in ("faces", "weights"))
+        matches &= ((faces >= 0) == found[:, None]).all(axis=1)
+        whole = np.abs(weights.sum(axis=2) - 1.0) < ROUNDING
+        matches &= whole.all(axis=1) | ~found
+    if not matches.all():
+        row = int(np.flatnonzero(~matches)[0])
+        stored.reject(f"the reason of vertex {row} does not match its angles and contacts")

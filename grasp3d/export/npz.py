@@ -11,6 +11,7 @@ from typing import IO, Any
 import numpy as np
 
 from grasp3d.export.fields import Array, Arrays, present
+from grasp3d.export.needed import check_complete
 from grasp3d.export.settings import SETTING, complete_settings
 from grasp3d.export.stored import FIELDS, Stored, damaged
 from grasp3d.export.vertex_fields import SURFACE, VERTICES
@@ -34,6 +35,7 @@ def write_npz(path: str | Path, labels: SurfaceLabels) -> None:
         >>> stored["partners"].shape, str(stored["setting_unit"])
         ((162, 1, 3), 'cm')
     """
+    check_complete(path, labels, complete=True)
     arrays: dict[str, Any] = {
         **{field.name: values for field, values in present(SURFACE, labels.mesh)},
         **{field.name: values for field, values in present(VERTICES, labels) if field.array},
@@ -52,12 +54,14 @@ _DAMAGE = (
 """Errors that zipfile and NumPy raise for damaged archives."""
 
 
-def read_npz(source: Source) -> Stored:
-    """Read an NPZ of labels. Raises MeshError."""
+def read_npz(source: Source) -> Stored | None:
+    """Read an NPZ of labels; None: it has none of grasp3d. Raises MeshError."""
     found = arrays_of_npz(source, source.path.open("rb"))
     settings = {
         name.removeprefix(SETTING): str(v) for name, v in found.items() if v.dtype.kind == "U"
     }
+    if not settings:
+        return None
     values = {name: array for name, array in found.items() if name in FIELDS}
     return Stored(source, settings, values, complete=True)
 

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from grasp3d.export.fields import Arrays, present
+from grasp3d.export.needed import check_complete
 from grasp3d.export.npz import MEMORY, arrays_of_npz
 from grasp3d.export.settings import complete_settings
 from grasp3d.export.stored import Stored, codes_of, damaged, fingers_of
@@ -52,6 +53,7 @@ def write_fields(path: str | Path, labels: SurfaceLabels) -> None:
     """
     from grasp3d.tables import write_arrow
 
+    check_complete(path, labels, complete=True)
     metadata = {SURFACE_KEY: _packed(labels)}
     write_arrow(Path(path), labels_to_table(labels), metadata)
 
@@ -81,12 +83,14 @@ def _packed(labels: SurfaceLabels) -> bytes:
     return base64.b64encode(stream.getvalue())
 
 
-def read_fields(source: Source) -> Stored:
-    """Read a Parquet table of vertices. Raises MeshError."""
+def read_fields(source: Source) -> Stored | None:
+    """Read a Parquet table of vertices; None: it has none of grasp3d. Raises MeshError."""
     from grasp3d.tables import read_arrow
 
     try:
         columns, metadata = read_arrow(source.path, lambda size: check_memory(source, size, MEMORY))
+        if "grasp3d" not in metadata:
+            return None
         settings = {
             str(name): str(value) for name, value in dict(json.loads(metadata["grasp3d"])).items()
         }

@@ -5,6 +5,7 @@ from pathlib import Path
 from grasp3d.errors import MeshError
 from grasp3d.export.fields import Field, present
 from grasp3d.export.grasp_fields import DECIDED, EPSILONS
+from grasp3d.export.needed import check_complete
 from grasp3d.export.ply_table import read_tables
 from grasp3d.export.settings import settings_of
 from grasp3d.export.stored import ADVICE, Stored, damaged
@@ -42,6 +43,7 @@ def write_ply(path: str | Path, labels: SurfaceLabels, *, binary: bool = True) -
         >>> trimesh.load_mesh("ball.ply").vertices.shape
         (162, 3)
     """
+    check_complete(path, labels, complete=False)
     chosen = (field for field in VERTICES if field.ply)
     columns = {
         name: column.astype(field.ply)
@@ -103,11 +105,11 @@ def _check_kind(source: Source, field: Field, name: str, kind: str | None) -> No
         raise damaged(source, f"its property {name!r} is not {_KINDS[field.ply]}")
 
 
-def read_ply(source: Source) -> Stored:
-    """Read a labelled PLY. Raises MeshError."""
+def read_ply(source: Source) -> Stored | None:
+    """Read a labelled PLY; None: it has no labels. Raises MeshError."""
     settings = ply_settings(source)
     if settings is None:
-        raise source.error("is not a PLY labelled by grasp3d; label it first")
+        return None
     try:
         check_declared_size(source)
         columns, faces = read_tables(source, read_ply_header(source))

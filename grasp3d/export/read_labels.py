@@ -32,7 +32,7 @@ from grasp3d.surface.holding import Holding
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.load_case import LoadCase
 
-READERS: dict[str, Callable[[Source], Stored]] = {
+READERS: dict[str, Callable[[Source], Stored | None]] = {
     ".ply": read_ply,
     ".npz": read_npz,
     ".vtp": read_vtp,
@@ -89,6 +89,8 @@ def read_stored(
     """
     source = find_source(path, max_memory, READERS)
     stored = READERS[f".{source.kind}"](source)
+    if stored is None:
+        raise source.error(f"is not a {source.kind.upper()} labelled by grasp3d; label it first")
     settings = _settings(source, stored.settings)
     check_stored(stored, settings)
     return stored, settings
@@ -129,7 +131,11 @@ def settings_of_file(path: Path, max_memory: float = MeshOptions.max_memory) -> 
     if suffix not in READERS:
         return None
     source = find_source(path, max_memory, READERS)
-    texts = ply_settings(source) if suffix == ".ply" else READERS[suffix](source).settings
+    if suffix == ".ply":
+        texts = ply_settings(source)
+    else:
+        stored = READERS[suffix](source)
+        texts = None if stored is None else stored.settings
     return None if texts is None else _settings(source, texts)
 
 

@@ -8,6 +8,7 @@ import numpy as np
 
 from grasp3d.arrays import Floats, Ints
 from grasp3d.export.fields import Array, Arrays, present
+from grasp3d.export.needed import check_complete
 from grasp3d.export.npz import MEMORY
 from grasp3d.export.settings import SETTING, complete_settings
 from grasp3d.export.stored import Stored, damaged, fingers_of
@@ -45,6 +46,7 @@ def write_vtp(path: str | Path, labels: SurfaceLabels) -> None:
     """
     from vtkmodules.vtkIOXML import vtkXMLPolyDataWriter
 
+    check_complete(path, labels, complete=True)
     # VTK writes to memory: on a full disk its own file output ends the process.
     writer = vtkXMLPolyDataWriter()
     writer.SetInputData(labels_to_polydata(labels))
@@ -112,8 +114,8 @@ BYTES_PER_SECOND = 1e6
 """Speed of reading, with a safety factor [bytes/s]."""
 
 
-def read_vtp(source: Source) -> Stored:
-    """Read a VTP of labels. Raises MeshError."""
+def read_vtp(source: Source) -> Stored | None:
+    """Read a VTP of labels; None: it has none of grasp3d. Raises MeshError."""
     check_memory(source, source.size, MEMORY)
     if b"VTKFile" not in source.head():
         raise damaged(source, f"it is no VTP; {source.hint}")
@@ -124,12 +126,16 @@ def read_vtp(source: Source) -> Stored:
             memory=source.max_memory,
             seconds=SECONDS + source.size / BYTES_PER_SECOND,
         )
+        if not found:
+            raise source.error(f"is no surface of triangles, or incomplete; {source.hint}")
         points, fields = dict(found["points"]), found["fields"]
         settings = {
             name.removeprefix(SETTING): str(text[0])
             for name, text in fields.items()
             if name.startswith(SETTING)
         }
+        if not settings:
+            return None
         for name, values in points.items():
             if f"{INFINITE}{name}" in fields:
                 points[name] = _with_infinite(values, fields[f"{INFINITE}{name}"])

@@ -26,9 +26,11 @@ from grasp3d import (
     read_labels,
     scan_surface,
     write_glb,
+    write_ply,
 )
-from grasp3d.errors import GraspError, MeshError, SettingError
+from grasp3d.errors import GraspError, MeshError, OutputError, SettingError
 from grasp3d.export.fields import Array, Field, present
+from grasp3d.export.read_labels import settings_of_file
 from grasp3d.export.vertex_fields import SURFACE, VERTICES
 from grasp3d.export.writers import WRITERS, writer_for
 from grasp3d.mesh import ObjectMesh
@@ -185,8 +187,6 @@ def test_a_ply_has_its_fields_as_it_stores_them(tmp_path: Path, case: str, binar
 
 
 def _as_text(path: Path, labels: SurfaceLabels) -> None:
-    from grasp3d import write_ply
-
     write_ply(path, labels, binary=False)
 
 
@@ -254,6 +254,30 @@ def test_a_unit_is_for_files_that_state_none(tmp_path: Path, suffix: str) -> Non
     assert read_labels(path, unit="cm").mesh.unit == "mm"
 
 
+@pytest.mark.parametrize("case", ["cone", "gripper"])
+def test_labels_of_a_ply_are_written_where_nothing_is_lost(tmp_path: Path, case: str) -> None:
+    path, again = tmp_path / "labels.ply", tmp_path / "again.ply"
+    write_ply(path, labels_of(case))
+    read = read_labels(path)
+    for suffix in COMPLETE:
+        target = tmp_path / f"labels.{suffix}"
+        with pytest.raises(OutputError, match="read from a PLY, which has no opening; write a PLY"):
+            writer_for(target)(target, read)
+        assert not target.exists()
+    write_ply(again, read)
+    one, other = values_of(read), values_of(read_labels(again))
+    assert {name: bits(values) for name, (_, values) in one.items()} == {
+        name: bits(values) for name, (_, values) in other.items()
+    }
+    changed = read.relabel(friction=0.3)
+    for suffix in ("ply", *COMPLETE):
+        target = tmp_path / f"changed.{suffix}"
+        with pytest.raises(OutputError, match="epsilon is not known of labels that were read"):
+            writer_for(target)(target, changed)
+        assert not target.exists()
+    write_glb(tmp_path / "changed.glb", changed)
+
+
 # Files that are damaged or foreign
 
 
@@ -273,6 +297,31 @@ def test_other_files_give_a_sentence(tmp_path: Path, suffix: str) -> None:
         assert "\n" not in str(caught.value)
     with pytest.raises(MeshError, match="no such file"):
         read_labels(tmp_path / f"nowhere.{suffix}")
+
+
+def test_files_of_other_programs_are_not_labelled(tmp_path: Path) -> None:
+    import pyarrow as pa
+    import pyarrow.parquet as pq
+    import pyvista
+    import trimesh
+
+    np.savez(tmp_path / "other.npz", vertices=np.eye(3))
+    pyvista.Sphere().save(tmp_path / "other.vtp")
+    pq.write_table(pa.table({"x": [0.0]}), tmp_path / "other.parquet")
+    trimesh.creation.box().export(tmp_path / "other.ply")
+    for suffix in ("ply", *COMPLETE):
+        path = tmp_path / f"other.{suffix}"
+        with pytest.raises(MeshError, match=f"is not a {suffix.upper()} labelled by grasp3d; lab"):
+            read_labels(path)
+        assert settings_of_file(path) is None
+
+
+def test_an_incomplete_vtp_says_so(tmp_path: Path) -> None:
+    path = tmp_path / "labels.vtp"
+    writer_for(path)(path, labels_of("cone"))
+    path.write_bytes(path.read_bytes()[:2000])
+    with pytest.raises(MeshError, match="is no surface of triangles, or incomplete"):
+        read_labels(path)
 
 
 def test_other_formats_are_named(tmp_path: Path) -> None:
@@ -305,8 +354,21 @@ def changed(name: str, row: int, value: float) -> Array:
 
 
 def bad_values() -> dict[str, tuple[dict[str, Array | None], str]]:
-    count = len(labels_of("cone").label)
+    labels = labels_of("cone")
+    count, found = len(labels.label), int(labels.vertices[0])
     return {
+        "reasons": (
+            {"reason": np.full(count, 3, np.uint8)},
+            r"reason of vertex \d+ does not match",
+        ),
+        "weights": (
+            {"partner_weights": changed("partner_weights", found, math.nan)},
+            f"reason of vertex {found} does not match its angles and contacts",
+        ),
+        "no partner": (
+            {"best_partner_faces": changed("best_partner_faces", found, -1)},
+            f"reason of vertex {found} does not match",
+        ),
         "missing": ({"margin": None}, "it has no margin"),
         "setting": ({"setting_friction": None}, "no comment 'friction'"),
         "mesh": ({"setting_surface": np.array("{}")}, "its mesh is damaged"),
