@@ -142,22 +142,18 @@ class Label:
     def _check_grasp_file(self, path: Path) -> None:
         """Check before the work that the best grasps can be written to a file of that name."""
         from grasp3d.grasps.pose_files import SUFFIXES as POSES
-        from grasp3d.grasps.pose_files.files import JOINT_FORMATS, format_of, suffixes_of
+        from grasp3d.grasps.pose_files.files import check_hand, format_of, suffixes_of
         from grasp3d.grasps.writing import SUFFIXES
         from grasp3d.system.files import check_suffix
 
         hand = self._posed()
-        chosen = self.grasps_format or (format_of(path) if hand else None)
         if not self.best:
             return
         if self.grasps_format:
             check_suffix(path, suffixes_of(self.grasps_format), self.grasps_format)
         check_suffix(path, POSES if hand else SUFFIXES, "table")
-        if chosen in JOINT_FORMATS and hand is not None and not getattr(hand, "joint_names", ()):
-            raise SettingError(
-                f"{chosen} files state values of joints, but gripper {hand.name!r} has no "
-                "joint_names; choose another format"
-            )
+        if hand is not None:
+            check_hand(self.grasps_format or format_of(path), hand)
 
     def _labels(self, outputs: tuple[Path, ...]) -> "SurfaceLabels":
         """Read and label the mesh; `outputs` must not have been made with other settings."""

@@ -262,7 +262,7 @@ def _files(found: Validation) -> str:
             f"{one.held:,}",
             f"{one.not_tried:,}",
             f"{one.not_closed:,}",
-            text(one.gripper),
+            text(one.hand),
         ]
         for one in found.files
     ]

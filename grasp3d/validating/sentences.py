@@ -114,7 +114,7 @@ def degrees(angle: float) -> str:
 
 
 def _source(one: ValidatedFile) -> str:
-    parts = [f"gripper {one.gripper}, {one.gripper_from}"]
+    parts = [f"gripper {one.hand}, {one.hand_from}"]
     if one.mass is None:
         parts.append("mass not known, so no grip force (give it with --mass)")
     else:

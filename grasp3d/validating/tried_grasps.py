@@ -125,7 +125,7 @@ class TriedGrasps:
     not_tried: int
     """Grasps without one, which are left out."""
     hand: Hand
-    gripper_from: str
+    hand_from: str
     """Where the gripper is from, in words."""
     mesh: MeshSource
     kept: GraspPoses | None
@@ -209,7 +209,7 @@ def _checked(
         count=int(known.sum()),
         not_tried=int((~known).sum()),
         hand=used,
-        gripper_from=origin,
+        hand_from=origin,
         mesh=mesh,
         kept=poses if path is None or poses.count <= left else None,
     )

@@ -39,8 +39,9 @@ class ValidatedFile:
     """Grasps without an outcome, left out."""
     not_closed: int
     """Grasps whose jaws do not close on the mesh."""
-    gripper: str
-    gripper_from: str
+    hand: str
+    """Its name."""
+    hand_from: str
     """In words."""
     mass: float | None
     """[kg]; None: not known, and no grip force is computed unless a load is given."""

@@ -3,7 +3,7 @@
 import math
 from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 import pytest
@@ -21,8 +21,10 @@ from grasp3d import (
     write_grasps,
 )
 from grasp3d.arrays import Floats
-from grasp3d.errors import SettingError
+from grasp3d.errors import OutputError, SettingError
 from grasp3d.grasps import poses_of
+from grasp3d.grasps.pose_files.files import OWN_FORMATS, check_hand, suffixes_of, write_poses
+from grasp3d.grasps.poses import GraspPoses
 from grasp3d.hand.approach import Approach
 from grasp3d.hand.closed_jaws import Closing
 from grasp3d.hand.hand import Hand
@@ -31,7 +33,7 @@ from grasp3d.hand.reach import Reachability
 from grasp3d.hand.scene import Scene, scene_settings
 from grasp3d.hand.shapes import hand_triangles
 from grasp3d.mesh import ObjectMesh
-from grasp3d.settings import MultifingerSampling
+from grasp3d.settings import MultifingerSampling, PoseFormat
 from grasp3d.surface.labels import SurfaceLabels
 from grasp3d.surface.vertex_grasps import Reason
 from tests.helpers.ring_hand import RING, SMALL_RING, RingHand, distance
@@ -280,6 +282,22 @@ def test_poses_are_written_and_read_back(tmp_path: Path, suffix: str) -> None:
     assert again.label.tolist() == grasps.closed.label.tolist()
     assert again.margin == pytest.approx(grasps.closed.margin, abs=1e-6)
     assert {"area3", "touch3", "x3", "nz3"} <= set(again.to_table().column_names)
+
+
+@pytest.mark.parametrize("name", get_args(PoseFormat))
+def test_formats_with_the_base_of_a_gripper_are_refused_before_the_work(
+    name: PoseFormat, tmp_path: Path
+) -> None:
+    if name in OWN_FORMATS:
+        check_hand(name, RING)
+        return
+    with pytest.raises(SettingError, match="need the lengths of the gripper") as early:
+        check_hand(name, RING)
+    check_hand(name, grasp3d.ParallelGripper.preset("franka"))
+    path = tmp_path / f"poses{suffixes_of(name)[0]}"
+    with pytest.raises(OutputError, match="need the lengths of the gripper") as late:
+        write_poses(path, GraspPoses(poses=np.eye(4), unit="m", hand=RING), format=name)
+    assert str(early.value).partition(" files")[2] == str(late.value).partition(" files")[2]
 
 
 def test_a_hand_is_read_by_the_reader_of_all_hands(tmp_path: Path) -> None:

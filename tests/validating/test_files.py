@@ -87,7 +87,7 @@ def test_the_gripper_is_given_stated_or_known(tmp_path: Path, box: Path) -> None
 
     def used(path: Path, given: ParallelGripper | None = None) -> tuple[str, str]:
         (tried,) = check_grasps([path], mesh=box, hand=given)
-        return tried.hand.name, tried.gripper_from
+        return tried.hand.name, tried.hand_from
 
     own = replace(wsg, name="own")
     write_poses(tmp_path / "own.json", poses(hand=own))
@@ -111,7 +111,7 @@ def test_acronym_without_a_gripper_is_of_a_franka_hand(tmp_path: Path, box: Path
         file["grasps/transforms"] = np.array([ABOVE])
         file["grasps/qualities/flex/object_in_gripper"] = [1]
     (tried,) = check_grasps([path], mesh=box)
-    assert (tried.hand, tried.gripper_from) == (FRANKA, "ACRONYM's grasps are of a Franka hand")
+    assert (tried.hand, tried.hand_from) == (FRANKA, "ACRONYM's grasps are of a Franka hand")
     given, _ = tried.poses()
     assert given.poses[0, :3, 3] == pytest.approx([0.0, 0.0, -FRANKA.base_to_tcp])
 

@@ -4,9 +4,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from grasp3d.errors import ContactError, OutputError
+from grasp3d.errors import ContactError, OutputError, SettingError
 from grasp3d.grasps.pose_files.acronym import read_acronym, write_acronym
 from grasp3d.grasps.pose_files.documents import load_json
+from grasp3d.grasps.pose_files.frames import missing_of_hand
 from grasp3d.grasps.pose_files.graspgen import is_graspgen, parse_graspgen, write_graspgen
 from grasp3d.grasps.pose_files.graspnet import read_graspnet, write_graspnet
 from grasp3d.grasps.pose_files.isaac_grasp import read_isaac, write_isaac
@@ -47,6 +48,9 @@ _FORMATS: dict[PoseFormat, _Format] = {
     "graspnet": _Format((".npy",), write_graspnet, read_graspnet),
     "moveit": _Format((".json",), write_moveit, _json_reader(parse_moveit)),
 }
+
+OWN_FORMATS = frozenset[PoseFormat]({"json", "csv", "parquet"})
+"""Formats with the poses of any hand; the others have those of a gripper's base."""
 
 JOINT_FORMATS = frozenset[PoseFormat]({"isaac_grasp", "moveit"})
 """Formats that state values of the gripper's joints."""
@@ -184,6 +188,23 @@ def suffixes_of(format: PoseFormat) -> tuple[str, ...]:  # noqa: A002, what it i
 def format_of(path: Path) -> PoseFormat | None:
     """The format that the ending of a file's name stands for; None: none does."""
     return _of_suffix(path)
+
+
+def check_hand(format: PoseFormat | None, hand: Hand) -> None:  # noqa: A002
+    """Check that poses of a hand can be written in a format.
+
+    Args:
+        format: The format; None: another file.
+        hand: The hand of the poses.
+
+    Raises:
+        SettingError: It lacks what the files state.
+    """
+    if format is None or format in OWN_FORMATS:
+        return
+    missing = missing_of_hand(hand, format, joints=format in JOINT_FORMATS)
+    if missing:
+        raise SettingError(missing)
 
 
 def _read(

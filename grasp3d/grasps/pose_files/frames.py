@@ -38,11 +38,29 @@ def check_metres(unit: Unit | None, what: str) -> None:
 def gripper_of(poses: GraspPoses, what: str) -> ParallelGripper:
     """The gripper of poses to write. Raises OutputError if there is none."""
     if not isinstance(poses.hand, ParallelGripper):
-        raise OutputError(
+        raise OutputError(missing_of_hand(poses.hand, what))
+    return poses.hand
+
+
+def missing_of_hand(hand: Hand | str | None, what: str, *, joints: bool = False) -> str:
+    """What a hand lacks for files with the pose of its base, a sentence; empty: nothing.
+
+    Args:
+        hand: The hand of the poses.
+        what: The format.
+        joints: Whether its files state values of joints.
+    """
+    if not isinstance(hand, ParallelGripper):
+        return (
             f"{what} files have the pose of the hand's base and so need the lengths of the "
             "gripper: give it (--hand, in Python hand=...)"
         )
-    return poses.hand
+    if joints and not hand.joint_names:
+        return (
+            f"{what} files have joint values, but gripper {hand.name!r} has no joint_names: "
+            "give it joint_names, joint_scale and joint_closed, or choose another format"
+        )
+    return ""
 
 
 def needed_gripper(hand: Hand | str | None, what: str) -> ParallelGripper:
@@ -97,10 +115,7 @@ def joint_values(hand: ParallelGripper, openings: Floats, what: str) -> Floats:
         OutputError: Openings are known, but the gripper has no joints.
     """
     if not hand.joint_names and np.isfinite(openings).any():
-        raise OutputError(
-            f"{what} files have joint values, but gripper {hand.name!r} has no joint_names: "
-            "give it joint_names, joint_scale and joint_closed"
-        )
+        raise OutputError(missing_of_hand(hand, what, joints=True))
     closed, scale = np.array(hand.joint_closed), np.array(hand.joint_scale)
     return np.asarray(closed + scale * openings[:, None])
 

@@ -52,7 +52,7 @@ class Case:
     """Two fingers: angles between their normals and the line through the contacts [rad]."""
     creases: tuple[int, ...] = ()
     """Indices of the fingers that are known to be on sharp edges (creases), from 0."""
-    gripper: str | None = None
+    hand: str | None = None
     """Name of the gripper that must reach the grasp; None: ideal points."""
     unreached: Reachability | None = None
     """Why the gripper does not reach the best grasp of the vertex; None: it does, or unknown."""
@@ -273,13 +273,13 @@ def _no_grasp(case: Case) -> str:
     }
     return reasons.get(
         case.reason or Reason.FOUND,
-        f"{found} and the {limits}{'' if case.gripper is None else ', and reached by the gripper'}",
+        f"{found} and the {limits}{'' if case.hand is None else ', and reached by the gripper'}",
     )
 
 
 def _not_reached(case: Case) -> str:
     """Why no grasp counts, although there are some."""
-    name = case.gripper or "the gripper"
+    name = case.hand or "the gripper"
     text = f"there are grasps here, but {name} reaches none of those that were tested"
     detail = UNREACHED.get(case.unreached) if case.unreached is not None else None
     return text if detail is None else f"{text}; at the best one {detail}"

@@ -97,7 +97,7 @@ def _inspect_best(subject: Subject, vertex: int, model: GraspModel) -> Inspectio
         cone=subject.cone,
         reason=_reason(subject, vertex),
         off_line=off,
-        gripper=None if subject.labels.scene is None else subject.labels.scene.hand.name,
+        hand=None if subject.labels.scene is None else subject.labels.scene.hand.name,
         unreached=_unreached(subject, vertex),
         perceived=_perceived(model, *perceived),
     )
