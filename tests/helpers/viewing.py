@@ -95,6 +95,12 @@ def ready_session(collection: Collection | SurfaceLabels) -> Session:
     return session
 
 
+def has_begun(session: Session, text: str) -> bool:
+    """Whether a job is under way; it runs in another thread, and may have made progress."""
+    working = session.working
+    return working is not None and working[0] == text and 0.0 <= working[1] < 1.0
+
+
 def wait_until_idle(session: Session) -> None:
     end = time.monotonic() + TIMEOUT
     while session.working is not None:

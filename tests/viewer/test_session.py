@@ -44,7 +44,7 @@ from grasp3d.viewer.session.state import Section, ViewState
 from grasp3d.viewer.subjects.subject import Subject, read_subject, subject_of
 from grasp3d.viewer.view_settings import ViewSettings
 from tests.helpers import viewing
-from tests.helpers.viewing import ready_session, wait_until_idle
+from tests.helpers.viewing import has_begun, ready_session, wait_until_idle
 
 
 @pytest.fixture(autouse=True)
@@ -393,7 +393,7 @@ def test_epsilon_of_one_opening_is_not_used_for_another() -> None:
     session.change(max_opening=0.7)
     wait_until_idle(session)
     session.change(paint="epsilon")
-    assert session.working == ("computing ε", 0.0)
+    assert has_begun(session, "computing ε")
     session.change(max_opening=math.inf)
     wait_until_idle(session)
     assert session.subject is not None
@@ -411,7 +411,7 @@ def test_a_click_fixes_a_finger_and_another_moves_it() -> None:
     labels = viewing.labels()
     session.change(click="fix")
     session.click(30)
-    assert session.working == ("scanning", 0.0)
+    assert has_begun(session, "scanning")
     wait_until_idle(session)
     expected = scan_surface(labels.mesh, labels.model, fixed=labels.mesh.vertices[30])
     assert session.subject is not None
@@ -527,7 +527,7 @@ def test_epsilon_is_computed_when_it_is_shown() -> None:
     labels = viewing.box()
     session = ready_session(labels.using(model=labels.model))
     session.change(paint="epsilon_min")
-    assert session.working == ("computing ε", 0.0)
+    assert has_begun(session, "computing ε")
     wait_until_idle(session)
     session.change(friction=0.45)
     text = panel_text(session)
@@ -588,7 +588,7 @@ def test_a_click_on_a_file_searches_its_grasps(file: Path) -> None:
     before = session.subject
     assert before is not None
     session.click(40)
-    assert session.working == ("searching grasps", 0.0)
+    assert has_begun(session, "searching grasps")
     seen = session.inspection
     assert seen is not None
     assert len(seen.points) == 1
@@ -716,9 +716,7 @@ def test_files_are_saved_in_the_background(tmp_path: Path, file: Path) -> None:
     session = ready_session(open_collection(file))
     session.change(friction=0.6)
     session.save_in_background(tmp_path / "a.npz")
-    assert session.working is not None
-    text, fraction = session.working
-    assert (text, 0.0 <= fraction < 1.0) == ("saving a.npz", True)  # it runs already
+    assert has_begun(session, "saving a.npz")
     session.change(paint="critical_angle")
     wait_until_idle(session)
     assert session.message == f"saved: {tmp_path / 'a.npz'}"
