@@ -13,7 +13,7 @@ import numpy as np
 from grasp3d.export.fields import Array, Arrays, present
 from grasp3d.export.needed import check_complete
 from grasp3d.export.settings import SETTING, complete_settings
-from grasp3d.export.stored import FIELDS, Stored, damaged
+from grasp3d.export.stored import FIELDS, Stored
 from grasp3d.export.vertex_fields import SURFACE, VERTICES
 from grasp3d.reading.declared_sizes import check_memory
 from grasp3d.reading.sources import Source
@@ -85,7 +85,7 @@ def arrays_of_npz(source: Source, stream: IO[bytes]) -> Arrays:
             return dict(_arrays(archive, entries))
     except (*_DAMAGE, MemoryError) as error:
         reason = " ".join(str(error).split())[:200] or type(error).__name__
-        raise damaged(source, f"its arrays cannot be read ({reason})") from error
+        raise source.error(f"its arrays cannot be read ({reason}); label the mesh again") from error
 
 
 def _arrays(

@@ -118,7 +118,7 @@ def read_vtp(source: Source) -> Stored | None:
     """Read a VTP of labels; None: it has none of grasp3d. Raises MeshError."""
     check_memory(source, source.size, MEMORY)
     if b"VTKFile" not in source.head():
-        raise damaged(source, f"it is no VTP; {source.hint}")
+        raise source.error(f"is no VTP; {source.hint}")
     try:
         found = call(
             vtp_arrays,

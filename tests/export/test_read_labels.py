@@ -398,6 +398,16 @@ def test_impossible_values_are_refused(tmp_path: Path, case: str) -> None:
         read_labels(rewritten(path, **arrays))
 
 
+@pytest.mark.parametrize("suffix", [".npz", ".vtp"])
+def test_a_file_of_something_else_is_not_said_to_have_labels(tmp_path: Path, suffix: str) -> None:
+    path = tmp_path / f"junk{suffix}"
+    path.write_text("junk")
+    with pytest.raises(MeshError) as caught:
+        read_labels(path)
+    assert str(path) in str(caught.value)
+    assert "has labels" not in str(caught.value)
+
+
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A folder with the files of every format that is read."""
